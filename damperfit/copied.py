@@ -7,8 +7,9 @@ it, and only pages that one of both writes to take memory. Each copy takes the n
 that all share and sends the result back through one of its own: arrays as they lie in memory, the
 rest pickled, objects that the parent has too by their number.
 
-Nothing hangs on a copy. An item whose work raises an error there, whose result cannot be pickled,
-or whose copy dies is done by the parent, where an error then is raised with its own traceback.
+Nothing hangs on a copy. An item whose work raises an error there, whose result cannot be sent, or
+whose copy dies is done by the parent, where an error then is raised with its own traceback. So is
+all of it where the system has no more processes or files to give.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ __all__ = ["in_copies", "is_copy"]
 _LOGGER = logging.getLogger(__name__)
 _LOOK = 0.1  # s; how often a waiting parent asks whether the user wants to stop
 _ROOM = 1 << 20  # bytes of a pipe: a result goes in whole, and its copy goes on
-_MOST_TURNS = 4096  # a pipe of 64 kB holds more; beyond, a copy takes several items at a time
+_MOST_TURNS = 1024  # the smallest pipe holds them; beyond, a copy takes several items at a time
 _TURN = struct.Struct("<I")
 _HEAD = struct.Struct("<qq")
 _SIZE = struct.Struct("<q")
@@ -95,19 +96,24 @@ class _Team:
         return bool(self._copies)
 
     def begin(self, jobs: int) -> None:
-        """Make the copies, and let them begin."""
-        turns, deal = os.pipe()
+        """Make the copies, as many as the system allows, and let them begin."""
         step = -(-len(self._items) // _MOST_TURNS)
+        pipes: list[int] = []
         try:
+            pipes += os.pipe()
+            turns, deal = pipes
             os.write(deal, b"".join(map(_TURN.pack, range(0, len(self._items), step))))
             for _ in range(min(jobs, len(self._items))):
                 self._copy(turns, deal, step)
+        except OSError as error:  # no more processes, files or memory
+            _LOGGER.debug("%d copies, for there are no more: %s", len(self._copies), error)
         finally:
-            os.close(turns)
-            os.close(deal)
+            for pipe in pipes:
+                os.close(pipe)
 
     def _copy(self, turns: int, deal: int, step: int) -> None:
         ear, mouth = os.pipe()
+        self._ears.register(ear, selectors.EVENT_READ)
         with suppress(OSError):
             fcntl.fcntl(mouth, getattr(fcntl, "F_SETPIPE_SZ", 1031), _ROOM)
         # A signal between the fork and the copy's own handlers would run those of its parent.
@@ -120,7 +126,10 @@ class _Team:
             if process == 0:
                 self._live(turns, (deal, ear), mouth, step, before)
             self._copies[ear] = process
-            self._ears.register(ear, selectors.EVENT_READ)
+        except OSError:
+            self._ears.unregister(ear)
+            os.close(ear)
+            raise
         finally:
             os.close(mouth)
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
@@ -170,16 +179,23 @@ class _Team:
             except EOFError:
                 self._forget(ear)
                 continue
-            if parts is not None:
-                text, *buffers = parts
-                yield place, _Unpickler(io.BytesIO(text), self._known, buffers).load()
+            if parts is None:
+                continue
+            text, *buffers = parts
+            try:
+                result = _Unpickler(io.BytesIO(text), self._known, buffers).load()
+            except Exception:
+                _LOGGER.debug("what a copy says of item %d cannot be read", place, exc_info=True)
+                continue
+            yield place, result
 
     def _forget(self, ear: int) -> None:
         """Take leave of a copy that has closed its pipe."""
         self._ears.unregister(ear)
         os.close(ear)
-        process = self._copies.pop(ear)
-        _, status = os.waitpid(process, 0)
+        process, status = self._copies.pop(ear), 0
+        with suppress(ChildProcessError):  # who ignores SIGCHLD has no children to wait for
+            _, status = os.waitpid(process, 0)
         if status:
             _LOGGER.debug("a copy ended with status %d; what it left is done here", status)
 

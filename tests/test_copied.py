@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 import io
 import json
 import os
 import platform
 import resource
+import select
 import signal
 import subprocess
 import sys
@@ -36,6 +38,18 @@ def _children() -> set[str]:
     """Of this process, whoever started them."""
     of_threads = Path("/proc/self/task").glob("*/children")
     return {child for path in of_threads for child in path.read_text(encoding="ascii").split()}
+
+
+def _open_files() -> int:
+    return len(list(Path("/proc/self/fd").iterdir()))
+
+
+class PickyError(Exception):
+    """Can be pickled, and made of that no more."""
+
+    def __init__(self, one: int, other: int) -> None:
+        super().__init__(one)
+        self.sum = one + other
 
 
 @pytest.fixture
@@ -122,13 +136,41 @@ class TestInCopies:
         found = list(in_copies(lambda k: np.full(5000, float(k)), range(3), jobs=2))
         assert [one[-1] for one in found] == [0.0, 1.0, 2.0]
 
+    @pytest.mark.parametrize("call", ["fork", "pipe"])
+    @pytest.mark.parametrize("n_given", [0, 1])
+    def test_where_the_system_has_no_more_to_give_fewer_do_it(self, monkeypatch, call, n_given):
+        real, calls, before = getattr(os, call), [], _open_files()
+
+        def scarce():
+            calls.append(1)
+            if len(calls) > n_given:
+                raise BlockingIOError(errno.EAGAIN, "Resource temporarily unavailable")
+            return real()
+
+        monkeypatch.setattr(copied.os, call, scarce)
+        assert list(in_copies(lambda k: k * k, range(9), jobs=3)) == [k * k for k in range(9)]
+        assert len(calls) == n_given + 1
+        assert _open_files() == before
+
+    def test_who_ignores_the_end_of_children_has_their_results(self):
+        before = signal.signal(signal.SIGCHLD, signal.SIG_IGN)
+        try:
+            assert list(in_copies(lambda k: -k, range(9), jobs=2)) == [-k for k in range(9)]
+        finally:
+            signal.signal(signal.SIGCHLD, before)
+
+    def test_a_result_that_cannot_be_read_is_found_by_the_parent(self):
+        found = list(in_copies(lambda k: PickyError(k, 1) if k % 2 else k, range(4), jobs=2))
+        assert [found[0], found[1].sum, found[2], found[3].sum] == [0, 2, 2, 4]
+
     def test_more_items_than_a_pipe_holds_are_dealt_several_at_a_time(self, monkeypatch):
         monkeypatch.setattr(copied, "_MOST_TURNS", 8)
         for n in (8, 9, 33):
             assert list(in_copies(lambda k: -k, range(n), jobs=2)) == [-k for k in range(n)]
 
     def test_a_pipe_holds_all_turns(self):
-        assert copied._MOST_TURNS * copied._TURN.size <= 65536
+        """The smallest too: a user of many pipes is given pipes of one page."""
+        assert copied._MOST_TURNS * copied._TURN.size <= select.PIPE_BUF
 
     def test_who_wants_to_stop_waits_for_no_copy_and_the_rest_is_done_here(self):
         parent, begun = os.getpid(), time.monotonic()
@@ -169,12 +211,9 @@ class TestInCopies:
         assert pages < 10 * 98
 
     def test_no_pipe_stays_open(self):
-        def open_files() -> int:
-            return len(list(Path("/proc/self/fd").iterdir()))
-
-        before = open_files()
+        before = _open_files()
         list(in_copies(own_process, range(10), jobs=3))
-        assert open_files() == before
+        assert _open_files() == before
 
     def test_a_copy_makes_no_copies(self):
         def inside(_):
