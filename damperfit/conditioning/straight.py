@@ -37,6 +37,7 @@ _NOISE_KNOWN = 0.1  # share to which that is known
 _FARTHEST = 5.0  # times the noise, of the samples beside a corner
 _BESIDE = 1.5  # samples between where it is seen to turn and where the lines cross
 _AT_SAMPLE = 5.0  # errors of where the lines cross: nearer to a sample than that, it is there
+_AT_REST = 5.0  # errors of a slope: a line that rises by less rests
 
 
 class _Line(NamedTuple):
@@ -55,6 +56,11 @@ class _Line(NamedTuple):
     def error(self, sample: float) -> float:
         """Return its error there for a noise of 1."""
         return math.sqrt(1.0 / self.n + (sample - self.middle) ** 2 / self.power)
+
+    def at_rest(self, noise: float) -> _Line:
+        """Return the line, level where it only seems to rise: friction would slide one way."""
+        is_level = abs(self.slope) <= _AT_REST * noise / math.sqrt(self.power)
+        return self._replace(slope=0.0) if is_level else self
 
 
 def drive_of_lines(displacement: FloatArray, interval: float, part: slice) -> Drive | None:
@@ -81,6 +87,7 @@ def drive_of_lines(displacement: FloatArray, interval: float, part: slice) -> Dr
         lines = _lines(x, turns, noise)
         if not lines:
             continue
+        lines = [line.at_rest(noise) for line in lines]
         jumps = _crossings(x, turns, lines, noise)
         if jumps is not None:
             return _driving(displacement, interval, slice(first, stop), lines, jumps)

@@ -150,6 +150,22 @@ def test_a_corner_five_errors_from_a_sample_is_at_it(errors, is_at_sample):
     assert place == pytest.approx(0.0, abs=1e-2)
 
 
+@pytest.mark.parametrize(("errors", "rests"), [(4.9, True), (-4.9, True), (5.1, False)])
+def test_a_line_that_rises_by_less_than_five_errors_rests(errors, rests):
+    line = straight._Line(10.0, 0.3, errors * 1e-3 / np.sqrt(665.0), 20, 665.0)
+    assert bool(line.at_rest(1e-3).slope == 0.0) is rests
+    assert line.at_rest(1e-3).at(10.0) == 0.3
+
+
+def test_a_short_dwell_is_at_rest():
+    """3 um over 20 ms would be 0.1 mm/s, at which friction slides one way with all its force."""
+    x = zigzag([200.0, 220.0, 500.0, 520.0], np.array([0.1, 0.0, -0.1, 0.0, 0.1]), n=800)
+    found = drive_of_lines(x, 1.0 / RATE, EVERY)
+    assert found.jumps[:, 2:].min(axis=1).tolist()[::2] == [0.0, pytest.approx(-0.1, abs=1e-4)]
+    assert not found.velocity[201:219].any()
+    assert not found.velocity[501:519].any()
+
+
 def test_what_does_not_move_in_lines_is_left_alone():
     time = np.arange(3000) / RATE
     sine = 0.03 * np.sin(2.0 * np.pi * 1.5 * time)
