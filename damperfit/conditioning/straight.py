@@ -37,6 +37,7 @@ _NOISE_KNOWN = 0.1  # share to which that is known
 _FARTHEST = 5.0  # times the noise, of the samples beside a corner
 _BESIDE = 1.5  # samples between where it is seen to turn and where the lines cross
 _AT_SAMPLE = 5.0  # errors of where the lines cross: nearer to a sample than that, it is there
+_LENGTHENED = 2  # times that a part is lengthened, by what shows a turn and a line behind it
 _AT_REST = 5.0  # errors of a slope: a line that rises by less rests
 
 
@@ -73,25 +74,37 @@ def drive_of_lines(displacement: FloatArray, interval: float, part: slice) -> Dr
     interval : float
         s.
     part : slice
-        The samples that drive the model. Beyond them the drive is what was logged, without sense.
+        The samples that drive the model. Beyond them the drive is what was logged, without sense,
+        but for a few samples where a line would be too short to be told by those of the part.
     """
     first, stop, _ = part.indices(len(displacement))
-    x = displacement[first:stop]
-    noise = max(noise_of(x), _ROUNDING * float(np.ptp(x)))
     for seconds in _LEVERS:
         lever = max(2, round(seconds / interval))
-        turns = _turns(x, lever, noise)
-        if not turns:
-            continue
-        turns = _refined(x, turns, lever)
-        lines = _lines(x, turns, noise)
-        if not lines:
-            continue
-        lines = [line.at_rest(noise) for line in lines]
-        jumps = _crossings(x, turns, lines, noise)
-        if jumps is not None:
-            return _driving(displacement, interval, slice(first, stop), lines, jumps)
+        for times in range(_LENGTHENED + 1):
+            more = times * (lever + _FEWEST)
+            longer = slice(max(first - more, 0), min(stop + more, len(displacement)))
+            x = displacement[longer]
+            noise = max(noise_of(x), _ROUNDING * float(np.ptp(x)))
+            turns = _turns(x, lever, noise)
+            if not turns:
+                break
+            found = _found(x, turns, lever, noise)
+            if found is not None:
+                return _driving(displacement, interval, longer, *found)
     return None
+
+
+def _found(
+    x: FloatArray, turns: list[int], lever: int, noise: float
+) -> tuple[list[_Line], FloatArray] | None:
+    """Return the lines and where they cross; None where a part of it is not straight."""
+    turns = _refined(x, turns, lever)
+    lines = _lines(x, turns, noise)
+    if not lines:
+        return None
+    lines = [line.at_rest(noise) for line in lines]
+    jumps = _crossings(x, turns, lines, noise)
+    return None if jumps is None else (lines, jumps)
 
 
 def _driving(

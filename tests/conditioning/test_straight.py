@@ -52,6 +52,21 @@ def test_a_part_of_the_log_is_enough():
     np.testing.assert_allclose(found.displacement[150:], zigzag(noise=0.0)[150:], atol=2e-6)
 
 
+@pytest.mark.parametrize(
+    ("corners", "is_found"),
+    [([303.0], True), ([289.0, 303.0], True), ([275.0, 289.0, 303.0], False)],
+)
+def test_a_corner_just_inside_a_part_has_its_line_from_beyond(corners, is_found):
+    """Twice by 14 samples: so many show a turn and a line behind it at 1 kHz."""
+    speeds = [0.2 * (-1.0) ** k for k in range(len(corners) + 2)]
+    x = zigzag([100.0, *corners], np.array(speeds), n=600)
+    found = drive_of_lines(x, 1.0 / RATE, slice(300, 600))
+    assert (found is not None) is is_found
+    if is_found:
+        np.testing.assert_allclose(found.part(slice(300, 600), 0.0).jumps[:, 0], [3.0], atol=0.05)
+    assert drive_of_lines(x, 1.0 / RATE, slice(0, 200)) is not None
+
+
 def test_turns_are_found_at_any_rate():
     """At 5 kHz neighbours differ by a fifth of it: they alone would not show a corner."""
     x = zigzag(5.0 * CORNERS, SPEEDS, n=7000, noise=5e-6, rate=5000.0)
