@@ -181,10 +181,10 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     --------
     >>> did_you_mean("forse_N", ["force_N", "time_s"])
     " Did you mean 'force_N'?"
-    >>> did_you_mean("zzz", ["force_N"])
+    >>> did_you_mean("nothing", ["Motion", "force_N"])
     ''
     """
-    near = get_close_matches(name, list(known), n=1, cutoff=0.6)
+    near = get_close_matches(name, list(known), n=1, cutoff=0.65)
     return f" Did you mean {near[0]!r}?" if near else ""
 
 

@@ -18,7 +18,7 @@ from damperfit.door.asked import (
     workers,
 )
 from damperfit.door.given_logs import as_files, in_memory
-from damperfit.door.results import Result
+from damperfit.door.results import Result, names_of_unsaved
 from damperfit.door.simulations import Simulation, simulated
 from damperfit.door.wrong_calls import answers_wrong_calls, in_words_of_a_call, path_of
 from damperfit.errors import ConfigurationError, LogError
@@ -329,7 +329,7 @@ def compare(
         jobs=workers(jobs, "damperfit.compare") or available_cores(),
     )
     bands = parse_bands(None if tolerance is None else str(tolerance))
-    return Comparison(compare_all(places, options, tolerance=bands))
+    return Comparison(compare_all(places, options, tolerance=bands, names=names_of_unsaved(runs)))
 
 
 @answers_wrong_calls("damperfit.export")

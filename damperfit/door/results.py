@@ -18,7 +18,7 @@ from damperfit.errors import ConfigurationError, OutputError, did_you_mean
 from damperfit.tables import read_results
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping
 
     import pandas as pd
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from damperfit.tables import Results
     from damperfit.tested.setting import Setting
 
-__all__ = ["Result", "SettingResult"]
+__all__ = ["Result", "SettingResult", "names_of_unsaved"]
 
 _TABLES = ("parameters", "mse", "adjustment", "characteristics", "valves", "responses", "profiles")
 _FAN = "fan"  # force against velocity of all settings
@@ -298,3 +298,12 @@ class SettingResult:
 
     def __repr__(self) -> str:
         return f"<setting {self.label}: MSE {self.mse_percent:.3g} %, {self.grade}>"
+
+
+def names_of_unsaved(runs: Iterable[object]) -> dict[Path, str]:
+    """Return what to call the results among some runs that are in no folder of the user's."""
+    names: dict[Path, str] = {}
+    for k, one in enumerate(runs, 1):
+        if isinstance(one, Result) and one.is_temporary:
+            names.setdefault(one.folder, f"result {k}")
+    return names

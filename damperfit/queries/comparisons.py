@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -32,7 +32,7 @@ from damperfit.units.quantities import parse_quantity
 from damperfit.units.shown_units import SI, parse_units
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from damperfit.comparison import Point, Run, Tolerance
     from damperfit.configuration.options import Configuration
@@ -113,6 +113,7 @@ def compare_all(
     tolerance: Tolerance | None = None,
     config: Path | None = None,
     reading: Configuration | None = None,
+    names: Mapping[Path, str] | None = None,
 ) -> Compared:
     """Return every pair compared.
 
@@ -130,6 +131,8 @@ def compare_all(
         The damper of results that do not tell theirs.
     reading : Configuration, optional
         How raw logs are read and conditioned; without it as ``config`` says.
+    names : mapping of pathlib.Path to str, optional
+        What runs are called whose folders mean nothing to a reader.
 
     Raises
     ------
@@ -158,6 +161,11 @@ def compare_all(
             else read_run(place, config=config, is_measured=options.is_measured)
             for place in wanted
         ]
+    )
+    called = names or {}
+    found = tuple(
+        replace(run, name=called[place], place=called[place]) if place in called else run
+        for place, run in zip(wanted, found, strict=True)
     )
     known: dict[Path, Run] = dict(zip(wanted, found, strict=True))
     comparisons = tuple(

@@ -391,6 +391,26 @@ def test_results_are_compared(result):
     assert "same within errors" in same._repr_html_()
 
 
+def test_unsaved_results_are_called_by_their_place_in_the_call(result, tmp_path):
+    copy = pickle.loads(pickle.dumps(result))  # noqa: S301
+    kept = result.save(tmp_path / "kept")
+    both = damperfit.compare(result, copy).compared.comparisons[0]
+    assert (both.first.name, both.second.name) == ("result 1", "result 2")
+    one = damperfit.compare(kept, copy)
+    assert one.compared.comparisons[0].first.name == "kept"
+    frame = one.to_frame()
+    assert set(frame["first"]) == {"kept"}
+    assert set(frame["second"]) == {"result 2"}
+    assert str(copy.folder) not in one._repr_html_() + str(one)
+
+
+def test_a_suggestion_is_near():
+    with pytest.raises(AttributeError, match="Did you mean 'identify'"):
+        damperfit.identfy  # noqa: B018
+    with pytest.raises(AttributeError, match=r"damperfit has no 'nothing'\.$"):
+        damperfit.nothing  # noqa: B018
+
+
 def test_calls_of_the_layers_below_say_what_they_want():
     from damperfit.conditioning import condition
     from damperfit.identification import Campaign, identify
