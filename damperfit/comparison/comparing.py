@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from damperfit.adjustment import named_speeds
@@ -34,7 +34,8 @@ from damperfit.identification.sharing import listed_settings
 from damperfit.units.shown_units import SI
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
+    from pathlib import Path
 
     from damperfit.adjustment import Sine
     from damperfit.comparison.run import FittedRun, Run
@@ -65,6 +66,8 @@ class ComparisonOptions:
         Threads.
     units : ShownUnits
         In which forces and speeds are told in words; every number stays SI.
+    names : mapping of pathlib.Path to str
+        What runs are called whose folders mean nothing to a reader.
     """
 
     sine: Sine | None = None
@@ -72,6 +75,7 @@ class ComparisonOptions:
     is_measured: bool = False
     jobs: int = 1
     units: ShownUnits = SI
+    names: Mapping[Path, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

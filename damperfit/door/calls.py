@@ -300,7 +300,7 @@ def compare(
     from damperfit.queries.comparisons import compare_all, comparison_options, parse_bands
     from damperfit.run.logs import available_cores
 
-    places = [_folder_of(one, "damperfit.compare") for one in runs]
+    places, names = [_folder_of(one, "damperfit.compare") for one in runs], names_of_unsaved(runs)
     if not places or (len(runs) == 1 and isinstance(runs[0], Result) and tolerance is None):
         raise ConfigurationError(
             f"damperfit.compare: found {'one result' if places else 'no result'}; expected two or "
@@ -329,7 +329,7 @@ def compare(
         jobs=workers(jobs, "damperfit.compare") or available_cores(),
     )
     bands = parse_bands(None if tolerance is None else str(tolerance))
-    return Comparison(compare_all(places, options, tolerance=bands, names=names_of_unsaved(runs)))
+    return Comparison(compare_all(places, replace(options, names=names), tolerance=bands))
 
 
 @answers_wrong_calls("damperfit.export")

@@ -32,7 +32,7 @@ from damperfit.units.quantities import parse_quantity
 from damperfit.units.shown_units import SI, parse_units
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
     from damperfit.comparison import Point, Run, Tolerance
     from damperfit.configuration.options import Configuration
@@ -113,7 +113,6 @@ def compare_all(
     tolerance: Tolerance | None = None,
     config: Path | None = None,
     reading: Configuration | None = None,
-    names: Mapping[Path, str] | None = None,
 ) -> Compared:
     """Return every pair compared.
 
@@ -131,8 +130,6 @@ def compare_all(
         The damper of results that do not tell theirs.
     reading : Configuration, optional
         How raw logs are read and conditioned; without it as ``config`` says.
-    names : mapping of pathlib.Path to str, optional
-        What runs are called whose folders mean nothing to a reader.
 
     Raises
     ------
@@ -162,7 +159,7 @@ def compare_all(
             for place in wanted
         ]
     )
-    called = names or {}
+    called = options.names
     found = tuple(
         replace(run, name=called[place], place=called[place]) if place in called else run
         for place, run in zip(wanted, found, strict=True)
