@@ -139,7 +139,7 @@ SURFACE = {
         "simulate",
     ],
     "damperfit.door.given_logs": ["as_files", "in_memory"],
-    "damperfit.door.results": ["Result", "SettingResult"],
+    "damperfit.door.results": ["Result", "SettingResult", "names_of_unsaved"],
     "damperfit.door.sheets": ["WIDTH", "html_table", "text_table"],
     "damperfit.door.simulations": ["Simulation", "simulated"],
     "damperfit.door.tables": ["Comparison", "Inspection"],
