@@ -2,6 +2,9 @@
 
     found = in_copies(act, items, jobs=2)    in the order of the items
 
+    with copies_at_work(act, items, jobs=2) as found:    the same, begun already
+        ...                                              what this process does meanwhile
+
 A copy is a fork: it has every object that its parent has, so that nothing is packed on the way to
 it, and only pages that one of both writes to take memory. Each copy takes the next item from a pipe
 that all share and sends the result back through one of its own: arrays as they lie in memory, the
@@ -25,13 +28,13 @@ import selectors
 import signal
 import struct
 import warnings
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
-__all__ = ["in_copies", "is_copy"]
+__all__ = ["copies_at_work", "in_copies", "is_copy"]
 
 _LOGGER = logging.getLogger(__name__)
 _LOOK = 0.1  # s; how often a waiting parent asks whether the user wants to stop
@@ -62,19 +65,31 @@ def in_copies(
     cancelled: Callable[[], bool] = lambda: False,
 ) -> Iterator[Any]:
     """Yield what `act` finds of each item, in their order; see `damperfit.parallel.apart`."""
+    with copies_at_work(act, items, jobs=jobs, known=known, cancelled=cancelled) as found:
+        yield from found
+
+
+@contextmanager
+def copies_at_work(
+    act: Callable[[Any], Any],
+    items: Sequence[Any],
+    *,
+    jobs: int,
+    known: Sequence[object] = (),
+    cancelled: Callable[[], bool] = lambda: False,
+) -> Iterator[Iterator[Any]]:
+    """Let copies begin, and yield what gives the results in the order of the items.
+
+    Results that nobody takes wait in their copies; what is left at the end of the block ends there.
+    Parameters are those of `damperfit.parallel.apart`.
+    """
     if _is_copy:  # one is enough
-        yield from map(act, items)
+        yield map(act, items)
         return
     team = _Team(act, items, known)
-    found: dict[int, Any] = {}
     try:
         team.begin(jobs)
-        for place, item in enumerate(items):
-            while place not in found and team.is_at_work:
-                found.update(team.heard())
-                if cancelled():
-                    team.end()
-            yield found.pop(place) if place in found else act(item)
+        yield team.results(cancelled)
     finally:
         team.end()
 
@@ -169,6 +184,16 @@ class _Team:
         except Exception:
             _LOGGER.debug("a copy leaves item %d to its parent", place, exc_info=True)
             return None
+
+    def results(self, cancelled: Callable[[], bool]) -> Iterator[Any]:
+        """Yield the results in the order of the items; what no copy can do is done here."""
+        found: dict[int, Any] = {}
+        for place, item in enumerate(self._items):
+            while place not in found and self.is_at_work:
+                found.update(self.heard())
+                if cancelled():
+                    self.end()
+            yield found.pop(place) if place in found else self._act(item)
 
     def heard(self) -> Iterator[tuple[int, Any]]:
         """Yield the places and results that have come, after a short wait at most."""

@@ -5,6 +5,9 @@
 
     found = apart(act, items, jobs=2)   the same, of many items in copies of this process
 
+    with meanwhile(act, items, jobs=2) as found:    these begin at once, where there are many
+        ...                                         and this process does something else
+
 Work on arrays holds the interpreter's lock for a third to two thirds of its time: two threads do it
 no faster than one. A copy of this process (a fork) knows the items and what is to be done with them
 without a word, and sends back results alone. Fleets hand dampers out through the same protocol, to
@@ -22,7 +25,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
 
-__all__ = ["Died", "Executor", "InTurn", "Threads", "apart", "executor", "told_here"]
+__all__ = ["Died", "Executor", "InTurn", "Threads", "apart", "executor", "meanwhile", "told_here"]
 
 # Items from which on copies of this process gain more than they cost: two of them 20 to 30 ms of
 # processor, as much as one log from reading to judged result.
@@ -180,6 +183,35 @@ def apart(
         return
     with executor(jobs if threads is None else threads) as pool:
         yield from pool.map(act, items)
+
+
+@contextmanager
+def meanwhile(
+    act: Callable[[Any], Any], items: Iterable[Any], *, jobs: int
+) -> Iterator[Iterator[Any] | None]:
+    """Let copies of this process begin with many items, and yield what gives their results.
+
+    None where there are few items or no copies: whoever asks then does the work itself. All else is
+    as of `apart`. The block has the copies' company: one of its own is not among the jobs, for what
+    is done meanwhile is short.
+
+    Parameters
+    ----------
+    act : callable
+        Need not be of a module.
+    items : iterable
+        Of any kind.
+    jobs : int
+        Copies.
+    """
+    items = list(items)
+    if jobs > 1 and len(items) >= _FEWEST_APART and _may_be_copied():
+        from damperfit.copied import copies_at_work  # POSIX alone has it
+
+        with copies_at_work(act, items, jobs=jobs) as found:
+            yield found
+        return
+    yield None
 
 
 def told_here(take: Callable[..., None]) -> Callable[..., None]:

@@ -22,7 +22,7 @@ import pytest
 from damperfit import copied, parallel
 from damperfit.cli import main
 from damperfit.cli.progress import progress
-from damperfit.copied import in_copies, is_copy
+from damperfit.copied import copies_at_work, in_copies, is_copy
 from damperfit.parallel import apart, told_here
 from damperfit.samples import SampleOptions, make_samples
 
@@ -59,11 +59,11 @@ def many_at_once(monkeypatch):
 
     def noted(act, items, **more):
         asked.append(len(items))
-        return in_copies(act, items, **more)
+        return copies_at_work(act, items, **more)
 
     monkeypatch.setattr(parallel, "_FEWEST_APART", 2)
     monkeypatch.setattr(parallel, "_may_be_copied", lambda: not is_copy())
-    monkeypatch.setattr(copied, "in_copies", noted)
+    monkeypatch.setattr(copied, "copies_at_work", noted)
     return asked
 
 

@@ -614,6 +614,7 @@ SURFACE = {
         "run",
         "run_each",
     ],
+    "damperfit.run.writing": ["write_results"],
     "damperfit.run.result": [
         "Found",
         "RunResult",
@@ -626,9 +627,10 @@ SURFACE = {
         "Threads",
         "apart",
         "executor",
+        "meanwhile",
         "told_here",
     ],
-    "damperfit.copied": ["in_copies", "is_copy"],
+    "damperfit.copied": ["copies_at_work", "in_copies", "is_copy"],
     "damperfit.statistics": [
         "CHI_SQUARED_95",
         "NORMAL_95",

@@ -16,9 +16,8 @@ from damperfit.atomic import check_writable, file_set, reserved
 from damperfit.configuration.what_is_tested import unmatched
 from damperfit.damper.warmed import Warmed
 from damperfit.errors import ConfigurationError, OutputError
-from damperfit.report import markdown_report
 from damperfit.run.dampers import by_damper, folder_name
-from damperfit.run.earlier import BESIDE, PAGE, forget_figures, forget_others, holds_fits
+from damperfit.run.earlier import BESIDE, forget_figures, forget_others, holds_fits
 from damperfit.run.ending import json_pieces
 from damperfit.run.given_starts import with_given_start
 from damperfit.run.given_traces import with_traces
@@ -35,33 +34,25 @@ from damperfit.run.like_speeds import without_contradictory_motions
 from damperfit.run.log_paths import expand
 from damperfit.run.logs import available_cores, read_batch
 from damperfit.run.mishaps import Mishaps
-from damperfit.run.readings import Readings
 from damperfit.run.result import Found, RunResult, UnwrittenError
 from damperfit.run.rod_area import with_rod_remark
 from damperfit.run.run_json import provenance
 from damperfit.run.same_setting import once_each, without_contradictions, without_copies
 from damperfit.run.warmth import check_temperatures, with_reference
-from damperfit.run.work import Clock, comparisons, fitted, sha256_of
-from damperfit.tables import table_in_units, write_responses, write_table
+from damperfit.run.work import Clock, fitted
+from damperfit.run.writing import write_results
 from damperfit.uncertainty import Bench
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
     from pathlib import Path
 
-    import pyarrow as pa
-
-    from damperfit.atomic import FileSet
     from damperfit.configuration.options import Configuration
     from damperfit.identification import Fit
     from damperfit.recording import Trace
     from damperfit.tested.setting import Setting
 
 __all__ = ["Watch", "find_each", "run", "run_each"]
-
-# Tables that are written only when they were asked for, or the model has what they are of.
-_ON_REQUEST = {"profiles", "valves"}
-
 
 @dataclass(frozen=True, slots=True)
 class Watch:
@@ -294,13 +285,9 @@ def _run(one: _OneDamper, *, watch: Watch) -> RunResult:
     try:
         with file_set(configuration.output.folder) as files:
             with clock.lap("write_s"):
-                # First, for the others report what fails in it.
-                read_off = _write_signals(files.path("responses.parquet"), found, mishaps, jobs)
-                found = replace(found, campaign=found.campaign.without_responses)
-                result = found.result(mishaps.failures, *read_off)
-                _write_results(files, result, configuration)
+                result, hashes = write_results(files, found, mishaps, jobs=jobs)
             record = result.record
-            record["files"] = {name: sha256_of(files.path(name)) for name in sorted(files.names)}
+            record["files"] = hashes
             record["timings"] = clock.read()
             if one.beside:
                 record[BESIDE] = list(one.beside)
@@ -345,29 +332,3 @@ def _found(
     origin = provenance(configuration, batch, campaign, judgement.predictions)
     is_interrupted = watch.cancelled()
     return Found(configuration, batch, campaign, judgement, origin, is_interrupted), mishaps
-
-
-def _write_signals(
-    path: Path, found: Found, mishaps: Mishaps, jobs: int
-) -> tuple[pa.Table, pa.Table | None]:
-    """Write the signals of all logs; return what was read off them: characteristics and valves."""
-    configuration, campaign = found.configuration, found.campaign
-    readings = Readings(configuration, campaign, mishaps, jobs)
-    seen = readings.noted(comparisons(configuration, campaign, mishaps, jobs=jobs))
-    write_responses(path, campaign, seen, provenance=found.origin)
-    valves = readings.valves(found.origin)
-    return readings.table(found.origin), valves
-
-
-def _write_results(files: FileSet, result: RunResult, configuration: Configuration) -> None:
-    """Write tables and report; page and tables of an earlier run go."""
-    for name, table in result.written.items():
-        shown = table_in_units(table, configuration.output.units)
-        for suffix, content in ((".parquet", table), (".csv", shown)):
-            write_table(files.path(name + suffix), content, suffix=suffix)
-    for name in _ON_REQUEST - result.written.keys():
-        for suffix in (".parquet", ".csv"):
-            files.without(name + suffix)
-    files.without(PAGE)
-    report = markdown_report(result.tables, result.facts)
-    files.path("report.md").write_bytes(report.encode("utf-8", "backslashreplace"))

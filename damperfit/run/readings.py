@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from damperfit.errors import sparing
-from damperfit.parallel import apart, told_here
+from damperfit.parallel import told_here
 from damperfit.tables import characteristic_rows, lay_out, valve_rows
 
 if TYPE_CHECKING:
@@ -33,8 +33,6 @@ class Readings:
         The fits.
     mishaps : Mishaps
         Takes what goes wrong with one log.
-    jobs : int
-        Workers.
     rows : list of dict
         What was noted.
     """
@@ -42,32 +40,34 @@ class Readings:
     configuration: Configuration
     campaign: Campaign
     mishaps: Mishaps
-    jobs: int = 1
     rows: list[dict[str, Any]] = field(default_factory=list)
 
-    def noted(self, seen: Iterable[SimulatedLog | None]) -> Iterator[SimulatedLog | None]:
-        """Pass simulated logs on as they come: they are large, and wanted once.
+    @property
+    def logs(self) -> list[tuple[Fit, LogFit]]:
+        """Each log with the fit of its setting."""
+        return [(fit, log) for fit in self.campaign.fits for log in fit.logs]
 
-        Of many logs the rows are read off in other processes while who asks for these writes them.
-        """
+    def of_log(
+        self, fit: Fit, log: LogFit, seen: SimulatedLog | None = None
+    ) -> list[dict[str, Any]]:
+        """Return the rows of one log; without its simulation, which is large, it is asked for."""
         damper, solver = self.configuration.damper, self.configuration.identification.solver
-        take = told_here(self.mishaps.at_log("reading the characteristics of"))
+        try:
+            one = log.compared(fit.parameters, damper, solver) if seen is None else seen
+        except Exception:  # noqa: BLE001 - whoever writes its signals says so
+            return []
+        try:
+            return list(characteristic_rows(fit.setting, log.trace, one, damper))
+        except Exception as error:  # noqa: BLE001 - the other logs have theirs
+            take = told_here(self.mishaps.at_log("reading the characteristics of"))
+            take(log.trace, error)
+            return []
 
-        def rows(pair: tuple[Fit, LogFit]) -> list[dict[str, Any]]:
-            fit, log = pair
-            try:
-                one = log.compared(fit.parameters, damper, solver)
-            except Exception:  # noqa: BLE001 - whoever writes its signals says so
-                return []
-            try:
-                return list(characteristic_rows(fit.setting, log.trace, one, damper))
-            except Exception as error:  # noqa: BLE001 - the other logs have theirs
-                take(log.trace, error)
-                return []
-
-        logs = [(fit, log) for fit in self.campaign.fits for log in fit.logs]
-        for one, found in zip(seen, apart(rows, logs, jobs=self.jobs), strict=True):
-            self.rows += found
+    def noted(self, seen: Iterable[SimulatedLog | None]) -> Iterator[SimulatedLog | None]:
+        """Pass simulated logs on as they come: they are large, and wanted once."""
+        for (fit, log), one in zip(self.logs, seen, strict=True):
+            if one is not None:
+                self.rows += self.of_log(fit, log, one)
             yield one
 
     def table(self, origin: Mapping[str, Any]) -> pa.Table:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from damperfit.identification import Campaign, identify
-from damperfit.parallel import executor
+from damperfit.parallel import executor, told_here
 from damperfit.tables import profiles_table
 
 if TYPE_CHECKING:
@@ -109,7 +109,7 @@ def comparisons(
     configuration: Configuration, campaign: Campaign, mishaps: Mishaps, *, jobs: int
 ) -> Iterator[SimulatedLog | None]:
     """Yield each log as the fit saw it last, else simulated anew, a few at a time: so large."""
-    take = mishaps.at_log("simulating the response of")
+    take = told_here(mishaps.at_log("simulating the response of"))
 
     def one(pair: tuple[Values, LogFit]) -> SimulatedLog | None:
         parameters, log = pair

@@ -120,21 +120,23 @@ class Setting:
         return self.label
 
     def __eq__(self, other: object) -> bool:
-        if not isinstance(other, Setting | int | float):
-            return NotImplemented
-        return self._key == Setting.of(other)._key
+        if other.__class__ is not Setting:  # a campaign of some hundred asks a million times
+            if not isinstance(other, Setting | int | float):
+                return NotImplemented
+            other = Setting.of(other)
+        ours, theirs = self.places, other.places
+        if len(ours) == len(theirs) == 1:
+            return ours[0][1] == theirs[0][1]
+        return ours == theirs
 
     def __hash__(self) -> int:
-        return hash(self._key[0] if len(self._key) == 1 else self._key)
+        places = self.places
+        return hash(places[0][1] if len(places) == 1 else places)
 
     def __lt__(self, other: object) -> bool:
         if not isinstance(other, Setting | int | float):
             return NotImplemented
         return self._order < Setting.of(other)._order
-
-    @property
-    def _key(self) -> tuple[Any, ...]:
-        return self.places if len(self.places) > 1 else (self.places[0][1],)
 
     @property
     def _order(self) -> tuple[tuple[int, float, tuple[Any, ...]], ...]:

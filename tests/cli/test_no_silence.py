@@ -205,7 +205,7 @@ def test_results_that_cannot_be_written_are_still_shown(run, logs, monkeypatch, 
     def full(*_args, **_how):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("damperfit.run.pipeline.write_responses", full)
+    monkeypatch.setattr("damperfit.run.writing.write_responses", full)
     ended = run("identify", logs / "setting_01.csv", "--report")
     assert ended.code == 1
     assert "No space left on device" in ended.err.splitlines()[-1]

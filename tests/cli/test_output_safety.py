@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from damperfit.cli import main
-from damperfit.run import judging, pipeline
+from damperfit.run import judging, pipeline, writing
 from damperfit.tables import read_results
 
 QUICK = (
@@ -181,13 +181,13 @@ def test_a_folder_that_vanishes_during_the_run_is_made_again(
 def test_a_folder_that_vanishes_while_it_is_written_to_is_one_line(
     run, logs, tmp_path, monkeypatch
 ) -> None:
-    write = pipeline.write_responses
+    write = writing.write_responses
 
     def vanish(*arguments, **how):
         shutil.rmtree(tmp_path / "results")
         return write(*arguments, **how)
 
-    monkeypatch.setattr(pipeline, "write_responses", vanish)
+    monkeypatch.setattr(writing, "write_responses", vanish)
     ended = run("identify", logs / "setting_01.csv", *QUICK, "--quiet")
     assert ended.code == 1
     (line,) = ended.err.splitlines()

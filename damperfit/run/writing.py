@@ -1,0 +1,111 @@
+"""A run's signals, tables and report into its set of files; run.json comes after them.
+
+The signals of many logs take as long to write as all the rest: copies of this process do that, and
+read the characteristics off them, while this one makes the tables and the report.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from damperfit.parallel import meanwhile
+from damperfit.report import markdown_report
+from damperfit.run.earlier import PAGE
+from damperfit.run.readings import Readings
+from damperfit.run.work import comparisons, sha256_of
+from damperfit.tables import table_in_units, write_responses, write_table
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    import pyarrow as pa
+
+    from damperfit.atomic import FileSet
+    from damperfit.configuration.options import Configuration
+    from damperfit.identification import Fit, LogFit, SimulatedLog
+    from damperfit.run.mishaps import Mishaps
+    from damperfit.run.result import Found, RunResult
+
+__all__ = ["write_results"]
+
+_SIGNALS, _READ_OFF, _REPORT = "responses.parquet", "characteristics", "report.md"
+# Tables that are written only when they were asked for, or the model has what they are of.
+_ON_REQUEST = ("profiles", "valves")
+
+
+def write_results(
+    files: FileSet, found: Found, mishaps: Mishaps, *, jobs: int
+) -> tuple[RunResult, dict[str, str]]:
+    """Write what a run has found, but for run.json; page and tables of an earlier run go.
+
+    Parameters
+    ----------
+    files : FileSet
+        Where to.
+    found : Found
+        What it has found.
+    mishaps : Mishaps
+        Takes what goes wrong with one log, which the results then report.
+    jobs : int
+        Workers.
+
+    Returns
+    -------
+    RunResult
+        The account of it.
+    dict of str to str
+        The hash of each file, by name.
+    """
+    configuration, campaign = found.configuration, found.campaign
+    path = files.path(_SIGNALS)
+    readings = Readings(configuration, campaign, mishaps)
+    valves = readings.valves(found.origin)
+    light = replace(found, campaign=campaign.without_responses)
+
+    def write(seen: Iterator[SimulatedLog | None]) -> str:
+        write_responses(path, campaign, seen, provenance=found.origin)
+        return sha256_of(path)
+
+    def seen() -> Iterator[SimulatedLog | None]:
+        return comparisons(configuration, campaign, mishaps, jobs=jobs)
+
+    def one(whose: tuple[Fit, LogFit] | None) -> Any:
+        """Read a log's rows off it; without one write the signals of all, and tell the hash."""
+        return write(seen()) if whose is None else readings.of_log(*whose)
+
+    def account() -> RunResult:
+        result = light.result(mishaps.failures, valves=valves)
+        _write_tables(files, result.written, configuration)
+        report = markdown_report(result.tables, result.facts)
+        files.path(_REPORT).write_bytes(report.encode("utf-8", "backslashreplace"))
+        return result
+
+    with meanwhile(one, [None, *readings.logs], jobs=jobs) as coming:
+        if coming is None:
+            digest = write(readings.noted(seen()))
+            result = account()
+        else:
+            told = mishaps.failures
+            result = account()
+            digest, *rows = coming
+            readings.rows = [row for of_log in rows for row in of_log]
+            if mishaps.failures != told:  # with what has come to nothing meanwhile
+                result = account()
+    result = replace(result, characteristics=readings.table(found.origin))
+    _write_tables(files, {_READ_OFF: result.characteristics}, configuration)
+    for name in set(_ON_REQUEST) - result.written.keys():
+        for suffix in (".parquet", ".csv"):
+            files.without(name + suffix)
+    files.without(PAGE)
+    hashes = {name: sha256_of(files.path(name)) for name in files.names if name != _SIGNALS}
+    return result, dict(sorted((hashes | {_SIGNALS: digest}).items()))
+
+
+def _write_tables(
+    files: FileSet, tables: Mapping[str, pa.Table], configuration: Configuration
+) -> None:
+    for name, table in tables.items():
+        shown = table_in_units(table, configuration.output.units)
+        for suffix, content in ((".parquet", table), (".csv", shown)):
+            write_table(files.path(name + suffix), content, suffix=suffix)
