@@ -300,8 +300,7 @@ def test_a_table_has_eighty_columns(width, gap, monkeypatch) -> None:
     module = sys.modules[terminal_table.__module__]
     monkeypatch.setattr(module, "sheet_width", lambda *_, **__: width)
     sheet = Sheet(headings=("a",), units=("",), rows=(("1",),), is_number=(True,), notes=())
-    fitted, *_ = terminal_table(sheet).renderables
-    (table,) = fitted.__rich_console__(None, SimpleNamespace(max_width=200))
+    (table,) = terminal_table(sheet).__rich_console__(None, SimpleNamespace(max_width=200))
     assert table.padding[1] == gap
 
 

@@ -100,10 +100,15 @@ def print_lines(lines: Iterable[str]) -> None:
 
 
 def print_renderable(renderable: RenderableType) -> None:
-    """Write a rich table to stdout: coloured on a terminal, plain and 80 wide in a pipe."""
+    """Write a table or a text to stdout: coloured on a terminal, plain and 80 wide in a pipe."""
+    is_screen = sys.stdout.isatty()
+    if not is_screen and hasattr(renderable, "plain_lines"):  # a tenth of a second less
+        lines = renderable.plain_lines(_PIPE_WIDTH)
+        if lines is not None:
+            print_lines(lines)
+            return
     from rich.console import Console
 
-    is_screen = sys.stdout.isatty()
     width = None if is_screen else _PIPE_WIDTH
     console = Console(file=sys.stdout, width=width, highlight=False, markup=False, emoji=False)
     if is_screen:

@@ -85,13 +85,23 @@ def to_record(one: Any) -> Any:
     if isinstance(one, Setting):
         return one.cell
     if is_dataclass(one):
-        keys = _KEYS.get(type(one), {})
-        return {keys.get(f.name, f.name): to_record(getattr(one, f.name)) for f in fields(one)}
+        record = {}
+        for name, key in _keys_of(type(one)):
+            value = getattr(one, name)
+            record[key] = value if type(value) in _PLAIN else to_record(value)
+        return record
     if isinstance(one, tuple):
-        return [to_record(item) for item in one]
+        return [item if type(item) in _PLAIN else to_record(item) for item in one]
     if isinstance(one, dict):
         return {str(key): to_record(item) for key, item in one.items()}
     return one
+
+
+@cache
+def _keys_of(kind: Any) -> tuple[tuple[str, str], ...]:
+    """Return the name of each field, and the key that stands for it in run.json."""
+    keys = _KEYS.get(kind, {})
+    return tuple((one.name, keys.get(one.name, one.name)) for one in fields(kind))
 
 
 def read_back(kind: type[_T], entry: object) -> _T | None:

@@ -9,49 +9,83 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from damperfit.report.plain_table import plain_columns, plain_paragraph
 from damperfit.report.sheets.sheet import Sheet, sheet_width
 from damperfit.report.text import printable
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
+    from rich.console import Console, ConsoleOptions, RenderResult
     from rich.table import Table
 
-__all__ = ["fitting_columns", "terminal_table"]
+__all__ = ["TerminalTable", "fitting_columns", "terminal_table"]
 
 _COLUMNS = 80
 _COLOURS = {"excellent": "green", "good": "yellow", "poor": "red"}
 
 
-def terminal_table(sheet: Sheet, *, colours: Mapping[str, str] = _COLOURS) -> RenderableType:
-    """Return a rich table: headings, units, rows, notes below; cells coloured by their word.
+def terminal_table(sheet: Sheet, *, colours: Mapping[str, str] = _COLOURS) -> TerminalTable:
+    """Return a table for rich or for a pipe: headings, units, rows, notes below.
 
-    Where the screen is too narrow, text wraps between words and the columns that are left go into
-    a table below with the first column again: no word and no number is cut.
+    On a terminal cells are coloured by their word. Where the screen is too narrow, text wraps
+    between words and the columns that are left go into a table below with the first column again:
+    no word and no number is cut.
     """
-    from rich.console import Group
-    from rich.text import Text
-
-    notes = (Text(printable(note), style="dim") for note in sheet.notes)
-    return Group(_Fitted(sheet, colours), *notes)
+    return TerminalTable(sheet, colours)
 
 
 @dataclass(frozen=True)
-class _Fitted:
-    """A table that looks at the width of the screen when it is printed."""
+class TerminalTable:
+    """A table that looks at the width of the screen when it is printed.
+
+    Attributes
+    ----------
+    sheet : Sheet
+        What it shows.
+    colours : mapping of str to str
+        Of cells, by the word in them.
+    """
 
     sheet: Sheet
     colours: Mapping[str, str]
 
+    def plain_lines(self, width: int) -> list[str] | None:
+        """Return the lines of a pipe, None where only rich can lay them out."""
+        lines: list[str] = []
+        gap, widths, parts = self._layout(width)
+        for number, columns in enumerate(parts):
+            part = plain_columns(self.sheet, columns, widths, gap=gap, width=width)
+            if part is None:
+                return None
+            lines += ["", *part] if number else part
+        for note in self.sheet.notes:
+            told = plain_paragraph(note, width)
+            if told is None:
+                return None
+            lines += told
+        return lines
+
     def __rich_console__(self, _: Console, options: ConsoleOptions) -> RenderResult:
-        """Yield the table, or its parts one below the other."""
-        gap = 2 if sheet_width(self.sheet, gap=2) <= min(_COLUMNS, options.max_width) else 1
-        widths = _least_widths(self.sheet, options.max_width, gap)
-        for number, columns in enumerate(fitting_columns(self.sheet, options.max_width, gap=gap)):
+        """Yield the table, or its parts one below the other, and the notes."""
+        from rich.text import Text
+
+        gap, widths, parts = self._layout(options.max_width)
+        for number, columns in enumerate(parts):
             if number:
                 yield ""
             yield self._table(columns, widths, gap)
+        for note in self.sheet.notes:
+            yield Text(printable(note), style="dim")
+
+    def _layout(self, width: int) -> tuple[int, list[int], list[list[int]]]:
+        """Return the blanks between columns, the least width of each, and what is side by side."""
+        gap = 2 if sheet_width(self.sheet, gap=2) <= min(_COLUMNS, width) else 1
+        return (
+            gap,
+            _least_widths(self.sheet, width, gap),
+            fitting_columns(self.sheet, width, gap=gap),
+        )
 
     def _table(self, columns: Sequence[int], widths: Sequence[int], gap: int) -> Table:
         from rich.table import Table

@@ -54,6 +54,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Watch", "find_each", "run", "run_each"]
 
+
 @dataclass(frozen=True, slots=True)
 class Watch:
     """Who looks on while a run goes: progress, and the wish to stop.

@@ -153,11 +153,13 @@ def write_table(path: Path, table: pa.Table, *, suffix: str | None = None) -> No
 
 def _write_csv(path: Path, table: pa.Table) -> None:
     columns = [column.to_pylist() for column in table.columns]
+    for place, kind in enumerate(table.schema.types):
+        if not (pa.types.is_floating(kind) or pa.types.is_integer(kind)):
+            columns[place] = [_csv_cell(value) for value in columns[place]]
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(table.column_names)
-        for row in zip(*columns, strict=True):
-            writer.writerow([_csv_cell(value) for value in row])
+        writer.writerows(zip(*columns, strict=True))  # a number as its repr, None empty
 
 
 def _csv_cell(value: object) -> str:

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from damperfit.identification import Campaign, Fit, LogFit
     from damperfit.simulation import Response
     from damperfit.tested.setting import Setting
-    from damperfit.uncertainty import MisfitProfile, Prediction
+    from damperfit.uncertainty import Interval, MisfitProfile, Prediction
 
 __all__ = [
     "MISSING",
@@ -136,8 +136,11 @@ def make_tables(
         setting: "; ".join(one.sentence for one in why)
         for setting, why in assessment.objections.items()
     }
+    known = {one.setting: one.intervals for one in assessment.uncertainties}
     rows = {
-        fit.setting: _parameter_row(fit, assessment, reasons.get(fit.setting))
+        fit.setting: _parameter_row(
+            fit, assessment, known.get(fit.setting, {}), reasons.get(fit.setting)
+        )
         for fit in campaign.fits
     }
     for setting in set(expected) - rows.keys():
@@ -154,12 +157,13 @@ def make_tables(
     )
 
 
-def _parameter_row(fit: Fit, assessment: Assessment, reason: str | None) -> dict[str, Any]:
+def _parameter_row(
+    fit: Fit, assessment: Assessment, intervals: Mapping[str, Interval], reason: str | None
+) -> dict[str, Any]:
     row: dict[str, Any] = {"setting": fit.setting}
-    known = {one.setting: one.intervals for one in assessment.uncertainties}
     for name in fit.parameters.names:
         row[name] = _finite(getattr(fit.parameters, name))
-        interval = known.get(fit.setting, {}).get(name)
+        interval = intervals.get(name)
         low, high = assessment.plausible_limits(fit, name)
         is_open = fit.status[name] == Status.NOT_IDENTIFIABLE and low is None and high is None
         if interval is not None and not is_open:  # without a limit there is no error either
@@ -195,14 +199,16 @@ def _mse_rows(
 
 
 def _graded_rows(campaign: Campaign, predictions: Sequence[Prediction]) -> Iterator[dict[str, Any]]:
+    held_out_at: dict[Setting, list[Prediction]] = defaultdict(list)
+    for one in predictions:
+        held_out_at[one.setting].append(one)
     for fit in campaign.fits:
         whole = ("", fit.mse_percent, fit.noise_floor_percent, fit.n_samples)
         yield _mse_row(fit.setting, "fitted", *whole)
         for seen in fit.logs:
             yield _mse_row(fit.setting, "fitted", *_of_log(seen))
-        for held_out in predictions:
-            if held_out.setting == fit.setting:
-                yield _mse_row(fit.setting, "held_out", *_of_log(held_out))
+        for held_out in held_out_at.get(fit.setting, ()):
+            yield _mse_row(fit.setting, "held_out", *_of_log(held_out))
     for unseen in (one for one in predictions if one.is_unseen):
         yield _mse_row(unseen.setting, "held_out", *_of_log(unseen))
 
@@ -344,7 +350,11 @@ def lay_out(
     """
     schema = table_schema(name, facts or {}, settings=settings, quantities=quantities)
     is_whole = schema.field("setting").type == pa.int64()
-    cells = [{**row, **setting_cells(row["setting"], is_whole=is_whole)} for row in rows]
+    shown = {
+        setting: setting_cells(setting, is_whole=is_whole)
+        for setting in {row["setting"] for row in rows}
+    }
+    cells = [{**row, **shown[row["setting"]]} for row in rows]
     arrays = [column([row.get(field.name) for row in cells], field.type) for field in schema]
     return pa.Table.from_arrays(arrays, schema=schema)
 
