@@ -78,7 +78,7 @@ def drawn_sheet(luck: random.Random, *, words: tuple[str, ...]) -> Sheet:
 
 
 def test_a_pipe_is_given_what_rich_would_write():
-    luck, plain = random.Random(14), 0
+    luck, plain = random.Random(14), 0  # noqa: S311
     for _ in range(300):
         words = CELLS if luck.random() < 0.7 else (*CELLS, *ASKS_FOR_RICH)
         sheet, width = drawn_sheet(luck, words=words), luck.choice((24, 32, 44, 80))

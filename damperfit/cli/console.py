@@ -103,7 +103,7 @@ def print_renderable(renderable: RenderableType) -> None:
     """Write a table or a text to stdout: coloured on a terminal, plain and 80 wide in a pipe."""
     is_screen = sys.stdout.isatty()
     if not is_screen and hasattr(renderable, "plain_lines"):  # a tenth of a second less
-        lines = renderable.plain_lines(_PIPE_WIDTH)
+        lines = renderable.plain_lines(screen_columns())
         if lines is not None:
             print_lines(lines)
             return

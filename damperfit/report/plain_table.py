@@ -1,7 +1,7 @@
 """Columns and notes of a sheet as plain lines, as rich lays them out in a pipe, without loading it.
 
-Rich takes a tenth of a second to load and some milliseconds for ten rows. What needs more than columns
-side by side, such as cells that wrap or letters that are two places wide, is left to it.
+Rich takes a tenth of a second to load and some milliseconds for ten rows. What needs more than
+columns side by side, such as cells that wrap or letters two places wide, is left to it.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 __all__ = ["plain_columns", "plain_paragraph"]
 
-# One place wide: ASCII, Latin, Greek and Cyrillic letters and signs, lines and bars. No other blank.
+# One place wide: ASCII, Latin, Greek and Cyrillic letters and signs, lines, bars, one blank.
 _NARROW = re.compile("[ -~\u00a1-\u00ac\u00ae-\u02ff\u0370-\u0482\u2500-\u25fc]*")
 
 

@@ -60,23 +60,17 @@ def log_input(log: LogFacts) -> dict[str, Any]:
 
 def json_values(value: Any) -> Any:
     """Return the value with every number that JSON does not know (NaN, infinity) as None."""
-    kind = type(value)
-    if kind in _PLAIN:  # with numbers, lists and dictionaries of them nearly all there is
+    if type(value) in _PLAIN:  # with numbers, lists and dictionaries of them nearly all there is
         return value
-    if kind is dict:
-        return {
-            key if type(key) is str else str(key): one if type(one) in _PLAIN else json_values(one)
-            for key, one in value.items()
-        }
     if isinstance(value, float):
         return value if math.isfinite(value) else None
-    if isinstance(value, Setting):
-        return value.cell
     if isinstance(value, dict):
-        return {str(key): json_values(one) for key, one in value.items()}
+        return {
+            str(key): one if type(one) in _PLAIN else json_values(one) for key, one in value.items()
+        }
     if isinstance(value, list | tuple):
         return [one if type(one) in _PLAIN else json_values(one) for one in value]
-    return value
+    return value.cell if isinstance(value, Setting) else value
 
 
 def json_pieces(document: Mapping[str, Any]) -> Iterator[str]:

@@ -45,7 +45,6 @@ from damperfit.uncertainty import Bench
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
-    from pathlib import Path
 
     from damperfit.configuration.options import Configuration
     from damperfit.identification import Fit

@@ -6,8 +6,8 @@
 
 The logs are of as many settings, whose parameters lie evenly between those of the reference set, so
 that no two are the same test. They are made in DIR where it holds none. With ``--profile`` what the
-time goes into is told function by function, and each stage in ms a log. Python keeps its bytecode in
-DIR, as it does beside an installed program, whatever the environment says. Linux and macOS.
+time goes into is told function by function, and each stage in ms a log. Python keeps its bytecode
+in DIR, as it does beside an installed program, whatever the environment says. Linux and macOS.
 """
 
 from __future__ import annotations
