@@ -31,6 +31,7 @@ import numpy as np
 from damperfit.conditioning.channels import noise_of
 from damperfit.conditioning.derivatives import differentiate
 from damperfit.conditioning.filters import apply_filter, design_filter, fading_samples
+from damperfit.conditioning.rests import rests_of
 from damperfit.recording import Drive
 from damperfit.statistics import median
 
@@ -103,6 +104,32 @@ def make_drive(
     """
     if options.rig_filter != "none" or options.filter == "none":
         return Drive(filtered, velocity, math.inf)
+    drive = _least_in_error(log, filtered, velocity, found, options)
+    return _at_rest(drive, log, [one.stretch for one in found])
+
+
+def _at_rest(drive: Drive, log: UniformLog, stretches: Sequence[Stretch]) -> Drive:
+    """Return the drive without noise where the compared motion rests."""
+    rests = [
+        (part, level)
+        for part, level in rests_of(log.displacement, log.interval)
+        if any(one.first < part.stop and part.start < one.stop for one in stretches)
+    ]
+    if not rests:
+        return drive
+    x, v = drive.displacement.copy(), drive.velocity.copy()
+    for part, level in rests:
+        x[part], v[part] = level, 0.0
+    return Drive(x, v, drive.corner)
+
+
+def _least_in_error(
+    log: UniformLog,
+    filtered: FloatArray,
+    velocity: FloatArray,
+    found: Sequence[FoundStretch],
+    options: ConditionOptions,
+) -> Drive:
     rest = log.displacement - filtered
     corners = [
         _corner(rest, velocity, one.stretch, options, interval=log.interval) for one in found

@@ -25,6 +25,7 @@ from damperfit.conditioning.cycles import clean_cycles
 from damperfit.conditioning.drive import content_beyond
 from damperfit.conditioning.filters import gain_at
 from damperfit.conditioning.harmonics import harmonic_powers
+from damperfit.conditioning.rests import samples_at_rest
 from damperfit.recording import Finding
 from damperfit.units.quantities import parse_quantity
 
@@ -69,6 +70,7 @@ def examine_motion(
     yield from _few_harmonics(trace, options)
     yield from _displacement_noise(log, trace, options)
     yield from _drive(trace, options)
+    yield from _rests(trace)
     if cycles is None:
         yield _stretches(trace)
         yield from _broken(trace)
@@ -180,6 +182,19 @@ def _drive(trace: Trace, options: ConditionOptions) -> Iterator[Finding]:
             "log without that filter"
         )
         yield Finding("drive", "warning", text, share, "%")
+
+
+def _rests(trace: Trace) -> Iterator[Finding]:
+    """Say that friction is not known where the compared motion rests."""
+    seen = (samples_at_rest(trace.drive.velocity[one.window]) for one in trace.stretches)
+    lengths = [n for several in seen for n in several]
+    if lengths:
+        text = (
+            f"the motion rests {len(lengths)} time{'s' * (len(lengths) > 1)} where it is compared, "
+            f"for {max(lengths) * trace.interval:.2g} s at most: what friction holds there is not "
+            "known, and the model has none"
+        )
+        yield Finding("rests", "note", text, float(len(lengths)))
 
 
 def _stretches(trace: Trace) -> Finding:

@@ -9,7 +9,8 @@ names                                                  from
 rounded_time, missing_samples, jitter                  `damperfit.conditioning.timebase`
 force_clipping, _stuck, _steps, _spikes; displacement  `damperfit.conditioning.channels`
 sample_rate, filter_loss, cycles, unsteady_cycles,     `damperfit.conditioning.motion`
-stretches, trimmed, frequency, amplitude, harmonics
+stretches, trimmed, frequency, amplitude, harmonics,
+rests
 cycle_scatter, force_trend, noise_floor, force_drift,  `damperfit.conditioning.repeatability`
 stroke_drift
 continued                                              `damperfit.conditioning.compared_part`
