@@ -51,7 +51,7 @@ def test_no_converter_has_more_than_a_million_steps(count, said) -> None:
     assert said in _steps(channel(np.zeros(9)), 1.0, count, noise=1.0).sentence
 
 
-@pytest.mark.parametrize(("noise", "said"), [(0.11, "has steps of"), (0.09, "has no steps")])
+@pytest.mark.parametrize(("noise", "said"), [(0.105, "has steps of"), (0.095, "has no steps")])
 def test_what_is_smoother_than_rounding_has_no_steps(noise, said) -> None:
     smooth = channel(np.sin(np.arange(9.0)))
     assert said in _steps(smooth, 1e-3, 2.0, noise=1e-3 * noise).sentence

@@ -213,9 +213,12 @@ def test_cycles_that_cannot_be_simulated_leave_the_logs(monkeypatch: pytest.Monk
     assert found.parameters == descend(one.whole, reference_parameters(10)).parameters
 
 
-@pytest.mark.parametrize(("away", "is_near"), [(0.0195, True), (0.0222, False)])
+@pytest.mark.parametrize(("away", "is_near"), [(0.0214, True), (0.0222, False)])
 def test_a_step_of_two_per_cent_is_the_last(*, away: float, is_near: bool) -> None:
-    """K_e is told to 30 % by a log of 200 N of noise: an error is no measure of what is linear."""
+    """K_e is told to 30 % by a log of 200 N of noise: an error is no measure of what is linear.
+
+    The step from 2.14 % away is 1.96 % long, from 2.22 % away 2.03 %.
+    """
     whole = misfit([trace(1, noise=200.0, duration=10.0)], ("k_e",))
     slow = descend(whole, reference_parameters(1))
     near = slow.parameters.replace({"k_e": (1.0 + away) * slow.parameters.k_e})
@@ -243,7 +246,7 @@ def test_a_step_of_half_a_per_cent_is_taken_unseen(share: float, looks: int) -> 
     there = descent._minimise(cycles, reference_parameters(10))
     there = descent.promised_step(cycles, there) or there
     off = there.parameters.replace(
-        {"k_e": there.parameters.k_e * math.exp(share * last_step_module.UNSEEN)}
+        {"k_e": there.parameters.k_e * math.exp(share * 0.005)}
     )
     near = descent._on_cycles(cycles, off)
     assert near.evaluations == looks
@@ -261,7 +264,7 @@ def test_a_step_of_many_errors_is_looked_at_the_shorter_it_is_the_less(
     step = 3e-3
     cost = there.mse_percent / 100.0
     slope = there.jacobian[:, 0] @ there.jacobian[:, 0]
-    many = (share * last_step_module.LEAVES / step) ** 2 * cost / (slope * step**2)
+    many = (share * 0.05 / step) ** 2 * cost / (slope * step**2)
     beside = replace(there, gradient=np.array([-slope * step]), n_independent=many)
     found = last_step_module.promised_step(cycles, beside, leaves=last_step_module.LEAVES)
     assert (found is not None) is is_unseen

@@ -95,7 +95,7 @@ def test_a_speed_beyond_the_tests_is_extrapolated(speed: float, n: int) -> None:
 
 
 @pytest.mark.parametrize(("warmth", "n"), [
-    (19.1, 0), (18.9, 1), (55.9, 0), (56.1, 1), (None, 0),
+    (19.05, 0), (18.95, 1), (55.95, 0), (56.05, 1), (None, 0),
 ])  # fmt: skip
 def test_a_temperature_beyond_the_tests_is_extrapolated(warmth: float | None, n: int) -> None:
     one = ChosenParameters(fakes.fit(1).parameters, None, "", temperatures=(20.0, 55.0))

@@ -136,7 +136,9 @@ def test_numbers_without_names_of_their_own_are_counted(names, declared) -> None
 
 
 def test_one_number_that_differs_is_not_several_adjusters() -> None:
-    guess = guess_settings(["b_3.csv", "b_4.csv", "x_y_5.csv"])
+    """Of two kinds of names neither has most, so that nothing is guessed."""
+    guess = guess_settings(["b_3.csv", "b_4.csv", "x_y_5.csv", "x_y_6.csv"])
+    assert guess.settings == {}
     assert guess.advice.endswith(r"--rig 'setting_pattern=b_(?P<setting>\d+)'")
     assert "[adjusters]" not in guess.advice
 
