@@ -245,9 +245,7 @@ def test_a_step_of_half_a_per_cent_is_taken_unseen(share: float, looks: int) -> 
     cycles = on_cycles(misfit([trace(10, noise=4.0, duration=10.0)], ("k_e",)))
     there = descent._minimise(cycles, reference_parameters(10))
     there = descent.promised_step(cycles, there) or there
-    off = there.parameters.replace(
-        {"k_e": there.parameters.k_e * math.exp(share * 0.005)}
-    )
+    off = there.parameters.replace({"k_e": there.parameters.k_e * math.exp(share * 0.005)})
     near = descent._on_cycles(cycles, off)
     assert near.evaluations == looks
     error = relative_errors(there)[0]
