@@ -15,7 +15,7 @@ from __future__ import annotations
 import itertools
 import math
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from statistics import median
 from typing import TYPE_CHECKING
 
@@ -226,10 +226,12 @@ def levels(  # noqa: PLR0913 - one more than usual, to be told of errors
     tuple of Level
         By setting, speed and stroke. A setting that cannot be simulated is left out.
     """
+    lead = max(_LEAD, _SETTLING * sine.frequency)
+    solver = replace(solver, settling=lead / sine.frequency)
     motion = sine_motion(
         sine.amplitude,
         sine.frequency,
-        cycles=1.0 + max(_LEAD, _SETTLING * sine.frequency),
+        cycles=1.0 + lead,
         sample_rate=_SAMPLES_PER_CYCLE * sine.frequency,
     )
 

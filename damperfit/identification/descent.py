@@ -30,6 +30,7 @@ from damperfit.identification.last_step import (
     promised_step,
     step_among_kinks,
 )
+from damperfit.identification.log_facts import LogFacts
 from damperfit.identification.minimiser import Transformation, minimise
 from damperfit.identification.plausible import (
     is_at_edge,
@@ -104,6 +105,8 @@ class Misfit:
         What a descent goes down on before it ends on the logs; None: on the logs alone.
     earlier : Earlier, optional
         Where a descent with more free ended, which knows how far logs and mean cycles lie apart.
+    facts : LogFacts, optional
+        What is asked of the traces again and again; of other traces others are made.
     """
 
     traces: tuple[Trace, ...]
@@ -114,6 +117,12 @@ class Misfit:
     cancelled: Callable[[], bool]
     cycles: SettledLogs | None = None
     earlier: Earlier | None = None
+    facts: LogFacts = LogFacts(())
+
+    def __post_init__(self) -> None:
+        """See that the facts are those of the traces."""
+        if self.facts.traces is not self.traces:
+            object.__setattr__(self, "facts", LogFacts(self.traces))
 
     @property
     def whole(self) -> Misfit:
@@ -123,7 +132,7 @@ class Misfit:
     @property
     def deviation(self) -> float:
         """Standard deviation of all measured forces that are compared, N."""
-        return float(np.std(np.concatenate([t.force[t.compared] for t in self.traces])))
+        return self.facts.deviation
 
     @property
     def scale(self) -> float:
@@ -138,7 +147,7 @@ class Misfit:
     @property
     def n_samples(self) -> int:
         """Samples compared."""
-        return sum(trace.n_samples for trace in self.traces)
+        return self.facts.n_samples
 
 
 def approach(misfit: Misfit, start: Values) -> Solution:
@@ -341,10 +350,11 @@ def _descended(misfit: Misfit, moving: tuple[str, ...], start: Values, stopping:
     variables = transformation(misfit, moving)
     ended = minimise(model, values_of(moving, start), variables, stopping)
     point = ended.point
-    jacobian = point.jacobian
+    jacobian, gradient = point.system.triangle, point.system.gradient
     if moving != misfit.free:
         values = values_of(misfit.free, point.extra.parameters)
         jacobian = point.extra.slopes * transformation(misfit, misfit.free).slopes(values)
+        gradient = jacobian.T @ point.residuals
     solution = Solution(
         parameters=point.extra.parameters,
         mse_percent=100.0 * point.cost,
@@ -355,6 +365,6 @@ def _descended(misfit: Misfit, moving: tuple[str, ...], start: Values, stopping:
         gradient_cosine=ended.gradient_cosine,
         n_independent=n_independent(point.residuals),
         is_cavitating=point.extra.is_cavitating,
-        gradient=jacobian.T @ point.residuals,
+        gradient=gradient,
     )
     return End(solution, moving, variables.scales, ended, beyond > 0)

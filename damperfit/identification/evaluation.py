@@ -12,7 +12,6 @@ from damperfit.conditioning import apply_filter
 from damperfit.errors import SimulationError
 from damperfit.identification.minimiser import Transformation
 from damperfit.identification.model_versus_log import SETTLING
-from damperfit.identification.weights import weights
 from damperfit.simulation import motion_of, simulate
 
 if TYPE_CHECKING:
@@ -99,7 +98,7 @@ def simulated_logs(misfit: Misfit, parameters: Values) -> Iterator[LogResponse]:
     SimulationError
         The model cannot be integrated, or its force is beyond anything that could be fitted.
     """
-    for trace, weight in zip(misfit.traces, weights(misfit.traces), strict=True):
+    for trace, weight in zip(misfit.traces, misfit.facts.weights, strict=True):
         response = simulate(
             parameters,
             misfit.damper,

@@ -30,7 +30,6 @@ from damperfit.identification.minimiser import inverse_information
 from damperfit.identification.model_versus_log import compare
 from damperfit.identification.plausible import is_at_edge, is_within
 from damperfit.identification.solution import Solution
-from damperfit.identification.weights import weights
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -341,7 +340,7 @@ class _Look:
 def _looked(misfit: Misfit, parameters: Values) -> _Look:
     parts, seen = [], []
     is_cavitating = False
-    for trace, weight in zip(misfit.traces, weights(misfit.traces), strict=True):
+    for trace, weight in zip(misfit.traces, misfit.facts.weights, strict=True):
         part = trace.compared
         one = compare(parameters, trace, misfit.damper, solver=misfit.solver)
         residuals = misfit.scale * (one.force[part] - trace.force[part])

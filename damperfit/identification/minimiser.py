@@ -86,6 +86,8 @@ class DescentPoint(Generic[Extra]):
         Shape (n, k): derivative of the residuals by u.
     cost : float
         Sum of squares.
+    system : DenseSystem
+        Both as the steps are found from.
     extra : object
         What the model wants to be remembered of this point.
     """
@@ -94,6 +96,7 @@ class DescentPoint(Generic[Extra]):
     residuals: FloatArray
     jacobian: FloatArray
     cost: float
+    system: DenseSystem
     extra: Extra
 
 
@@ -120,10 +123,10 @@ class Minimum(Generic[Extra]):
     @property
     def gradient_cosine(self) -> float:
         """Largest cosine between the residuals and a column of the Jacobian; 0 at a minimum."""
-        jacobian, residuals = self.point.jacobian, self.point.residuals
-        lengths = np.sqrt(np.sum(jacobian**2, axis=0) * self.point.cost)
-        slopes = np.abs(jacobian.T @ residuals)
-        return float(np.max(slopes / np.maximum(lengths, 1e-300), initial=0.0))
+        system = self.point.system
+        lengths = system.lengths * math.sqrt(self.point.cost)
+        shares = np.abs(system.gradient) / np.maximum(lengths, 1e-300)
+        return float(shares.max()) if shares.size else 0.0
 
 
 def minimise(
@@ -161,8 +164,8 @@ def minimise(
             jacobian = slopes * transformation.slopes(values)
             if not math.isfinite(cost + float(jacobian.sum())):
                 raise SimulationError(f"no finite residuals or derivatives at {values}.")
-        point = DescentPoint(values, residuals, jacobian, cost, extra)
-        return DenseSystem(residuals, jacobian), point
+        system = DenseSystem(residuals, jacobian)
+        return system, DescentPoint(values, residuals, jacobian, cost, system, extra)
 
     ended = iterate(point_at, transformation.pack(start), stopping)
     return Minimum(ended.extra, ended.evaluations, ended.failed_trials, ended.status)
@@ -184,8 +187,10 @@ def inverse_information(jacobian: FloatArray) -> FloatArray:
     is_seen = lengths > NO_LENGTH
     found = np.zeros((len(lengths), len(lengths)))
     found[~is_seen, ~is_seen] = math.inf
-    triangle = np.linalg.qr(jacobian[:, is_seen] / lengths[is_seen], mode="r")
-    _, values, directions = np.linalg.svd(triangle)
+    scaled = jacobian[:, is_seen] / lengths[is_seen]
+    if len(scaled) > scaled.shape[1]:
+        scaled = np.linalg.qr(scaled, mode="r")
+    _, values, directions = np.linalg.svd(scaled)
     roots = directions.T / np.maximum(values, _LAST_DIGIT) / lengths[is_seen, None]
     found[np.ix_(is_seen, is_seen)] = roots @ roots.T
     return found

@@ -18,9 +18,10 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from damperfit.damper.quantity import Quantity
+    from damperfit.identification.log_facts import LogFacts
     from damperfit.recording import Trace
 
-__all__ = ["ONE_SPEED", "inseparable"]
+__all__ = ["ONE_SPEED", "holds_one_speed", "inseparable"]
 
 ONE_SPEED = (
     "the logs hold one speed, so that the valves and friction cannot be separated: "
@@ -34,14 +35,14 @@ _SHARE = 0.9
 
 
 def inseparable(
-    traces: Sequence[Trace], free: Sequence[str], quantities: Sequence[Quantity]
+    facts: LogFacts, free: Sequence[str], quantities: Sequence[Quantity]
 ) -> tuple[str, ...]:
     """Return the free parameters that logs of one speed cannot separate; none where they can.
 
     Parameters
     ----------
-    traces : sequence of Trace
-        The logs of a setting.
+    facts : LogFacts
+        Of the logs of a setting.
     free : sequence of str
         What is fitted.
     quantities : sequence of Quantity
@@ -50,7 +51,11 @@ def inseparable(
     unknown = [one for one in quantities if one.name in free and one.role != STIFFNESS]
     if len(unknown) <= _LEVELS:
         return ()
+    return tuple(free) if facts.holds_one_speed else ()
+
+
+def holds_one_speed(traces: Sequence[Trace]) -> bool:
+    """Return whether nearly all compared samples of logs are at one speed, either way."""
     speed = np.abs(np.concatenate([trace.drive.velocity[trace.compared] for trace in traces]))
     usual = median(speed)
-    is_one = float(np.mean(np.abs(speed - usual) <= _NEAR * usual)) > _SHARE
-    return tuple(free) if is_one else ()
+    return float(np.mean(np.abs(speed - usual) <= _NEAR * usual)) > _SHARE

@@ -144,7 +144,7 @@ def reconsidered(misfit: Misfit, first: Judged, start: Values) -> Judged:
     FitCancelledError
         When the caller asked to stop.
     """
-    if inseparable(misfit.traces, misfit.free, misfit.damper.quantities) or not is_suspicious(
+    if inseparable(misfit.facts, misfit.free, misfit.damper.quantities) or not is_suspicious(
         misfit, first
     ):
         return first

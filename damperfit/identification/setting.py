@@ -149,7 +149,7 @@ def fit_setting(misfit: Misfit, start: Values, *, spent: int = 0) -> Judged:
         When the model cannot be integrated at any start.
     """
     first = attempt(misfit, start, spent)
-    if names := inseparable(misfit.traces, misfit.free, misfit.damper.quantities):
+    if names := inseparable(misfit.facts, misfit.free, misfit.damper.quantities):
         return _unspoken(first, names)
     if is_sound(first):
         return first
@@ -259,8 +259,8 @@ def attempt(misfit: Misfit, start: Values, spent: int) -> Judged:
     """
     solution = descend(misfit, start)
     solution = replace(solution, evaluations=solution.evaluations + spent)
-    status = _statuses(misfit, solution)
     errors = dict(zip(misfit.free, relative_errors(solution).tolist(), strict=True))
+    status = _statuses(misfit, solution, errors)
     return Judged(solution, status, _outcome(solution, status, misfit.right_angle), errors)
 
 
@@ -299,10 +299,11 @@ def is_loose(quantity: Quantity, value: float, error: float, share: float) -> bo
     return quantity.is_shared and error > share * max(1.0, abs(value) / quantity.size)
 
 
-def _statuses(misfit: Misfit, solution: Solution) -> dict[str, Status]:
+def _statuses(
+    misfit: Misfit, solution: Solution, errors: Mapping[str, float]
+) -> dict[str, Status]:
     status = dict.fromkeys(solution.parameters.names, Status.FIXED)
-    errors = relative_errors(solution)
-    for name, error in zip(misfit.free, errors, strict=True):
+    for name, error in errors.items():
         value = getattr(solution.parameters, name)
         status[name] = Status.FITTED
         one = misfit.damper.quantity(name)
@@ -313,7 +314,7 @@ def _statuses(misfit: Misfit, solution: Solution) -> dict[str, Status]:
             status[name] = Status.NOT_IDENTIFIABLE  # rigid oil is no fault: there is no upper limit
         elif not low < value < high:
             status[name] = Status.AT_BOUND
-        elif is_loose(one, value, float(error), NOT_FOUND):
+        elif is_loose(one, value, error, NOT_FOUND):
             status[name] = Status.NOT_IDENTIFIABLE
     for first, *others in misfit.damper.determined_together:
         if status.get(first) is Status.NOT_IDENTIFIABLE:
@@ -381,7 +382,7 @@ def describe_fit(setting: Setting, judged: Judged, misfit: Misfit) -> Fit:
             *judged.said,
             *(
                 (ONE_SPEED,)
-                if inseparable(misfit.traces, misfit.free, misfit.damper.quantities)
+                if inseparable(misfit.facts, misfit.free, misfit.damper.quantities)
                 else ()
             ),
         ),

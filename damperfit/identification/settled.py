@@ -87,10 +87,13 @@ class SettledCycle:
     turn: int = 0
 
     def solver(self, options: SolverOptions) -> SolverOptions:
-        """Return how to integrate it."""
-        if self.dead_band > options.dead_band:
-            return replace(options, dead_band=self.dead_band)
-        return options
+        """Return how to integrate it: cut in parts, each settles as the first one does."""
+        lead = len(self.motion.displacement) - len(self.force)
+        return replace(
+            options,
+            dead_band=max(options.dead_band, self.dead_band),
+            settling=(lead - 0.5) * self.motion.interval,
+        )
 
     def rows(self, response: Response) -> FloatArray:
         """Return residuals and derivatives, behind the filter, weighed: (1 + k, n)."""

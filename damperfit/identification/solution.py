@@ -29,9 +29,9 @@ class Solution:
     mse_percent : float
         Eq. (22) there, each stretch with its weight.
     jacobian : numpy.ndarray
-        Shape (n, k): derivative J of the residuals by u, in the order of the free parameters. Of a
-        descent that has ended the triangle R, at most (k, k): R^T R = J^T J, and J is as long as
-        the logs, of which a run keeps many.
+        The triangle R, at most (k, k), of the derivative J of the residuals by u, in the order of
+        the free parameters: R^T R = J^T J, and J is as long as the logs, of which a run keeps many.
+        J itself, (n, k), where some were held at an edge, until the descent has ended.
     evaluations, failed_trials : int
         Simulations of the whole setting, and those that could not be integrated.
     status : int

@@ -115,6 +115,11 @@ class DenseSystem:
         self.lengths = _lengths(self._rows)
         self.gradient = self._rows.T @ self._right
 
+    @property
+    def triangle(self) -> FloatArray:
+        """R of the Jacobian, shape (k, k), of fewer rows where n is less: R^T R = J^T J."""
+        return self._rows[: self._rows.shape[1]]
+
     def scaled(self, scale: FloatArray) -> StepSolver:
         """Return the solver for D; one singular value decomposition serves every lambda."""
         return _DenseSteps(self._rows, self._right, scale)

@@ -292,21 +292,18 @@ def test_short_descents_of_twelve_cost_sixty_in_all(cost, places, monkeypatch) -
 @pytest.mark.parametrize(
     ("error", "status"), [(0.48, Status.FITTED), (0.52, Status.NOT_IDENTIFIABLE)]
 )
-def test_a_number_is_found_with_an_error_of_half_of_it(error, status, monkeypatch) -> None:
-    monkeypatch.setattr(setting, "relative_errors", lambda _: [error])
-    found = setting._statuses(misfit(("r_m1",)), judged().solution)
+def test_a_number_is_found_with_an_error_of_half_of_it(error, status) -> None:
+    found = setting._statuses(misfit(("r_m1",)), judged().solution, {"r_m1": error})
     assert found["r_m1"] is status
 
 
 @pytest.mark.parametrize(
     ("friction", "status"), [(9.7, Status.AT_BOUND), (10.3, Status.NOT_IDENTIFIABLE)]
 )
-def test_a_friction_not_found_has_run_to_zero_below_a_hundredth(
-    friction, status, monkeypatch
-) -> None:
-    monkeypatch.setattr(setting, "relative_errors", lambda _: [0.9])
+def test_a_friction_not_found_has_run_to_zero_below_a_hundredth(friction, status) -> None:
     given = SimpleNamespace(free=("f_f",), damper=PURDY_DAMPER, deviation=1000.0)
-    assert setting._statuses(given, judged(f_f=friction).solution)["f_f"] is status
+    found = setting._statuses(given, judged(f_f=friction).solution, {"f_f": 0.9})
+    assert found["f_f"] is status
 
 
 @pytest.mark.parametrize(("mse", "is_kept"), [(1.46, True), (1.54, False)])

@@ -14,7 +14,7 @@ from damperfit.damper.valve_dampers import TwinTube
 from damperfit.identification import Status
 from damperfit.identification.descent import Misfit
 from damperfit.identification.minimiser import DescentPoint
-from damperfit.identification.setting import _statuses
+from damperfit.identification.setting import _statuses, relative_errors
 from damperfit.identification.solution import Solution
 from damperfit.laws import LawFit, physics_seen, seen_again
 from damperfit.laws.choosing import FEWEST_SAMPLES
@@ -96,7 +96,8 @@ def test_a_fit_tells_nothing_of_a_blow_off_whose_opening_it_does_not_tell(
     values = MODEL.values({one.name: one.default or 1e5 for one in MODEL.quantities})
     solution = Solution(values, 0.01, jacobian, 1, 0, 2, 0.0, 100.0, is_cavitating=False)
     misfit = Misfit((fakes.trace(1),), MODEL, free, SolverOptions(), 100, lambda: False)
-    found = _statuses(misfit, solution)
+    errors = dict(zip(free, relative_errors(solution).tolist(), strict=True))
+    found = _statuses(misfit, solution, errors)
     assert found[f"compression_{flat}"] is Status.NOT_IDENTIFIABLE
     assert (found["compression_slope"] is Status.FITTED) is are_told
     assert found["rebound_slope"] is Status.FITTED

@@ -154,6 +154,29 @@ DF_FOR_EACH_KIND int solve_all(const job *t, const gas_points *gas, double hd, c
     return 0;
 }
 
+/* What a number of the body does to the pressure of a chamber of oil, its mass held. */
+DF_FOR_EACH_KIND lanes oil_by(const df_network *q, lanes P, int place)
+{
+    const lanes zero = all_of(0.0);
+    if (place == DF_NUMBER_K)
+        return pick(P > zero, (P - q->numbers[DF_NUMBER_P_0]) * q->plan.inverse_K, zero);
+    return place == DF_NUMBER_P_0 ? pick(P > zero, all_of(1.0), zero) : zero;
+}
+
+/* The same of the gas: P = P_0 (1 + d)^-gamma. */
+DF_FOR_EACH_KIND lanes gas_by(const df_network *q, lanes P, int place)
+{
+    const double inverse = 1.0 / q->numbers[DF_NUMBER_P_0];
+    if (place == DF_NUMBER_P_0)
+        return P * inverse;
+    if (place != DF_NUMBER_GAMMA)
+        return all_of(0.0);
+    lanes by;
+    for (int l = 0; l < DF_LANES; l++)
+        by[l] = P[l] * log(P[l] * inverse) / q->numbers[DF_NUMBER_GAMMA];
+    return by;
+}
+
 /* What a number does to the balances, the masses held. */
 DF_FOR_EACH_KIND void by_number(const df_network *q, const balances *b, int place, lanes F[2])
 {
@@ -167,13 +190,13 @@ DF_FOR_EACH_KIND void by_number(const df_network *q, const balances *b, int plac
         }
         return;
     }
-    const lanes zero = all_of(0.0);
     lanes P[2];
+    const lanes gas = gas_by(q, b->P[2], place);
     for (int i = 0; i < 2; i++)
-        P[i] = pick(b->P[i] > zero, (b->P[i] - q->numbers[DF_NUMBER_P_0]) * q->plan.inverse_K, zero);
+        P[i] = oil_by(q, b->P[i], place);
     const lanes w12 = b->g[DF_1_2] * (P[0] - P[1]);
-    F[0] = -(b->g[DF_1_3] * P[0]) - w12;
-    F[1] = w12 - b->g[DF_2_3] * P[1];
+    F[0] = -(b->g[DF_1_3] * (P[0] - gas)) - w12;
+    F[1] = w12 - b->g[DF_2_3] * (P[1] - gas);
 }
 
 DF_FOR_EACH_KIND void carry_one(const df_network *q, const solved *e, double hd, int place, const lanes past[2],

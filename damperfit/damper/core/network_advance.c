@@ -241,7 +241,7 @@ static inline int follow_gas(const df_network *q, double x, df_network_state *no
     if (df_gas_is_near(&now->gas, s))
         return 0;
     const df_gas spring = gas_of(q);
-    return df_gas_expand(&spring, s, &now->gas);
+    return df_gas_expand(&spring, df_gas_ahead(&now->gas, s), &now->gas);
 }
 
 DF_FOR_EACH_KIND int take_steps(const df_network *q, const df_options *o, const int kind, const piece *motion,

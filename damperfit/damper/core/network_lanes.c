@@ -6,8 +6,11 @@
 #if defined(__GNUC__)
 
 #include "lane_steps.h"
+#include "network_slopes.h"
 
-#define FEWEST_LEADS 4 /* a motion that is shorter is no sooner done in parts */
+#define FEWEST_LEADS 2 /* a motion that is shorter is no sooner done in parts */
+#define SLOWEST 10.0 /* 1/s; oil that moves more slowly is not where it would come to rest */
+#define SUNK 3 /* times that the pressure of the gas and the oil that has left it are found from each other */
 #define MEETS_WITHIN 10.0 /* tolerances; parts whose forces or slopes are further apart have not met */
 
 /* Where parts begin and how long they are. */
@@ -24,10 +27,10 @@ DF_FOR_EACH_KIND int follow(const df_network *q, parts *p)
         return 1;
     const df_gas spring = {q->numbers[DF_NUMBER_P_0], q->numbers[DF_NUMBER_GAMMA], q->numbers[DF_NUMBER_V_GAS], q->rho_0};
     for (int l = 0; l < DF_LANES; l++) {
-        df_gas_point point;
+        df_gas_point point = {p->gas.s0[l], p->gas.inverse_mass[l], spring.gamma, {0.0}};
         if (near[l] < 0.5 * DF_GAS_REACH)
             continue;
-        if (df_gas_expand(&spring, s[l], &point))
+        if (df_gas_expand(&spring, df_gas_ahead(&point, s[l]), &point))
             return 0;
         p->gas.s0[l] = point.s0;
         p->gas.inverse_mass[l] = point.inverse_mass;
@@ -90,11 +93,9 @@ DF_FOR_EACH_KIND int advance_all(const job *t, const way *m, parts *p, df_work *
 DF_FOR_EACH_KIND lanes slope_of_oil(const job *t, const parts *p, int j)
 {
     const df_network *q = t->q;
-    const lanes zero = all_of(0.0);
-    lanes P[2] = {p->own[0] * p->S[j][0], p->own[1] * p->S[j][1]};
-    for (int i = 0; i < 2 && t->place[j] == DF_NUMBER_K; i++)
-        P[i] += pick(p->P[i] > zero, (p->P[i] - q->numbers[DF_NUMBER_P_0]) * q->plan.inverse_K, zero);
-    return P[0] * q->a_1 - P[1] * q->a_2;
+    const lanes P_1 = p->own[0] * p->S[j][0] + oil_by(q, p->P[0], t->place[j]);
+    const lanes P_2 = p->own[1] * p->S[j][1] + oil_by(q, p->P[1], t->place[j]);
+    return P_1 * q->a_1 - P_2 * q->a_2;
 }
 
 /* A sample of every part that has settled by then and does not go on beyond its own. */
@@ -211,11 +212,63 @@ static int is_for_parts(const df_network *q, const df_result *r, job *t)
         const int place = r->which[j];
         if (place == DF_NUMBER_OFFSET || place == DF_NUMBER_FRICTION)
             continue;
-        if ((place != DF_NUMBER_K && place < DF_FIRST_PASSAGE_NUMBER) || t->n_carried == MOST_CARRIED)
+        const int is_here = place == DF_NUMBER_K || place == DF_NUMBER_P_0 || place == DF_NUMBER_GAMMA ||
+                            place >= DF_FIRST_PASSAGE_NUMBER;
+        if (!is_here || t->n_carried == MOST_CARRIED)
             return 0;
         t->place[t->n_carried++] = place;
     }
     return 1;
+}
+
+/* The slopes of oil that neither comes nor goes: 0 = J S + what the number does. */
+static void rest_slopes(const df_network *q, df_network_state *now)
+{
+    const double(*J)[DF_STATES] = now->b.J;
+    df_flows f;
+    chambers c;
+    if (fill_chambers(q, now->x, &c) != DF_OK)
+        return;
+    evaluate(q, DF_IS_PURDY, &c, &now->gas, now->y, &now->b, &f);
+    const double det = J[0][0] * J[1][1] - J[0][1] * J[1][0], inverse = 1.0 / det;
+    if (!(det > SLOWEST * SLOWEST))
+        return;
+    for (int j = 0; j < now->n_which; j++) {
+        double F[DF_STATES];
+        balance_by(q, DF_IS_PURDY, &now->b, &f, taken(q, DF_IS_PURDY, &c, now->y), now->v, now->which[j], F);
+        now->S[j][0] = (J[0][1] * F[1] - J[1][1] * F[0]) * inverse;
+        now->S[j][1] = (J[1][0] * F[0] - J[0][0] * F[1]) * inverse;
+        now->G[j][0] = now->G[j][1] = 0.0;
+    }
+}
+
+/* From one pressure everywhere to those at which what the piston sweeps would flow for good: near what a
+ * part finds that begins in the middle of a stroke. Not where a chamber would be empty. */
+static void let_flow(const df_network *q, df_network_state *now)
+{
+    const df_way *ways = q->plan.ways;
+    const double K = q->numbers[DF_NUMBER_K], P_0 = q->numbers[DF_NUMBER_P_0];
+    const double w_1 = q->plan.swept[0] * now->v, w_2 = q->plan.swept[1] * now->v;
+    const double root = ways[DF_1_3].law.S * (now->v >= 0.0 ? w_1 : w_1 - w_2);
+    const df_gas spring = gas_of(q);
+    df_gas_point gas;
+    chambers c;
+    double P_3 = now->b.P[2], oil[2];
+    if (fill_chambers(q, now->x, &c) != DF_OK)
+        return;
+    for (int k = 0; k < SUNK; k++) {
+        const double P_1 = P_3 + root * root;
+        const double P_2 = now->v >= 0.0 ? P_3 - ways[DF_2_3].law.R * w_2 : P_1 - ways[DF_1_2].law.R * w_2;
+        if (!(P_2 > 0.0 && larger(P_1, P_2) < K))
+            return;
+        oil[0] = c.full[0] * (1.0 + (P_1 - P_0) / K) - q->plan.oil[0];
+        oil[1] = c.full[1] * (1.0 + (P_2 - P_0) / K) - q->plan.oil[1];
+        if (df_gas_expand(&spring, oil[0] + oil[1], &gas))
+            return;
+        P_3 = gas.series[0];
+    }
+    if (df_place_network(q, oil, 0.0, now->x, now->v, now) == DF_OK)
+        rest_slopes(q, now);
 }
 
 int df_simulate_in_parts(df_network *q, const df_options *o, const df_motion *motion, size_t lead, const df_result *r,
@@ -226,7 +279,7 @@ int df_simulate_in_parts(df_network *q, const df_options *o, const df_motion *mo
     job t = {q, o, {0}, 0};
     work->steps = work->rejected = work->newton = 0;
     work->failed_sample = motion->n;
-    if (lead < 1 || motion->n_jumps || motion->n < FEWEST_LEADS * (lead + 1) || df_plan_network(q) != DF_OK ||
+    if (lead < 1 || motion->n_jumps || motion->n < FEWEST_LEADS * lead + DF_LANES || df_plan_network(q) != DF_OK ||
         !is_for_parts(q, r, &t) || !(motion->interval > 0.0))
         return DF_NOT_IN_PARTS;
     const size_t stride = (motion->n - lead) / DF_LANES;
@@ -235,6 +288,8 @@ int df_simulate_in_parts(df_network *q, const df_options *o, const df_motion *mo
         const size_t k = (size_t)l * stride;
         if (df_begin_network(q, o, motion->x[k], motion->v[k], t.place, t.n_carried, &now) != DF_OK)
             return DF_NOT_IN_PARTS;
+        if (l > 0)
+            let_flow(q, &now);
         take_over(&t, &now, l, &p);
     }
     p.t_old = -2.0;

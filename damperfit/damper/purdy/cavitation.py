@@ -68,10 +68,11 @@ def examine_cavitation(
     response = next(one for of, one in seen if of is trace)
     line = _nearness(parameters, trace, response, damper)
     motion, n = _shortest(trace, moment)
+    in_parts = replace(solver, settling=_SETTLING)
 
     def lowest(trial: Values, gas: float) -> float:
         at = replace(damper, gas_pressure=gas)
-        filled = simulate(trial, at, motion, options=solver).pressures[:2, -n:]
+        filled = simulate(trial, at, motion, options=in_parts).pressures[:2, -n:]
         # The pressure is clamped at zero; the share of time spent there gives the root a slope.
         share = float(np.mean((filled <= 0.0).any(axis=0)))
         return -gas * share if share else float(np.min(filled))
