@@ -42,7 +42,8 @@ __all__ = [
 GAS = ("gas_volume", "gas_pressure", "gas_exponent")
 # Those that say what its valves, its rig and its friction are made of, which nobody measures.
 _OF_THE_LAW = {"rebound", "compression", "mounting", "friction", "passages", "floating_piston"}
-_HARMLESS = {"oil_density", "gas_exponent", "ambient_pressure"}
+_OUTSIDE = "ambient_pressure"  # nobody declares it, and it is told by itself
+_HARMLESS = {"oil_density", "gas_exponent", _OUTSIDE}
 
 # Of units that have a short name; parameters of other units are bare numbers in SI.
 _DIMENSIONS = {
@@ -222,6 +223,11 @@ class Configuration:
         return tuple(name for name in self.keys if f"damper.{name}" not in self.declared)
 
     @property
+    def not_measured(self) -> tuple[str, ...]:
+        """The same without the ambient pressure, which is everywhere much the same."""
+        return tuple(name for name in self.undeclared if name != _OUTSIDE)
+
+    @property
     def keys(self) -> tuple[str, ...]:
         """Keys of [damper] that the model has."""
         return tuple(
@@ -291,10 +297,17 @@ class Configuration:
     def notes(self) -> tuple[str, ...]:
         """What was assumed of the damper, a sentence each."""
         said = []
-        if self.undeclared and not self.is_assumed:
+        names = self.not_measured
+        if names and not self.is_assumed:
             said.append(
-                f"[damper] leaves {', '.join(self.undeclared)} to {self.whose}{self._assumed_gas}: "
+                f"[damper] leaves {', '.join(names)} to {self.whose}{self._assumed_gas}: "
                 "declare what your damper has (damperfit config prints every key)"
+            )
+        if _OUTSIDE in self.undeclared and not self.is_assumed:
+            bar = 1e-5 * self.document["damper"][_OUTSIDE]
+            said.append(
+                f"the air presses on the rod with {bar:.4g} bar, unless damper.{_OUTSIDE} says "
+                "otherwise"
             )
         if self.identification.follows and self.identification.procedure != "joint":
             said.append(

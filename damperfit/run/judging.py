@@ -170,7 +170,7 @@ def _checks(
         missing=tuple(missing),
         temperature=configuration.rig.temperature,
         temperature_tolerance=configuration.rig.temperature_tolerance,
-        undeclared=configuration.undeclared,
+        undeclared=configuration.not_measured,
         whose=configuration.whose if configuration.is_assumed else "",
     )
     return run_checks(subject)

@@ -147,8 +147,10 @@ def _of_fit(fit: Fit, diagnosis: Diagnosis | None, gas: GasFacts | None) -> Iter
     yield from _beyond(fit)
     if diagnosis is not None:
         yield from _misfit(diagnosis)
-    if _misses(fit, diagnosis):
+    misses = _misses(fit, diagnosis)
+    if misses or (diagnosis is not None and _repeats(diagnosis)):
         yield from _cavitation(fit)
+    if misses:
         yield from _offset(fit, gas)
         yield from _friction(fit)
 
@@ -225,7 +227,7 @@ def _doubted_dimensions(
         misses = f"of the MSE of {one.mse_percent:.2g} % only {one.noise_percent:.2g} % is noise"
         if assumed:
             said[setting] = f"{assumed} {misses}"
-        elif _is_of_gas(one) and any(_is_of_gas(diagnoses[other]) for other in lost):
+        elif _is_of_gas(one) and any(_is_of_gas(diagnoses[k], or_offset=True) for k in lost):
             said[setting] = f"{misses}, and the rest is as from {one.hints[0].words}"
     return {
         setting: (Objection("dimensions", "", f"{words}: declare the damper as it is"),)
@@ -234,17 +236,25 @@ def _doubted_dimensions(
 
 
 def _is_bent(fit: Fit, diagnosis: Diagnosis) -> bool:
+    return _repeats(diagnosis) and fit.mse_percent > LIMITS.nothing_percent
+
+
+def _repeats(diagnosis: Diagnosis) -> bool:
+    """Whether it is many times the noise; never where that is not known."""
     repeats, noise = diagnosis.repeating_percent, diagnosis.noise_percent
-    is_much = repeats > LIMITS.times_noise * noise  # never where the noise is not known
-    return diagnosis.is_structured and is_much and fit.mse_percent > LIMITS.nothing_percent
+    return diagnosis.is_structured and repeats > LIMITS.times_noise * noise
 
 
-def _is_of_gas(diagnosis: Diagnosis) -> bool:
-    """Whether what repeats is locked to the position as the force of another gas spring is."""
+def _is_of_gas(diagnosis: Diagnosis, *, or_offset: bool = False) -> bool:
+    """Whether what repeats is locked to the position as the force of another gas spring is.
+
+    What a wrong gas pressure does is an offset at soft settings.
+    """
     if not diagnosis.hints:
         return False
     first = diagnosis.hints[0]
-    return first.name.startswith("gas_") and first.share > LIMITS.dimensions
+    is_of_gas = first.name.startswith("gas_") or (or_offset and first.name == "offset")
+    return is_of_gas and first.share > LIMITS.dimensions
 
 
 def _round(times: float) -> str:

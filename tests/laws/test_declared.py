@@ -98,10 +98,16 @@ def test_a_law_that_was_found_is_no_declaration_of_the_damper() -> None:
 
 def test_a_named_model_tells_its_assumed_gas() -> None:
     declared = {"model": "twin_tube", "rod_diameter": "11mm"}
-    (said,) = load_configuration(None, overlay={"damper": declared}).notes
+    said, air = load_configuration(None, overlay={"damper": declared}).notes
+    assert air == (
+        "the air presses on the rod with 1.013 bar, unless damper.ambient_pressure says otherwise"
+    )
     assert "(30 cm3 of gas, 5 bar absolute, exponent 1.3): declare" in said
     known = load_configuration(None, overlay={"damper": {**declared, "gas_volume": "25cm3"}})
     assert "cm3 of gas" not in " ".join(known.notes)
+    open_air = load_configuration(None, overlay={"damper": {**declared, "ambient_pressure": 0.0}})
+    assert [one for one in open_air.notes if "the air presses" in one] == []
+    assert "ambient_pressure" not in known.not_measured
 
 
 def test_a_measured_lag_is_not_taken_out() -> None:

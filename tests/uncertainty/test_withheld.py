@@ -115,6 +115,16 @@ def test_cavitation_that_nothing_speaks_for(share: float, *, is_withheld: bool) 
     assert kinds(replace(one, mse_percent=0.21)) == (["cavitation"] if is_withheld else [])
 
 
+@pytest.mark.parametrize(("times", "is_withheld"), [(30.1, True), (29.9, False)])
+def test_cavitation_in_a_small_misfit_that_is_many_times_the_noise(
+    times: float, *, is_withheld: bool
+) -> None:
+    one = replace(fit(1), cavitation=Cavitation(fraction=0.09, lowest_pressure=0.0, chamber=2))
+    one = replace(one, mse_percent=0.0093)
+    seen = told(0.0093, 0.0093 / (1.0 + times))
+    assert kinds(one, seen) == (["cavitation"] if is_withheld else [])
+
+
 def test_an_offset_far_from_that_of_the_log() -> None:
     one = fit(1)  # its force at no speed is that of the gas: the log shows an offset of nothing
     far, seen = offset_mismatch(having(f_0=100.0), "f_0", GAS)
@@ -233,6 +243,10 @@ def test_dimensions_are_the_damper_s_and_not_a_setting_s() -> None:
     other, white = told(0.05), told(0.005, 0.0049, misses=False)
     assert [setting for setting, _ in about_dimensions(much, little, other, white)] == [1, 2]
     assert about_dimensions(little, little) == []
+    # At a soft setting a wrong gas pressure looks like an offset.
+    offset = replace(much, hints=(of_gas("offset"),))
+    assert [setting for setting, _ in about_dimensions(offset, little)] == [2]
+    assert about_dimensions(replace(offset, hints=(of_gas("offset", 0.89),)), little) == []
     assert about_dimensions(other, little) == []
 
 
