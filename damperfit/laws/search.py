@@ -64,6 +64,8 @@ _FURTHER = ("return_slope", "drag", *KINDS, *PARTS, *LACKING, "free_gas")
 # The same parts in another layout that fitted and predicted so many times worse are not fitted
 # again from the law that was taken.
 _FAR_WORSE = 8.0
+# A mounting so many times as stiff as the oil is none: what K_e is held at may be off by as much.
+_AS_RIGID = 3.0
 # Settings at which parts more are looked for, each by itself.
 _MOST_GROWN = 3
 
@@ -154,8 +156,9 @@ class _Search(Course):
 
         Last, for what is not seen beside a part that lacks may be seen beside that.
         """
+        unseen = law.unseen | ({"k_s"} if _is_as_rigid(law) else set())
         for change, (names, smaller) in ONE_STROKE.items():
-            if set(names) & law.unseen:
+            if set(names) & unseen:
                 law = self.without(law, change, smaller)
         return law
 
@@ -261,3 +264,12 @@ class _Search(Course):
 def _bleeds_of(law: Tried) -> tuple[str, str]:
     damper = valve_damper(law)
     return damper.rebound.bleed, damper.compression.bleed
+
+
+def _is_as_rigid(law: Tried) -> bool:
+    """Whether the mounting gives no more than the oil's bulk modulus is uncertain by."""
+    one = valve_damper(law)
+    if "k_s" not in law.fits[0].free:
+        return False
+    softest = min(one.annulus_area / one.chamber_1_length, one.piston_area / one.chamber_2_length)
+    return all(fit.values.k_s > _AS_RIGID * fit.values.k_e * softest for fit in law.fits)
