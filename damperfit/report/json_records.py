@@ -85,8 +85,9 @@ def to_record(one: Any) -> Any:
     if isinstance(one, Setting):
         return one.cell
     if is_dataclass(one):
+        kind: Any = type(one)
         record = {}
-        for name, key in _keys_of(type(one)):
+        for name, key in _keys_of(kind):
             value = getattr(one, name)
             record[key] = value if type(value) in _PLAIN else to_record(value)
         return record
