@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from functools import lru_cache
 from importlib import import_module
 from typing import TYPE_CHECKING
@@ -13,6 +14,9 @@ if TYPE_CHECKING:
 
 __all__ = ["compiled_core"]
 
+_NAME = "damperfit.damper._core"
+_LOADED: dict[str, ModuleType] = {}
+
 
 def compiled_core() -> ModuleType:
     """Return the compiled core.
@@ -22,8 +26,11 @@ def compiled_core() -> ModuleType:
     InstallationError
         It does not load.
     """
+    core = _LOADED.get(_NAME)
+    if core is not None and sys.modules.get(_NAME) is core:  # asked fifty times a log
+        return core
     try:
-        core = import_module("damperfit.damper._core")
+        core = import_module(_NAME)
     except ImportError as error:
         installed = _installed_core()
         if installed is None:
@@ -32,6 +39,7 @@ def compiled_core() -> ModuleType:
                 "Reinstall it for this Python with: pip install --force-reinstall damperfit"
             ) from error
         return installed
+    _LOADED[_NAME] = core
     return core
 
 
@@ -41,7 +49,6 @@ def _installed_core() -> ModuleType | None:
 
     Python started in a checkout takes the sources there, after ``pip install .`` too.
     """
-    import sys
     from importlib import metadata
     from importlib.machinery import PathFinder
     from importlib.util import module_from_spec
@@ -50,7 +57,7 @@ def _installed_core() -> ModuleType | None:
     from damperfit import __version__
 
     folders = [str(Path(entry) / "damperfit" / "damper") for entry in sys.path]
-    spec = PathFinder.find_spec("damperfit.damper._core", folders)
+    spec = PathFinder.find_spec(_NAME, folders)
     try:
         if spec is None or spec.loader is None or metadata.version("damperfit") != __version__:
             return None

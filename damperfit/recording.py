@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -36,6 +36,9 @@ __all__ = [
 ]
 
 SEVERITIES = ("note", "warning", "refusal")
+_SPEEDS = ("peak_speed_rebound", "peak_speed_bump", "hysteresis_speed")
+_FIGURES = {one: f"{one}_m_per_s" for one in _SPEEDS} | {"energy": "energy_J"}
+_FIGURES |= {one: f"figures_{one}_s" for one in ("start", "stop")}  # all others are forces
 
 
 def natural_order(name: str) -> tuple[tuple[int, int, str], ...]:
@@ -71,6 +74,10 @@ class Finding:
     value: float | None = None
     unit: str = ""
     is_correction: bool = False
+
+    def describe(self) -> dict[str, Any]:
+        """Return the finding for run.json."""
+        return {name: getattr(self, name) for name in self.__slots__}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -201,15 +208,8 @@ class StretchFigures:
 
     def describe(self) -> dict[str, float | None]:
         """Return the figures for run.json."""
-        units = {"peak_force": "N", "peak_speed": "m_per_s", "energy": "J", "hysteresis": "N"}
-        units |= {"start": "s", "stop": "s"}
-        named = {"hysteresis_speed": "hysteresis_speed_m_per_s"}
-        named |= {"start": "figures_start_s", "stop": "figures_stop_s"}
-        facts = {}
-        for name, value in asdict(self).items():
-            unit = next(unit for start, unit in units.items() if name.startswith(start))
-            facts[named.get(name, f"{name}_{unit}")] = value if math.isfinite(value) else None
-        return facts
+        told = ((_FIGURES.get(one, f"{one}_N"), getattr(self, one)) for one in self.__slots__)
+        return {key: value if math.isfinite(value) else None for key, value in told}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -396,5 +396,5 @@ class Trace:
             "temperature_degC": self.temperature,
             "notes": list(self.notes),
             "warnings": list(self.warnings),
-            "findings": [asdict(one) for one in self.findings],
+            "findings": [one.describe() for one in self.findings],
         }

@@ -7,7 +7,7 @@ import logging
 import os
 from collections import Counter
 from contextlib import suppress
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from pathlib import Path
 from time import perf_counter
@@ -384,7 +384,7 @@ def _failed(
     failure = failure_of(mishap, known.log, known.path, known.facts["setting"])
     sentence = mishap.message.removeprefix(f"{known.log}: ")
     refusal = Finding(_REFUSALS.get(mishap.kind, "unreadable"), "refusal", sentence)
-    refused = {"findings": [asdict(one) for one in (refusal, *findings)], "verdict": "refused"}
+    refused = {"findings": [one.describe() for one in (refusal, *findings)], "verdict": "refused"}
     return _Taken(replace(known, facts=known.facts | refused), failure=failure)
 
 

@@ -90,21 +90,22 @@ def once_each(batch: LogBatch) -> LogBatch:
     paths = {log.log: log.path for log in batch.logs}
     twins: dict[str, list[Trace]] = {}
     kept: list[Trace] = []
-    by_length: dict[int, list[tuple[Trace, float]]] = defaultdict(list)
+    by_length: dict[int, list[tuple[Trace, float, float]]] = defaultdict(list)
     for trace in batch.traces:
-        alike = by_length[len(trace.force)]
+        alike, norm = by_length[len(trace.force)], _early_norm(trace)
         first = next(
             (
                 one
-                for one, most in alike
-                if paths.get(one.name) != paths.get(trace.name)
+                for one, most, its_norm in alike
+                if (norm - its_norm) ** 2 <= (1.0 + _ROUNDING) * most  # no further than the forces
+                and paths.get(one.name) != paths.get(trace.name)
                 and not _differ_early(one, trace, most)
                 and _is_same(one, trace)
             ),
             None,
         )
         if first is None:
-            alike.append((trace, _most(trace)))
+            alike.append((trace, _most(trace), norm))
             kept.append(trace)
         else:
             twins.setdefault(first.name, []).append(trace)
@@ -152,6 +153,11 @@ def _is_copy(one: Trace, other: Trace) -> bool:
 def _most(trace: Trace) -> float:
     """Sum of squares, N^2, beyond which no other force is the same as this one."""
     return len(trace.force) * (_SAME * float(np.ptp(trace.force) or 1.0)) ** 2
+
+
+def _early_norm(trace: Trace) -> float:
+    """Length of the first samples' force as a vector, N."""
+    return float(np.linalg.norm(trace.force[: len(trace.force) // _EARLY]))
 
 
 def _differ_early(one: Trace, other: Trace, most: float) -> bool:
