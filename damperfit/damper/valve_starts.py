@@ -34,9 +34,11 @@ _RARE = {
     "free_gas": 5e-3, "presliding": 3e-5, "breakaway": 10.0, "stribeck_speed": 0.02,
     "seal_area": 3e-6, "turning_speed": 1e-3,
 }  # fmt: skip
-# Shares of half the force's range at which the loops are read: of themselves they take hardly any
-# friction, with which a weak stroke is read wrong. Seals have 3 to 8 %.
-_FRICTIONS = (0.05, 0.025)
+# Offset, N, and share of half the force's range that is friction, at which the loops are read. Of
+# themselves they take hardly any friction, with which a weak stroke is read wrong: seals have 3 to
+# 8 %, at soft settings 15. Without an offset it is the one at which they fit best, but behind a
+# nearly closed bleed the preload of one stroke passes for an offset, a fifth of the force.
+_READ_AT = ((None, 0.05), (None, 0.025), (0.0, 0.05), (0.0, 0.025), (0.0, 0.15))
 # Softest and stiffest mounting, N/m, and oil, Pa, that a start has.
 _STIFFNESS, _OIL = (5e4, 5e6), (5e7, 3e9)
 
@@ -76,10 +78,12 @@ def valve_points(
         read_valves(
             loops,
             *sides(damper, fixed),
-            offset=fixed.get("f_0"),
-            friction=fixed.get("f_f", share * half),
+            offset=offset,
+            friction=friction,
         )
-        for share in _FRICTIONS
+        for offset, friction in dict.fromkeys(
+            (fixed.get("f_0", offset), fixed.get("f_f", share * half)) for offset, share in _READ_AT
+        )
     ]
     points = [
         _general(damper, one, traces) | _valves(damper, one, traces, None) for one in readings

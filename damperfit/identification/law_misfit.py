@@ -41,8 +41,9 @@ __all__ = ["COMPARING", "LawMisfit", "best_fitting", "best_of_starts", "vanishes
 COMPARING = Stopping(
     cost_tolerance=3e-4, step_tolerance=1e-4, max_evaluations=60, rest=math.inf, near=5e-3
 )
-# Starts that are followed for a few evaluations before the best is followed to its end.
-_TRIED = 2
+# Starts that are followed for a few evaluations before the best is followed to its end: so many, or
+# one beside those that are known.
+_TRIED = 3
 _SHORT = Stopping(cost_tolerance=1e-2, step_tolerance=1e-3, max_evaluations=8, rest=math.inf)
 # Quantities that, beside friction, do nothing when they are small; stiffnesses and resistances do
 # when large.
@@ -50,6 +51,8 @@ _VANISHING = (
     "play", "lag", "drag", "_width", "_port", "_leak", "free_gas", "presliding", "breakaway",
     "seal_area", "turning_speed",
 )  # fmt: skip
+# Of the force's deviation: starts with offsets or frictions that are so far apart are two places.
+_APART = 0.1
 # Times the scatter between cycles: a descent that is there needs no other start.
 _AS_EXPECTED = 2.0
 
@@ -224,8 +227,9 @@ def best_of_starts(
 ) -> Minimum[Values]:
     """Return where the best of some starts leads.
 
-    Those that fit best are followed for a few evaluations, the better of them to its end; where it
-    loses a bleed or a blow-off there, the next best start is followed too.
+    Those that fit best, with unlike offsets or frictions, are followed for a few evaluations, the
+    best of them to its end; where it loses a bleed or a blow-off there, the next start is followed
+    too.
 
     Parameters
     ----------
@@ -243,10 +247,11 @@ def best_of_starts(
     SimulationError
         The law cannot be simulated at any of them.
     """
-    ranked = [*starts[:known], *best_fitting(misfit, starts[known:])]
+    ranked = [*starts[:known], *_in_turn(misfit, best_fitting(misfit, starts[known:]))]
     best: Minimum[Values] | None = None
     spent = 0
-    for start in ranked[: max(_TRIED, known + 1)]:
+    many = known + 1 if known else _TRIED
+    for start in ranked[:many]:
         try:
             short = misfit.descend(start, _SHORT)
         except SimulationError:
@@ -262,13 +267,34 @@ def best_of_starts(
         return replace(best, evaluations=spent)
     ended = misfit.descend(best.point.extra, COMPARING)
     spent += ended.evaluations
-    left = ranked[max(_TRIED, known + 1) :]
+    left = ranked[many:]
     if left and _lost_a_valve(misfit, ended):
         other = _descended(misfit, left[0])
         if other is not None:
             spent += other.evaluations
             ended = min(ended, other, key=lambda one: one.point.cost)
     return replace(ended, evaluations=spent)
+
+
+def _in_turn(misfit: LawMisfit, ranked: list[Values]) -> list[Values]:
+    """Starts in the order in which they are followed: the best, then the best that is none of it.
+
+    An offset or a friction that hides a preload fits best at the start and leads nowhere else.
+    """
+    if len(ranked) < 2:
+        return ranked
+    of = {name: misfit.model.quantity(name) for name in misfit.free}
+    forces = [name for name, one in of.items() if one.is_offset or one.is_friction]
+    least = _APART * misfit.deviation
+
+    def is_apart(one: Values, other: Values) -> bool:
+        return any(abs(getattr(one, name) - getattr(other, name)) > least for name in forces)
+
+    first: list[Values] = []
+    for one in ranked:
+        if all(is_apart(one, other) for other in first):
+            first.append(one)
+    return [*first, *(one for one in ranked if one not in first)]
 
 
 def _lost_a_valve(misfit: LawMisfit, ended: Minimum[Values]) -> bool:

@@ -7,7 +7,8 @@ A law with more quantities fits better always. It is taken only where all of the
     MSE_a > 0.02 %                                    the smaller law leaves something to explain,
                                                       or a force at a speed is off by more than 1 %,
                                                       or a held-out log by an MSE of 0.2 %
-    not every new part has a quantity at an edge of its range
+    not every new part has a quantity at an edge of its range; of a part that a law is asked to do
+    without, at the edge at which it does nothing
     what was held out is predicted no worse
 
 n_eff = 2 (sum p_h)^2/sum p_h^2 with p_h the power of the largest law's residual at the h-th
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
 __all__ = [
     "ENOUGH_PERCENT",
     "FEWEST_SAMPLES",
+    "GAIN",
     "NO_WORSE",
     "SEEN_APART",
     "Tried",
@@ -59,6 +61,8 @@ _NOTHING_APART = 4.0
 _NOTHING_PREDICTED = 100.0  # per cent: a law that predicts nothing, or cannot be simulated there
 # Two predictions this near each other differ by noise.
 NO_WORSE = 1.1
+# Numbers without which a valve's part is none.
+_LEADING = ("_bleed", "_opening", "_slope")
 FEWEST_SAMPLES = 20.0  # effective ones, of a stretch
 
 
@@ -118,6 +122,12 @@ class Tried:
         return tuple(name for name in self.fits[0].free if name in names)
 
     @property
+    def absent(self) -> tuple[str, ...]:
+        """Of these, what does nothing there in every setting."""
+        names = set.intersection(*({*one.absent} for one in self.fits))
+        return tuple(name for name in self.fits[0].free if name in names)
+
+    @property
     def unseen(self) -> set[str]:
         """What no setting's logs determine."""
         return set.intersection(*({*one.at_bound, *one.undetermined} for one in self.fits))
@@ -154,7 +164,12 @@ class Verdict:
 
 
 def judged(
-    small: Tried, large: Tried, n_eff: float, *, left_percent: float | None = None
+    small: Tried,
+    large: Tried,
+    n_eff: float,
+    *,
+    left_percent: float | None = None,
+    is_removed: bool = False,
 ) -> Verdict:
     """Return whether the larger law is taken.
 
@@ -166,13 +181,16 @@ def judged(
         Effective samples of all settings compared.
     left_percent : float, optional
         What the smaller law leaves, where that is not its MSE.
+    is_removed : bool
+        Whether the smaller law was made of the larger: a blow-off that opens without resistance is
+        at an edge, and no less needed.
     """
     left = small.mse_percent if left_percent is None else left_percent
     gain = small.mse_percent / max(large.mse_percent, 1e-300)
     n_settings = len(small.fits)
     cost = n_settings * (large.n_quantities - small.n_quantities) * math.log(n_eff / n_settings)
     bic = n_eff * math.log(max(gain, 1e-300)) - cost
-    new = [x for x in large.at_bound if x in _more(large, small)]
+    new = _missing(large.absent if is_removed else large.at_bound, _more(large, small))
     held = small.held_out_percent, large.held_out_percent
     if left <= ENOUGH_PERCENT and not small.leaves_something:
         reason = (
@@ -183,7 +201,7 @@ def judged(
         reason = f"the MSE falls by a factor of {gain:.2f} only; {GAIN:g} is required"
     elif bic <= 0.0:
         reason = f"its parameters cost more than the lower MSE is worth (BIC {bic:+.0f})"
-    elif new and _parts(new) == _parts(_more(large, small)):
+    elif new:
         reason = f"{', '.join(new)} runs to the end of its range: it is absent"
     elif held[1] > NO_WORSE * held[0]:
         reason = f"what was held out is predicted worse, {held[1]:.2g} % after {held[0]:.2g} %"
@@ -240,10 +258,26 @@ def _more(large: Tried, small: Tried) -> list[str]:
     return [name for name in large.fits[0].free if name not in small.fits[0].free]
 
 
-def _parts(names: Sequence[str]) -> set[str]:
-    """What quantities are of: the valve of a stroke, or one for itself."""
-    strokes = ("rebound", "compression")
-    return {next((one for one in strokes if name.startswith(one)), name) for name in names}
+def _missing(at_edge: Sequence[str], more: Sequence[str]) -> list[str]:
+    """Of what a law has more, the numbers at an edge if each of its parts has one there."""
+    found: list[str] = []
+    for part in dict.fromkeys(map(_part, more)):
+        own = [name for name in more if _part(name) == part]
+        # What has the rest of a part is there: a bleed without a laminar share is an orifice.
+        leading = [name for name in own if name.endswith(_LEADING)] or own
+        edge = [name for name in leading if name in at_edge]
+        if not edge:
+            return []
+        found += edge
+    return found
+
+
+def _part(name: str) -> str:
+    """What a quantity is of: bleed or blow-off of a stroke, or one for itself."""
+    stroke, _, number = name.partition("_")
+    if stroke not in {"rebound", "compression"}:
+        return name
+    return f"{stroke} {'bleed' if number in {'bleed', 'leak'} else 'blow-off'}"
 
 
 def effective_samples(tried: Tried, evidence: Sequence[SettingLogs]) -> float:

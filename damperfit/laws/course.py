@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING, cast
 
 from damperfit.errors import SimulationError
-from damperfit.laws.choosing import ENOUGH_PERCENT, Tried, Verdict, judged
+from damperfit.laws.choosing import ENOUGH_PERCENT, GAIN, Tried, Verdict, judged
 from damperfit.laws.elsewhere import freed_of, from_another, had_by, needed_at
 from damperfit.laws.judged_laws import JudgedLaw
 from damperfit.laws.law_fit import fit_law, glimpsed
@@ -167,7 +167,7 @@ class Course:
         if one is None:
             return law
         law = self.no_worse(law, one)
-        verdict = judged(one, law, self.n_eff)
+        verdict = judged(one, law, self.n_eff, is_removed=True)
         needed = "it lacks a part that is needed: " if verdict.takes_larger else ""
         is_taken, reason = not verdict.takes_larger, f"{needed}{verdict.reason}"
         asked = self.elsewhere if is_taken and change in ONE_STROKE else ()
@@ -191,6 +191,10 @@ class Course:
             if not offered:
                 return law
             verdicts = {name: judged(law, one, self.n_eff) for name, one in offered}
+            better = self.back_from(law, [one for name, one in offered if verdicts[name].gain > GAIN])
+            if better is not law:
+                law = better
+                continue
             self.rank(offered, verdicts)
             best: Tried | None = None
             for name, one in offered:
@@ -209,6 +213,22 @@ class Course:
                 return law
             law = best
         return law
+
+    def back_from(self, law: Tried, larger: Sequence[Tried]) -> Tried:
+        """The law itself from where a larger one got: what it lacks may be a better start alone."""
+        if not larger:
+            return law
+        best = min(larger, key=lambda one: one.mse_percent)
+        again = self.fitted(valve_damper(law), freed=freed_of(law), near=best)
+        if again is None:
+            return law
+        pairs = zip(law.fits, again.fits, strict=True)
+        one = Tried(law.title, tuple(min(two, key=lambda fit: fit.mse_percent) for two in pairs))
+        if one.mse_percent * GAIN > law.mse_percent:
+            return law
+        reason = f"MSE {law.mse_percent:.2g} to {one.mse_percent:.2g} % from a better start"
+        self.record(one, reason, is_taken=True, change="from where a larger law ended")
+        return one
 
     def rank(self, offered: list[tuple[str, Tried]], verdicts: Mapping[str, Verdict]) -> None:
         """Sort what was offered, the best first; of parts that are worth having with one friction.

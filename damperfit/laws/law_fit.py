@@ -105,6 +105,8 @@ class LawFit:
     undetermined : tuple of str
         What these logs do not determine: it may as well be `UNDETERMINED` times as much or as
         little.
+    absent : tuple of str
+        Of what is at an edge, what does nothing there.
     worst_stroke_percent : float
         100 times what is left in the stroke that is missed most, over its mean square force or that
         of a fifth of half the range.
@@ -125,6 +127,7 @@ class LawFit:
     residuals: tuple[FloatArray, ...]
     evaluations: int
     undetermined: tuple[str, ...] = ()
+    absent: tuple[str, ...] = ()
     worst_stroke_percent: float = math.nan
     worst_force_percent: float = math.nan
 
@@ -182,12 +185,14 @@ def fit_law(  # noqa: PLR0913 - what a search may ask of it
             held_out = misses(model, values, evidence.held_out, solver).mse_percent
     except SimulationError:
         held_out = math.inf
+    at_bound = tuple(name for name in free if misfit.is_at_edge(values, name))
     return LawFit(
         setting=evidence.setting,
         model=model,
         values=values,
         free=free,
-        at_bound=tuple(name for name in free if misfit.is_at_edge(values, name)),
+        at_bound=at_bound,
+        absent=tuple(name for name in at_bound if getattr(values, name) == misfit.absent(name)),
         mse_percent=missed.mse_percent,
         stretches=missed.stretches,
         held_out_percent=held_out,
@@ -258,6 +263,7 @@ def glimpsed(
         held_out="",
         evaluations=short.evaluations,
         undetermined=(),
+        absent=(),
     )
 
 
@@ -299,7 +305,9 @@ def _descended(
     starts = misfit.model.start(misfit.traces, held)
     said = {name: more_start[name] for name in misfit.free if name in more_start}
     if said:
-        starts = (starts[0].replace(said), *starts)
+        # The valves as the loops show them beside the friction and the mounting that are known.
+        beside = misfit.model.start(misfit.traces, {**held, **said})
+        starts = (starts[0].replace(said), *beside, *starts)
     if near is None:
         ended = best_of_starts(misfit, starts)
         return ended, ended.evaluations

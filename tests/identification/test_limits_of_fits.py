@@ -142,7 +142,7 @@ class _End:
     evaluations: int = 1
 
 
-@pytest.mark.parametrize(("cost", "descents"), [(1.95, 1), (2.05, 2)])
+@pytest.mark.parametrize(("cost", "descents"), [(1.95, 1), (2.05, 3)])
 def test_a_law_within_twice_the_scatter_needs_no_other_start(cost, descents, monkeypatch) -> None:
     starts = []
 
@@ -151,7 +151,7 @@ def test_a_law_within_twice_the_scatter_needs_no_other_start(cost, descents, mon
         return _End(SimpleNamespace(cost=cost, extra=start))
 
     monkeypatch.setattr(law_misfit, "best_fitting", lambda _, ranked: list(ranked))
-    given = SimpleNamespace(descend=descend, scatter=1.0, model=None, free=())
+    given = SimpleNamespace(descend=descend, scatter=1.0, deviation=1.0, model=None, free=())
     law_misfit.best_of_starts(given, ["a", "b", "c"], known=0)
     assert starts.count(law_misfit._SHORT) == descents
 

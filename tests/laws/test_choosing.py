@@ -89,6 +89,37 @@ def test_a_part_at_its_edge_does_not_speak_against_the_other_stroke() -> None:
         assert verdict.takes_larger is is_taken, at_bound
 
 
+BLEEDS = "rebound_leak", "rebound_bleed", "compression_leak", "compression_bleed"
+
+
+@pytest.mark.parametrize(("more", "at_bound", "is_taken"), [
+    (BLEEDS, (BLEEDS[0], BLEEDS[2], BLEEDS[3]), True),  # an orifice in rebound
+    (BLEEDS, (BLEEDS[1], BLEEDS[3]), False),
+    (("rebound_leak",), ("rebound_leak",), False),
+    (("rebound_opening", "rebound_slope", "rebound_port"), ("rebound_port",), True),
+    (("rebound_port",), ("rebound_port",), False),
+])  # fmt: skip
+def test_a_valve_is_there_whose_leading_number_is(more, at_bound, is_taken) -> None:
+    """A bleed without its laminar share, a blow-off without its port."""
+    small = replace(tried(1.0, 4).fits[0], free=("f_f", "f_0"))
+    large = replace(small, free=(*more, "f_f", "f_0"), at_bound=at_bound, mse_percent=0.01)
+    verdict = judged(Tried("small", (small,)), Tried("large", (large,)), 30.0)
+    assert verdict.takes_larger is is_taken
+
+
+@pytest.mark.parametrize(("absent", "is_needed"), [((), True), (("rebound_slope",), False)])
+def test_a_part_is_taken_out_where_it_does_nothing_at_its_edge(absent, is_needed) -> None:
+    """A blow-off that opens without resistance is at an edge too, and holds up the force."""
+    small = replace(tried(1.0, 4).fits[0], free=("f_f", "f_0"))
+    large = replace(
+        small, free=("rebound_opening", "rebound_slope", *small.free), mse_percent=0.01,
+        at_bound=("rebound_slope",), absent=absent,
+    )  # fmt: skip
+    laws = Tried("small", (small,)), Tried("large", (large,))
+    assert judged(*laws, 30.0, is_removed=True).takes_larger is is_needed
+    assert not judged(*laws, 30.0).takes_larger
+
+
 def test_what_no_setting_determines_is_unseen() -> None:
     one = replace(tried(1.0, 4).fits[0], undetermined=NAMES[:2])
     other = replace(one, undetermined=(), at_bound=NAMES[1:3])

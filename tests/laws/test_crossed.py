@@ -73,3 +73,31 @@ def test_of_parts_worth_having_that_is_best_which_needs_one_friction(monkeypatch
     one = course.Course([SettingLogs(Setting.of(1), ())], SolverOptions(), lambda _: None, 1)
     one.rank(alone, verdicts)
     assert [name for name, _ in alone] == ["at rest", "port"]
+
+
+@pytest.mark.parametrize(("again", "found"), [
+    ((0.05, 0.02), (0.05, 0.02)),  # each setting keeps what is better
+    ((0.05, 0.3), (0.05, 0.1)),
+    ((0.1, 0.1), None),  # hardly better
+    (None, None),
+])  # fmt: skip
+def test_a_law_starts_again_from_where_a_larger_one_got(monkeypatch, again, found) -> None:
+    steps = two_settings()
+    law = Tried("law", (fit(20.0, 0.2), fit(240.0, 0.1)))
+    near = []
+
+    def fitted(*_, **how):
+        near.append(how["near"])
+        return None if again is None else Tried("law", tuple(fit(20.0, mse) for mse in again))
+
+    monkeypatch.setattr(steps, "fitted", fitted)
+    larger = [Tried(str(mse), (fit(20.0, mse), fit(20.0, mse))) for mse in (0.03, 0.01)]
+    back = steps.back_from(law, larger)
+    assert near == [larger[1]]
+    if found is None:
+        assert back is law
+        assert not steps.laws
+    else:
+        assert tuple(one.mse_percent for one in back.fits) == found
+        assert [one.is_taken for one in steps.laws] == [True]
+    assert steps.back_from(law, []) is law

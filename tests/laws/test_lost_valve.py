@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from types import SimpleNamespace
 
 import pytest
 
@@ -29,17 +30,23 @@ class Ended:
 
 @dataclass(frozen=True)
 class Valleys:
-    """Starts a to d, by cost; a and b lead to one valley, c to another, d to none."""
+    """Starts in the order of their costs; a, b and e lead to one valley, c to another, d to none."""
 
     ends: dict[str, float]
-    at_edge: frozenset[str] = frozenset({"a", "b"})
+    at_edge: frozenset[str] = frozenset({"a", "b", "e"})
     free: tuple[str, ...] = ("f_f", "compression_bleed")
     scatter: float = 0.01
+    deviation: float = 100.0
     edge: str = "compression_bleed"
     failing: str = ""
+    model: SimpleNamespace = field(
+        default_factory=lambda: SimpleNamespace(
+            quantity=lambda name: SimpleNamespace(is_offset=name == "f_0", is_friction=False)
+        )
+    )
 
     def cost(self, start):
-        return float("abcd".index(start))
+        return float("abecd".index(start))
 
     def descend(self, start, _stopping):
         if start == self.failing:
@@ -50,18 +57,18 @@ class Valleys:
         return start in self.at_edge and name == self.edge
 
 
-LOST = Valleys({"a": 0.4, "b": 0.5, "c": 0.04, "d": 0.9})
+LOST = Valleys({"a": 0.4, "b": 0.5, "e": 0.45, "c": 0.04, "d": 0.9})
 
 
 def test_the_next_best_start_is_followed_where_a_bleed_ran_out_of_its_range():
-    ended = best_of_starts(LOST, ["a", "d", "c", "b"])
+    ended = best_of_starts(LOST, ["a", "d", "c", "e", "b"])
     assert (ended.point.extra, ended.point.cost) == ("c", 0.04)
 
 
 @pytest.mark.parametrize("edge", ["rebound_opening", "compression_slope"])
 def test_a_blow_off_counts_as_well(edge):
     misfit = replace(LOST, free=(edge,), edge=edge)
-    assert best_of_starts(misfit, list("abcd")).point.extra == "c"
+    assert best_of_starts(misfit, list("abecd")).point.extra == "c"
 
 
 @pytest.mark.parametrize("misfit", [
@@ -72,12 +79,42 @@ def test_a_blow_off_counts_as_well(edge):
     replace(LOST, failing="c"),
 ])  # fmt: skip
 def test_it_stays_where_nothing_is_lost_or_nothing_better_is_found(misfit):
-    assert best_of_starts(misfit, list("abcd")).point.extra == "a"
+    assert best_of_starts(misfit, list("abecd")).point.extra == "a"
 
 
 def test_what_is_hopeless_is_not_followed_to_its_end():
-    assert best_of_starts(LOST, list("abcd"), hopeless=0.1).point.extra == "a"
+    assert best_of_starts(LOST, list("abecd"), hopeless=0.1).point.extra == "a"
 
 
 def test_two_starts_leave_no_other():
     assert best_of_starts(LOST, ["a", "b"]).point.extra == "a"
+
+
+@dataclass(frozen=True)
+class Offset:
+    """A start, told by its offset."""
+
+    f_0: float
+
+
+@dataclass(frozen=True)
+class ByOffset(Valleys):
+    """The larger the offset, the better a start fits; only a smaller one leads anywhere."""
+
+    free: tuple[str, ...] = ("f_0",)
+
+    def cost(self, start):
+        return -start.f_0
+
+    def descend(self, start, _stopping):
+        return Ended(start, 0.05 if start.f_0 < 195.0 else 0.5)
+
+    def is_at_edge(self, _start, _name):
+        return False
+
+
+@pytest.mark.parametrize(("other", "ends_at"), [(189.9, 189.9), (190.1, 200.0)])
+def test_the_best_start_with_another_offset_is_followed_too(other, ends_at):
+    starts = [Offset(one) for one in (199.0, 199.5, other, 200.0)]
+    ended = best_of_starts(ByOffset({}), starts)
+    assert ended.point.extra == Offset(ends_at)
