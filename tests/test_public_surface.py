@@ -351,6 +351,7 @@ SURFACE = {
         "in_words",
         "interchangeable_parts",
         "judged",
+        "lent",
         "opening_force",
         "physics_seen",
         "rank_rivals",

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from damperfit.laws.choosing import ENOUGH_PERCENT, Tried, Verdict, effective_samples, judged
-    from damperfit.laws.elsewhere import from_another
+    from damperfit.laws.elsewhere import from_another, lent
     from damperfit.laws.judged_laws import JudgedLaw, LawSearch
     from damperfit.laws.law_fit import UNDETERMINED, LawFit, SettingLogs, fit_law
     from damperfit.laws.open_questions import interchangeable_parts, undecided
@@ -34,6 +34,7 @@ __all__ = [
     "in_words",
     "interchangeable_parts",
     "judged",
+    "lent",
     "opening_force",
     "physics_seen",
     "rank_rivals",
@@ -54,6 +55,7 @@ _LATE = {
     "Verdict": "choosing",
     "search_laws": "search",
     "from_another": "elsewhere",
+    "lent": "elsewhere",
     "effective_samples": "choosing",
     "fit_law": "law_fit",
     "in_words": "variants",

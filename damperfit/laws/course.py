@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, cast
 
 from damperfit.errors import SimulationError
 from damperfit.laws.choosing import ENOUGH_PERCENT, GAIN, Tried, Verdict, judged
-from damperfit.laws.elsewhere import freed_of, from_another, had_by, needed_at
+from damperfit.laws.elsewhere import freed_of, had_by, lent, needed_at
 from damperfit.laws.judged_laws import JudgedLaw
 from damperfit.laws.law_fit import fit_law, glimpsed
 from damperfit.laws.variants import (
@@ -119,18 +119,7 @@ class Course:
         """
 
         def best(place: int) -> LawFit:
-            own = law.fits[place]
-            found = [own]
-            for other in law.fits:
-                if other is own:
-                    continue
-                logs = from_another(self.evidence[place], other.values)
-                try:
-                    found.append(fit_law(own.model, logs, freed=freed_of(law), solver=self.solver,
-                                         is_whole=False))  # fmt: skip
-                except SimulationError:
-                    continue
-            return min(found, key=lambda one: one.mse_percent)
+            return lent(law.fits[place], self.evidence[place], law.fits, self.solver)
 
         with executor(self.jobs) as pool:
             fits = tuple(pool.map(best, range(len(law.fits))))
@@ -191,7 +180,9 @@ class Course:
             if not offered:
                 return law
             verdicts = {name: judged(law, one, self.n_eff) for name, one in offered}
-            better = self.back_from(law, [one for name, one in offered if verdicts[name].gain > GAIN])
+            better = self.back_from(
+                law, [one for name, one in offered if verdicts[name].gain > GAIN]
+            )
             if better is not law:
                 law = better
                 continue

@@ -1,7 +1,9 @@
-"""Settings that laws are not compared at, asked before a part of one stroke's valve is taken out.
+"""What settings tell each other: which parts a law needs, and what is the same at all of them.
 
 The softest and the stiffest setting tell laws apart as well as all do, but for a blow-off that
-neither reaches: the setting between them with the most bleed and the softest spring may.
+neither reaches: the setting between them with the most bleed and the softest spring may. So others
+are asked before a part of one stroke's valve is taken out. Friction, oil and mounting are those of
+the damper and its rig: a fit that needs others than the rest lies in a wrong valley.
 """
 
 from __future__ import annotations
@@ -23,9 +25,13 @@ if TYPE_CHECKING:
     from damperfit.simulation import SolverOptions
     from damperfit.tested.setting import Setting
 
-__all__ = ["freed_of", "from_another", "had_by", "needed_at", "worst_missed"]
+__all__ = ["freed_of", "from_another", "had_by", "lent", "needed_at", "worst_missed"]
 
 _MOST = 4  # settings that are asked
+# Settings that lend one what is the same at all of them: those that leave least.
+_LENDING = 2
+# Times what a fit leaves: with more beside what another lends it, nothing is freed again.
+_HOPELESS = 20.0
 
 
 def needed_at(
@@ -105,7 +111,7 @@ def _fitted_beside(
     near = known[nearest_setting(one.setting, known) or one.setting].values
     model = law.fits[0].model
     try:
-        return fit_law(
+        found = fit_law(
             model,
             from_another(one, near),
             freed=freed_of(law),
@@ -115,6 +121,62 @@ def _fitted_beside(
         )
     except SimulationError:
         return None
+    return lent(found, one, law.fits, solver)
+
+
+def lent(
+    own: LawFit,
+    logs: SettingLogs,
+    others: Sequence[LawFit],
+    solver: SolverOptions,
+    *,
+    is_whole: bool = False,
+) -> LawFit:
+    """Return a fit that leaves something, or a better one from what other settings have found.
+
+    What is the damper's or the rig's is held where another has it until the valves are found beside
+    it, and then freed: all at once, a preload may be taken for a friction again.
+
+    Parameters
+    ----------
+    own : LawFit
+        The law at the setting.
+    logs : SettingLogs
+        Its logs.
+    others : sequence of LawFit
+        The same law at other settings, and perhaps at this one.
+    solver : SolverOptions
+        How exactly to integrate.
+    is_whole : bool
+        As of `fit_law`.
+    """
+    if not Tried("", (own,)).leaves_something:
+        return own
+    freed = freed_of(Tried("", (own,)))
+    lending = [one for one in others if one.setting != own.setting]
+    best = own
+    for other in sorted(lending, key=lambda one: Tried("", (one,)).left_over)[:_LENDING]:
+        known = _shared(other.values, own.free)
+        try:
+            held = fit_law(own.model, logs, freed=freed, fixed=known, solver=solver, is_whole=False)
+            if held.mse_percent > _HOPELESS * own.mse_percent:
+                continue
+            again = fit_law(
+                own.model, logs, freed=freed, near=held.values, solver=solver, is_whole=is_whole
+            )
+        except SimulationError:
+            continue
+        best = min(best, again, key=lambda one: one.mse_percent)
+    return best
+
+
+def _shared(values: Values, names: Sequence[str]) -> dict[str, float]:
+    """What is the damper's or the rig's."""
+    return {
+        name: getattr(values, name)
+        for name in names
+        if name in values.names and values.quantity(name).scope in {DAMPER, RIG}
+    }
 
 
 def from_another(one: SettingLogs, other: Values) -> SettingLogs:
@@ -130,12 +192,7 @@ def from_another(one: SettingLogs, other: Values) -> SettingLogs:
     other : Values
         Of a law at another setting.
     """
-    known = {
-        name: getattr(other, name)
-        for name in other.names
-        if other.quantity(name).scope in {DAMPER, RIG}
-    }
-    return replace(one, more_start={**known, **one.more_start})
+    return replace(one, more_start={**_shared(other, other.names), **one.more_start})
 
 
 def had_by(model: Model, names: tuple[str, ...]) -> tuple[str, ...]:

@@ -21,6 +21,7 @@ from damperfit.laws import (
     fit_law,
     from_another,
     interchangeable_parts,
+    lent,
     physics_seen,
     rank_rivals,
     search_laws,
@@ -217,7 +218,14 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
             return None
 
     with executor(workers) as pool:
-        fits = tuple(pool.map(fit, evidence))
+        apart = tuple(pool.map(fit, evidence))
+    sound = tuple(one for one in apart if one is not None)
+
+    def beside(logs: SettingLogs, own: LawFit | None) -> LawFit | None:
+        return own if own is None else lent(own, logs, sound, solver, is_whole=True)
+
+    with executor(workers) as pool:
+        fits = tuple(pool.map(beside, evidence, apart))
     rivals: tuple[Tried, ...] = ()
     if on_rival is not None:
         rivals = rank_rivals(compared, solver=solver, on_rival=on_rival, jobs=workers)

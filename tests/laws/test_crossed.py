@@ -8,18 +8,18 @@ import pytest
 
 from damperfit.damper.valve_dampers import TwinTube
 from damperfit.errors import SimulationError
-from damperfit.laws import SettingLogs, Tried, course
+from damperfit.laws import SettingLogs, Tried, course, elsewhere
 from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting
 
 MODEL = TwinTube()
 
 
-def fit(friction: float, mse: float) -> SimpleNamespace:
+def fit(friction: float, mse: float, setting: Setting | None = None) -> SimpleNamespace:
     values = MODEL.values({one.name: 1.0 for one in MODEL.quantities}).replace({"f_f": friction})
     return SimpleNamespace(
         model=MODEL, values=values, free=("rebound_bleed", "f_f", "f_0"), mse_percent=mse,
-        held_out_percent=float("nan"),
+        held_out_percent=float("nan"), held_out="", worst_force_percent=0.5, setting=setting,
     )  # fmt: skip
 
 
@@ -28,25 +28,46 @@ def two_settings() -> course.Course:
     return course.Course(logs, SolverOptions(), lambda _: None, 1)
 
 
-@pytest.mark.parametrize("mse", [0.01, 0.2, None])
-def test_a_setting_starts_from_the_friction_of_the_other(monkeypatch, mse) -> None:
-    asked = {}
+@pytest.mark.parametrize(("mse", "beside"), [
+    (0.01, 0.3), (0.2, 0.3), (None, 0.3), (0.01, 2.1), (0.01, 1.9),
+])  # fmt: skip
+def test_a_setting_borrows_the_friction_of_the_other(monkeypatch, mse, beside) -> None:
+    """It is held at first, and freed where that is no hopeless place."""
+    asked = []
 
-    def fitted(_, logs, **__):
-        asked[logs.setting] = dict(logs.more_start)
+    def fitted(_, logs, *, fixed=None, near=None, **__):
+        asked.append((logs.setting, fixed, near and near.f_f))
+        if fixed is not None:
+            return fit(fixed["f_f"], beside, logs.setting)
         if mse is None:
             raise SimulationError("no")
-        return fit(20.0, mse)
+        return fit(20.0, mse, logs.setting)
 
-    monkeypatch.setattr(course, "fit_law", fitted)
-    law = Tried("law", (fit(20.0, 0.001), fit(240.0, 0.1)))
+    monkeypatch.setattr(elsewhere, "fit_law", fitted)
+    one, two = Setting.of(1), Setting.of(2)
+    law = Tried("law", (fit(20.0, 0.001, one), fit(240.0, 0.1, two)))
     found = two_settings().crossed(law)
-    assert asked[Setting.of(1)]["f_f"] == 240.0
-    assert asked[Setting.of(2)]["f_f"] == 20.0
-    assert "rebound_bleed" not in asked[Setting.of(2)]
-    assert found.fits[0] is law.fits[0]
-    assert found.fits[1].mse_percent == min(0.1, mse or 1.0)
-    assert (found is law) is (mse != 0.01)
+    assert asked[0] == (two, {"f_f": 20.0}, None)
+    assert asked[1:] == ([] if beside > 2.0 else [(two, None, 20.0)])
+    assert found.fits[0] is law.fits[0]  # it leaves nothing
+    is_better = mse == 0.01 and beside < 2.0
+    assert found.fits[1].mse_percent == (0.01 if is_better else 0.1)
+    assert (found is law) is not is_better
+
+
+def test_those_two_lend_that_leave_least(monkeypatch) -> None:
+    lent_by = []
+
+    def fitted(_, __, *, fixed=None, near=None, **___):
+        lent_by.extend([] if fixed is None else [fixed["f_f"]])
+        return fit(1.0, 0.05)
+
+    monkeypatch.setattr(elsewhere, "fit_law", fitted)
+    own = fit(240.0, 0.1, Setting.of(9))
+    others = [fit(k, mse, Setting.of(k)) for k, mse in ((1, 0.3), (2, 0.001), (3, 0.2), (4, 0.04))]
+    logs = SettingLogs(Setting.of(9), ())
+    elsewhere.lent(own, logs, [own, *others], SolverOptions())
+    assert lent_by == [2, 4]
 
 
 def test_of_parts_worth_having_that_is_best_which_needs_one_friction(monkeypatch) -> None:

@@ -30,7 +30,7 @@ class Ended:
 
 @dataclass(frozen=True)
 class Valleys:
-    """Starts in the order of their costs; a, b and e lead to one valley, c to another, d to none."""
+    """Starts a, b, e, c, d, the best first; the first three lead to one valley, c to another."""
 
     ends: dict[str, float]
     at_edge: frozenset[str] = frozenset({"a", "b", "e"})
