@@ -199,7 +199,13 @@ def _child(folder: Path, names: Sequence[str], log: Path, more: Sequence[str]) -
 class _Running:
     pid: int
     log: Path
-    deadline: float
+    began: float
+    seconds: float  # that it may take where it has a core of its own
+
+    def hangs(self, now: float) -> bool:
+        """Whether it is late, also for what its share of the cores is while others use them."""
+        share = max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
+        return now > self.began + share * self.seconds
 
 
 def _start(folder: Path, names: Sequence[str], seconds: float, more: Sequence[str]) -> _Running:
@@ -214,14 +220,14 @@ def _start(folder: Path, names: Sequence[str], seconds: float, more: Sequence[st
         except BaseException:  # noqa: BLE001 - or the child would go on as its parent
             traceback.print_exc()
         os._exit(_OURS)
-    return _Running(pid, log, time.monotonic() + _ENOUGH_S + _SLOWER * seconds)
+    return _Running(pid, log, time.monotonic(), _ENOUGH_S + _SLOWER * seconds)
 
 
 def _ended(running: _Running) -> str | None:
     """Return "" for all passed, the test that failed, "timeout"; None while it runs."""
     pid, status = os.waitpid(running.pid, os.WNOHANG)
     if pid == 0:
-        if time.monotonic() < running.deadline:
+        if not running.hangs(time.monotonic()):
             return None
         os.killpg(running.pid, signal.SIGKILL)
         os.waitpid(running.pid, 0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -11,6 +12,7 @@ import pytest
 pytest.importorskip("cosmic_ray", reason="comes with the extra `mutation`")
 
 from tests.mutations import mutants, operators
+from tests.mutations.running import _Running
 
 ROOT = Path(__file__).parents[2]
 TOY = {
@@ -145,3 +147,15 @@ def test_a_known_mutant_that_is_no_longer_there_is_told(tmp_path) -> None:
 
 def test_the_known_mutants_are_still_to_be_found() -> None:
     assert len(mutants.known_mutants(ROOT)) >= 20
+
+
+@pytest.mark.parametrize(("load", "late"), [(0.0, 41.0), (3.0, 41.0), (20.0, 201.0)])
+def test_a_test_hangs_after_what_it_may_take_on_its_share_of_the_cores(
+    monkeypatch, load, late
+) -> None:
+    """With twenty jobs on two cores seven of thirty-three "hung", which counts as caught."""
+    monkeypatch.setattr(os, "cpu_count", lambda: 4)
+    monkeypatch.setattr(os, "getloadavg", lambda: (load, 0.0, 0.0))
+    running = _Running(0, Path(), began=1000.0, seconds=40.0)
+    assert running.hangs(1000.0 + late)
+    assert not running.hangs(1000.0 + late - 2.0)
