@@ -36,6 +36,9 @@ _WORSE = 1.02
 # A law without a part that leaves so many times as much after a few steps lacks what is needed.
 _HOPELESS = 20.0
 
+# A part that lowers the MSE by less is not offered again once another part has been taken.
+_SOMETHING = 1.1
+
 # What a law without it has in a wrong valley, friction taken for a preload or for soft oil, so that
 # a few steps from there show nothing.
 _HIDDEN = ("port", "breakaway", "free_gas")
@@ -198,7 +201,7 @@ class Course:
                 self.record(one, reason, is_taken=is_taken, change=change, verdict=verdict)
                 if is_taken:
                     best = one
-                elif not verdict.takes_larger:
+                elif verdict.gain < _SOMETHING:  # beside another part it may explain the rest
                     left.remove(name)
             if best is None:
                 return law

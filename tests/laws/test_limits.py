@@ -10,6 +10,7 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.laws import LawFit, course, law_fit
 from damperfit.laws.physics import _where
+from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting
 
 
@@ -25,6 +26,33 @@ def test_a_larger_law_may_fit_worse_by_two_per_cent(monkeypatch, mse, is_kept) -
     steps = SimpleNamespace(fitted=lambda *_, **__: again)
     found = course.Course.no_worse(steps, large, tried(1.0))
     assert found is (large if is_kept else again)
+
+
+@pytest.mark.parametrize(("gain", "parts"), [(1.09, "a"), (1.11, "ab")])
+def test_a_part_that_gains_a_tenth_is_offered_again_beside_another(
+    monkeypatch, gain, parts
+) -> None:
+    """Friction that is larger at rest shows beside one that builds up over a distance."""
+
+    def law(parts: str) -> SimpleNamespace:
+        return SimpleNamespace(parts=parts, leaves_something=True)
+
+    def verdict(small: SimpleNamespace, large: SimpleNamespace, _: float) -> SimpleNamespace:
+        new = large.parts[-1]
+        is_worth = new == "a" or (new == "b" and "a" in small.parts)
+        return SimpleNamespace(takes_larger=is_worth, gain=3.0 if is_worth else gain, reason="")
+
+    monkeypatch.setattr(course, "judged", verdict)
+    monkeypatch.setattr(course, "valve_damper", lambda one: one)
+    monkeypatch.setattr(course, "words_of", lambda _, name: name)
+    steps = course.Course([], SolverOptions(), lambda _: None, 1)
+    monkeypatch.setattr(steps, "rank", lambda *_: None)
+    monkeypatch.setattr(steps, "record", lambda *_, **__: None)
+    monkeypatch.setattr(
+        steps, "offered",
+        lambda one, name: None if name in one.parts else law(one.parts + name),
+    )  # fmt: skip
+    assert steps.enriched(law(""), ["b", "a", "c"]).parts == parts
 
 
 @pytest.mark.parametrize(("n", "said"), [(3, "at settings 0, 1, 2"), (4, "at 4 of 5 settings")])
