@@ -182,7 +182,11 @@ def fit_law(  # noqa: PLR0913 - what a search may ask of it
     held_out, kind = math.nan, TRANSIENTS if evidence.is_part else "logs"
     try:
         if evidence.held_out:
-            held_out = misses(model, values, evidence.held_out, solver).mse_percent
+            held_out = misses(
+                model, values, evidence.held_out, solver,
+                has_own_offsets=not evidence.is_part
+                and any(model.quantity(name).is_offset for name in free),
+            ).mse_percent  # fmt: skip
     except SimulationError:
         held_out = math.inf
     at_bound = tuple(name for name in free if misfit.is_at_edge(values, name))

@@ -38,7 +38,14 @@ class Missed(NamedTuple):
     worst_force_percent: float
 
 
-def misses(model: Model, values: Values, traces: Sequence[Trace], solver: SolverOptions) -> Missed:
+def misses(
+    model: Model,
+    values: Values,
+    traces: Sequence[Trace],
+    solver: SolverOptions,
+    *,
+    has_own_offsets: bool = False,
+) -> Missed:
     """Return what a law misses of logs.
 
     Parameters
@@ -51,10 +58,14 @@ def misses(model: Model, values: Values, traces: Sequence[Trace], solver: Solver
         The logs.
     solver : SolverOptions
         How exactly to integrate.
+    has_own_offsets : bool
+        Each log has a force offset of its own, which is not counted: a rig is tared anew.
     """
     residuals, alone, measured, velocity, forces = [], [], [], [], [0.0]
     for trace in traces:
         force = compare(values, trace, model, solver=solver).force
+        if has_own_offsets:
+            force = force + float(np.mean((trace.force - force)[trace.compared]))
         for stretch in trace.stretches:
             part = stretch.window
             residuals.append(force[part] - trace.force[part])

@@ -14,7 +14,13 @@ import numpy as np
 
 from damperfit.conditioning import TRANSIENTS, noise_floor
 from damperfit.errors import LogError, SimulationError
-from damperfit.identification import compare, normalised_mse, unlimited_in, values_from_others
+from damperfit.identification import (
+    Status,
+    compare,
+    normalised_mse,
+    unlimited_in,
+    values_from_others,
+)
 from damperfit.parallel import executor
 from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting
@@ -50,6 +56,8 @@ _ENOUGH_PERCENT = 0.02
 # Of the deviation of the fitted forces. The first quarter of a cycle at the slowest of several
 # speeds has a thirtieth of it, and friction that turns in the noise of a sensor a hundredth.
 _SMALL = 0.01
+# N; a load cell drifts by less between tests.
+_TOLD_OFFSET = 1.0
 # Stroke and peak speed that differ by less are one motion: rigs repeat both to a per cent or two.
 _SAME_MOTION = 0.05
 
@@ -82,6 +90,9 @@ class Prediction:
         with the same clicks; a force offset, which is each test's own, is taken from the log.
     unlimited : tuple of str
         Of those the values to which the logs of these settings set no upper limit.
+    own_offset : float
+        N, of the log beyond the fitted one, where that is a number of each test and not counted:
+        of another log and another motion, whose rig may have been tared anew. 0: it is counted.
     """
 
     setting: Setting
@@ -94,6 +105,7 @@ class Prediction:
     is_same_motion: bool = False
     is_unseen: bool = False
     unlimited: tuple[str, ...] = ()
+    own_offset: float = 0.0
 
     @property
     def ratio(self) -> float:
@@ -121,7 +133,13 @@ class Prediction:
             names = ", ".join(self.unlimited)
             return f"{words}, whose logs do not determine {names}" if names else words
         if not self.is_same_motion:
-            return words
+            own = float(f"{self.own_offset:.2g}")
+            is_told = abs(own) >= _TOLD_OFFSET
+            return (
+                f"{words}; with its own force offset, {own:+g} N from the fitted"
+                if is_told
+                else words
+            )
         return f"{words}; same stroke and speed as the fitted logs, so no test of the model"
 
     @property
@@ -148,6 +166,7 @@ class Prediction:
             "is_same_motion": self.is_same_motion,
             "is_unseen": self.is_unseen,
             "unlimited": list(self.unlimited),
+            "own_offset_N": self.own_offset,
             "verdict": self.verdict,
         }
 
@@ -327,6 +346,11 @@ def _prediction(fit: Fit, trace: Trace, seen: SimulatedLog, fitted_noise: float)
     elsewhere = 0.01 * fitted_noise * float(np.var(fitted))
     noise = _noise(trace, measured - simulated, elsewhere)
     is_part = any(log.trace.name == trace.name for log in fit.logs)
+    is_same_motion = _is_same_motion(fit, trace)
+    offset = 0.0
+    if not is_part and not is_same_motion and _is_offset_found(fit):
+        offset = float(np.mean(measured - simulated))
+        simulated = simulated + offset
     if is_part and not trace.n_cycles:
         noise = max(noise, _enough(trace, float(np.std(fitted))))
     return Prediction(
@@ -337,7 +361,16 @@ def _prediction(fit: Fit, trace: Trace, seen: SimulatedLog, fitted_noise: float)
         noise_floor_percent=noise_floor(trace),
         fitted_mse_percent=fit.mse_percent,
         expected_mse_percent=max(fit.mse_percent - fitted_noise, 0.0) + noise,
-        is_same_motion=_is_same_motion(fit, trace),
+        is_same_motion=is_same_motion,
+        own_offset=offset,
+    )
+
+
+def _is_offset_found(fit: Fit) -> bool:
+    """Whether the fit has found the offset of its own logs, which is no number of the damper."""
+    return any(
+        one.is_offset and fit.status[one.name] in {Status.FITTED, Status.SHARED}
+        for one in fit.parameters.quantities
     )
 
 

@@ -8,10 +8,11 @@ import pytest
 
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
-from damperfit.laws import LawFit, course, law_fit
+from damperfit.laws import LawFit, course, law_fit, missed
 from damperfit.laws.physics import _where
 from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting
+from tests import fakes
 
 
 def tried(mse: float, *, score: float = 0.0, name: str = "twin_tube") -> SimpleNamespace:
@@ -53,6 +54,16 @@ def test_a_part_that_gains_a_tenth_is_offered_again_beside_another(
         lambda one, name: None if name in one.parts else law(one.parts + name),
     )  # fmt: skip
     assert steps.enriched(law(""), ["b", "a", "c"]).parts == parts
+
+
+def test_a_held_out_log_is_judged_with_an_offset_of_its_own(monkeypatch) -> None:
+    trace = fakes.trace(1)
+    model = SimpleNamespace(force=trace.force + 9.0)
+    monkeypatch.setattr(missed, "compare", lambda *_, **__: model)
+    asked = (None, None, [trace], SolverOptions())
+    assert missed.misses(*asked).mse_percent > 0.0
+    own = missed.misses(*asked, has_own_offsets=True)
+    assert own.mse_percent == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.mark.parametrize(("n", "said"), [(3, "at settings 0, 1, 2"), (4, "at 4 of 5 settings")])

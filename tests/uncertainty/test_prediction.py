@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ from damperfit.uncertainty import (
     prediction_warnings,
     split_cycles,
 )
+from damperfit.uncertainty.prediction import _prediction
 from tests import fakes
 from tests.identification.adjusted import at
 from tests.identification.rig import recording
@@ -170,6 +172,28 @@ def test_the_stroke_and_speed_that_were_fitted_are_no_test_of_the_model() -> Non
     assert "the rig or the damper has drifted" in prediction_warnings([drifts])[0]
     fails = replace(drifts, is_same_motion=False)
     assert "not for the damper" in prediction_warnings([fails])[0]
+
+
+@pytest.mark.parametrize(("offset", "said"), [
+    (7.04, "predicted as well as fitted; with its own force offset, +7 N from the fitted"),
+    (-1.06, "predicted as well as fitted; with its own force offset, -1.1 N from the fitted"),
+    (0.94, "predicted as well as fitted"),
+])  # fmt: skip
+def test_another_test_has_an_offset_of_its_own_where_offsets_are_found(offset, said) -> None:
+    seen = fakes.trace(1, "other.csv")
+    (one,) = seen.stretches
+    held = replace(seen, stretches=(replace(one, amplitude=0.5 * one.amplitude),))
+    model = SimpleNamespace(force=seen.force - offset)
+    free = fakes.fit(1, status={"f_0": "fitted"})
+    found = _prediction(free, held, model, 0.0)
+    assert found.own_offset == pytest.approx(offset)
+    assert found.mse_percent == pytest.approx(0.0, abs=1e-9)
+    assert found.verdict == said
+    # A tare that was held is wrong; the same test again has drifted.
+    for counted in (_prediction(fakes.fit(1), held, model, 0.0),
+                    _prediction(free, seen, model, 0.0)):  # fmt: skip
+        assert counted.own_offset == 0.0
+        assert counted.mse_percent > 0.0
 
 
 def test_a_combined_setting_names_what_no_log_limits() -> None:
