@@ -219,7 +219,7 @@ def record(
     ending: Ending,
 ) -> dict[str, Any]:
     """Return what run.json tells, as JSON values."""
-    document = {
+    document: dict[str, Any] = {
         "version": __version__,
         "schema_version": SCHEMA_VERSION,
         "ending": ending.name.lower(),
@@ -253,8 +253,8 @@ def record(
         "schema": describe_tables([fit.setting for fit in campaign.fits], campaign.quantities),
         "quantities": quantity_records(campaign.quantities),
     }
-    cleaned: dict[str, Any] = json_values(document)
-    return cleaned
+    # Key by key, so that no two forms of all of it stand beside each other.
+    return {key: json_values(document.pop(key)) for key in list(document)}
 
 
 def _adjusters(campaign: Campaign) -> tuple[str, ...]:
