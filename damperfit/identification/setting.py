@@ -299,9 +299,7 @@ def is_loose(quantity: Quantity, value: float, error: float, share: float) -> bo
     return quantity.is_shared and error > share * max(1.0, abs(value) / quantity.size)
 
 
-def _statuses(
-    misfit: Misfit, solution: Solution, errors: Mapping[str, float]
-) -> dict[str, Status]:
+def _statuses(misfit: Misfit, solution: Solution, errors: Mapping[str, float]) -> dict[str, Status]:
     status = dict.fromkeys(solution.parameters.names, Status.FIXED)
     for name, error in errors.items():
         value = getattr(solution.parameters, name)

@@ -33,8 +33,8 @@ class SolverOptions:
         Of a network only: pressure below which the root of an orifice is rounded, Pa. 100 Pa cost
         less than 0.03 N (`tests/damper/test_rounded_root.py`) and make its sensitivities smoother.
     settling : float
-        Of the paper's damper only: time in which a start is forgotten, s. A motion of twice
-        that or more is then simulated as four parts side by side, each of which begins so much before the
+        Of the paper's damper only: time in which a start is forgotten, s. A motion of twice that or
+        more is then simulated as four parts side by side, each of which begins so much before the
         last ends; where two have not met it is done as one. 0: as one.
     """
 

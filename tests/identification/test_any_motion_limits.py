@@ -37,9 +37,8 @@ def test_speeds_within_a_tenth_are_one(off: float, told: tuple[str, ...]) -> Non
 
 
 def test_valves_of_one_direction_each_are_told_by_one_speed() -> None:
-    assert (
-        inseparable(LogFacts((trace_of_speeds(1.0),)), ("r_m1", "k_e", "f_f"), PURDY_DAMPER.quantities) == ()
-    )
+    facts = LogFacts((trace_of_speeds(1.0),))
+    assert inseparable(facts, ("r_m1", "k_e", "f_f"), PURDY_DAMPER.quantities) == ()
 
 
 def two_stretches(noise: float) -> Any:
