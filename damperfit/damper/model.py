@@ -98,7 +98,7 @@ class Values:
         for name in changes:
             if name not in names:
                 raise ConfigurationError(_no_quantity(name, names))
-        return replace(self, **changes)
+        return type(self)(*[changes.get(name, getattr(self, name)) for name in names])
 
 
 # One type for the same quantities, whoever asks: values of two types differ by their types alone.
@@ -127,7 +127,11 @@ def values_type(quantities: tuple[Quantity, ...]) -> type[Values]:
                 frozen=True,
                 slots=True,
                 # It cannot be found by name where it is sent.
-                namespace={"__reduce__": _sent, "quantities": quantities},
+                namespace={
+                    "__reduce__": _sent,
+                    "quantities": quantities,
+                    "names": tuple(one.name for one in quantities),
+                },
             )
     return made
 

@@ -8,7 +8,7 @@ step is a relative change and no positive parameter can change sign. The residua
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -117,7 +117,7 @@ class Misfit:
     cancelled: Callable[[], bool]
     cycles: SettledLogs | None = None
     earlier: Earlier | None = None
-    facts: LogFacts = LogFacts(())
+    facts: LogFacts = field(default=LogFacts(()))
 
     def __post_init__(self) -> None:
         """See that the facts are those of the traces."""

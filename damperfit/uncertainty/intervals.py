@@ -60,6 +60,9 @@ __all__ = [
     "uncertainties",
 ]
 
+# Of the largest eigenvalue, of matrices with a diagonal of ones: what is less is rounding.
+_ROUNDED_OFF = 1e-14
+
 
 @dataclass(frozen=True, slots=True)
 class Interval:
@@ -366,7 +369,7 @@ def _joint_rows(
         axis=0,
     )
     scale = 1.0 / np.sqrt(np.maximum(np.diag(complement), 1e-300))
-    inverse = np.linalg.pinv(complement * np.outer(scale, scale), rcond=1e-14)
+    inverse = np.linalg.pinv(complement * np.outer(scale, scale), rcond=_ROUNDED_OFF)
     return np.asarray(inverse * np.outer(scale, scale)), rows
 
 
@@ -387,7 +390,10 @@ def solved(linearised: Linearisation, names: Sequence[str]) -> FloatArray:
     places = linearised.places(names)
     block = linearised.information[np.ix_(places, places)]
     scale = 1.0 / np.sqrt(np.maximum(np.diag(block), 1e-300))
-    inverse = np.linalg.pinv(block * np.outer(scale, scale), rcond=1e-14, hermitian=True)
+    values, vectors = np.linalg.eigh(block * np.outer(scale, scale))
+    sizes = np.abs(values)
+    is_seen = sizes > _ROUNDED_OFF * sizes.max(initial=0.0)
+    parts = scale[:, None] * vectors[:, is_seen]
     result = np.zeros((len(places), len(linearised.names)))
-    result[:, places] = inverse * np.outer(scale, scale)
+    result[:, places] = (parts / values[is_seen]) @ parts.T
     return result
