@@ -124,10 +124,13 @@ def _share(fraction: float) -> str:
 def seen_cavitation(seen: Sequence[tuple[Trace, Response]]) -> Cavitation:
     """Return what the pressures of a setting's logs show."""
     trace, pressures, chamber, moment = emptiest(seen)
-    empty = [(r.pressures[:, t.compared] <= 0.0).any(axis=0) for t, r in seen]
+    lowest, fraction = float(pressures.min()), 0.0
+    if lowest <= 0.0:
+        empty = [(r.pressures[:, t.compared] <= 0.0).any(axis=0) for t, r in seen]
+        fraction = float(np.mean(np.concatenate(empty)))
     return Cavitation(
-        fraction=float(np.mean(np.concatenate(empty))),
-        lowest_pressure=float(pressures.min()),
+        fraction=fraction,
+        lowest_pressure=lowest,
         chamber=chamber + 1,
         displacement=float(trace.displacement[moment]),
         velocity=float(trace.velocity[moment]),
@@ -138,20 +141,24 @@ def emptiest(
     seen: Sequence[tuple[Trace, Response]],
 ) -> tuple[Trace, NDArray[np.float64], int, int]:
     """Return the log with the lowest pressure, its compared pressures, chamber (from 0), sample."""
-    trace, response = min(
-        seen, key=lambda pair: float(pair[1].pressures[:, pair[0].compared].min())
-    )
-    pressures = response.pressures[:, trace.compared]
+    trace, response = seen[0]
+    if len(seen) > 1:
+        trace, response = min(
+            seen, key=lambda pair: float(pair[1].pressures[:, pair[0].compared].min())
+        )
+    part = trace.compared
+    pressures = response.pressures[:, part]
     chamber, sample = _emptiest(pressures)
-    return trace, pressures, chamber, int(np.arange(len(trace.force))[trace.compared][sample])
+    moment = part.start + sample if isinstance(part, slice) else part[sample]
+    return trace, pressures, chamber, int(moment)
 
 
 def _emptiest(pressures: NDArray[np.float64]) -> tuple[int, int]:
     """Chamber (from 0) and sample of the lowest pressure, or of the longest time at zero."""
-    is_empty = pressures <= 0.0
-    if not is_empty.any():
-        chamber, sample = np.unravel_index(int(np.argmin(pressures)), pressures.shape)
+    chamber, sample = np.unravel_index(int(np.argmin(pressures)), pressures.shape)
+    if pressures[chamber, sample] > 0.0:
         return int(chamber), int(sample)
-    chamber = np.argmax(np.count_nonzero(is_empty, axis=1))
-    begins = np.flatnonzero(np.diff(is_empty[chamber].astype(np.int8)) > 0)
-    return int(chamber), int(begins[0]) + 1 if len(begins) else 0
+    is_empty = pressures <= 0.0
+    longest = int(np.argmax(np.count_nonzero(is_empty, axis=1)))
+    begins = np.flatnonzero(np.diff(is_empty[longest].astype(np.int8)) > 0)
+    return longest, int(begins[0]) + 1 if len(begins) else 0

@@ -22,6 +22,7 @@ from damperfit.identification.evaluation import (
     values_of,
     with_values,
 )
+from damperfit.identification.fit_facts import FitFacts
 from damperfit.identification.last_step import (
     LEAVES,
     UNSEEN,
@@ -30,7 +31,6 @@ from damperfit.identification.last_step import (
     promised_step,
     step_among_kinks,
 )
-from damperfit.identification.log_facts import LogFacts
 from damperfit.identification.minimiser import Transformation, minimise
 from damperfit.identification.plausible import (
     is_at_edge,
@@ -105,7 +105,7 @@ class Misfit:
         What a descent goes down on before it ends on the logs; None: on the logs alone.
     earlier : Earlier, optional
         Where a descent with more free ended, which knows how far logs and mean cycles lie apart.
-    facts : LogFacts, optional
+    facts : FitFacts, optional
         What is asked of the traces again and again; of other traces others are made.
     """
 
@@ -117,12 +117,12 @@ class Misfit:
     cancelled: Callable[[], bool]
     cycles: SettledLogs | None = None
     earlier: Earlier | None = None
-    facts: LogFacts = field(default=LogFacts(()))
+    facts: FitFacts = field(default=FitFacts(()))
 
     def __post_init__(self) -> None:
         """See that the facts are those of the traces."""
         if self.facts.traces is not self.traces:
-            object.__setattr__(self, "facts", LogFacts(self.traces))
+            object.__setattr__(self, "facts", FitFacts(self.traces))
 
     @property
     def whole(self) -> Misfit:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from damperfit.damper.quantity import Quantity
-    from damperfit.identification.log_facts import LogFacts
+    from damperfit.identification.fit_facts import FitFacts
     from damperfit.recording import Trace
 
 __all__ = ["ONE_SPEED", "holds_one_speed", "inseparable"]
@@ -35,13 +35,13 @@ _SHARE = 0.9
 
 
 def inseparable(
-    facts: LogFacts, free: Sequence[str], quantities: Sequence[Quantity]
+    facts: FitFacts, free: Sequence[str], quantities: Sequence[Quantity]
 ) -> tuple[str, ...]:
     """Return the free parameters that logs of one speed cannot separate; none where they can.
 
     Parameters
     ----------
-    facts : LogFacts
+    facts : FitFacts
         Of the logs of a setting.
     free : sequence of str
         What is fitted.

@@ -346,8 +346,9 @@ def describe_fit(setting: Setting, judged: Judged, misfit: Misfit) -> Fit:
     for trace, comparison in zip(misfit.traces, compared, strict=True):
         part = trace.compared
         measured, simulated = trace.force[part], comparison.force[part]
-        alone = tuple(normalised_mse(measured[at], simulated[at]) for at in trace.places)
         mse = normalised_mse(measured, simulated)
+        places = trace.places if len(trace.stretches) > 1 else ()
+        alone = tuple(normalised_mse(measured[at], simulated[at]) for at in places) or (mse,)
         kept = SeenLog(
             parameters,
             trace,
@@ -360,7 +361,9 @@ def describe_fit(setting: Setting, judged: Judged, misfit: Misfit) -> Fit:
         logs.append(LogFit(trace, mse, noise_floor(trace), alone, kept))
         seen.append((trace, comparison.response))
         misses.append(simulated - measured)
-        floors.append(logs[-1].noise_floor_percent / 100.0 * np.var(measured) * len(measured))
+        is_alone = len(misfit.traces) == 1
+        variance = misfit.deviation**2 if is_alone else float(np.var(measured))
+        floors.append(logs[-1].noise_floor_percent / 100.0 * variance * len(measured))
     all_misses = np.concatenate(misses)
     total = misfit.deviation**2 * len(all_misses)
     return Fit(

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.identification.log_facts import LogFacts
+from damperfit.identification.fit_facts import FitFacts
 from damperfit.identification.one_speed import inseparable
 from damperfit.identification.weights import _ALIKE, _OTHER_ERRORS, weights
 
@@ -26,18 +26,18 @@ def trace_of_speeds(share_of_one_speed: float) -> Any:
 
 @pytest.mark.parametrize(("share", "told"), [(0.89, ()), (0.91, ALL)])
 def test_nine_tenths_at_one_speed_are_one_speed(share: float, told: tuple[str, ...]) -> None:
-    assert inseparable(LogFacts((trace_of_speeds(share),)), ALL, PURDY_DAMPER.quantities) == told
+    assert inseparable(FitFacts((trace_of_speeds(share),)), ALL, PURDY_DAMPER.quantities) == told
 
 
 @pytest.mark.parametrize(("off", "told"), [(1.096, ALL), (1.104, ())])
 def test_speeds_within_a_tenth_are_one(off: float, told: tuple[str, ...]) -> None:
     trace = trace_of_speeds(1.0)
     trace.drive.velocity[:200] *= off
-    assert inseparable(LogFacts((trace,)), ALL, PURDY_DAMPER.quantities) == told
+    assert inseparable(FitFacts((trace,)), ALL, PURDY_DAMPER.quantities) == told
 
 
 def test_valves_of_one_direction_each_are_told_by_one_speed() -> None:
-    facts = LogFacts((trace_of_speeds(1.0),))
+    facts = FitFacts((trace_of_speeds(1.0),))
     assert inseparable(facts, ("r_m1", "k_e", "f_f"), PURDY_DAMPER.quantities) == ()
 
 

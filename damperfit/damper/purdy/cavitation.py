@@ -74,8 +74,8 @@ def examine_cavitation(
         at = replace(damper, gas_pressure=gas)
         filled = simulate(trial, at, motion, options=in_parts).pressures[:2, -n:]
         # The pressure is clamped at zero; the share of time spent there gives the root a slope.
-        share = float(np.mean((filled <= 0.0).any(axis=0)))
-        return -gas * share if share else float(np.min(filled))
+        least = float(filled.min())
+        return least if least > 0.0 else -gas * float(np.mean((filled <= 0.0).any(axis=0)))
 
     known = float(response.pressures[:2, trace.compared].min())
     margin = _root(

@@ -17,10 +17,10 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["LogFacts"]
+__all__ = ["FitFacts"]
 
 
-class LogFacts:
+class FitFacts:
     """Facts of the logs of one setting, each found where it is first asked for.
 
     Parameters
