@@ -224,20 +224,21 @@ static int is_for_parts(const df_network *q, const df_result *r, job *t)
 /* The slopes of oil that neither comes nor goes: 0 = J S + what the number does. */
 static void rest_slopes(const df_network *q, df_network_state *now)
 {
-    const double(*J)[DF_STATES] = now->b.J;
+    const df_network_balance *b = &now->b;
     df_flows f;
     chambers c;
     if (fill_chambers(q, now->x, &c) != DF_OK)
         return;
     evaluate(q, DF_IS_PURDY, &c, &now->gas, now->y, &now->b, &f);
-    const double det = J[0][0] * J[1][1] - J[0][1] * J[1][0], inverse = 1.0 / det;
+    const double J11 = b->J[0][0], J12 = b->J[0][1], J21 = b->J[1][0], J22 = b->J[1][1];
+    const double det = J11 * J22 - J12 * J21, inverse = 1.0 / det;
     if (!(det > SLOWEST * SLOWEST))
         return;
     for (int j = 0; j < now->n_which; j++) {
         double F[DF_STATES];
-        balance_by(q, DF_IS_PURDY, &now->b, &f, taken(q, DF_IS_PURDY, &c, now->y), now->v, now->which[j], F);
-        now->S[j][0] = (J[0][1] * F[1] - J[1][1] * F[0]) * inverse;
-        now->S[j][1] = (J[1][0] * F[0] - J[0][0] * F[1]) * inverse;
+        balance_by(q, DF_IS_PURDY, b, &f, taken(q, DF_IS_PURDY, &c, now->y), now->v, now->which[j], F);
+        now->S[j][0] = (J12 * F[1] - J22 * F[0]) * inverse;
+        now->S[j][1] = (J21 * F[0] - J11 * F[1]) * inverse;
         now->G[j][0] = now->G[j][1] = 0.0;
     }
 }
