@@ -361,9 +361,7 @@ def describe_fit(setting: Setting, judged: Judged, misfit: Misfit) -> Fit:
         logs.append(LogFit(trace, mse, noise_floor(trace), alone, kept))
         seen.append((trace, comparison.response))
         misses.append(simulated - measured)
-        is_alone = len(misfit.traces) == 1
-        variance = misfit.deviation**2 if is_alone else float(np.var(measured))
-        floors.append(logs[-1].noise_floor_percent / 100.0 * variance * len(measured))
+        floors.append(logs[-1].noise_floor_percent / 100.0 * np.var(measured) * len(measured))
     all_misses = np.concatenate(misses)
     total = misfit.deviation**2 * len(all_misses)
     return Fit(
