@@ -16,6 +16,7 @@ from damperfit.identification.descent import Misfit
 from damperfit.identification.minimiser import DescentPoint
 from damperfit.identification.setting import _statuses, relative_errors
 from damperfit.identification.solution import Solution
+from damperfit.identification.step_solvers import DenseSystem
 from damperfit.laws import LawFit, Tried, physics_seen, seen_again
 from damperfit.laws.choosing import FEWEST_SAMPLES
 from damperfit.laws.law_fit import _undetermined
@@ -35,7 +36,9 @@ def point(error: float) -> DescentPoint[None]:
     length = math.sqrt(cost / (FEWEST_SAMPLES * 3)) / error
     jacobian = np.zeros((100, 2))
     jacobian[0, 0], jacobian[1, 1] = length, 1.0
-    return DescentPoint(np.ones(2), np.full(100, 1e-3), jacobian, cost, None)
+    residuals = np.full(100, 1e-3)
+    system = DenseSystem(residuals, jacobian)
+    return DescentPoint(np.ones(2), residuals, jacobian, cost, system, None)
 
 
 @pytest.mark.parametrize(("factor", "is_undetermined"), [(0.99, False), (1.01, True)])
