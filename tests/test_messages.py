@@ -40,14 +40,19 @@ COMMAND = re.compile(r"(?:run|as|of|see|by|Example:|\() ?damperfit ([a-z]+)\b")
 @cache
 def _texts(path: Path) -> list[tuple[int, str]]:
     """Every string of a module that is no docstring, with the parts of an f-string put together."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
     silent: set[int] = set()
-    for node in ast.walk(tree):
-        body = getattr(node, "body", None)
-        if isinstance(body, list):  # docstrings, also those of fields
-            silent |= {id(one.value) for one in body if isinstance(one, ast.Expr)}
     found = []
-    for node in ast.walk(tree):
+    left: list[ast.AST] = [ast.parse(path.read_text(encoding="utf-8"))]
+    while left:  # from the top, so that what a node silences is known before it is met
+        node = left.pop()
+        for name in node._fields:
+            value = getattr(node, name, None)
+            if isinstance(value, list):
+                if name == "body":  # docstrings, also those of fields
+                    silent |= {id(one.value) for one in value if isinstance(one, ast.Expr)}
+                left += [one for one in value if isinstance(one, ast.AST)]
+            elif isinstance(value, ast.AST):
+                left.append(value)
         if isinstance(node, ast.JoinedStr):
             silent |= {id(part) for part in node.values}
             whole = "".join(
