@@ -51,7 +51,7 @@ def test_inspect_shows_the_stretches(steps, run):
 
 def test_settings_use_the_fastest_speed_that_was_run(steps, run, tmp_path):
     out = tmp_path / "results"
-    told = run("identify", *sorted(steps.glob("*.csv")), "--out", out, "--procedure", "plain")
+    told = run("identify", steps / "setting_10.csv", "--out", out, "--procedure", "plain")
     assert told.code == 0, told.err
     assert run("settings", out, "--velocity", "0.29m/s").code == 0
     beyond = run("settings", out, "--velocity", "0.31m/s")

@@ -178,6 +178,8 @@ def test_one_setting_declared_for_logs_that_plainly_differ_is_an_error(bodies, r
     assert ended.code == 3
     assert "setting 4: a.csv and b.csv contradict each other" in ended.err
     averaged = ("--rig", "contradictions=average", "--out", tmp_path / "out")
+    averaged += ("--procedure", "plain", "--free", "r_m1", "--fix", "r_m2=4.9e6,r_m3=2.6e6")
+    averaged += ("--fix", "k_e=0.7GPa,f_f=50N")
     ended = run("identify", tmp_path / "*.csv", "--setting", "4", *averaged)
     assert ended.code == 0, ended.err
     assert "averaged" in ended.err
