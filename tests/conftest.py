@@ -16,6 +16,7 @@ import time
 import tomllib
 from collections import Counter
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
@@ -35,7 +36,9 @@ settings.load_profile("damperfit")
 # The workers share the cores; threads of BLAS in each of them get in one another's way.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
-BENCHMARKS = Path(__file__).parent / "benchmarks"
+TESTS = Path(__file__).parent
+BENCHMARKS = TESTS / "benchmarks"
+PACKAGE = TESTS.parent / "damperfit"
 
 
 def pytest_ignore_collect(collection_path, config):
@@ -54,19 +57,20 @@ def pytest_collect_file():
 
 
 def pytest_configure(config):
-    """Keep what is compiled also where Python is told to write no bytecode: 7 s of each run."""
+    """Keep what is compiled, also where Python is told to write no bytecode: 7 s of each run."""
     gc.set_threshold(50_000, 20, 20)  # nothing that is imported and collected is garbage: 1 s each
-    if sys.dont_write_bytecode and not hasattr(config, "workerinput"):
-        # Some hundred processes of this run load the package: a tenth of each of them.
-        compileall.compile_dir(Path(__file__).parents[1] / "damperfit", quiet=2)
-    if not sys.dont_write_bytecode or not hasattr(config, "cache"):
-        return  # pytest does it itself, or is told to keep nothing
-    kept = config.cache.mkdir("asserts")
+    if not hasattr(config, "cache"):
+        return  # told to keep nothing
+    kept, rewrite_test = config.cache.mkdir("asserts"), rewrite._rewrite_test
 
-    def rewritten(path, config, rewrite_test=rewrite._rewrite_test):
+    def place_of(path):
         mine = f"{importlib.util.source_hash(str(path).encode()).hex()}-"
         text = importlib.util.source_hash(path.read_bytes()).hex()
-        file = kept / f"{mine}{text}-{sys.implementation.cache_tag}-pytest-{pytest.__version__}"
+        tag = f"{sys.implementation.cache_tag}-pytest-{pytest.__version__}"
+        return mine, kept / f"{mine}{text}-{tag}"
+
+    def rewritten(path, config=config):
+        mine, file = place_of(path)
         if file.exists():
             return marshal.loads(file.read_bytes())  # noqa: S302 - our own
         found = rewrite_test(path, config)
@@ -78,6 +82,35 @@ def pytest_configure(config):
         return found
 
     rewrite._rewrite_test = rewritten
+    if hasattr(config, "workerinput"):
+        return
+    # Some hundred processes of this run load the package: a tenth of each of them.
+    work = [(_compiled, path) for path in PACKAGE.rglob("*.py")]
+    if not config.option.file_or_dir:  # else the few that are asked for
+        tests = (path for path in TESTS.rglob("*.py") if _is_rewritten(path.name))
+        work += [(rewritten, path) for path in tests if not place_of(path)[1].exists()]
+    _side_by_side(work)
+
+
+def _compiled(path):
+    compileall.compile_file(path, quiet=2)
+
+
+def _is_rewritten(name):
+    return name == "conftest.py" or name.startswith("test_")
+
+
+def _side_by_side(work):
+    """Do it here and in a copy of this process, for each worker would do all of it by itself."""
+    if not hasattr(os, "fork"):
+        return
+    copy = os.fork()
+    for do, path in work[bool(copy) :: 2]:
+        with suppress(SyntaxError, ValueError):  # whoever imports it will say so
+            do(path)
+    if not copy:
+        os._exit(0)
+    os.waitpid(copy, 0)
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -101,7 +134,6 @@ def pytest_collection_modifyitems(items):
 
 def pytest_collection_finish(session):
     """Let what stands now be: no garbage to look for, and nothing for a fork to copy."""
-    gc.collect()
     gc.freeze()  # arrays and tables leave few cycles: looking for them took a fiftieth
 
 
