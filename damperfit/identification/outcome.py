@@ -55,7 +55,7 @@ _ADVICE = {
         "A parameter ran to the edge of its plausible range: fix it, or check units and signs."
     ),
     Outcome.NOT_IDENTIFIABLE: (
-        "These logs do not fix a free parameter: fix it, or fit more logs of this setting."
+        "These logs do not determine a free parameter: fix it, or fit more logs of this setting."
     ),
     Outcome.EVALUATION_LIMIT: (
         "The fit stopped at its limit of evaluations: raise identification.max_evaluations."

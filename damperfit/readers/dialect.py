@@ -97,7 +97,8 @@ class Dialect:
             found.append("decimal mark: comma")
         foreign = sum(not line.lstrip().startswith("#") for line in self.preamble)
         if foreign:
-            found.append(f"preamble: {foreign} lines above the names")
+            lines = "1 line" if foreign == 1 else f"{foreign} lines"
+            found.append(f"preamble: {lines} above the names")
         return tuple(found)
 
 

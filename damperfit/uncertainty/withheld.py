@@ -224,7 +224,9 @@ def _doubted_dimensions(
     for setting, one in diagnoses.items():
         if not lost or not one.is_structured:
             continue
-        misses = f"of the MSE of {one.mse_percent:.2g} % only {one.noise_percent:.2g} % is noise"
+        misses = (
+            f"the MSE is {one.mse_percent:.2g} %, of which only {one.noise_percent:.2g} % is noise"
+        )
         if assumed:
             said[setting] = f"{assumed} {misses}"
         elif _is_of_gas(one) and any(_is_of_gas(diagnoses[k], or_offset=True) for k in lost):

@@ -102,7 +102,7 @@ def test_r_m3_that_cannot_be_seen_is_called_by_name(run, tmp_path) -> None:
     make_samples(tmp_path / "made", SampleOptions(settings=(1, 2), cycles=8.0), parameters=known)
     ended = run("identify", tmp_path / "made" / "setting_*.csv")
     assert ended.code == 0
-    assert "do not fix R_m3, but 2.597e+06" in ended.err
+    assert "do not determine R_m3, but 2.597e+06" in ended.err
     report = (tmp_path / "results" / "report.md").read_text(encoding="utf-8")
     assert "## Identifiability" in report
     assert "r_m3 at setting 1, 2: these logs do not determine it (flat downward" in report

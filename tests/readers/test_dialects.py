@@ -385,6 +385,8 @@ def test_a_long_preamble_of_numbers_and_prose(put) -> None:
     recording = read_log(put(preamble + text(Scenario()).replace(",", ";")))
     np.testing.assert_array_equal(recording.force, Scenario().force_n)
     assert "preamble: 60 lines above the names" in recording.notes
+    one = read_log(put("Shock dyno\n" + text(Scenario())))
+    assert "preamble: 1 line above the names" in one.notes
 
 
 def test_a_decimal_comma_below_many_whole_numbers(put) -> None:

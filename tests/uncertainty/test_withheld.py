@@ -260,4 +260,4 @@ def test_a_misfit_with_dimensions_that_nobody_gave(mse: float, *, is_withheld: b
     said = about_dimensions(seen, told(0.005, 0.0049, misses=False), assumed=ASSUMED)
     assert [setting for setting, _ in said] == ([1] if is_withheld else [])
     if said:
-        assert said[0][1].startswith(f"{ASSUMED} of the MSE of 0.02 % only")
+        assert said[0][1].startswith(f"{ASSUMED} the MSE is 0.02 %, of which only")

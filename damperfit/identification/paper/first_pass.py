@@ -181,7 +181,7 @@ def _concluded(
         raise SettingError(found)
     if where != lowest:
         warnings.append(
-            f"the logs of setting {lowest} do not fix R_m3: it is taken from setting {where}."
+            f"the logs of setting {lowest} do not determine R_m3: it is taken from setting {where}."
         )
     if found.said:
         warnings.append(found.said)
@@ -275,7 +275,7 @@ def _shared_r_m3(
     known = fallback(given, TAKEN)
     if not again.outcome.is_minimum:
         said = (
-            f"the logs of setting {setting} do not fix R_m3 ({again.outcome.value}): "
+            f"the logs of setting {setting} do not determine R_m3 ({again.outcome.value}): "
             f"{known:.4g} (identification.fallback_r_m3) is used; give --fix r_m3=VALUE if "
             "yours is known."
         )
@@ -284,14 +284,14 @@ def _shared_r_m3(
     if _is_contradicted(misfit, again, known, held):
         value = max(value, first.solution.parameters.quantity("r_m3").plausible[0])
         said = (
-            f"the logs of setting {setting} do not fix R_m3, but {known:.4g} "
+            f"the logs of setting {setting} do not determine R_m3, but {known:.4g} "
             f"(identification.fallback_r_m3) does not fit them: {value:.4g} is used, which does; "
             "give --fix r_m3=VALUE if yours is known."
         )
     else:
         value = known
         said = (
-            f"the logs of setting {setting} do not fix R_m3: {known:.4g} "
+            f"the logs of setting {setting} do not determine R_m3: {known:.4g} "
             "(identification.fallback_r_m3) fits them as well as any and is used; give "
             "--fix r_m3=VALUE if yours is known."
         )
@@ -362,7 +362,7 @@ def _shared_friction(
     }
     if not sound:
         said = (
-            f"no setting's logs fix the friction: {known:g} N "
+            f"no setting's logs determine the friction: {known:g} N "
             "(identification.fallback_f_f) is used; give --fix f_f=VALUE if yours is known."
         )
         return known, (), [said]
