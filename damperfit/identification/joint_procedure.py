@@ -13,6 +13,7 @@ from damperfit.identification.descent import descend
 from damperfit.identification.failures import SettingError, SettingFailure, attempted
 from damperfit.identification.following import Way, detected_way
 from damperfit.identification.joint_fit import JointProblem, JointSolution, fit_jointly
+from damperfit.identification.joint_restarts import unstrained
 from damperfit.identification.outcome import Outcome, Status
 from damperfit.identification.paper.gas_content import GAS_FOLLOWER, first_law, working_pressure
 from damperfit.identification.procedure_input import ProcedureInput
@@ -170,7 +171,12 @@ def _fit_sound(
     else:
         starts = _common_starts(given, sound, way)
     problem = JointProblem(misfits, way.shared, way.follows, jobs=given.jobs)
-    solution = _fairly_weighed(problem, fit_jointly(problem, starts))
+    solution = fit_jointly(problem, starts)
+    if way.is_general:
+        own = {setting: fit.parameters for setting, fit in sound.items()}
+        percent = {setting: fit.mse_percent for setting, fit in sound.items()}
+        solution = unstrained(problem, solution, own, percent)
+    solution = _fairly_weighed(problem, solution)
     spent, rises = spent + solution.evaluations, {}
     warnings = [] if solution.is_converged else [_NO_MINIMUM]
     if not _is_fairly_weighed(solution):

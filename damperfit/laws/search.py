@@ -272,4 +272,5 @@ def _is_as_rigid(law: Tried) -> bool:
     if "k_s" not in law.fits[0].free:
         return False
     softest = min(one.annulus_area / one.chamber_1_length, one.piston_area / one.chamber_2_length)
-    return all(fit.values.k_s > _AS_RIGID * fit.values.k_e * softest for fit in law.fits)
+    oil = next(quantity.name for quantity in one.quantities if quantity.role == STIFFNESS)
+    return all(fit.values.k_s > _AS_RIGID * getattr(fit.values, oil) * softest for fit in law.fits)
