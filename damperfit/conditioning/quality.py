@@ -30,7 +30,7 @@ import numpy as np
 from damperfit.conditioning.channels import Channel, examine_channel, find_spikes, noise_of
 from damperfit.conditioning.motion import examine_motion
 from damperfit.conditioning.repeatability import examine_repeatability
-from damperfit.conditioning.rig_filter import looks_filtered
+from damperfit.conditioning.rig_filter import falls_off, looks_filtered
 from damperfit.recording import Finding
 from damperfit.statistics import percentiles
 
@@ -184,19 +184,22 @@ def _temperature(recording: Recording, window: slice, test: NominalTest) -> Iter
 
 
 def _rig_filter(log: UniformLog, trace: Trace, options: ConditionOptions) -> Iterator[Finding]:
+    if options.rig_filter != "none":
+        return
     steady = [stretch for stretch in trace.stretches if stretch.n_cycles]
-    if options.rig_filter != "none" or not steady:
-        return  # a motion that does not repeat may have content where noise is looked for
-    longest = max(steady, key=lambda stretch: stretch.n_samples)
+    longest = max(steady or trace.stretches, key=lambda stretch: stretch.n_samples)
     rows = slice(0, len(log.force))
-    if len(trace.stretches) > 1:
+    if len(trace.stretches) > 1 or not steady:
         first = round((trace.start_time - log.start_time) / log.interval)
         rows = slice(max(first + longest.first, 0), first + longest.stop)
     channels = log.displacement[rows], log.force[rows]
-    if looks_filtered(*channels, log.interval, longest.frequency):
-        # python -m tests.identification.scatter --in-the-rig causal --declared none
-        text = (
-            "both channels look as if the rig had filtered them: if so, set rig.filter = "
-            "'causal' or 'zero_phase' in the configuration, or parameters are off by up to 3 %"
-        )
+    # python -m tests.identification.scatter --in-the-rig causal --declared none
+    text = (
+        "both channels look as if the rig had filtered them: if so, set rig.filter = "
+        "'causal' or 'zero_phase' in the configuration, or parameters are off by up to 3 %"
+    )
+    if steady and looks_filtered(*channels, log.interval, longest.frequency):
+        yield Finding("rig_filter", "warning", text)
+    if not steady and falls_off(*channels, log.interval):
+        text += ", and errors are too small: noise is read where that filter takes it away"
         yield Finding("rig_filter", "warning", text)

@@ -7,6 +7,12 @@ measured on made-up logs (`python -m tests.conditioning.limits --filters`): with
 1.7 for displacement and 0.2 to 1.9 for force; behind 30 or 60 Hz up to 1500 and 41 000, but 3.5 and
 34 where the noise that is left is below the last digit of the log. Such a filter is not seen.
 Lines beside a harmonic are left out: in a short cut of a fast motion none may be left to tell.
+
+Where nothing repeats, motion and force have content just above the motion. There the noise is
+looked at by itself: two bands far above the motion, the upper one twice as high, of which a
+low-pass leaves less: of the force at least 47 times, mostly a thousand times. Of a raw road or
+sweep the force has up to 5 times as much in the lower one (its friction jumps), the displacement
+1.4 times; where speeds jump, or turn within 20 ms, the force has up to 34 times.
 """
 
 from __future__ import annotations
@@ -25,7 +31,7 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.float64]
     IntArray = NDArray[np.int64]
 
-__all__ = ["looks_filtered"]
+__all__ = ["falls_off", "looks_filtered"]
 
 _NEAR = (15.0, 25.0)  # Hz, below any low-pass that a damper rig uses
 _FAR = (0.3, 0.45)  # of the sample rate
@@ -34,6 +40,10 @@ _FEWEST_LINES = 8
 _LOBE = 4.0  # lines beside a harmonic that Blackman's window smears it over
 _DISPLACEMENT_RATIO = 100.0
 _FORCE_RATIO = 1000.0
+# Of the sample rate, and by how much more the lower band has of each channel.
+_LOWER, _UPPER = (0.15, 0.2), (0.4, 0.45)
+_MORE_DISPLACEMENT, _MORE_FORCE = 4.0, 40.0
+_FEWEST_OF_NOISE = 50  # lines of each band
 
 
 def looks_filtered(
@@ -59,6 +69,43 @@ def looks_filtered(
         _fall(displacement, interval, frequency) > _DISPLACEMENT_RATIO
         and _fall(force, interval, frequency) > _FORCE_RATIO
     )
+
+
+def falls_off(displacement: FloatArray, force: FloatArray, interval: float) -> bool:
+    """Whether the noise of both channels falls off far above a motion that does not repeat.
+
+    Parameters
+    ----------
+    displacement, force : numpy.ndarray
+        Shape (n,), as logged.
+    interval : float
+        Sample interval, s.
+
+    Returns
+    -------
+    bool
+        False also where the log is too short or too slow to tell.
+    """
+    return (
+        _more_below(displacement, interval) > _MORE_DISPLACEMENT
+        and _more_below(force, interval) > _MORE_FORCE
+    )
+
+
+def _more_below(signal: FloatArray, interval: float) -> float:
+    """Ratio of the noise's level in the lower band to that in the upper; 0 when not known."""
+    if _LOWER[0] / interval < _LEAST_FAR:
+        return 0.0
+    length = len(signal) * interval
+    lower, upper = (
+        _lines(below / interval, above / interval, length, len(signal))
+        for below, above in (_LOWER, _UPPER)
+    )
+    if min(len(lower), len(upper)) < _FEWEST_OF_NOISE:
+        return 0.0
+    spectrum = np.fft.rfft((signal - np.mean(signal)) * _window(len(signal)))
+    level = median(np.abs(spectrum[upper]) ** 2)
+    return median(np.abs(spectrum[lower]) ** 2) / level if level > 0.0 else 0.0
 
 
 def _fall(signal: FloatArray, interval: float, motion: float) -> float:
