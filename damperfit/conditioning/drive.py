@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["content_beyond", "make_drive"]
+__all__ = ["content_beyond", "make_drive", "unclear_turns"]
 
 # Velocity that the compared filter may take away, over all of it. A sine loses less, a triangle of
 # 0.2 m/s and +-32 mm an eighth (`tests/test_told_figures.py`).
@@ -58,6 +58,8 @@ _STEP = 0.5  # octaves between the corners tried
 _HIGHEST = 0.35
 _TOP = (0.3, 0.45)  # of the sample rate, where a motion has nothing
 _NOISE_BETWEEN = 0.005
+_UNCLEAR = 4.0  # times the noise of the speed; a sample at so little has friction of either sign
+_ON_SAMPLES = 0.004  # of the samples: 1 % cost 2 % of the friction and of R_m3
 _HALF = math.log(2.0)  # median over mean of the power of noise
 _LINES = 8.0  # that tell the noise of an order, near enough
 _CLEAR = 8.0  # a line of pure noise is so much above its mean once in 3000
@@ -304,6 +306,33 @@ def _without_hum(power: NDArray[Any], frequency: NDArray[Any]) -> NDArray[Any]:
         if power[line].max() > _ALONE * max(beside):
             kept[line] = np.mean(beside)
     return kept
+
+
+def unclear_turns(drive: Drive, log: UniformLog, stretches: Sequence[Stretch]) -> list[int]:
+    """Return the samples at which noise decides which way friction acts, where they are many.
+
+    A sine of 200 samples a cycle that turns at one of them turns at all of them: its friction is
+    then too small by as much as they are. Where samples fall elsewhere in each cycle there are few.
+
+    Parameters
+    ----------
+    drive : Drive
+        The displacement behind the compared filter.
+    log : UniformLog
+        As logged.
+    stretches : sequence of Stretch
+        What is compared, in samples of the log.
+    """
+    noise = noise_of(log.displacement) * math.sqrt(2.0 * drive.corner * log.interval)
+    noise *= 2.0 * math.pi * drive.corner / math.sqrt(3.0)
+    unclear = np.abs(drive.velocity) <= _UNCLEAR * noise
+    # Of a slow turn several in a row are: there the noise is not what decides.
+    alone = np.zeros(len(unclear), dtype=np.bool_)
+    alone[1:-1] = unclear[1:-1] & ~unclear[:-2] & ~unclear[2:]
+    n = sum(int(np.count_nonzero(alone[one.window])) for one in stretches)
+    if n < _ON_SAMPLES * sum(one.n_samples for one in stretches):
+        return []
+    return [int(one) for one in np.flatnonzero(alone)]
 
 
 def content_beyond(displacement: FloatArray, interval: float, corner: float) -> float:

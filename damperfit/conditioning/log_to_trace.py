@@ -20,7 +20,7 @@ from damperfit.conditioning.corrections import (
     middle_of,
     put_right,
 )
-from damperfit.conditioning.drive import make_drive
+from damperfit.conditioning.drive import make_drive, unclear_turns
 from damperfit.conditioning.filters import apply_filter, fading_samples
 from damperfit.conditioning.measured_characteristics import with_figures
 from damperfit.conditioning.options import ConditionOptions
@@ -168,21 +168,29 @@ def _driven(
 ) -> tuple[FilteredLog, Drive]:
     """Return what drives the model over a part of the log: lines, where its motion is straight.
 
-    A sample at a jump of the speed may have the friction of before it or of after it: it is
-    bridged, of the measured and of the simulated force.
+    A sample at a jump of the speed may have the friction of before it or of after it, and so may
+    one at which a sine turns: it is bridged, of the measured and of the simulated force.
     """
     drive = make_drive(seen.log, seen.displacement, seen.velocity, found, options)
-    if drive.displacement is seen.displacement or options.filter != "zero_phase":
+    if options.filter != "zero_phase":
         return seen, drive
+    if drive.displacement is seen.displacement:
+        stretches = [one.stretch for one in found]
+        return _bridged(seen, unclear_turns(drive, seen.log, stretches)), drive
     lines = drive_of_lines(seen.log.displacement, seen.log.interval, part)
     if lines is None:
         return seen, drive
     at = lines.jumps[:, 0]
-    last = len(seen.force) - 1
-    bridged = tuple(int(one) for one in at[at == np.rint(at)].tolist() if 0 < one < last)
-    design = replace(seen.model_filter, bridged=bridged)
-    force = apply_filter(design, seen.log.force) if bridged else seen.force
-    return seen._replace(force=force, model_filter=design), lines
+    return _bridged(seen, at[at == np.rint(at)].astype(np.int64).tolist()), lines
+
+
+def _bridged(seen: FilteredLog, at: Sequence[int]) -> FilteredLog:
+    """Return a log whose force has the mean of its neighbours at some samples."""
+    inside = tuple(one for one in at if 0 < one < len(seen.force) - 1)
+    if not inside:
+        return seen
+    design = replace(seen.model_filter, bridged=inside)
+    return seen._replace(force=apply_filter(design, seen.log.force), model_filter=design)
 
 
 def _with_whole(

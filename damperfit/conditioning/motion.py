@@ -169,6 +169,12 @@ def _drive(trace: Trace, options: ConditionOptions) -> Iterator[Finding]:
                 f"by the displacement with the noise above {trace.drive.corner:.3g} Hz taken off"
             )
             yield Finding("drive", "note", text, trace.drive.corner, "Hz")
+        elif turns := len(trace.model_filter.bridged):
+            text = (
+                "the motion turns on its samples, where noise decides which way friction acts: "
+                f"{turns} of them are bridged, of the measured and of the modelled force"
+            )
+            yield Finding("drive", "note", text, float(turns))
         return
     half = 0.5 * options.rig_filter_corner
     share = 100.0 * max(

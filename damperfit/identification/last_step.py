@@ -142,8 +142,14 @@ def _pulled(misfit: Misfit, parameters: Values) -> _Pulled:
 
 def _back_through(design: FilterDesign, signal: FloatArray) -> FloatArray:
     """Return what the transpose of a filter makes of a signal that is zero at its ends."""
-    if design.is_zero_phase:  # its own transpose
-        return apply_filter(design, signal)
+    if design.is_zero_phase:  # its own transpose, but for the samples that are bridged before it
+        back = apply_filter(replace(design, bridged=()), signal)
+        at = np.array(design.bridged, dtype=np.int64)
+        share = 0.5 * back[at]
+        back[at] = 0.0
+        np.add.at(back, at - 1, share)
+        np.add.at(back, at + 1, share)
+        return back
     return np.ascontiguousarray(apply_filter(design, np.ascontiguousarray(signal[::-1]))[::-1])
 
 

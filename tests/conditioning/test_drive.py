@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from damperfit.conditioning import ConditionOptions, condition
+from damperfit.conditioning import ConditionOptions, condition, drive
+from damperfit.conditioning.timebase import make_uniform
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import compare, normalised_mse
@@ -115,3 +116,49 @@ def test_a_corner_that_rises_is_told():
     told = [one for one in condition(with_harmonic(0.05)).findings if one.name == "drive"]
     assert [one.severity for one in told] == ["note"]
     assert not [one for one in condition(sine_log()).findings if one.name == "drive"]
+
+
+def noisy_sine(rate, phase, *, noise=3e-6):
+    """A sine of 1.5 Hz; of 300 Hz it turns at a sample where the phase is a multiple of 1/200."""
+    log = sine_log(rate=rate, phase=2.0 * np.pi * phase)
+    x = log.displacement + noise * np.random.default_rng(1).standard_normal(len(log.time))
+    return replace(log, displacement=x)
+
+
+@pytest.mark.parametrize(
+    ("rate", "phase", "is_bridged"),
+    [(300.0, 0.13, True), (300.0, 0.1325, False), (500.0, 0.0, False), (1000.0, 0.0, False)],
+)
+def test_samples_at_which_a_sine_turns_are_bridged(rate, phase, is_bridged):
+    """Noise decided their friction: at 300 Hz f_f was 2 % too small and R_m3 2 % too large."""
+    trace = condition(noisy_sine(rate, phase))
+    said = [one.sentence for one in trace.findings if one.name == "drive"]
+    if not is_bridged:
+        assert trace.model_filter.bridged == ()
+        assert not said
+        return
+    at = np.array(trace.model_filter.bridged)
+    speeds = np.abs(trace.velocity)
+    assert np.max(speeds[at]) < 6e-4 < np.min(np.delete(speeds, at))
+    (sentence,) = said
+    assert sentence == (
+        "the motion turns on its samples, where noise decides which way friction acts: "
+        f"{len(at)} of them are bridged, of the measured and of the modelled force"
+    )
+
+
+@pytest.mark.parametrize(("share", "is_told"), [(0.0041, True), (0.0039, False)])
+@pytest.mark.parametrize(("errors", "is_unclear"), [(3.9, True), (4.1, False)])
+def test_so_many_samples_of_so_little_speed_are_unclear(
+    share, is_told, errors, is_unclear, monkeypatch
+):
+    monkeypatch.setattr(drive, "noise_of", lambda _: 3e-6)
+    log = noisy_sine(1000.0, 0.0)
+    velocity = np.ones(10_000)
+    at = np.linspace(10, 9_990, round(1e4 * share)).astype(int)
+    velocity[at] = errors * 3e-6 * np.sqrt(2.0 * 30.0 * 1e-3) * 2.0 * np.pi * 30.0 / np.sqrt(3.0)
+    stretch = condition(log).stretches[0]
+    stretch = replace(stretch, first=0, stop=10_000)
+    plain = Drive(velocity, velocity, 30.0)
+    found = drive.unclear_turns(plain, make_uniform(log), [stretch])
+    assert found == (at.tolist() if is_told and is_unclear else [])

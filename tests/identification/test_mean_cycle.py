@@ -13,7 +13,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from damperfit.conditioning import ConditionOptions, condition
+from damperfit.conditioning import ConditionOptions, apply_filter, condition
+from damperfit.conditioning.filters import design_filter
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import SimulationError
@@ -21,7 +22,7 @@ from damperfit.identification import FitOptions, descent, identify
 from damperfit.identification import last_step as last_step_module
 from damperfit.identification.descent import Misfit, approach, descend
 from damperfit.identification.evaluation import evaluate
-from damperfit.identification.last_step import last_step
+from damperfit.identification.last_step import _back_through, last_step
 from damperfit.identification.setting import relative_errors
 from damperfit.identification.settled import settled
 from damperfit.recording import Recording, Trace
@@ -304,3 +305,13 @@ def test_the_pull_of_the_logs_is_their_residuals_times_their_derivatives(name: s
     sizes = np.linalg.norm(slopes, axis=0) * np.linalg.norm(residuals)
     assert np.max(np.abs(found.gradient - slopes.T @ residuals) / sizes) < 1e-4
     assert found.is_cavitating == is_cavitating
+
+
+def test_the_transpose_of_a_filter_that_bridges_is_its_transpose():
+    """Two bridged samples with one between, which counts for both."""
+    design = replace(design_filter("zero_phase", 30.0, sample_rate=300.0), bridged=(200, 202, 350))
+    random = np.random.default_rng(1)
+    one, other = np.zeros((2, 600))
+    one[150:450], other[150:450] = random.standard_normal((2, 300))
+    forward = other @ apply_filter(design, one)
+    assert one @ _back_through(design, other) == pytest.approx(forward, rel=1e-9)
