@@ -41,7 +41,8 @@ _LOBE = 4.0  # lines beside a harmonic that Blackman's window smears it over
 _DISPLACEMENT_RATIO = 100.0
 _FORCE_RATIO = 1000.0
 # Of the sample rate, and by how much more the lower band has of each channel.
-_LOWER, _UPPER = (0.15, 0.2), (0.4, 0.45)
+_LOWER = (0.15, 0.2)
+_UPPER = (0.4, 0.45)
 _MORE_DISPLACEMENT, _MORE_FORCE = 4.0, 40.0
 _FEWEST_OF_NOISE = 50  # lines of each band
 
