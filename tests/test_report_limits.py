@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from damperfit.adjustment import Outlier, Trend, TrendPoint
+from damperfit.damper.mounting import Mounting
 from damperfit.identification import Outcome
 from damperfit.report import (
     finding_lines,
@@ -255,6 +256,17 @@ def test_a_value_at_a_bound_is_off_the_scale_beyond_three_heights(share, is_far)
     rows = rows_of(fit(1), fit(2), fit(3, status={"k_e": "at_bound"}))
     rows[2]["k_e"] = 520e6 + share * 30e6
     assert ("off the scale" in _k_e(rows).caption) is is_far
+
+
+def test_a_quantity_that_is_its_own_symbol_is_named_once():
+    quantities = Mounting(series_stiffness="fit", play="fit").quantities
+    row = {"setting": 1}
+    for one in quantities:
+        row |= {one.name: 5e-4, f"{one.name}_status": "fitted"}
+        row |= {f"{one.name}_ci_low": 4e-4, f"{one.name}_ci_high": 6e-4}
+    plots = {one.name: one for one in parameter_plots([row], {1: "#000000"}, quantities=quantities)}
+    assert plots["parameter_play"].title == "play, against setting"
+    assert plots["parameter_k_s"].title == "k_s, series stiffness, against setting"
 
 
 @pytest.mark.parametrize("n", [3, 4])

@@ -36,7 +36,7 @@ def test_a_part_that_gains_a_tenth_is_offered_again_beside_another(
     """Friction that is larger at rest shows beside one that builds up over a distance."""
 
     def law(parts: str) -> SimpleNamespace:
-        return SimpleNamespace(parts=parts, leaves_something=True)
+        return SimpleNamespace(parts=parts, leaves_something=True, mse_percent=1.0)
 
     def verdict(small: SimpleNamespace, large: SimpleNamespace, _: float) -> SimpleNamespace:
         new = large.parts[-1]

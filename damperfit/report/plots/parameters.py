@@ -94,7 +94,8 @@ def parameter_plots(
         caption = " ".join(_caption(rows, known, name, far, trend))
         if along:
             caption += " Broken lines: trends along one adjuster with the others held."
-        title = f"{scale.symbol}, {scale.meaning}, against setting"
+        named = dict.fromkeys((scale.symbol, scale.meaning))  # play is called play
+        title = f"{', '.join(named)}, against setting"
         yield Plot(f"parameter_{name}", title, (panel,), caption)
 
 
