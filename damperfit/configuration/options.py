@@ -224,8 +224,8 @@ class Configuration:
 
     @property
     def not_measured(self) -> tuple[str, ...]:
-        """The same without the ambient pressure, which is everywhere much the same."""
-        return tuple(name for name in self.undeclared if name != _OUTSIDE)
+        """Those that somebody could have measured: the air is everywhere much the same."""
+        return tuple(name for name in self.undeclared if name not in {*_OF_THE_LAW, _OUTSIDE})
 
     @property
     def keys(self) -> tuple[str, ...]:
