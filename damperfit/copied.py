@@ -17,7 +17,9 @@ all of it where the system has no more processes or files to give.
 
 from __future__ import annotations
 
+import copyreg
 import ctypes
+import dataclasses
 import fcntl
 import gc
 import io
@@ -29,6 +31,8 @@ import signal
 import struct
 import warnings
 from contextlib import contextmanager, suppress
+from functools import cache, partial
+from types import MemberDescriptorType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -102,6 +106,9 @@ class _Team:
     ) -> None:
         self._act, self._items, self._known = act, items, known
         self._places = {id(one): place for place, one in enumerate(known)}
+        self._pickler: Callable[..., pickle.Pickler] = (
+            partial(_KnowingPickler, places=self._places) if known else _Pickler
+        )
         self._copies: dict[int, int] = {}  # process by the pipe that it answers through
         self._ears = selectors.DefaultSelector()
 
@@ -179,7 +186,7 @@ class _Team:
         text = io.BytesIO()
         try:
             result = self._act(self._items[place])
-            _Pickler(text, self._places, buffers).dump(result)
+            self._pickler(text, buffers).dump(result)
             return [text.getbuffer(), *(one.raw() for one in buffers)]
         except Exception:
             _LOGGER.debug("a copy leaves item %d to its parent", place, exc_info=True)
@@ -247,16 +254,51 @@ def _keep_memory() -> None:
 
 
 class _Pickler(pickle.Pickler):
-    """Pickles a result; what the parent has too goes by its place."""
+    """Pickles a result."""
+
+    def __init__(self, file: io.BytesIO, buffers: list[pickle.PickleBuffer]) -> None:
+        super().__init__(file, protocol=5, buffer_callback=buffers.append)
+
+    def reducer_override(self, one: object) -> Any:
+        """Take a frozen dataclass with slots by its values.
+
+        As Python does; but that asks for the names of the fields object by object, on both sides.
+        """
+        kind: Any = type(one)
+        slots = _slots_of(kind)
+        if slots is None:
+            return NotImplemented
+        values = tuple([slot.__get__(one) for slot in slots])
+        return copyreg.__newobj__, (kind,), values, None, None, _fill  # type: ignore[attr-defined]
+
+
+class _KnowingPickler(_Pickler):
+    """Pickles a result; what the parent has too goes by its place. Each number is asked for."""
 
     def __init__(
-        self, file: io.BytesIO, places: Mapping[int, int], buffers: list[pickle.PickleBuffer]
+        self, file: io.BytesIO, buffers: list[pickle.PickleBuffer], places: Mapping[int, int]
     ) -> None:
-        super().__init__(file, protocol=5, buffer_callback=buffers.append)
         self._places = places
+        super().__init__(file, buffers)
 
     def persistent_id(self, one: object) -> int | None:
         return self._places.get(id(one))
+
+
+@cache
+def _slots_of(kind: Any) -> tuple[MemberDescriptorType, ...] | None:
+    """Return where the values of a dataclass lie; None where it goes another way, or is none."""
+    ways = (getattr(kind, name, None) for name in ("__getstate__", "__setstate__"))
+    if any(getattr(way, "__module__", "") != dataclasses.__name__ for way in ways):
+        return None
+    slots = [getattr(kind, field.name) for field in dataclasses.fields(kind)]
+    return tuple(slots) if all(isinstance(one, MemberDescriptorType) for one in slots) else None
+
+
+def _fill(one: object, values: Sequence[object]) -> None:
+    kind: Any = type(one)
+    for slot, value in zip(_slots_of(kind) or (), values, strict=True):
+        slot.__set__(one, value)
 
 
 class _Unpickler(pickle.Unpickler):

@@ -14,6 +14,7 @@ import subprocess
 import sys
 import threading
 import time
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -52,6 +53,26 @@ class PickyError(Exception):
         self.sum = one + other
 
 
+@dataclass(frozen=True, slots=True)
+class Slotted:
+    """Goes by its values."""
+
+    name: str
+    inner: object = None
+
+
+@dataclass(frozen=True, slots=True)
+class Forgetful(Slotted):
+    """Has a way of its own."""
+
+    def __getstate__(self):
+        return self.name.upper()
+
+    def __setstate__(self, state):
+        object.__setattr__(self, "name", state)
+        object.__setattr__(self, "inner", "forgotten")
+
+
 @pytest.fixture
 def many_at_once(monkeypatch):
     """Let two items be many, whatever threads the test runner has; counts who asks for copies."""
@@ -68,6 +89,20 @@ def many_at_once(monkeypatch):
 
 
 class TestInCopies:
+    @pytest.mark.parametrize("known", [(), (Slotted("known"),)])
+    def test_frozen_dataclasses_with_slots_come_back_as_they_are(self, known):
+        def act(k):
+            inner = Slotted("inner", np.arange(k))
+            twice = Slotted("outer", (inner, inner, *known))
+            return twice, Forgetful("its own", k), Slotted("itself", inner)
+
+        for k, (outer, own, last) in enumerate(in_copies(act, range(2), jobs=2, known=known)):
+            assert (outer.name, len(outer.inner), last.name) == ("outer", 2 + len(known), "itself")
+            assert outer.inner[0] is outer.inner[1] is last.inner
+            assert last.inner.inner.tolist() == list(range(k))
+            assert all(found is one for found, one in zip(outer.inner[2:], known, strict=True))
+            assert (own.name, own.inner) == ("ITS OWN", "forgotten")
+
     def test_results_come_in_the_order_of_the_items(self, tmp_path):
         def slow_first(k):
             """The first is done once another copy has been at work, however late that begins."""

@@ -6,8 +6,8 @@ Apart from `run_json`, which loads what fitted.
 from __future__ import annotations
 
 import json
-import math
 from enum import Enum
+from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 from damperfit.tested.setting import Setting
@@ -63,13 +63,22 @@ def json_values(value: Any) -> Any:
     if type(value) in _PLAIN:  # with numbers, lists and dictionaries of them nearly all there is
         return value
     if isinstance(value, float):
-        return value if math.isfinite(value) else None
+        return value if isfinite(value) else None
+    # A number asks for no call: of some hundred settings there are a hundred thousand.
     if isinstance(value, dict):
         return {
-            str(key): one if type(one) in _PLAIN else json_values(one) for key, one in value.items()
+            str(key): one
+            if (kind := type(one)) in _PLAIN or (kind is float and isfinite(one))
+            else json_values(one)
+            for key, one in value.items()
         }
     if isinstance(value, list | tuple):
-        return [one if type(one) in _PLAIN else json_values(one) for one in value]
+        return [
+            one
+            if (kind := type(one)) in _PLAIN or (kind is float and isfinite(one))
+            else json_values(one)
+            for one in value
+        ]
     return value.cell if isinstance(value, Setting) else value
 
 

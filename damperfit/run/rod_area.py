@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections import defaultdict
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from damperfit.damper.model import Model
     from damperfit.recording import Trace
     from damperfit.run.logs import LogBatch
+    from damperfit.tested.setting import Setting
 
 __all__ = ["rod_area_ratio", "with_rod_remark"]
 
@@ -36,10 +38,15 @@ def rod_area_ratio(traces: Sequence[Trace], damper: Model) -> float | None:
     damper : Model
         As declared.
     """
+    by_setting: dict[Setting | None, list[int]] = defaultdict(list)
+    for place, trace in enumerate(traces):
+        if trace.gas_pressure is not None:
+            by_setting[trace.setting].append(place)
+    pairs = (itertools.combinations(places, 2) for places in by_setting.values())
     seen = expected = 0.0
-    for one, other in itertools.combinations(traces, 2):
-        pressures = one.gas_pressure, other.gas_pressure
-        if one.setting != other.setting or None in pressures or not moves_alike(one, other):
+    for first, second in sorted(itertools.chain.from_iterable(pairs)):
+        one, other = traces[first], traces[second]
+        if not moves_alike(one, other):
             continue
         levels = [_level(trace, damper) for trace in (one, other)]
         known = [gas for _, gas in levels if gas is not None]

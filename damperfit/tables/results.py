@@ -355,7 +355,8 @@ def lay_out(
         for setting in {row["setting"] for row in rows}
     }
     cells = [{**row, **shown[row["setting"]]} for row in rows]
-    arrays = [column([row.get(field.name) for row in cells], field.type) for field in schema]
+    named = zip(schema.names, schema.types, strict=True)
+    arrays = [column([row.get(name) for row in cells], kind) for name, kind in named]
     return pa.Table.from_arrays(arrays, schema=schema)
 
 
