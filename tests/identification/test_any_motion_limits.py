@@ -10,7 +10,7 @@ import pytest
 
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.identification.fit_facts import FitFacts
-from damperfit.identification.one_speed import inseparable
+from damperfit.identification.one_speed import _NEAR, _SHARE, holds_one_speed, inseparable
 from damperfit.identification.weights import _ALIKE, _OTHER_ERRORS, weights
 
 ALL = ("r_m1", "r_m2", "k_e", "f_f")
@@ -34,6 +34,26 @@ def test_speeds_within_a_tenth_are_one(off: float, told: tuple[str, ...]) -> Non
     trace = trace_of_speeds(1.0)
     trace.drive.velocity[:200] *= off
     assert inseparable(FitFacts((trace,)), ALL, PURDY_DAMPER.quantities) == told
+
+
+def _by_the_median(speed: np.ndarray) -> bool:
+    usual = float(np.median(speed))
+    return float(np.mean(np.abs(speed - usual) <= _NEAR * usual)) > _SHARE
+
+
+def test_what_needs_no_median_is_what_the_median_says() -> None:
+    rng = np.random.default_rng(5)
+    said = []
+    for _ in range(400):
+        n = int(rng.integers(1, 300))
+        share, width = rng.choice([0.2, 0.8, 0.89, 0.9, 0.91, 1.0]), rng.choice([0.0, 0.12, 0.3])
+        speed = 0.2 * (1.0 + width * rng.uniform(-1.0, 1.0, n))
+        others = rng.random(n) > share
+        speed[others] = rng.uniform(*sorted(rng.uniform(0.0, 0.6, 2)), n)[others]
+        trace = SimpleNamespace(drive=SimpleNamespace(velocity=-speed), compared=slice(None))
+        said.append(holds_one_speed([trace]))
+        assert said[-1] == _by_the_median(speed)
+    assert 50 < sum(said) < 350
 
 
 def test_valves_of_one_direction_each_are_told_by_one_speed() -> None:
