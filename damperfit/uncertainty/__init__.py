@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     )
     from damperfit.uncertainty.flaws import Hint
     from damperfit.uncertainty.gas import GasContent
+    from damperfit.uncertainty.held_cycles import split_cycles
     from damperfit.uncertainty.intervals import (
         Interval,
         Uncertainty,
@@ -33,7 +34,6 @@ if TYPE_CHECKING:
         Prediction,
         predict,
         prediction_warnings,
-        split_cycles,
     )
     from damperfit.uncertainty.profiles import (
         Bench,
@@ -105,7 +105,7 @@ _LATE = {
     "prediction_warnings": "prediction",
     "profile_campaign": "assessment",
     "reconsider": "last_word",
-    "split_cycles": "prediction",
+    "split_cycles": "held_cycles",
     "uncertainties": "intervals",
 }
 
