@@ -176,7 +176,7 @@ def apart(
         How many where it is threads; else as many as jobs.
     """
     items = list(items)
-    if jobs > 1 and len(items) >= _FEWEST_APART and _may_be_copied():
+    if _goes_to_copies(items, jobs):
         from damperfit.copied import in_copies  # POSIX alone has it
 
         yield from in_copies(act, items, jobs=jobs, known=known, cancelled=cancelled)
@@ -192,8 +192,7 @@ def meanwhile(
     """Let copies of this process begin with many items, and yield what gives their results.
 
     None where there are few items or no copies: whoever asks then does the work itself. All else is
-    as of `apart`. The block has the copies' company: one of its own is not among the jobs, for what
-    is done meanwhile is short.
+    as of `apart`. What the block does itself does not count among the jobs, for it is short.
 
     Parameters
     ----------
@@ -205,7 +204,7 @@ def meanwhile(
         Copies.
     """
     items = list(items)
-    if jobs > 1 and len(items) >= _FEWEST_APART and _may_be_copied():
+    if _goes_to_copies(items, jobs):
         from damperfit.copied import copies_at_work  # POSIX alone has it
 
         with copies_at_work(act, items, jobs=jobs) as found:
@@ -229,6 +228,11 @@ def told_here(take: Callable[..., None]) -> Callable[..., None]:
         take(whose, error)
 
     return told
+
+
+def _goes_to_copies(items: Sequence[object], jobs: int) -> bool:
+    """Whether copies gain more than they cost, and can do the work."""
+    return jobs > 1 and len(items) >= _FEWEST_APART and _may_be_copied()
 
 
 def _may_be_copied() -> bool:
