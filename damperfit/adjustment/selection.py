@@ -82,7 +82,7 @@ def choose(points: Points, families: Sequence[tuple[str, int]] | None = None) ->
         Scales and degrees to choose from; all that the number of settings allows by default.
     """
     if families is None:
-        highest = max(1, (len(points) - 1) // _SETTINGS_PER_DEGREE)
+        highest = (len(points) - 1) // _SETTINGS_PER_DEGREE
         families = [("log", 0)]
         families += [(s, d) for s in SCALES for d in range(1, min(highest, _DEGREES[s]) + 1)]
     candidates = sorted(

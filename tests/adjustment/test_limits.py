@@ -297,6 +297,24 @@ def test_a_jump_bends_eight_times_as_much_as_the_curve_beside_it(times, is_jump)
     assert _is_jump(bent, _Candidate(0.0, curve, (7,)), 7) is is_jump
 
 
+@pytest.mark.parametrize(
+    ("n", "highest"), [(4, 1), (6, 1), (7, 2), (9, 2), (10, 3), (13, 4), (16, 4)]
+)
+def test_a_degree_of_a_trend_takes_three_settings_more(monkeypatch, n, highest) -> None:
+    tried = []
+
+    def candidates(given, scale, degree):
+        tried.append((scale, degree))
+        yield _Candidate(0.0, fit_curve(given, "log", 0), ())
+
+    monkeypatch.setattr(selection, "_candidates", candidates)
+    choose(points(np.zeros(n)))
+    for scale in ("linear", "log", "reciprocal"):
+        assert max(degree for one, degree in tried if one == scale) == highest
+    assert max(degree for one, degree in tried if one == "from_last") == min(highest, 2)
+    assert len(tried) == len(set(tried))
+
+
 def with_scatter(monkeypatch, scatter: float, error: float, name: str = "r_m1"):
     """The trend of eight equal values whose curve is said to leave this scatter."""
 

@@ -92,6 +92,20 @@ def test_a_cut_has_two_fifths_of_the_speed_that_turns_it(speed, is_cut) -> None:
     assert is_cut_displacement(near, np.zeros(10)) is is_cut
 
 
+def test_what_goes_on_as_it_came_is_not_cut() -> None:
+    """A rest in mid-stroke: one side is as far above its value as the other is below it."""
+    values = np.concatenate([np.arange(-10.0, 0.0), np.zeros(10), np.arange(1.0, 11.0)])
+    near = beside(values, 10, 20)
+    assert near.before == near.behind == (0.0, 0.0)
+    assert not is_cut_displacement(near, np.repeat([0.0, 0.0, 0.0, 1.0], 10))
+
+
+@pytest.mark.parametrize("bend", [-0.5, 0.3])
+def test_a_cut_corner_hardly_bends_or_bends_the_other_way(bend) -> None:
+    near = Beside((8.0, bend), (8.0, bend), 0.0, 0.0)
+    assert is_cut_displacement(near, np.repeat([0.0, 0.0, 0.0, 1.0], 10))
+
+
 @pytest.mark.parametrize(("early", "is_cut"), [(0.29, True), (0.31, False)])
 def test_at_rest_the_force_leaves_its_value_at_once(early, is_cut) -> None:
     force = np.repeat([early, early, early, 1.0], 10)

@@ -85,6 +85,17 @@ def test_a_mid_stroke_drifts_by_a_twentieth_and_four_errors(whole, ripple, sever
     assert found.value == pytest.approx(whole, rel=0.02)
 
 
+@pytest.mark.parametrize(("whole", "severity"), [(4.8, "note"), (5.3, "warning")])
+def test_an_amplitude_drifts_by_a_twentieth(whole, severity):
+    """Half of what lies between the ends of a stroke, in % of the amplitude."""
+    trace = cycles(9)
+    sizes = np.repeat(1.0 + 0.01 * ramp(9, whole), PERIOD)
+    found = repeatability._stroke_drift(replace(trace, displacement=sizes * trace.displacement))
+    assert found.severity == severity
+    assert found.value == pytest.approx(whole, rel=0.02)
+    assert f"the amplitude by {0.32 * whole:+.2g} mm" in found.sentence
+
+
 @pytest.mark.parametrize(("n", "drifts"), [(3, False), (4, True)])
 def test_a_drift_takes_four_cycles_to_tell(n, drifts):
     trace = cycles(n, force=ramp(n, 50.0))

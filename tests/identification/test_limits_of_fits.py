@@ -189,6 +189,17 @@ def test_noise_makes_a_rise_of_384_once_in_twenty(chi, is_level) -> None:
     assert multistart._is_level(judged(1.0), judged(1.0 + chi / 1000.0)) is is_level
 
 
+@pytest.mark.parametrize(
+    ("starts", "free", "asked"), [(1, ("r_m1",), None), (2, ("r_m1",), 2), (5, (), None)]
+)
+def test_two_starts_are_searched_where_something_is_free(monkeypatch, starts, free, asked) -> None:
+    monkeypatch.setattr(multistart, "fit_setting", lambda *_, **__: "first")
+    monkeypatch.setattr(multistart, "reconsidered", lambda *found: found[1])
+    monkeypatch.setattr(multistart, "search", lambda *found, n_starts: (found[2], n_starts))
+    given = SimpleNamespace(options=SimpleNamespace(starts=starts))
+    assert multistart.fit_from(given, 9, SimpleNamespace(free=free), "start") == ("first", asked)
+
+
 # The paper's first pass
 
 

@@ -329,6 +329,17 @@ def test_a_profile_that_was_cut_short_asks_for_more() -> None:
     )
 
 
+def test_what_is_undetermined_at_several_settings_is_said_once_without_its_ties() -> None:
+    """Ties differ from setting to setting, and `doubts` has a sentence for them."""
+    fits = [fakes.fit(n, status={"r_m1": "not_identifiable"}) for n in (1, 2)]
+    fits = [replace(one, parameters=fits[0].parameters) for one in fits]
+    tied = {1: known(1, tie=0.98), 2: replace(known(1, tie=0.96), setting=2)}
+    (said,) = undetermined(fits, tied, Sharing(), {})
+    assert said.startswith("r_m1 at setting 1, 2: these logs do not determine it (95 % from ")
+    assert "correlated" not in said
+    assert "correlated with r_m2 (+0.98)" in verdicts(fits[0], tied[1], Sharing(), {})["r_m1"]
+
+
 def test_ties_at_several_settings_are_one_sentence_with_their_range() -> None:
     fits = [fakes.fit(n) for n in (1, 2, 3)]
     by = {n: known(n, tie=tie) for n, tie in ((1, 0.961), (2, 0.98), (3, 0.94))}
