@@ -33,9 +33,9 @@ __all__ = ["Course", "valve_damper"]
 
 # A larger law that fits worse by more than this has ended in a wrong valley.
 _WORSE = 1.02
-# A law without a part that leaves so many times as much after a few steps lacks what is needed.
-_HOPELESS = 20.0
-
+# A law without a part that leaves so many times as much after a few steps lacks what is needed: it
+# is left there, before its descents.
+_LACKING = 20.0
 # A part that lowers the MSE by less is not offered again once another part has been taken.
 _SOMETHING = 1.1
 
@@ -154,7 +154,7 @@ class Course:
         model = smaller(valve_damper(law))
         if model is None:
             return law
-        hopeless = _HOPELESS * max(law.mse_percent, ENOUGH_PERCENT)
+        hopeless = _LACKING * max(law.mse_percent, ENOUGH_PERCENT)
         one = self.fitted(model, freed=freed_of(law), near=law, hopeless_percent=hopeless)
         if one is None:
             return law

@@ -30,8 +30,9 @@ __all__ = ["freed_of", "from_another", "had_by", "lent", "needed_at", "worst_mis
 _MOST = 4  # settings that are asked
 # Settings that lend one what is the same at all of them: those that leave least.
 _LENDING = 2
-# Times what a fit leaves: with more beside what another lends it, nothing is freed again.
-_HOPELESS = 20.0
+# Times what a fit leaves by itself: what another lends it is not its own if it leaves more beside
+# that, and is not freed again.
+_LENT_IN_VAIN = 20.0
 
 
 def needed_at(
@@ -159,7 +160,7 @@ def lent(
         known = _shared(other.values, own.free)
         try:
             held = fit_law(own.model, logs, freed=freed, fixed=known, solver=solver, is_whole=False)
-            if held.mse_percent > _HOPELESS * own.mse_percent:
+            if held.mse_percent > _LENT_IN_VAIN * own.mse_percent:
                 continue
             again = fit_law(
                 own.model, logs, freed=freed, near=held.values, solver=solver, is_whole=is_whole
