@@ -603,6 +603,7 @@ SURFACE = {
         "without_copies",
     ],
     "damperfit.run.tested_at": ["conditioned_as_tested", "facts_of"],
+    "damperfit.run.air_on_rod": ["air_objections"],
     "damperfit.run.rod_area": ["rod_area_ratio", "with_rod_remark"],
     "damperfit.run.dampers": [
         "by_damper",

@@ -1,7 +1,8 @@
 r"""The force level of a steady test: what the gas, or a tare, adds to the force at no speed.
 
-At rest the force is -a_r P_0. In a test it is hidden under friction, valves and the elasticity of
-the oil. Two estimates that err in opposite ways are taken, both odd under a change of signs:
+At rest the force is -a_r (P_0 - P_amb). In a test it is hidden under friction, valves and the
+elasticity of the oil. Two estimates that err in opposite ways are taken, both odd under a change of
+signs:
 
 - *branches*: the constant of a least-squares fit of ``1, x, sgn(v)`` and of v and v^2 in each
   stroke, the closed form of the incompressible damper without its bounds;
@@ -66,7 +67,7 @@ class ForceLevel:
     uncertainty : float
         N; about two standard errors of their mean.
     expected : float
-        What the gas gives, -a_r P_0, N.
+        What the gas gives against the air, -a_r (P_0 - P_amb), N.
     rebound_curvature, bump_curvature : float
         Share of the force's half range that grows with v^2, positive when progressive.
     hidden : float
@@ -88,14 +89,15 @@ class ForceLevel:
 
     @property
     def ratio(self) -> float:
-        """Level over what the gas gives: 1 as expected, 0 tared, -1 counted the other way."""
-        return self.force / self.expected
+        """Level over what the gas gives: 1 as expected, 0 tared or no gas, -1 counted reversed."""
+        return self.force / self.expected if self.expected else 0.0
 
 
 def gas_force(gas: GasFacts, displacement: FloatArray) -> FloatArray:
-    """Return -a_r P_0 (V_g0/(V_g0 + a_r x))^gamma, N; x in m; eq. (17) corrected."""
+    """Return a_r (P_amb - P_0 (V_g0/(V_g0 + a_r x))^gamma), N; x in m; eq. (17) corrected."""
     room = np.maximum(gas.volume + gas.rod_area * displacement, 1e-3 * gas.volume)
-    return np.asarray(-gas.force * (gas.volume / room) ** gas.exponent)
+    pressure = gas.pressure * (gas.volume / room) ** gas.exponent
+    return np.asarray(gas.rod_area * (gas.ambient - pressure))
 
 
 def force_level(trace: Trace, gas: GasFacts, *, corner: float = math.inf) -> ForceLevel:
@@ -120,7 +122,7 @@ def force_level(trace: Trace, gas: GasFacts, *, corner: float = math.inf) -> For
     return ForceLevel(
         branches=constant,
         reversals=middle - curved,
-        uncertainty=distance + _OF_HYSTERESIS * hysteresis + _OF_GAS * gas.force,
+        uncertainty=distance + _OF_HYSTERESIS * hysteresis + _OF_GAS * gas.inside,
         expected=-gas.force,
         rebound_curvature=rebound / half_range,
         bump_curvature=bump / half_range,

@@ -53,7 +53,7 @@ class OffsetFacts:
     is_known: bool = False
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class GasFacts:
     """What is known of the damper's gas: it pushes the rod out and so tells the signs of a log.
 
@@ -63,16 +63,24 @@ class GasFacts:
         a_r, m2.
     pressure, volume, exponent : float
         P_0 and V_g0 at mid-stroke, Pa and m3; gamma.
+    ambient : float
+        Of the air, which presses against it, Pa; the paper's equation leaves it out.
     """
 
     rod_area: float
     pressure: float
     volume: float
     exponent: float
+    ambient: float = 0.0
 
     @property
     def force(self) -> float:
-        """Force on the rod at mid-stroke, a_r P_0, N."""
+        """Force that pushes the rod out at mid-stroke, a_r (P_0 - P_amb), N."""
+        return self.rod_area * (self.pressure - self.ambient)
+
+    @property
+    def inside(self) -> float:
+        """Force of the gas alone at mid-stroke, a_r P_0, N."""
         return self.rod_area * self.pressure
 
 

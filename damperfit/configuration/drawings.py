@@ -54,5 +54,5 @@ MEASURED = {
     "gas_pressure": "P_0 at mid-stroke; say bara or barg, psia or psig",
     "gas_exponent": "1.4 fast compression of nitrogen, 1.0 slow",
     "oil_density": "rho_0; from the oil's data sheet",
-    "ambient_pressure": "on the rod; 0bara where the load cell was zeroed with the damper open",
+    "ambient_pressure": "of the air, on the rod: 1.013bara at sea level; 0bara leaves it out",
 }

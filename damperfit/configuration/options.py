@@ -294,6 +294,20 @@ class Configuration:
         return f" ({gas_in_words(taken)})" if "gas_volume" in taken else ""
 
     @property
+    def _air_in_words(self) -> str:
+        """What is taken for the air outside where nobody declared it."""
+        bar = 1e-5 * getattr(self.damper, _OUTSIDE)
+        if bar == 0.0:
+            return (
+                "the paper's equation leaves out the air that presses on the rod; if the load cell "
+                f'was zeroed without the damper, set damper.{_OUTSIDE} = "1.013bara"'
+            )
+        return (
+            f"the air presses on the rod with {bar:.4g} bar, unless damper.{_OUTSIDE} says "
+            "otherwise"
+        )
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """What was assumed of the damper, a sentence each."""
         said = []
@@ -304,11 +318,7 @@ class Configuration:
                 "declare what your damper has (damperfit config prints every key)"
             )
         if _OUTSIDE in self.undeclared and not self.is_assumed:
-            bar = 1e-5 * self.document["damper"][_OUTSIDE]
-            said.append(
-                f"the air presses on the rod with {bar:.4g} bar, unless damper.{_OUTSIDE} says "
-                "otherwise"
-            )
+            said.append(self._air_in_words)
         if self.identification.follows and self.identification.procedure != "joint":
             said.append(
                 "[adjusters] says what follows which adjuster; only procedure joint uses it, found "

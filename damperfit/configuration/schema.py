@@ -201,7 +201,7 @@ class _ConditioningSection(_Section):
             steadiness=self.steadiness,
             spikes=self.spikes,
             skew=rig.skew,
-            gas=None if damper.gas is None else _gas_facts(*damper.gas),
+            gas=None if damper.gas is None else GasFacts(*damper.gas),
             offset=offset_facts(damper, {*fit.fix, *fit.free}),
             chamber_lengths=damper.chamber_lengths,
             min_amplitude=self.min_amplitude,
@@ -214,10 +214,6 @@ class _ConditioningSection(_Section):
                 temperature_tolerance=rig.temperature_tolerance,
             ),
         )
-
-
-def _gas_facts(rod_area: float, pressure: float, volume: float, exponent: float) -> GasFacts:
-    return GasFacts(rod_area=rod_area, pressure=pressure, volume=volume, exponent=exponent)
 
 
 class _IdentificationSection(_Section):

@@ -34,6 +34,7 @@ class Cylinder:
         chamber_2_length: float
         gas_pressure: float
         gas_exponent: float
+        ambient_pressure: float
 
         @property
         def ranges(self) -> Mapping[str, tuple[float, float, str]]: ...  # noqa: D102
@@ -97,9 +98,10 @@ class Cylinder:
         return min(self.chamber_lengths)
 
     @property
-    def gas(self) -> tuple[float, float, float, float]:
-        """Rod area, gas pressure, gas volume, gas exponent, SI."""
-        return self.rod_area, self.gas_pressure, self.gas_volume, self.gas_exponent
+    def gas(self) -> tuple[float, float, float, float, float]:
+        """Rod area, gas pressure, gas volume, gas exponent, ambient pressure, SI."""
+        gas = self.gas_pressure, self.gas_volume, self.gas_exponent
+        return (self.rod_area, *gas, self.ambient_pressure)
 
 
 def filling(motion: Motion, declared: float) -> float:

@@ -249,8 +249,8 @@ class Model(ABC):
         return ()
 
     @property
-    def gas(self) -> tuple[float, float, float, float] | None:
-        """Rod area, gas pressure, gas volume, gas exponent, SI; None: there is no gas."""
+    def gas(self) -> tuple[float, float, float, float, float] | None:
+        """Rod area, gas pressure, volume and exponent, ambient pressure, SI; None: no gas."""
         return None
 
     @property

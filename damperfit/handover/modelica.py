@@ -82,6 +82,7 @@ def _physics(handed: HandedOver, damper: Damper) -> str:
   parameter Real l_2(unit = "m") = {damper.chamber_2_length:.12g};
   parameter Real V_g0(unit = "m3") = {damper.gas_volume:.12g} "gas at s_rel = 0";
   parameter Real P_0(unit = "Pa") = {damper.gas_pressure:.12g} "gas pressure at s_rel = 0";
+  parameter Real P_amb(unit = "Pa") = {damper.ambient_pressure:.12g} "air, on the rod";
   parameter Real gamma = {damper.gas_exponent:.12g} "gas exponent";
   parameter Real rho(unit = "kg/m3") = {damper.oil_density:.12g} "oil";
   parameter Real friction_band(unit = "m/s") = {_BAND:g} "friction grows to f_f over it";
@@ -114,7 +115,7 @@ equation
   w_3 = max(0, P_3 - P_2)/r_m3[setting];
   der(m_1) = w_2 - w_1;
   der(m_2) = w_3 - w_2;
-  f = P_1*A_1 - P_2*A_2 + f_f[setting]*max(-1, min(1, v_rel/friction_band));
+  f = P_1*A_1 - P_2*A_2 + P_amb*(A_2 - A_1) + f_f[setting]*max(-1, min(1, v_rel/friction_band));
 """
     )
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from damperfit.adjustment import Adjustment, compare_settings
 from damperfit.checks import Subject, run_checks, unchecked
 from damperfit.parallel import executor
+from damperfit.run.air_on_rod import air_objections
 from damperfit.run.remarks import MANY
 from damperfit.run.run_json import Judgement, failures_of
 from damperfit.uncertainty import (
@@ -128,6 +129,14 @@ def judge(
         ),
         no_objections,
     )
+    no_air: dict[Setting, Objection] = {}
+    air = mishaps.spared(
+        "looking for the air on the rod",
+        lambda: air_objections(configuration, judged, assessment, jobs=jobs),
+        no_air,
+    )
+    for setting, one in air.items():
+        found_against[setting] = (*found_against.get(setting, ()), one)
     assessment = replace(assessment, objections=found_against)
     checks = mishaps.spared(
         "checking the run",

@@ -324,6 +324,8 @@ def _plain(configuration: Configuration) -> Model:
         return damper
     paper = Damper()
     own = {one.name for one in fields(paper) if one.init}
+    if "damper.ambient_pressure" not in configuration.declared:
+        own.discard("ambient_pressure")  # its equation leaves the air out
     known = {name: getattr(damper, name) for name in own if hasattr(damper, name)}
     bore = 0.25 * math.pi * paper.gas_piston_diameter**2
     return replace(paper, **known, gas_length=damper.gas_volume / bore)

@@ -81,7 +81,7 @@ class SteadyCycle:
         )
         friction = y.f_f * np.clip(self.velocity(phase) / _DEAD_BAND, -1.0, 1.0)
         oil = p_1 * device.annulus_area - p_2 * device.piston_area
-        return np.asarray(oil + friction + y.f_0)
+        return np.asarray(oil + device.rod_area * device.ambient_pressure + friction + y.f_0)
 
 
 def _rates(

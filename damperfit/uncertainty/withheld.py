@@ -121,7 +121,7 @@ def objections(
         Of the damper, to tell the offset of a log by; None: it is not looked at.
     assumed : str
         Dimensions that nobody declared and what stands for them, as in "[damper] is not declared,
-        and with made-up dimensions"; empty where all are declared.
+        and with the dimensions of a made-up damper"; empty where all are declared.
     """
     diagnoses = {one.setting: one for one in assessment.diagnoses}
     doubted = _doubted_dimensions(campaign, diagnoses, assumed)
@@ -300,7 +300,7 @@ def offset_mismatch(fit: Fit, name: str, gas: GasFacts) -> tuple[float, float] |
             continue
         level = force_level(log.trace, gas)
         seen = level.force - level.expected
-        allowed = _OF_UNCERTAINTY * level.uncertainty + _OF_GAS * gas.force
+        allowed = _OF_UNCERTAINTY * level.uncertainty + _OF_GAS * gas.inside
         if math.isfinite(seen) and allowed > 0.0:
             found.append((abs(value - seen) / allowed, seen))
     return max(found, default=None)

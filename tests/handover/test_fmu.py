@@ -26,7 +26,7 @@ from damperfit.handover.fmu.libraries import source_files
 from damperfit.handover.fmu.variables import variables
 from damperfit.simulation import Motion, SolverOptions, simulate
 from damperfit.tested.setting import Setting
-from tests.handover.fmi2_client import ERROR, OK
+from tests.handover.fmi2_client import ERROR, OK, Unit, unzip
 
 BAND = 0.005
 NUMBERS = ("r_m1", "r_m2", "r_m3", "k_e", "f_f", "f_0", "gas_pressure", "gas_exponent")
@@ -220,6 +220,19 @@ def test_naive_inputs_are_what_extrapolation_is_for(unit, handed) -> None:
     one = unit()
     one.initialise(x[0], v[0], setting=10, input_extrapolation=0)
     assert rms(one.run(x, v) - expected) > 5.0
+
+
+@runs_here
+def test_the_air_on_the_rod_goes_along(handed, unit, tmp_path) -> None:
+    one = replace(handed, damper=replace(handed.damper, ambient_pressure=101325.0))
+    content = TARGETS["fmu2"].write(one, ExportOptions())["damper.fmu"]
+    with_air = Unit(unzip(content, tmp_path / "unit"))
+    forces = []
+    for each in (with_air, unit()):
+        each.initialise(0.01, 0.1, setting=10)
+        forces.append(each.get("force"))
+    with_air.close()
+    assert forces[0] - forces[1] == pytest.approx(handed.damper.rod_area * 101325.0, rel=1e-9)
 
 
 @runs_here

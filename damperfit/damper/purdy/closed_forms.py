@@ -15,8 +15,8 @@ the full model are w = rho_0 Q. The oil that the rod draws from chamber 3 lets t
 **Full model, K_e -> infinity** (square-root valve 1, linear valves 2 and 3, friction). The force
 is linear in R_m1^2, R_m2, R_m3, f_f, which gives a fit its starting values:
 
-    f = a_p1 (R_m1 rho_0 a_p1 v)^2 + rho_0 R_m3 a_p2^2 v - a_r P_3 + f_f + f_0      v > 0
-    f = -a_r (R_m1 rho_0 a_r v)^2  + rho_0 R_m2 a_p2^2 v - a_r P_3 - f_f + f_0      v < 0
+    f = a_p1 (R_m1 rho_0 a_p1 v)^2 + rho_0 R_m3 a_p2^2 v - a_r (P_3 - P_amb) + f_f + f_0      v > 0
+    f = -a_r (R_m1 rho_0 a_r v)^2  + rho_0 R_m2 a_p2^2 v - a_r (P_3 - P_amb) - f_f + f_0      v < 0
 
 Appendix 2 has the simple model, with friction left out and valve 1 linear: see `appendices`.
 
@@ -104,7 +104,7 @@ def incompressible_design(
     columns : numpy.ndarray
         Shape (n, 4), in the order of `DESIGN_COLUMNS`.
     offset : numpy.ndarray
-        Shape (n,); the gas force -a_r P_3, N.
+        Shape (n,); the force of gas and air, -a_r (P_3 - P_amb), N.
 
     Raises
     ------
@@ -118,7 +118,7 @@ def incompressible_design(
     through_2 = damper.oil_density * a_p2**2 * into
     through_3 = damper.oil_density * a_p2**2 * out
     columns = np.stack([through_1, through_2, through_3, np.sign(v)], axis=-1)
-    return columns, np.asarray(-a_r * gas_pressure(damper, displacement))
+    return columns, damper.rest_force(displacement)
 
 
 def incompressible_force(

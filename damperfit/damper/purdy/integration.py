@@ -6,7 +6,7 @@ The core integrates the oil masses of chambers 1 and 2 (theory:
     dm_1/dt = -w_1 + w_2        dm_2/dt = -w_2 + w_3        dm_3 = -(dm_1 + dm_2)
     P_i = max(0, K_e (m_i/(rho_0 V_i) - 1) + P_0)           (4) (7) (11) (12)
     P_3 = P_0 (V_g0/(V_g0 - dm_3/rho_0))^gamma              (17)
-    f = P_1 a_p1 - P_2 a_p2 + f_f(v) + f_0                  (20)
+    f = P_1 a_p1 - P_2 a_p2 + f_f(v) + f_0 + a_r P_amb      (20), where P_amb = 0
 
 by TR-BDF2 with a step that adapts to the reversals, and differentiates every converged stage, so
 that the sensitivities are those of the numbers it returns. Three misprints of the paper are put
@@ -135,6 +135,6 @@ def _body(damper: Damper) -> bytes:
             damper.chamber_1_volume,
             damper.chamber_2_volume,
             damper.oil_density,
-            0.0,
+            damper.rod_area * damper.ambient_pressure,
         ],
     ).tobytes()

@@ -60,6 +60,7 @@ DAMPER_RANGES: dict[str, tuple[float, float, str]] = {
     "oil_density": (500.0, 2000.0, "kg/m3"),
     "gas_pressure": (1e4, 1e8, "Pa"),
     "gas_exponent": (1.0, 1.67, ""),  # slow compression of any gas, fast of one with single atoms
+    "ambient_pressure": (0.0, 1e7, "Pa"),
 }
 
 
@@ -83,6 +84,7 @@ class Damper(Cylinder, OilModel):
 
     The paper does not print P_0 and gamma. P_0 = 0.46 MPa is recovered from its section 6.2
     (R_m3 = 2.597e6 lies 15 % below the onset of cavitation); gamma = 1.4 is nitrogen's.
+    Its eq. (20) leaves out the air, which presses the rod in; a_r ``ambient_pressure`` is added.
 
     Raises
     ------
@@ -99,6 +101,7 @@ class Damper(Cylinder, OilModel):
     oil_density: float = 770.0
     gas_pressure: float = 4.6e5
     gas_exponent: float = 1.4
+    ambient_pressure: float = 0.0
 
     name: ClassVar[str] = "purdy"
     title: ClassVar[str] = "the paper's damper: one orifice, two linear checks"
@@ -120,12 +123,13 @@ class Damper(Cylinder, OilModel):
     @property
     def sentence(self) -> str:
         """The damper's main figures."""
+        air = f", air at {self.ambient_pressure / 1e5:.4g} bar" if self.ambient_pressure else ""
         return (
             f"rod {1e3 * self.rod_diameter:g} mm, piston {1e3 * self.piston_diameter:g} mm, "
             f"gas piston {1e3 * self.gas_piston_diameter:g} mm, chambers "
             f"{1e3 * self.chamber_1_length:g} and {1e3 * self.chamber_2_length:g} mm, gas "
             f"{1e3 * self.gas_length:g} mm at {self.gas_pressure / 1e5:.5g} bar absolute, exponent "
-            f"{self.gas_exponent:g}, oil {self.oil_density:g} kg/m3"
+            f"{self.gas_exponent:g}, oil {self.oil_density:g} kg/m3{air}"
         )
 
     def simulate(
@@ -168,10 +172,10 @@ class Damper(Cylinder, OilModel):
         return examine_cavitation(values, seen, self, solver=solver)
 
     def rest_force(self, displacement: ArrayLike) -> NDArray[np.float64]:
-        """Gas pressure on the rod, N."""
+        """Gas against ambient pressure on the rod, N."""
         from damperfit.damper.purdy.closed_forms import gas_pressure
 
-        return -self.rod_area * gas_pressure(self, displacement)
+        return self.rod_area * (self.ambient_pressure - gas_pressure(self, displacement))
 
     @property
     def gas_volume(self) -> float:

@@ -171,6 +171,7 @@ def _head(handed: HandedOver, damper: Damper | ValveDamper, columns: Sequence[st
             damper.chamber_2_volume,
             damper.gas_volume,
             damper.oil_density,
+            damper.rod_area * damper.ambient_pressure,
         )
         return [f"purdy {_joined(geometry)}"]
     network = damper.network

@@ -2,7 +2,7 @@
  *
  *   damperfit-damper 1
  *   token TEXT
- *   purdy a_p1 a_p2 a_r V_10 V_20 V_g0 rho_0
+ *   purdy a_p1 a_p2 a_r V_10 V_20 V_g0 rho_0 rod_force
  *   solver tolerance max_steps
  *   tested stroke speed
  *   friction_band width
@@ -110,7 +110,8 @@ static void read_purdy(cursor *c, ex_damper *d)
                                  DF_NUMBER_K, DF_NUMBER_FRICTION, DF_NUMBER_OFFSET, DF_NUMBER_P_0, DF_NUMBER_GAMMA};
     df_network *q = &d->network;
     double rod; /* the difference of the areas */
-    double *const sizes[] = {&q->a_1, &q->a_2, &rod, &q->V_1, &q->V_2, &q->numbers[DF_NUMBER_V_GAS], &q->rho_0};
+    double *const sizes[] = {&q->a_1, &q->a_2, &rod, &q->V_1, &q->V_2, &q->numbers[DF_NUMBER_V_GAS], &q->rho_0,
+                             &q->rod_force};
     read_sizes(c, sizes, sizeof sizes / sizeof *sizes);
     q->rounding = 1.0; /* Pa, as the model that fits has it */
     q->n_passages = 3;
