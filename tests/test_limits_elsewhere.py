@@ -406,7 +406,7 @@ def test_an_offset_is_apart_beyond_a_quarter_of_the_gas_force(
     monkeypatch.setattr(withheld, "force_level", lambda *_: seen)
     log = SimpleNamespace(trace=SimpleNamespace(n_cycles=3))
     fit = SimpleNamespace(parameters=SimpleNamespace(f_0=off), logs=(log,))
-    ratio, _ = withheld.offset_mismatch(fit, "f_0", SimpleNamespace(force=gas))
+    ratio, _ = withheld.offset_mismatch(fit, "f_0", SimpleNamespace(inside=gas))
     assert (ratio > withheld.LIMITS.offset) == is_apart
 
 

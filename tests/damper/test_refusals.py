@@ -29,6 +29,7 @@ LIMITS = [
     ("oil_density", 500.0, 2000.0),
     ("gas_pressure", 1e4, 1e8),
     ("gas_exponent", 1.0, 1.67),
+    ("ambient_pressure", 0.0, 1e7),
 ]
 OF_VALVES = [
     ("rod_diameter", 1e-3, 0.5),
@@ -41,7 +42,7 @@ OF_VALVES = [
     ("gas_exponent", 1.0, 1.67),
     ("ambient_pressure", 0.0, 1e7),
 ]
-NO_NUMBERS = [math.nan, math.inf, -math.inf, 0.0]
+NO_NUMBERS = [math.nan, math.inf, -math.inf]
 # In between, so that rod and piston fit each other.
 WIDE = replace(PURDY_DAMPER, piston_diameter=0.9)
 THIN = replace(PURDY_DAMPER, rod_diameter=1.5e-3)
@@ -72,7 +73,9 @@ def test_a_damper_just_inside_is_one(name, low, high) -> None:
 
 @pytest.mark.parametrize(("name", "low", "high"), LIMITS)
 def test_a_damper_just_outside_is_none(name, low, high) -> None:
-    for value in (low * (1 - 1e-9), high * (1 + 1e-9), -low, *NO_NUMBERS):
+    below = low * (1 - 1e-9) or -1e-9
+    nothing = [0.0] if low else []
+    for value in (below, high * (1 + 1e-9), -(low or 1.0), *nothing, *NO_NUMBERS):
         with pytest.raises(ConfigurationError, match=rf"^{name}: ") as caught:
             replace(_around(name), **{name: value})
         _one_sentence(caught.value)
@@ -97,7 +100,7 @@ def test_a_file_is_refused_where_python_is_and_told_where(tmp_path, name, low, h
     base = _around(name)
     diameters = f"rod_diameter = {base.rod_diameter!r}\npiston_diameter = {base.piston_diameter!r}"
     others = [line for line in diameters.splitlines() if not line.startswith(name)]
-    for value in (low * (1 - 1e-9), high * (1 + 1e-9), math.nan):
+    for value in (low * (1 - 1e-9) or -1e-9, high * (1 + 1e-9), math.nan):
         path.write_text("\n".join(["[damper]", *others, f"{name} = {value!r}", ""]))
         with pytest.raises(ConfigurationError, match=rf"mine\.toml:\d: damper\.{name}: ") as caught:
             load_configuration(path)
