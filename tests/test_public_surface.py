@@ -307,6 +307,7 @@ SURFACE = {
         "damper_section",
     ],
     "damperfit.damper.signals": ["PRESSURES", "Signal"],
+    "damperfit.damper.pressing": ["with_pressed_seal"],
     "damperfit.damper.turning": ["other_turns"],
     "damperfit.damper.warmed": ["BETA", "Warmed", "at_temperature"],
     "damperfit.run.warmth": [

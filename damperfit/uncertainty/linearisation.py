@@ -40,7 +40,7 @@ from damperfit.uncertainty.few_samples import (
     is_enough,
     widening,
 )
-from damperfit.uncertainty.suppositions import ignorance, turned_otherwise
+from damperfit.uncertainty.suppositions import ignorance, other_frictions
 from damperfit.uncertainty.thinning import middles, stride_of
 
 if TYPE_CHECKING:
@@ -144,8 +144,7 @@ class Linearisation:
         In place of `scores` what a misfit that repeats does; None where nothing repeats.
     supposed : numpy.ndarray or None
         Summed scores by what is held at a default that nobody has measured, each column for one
-        standard error of that, and by another form in which friction may turn; None where there is
-        none.
+        standard error of that, and by other forms of the friction; None where there is none.
     flaws : tuple of str
         Which flaws its residuals may be said to show.
     precision : float
@@ -198,8 +197,8 @@ def linearise_at_fit(
         stride = 1 if is_short else stride_of(trace, weight)
         force, pressures, rows = _seen(log, fit.parameters, damper, solver, stride=stride)
         taken = [middles(one.n_samples, stride)[0] for one in trace.stretches]
-        other = turned_otherwise(log, fit, damper, solver=solver, places=taken)
-        known = _supposed(errors, rows[:n], other)
+        others = other_frictions(log, fit, damper, solver=solver, places=taken, slopes=rows[:n])
+        known = _supposed(errors, rows[:n], others)
         rows *= slopes[:, None]
         logs.append(
             LogLinearisation(
@@ -229,11 +228,11 @@ def linearise_at_fit(
     )
 
 
-def _supposed(errors: FloatArray, rows: FloatArray, other: FloatArray | None) -> FloatArray | None:
-    """What each supposition may put into the force, (k, m), the form of the friction last."""
-    if other is None:
+def _supposed(errors: FloatArray, rows: FloatArray, others: FloatArray | None) -> FloatArray | None:
+    """What each supposition may put into the force, (k, m), the forms of the friction last."""
+    if others is None:
         return errors[:, None] * rows if np.any(errors) else None
-    return np.vstack([errors[:, None] * rows, other])
+    return np.vstack([errors[:, None] * rows, others])
 
 
 def _precision(logs: Sequence[LogLinearisation]) -> float:

@@ -1,6 +1,7 @@
 """What a fit supposes and nobody has measured, as the force that it would be off by.
 
-Defaults of the model, each by one standard error; and the form in which friction turns.
+Defaults of the model, each by one standard error; the form in which friction turns; and what the
+pressure on the seal adds to it.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from damperfit.damper.pressing import with_pressed_seal
 from damperfit.damper.turning import other_turns
 from damperfit.identification.model_versus_log import compare
 from damperfit.identification.outcome import Status
@@ -26,7 +28,7 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["ignorance", "turned_otherwise"]
+__all__ = ["ignorance", "other_frictions"]
 
 
 def ignorance(fit: Fit) -> FloatArray:
@@ -40,15 +42,19 @@ def ignorance(fit: Fit) -> FloatArray:
     return found
 
 
-def turned_otherwise(
+def other_frictions(
     log: LogFit,
     fit: Fit,
     damper: Model,
     *,
     solver: SolverOptions,
     places: Sequence[NDArray[np.int64]],
+    slopes: FloatArray,
 ) -> FloatArray | None:
-    """Return what the force would be more with a friction that turns in another form.
+    """Return what the force would be more with a friction of another form, one form a row.
+
+    One that turns otherwise; one that the pressure on the seal adds to. Friction is then what it is
+    at the pressure of the gas at rest.
 
     Parameters
     ----------
@@ -62,23 +68,34 @@ def turned_otherwise(
         How exactly to integrate.
     places : sequence of numpy.ndarray
         Which samples of each stretch, counted from its first.
+    slopes : numpy.ndarray
+        Shape (k, m): of the force at those samples one after another, by each of the k quantities.
 
     Returns
     -------
     numpy.ndarray or None
-        At those samples one after another, N; None where no other form is doubted.
+        Shape (2, m), N: the same rows at every setting of a damper, zeros where a form is none of
+        its own. None for a damper of which no other form is doubted.
 
     Raises
     ------
     SimulationError
         When the model cannot be integrated.
     """
-    others = other_turns(damper, fit.parameters)
-    if not others:
+    values = fit.parameters
+    turns, pressed = other_turns(damper, values), with_pressed_seal(damper, values)
+    if not turns and pressed is None:
         return None
-    here = _force(log, (damper, fit.parameters), fit, solver, places)
-    there = (w * _force(log, (one, at), fit, solver, places) for w, one, at in others)
-    return np.asarray(sum(there) - here)
+    here = _force(log, (damper, values), fit, solver, places)
+    found = np.zeros((2, len(here)))
+    if turns:
+        there = (w * _force(log, (one, at), fit, solver, places) for w, one, at in turns)
+        found[0] = sum(there) - here
+    if pressed is not None:
+        own = next(place for place, one in enumerate(values.quantities) if one.is_friction)
+        at_rest = pressed[1].seal_area * values.gas_pressure
+        found[1] = _force(log, pressed, fit, solver, places) - here - at_rest * slopes[own]
+    return found
 
 
 def _force(

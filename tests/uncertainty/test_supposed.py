@@ -3,11 +3,18 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 
+from damperfit.damper.friction import Friction
+from damperfit.damper.pressing import with_pressed_seal
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
+from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.damper.warmed import Warmed
 from damperfit.identification import Campaign, FitOptions, identify
 from damperfit.uncertainty import Uncertainty, assess
+from damperfit.uncertainty.linearisation import linearise_at_fit
 from tests.identification import adjusted
 
 DRAG = adjusted.DAMPER.quantity("drag")
@@ -32,15 +39,23 @@ def log():
     return adjusted.log(adjusted.at(14, 3), drag=1.5 * DRAG.ignorance)
 
 
-def test_an_interval_reaches_as_far_as_one_error_of_the_default_moves_the_fit(log) -> None:
+def test_an_interval_reaches_as_far_as_one_error_of_each_supposition_moves_the_fit(log) -> None:
     apart = fitted(log)
     found = judged(apart)
-    one = fitted(log, drag=DRAG.ignorance)
+    dragged = fitted(log, drag=DRAG.ignorance).fits[0].parameters
+    model, _ = with_pressed_seal(adjusted.DAMPER, apart.fits[0].parameters)
+    area = 3e-6
+    options = FitOptions("plain", fixed={**MEASURED, "seal_area": area})
+    pressed = identify([log], model, options).fits[0].parameters
+    at_rest = {"f_f": area * adjusted.DAMPER.gas_pressure}
     for name in (*VALVES, "f_f"):
         value = getattr(apart.fits[0].parameters, name)
-        moved = math.log(getattr(one.fits[0].parameters, name) / value)
+        moved = [
+            math.log(getattr(dragged, name) / value),
+            math.log((getattr(pressed, name) + at_rest.get(name, 0.0)) / value),
+        ]
         bend = found.intervals[name].misfit / value
-        assert bend == pytest.approx(abs(moved), rel=0.25, abs=2e-4), name
+        assert bend == pytest.approx(math.hypot(*moved), rel=0.25, abs=2e-4), name
     bent = found.intervals["rebound_slope"]
     assert bent.misfit > 2.0 * bent.error
 
@@ -55,13 +70,51 @@ def test_the_truth_lies_within(log) -> None:
     assert abs(truth["rebound_slope"] - math.sqrt(alone.low * alone.high)) > 1.96 * alone.error
 
 
-def test_what_somebody_has_given_leaves_no_doubt_but_of_how_friction_turns(
+def test_what_somebody_has_given_leaves_no_doubt_but_of_the_form_of_friction(
     log, monkeypatch
 ) -> None:
     campaign = fitted(log, drag=1.5 * DRAG.ignorance)
     assert all(one.misfit > 0.0 for one in judged(campaign).intervals.values())
     monkeypatch.setattr("damperfit.uncertainty.suppositions.other_turns", lambda *_: ())
+    assert all(one.misfit > 0.0 for one in judged(campaign).intervals.values())
+    monkeypatch.setattr("damperfit.uncertainty.suppositions.with_pressed_seal", lambda *_: None)
     assert {one.misfit for one in judged(campaign).intervals.values()} == {0.0}
+
+
+def test_a_seal_that_the_pressure_presses_is_within_the_intervals() -> None:
+    damper = replace(adjusted.DAMPER, friction=Friction(seal_area="fit"))
+    area = 5e-6
+    found = judged(fitted(adjusted.log(at := adjusted.at(14, 3), damper=damper, seal_area=area)))
+    at_rest = adjusted.TRUTH["f_f"] + area * damper.gas_pressure
+    truth = adjusted.numbers(at) | {"f_f": at_rest}
+    for name in (*VALVES, "f_f"):
+        one = found.intervals[name]
+        assert one.low < truth[name] < one.high, name
+    opening = found.intervals["rebound_opening"]
+    middle = math.sqrt(opening.low * opening.high)
+    assert abs(truth["rebound_opening"] - middle) > 3.0 * opening.error
+
+
+def test_which_seals_may_be_pressed() -> None:
+    values = adjusted.DAMPER.values(adjusted.TRUTH)
+    model, pressed = with_pressed_seal(adjusted.DAMPER, values)
+    assert model.friction == Friction(seal_area=pressed.seal_area)
+    assert 0.0 < pressed.seal_area < pressed.quantity("seal_area").believable[1] / 3.0
+    assert pressed.f_f == values.f_f
+    assert with_pressed_seal(model, pressed) is None
+    assert with_pressed_seal(PURDY_DAMPER, reference_parameters(1)) is None
+    warm = Warmed(adjusted.DAMPER, 30.0, 40.0)
+    model, pressed = with_pressed_seal(warm, warm.values({**adjusted.TRUTH, "beta": 0.01}))
+    assert (model.temperature, pressed.names[-1]) == (40.0, "beta")
+
+
+def test_a_setting_without_friction_supposes_as_many_forms_as_the_others(log) -> None:
+    without = identify([log], adjusted.DAMPER, FitOptions("plain", fixed={**MEASURED, "f_f": 0.0}))
+    columns = [
+        linearise_at_fit(one.fits[0], adjusted.DAMPER).supposed.shape
+        for one in (without, fitted(log))
+    ]
+    assert columns[0] == columns[1]
 
 
 def test_it_is_wrong_by_the_same_at_all_settings() -> None:
