@@ -9,7 +9,7 @@ from damperfit.adjustment.forces import (
     Click,
     Sine,
     clicks,
-    levels,
+    levels_coming,
     named_speeds,
     sine_of,
     stage_of,
@@ -85,7 +85,7 @@ def compare_settings(
         return Adjustment()
     known = {one.setting: one for one in assessment.uncertainties}
     sine = sine_of([log.trace for fit in campaign.fits for log in fit.logs])
-    found = levels(
+    with levels_coming(
         [stage_of(fit, known.get(fit.setting)) for fit in campaign.fits],
         damper,
         sine,
@@ -93,10 +93,12 @@ def compare_settings(
         solver=solver,
         jobs=jobs,
         on_error=on_error,
-    )
+    ) as coming:
+        trends = find_trends(campaign.fits, known)
+        found = coming()
     found = beside_measured(found, assessment.forces, sine)
     return Adjustment(
-        trends=find_trends(campaign.fits, known),
+        trends=trends,
         sine=sine,
         levels=found,
         clicks=clicks(credible_forces(found), damper),

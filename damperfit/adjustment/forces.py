@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from statistics import median
 from typing import TYPE_CHECKING
@@ -24,7 +24,7 @@ import numpy as np
 from damperfit.adjustment.level import STROKES, Level
 from damperfit.damper.model import Model, Values
 from damperfit.errors import SimulationError, sparing
-from damperfit.parallel import apart, told_here
+from damperfit.parallel import apart, meanwhile, told_here
 from damperfit.simulation import (
     NAMED_SPEEDS,
     Response,
@@ -37,7 +37,7 @@ from damperfit.statistics import NORMAL_95
 from damperfit.tested.setting import ADJUSTER, lines_of
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from numpy.typing import NDArray
 
@@ -56,6 +56,7 @@ __all__ = [
     "clicks",
     "fastest_sine",
     "levels",
+    "levels_coming",
     "named_speeds",
     "sine_of",
     "stage_of",
@@ -226,6 +227,24 @@ def levels(  # noqa: PLR0913 - one more than usual, to be told of errors
     tuple of Level
         By setting, speed and stroke. A setting that cannot be simulated is left out.
     """
+    with levels_coming(
+        stages, damper, sine, speeds=speeds, solver=solver, jobs=jobs, on_error=on_error
+    ) as coming:
+        return coming()
+
+
+@contextmanager
+def levels_coming(  # noqa: PLR0913 - as `levels`
+    stages: Sequence[Stage],
+    damper: Model,
+    sine: Sine,
+    *,
+    speeds: Sequence[float],
+    solver: SolverOptions = SolverOptions(),
+    jobs: int = 1,
+    on_error: OnError | None = None,
+) -> Iterator[Callable[[], tuple[Level, ...]]]:
+    """Let copies begin on what `levels` takes, and yield what gives its result."""
     lead = max(_LEAD, _SETTLING * sine.frequency)
     solver = replace(solver, settling=lead / sine.frequency)
     motion = sine_motion(
@@ -249,8 +268,13 @@ def levels(  # noqa: PLR0913 - one more than usual, to be told of errors
             return _levels_of(stage, response, sine.frequency, speeds)
         return []
 
-    found = apart(one, stages, jobs=jobs)
-    return tuple(level for few in found for level in few)
+    with meanwhile(one, stages, jobs=jobs) as coming:
+
+        def found() -> tuple[Level, ...]:
+            few = apart(one, stages, jobs=jobs) if coming is None else coming
+            return tuple(itertools.chain.from_iterable(few))
+
+        yield found
 
 
 def _levels_of(

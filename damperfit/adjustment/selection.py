@@ -134,10 +134,26 @@ def _worst(points: Points, scale: str, degree: int, *, tau: float, n: int) -> tu
     rows, residuals = _weighted(points, scale, degree, tau)
     q, _ = np.linalg.qr(rows)
     residuals = residuals - q @ (q.T @ residuals)
-    left = np.eye(len(points)) - q @ q.T
-    own = np.maximum(np.diag(left), 1e-12)
+    leverages = np.einsum("ij,ij->i", q, q)
+    own = np.maximum(1.0 - leverages, 1e-12)
     if n == 1:
         return (int(np.argmax(residuals**2 / own)),)
+    some = np.sort(np.argsort(residuals**2 / own)[-2:])  # the two best by themselves
+    least = float(_gains(q[some], residuals[some])[0, 1])
+    # A pair takes off no more than (e_i^2 + e_j^2)/(1 - h_i - h_j): the trace of H_SS bounds its
+    # eigenvalues. Of many settings few may be of a pair that takes off more than those two.
+    room = 1.0 - leverages - leverages.max()
+    squares = residuals**2
+    near = np.flatnonzero((room <= 0.0) | (squares + squares.max() >= least * room))
+    gains = np.where(_above_the_diagonal(len(near)), _gains(q[near], residuals[near]), -1.0)
+    first, second = np.unravel_index(int(np.argmax(gains)), gains.shape)
+    return (int(near[first]), int(near[second]))
+
+
+def _gains(q: FloatArray, residuals: FloatArray) -> FloatArray:
+    """What leaving out two of some points takes off the sum of squares, shape (m, m)."""
+    left = np.eye(len(q)) - q @ q.T
+    own = np.maximum(np.diag(left), 1e-12)
     determinant = np.outer(own, own)
     determinant -= left * left
     np.maximum(determinant, 1e-12, out=determinant)
@@ -146,9 +162,7 @@ def _worst(points: Points, scale: str, degree: int, *, tau: float, n: int) -> tu
     left += squares
     left += squares.T
     left /= determinant
-    gains = np.where(_above_the_diagonal(len(points)), left, -1.0)
-    first, second = np.unravel_index(int(np.argmax(gains)), gains.shape)
-    return (int(first), int(second))
+    return left
 
 
 @cache
