@@ -1,8 +1,6 @@
 """Work in copies of this process, for many items that need nothing but their result.
 
-    found = in_copies(act, items, jobs=2)    in the order of the items
-
-    with copies_at_work(act, items, jobs=2) as found:    the same, begun already
+    with copies_at_work(act, items, jobs=2) as found:    in the order of the items
         ...                                              what this process does meanwhile
 
 A copy is a fork: it has every object that its parent has, so that nothing is packed on the way to
@@ -38,7 +36,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
-__all__ = ["copies_at_work", "in_copies", "is_copy"]
+__all__ = ["copies_at_work", "is_copy"]
 
 _LOGGER = logging.getLogger(__name__)
 _LOOK = 0.1  # s; how often a waiting parent asks whether the user wants to stop
@@ -58,19 +56,6 @@ _is_copy = False
 def is_copy() -> bool:
     """Whether this process is a copy, whose results are all that is left of it."""
     return _is_copy
-
-
-def in_copies(
-    act: Callable[[Any], Any],
-    items: Sequence[Any],
-    *,
-    jobs: int,
-    known: Sequence[object] = (),
-    cancelled: Callable[[], bool] = lambda: False,
-) -> Iterator[Any]:
-    """Yield what `act` finds of each item, in their order; see `damperfit.parallel.apart`."""
-    with copies_at_work(act, items, jobs=jobs, known=known, cancelled=cancelled) as found:
-        yield from found
 
 
 @contextmanager

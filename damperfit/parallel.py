@@ -16,16 +16,27 @@ processes that may die or to a cluster.
 
 from __future__ import annotations
 
+import os
 import sys
 import threading
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any, Protocol
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
 
-__all__ = ["Died", "Executor", "InTurn", "Threads", "apart", "executor", "meanwhile", "told_here"]
+__all__ = [
+    "Died",
+    "Executor",
+    "InTurn",
+    "Threads",
+    "apart",
+    "available_cores",
+    "executor",
+    "meanwhile",
+    "told_here",
+]
 
 # Items from which on copies of this process gain more than they cost: two of them 20 to 30 ms of
 # processor, as much as one log from reading to judged result.
@@ -146,7 +157,14 @@ def executor(jobs: int) -> Iterator[InTurn | Threads]:
         yield Threads(pool, jobs)
 
 
-def apart(
+def available_cores() -> int:
+    """Return the number of cores this process may use."""
+    with suppress(AttributeError):  # macOS and Windows have no affinity
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def apart(  # noqa: PLR0913 - one more than usual, for what is done beside it
     act: Callable[[Any], Any],
     items: Iterable[Any],
     *,
@@ -154,6 +172,7 @@ def apart(
     known: Sequence[object] = (),
     cancelled: Callable[[], bool] = lambda: False,
     threads: int | None = None,
+    beside: Callable[[], object] = lambda: None,
 ) -> Iterator[Any]:
     """Yield the results in the order of the items, of many items from copies of this process.
 
@@ -174,15 +193,21 @@ def apart(
         Once it says True copies are let go, and what they have left is done here.
     threads : int, optional
         How many where it is threads; else as many as jobs.
+    beside : callable
+        What this process does once the copies, or threads, have begun.
     """
     items = list(items)
     if _goes_to_copies(items, jobs):
-        from damperfit.copied import in_copies  # POSIX alone has it
+        from damperfit.copied import copies_at_work  # POSIX alone has it
 
-        yield from in_copies(act, items, jobs=jobs, known=known, cancelled=cancelled)
+        with copies_at_work(act, items, jobs=jobs, known=known, cancelled=cancelled) as found:
+            beside()
+            yield from found
         return
     with executor(jobs if threads is None else threads) as pool:
-        yield from pool.map(act, items)
+        found = pool.map(act, items)
+        beside()
+        yield from found
 
 
 @contextmanager

@@ -23,12 +23,17 @@ import pytest
 from damperfit import copied, parallel
 from damperfit.cli import main
 from damperfit.cli.progress import progress
-from damperfit.copied import copies_at_work, in_copies, is_copy
+from damperfit.copied import copies_at_work, is_copy
 from damperfit.parallel import apart, meanwhile, told_here
 from damperfit.samples import SampleOptions, make_samples
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="copies are made on Linux alone")
 ROOT = Path(__file__).parents[1]
+
+
+def in_copies(act, items, **how):
+    with copies_at_work(act, items, **how) as found:
+        yield from found
 
 
 def own_process(_item: object) -> int:
@@ -277,12 +282,12 @@ class TestInCopies:
         script = tmp_path / "parent.py"
         script.write_text(
             "import os, time\n"
-            "from damperfit.copied import in_copies\n"
+            "from damperfit.copied import copies_at_work\n"
             "def say(k):\n"
             "    os.write(1, b'%d\\n' % os.getpid())\n"
             "    time.sleep(0.3)\n"
             "    return bytes(3_000_000)\n"
-            "for _ in in_copies(say, range(100), jobs=2):\n"
+            "with copies_at_work(say, range(100), jobs=2):\n"
             "    time.sleep(60.0)\n"
         )
         with subprocess.Popen(

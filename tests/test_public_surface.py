@@ -526,7 +526,6 @@ SURFACE = {
         "LogBatch",
         "LogFacts",
         "Purpose",
-        "available_cores",
         "failure_of",
         "read_batch",
     ],
@@ -579,8 +578,10 @@ SURFACE = {
         "expand",
         "matches",
     ],
+    "damperfit.run.unwritten": ["UnwrittenError"],
+    "damperfit.run.watching": ["Clock", "Watch"],
+    "damperfit.run.after_reading": ["found_in", "write_found"],
     "damperfit.run.work": [
-        "Clock",
         "comparisons",
         "fitted",
         "profile_points",
@@ -612,7 +613,6 @@ SURFACE = {
         "of_one_damper",
     ],
     "damperfit.run.pipeline": [
-        "Watch",
         "find_each",
         "run",
         "run_each",
@@ -621,7 +621,6 @@ SURFACE = {
     "damperfit.run.result": [
         "Found",
         "RunResult",
-        "UnwrittenError",
     ],
     "damperfit.parallel": [
         "Died",
@@ -629,11 +628,12 @@ SURFACE = {
         "InTurn",
         "Threads",
         "apart",
+        "available_cores",
         "executor",
         "meanwhile",
         "told_here",
     ],
-    "damperfit.copied": ["copies_at_work", "in_copies", "is_copy"],
+    "damperfit.copied": ["copies_at_work", "is_copy"],
     "damperfit.statistics": [
         "CHI_SQUARED_95",
         "NORMAL_95",

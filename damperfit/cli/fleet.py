@@ -223,7 +223,7 @@ def _each(
     from damperfit.fleet.cluster import Cluster
     from damperfit.fleet.processes import Processes
     from damperfit.fleet.whole_fleet import run_fleet
-    from damperfit.run.logs import available_cores
+    from damperfit.parallel import available_cores
 
     folder = out.resolve()
     if scheduler is None:

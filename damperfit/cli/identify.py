@@ -158,10 +158,10 @@ def identify(
     """
     from damperfit.cli.interrupt import stop_on_signal
     from damperfit.cli.progress import progress
-    from damperfit.report import markdown_report
     from damperfit.run.dampers import folder_name
-    from damperfit.run.pipeline import Watch, run_each
-    from damperfit.run.result import UnwrittenError
+    from damperfit.run.pipeline import run_each
+    from damperfit.run.unwritten import UnwrittenError
+    from damperfit.run.watching import Watch
 
     check_kind("--figures", figures)
     if max_mse == 0.0:
@@ -241,6 +241,8 @@ def identify(
         if result.campaign.fits and (report or figures) and is_written:
             write_report(folder, folder, page=report, figures=figures)
         if summary is not None:
+            from damperfit.report import markdown_report
+
             append_summary(summary, markdown_report(result.tables, result.facts), instead=_TOO_LONG)
         if not json and result.campaign.fits:
             _show(result, configuration, owner=owner)

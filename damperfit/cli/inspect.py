@@ -59,9 +59,10 @@ def inspect(
 
     Example: damperfit inspect runs/*.csv
     """
+    from damperfit.parallel import available_cores
     from damperfit.run.ending import log_documents, reading_ending
     from damperfit.run.log_paths import expand
-    from damperfit.run.logs import Purpose, available_cores, read_batch
+    from damperfit.run.logs import Purpose, read_batch
     from damperfit.run.remarks import skipped_files
 
     configuration = configured(

@@ -17,7 +17,14 @@ if TYPE_CHECKING:
 
     from damperfit.run.logs import LogBatch, LogFacts
 
-__all__ = ["Ending", "json_pieces", "json_values", "log_documents", "log_input", "reading_ending"]
+__all__ = [
+    "Ending",
+    "json_pieces",
+    "json_values",
+    "log_documents",
+    "log_input",
+    "reading_ending",
+]
 
 _PLAIN = frozenset({int, str, bool, type(None)})
 _ENCODER = json.JSONEncoder(ensure_ascii=False, allow_nan=False)

@@ -28,12 +28,12 @@ from damperfit.laws import (
     undecided,
     yielding_seen,
 )
-from damperfit.parallel import executor
+from damperfit.parallel import available_cores, executor
 from damperfit.report import chosen_records, failure_lines, rival_records, tried_law_records
 from damperfit.run.dampers import of_one_damper
 from damperfit.run.hold_out import named_files, part, with_transients
 from damperfit.run.log_paths import expand
-from damperfit.run.logs import available_cores, read_batch
+from damperfit.run.logs import read_batch
 from damperfit.run.same_setting import once_each, without_contradictions, without_copies
 from damperfit.tested.setting import nearest_setting
 from damperfit.uncertainty.yielding import YIELDS, held_share

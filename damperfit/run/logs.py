@@ -45,7 +45,7 @@ _LOGGER = logging.getLogger(__name__)
 _LARGE = 1_000_000  # bytes
 _READ_IN_CHILD = {".mat", ".mdf", ".mf4", ".h5", ".hdf5"}
 
-__all__ = ["LogBatch", "LogFacts", "Purpose", "available_cores", "failure_of", "read_batch"]
+__all__ = ["LogBatch", "LogFacts", "Purpose", "failure_of", "read_batch"]
 
 
 class Purpose(Enum):
@@ -109,14 +109,7 @@ class LogBatch:
     identities: Mapping[str, Identity] = field(default_factory=dict)
 
 
-def available_cores() -> int:
-    """Return the number of cores this process may use."""
-    with suppress(AttributeError):  # macOS and Windows have no affinity
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
-
-
-def read_batch(
+def read_batch(  # noqa: PLR0913 - one more than usual, for what is done beside it
     paths: Sequence[Path],
     configuration: Configuration,
     *,
@@ -124,6 +117,7 @@ def read_batch(
     setting: Setting | None = None,
     purpose: Purpose = Purpose.FIT,
     cancelled: Callable[[], bool] = lambda: False,
+    beside: Callable[[], object] = lambda: None,
 ) -> LogBatch:
     """Read and condition logs, several at a time.
 
@@ -141,6 +135,8 @@ def read_batch(
         To be inspected, curves without time are facts too, not failures.
     cancelled : callable
         Asked before each log; once it says True, the remaining logs are left out.
+    beside : callable
+        What this process does while others read.
     """
     is_table = {path: is_own_table(path) for path in paths}
     logs = [path for path in paths if not is_table[path] and not is_tests_table(path)]
@@ -160,7 +156,7 @@ def read_batch(
     threads = jobs if any(_gains_by_threads(path) for path in logs) else 1
     pairs = zip(logs, _distinct_names(logs), strict=True)
     with one_blas_thread():  # more would spin between small products, on the next log's core
-        found = apart(one, pairs, jobs=jobs, cancelled=cancelled, threads=threads)
+        found = apart(one, pairs, jobs=jobs, cancelled=cancelled, threads=threads, beside=beside)
         taken = [part for parts in found for part in parts]
     return LogBatch(
         traces=tuple(part.trace for part in taken if part.trace is not None),

@@ -2,75 +2,49 @@
 
     expand -> read and condition each log -> identify -> tables -> files
 
-Failures of single logs and settings are collected; what can be done is done and written.
+Failures of single logs and settings are collected; what can be done is done and written. What comes
+after reading (`after_reading`) is loaded while copies of this process read.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import partial
+from importlib import import_module
 from itertools import chain
 from typing import TYPE_CHECKING
 
-from damperfit.atomic import check_writable, file_set, reserved
+from damperfit.atomic import check_writable, reserved
 from damperfit.configuration.what_is_tested import unmatched
 from damperfit.damper.warmed import Warmed
-from damperfit.errors import ConfigurationError, OutputError
+from damperfit.errors import ConfigurationError
+from damperfit.parallel import available_cores
 from damperfit.run.dampers import by_damper, folder_name
-from damperfit.run.earlier import BESIDE, forget_figures, forget_others, holds_fits
-from damperfit.run.ending import json_pieces
-from damperfit.run.given_starts import with_given_start
+from damperfit.run.earlier import forget_others
 from damperfit.run.given_traces import with_traces
 from damperfit.run.hold_out import (
     Parted,
     fitting,
     named_files,
-    note_unpredicted,
     part,
     with_transients,
 )
-from damperfit.run.judging import assessed, judge, with_profiles
-from damperfit.run.like_speeds import without_contradictory_motions
 from damperfit.run.log_paths import expand
-from damperfit.run.logs import available_cores, read_batch
-from damperfit.run.mishaps import Mishaps
-from damperfit.run.result import Found, RunResult, UnwrittenError
+from damperfit.run.logs import read_batch
 from damperfit.run.rod_area import with_rod_remark
-from damperfit.run.run_json import provenance
 from damperfit.run.same_setting import once_each, without_contradictions, without_copies
+from damperfit.run.unwritten import UnwrittenError
 from damperfit.run.warmth import check_temperatures, with_reference
-from damperfit.run.work import Clock, fitted
-from damperfit.run.writing import write_results
-from damperfit.uncertainty import Bench
+from damperfit.run.watching import Clock, Watch
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Iterator, Sequence
 
     from damperfit.configuration.options import Configuration
-    from damperfit.identification import Fit
     from damperfit.recording import Trace
+    from damperfit.run.result import RunResult
     from damperfit.tested.setting import Setting
 
-__all__ = ["Watch", "find_each", "run", "run_each"]
-
-
-@dataclass(frozen=True, slots=True)
-class Watch:
-    """Who looks on while a run goes: progress, and the wish to stop.
-
-    Attributes
-    ----------
-    on_start : callable
-        Called with the number of settings when all logs are read.
-    on_fit : callable
-        Called with each `Fit` when it is done, from any thread.
-    cancelled : callable
-        Asked now and then; once it says True, finished settings are written and the run ends.
-    """
-
-    on_start: Callable[[int], None] = lambda _: None
-    on_fit: Callable[[Fit], None] = lambda _: None
-    cancelled: Callable[[], bool] = lambda: False
+__all__ = ["find_each", "run", "run_each"]
 
 
 def run(
@@ -176,10 +150,7 @@ def find_each(
     """
     workers = jobs or available_cores()
     for one in _read(configuration, logs, jobs=workers, setting=None, watch=watch):
-        found, mishaps = _found(
-            one.configuration, one.parted, clock=one.clock, jobs=one.jobs, watch=watch
-        )
-        yield one.owner, found.result(mishaps.failures)
+        yield one.owner, one.find(watch)
 
 
 def _check_adjusters(configuration: Configuration) -> None:
@@ -212,12 +183,32 @@ class _OneDamper:
         return folder_name(self.folder_owner) if self.folder_owner else ""
 
     def run(self, watch: Watch) -> RunResult:
-        fit = partial(_run, self, watch=watch)
         if not self.folder_owner:
-            return fit()
+            return self._run(watch)
         check_writable(self.configuration.output.folder)
         with reserved(self.configuration.output.folder):
-            return fit()
+            return self._run(watch)
+
+    def _run(self, watch: Watch) -> RunResult:
+        from damperfit.run.after_reading import write_found
+
+        return write_found(
+            self.configuration,
+            self.parted,
+            clock=self.clock,
+            jobs=self.jobs,
+            watch=watch,
+            beside=self.beside,
+        )
+
+    def find(self, watch: Watch) -> RunResult:
+        """Fit and judge, and write nothing."""
+        from damperfit.run.after_reading import found_in
+
+        found, mishaps = found_in(
+            self.configuration, self.parted, clock=self.clock, jobs=self.jobs, watch=watch
+        )
+        return found.result(mishaps.failures)
 
 
 def _read(
@@ -231,15 +222,25 @@ def _read(
 ) -> list[_OneDamper]:
     """Read the logs and part them by damper; what is held out is parted from each."""
     clock = Clock()
-    configuration = with_given_start(configuration)
+    if configuration.start_table is not None:
+        from damperfit.run.given_starts import with_given_start
+
+        configuration = with_given_start(configuration)
     folder = configuration.output.folder
     paths = expand(logs) if logs or not traces else ()
     named = named_files(configuration.hold_out.patterns, paths)
     paths = tuple(dict.fromkeys((*paths, *chain.from_iterable(named.values()))))
     with clock.lap("read_s"):
         batch = read_batch(
-            paths, configuration, jobs=jobs, setting=setting, cancelled=watch.cancelled
+            paths,
+            configuration,
+            jobs=jobs,
+            setting=setting,
+            cancelled=watch.cancelled,
+            beside=lambda: import_module("damperfit.run.after_reading"),
         )
+    from damperfit.run.like_speeds import without_contradictory_motions
+
     batch = with_traces(batch, traces, setting)
     if not batch.logs and not watch.cancelled():
         raise ConfigurationError(
@@ -272,63 +273,3 @@ def _read(
         whose = owner if beside else ""
         found.append(_OneDamper(owner, whose, own, parted, clock, jobs, beside))
     return found
-
-
-def _run(one: _OneDamper, *, watch: Watch) -> RunResult:
-    """Fit, judge and write what was read."""
-    configuration, clock, jobs = one.configuration, one.clock, one.jobs
-    found, mishaps = _found(configuration, one.parted, clock=clock, jobs=jobs, watch=watch)
-    if not found.campaign.fits and watch.cancelled():
-        return found.result(mishaps.failures)
-    if not found.campaign.fits and holds_fits(configuration.output.folder):
-        return replace(found.result(mishaps.failures), keeps_earlier=True)
-    try:
-        with file_set(configuration.output.folder) as files:
-            with clock.lap("write_s"):
-                result, hashes = write_results(files, found, mishaps, jobs=jobs)
-            record = result.record
-            record["files"] = hashes
-            record["timings"] = clock.read()
-            if one.beside:
-                record[BESIDE] = list(one.beside)
-            with files.path("run.json").open("wb") as file:
-                for piece in json_pieces(record):
-                    file.write(piece.encode("utf-8", "backslashreplace"))
-    except OutputError as error:
-        raise UnwrittenError(str(error), found.result(mishaps.failures)) from error
-    forget_figures(configuration.output.folder)
-    return result
-
-
-def _found(
-    configuration: Configuration, parted: Parted, *, clock: Clock, jobs: int, watch: Watch
-) -> tuple[Found, Mishaps]:
-    """Fit and judge what was read."""
-    batch = parted.batch
-    watch.on_start(len({trace.setting for trace in batch.traces}))
-    with clock.lap("fit_s"):
-        campaign = fitted(
-            configuration,
-            batch.traces,
-            jobs=jobs,
-            on_fit=watch.on_fit,
-            cancelled=watch.cancelled,
-        )
-    mishaps = Mishaps(batch)
-    if campaign.mishap is not None:
-        mishaps.add(campaign.mishap)
-    bench = Bench(configuration.damper, configuration.identification.solver, watch.cancelled, jobs)
-    with clock.lap("judge_s"):
-        assessment = assessed(campaign, bench, mishaps)
-    if configuration.profile and campaign.fits and not watch.cancelled():
-        with clock.lap("profile_s"):
-            assessment = with_profiles(
-                campaign, assessment, bench, mishaps, names=configuration.profile
-            )
-    with clock.lap("judge_s"):
-        campaign, judgement = judge(configuration, parted, campaign, assessment, mishaps, jobs=jobs)
-    if not watch.cancelled():
-        batch = note_unpredicted(parted, campaign, judgement.predictions, mishaps.failures)
-    origin = provenance(configuration, batch, campaign, judgement.predictions)
-    is_interrupted = watch.cancelled()
-    return Found(configuration, batch, campaign, judgement, origin, is_interrupted), mishaps

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from damperfit.errors import OutputError
 from damperfit.run.run_json import ending_of, record, report_facts
 from damperfit.run.work import profile_points
 from damperfit.tables import make_tables
@@ -23,7 +22,7 @@ if TYPE_CHECKING:
     from damperfit.run.run_json import Judgement
     from damperfit.tables import Tables
 
-__all__ = ["Found", "RunResult", "UnwrittenError"]
+__all__ = ["Found", "RunResult"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,23 +82,6 @@ class RunResult:
             "parameters": self.tables.parameters.to_pylist(),
             "mse": self.tables.mse.to_pylist(),
         }
-
-
-class UnwrittenError(OutputError):
-    """The results cannot be written; what was found is not lost with them.
-
-    Attributes
-    ----------
-    result : RunResult
-        What the run found.
-    owner : str
-        Of several dampers, whose result it is.
-    """
-
-    def __init__(self, message: str, result: RunResult, owner: str = "") -> None:
-        super().__init__(message)
-        self.result = result
-        self.owner = owner
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,12 +1,9 @@
-"""What a run computes between reading and writing, and how long each part takes."""
+"""What a run computes between reading and writing."""
 
 from __future__ import annotations
 
 import hashlib
 import logging
-import time
-from contextlib import contextmanager
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from damperfit.identification import Campaign, identify
@@ -26,33 +23,9 @@ if TYPE_CHECKING:
     from damperfit.run.mishaps import Mishaps
     from damperfit.run.run_json import Judgement
 
-__all__ = ["Clock", "comparisons", "fitted", "profile_points", "sha256_of"]
-
+__all__ = ["comparisons", "fitted", "profile_points", "sha256_of"]
 
 _LOGGER = logging.getLogger(__name__)
-
-
-@dataclass(slots=True)
-class Clock:
-    """Seconds spent in each part of a run."""
-
-    laps: dict[str, float] = field(default_factory=dict)
-    started: float = field(default_factory=time.perf_counter)
-
-    @contextmanager
-    def lap(self, name: str) -> Iterator[None]:
-        """Add the time spent inside to a part."""
-        begin = time.perf_counter()
-        try:
-            yield
-        finally:
-            spent = time.perf_counter() - begin
-            _LOGGER.debug("%s took %.3f s", name.removesuffix("_s"), spent)
-            self.laps[name] = round(self.laps.get(name, 0.0) + spent, 4)
-
-    def read(self) -> dict[str, float]:
-        """Return the seconds of each part, and of all."""
-        return self.laps | {"total_s": round(time.perf_counter() - self.started, 4)}
 
 
 def fitted(

@@ -17,7 +17,8 @@ import pytest
 from damperfit.cli.interrupt import stop_on_signal
 from damperfit.configuration.loading import load_configuration
 from damperfit.run.ending import Ending
-from damperfit.run.pipeline import Watch, run
+from damperfit.run.pipeline import run
+from damperfit.run.watching import Watch
 
 ROOT = Path(__file__).parents[2]
 

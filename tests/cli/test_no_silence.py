@@ -12,7 +12,7 @@ from damperfit.cli import main
 from damperfit.configuration.loading import load_configuration
 from damperfit.errors import ConfigurationError
 from damperfit.run.pipeline import run as run_pipeline
-from damperfit.run.result import UnwrittenError
+from damperfit.run.unwritten import UnwrittenError
 
 GIVEN = [
     word

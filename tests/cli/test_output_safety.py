@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from damperfit.cli import main
-from damperfit.run import judging, pipeline, writing
+from damperfit.run import after_reading, judging, writing
 from damperfit.tables import read_results
 
 QUICK = (
@@ -105,14 +105,14 @@ def test_two_runs_into_one_folder_at_once_are_refused_before_they_work(
     folder = tmp_path / "results"
     shutil.copytree(results, folder)
     told = []
-    fitted = pipeline.fitted
+    fitted = after_reading.fitted
 
     def meanwhile(*arguments, **how):
         told.append(spawn("identify", logs / "setting_02.csv", *QUICK))
         told.append(read_results(folder))  # reading goes on
         return fitted(*arguments, **how)
 
-    monkeypatch.setattr(pipeline, "fitted", meanwhile)
+    monkeypatch.setattr(after_reading, "fitted", meanwhile)
     assert run("identify", logs / "setting_01.csv", *QUICK).code == 0
     second, read = told
     assert second.code == 1

@@ -25,7 +25,8 @@ from damperfit.run.mishaps import Mishaps
 from damperfit.run.remarks import corrections, gates_not_met, missing_logs, run_warnings
 from damperfit.run.run_json import Judgement, _procedure, report_facts
 from damperfit.run.trust import _profile, unconfirmed_tares
-from damperfit.run.work import Clock, sha256_of
+from damperfit.run.watching import Clock
+from damperfit.run.work import sha256_of
 from damperfit.uncertainty import Assessment, Objection, Uncertainty
 from damperfit.uncertainty.intervals import make_interval
 from tests.fakes import campaign, fit, trace

@@ -96,8 +96,9 @@ def integrate(
     jumps = np.ascontiguousarray(motion.jumps, dtype=np.float64)
     n = len(x)
     which = np.array([_PLACES[name] for name in names], dtype=np.intc)
-    pressures, masses, force = np.empty((3, n)), np.empty((2, n)), np.empty(n)
-    rows = np.empty((len(names), n))
+    # One block: of many the C library gives each back to the system, and its pages come anew.
+    block = np.empty((6 + len(names), n))
+    pressures, masses, force, rows = block[:3], block[3:5], block[5], block[6:]
     filled = filling(motion, damper.gas_pressure)
     numbers = np.zeros(len(_NETWORK.numbers))
     numbers[_PLACES_OF_VALUES] = values.numbers

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from damperfit.damper.rivals import Rival
 from damperfit.laws import UNDETERMINED
 from damperfit.report.sheets.rounding import number
 from damperfit.report.sheets.sheet import Sheet
@@ -13,6 +12,7 @@ from damperfit.report.sheets.sheet import Sheet
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from damperfit.damper.rivals import Rival
     from damperfit.laws import LawFit, LawSearch, Tried
 
 __all__ = [
@@ -170,13 +170,20 @@ def rival_records(rivals: Sequence[Tried]) -> list[dict[str, Any]]:
 
 
 def _source(one: Tried) -> str:
-    model = one.fits[0].model
-    return model.source if isinstance(model, Rival) else ""
+    rival = _rival(one)
+    return "" if rival is None else rival.source
 
 
 def _caveat(one: Tried) -> str:
+    rival = _rival(one)
+    return "" if rival is None else rival.caveat
+
+
+def _rival(one: Tried) -> Rival | None:
+    from damperfit.damper.rivals import Rival  # with it come all rivals, which few runs have
+
     model = one.fits[0].model
-    return model.caveat if isinstance(model, Rival) else ""
+    return model if isinstance(model, Rival) else None
 
 
 def chosen_sheet(fits: Sequence[LawFit]) -> Sheet:

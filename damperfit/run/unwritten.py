@@ -1,0 +1,29 @@
+"""The error of results that cannot be written, which keeps them; it loads nothing."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from damperfit.errors import OutputError
+
+if TYPE_CHECKING:
+    from damperfit.run.result import RunResult
+
+__all__ = ["UnwrittenError"]
+
+
+class UnwrittenError(OutputError):
+    """The results cannot be written; what was found is not lost with them.
+
+    Attributes
+    ----------
+    result : RunResult
+        What the run found.
+    owner : str
+        Of several dampers, whose result it is.
+    """
+
+    def __init__(self, message: str, result: RunResult, owner: str = "") -> None:
+        super().__init__(message)
+        self.result = result
+        self.owner = owner
