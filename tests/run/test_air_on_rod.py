@@ -66,7 +66,9 @@ def test_where_the_logs_show_the_air_the_grade_is_withheld():
         "the logs show the air on the rod, which the paper's equation leaves out: with 1.013 bar "
         "the MSE is "
     )
-    assert said.sentence.endswith('set damper.ambient_pressure = "1.013bara"')
+    assert said.sentence.endswith(
+        'set damper.ambient_pressure = "1.013bara", unless gas_pressure is declared 1 bar too high'
+    )
 
 
 @pytest.mark.parametrize(
