@@ -8,6 +8,7 @@ import importlib.util
 import json
 import marshal
 import os
+import re
 import shlex
 import shutil
 import subprocess
@@ -18,20 +19,13 @@ from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
+from itertools import count
 from pathlib import Path
 
 import pytest
 import typer.main
 from _pytest.assertion import rewrite
 from _pytest.doctest import DoctestModule
-from hypothesis import HealthCheck, settings
-
-# How long an example takes says something of the machine, nothing of the code. The slow suite takes
-# `--hypothesis-profile thorough`.
-_QUIET = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
-settings.register_profile("damperfit", max_examples=30, **_QUIET)
-settings.register_profile("thorough", max_examples=300, **_QUIET)
-settings.load_profile("damperfit")
 
 # The workers share the cores; threads of BLAS in each of them get in one another's way.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -82,7 +76,10 @@ def pytest_configure(config):
         return found
 
     rewrite._rewrite_test = rewritten
+    if config.option.dist == "no" or config.getoption("--hypothesis-profile"):
+        _have_profiles()  # the controller of workers needs none
     if hasattr(config, "workerinput"):
+        _say_less(config)
         return
     # Some hundred processes of this run load the package: a tenth of each of them.
     work = [(_compiled, path) for path in PACKAGE.rglob("*.py")]
@@ -90,6 +87,42 @@ def pytest_configure(config):
         tests = (path for path in TESTS.rglob("*.py") if _is_rewritten(path.name))
         work += [(rewritten, path) for path in tests if not place_of(path)[1].exists()]
     _side_by_side(work)
+
+
+def _have_profiles():
+    """How long an example takes says something of the machine, nothing of the code.
+
+    The slow suite takes `--hypothesis-profile thorough`.
+    """
+    from hypothesis import HealthCheck, settings  # pytest rewrites it too: what is kept serves it
+
+    quiet = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
+    settings.register_profile("damperfit", max_examples=30, **quiet)
+    settings.register_profile("thorough", max_examples=300, **quiet)
+    settings.load_profile("damperfit")
+
+
+def _say_less(config):
+    """Send the controller no word of what it does not count: three of six messages of each test."""
+    asked = config.option
+    if asked.verbose > 0 or asked.durations is not None or asked.xmlpath:
+        return
+
+    def is_idle(name, report=None):
+        return name == "logstart" or (
+            name == "testreport"
+            and (report["when"], report["outcome"]) in {("setup", "passed"), ("teardown", "passed")}
+            and not report["sections"]
+        )
+
+    for plugin in config.pluginmanager.get_plugins():
+        if type(plugin).__name__ == "WorkerInteractor":
+
+            def send(name, send=plugin.sendevent, **what):
+                if not is_idle(name, what.get("data")):
+                    send(name, **what)
+
+            plugin.sendevent = send
 
 
 def _compiled(path):
@@ -135,6 +168,18 @@ def pytest_collection_modifyitems(items):
 def pytest_collection_finish(session):
     """Let what stands now be: no garbage to look for, and nothing for a fork to copy."""
     gc.freeze()  # arrays and tables leave few cycles: looking for them took a fiftieth
+
+
+_PLACES = count()
+
+
+@pytest.fixture
+def tmp_path(request, tmp_path_factory) -> Path:
+    """An empty folder; pytest's own looks through all those before it for a number: 1 ms each."""
+    name = re.sub(r"\W", "_", request.node.name)[:30]
+    place = tmp_path_factory.getbasetemp() / f"{name}{next(_PLACES)}"
+    place.mkdir(mode=0o700)
+    return place
 
 
 @pytest.fixture(scope="session")
