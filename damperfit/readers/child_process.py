@@ -21,16 +21,12 @@ import subprocess
 import sys
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from threading import Event, Lock, Timer
 from typing import IO, TYPE_CHECKING, Any
 
-import numpy as np
-
 from damperfit.errors import LogError
 from damperfit.readers.foreign import check_library
-from damperfit.readers.grouping import Group, GroupChannel
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -38,7 +34,7 @@ if TYPE_CHECKING:
     from damperfit.readers.files import Source
     from damperfit.readers.options import ReadOptions
 
-__all__ = ["ChildAnswer", "ask_child", "groups_answer", "read_groups_in_child", "serve"]
+__all__ = ["ChildAnswer", "ask_child", "serve"]
 
 _TIME_LIMIT = 60  # s for a log, and 1 s for each megabyte; libraries take seconds to load
 _IDLE = 10.0  # s after which a child ends that nobody asks
@@ -101,38 +97,6 @@ def ask_child(module: str, library: str, source: Source, options: ReadOptions) -
             child.end()
         if outcome.is_judged or outcome.is_late or not child.is_worn:
             raise LogError(f"{source.name}: {_reason(outcome, reader.READS, child.seconds)}")
-
-
-def read_groups_in_child(
-    module: str, library: str, source: Source, options: ReadOptions
-) -> list[Group]:
-    """Return the groups of channels that a module finds in a log; as `ask_child`."""
-    answer = ask_child(module, library, source, options)
-    values = (np.frombuffer(part, dtype=np.float64) for part in answer.parts)
-    return [
-        Group(
-            group["name"],
-            tuple(
-                GroupChannel(name, unit, length, partial(np.asarray, next(values)))
-                for name, unit, length in group["channels"]
-            ),
-            group["metadata"],
-        )
-        for group in answer.said
-    ]
-
-
-def groups_answer(groups: Sequence[Group]) -> ChildAnswer:
-    """Return groups of channels as a child sends them."""
-    said = [
-        {
-            "name": group.name,
-            "channels": [(c.name, c.unit, c.length) for c in group.channels],
-            "metadata": dict(group.metadata),
-        }
-        for group in groups
-    ]
-    return ChildAnswer(said, [c.load().tobytes() for group in groups for c in group.channels])
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,12 +7,14 @@ group is, the channels of all groups together are one test.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from damperfit.errors import LogError
 from damperfit.readers.channels import choose_channels, split_name, visible, words_of_name
+from damperfit.readers.child_process import ChildAnswer, ask_child
 from damperfit.readers.foreign import check_size
 from damperfit.readers.table import Column, Samples, Table
 
@@ -21,11 +23,12 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from damperfit.readers.files import Source
     from damperfit.readers.options import ReadOptions
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["Group", "GroupChannel", "group_tables"]
+__all__ = ["Group", "GroupChannel", "group_tables", "groups_answer", "read_groups_in_child"]
 
 _TIME = frozenset({"time", "t", "zeit"})
 
@@ -190,3 +193,35 @@ def _time(chosen: Mapping[str, GroupChannel], n: int, name: str) -> FloatArray:
     if first.interval is None or not np.isfinite(first.interval) or first.interval <= 0.0:
         raise LogError(f"{name}: the interval between values is {first.interval} s")
     return first.start + first.interval * np.arange(n, dtype=np.float64)
+
+
+def read_groups_in_child(
+    module: str, library: str, source: Source, options: ReadOptions
+) -> list[Group]:
+    """Return the groups of channels that a module finds in a log; as `ask_child`."""
+    answer = ask_child(module, library, source, options)
+    values = (np.frombuffer(part, dtype=np.float64) for part in answer.parts)
+    return [
+        Group(
+            group["name"],
+            tuple(
+                GroupChannel(name, unit, length, partial(np.asarray, next(values)))
+                for name, unit, length in group["channels"]
+            ),
+            group["metadata"],
+        )
+        for group in answer.said
+    ]
+
+
+def groups_answer(groups: Sequence[Group]) -> ChildAnswer:
+    """Return groups of channels as a child sends them."""
+    said = [
+        {
+            "name": group.name,
+            "channels": [(c.name, c.unit, c.length) for c in group.channels],
+            "metadata": dict(group.metadata),
+        }
+        for group in groups
+    ]
+    return ChildAnswer(said, [c.load().tobytes() for group in groups for c in group.channels])

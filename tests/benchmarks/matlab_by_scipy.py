@@ -9,9 +9,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from damperfit.readers.child_process import ChildAnswer, groups_answer, read_groups_in_child
+from damperfit.readers.child_process import ChildAnswer
 from damperfit.readers.foreign import refusing_damage
-from damperfit.readers.grouping import Group, GroupChannel, group_tables
+from damperfit.readers.grouping import (
+    Group,
+    GroupChannel,
+    group_tables,
+    groups_answer,
+    read_groups_in_child,
+)
 
 if TYPE_CHECKING:
     from damperfit.readers.files import Source
