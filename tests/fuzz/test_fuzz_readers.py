@@ -12,8 +12,7 @@ from tests.readers import binary_logs, scenarios
 
 @pytest.mark.parametrize("name", [*scenarios.WRITERS, *binary_logs.WRITERS, "curves"])
 def test_damaged_logs_are_read_or_refused(tmp_path, name) -> None:
-    for module in binary_logs.WRITERS[name][2] if name in binary_logs.WRITERS else ():
-        pytest.importorskip(module)
+    binary_logs.needs(*binary_logs.WRITERS[name][2] if name in binary_logs.WRITERS else ())
     runs = 2 if name in APART else 25
     tally = fuzz(name, runs=runs, seed=1, folder=tmp_path, keep=tmp_path / "kept")
     assert tally.read + tally.refused == runs

@@ -18,7 +18,7 @@ from scipy import io as scipy_io
 from damperfit.errors import LogError
 from damperfit.readers import ReadOptions, read_log, read_logs
 from tests.readers import binary_logs, scenarios
-from tests.readers.binary_logs import WRITERS
+from tests.readers.binary_logs import WRITERS, needs
 from tests.readers.scenarios import Scenario, check_round_trip
 
 SCENARIO = Scenario()
@@ -42,16 +42,14 @@ def refusal(path, options: ReadOptions = ReadOptions()) -> str:
 @pytest.mark.parametrize("writer", WRITERS)
 def test_every_writer_and_reader_agree(tmp_path, writer) -> None:
     file_name, write, needed = WRITERS[writer]
-    for module in needed:
-        pytest.importorskip(module)
+    needs(*needed)
     check_round_trip(tmp_path, file_name, write(SCENARIO), SCENARIO, ReadOptions())
 
 
 @pytest.mark.parametrize("writer", WRITERS)
 def test_a_cut_file_is_refused(tmp_path, writer) -> None:
     file_name, write, needed = WRITERS[writer]
-    for module in needed:
-        pytest.importorskip(module)
+    needs(*needed)
     data = write(SCENARIO)
     # HDF5 is read in a process of its own, another one after each refusal: 0.6 s.
     for kept in (len(data) // 2, len(data) - 9)[writer == "MATLAB 7.3" :]:
@@ -72,8 +70,7 @@ def test_a_missing_library_is_one_line_with_the_command(
     tmp_path, monkeypatch, writer, module, extra
 ) -> None:
     file_name, write, needed = WRITERS[writer]
-    for name in needed:
-        pytest.importorskip(name)
+    needs(*needed)
     path = put(tmp_path, write(SCENARIO), file_name)
     monkeypatch.setitem(sys.modules, module, None)
     assert f"pip install 'damperfit[{extra}]'" in refusal(path)
@@ -254,7 +251,7 @@ def test_tdms_cut_anywhere_is_refused(tmp_path) -> None:
 
 
 def test_mdf_chain_that_bites_its_tail_is_refused(tmp_path) -> None:
-    pytest.importorskip("asammdf")
+    needs("asammdf")
     data = bytearray(binary_logs.mdf(SCENARIO))
     at = data.index(b"##CN")
     data[at + 24 : at + 32] = struct.pack("<Q", at)  # the next channel is the channel itself
@@ -338,8 +335,7 @@ def test_excel_bomb_is_refused(tmp_path) -> None:
 @pytest.mark.parametrize("writer", sorted(set(WRITERS) - {"Excel called CSV"}))
 def test_damaged_bytes_give_a_log_or_one_line(tmp_path, writer) -> None:
     file_name, write, needed = WRITERS[writer]
-    for module in needed:
-        pytest.importorskip(module)
+    needs(*needed)
     data = write(SCENARIO)
     path = tmp_path / file_name
     # MDF and HDF5 are read in a process of their own, 0.2 s each.

@@ -12,10 +12,16 @@ import pytest
 
 from damperfit.errors import LogError
 from damperfit.readers import ReadOptions, excel, matlab, mdf, read_log, read_logs, rows
-from damperfit.readers.files import _read_up_to
+from damperfit.readers.files import Source, _read_up_to
 from damperfit.readers.foreign import load_library
-from damperfit.readers.grouping import Group, GroupChannel, group_tables
-from tests.readers import binary_logs
+from damperfit.readers.grouping import (
+    Group,
+    GroupChannel,
+    group_tables,
+    read_groups_in_child,
+)
+from tests.readers import binary_logs, mdf_writer
+from tests.readers.binary_logs import needs
 from tests.readers.scenarios import Scenario
 
 SCENARIO = Scenario()
@@ -97,25 +103,16 @@ def test_an_empty_segment_at_the_end_is_a_whole_one(put) -> None:
 
 
 def test_a_channel_of_text_hides_none_behind_it(put) -> None:
-    asammdf = pytest.importorskip("asammdf")
+    needs("asammdf")
     time = np.arange(9.0)
-    names = ("note", "displacement", "force")
-    units = ("", "mm", "N")
-    values = (np.array([b"abc"] * 9), 2.0 * time, 3.0 * time)
-    with asammdf.MDF(version="4.10") as file:
-        file.append(
-            [
-                asammdf.Signal(one, time, unit, name, encoding="utf-8")
-                if one.dtype.kind == "S"
-                else asammdf.Signal(one, time, unit, name)
-                for name, unit, one in zip(names, units, values, strict=True)
-            ]
-        )
-        sink = io.BytesIO()
-        file.save(sink)
-    (group,) = mdf.answer(sink.getvalue(), 10_000).said
-    assert [name for name, *_ in group["channels"]] == ["time", "displacement", "force"]
-    recording = read_log(put(sink.getvalue(), "a_s1.mf4"))
+    text = ("note", "", np.array([b"abc"] * 9))
+    numbers = ("displacement", "mm", 2.0 * time), ("force", "N", 3.0 * time)
+    path = put(mdf_writer.written(time, [text, *numbers]), "a_s1.mf4")
+    source = Source(path.name, str(path), path.read_bytes(), str)
+    options = ReadOptions(max_bytes=10_000)
+    (group,) = read_groups_in_child(mdf.__name__, "asammdf", source, options)
+    assert [one.name for one in group.channels] == ["time", "displacement", "force"]
+    recording = read_log(path)
     np.testing.assert_array_equal(recording.time, time)
     np.testing.assert_array_equal(recording.force, 3.0 * time)
 
