@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from damperfit.recording import Recording, Trace
 from damperfit.simulation import Motion, SolverOptions, simulate
 
 AMPLITUDE, FREQUENCY = 0.032, 1.5
+OMEGA = 2.0 * np.pi * FREQUENCY
 TIGHT = SolverOptions(tolerance=1e-6)
 
 
@@ -31,20 +33,37 @@ def recording(
     random = np.random.default_rng([seed, setting])
     lead = round(2.0 / FREQUENCY * rate)
     n = round(duration * rate)
-    omega = 2.0 * np.pi * FREQUENCY
-    angle = omega * np.arange(n + lead) / rate + random.uniform(0.0, 2.0 * np.pi)
-    x, v = amplitude * np.sin(angle), amplitude * omega * np.cos(angle)
+    angle = OMEGA * np.arange(lead + n) / rate + random.uniform(0.0, 2.0 * np.pi)
+    three_cycles = round(3.0 / FREQUENCY * rate)
+    assert three_cycles * FREQUENCY == 3.0 * rate, "not a whole number of samples"
     truth = parameters or reference_parameters(setting)
-    force = simulate(truth, damper, Motion(1.0 / rate, x, v), options=TIGHT).force[lead:]
+    first = angle[0], lead, three_cycles
+    force = np.resize(_settled(truth, damper, rate, amplitude, first), n)
+    x = amplitude * np.sin(angle[lead:])
     return Recording(
         name=f"setting_{setting:02d}.csv",
         path="",
         sha256="",
         setting=setting,
         time=np.arange(n) / rate,
-        displacement=x[lead:] + 2e-6 * noise * random.standard_normal(n),
+        displacement=x + 2e-6 * noise * random.standard_normal(n),
         force=force + noise * random.standard_normal(n),
     )
+
+
+@lru_cache(maxsize=256)
+def _settled(
+    truth: Parameters,
+    damper: Damper,
+    rate: float,
+    amplitude: float,
+    first: tuple[float, int, int],
+) -> np.ndarray:
+    """Return the force of cycles that come after two others: the next are the same within 3 uN."""
+    phase, lead, n = first
+    angle = OMEGA * np.arange(lead + n) / rate + phase
+    motion = Motion(1.0 / rate, amplitude * np.sin(angle), amplitude * OMEGA * np.cos(angle))
+    return simulate(truth, damper, motion, options=TIGHT).force[lead:]
 
 
 def trace(setting: int, parameters: Parameters | None = None, **kwargs: object) -> Trace:

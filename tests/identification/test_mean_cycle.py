@@ -102,7 +102,7 @@ def whole_cycles() -> Trace:
 LOGS: dict[str, Callable[[], Sequence[Trace]]] = {
     "setting 1": lambda: [trace(1, noise=4.0)],
     "setting 10": lambda: [trace(10, noise=4.0)],
-    "setting 20": lambda: [trace(20, noise=4.0, rate=500.0)],
+    "setting 20": lambda: [trace(20, noise=4.0, rate=500.0, seed=3)],
     "drift": lambda: [drifting()],
     "causal": lambda: [filtered_in_the_rig("causal")],
     "zero phase": lambda: [filtered_in_the_rig("zero_phase")],
