@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from damperfit.laws.course import Course
     from damperfit.laws.law_fit import SettingLogs
 
-__all__ = ["with_bleeds_told"]
+__all__ = ["fits_better", "with_bleeds_told"]
 
 # The MSE of one kind over that of another of as many quantities: with less they are alike.
 _FITS_BETTER = 1.1
@@ -53,7 +53,7 @@ def with_bleeds_told(course: Course, law: Tried) -> Tried:
             verdict = judged(one, law, course.n_eff)
             is_taken, reason = _is_enough(one, verdict.bic, course.evidence)
         else:
-            verdict, (is_taken, reason) = None, _held_against(law, one, course.n_eff)
+            verdict, (is_taken, reason) = None, fits_better(law, one, course.n_eff)
         course.record(one, reason, is_taken=is_taken, change=change, verdict=verdict)
         if is_taken:
             law = one
@@ -77,8 +77,16 @@ def _is_enough(one: Tried, bic: float, evidence: Sequence[SettingLogs]) -> tuple
     return True, f"no preload is needed, {one.mse_percent:.2g} % without it (BIC {bic:+.0f})"
 
 
-def _held_against(law: Tried, one: Tried, n_eff: float) -> tuple[bool, str]:
-    """Whether another kind with as many quantities is taken, and why."""
+def fits_better(law: Tried, one: Tried, n_eff: float) -> tuple[bool, str]:
+    """Return whether another law with as many quantities is taken, and why.
+
+    Parameters
+    ----------
+    law, one : Tried
+        What there is, and the other.
+    n_eff : float
+        Effective samples of all settings compared.
+    """
     gain = law.mse_percent / max(one.mse_percent, 1e-300)
     is_told = gain > _FITS_BETTER and n_eff * math.log(gain) > math.log(n_eff)
     if not is_told:

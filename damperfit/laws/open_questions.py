@@ -113,8 +113,9 @@ def _of_layouts(search: LawSearch, tests: _Tests) -> Iterator[str]:
     names = [search.chosen.fits[0].model.name, *search.alike]
     listed = " or ".join(one.replace("_", " ") for one in names)
     yield (
-        f"The layout, {listed}: they fit and predict alike. The maker's drawing decides it "
-        f"(damper.model, or models --layout), or {tests.faster}."
+        f"The layout, {listed}: they fit and predict alike. Pressures and orifices of the valves "
+        "differ with it, forces hardly. The maker's drawing decides it (damper.model, or models "
+        f"--layout), or {tests.faster}."
     )
 
 

@@ -143,7 +143,29 @@ def physics_seen(fits: Sequence[LawFit | SeenAt]) -> tuple[str, ...]:
         known = [one for one in (_determined(fits, name) if name in names else []) if one != 0.0]
         if known:
             said.append(words.format(_range([factor * one for one in known])) + _where(fits, name))
+    said.extend(_gas_seen(model, fits))
     return tuple(f"{one[0].upper()}{one[1:]}." for one in said)
+
+
+def _gas_seen(model: ValveDamper, fits: Sequence[LawFit | SeenAt]) -> list[str]:
+    """Return what a gas volume that was found says of what was declared, if one was found."""
+    known = [one for one in _determined(fits, "gas_volume") if one != model.gas_volume]
+    if not known:
+        return []
+    times = model.gas_volume / float(np.median(known))
+    others = [f"{1e-5 * times * model.gas_pressure:.3g} bar"]
+    exponent, (least, most) = times * model.gas_exponent, _of_gases(model)
+    if least < exponent < most:
+        others.append(f"an exponent of {exponent:.2f}")
+    others.append(f"a rod {times**0.25:.3g} times as thick")
+    same = f"{', '.join(others[:-1])} or {others[-1]} would do the same"
+    found = f"{_range([1e6 * one for one in known])} cm3 at {1e-5 * model.gas_pressure:.4g} bar"
+    taken = f"{1e6 * model.gas_volume:.3g} cm3 were taken"
+    return [f"the gas is as soft as {found}, where {taken}; {same}: a gauge and callipers decide"]
+
+
+def _of_gases(model: ValveDamper) -> tuple[float, float]:
+    return model.quantity("gas_exponent").believable
 
 
 def _orifice(damper: ValveDamper, resistance: float) -> float:

@@ -3,7 +3,8 @@
     1  the paper's model; where it leaves less than `ENOUGH_PERCENT`, nothing else is looked for
     2  bleed and blow-off in each stroke with everything that a mounting may have, in each layout
     3  of the best layout what is not needed is taken out again, the rig's parts and the valves'
-       alike, by the rule of `choosing`: so no valve is invented for the rig, nor the reverse
+       alike, by the rule of `choosing`: so no valve is invented for the rig, nor the reverse; an
+       elastic mounting is held against a rigid one with oil that gives
     4  what is left over is offered to further parts: soft oil, gas in it, returns, rounding, ports,
        friction that drags, builds up, falls with the speed or grows with the pressure; to play and
        lag too, if a wrong valley had them taken out
@@ -33,6 +34,7 @@ from damperfit.laws.choosing import (
 )
 from damperfit.laws.course import Course, valve_damper
 from damperfit.laws.elsewhere import freed_of, had_by, worst_missed
+from damperfit.laws.giving import with_what_gives_told
 from damperfit.laws.judged_laws import JudgedLaw, LawSearch
 from damperfit.laws.variants import (
     BOTH,
@@ -149,7 +151,7 @@ class _Search(Course):
         """Take out what is not needed, until nothing can be."""
         for change in parts:
             law = self.without(law, change, SMALLER[change])
-        return with_bleeds_told(self, law)
+        return with_what_gives_told(self, with_bleeds_told(self, law))
 
     def without_unseen(self, law: Tried) -> Tried:
         """Take out parts of one stroke, or of the mounting, that no log tells.

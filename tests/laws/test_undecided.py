@@ -86,7 +86,10 @@ def test_layouts_alike_are_named() -> None:
     fits = [fit()]
     search = LawSearch((), Tried("law", tuple(fits)), 60.0, alike=("monotube",))
     (said,) = told(fits, 1.0, 2.0, search=search)
-    assert said.startswith("The layout, twin tube or monotube: they fit and predict alike.")
+    assert said.startswith(
+        "The layout, twin tube or monotube: they fit and predict alike. Pressures and orifices of "
+        "the valves differ with it, forces hardly. The maker's drawing decides it"
+    )
 
 
 @pytest.mark.parametrize(("bic", "gain", "is_open"), [

@@ -105,6 +105,24 @@ def test_sentences_and_table_leave_out_or_mark_what_is_not_told() -> None:
     assert [one["not_told"] for one in chosen_records(fits)] == [[], [name]]
 
 
+@pytest.mark.parametrize(
+    ("times", "same"),
+    [
+        (1.25, "4 bar, an exponent of 1.04 or a rod 0.946 times as thick"),
+        (1.5, "3.33 bar or a rod 0.904 times as thick"),  # no gas has 0.87
+        (0.8, "6.25 bar, an exponent of 1.62 or a rod 1.06 times as thick"),
+    ],
+)
+def test_a_gas_volume_that_was_found_says_what_else_would_be_as_soft(times, same: str) -> None:
+    one = found(1, 5e5)
+    soft = replace(one, values=one.values.replace({"gas_volume": times * MODEL.gas_volume}))
+    assert physics_seen([soft])[-1] == (
+        f"The gas is as soft as {30 * times:.3g} cm3 at 5 bar, where 30 cm3 were taken; {same} "
+        "would do the same: a gauge and callipers decide."
+    )
+    assert "The gas is" not in " ".join(physics_seen([one]))
+
+
 @pytest.mark.parametrize(("flat", "are_told"), [("opening", False), ("bleed", True)])
 def test_a_fit_tells_nothing_of_a_blow_off_whose_opening_it_does_not_tell(
     flat: str, *, are_told: bool
