@@ -22,7 +22,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.adjustment.curves import LEAST_SCATTER, SCALES, Curve, Points, fit_curve, powers
+from damperfit.adjustment.curves import (
+    LEAST_SCATTER,
+    SCALES,
+    Curve,
+    Points,
+    fit_curve,
+    least_squares,
+    powers,
+)
 from damperfit.statistics import student_quantile
 
 if TYPE_CHECKING:
@@ -42,6 +50,7 @@ _SETTINGS_PER_DEGREE = 3
 _LEAST_FREEDOM = 2  # of the curve that judges an outlier
 # The third difference of an outlier at an end over that of the curve beside it.
 _STEEPENING = 8.0  # the root of a distance, drawn with degree 4, has up to 6
+_FEW = 60  # settings of which every pair is looked at sooner than it is told which may be left
 _OUTLIER_COST = 3  # its own number, and twice the choice among n settings, in ln(n)
 # Share of parameters without an outlier in which chance finds one, times the number of settings:
 # 0.1 % for 20 settings, 0.4 % for 5, where Student's t with 2 degrees of freedom is hard enough.
@@ -131,28 +140,40 @@ def _worst(points: Points, scale: str, degree: int, *, tau: float, n: int) -> tu
 
     Leaving out the points S takes e_S (I - H)_SS^-1 e_S off it, with residuals e and hat matrix H.
     """
-    rows, residuals = _weighted(points, scale, degree, tau)
-    q, _ = np.linalg.qr(rows)
-    residuals = residuals - q @ (q.T @ residuals)
-    leverages = np.einsum("ij,ij->i", q, q)
-    own = np.maximum(1.0 - leverages, 1e-12)
+    rows, targets = _weighted(points, scale, degree, tau)
+    coefficients, covariance = least_squares(rows, targets)
+    residuals = targets - rows @ coefficients
+    half = rows @ covariance
+    leverages = np.einsum("ij,ij->i", half, rows)
     if n == 1:
-        return (int(np.argmax(residuals**2 / own)),)
-    some = np.sort(np.argsort(residuals**2 / own)[-2:])  # the two best by themselves
-    least = float(_gains(q[some], residuals[some])[0, 1])
-    # A pair takes off no more than (e_i^2 + e_j^2)/(1 - h_i - h_j): the trace of H_SS bounds its
-    # eigenvalues. Of many settings few may be of a pair that takes off more than those two.
-    room = 1.0 - leverages - leverages.max()
-    squares = residuals**2
-    near = np.flatnonzero((room <= 0.0) | (squares + squares.max() >= least * room))
-    gains = np.where(_above_the_diagonal(len(near)), _gains(q[near], residuals[near]), -1.0)
+        return (int(np.argmax(residuals**2 / np.maximum(1.0 - leverages, 1e-12))),)
+    near = np.arange(len(points))
+    if len(points) > _FEW:
+        near = _of_the_best_pair(rows, half, leverages, residuals)
+    gains = _gains(rows[near], half[near], residuals[near])
+    gains = np.where(_above_the_diagonal(len(near)), gains, -1.0)
     first, second = np.unravel_index(int(np.argmax(gains)), gains.shape)
     return (int(near[first]), int(near[second]))
 
 
-def _gains(q: FloatArray, residuals: FloatArray) -> FloatArray:
+def _of_the_best_pair(
+    rows: FloatArray, half: FloatArray, leverages: FloatArray, residuals: FloatArray
+) -> NDArray[np.intp]:
+    """Return the points that may be of the best pair, rising.
+
+    A pair takes off no more than (e_i^2 + e_j^2)/(1 - h_i - h_j), for the trace of H_SS bounds its
+    eigenvalues; the best one no less than the two best points together.
+    """
+    squares = residuals**2
+    two = np.argsort(squares / np.maximum(1.0 - leverages, 1e-12))[-2:]
+    least = float(_gains(rows[two], half[two], residuals[two])[0, 1])
+    room = 1.0 - leverages - leverages.max()
+    return np.flatnonzero((room <= 0.0) | (squares + squares.max() >= least * room))
+
+
+def _gains(rows: FloatArray, half: FloatArray, residuals: FloatArray) -> FloatArray:
     """What leaving out two of some points takes off the sum of squares, shape (m, m)."""
-    left = np.eye(len(q)) - q @ q.T
+    left = np.eye(len(rows)) - half @ rows.T
     own = np.maximum(np.diag(left), 1e-12)
     determinant = np.outer(own, own)
     determinant -= left * left

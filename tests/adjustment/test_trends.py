@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from damperfit.adjustment import find_trends, selection
-from damperfit.adjustment.curves import Points, fit_curve
+from damperfit.adjustment.curves import Points, fit_curve, least_squares
 from damperfit.adjustment.trends import _points
 from damperfit.identification import Status
 from tests import fakes
@@ -227,3 +227,34 @@ def test_a_setting_of_another_line_ends_no_trend() -> None:
     )
     line = SimpleNamespace(numbers={fits[1].setting: 2.0, fits[2].setting: 3.0})
     assert _points("r_m1", fits, known, line).settings.tolist() == [2.0, 3.0]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_best_pair_of_many_settings_is_among_the_few_that_are_looked_at(
+    seed, monkeypatch
+) -> None:
+    rng = np.random.default_rng(seed)
+    settings = np.arange(120.0)
+    logs = np.log1p(settings) + rng.normal(0.0, 0.003, 120)
+    logs[rng.choice(120, seed)] += rng.normal(0.0, 0.05, seed)
+    points = Points(settings, logs, np.full(120, 1e-3), 0.0, 119.0)
+    families = [("log", 0), ("log", 2), ("linear", 3), ("from_first", 2), ("reciprocal", 1)]
+
+    def pairs() -> list[tuple[int, ...]]:
+        return [selection._worst(points, *family, tau=0.003, n=2) for family in families]
+
+    few = pairs()
+    monkeypatch.setattr(selection, "_FEW", 120)
+    assert few == pairs()
+
+
+def test_weights_far_apart_are_solved_for_as_well_as_near_ones() -> None:
+    rng = np.random.default_rng(0)
+    powers = np.vander(np.linspace(-1.0, 1.0, 20), 5, increasing=True)
+    for spread in (1.0, 500.0, 2e3, 1e8):
+        weights = np.geomspace(1.0, spread, 20)
+        truth = rng.normal(size=5)
+        found, covariance = least_squares(powers * weights[:, None], powers @ truth * weights)
+        assert found == pytest.approx(truth, rel=1e-6, abs=1e-6)
+        exact = np.linalg.inv(np.linalg.qr(powers * weights[:, None])[1])
+        assert np.diag(covariance) == pytest.approx(np.diag(exact @ exact.T), rel=1e-6)
