@@ -218,6 +218,7 @@ def find_skew(
     whole = skew.delay + float(options.skew)  # what was declared is no longer in the log looked at
     said = f"rig.skew = '{1e3 * whole:.1f}ms'"
     text += f"; that affects K_e most: set {said} if the rig is known to do so, or --skew auto"
+    text += " (where the mounting gives, friction turns late too: --model auto finds that)"
     return 0.0, (*declared, Finding("skew", "warning", text, skew.delay, "s"))
 
 

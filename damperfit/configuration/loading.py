@@ -107,7 +107,9 @@ def load_configuration(
         for key in values
     }
     has_damper = any(key.startswith("damper.") and key != "damper.model" for key in declared)
-    if has_damper and declared.isdisjoint(_TEMPERATURES):
+    own = known["damper"]
+    has_valves = own["model"] != _DEFAULT_MODEL and "rod_diameter" in own
+    if (has_damper or has_valves) and declared.isdisjoint(_TEMPERATURES):
         # The paper's 26 degC is no window of another damper's test.
         document["rig"]["temperature_tolerance"] = math.inf
     try:

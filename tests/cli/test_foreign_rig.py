@@ -125,7 +125,7 @@ def test_skew_is_taken_back_on_request(run, tmp_path, skew) -> None:
     assert k_e["late"] < 0.75 * k_e["plain"]
     assert k_e["right"] == pytest.approx(k_e["plain"], rel=0.05)
     assert "ms late, taking its jump" in late.err
-    assert "--skew auto" in late.err
+    assert "--skew auto (where the mounting gives, friction turns late too" in late.err
     shown = run("inspect", "late_s5.csv", "--skew", skew, "--json")
     findings = {one["name"]: one for one in json.loads(shown.out)["logs"][0]["findings"]}
     assert ("skew_declared" in findings) == (skew == "2ms")

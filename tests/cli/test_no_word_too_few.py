@@ -41,6 +41,8 @@ def test_an_interrupted_choice_of_the_law_says_so(run, logs, monkeypatch, comman
         ("[damper]\nrod_diameter = '12mm'\n", float("inf")),
         ("[damper]\nrod_diameter = '12mm'\n[rig]\ntemperature = 30.0\n", 1.0),
         ("[damper]\nrod_diameter = '12mm'\n[rig]\ntemperature_tolerance = 3.0\n", 3.0),
+        ("[damper]\nmodel = 'twin_tube'\n", float("inf")),
+        ("[damper]\nmodel = 'bilinear'\n", 1.0),
         ("[damper]\nmodel = 'purdy'\n", 1.0),
     ],
 )
