@@ -410,6 +410,23 @@ def test_an_offset_is_apart_beyond_a_quarter_of_the_gas_force(
     assert (ratio > withheld.LIMITS.offset) == is_apart
 
 
+def test_the_log_that_is_farthest_tells_how_far_an_offset_is(monkeypatch) -> None:
+    """A log without cycles tells nothing; what stands behind it is looked at."""
+    monkeypatch.setattr(
+        withheld, "force_level",
+        lambda trace, _: SimpleNamespace(force=trace.force, expected=0.0, uncertainty=0.0),
+    )  # fmt: skip
+    logs = [
+        SimpleNamespace(trace=SimpleNamespace(n_cycles=n, force=force))
+        for n, force in ((0, 900.0), (3, 90.0), (3, math.nan), (3, 50.0), (3, 80.0))
+    ]
+    fit = SimpleNamespace(parameters=SimpleNamespace(f_0=100.0), logs=logs)
+    found = withheld.offset_mismatch(fit, "f_0", SimpleNamespace(force=100.0))
+    assert found == (2.0, 50.0)  # 50 N are two quarters of the gas force
+    fit.logs = logs[:1]
+    assert withheld.offset_mismatch(fit, "f_0", SimpleNamespace(force=100.0)) is None
+
+
 @pytest.mark.parametrize(("apart", "is_reported"), [(9.6, False), (10.4, True)])
 def test_pressures_a_tenth_apart_tell_the_rod(apart, is_reported, monkeypatch) -> None:
     monkeypatch.setattr(rod_area, "moves_alike", lambda *_: True)

@@ -12,6 +12,7 @@ import pytest
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import (
+    FitOptions,
     Outcome,
     Status,
     evaluation,
@@ -26,6 +27,7 @@ from damperfit.identification import (
     weights,
 )
 from damperfit.identification.descent import Misfit
+from damperfit.identification.paper import first_pass
 from damperfit.identification.paper.first_pass import (
     _friction_range,
     _is_right_all_the_same,
@@ -224,6 +226,30 @@ def test_what_all_settings_share_is_three_errors_from_nothing(error, is_reported
     one = judged()
     one.errors["r_m3"] = error
     assert _tells_r_m3(one) is is_reported
+
+
+@pytest.mark.parametrize("is_minimum", [False, True])
+def test_a_fit_that_is_no_minimum_gives_no_r_m3_and_holds_no_friction(
+    monkeypatch, is_minimum
+) -> None:
+    """Beside the mean friction too: what is known stands alone, and the first fit as it was."""
+    outcome = Outcome.CONVERGED if is_minimum else Outcome.NO_DESCENT
+    first, again = judged(outcome=outcome, r_m3=1e6), judged(outcome=outcome, r_m3=2e6)
+    for one in (first, again):
+        one.errors["r_m3"] = 2.0
+    monkeypatch.setattr(first_pass, "_with_mean_friction", lambda *_, **__: again)
+    monkeypatch.setattr(first_pass, "_is_contradicted", lambda *_: False)
+    given = SimpleNamespace(misfit=lambda *_: None, options=FitOptions(), damper=PURDY_DAMPER)
+    found = first_pass._shared_r_m3(given, {1: first}, FREE, 1, 50.0)
+    assert found.value == PURDY_DAMPER.quantity("r_m3").fallback
+    assert (found.status, found.judged, found.setting, found.is_refined) == (
+        (Status.NOT_IDENTIFIABLE, again, 1, True)
+        if is_minimum
+        else (Status.FIXED, first, None, False)
+    )
+    assert found.said.startswith("the logs of setting 1 do not determine R_m3")
+    assert found.said.endswith("give --fix r_m3=VALUE if yours is known.")
+    assert (f"({outcome.value})" in found.said) is not is_minimum
 
 
 # Starting again

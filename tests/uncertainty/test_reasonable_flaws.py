@@ -206,7 +206,7 @@ def test_a_delay_does_not_contradict_the_skew_found_in_the_log() -> None:
 def test_noise_of_the_displacement_is_blamed_where_it_makes_a_third() -> None:
     noisy = linearised(Finding("displacement_noise", "warning", "noise"))
     third = diagnosis(1, noise_percent=0.334)
-    assert "see the warning displacement_noise" in _warned(noisy, third)
+    assert _warned(noisy, third) == "; see the warning displacement_noise of a.csv"
     assert _warned(noisy, diagnosis(1, noise_percent=0.332)) == ""
     other = linearised(Finding("force_clipping", "warning", "clipped"))
     assert "force_clipping" in _warned(other, diagnosis(1, noise_percent=0.01))
