@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -27,6 +27,7 @@ from damperfit.identification import (
     weights,
 )
 from damperfit.identification.descent import Misfit
+from damperfit.identification.fit_facts import FitFacts
 from damperfit.identification.paper import first_pass
 from damperfit.identification.paper.first_pass import (
     _friction_range,
@@ -36,6 +37,7 @@ from damperfit.identification.paper.first_pass import (
 from damperfit.identification.sharing import listed_runs, listed_settings
 from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting
+from tests import fakes
 
 TRUTH = reference_parameters(10)
 FREE = ("r_m1", "r_m2", "k_e")
@@ -352,14 +354,25 @@ def test_a_sound_minimum_is_kept_within_half_as_much_again(mse, is_kept) -> None
 @pytest.mark.parametrize(("length", "pays"), [(195, False), (205, True)])
 def test_settled_cycles_pay_from_half_of_a_log_on(length, pays, monkeypatch) -> None:
     cycle = SimpleNamespace(motion=SimpleNamespace(displacement=np.zeros(100)))
-    monkeypatch.setattr(settled, "_settled", lambda *_, **__: (cycle, 0.0))
+    monkeypatch.setattr(settled, "_settled", lambda *_, **__: (cycle, 0.25))
     monkeypatch.setattr(settled, "weights", lambda traces: (None,) * len(traces))
     one = SimpleNamespace(n_cycles=3)
     log = SimpleNamespace(
         stretches=(one,), places=(slice(0, 5),), n_samples=5, force=np.zeros(length),
         drive=SimpleNamespace(jumps=()),
     )  # fmt: skip
-    assert (settled.settled([log]) is not None) is pays
+    found = settled.settled([log, log])
+    assert (found is not None) is pays
+    assert found is None or found.scatter == 0.5  # of both logs
+
+
+def test_logs_of_a_setting_count_with_all_their_compared_samples() -> None:
+    one, other = fakes.trace(1), fakes.trace(1)
+    other = replace(other, force=other.force + 100.0)
+    facts = FitFacts((one, other))
+    assert facts.n_samples == 2 * 333
+    own = np.std(one.force[one.compared])
+    assert facts.deviation == pytest.approx(math.hypot(own, 50.0))
 
 
 @pytest.mark.parametrize(("n", "more"), [(20, ""), (21, " and 1 more")])
