@@ -112,7 +112,8 @@ def force_level(trace: Trace, gas: GasFacts, *, corner: float = math.inf) -> For
     corner : float
         Of the filter that the force has passed, Hz.
     """
-    x, v, f = (channel[trace.compared] for channel in _channels(trace))
+    channels = trace.displacement, trace.velocity, trace.force
+    x, v, f = (channel[trace.compared] for channel in channels)
     half_range = max(0.5 * float(np.ptp(f)), 1e-300)
     constant, rebound, bump = _branches(x, v, f)
     ends, at = _reversals(x, v, f)
@@ -137,10 +138,6 @@ def _lost_at_turns(trace: Trace, corner: float) -> float:
     rates = np.array([one.frequency for one in trace.stretches])
     over = float(sizes @ rates / np.sum(sizes)) / corner
     return _OF_HARMONICS * max(over - 1.0 / _ENOUGH_HARMONICS, 0.0)
-
-
-def _channels(trace: Trace) -> tuple[FloatArray, FloatArray, FloatArray]:
-    return trace.displacement, trace.velocity, trace.force
 
 
 def _branches(x: FloatArray, v: FloatArray, f: FloatArray) -> tuple[float, float, float]:

@@ -140,7 +140,8 @@ class Sharing:
         if own:
             said.append(f"{_listed(own)} {'is' if len(own) == 1 else 'are'} each setting's own")
         if rest:
-            said.append(f"everything else is shared by all {len(self.settings)} settings")
+            what = "everything else" if said else "everything"
+            said.append(f"{what} is shared by all {len(self.settings)} settings")
         return ("The logs show that " if self.is_detected else "As declared ") + "; ".join(said)
 
     def whose(self, name: str, setting: Setting) -> str:

@@ -88,6 +88,9 @@ def test_two_settings_tell_no_curve_between_them() -> None:
     (answer,) = wanted.answers
     assert (answer.low, answer.position, answer.high) == (2.0, pytest.approx(6.0), 10.0)
     assert "setting 6.00 (anywhere from 2 to 10: two settings do not show how" in wanted.sentence
+    beside = which_setting(forces_by_click([100, 110], error=50.0), 105.0)
+    assert (beside.answers[0].low, beside.answers[0].high) == (1.0, 2.0)
+    assert "setting 1.50 (95 % from 1.00 to 2.00)" in beside.sentence  # no setting between them
     (beside,) = which_setting(forces_by_click([100, 200], settings=(2, 3)), 150.0).answers
     assert beside.high - beside.low < 0.03
 

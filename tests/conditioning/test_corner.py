@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from damperfit.conditioning import ConditionOptions, condition
-from damperfit.conditioning.corner import fitting_corner
+from damperfit.conditioning.corner import fitting_corner, with_corner
 from damperfit.configuration.loading import load_configuration
 from damperfit.errors import ConditioningError
 from tests.conditioning.logs import recording, sine_log, static_force
@@ -81,6 +81,15 @@ def test_fewer_than_eight_harmonics_are_told(frequency, is_reported):
     assert ("filter_corner" in told) is is_reported
     if is_reported:
         assert "conditioning.filter_corner = 'auto' takes 78 Hz" in told["filter_corner"].sentence
+
+
+@pytest.mark.parametrize(
+    "more", [{"auto_corner": False}, {"rig_filter": "causal"}, {"filter": "none"}]
+)
+def test_a_corner_that_is_not_ours_to_choose_stands(more):
+    """Behind a filter in the rig the simulated force must pass that one, whatever the motion."""
+    options = replace(AUTO, **more)
+    assert with_corner(sine_log(frequency=5.0), options) == (options, ())
 
 
 def offered(log, options):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -84,6 +85,15 @@ def test_more_than_one_spike_in_fifty_samples_is_noise(n, spikes) -> None:
     # The log is shorter than a cycle: nothing can repeat.
     found = channels.find_spikes(channel(values, period=2000.0), 100.0, noise=0.0)
     assert len(found) == spikes
+
+
+@pytest.mark.parametrize(("n", "said"), [(5, "5, 10, 15, 20, 25 of"), (6, "20, 25, ... of")])
+def test_the_rows_of_five_spikes_are_listed(n, said, monkeypatch) -> None:
+    monkeypatch.setattr(channels, "find_spikes", lambda *_, **__: 5 * np.arange(1, n + 1))
+    values = np.zeros(60)
+    values[5 : 5 * n + 1 : 5] = 50.0
+    (found,) = channels._spikes(replace(channel(values), first_row=0), 1e3, noise=0.0)
+    assert f"{said} the data" in found.sentence
 
 
 @pytest.mark.parametrize(("speed", "is_cut"), [(3.9, False), (4.1, True)])

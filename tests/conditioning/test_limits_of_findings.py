@@ -17,7 +17,8 @@ from damperfit.conditioning.channels import (
     find_spikes,
     noise_of,
 )
-from damperfit.conditioning.options import ConditionOptions, NominalTest
+from damperfit.conditioning.gas_force import force_level, gas_force
+from damperfit.conditioning.options import ConditionOptions, GasFacts, NominalTest
 from tests import fakes
 
 PERIOD = 200
@@ -146,13 +147,23 @@ def test_half_of_the_cycles_must_be_steady(steady, found, elsewhere, said):
     assert all(said in sentence for sentence in sentences)
 
 
+def test_the_curvature_of_a_small_gas_chamber_is_no_level():
+    """At the ends of the stroke this gas pushes by 46 % more, in the mean, than at its middle."""
+    trace = cycles(6)
+    gas = GasFacts(rod_area=1e-4, pressure=1e6, volume=0.04 * 1e-4 / 0.6, exponent=1.4)
+    pushed = gas_force(gas, trace.displacement)
+    assert 0.5 * (pushed.min() + pushed.max()) < -140.0
+    rubbed = replace(trace, force=pushed + 300.0 * np.tanh(trace.velocity / 0.05))
+    assert force_level(rubbed, gas).reversals == pytest.approx(-100.0, abs=1.0)
+
+
 @pytest.mark.parametrize(("half", "n"), [(9.6, 1), (10.4, 0)])
 def test_a_force_of_less_than_ten_newtons_is_remarked(half, n):
     trace = cycles(4)
     found = list(motion._force_range(replace(trace, force=1e-3 * half * trace.force)))
     assert len(found) == n
     if n:
-        assert found[0].severity == "warning"
+        assert (found[0].severity, found[0].unit) == ("warning", "N")
         assert "swings by +-9.6 N" in found[0].sentence
 
 

@@ -289,6 +289,15 @@ def test_levels_are_the_tests_where_they_are_half_of_a_run(length, is_whole, mon
     assert list(found) == [(0, 100) if is_whole else (0, length)]
 
 
+@pytest.mark.parametrize(("times", "is_one"), [(1.95, True), (2.05, False)])
+def test_cycles_without_a_level_wander_by_twice_the_steadiness(times, is_one, monkeypatch) -> None:
+    monkeypatch.setattr(plateaus, "_parts", lambda *_: [])
+    monkeypatch.setattr(plateaus, "_trimmed", lambda *given: given[2:4])
+    period = np.exp(np.linspace(0.0, 0.05 * times, 100))
+    found = plateaus.level_parts(period, period, fewest=3, steadiness=0.05)
+    assert list(found) == ([(0, 100)] if is_one else [])
+
+
 @pytest.mark.parametrize(("share", "is_looked_at"), [(0.39, False), (0.41, True)])
 @pytest.mark.parametrize("steadiness", [0.05, 0.004])
 def test_cycles_within_four_tenths_of_the_least_allowance_are_one_run(
@@ -470,6 +479,18 @@ def test_a_drift_is_sure_from_four_errors_on(errors, severity, monkeypatch) -> N
 def test_the_ends_of_five_passages_are_in_motion() -> None:
     x = np.tile(swings(2), 4)
     assert ends_in_motion(x, 0.05) == (pytest.approx(100.0), pytest.approx(100.0))
+
+
+def test_behind_a_run_of_no_use_others_are_found(monkeypatch) -> None:
+    monkeypatch.setattr(stretches, "runs_of", lambda *_, **__: [(0, 10), (10, 20), (20, 30)])
+    monkeypatch.setattr(stretches, "run_of", lambda _, first, __: SimpleNamespace(period=first))
+    monkeypatch.setattr(stretches, "_of_run", lambda run, *_, **__: run.period or None)
+    monkeypatch.setattr(stretches, "_without_overlap", lambda one, *_: one)
+    x = np.tile(swings(2), 8)
+    runs, _ = stretches.find_runs(
+        x, np.gradient(x, 0.001), interval=0.001, steadiness=0.05, edges=stretches.Edges(0)
+    )
+    assert runs == (10, 20)
 
 
 @pytest.mark.parametrize(("later", "n"), [(1.45, 6), (1.55, 5)])

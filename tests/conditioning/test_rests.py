@@ -100,7 +100,7 @@ def test_a_rest_scatters_as_noise_does(n, share, is_level):
     assert rests._is_level(part, NOISE) is is_level
 
 
-@pytest.mark.parametrize(("equal", "is_coarse"), [(12, True), (8, False)])
+@pytest.mark.parametrize(("equal", "is_coarse"), [(12, True), (10, False), (8, False)])
 def test_steps_count_where_a_tenth_of_the_samples_are_equal(equal, is_coarse):
     steps = np.ones(100)
     steps[:equal] = 0.0

@@ -13,6 +13,7 @@ from damperfit.conditioning import ConditionOptions, condition
 from damperfit.conditioning.skew import (
     _around,
     _beside,
+    _between_samples,
     _straight,
     estimate_skew,
     stands_still,
@@ -55,6 +56,16 @@ def skew_of(log, **options):
         one for one in condition(log, ConditionOptions(**options)).findings if one.name == "skew"
     ]
     return finding
+
+
+@pytest.mark.parametrize(
+    ("given", "widened"),
+    [((0.0, 0.5), (-1.0, 1.0)), ((1.0, 1.0), (1.0, 1.0)), ((-3.0, 9.0), (-3.0, 9.0))],
+)
+def test_a_delay_reaches_to_the_samples_beside_it(given, widened) -> None:
+    """Of both ends of the stroke; beyond the last sample nothing is known."""
+    sides = [SimpleNamespace(lag=np.array(lag)) for lag in ((-1.0, 1.0), (-2.0, 3.0))]
+    assert _between_samples(sides, *given) == widened
 
 
 @pytest.mark.parametrize("delay", [-0.001, 0.0, 0.002, 0.005])

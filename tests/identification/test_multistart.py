@@ -106,7 +106,7 @@ def test_the_way_out_of_the_cavitating_valley_is_found_and_used() -> None:
 def test_minima_that_fit_equally_well_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
     here = reference_parameters(9)
     there = replace(here, k_e=2.0 * here.k_e)
-    best, found = searched(monkeypatch, ended(here, 0.0100), ended(there, 0.01001), None)
+    best, found = searched(monkeypatch, ended(here, 0.0100), None, ended(there, 0.01001))
     assert best.solution.parameters == here
     assert best.solution.evaluations == 20
     assert found.is_ambiguous

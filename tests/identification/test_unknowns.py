@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from damperfit.identification.sharing import Sharing
 from damperfit.identification.unknowns import Unknown, unknown_at, unknowns_of
 from damperfit.tested.setting import Setting
@@ -38,6 +40,18 @@ def test_a_click_that_the_fit_has_not_seen_is_shared_with_none() -> None:
         "The logs show that a follows low_speed; f is each setting's own; everything else is "
         "shared by all 4 settings"
     )
+
+
+@pytest.mark.parametrize(
+    ("jointly", "said"),
+    [
+        (("a", "b"), "everything is shared by all 4 settings"),
+        (("a",), "b is each setting's own; everything else is shared by all 4 settings"),
+    ],
+)
+def test_that_nothing_follows_an_adjuster_is_said_where_it_was_asked(jointly, said) -> None:
+    sharing = Sharing(("a", "b"), jointly, {}, is_detected=True, settings=SETTINGS)
+    assert sharing.sentence == f"The logs show that {said}"
 
 
 def test_nothing_is_said_where_parameters_were_named() -> None:
