@@ -54,6 +54,16 @@ def test_bump_is_drawn_left_and_down_and_openings_are_marked_on_the_law() -> Non
     assert "rebound at 4 bar (200 N); in bump at 3 bar (150 N)." in plot.caption
 
 
+@pytest.mark.parametrize("lacking", ["pressure_Pa", "valve_force_N"])
+def test_an_opening_of_which_a_table_lacks_a_number_is_not_told(lacking) -> None:
+    told = rows(valve())
+    (plot,) = valve_plots([*told[:-1], told[-1] | {lacking: None}], Setting.of(1), colour="#123456")
+    assert "Blow-offs open" not in plot.caption
+    # What else the table has of the stroke is.
+    (plot,) = valve_plots([told[-1] | {lacking: None}, *told], Setting.of(1), colour="#123456")
+    assert "Blow-offs open in rebound at 4 bar (200 N)." in plot.caption
+
+
 @pytest.mark.parametrize(("opening", "rings"), [(8e5, 1), (8.01e5, 0)])
 def test_an_opening_beyond_what_was_pressed_is_told_and_not_drawn(opening, rings) -> None:
     (plot,) = valve_plots(rows(valve(opening=opening)), Setting.of(1), colour="#123456")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -162,3 +163,16 @@ def test_so_many_samples_of_so_little_speed_are_unclear(
     plain = Drive(velocity, velocity, 30.0)
     found = drive.unclear_turns(plain, make_uniform(log), [stretch])
     assert found == (at.tolist() if is_told and is_unclear else [])
+
+
+def test_only_rests_of_what_is_compared_drive_without_noise(monkeypatch):
+    starts = ((0, 0.1), (35, 0.2), (95, 0.3), (110, 0.4))
+    rests = [(slice(first, first + 10), level) for first, level in starts]
+    monkeypatch.setattr(drive, "rests_of", lambda *_: rests)
+    noisy = Drive(np.full(120, 9.0), np.full(120, 5.0), 30.0)
+    log = SimpleNamespace(displacement=None, interval=None)
+    found = drive._at_rest(noisy, log, [SimpleNamespace(first=10, stop=100)])
+    assert {level: int(np.sum(found.displacement == level)) for _, level in rests} == {
+        0.1: 0, 0.2: 10, 0.3: 10, 0.4: 0,
+    }  # fmt: skip
+    assert int(np.sum(found.velocity == 0.0)) == 20

@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+import hashlib
+import struct
 import zipfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from damperfit.errors import ConfigurationError, LogError
-from damperfit.readers import assembly, force_curves, json_log, mdf
+from damperfit.readers import assembly, files, force_curves, json_log, mdf
 from damperfit.readers.delimited import _blocks
 from damperfit.readers.dialect import _head, find_dialect
 from damperfit.readers.encoding import is_binary
 from damperfit.readers.excel import _check_archive
+from damperfit.readers.grouping import Group, GroupChannel, _makes_time
 from damperfit.readers.hdf5 import _channels
 from damperfit.readers.options import ReadOptions
+from damperfit.readers.rows import _number
+from damperfit.readers.tdms_segments import find_extent
 from damperfit.readers.tests_table import read_tests
 from damperfit.readers.write_buffers import _breaks
 
@@ -188,3 +193,60 @@ def test_a_document_has_a_thousand_tables(n, refused, monkeypatch) -> None:
 @pytest.mark.parametrize(("n", "refused"), [(1_000_000, False), (1_000_001, True)])
 def test_a_file_has_a_million_blocks(n, refused) -> None:
     assert ("more than 1000000 blocks" in refusal(mdf._refuse_many, n, "a.mf4")) is refused
+
+
+# What is left of a channel, a file, a cell
+
+
+@pytest.mark.parametrize(("n_values", "n_missing"), [(-10, -1), (0, 80), (30, 50)])
+def test_what_a_cut_segment_misses_is_known_where_its_values_begin(n_values, n_missing) -> None:
+    """A segment with 80 bytes of values behind 40 that say what they are."""
+    lead_in = b"TDSm" + struct.pack("<IIQQ", 0b1010, 4713, 120, 40)  # has both
+    data = (lead_in + bytes(120))[: len(lead_in) + 40 + n_values]
+    found = find_extent(data, name="a.tdms")
+    assert (found.n_stored, found.cut_at, found.n_missing) == (max(n_values, 0), 0, n_missing)
+
+
+def test_a_channel_without_a_unit_is_left_out_and_no_other() -> None:
+    kilo = SimpleNamespace(unit=SimpleNamespace(to_si=lambda values: 1e3 * values))
+    choices = {"setting": SimpleNamespace(unit=None), "force": kilo, "displacement": kilo}
+    samples = SimpleNamespace(channels={name: np.arange(3.0) for name in choices})
+    found = assembly._si_channels(samples, choices, OPTIONS, "a.csv")
+    assert {name: values.tolist() for name, values in found.items()} == {
+        "force": [0.0, 1e3, 2e3], "displacement": [0.0, 1e3, 2e3],
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("beside", [1, 100])
+def test_a_large_log_has_the_hash_of_its_bytes(beside, monkeypatch) -> None:
+    monkeypatch.setattr(files, "_HASHED_BESIDE", beside)
+    assert files._hashed(b"0 1 2\n")() == hashlib.sha256(b"0 1 2\n").hexdigest()
+
+
+@pytest.mark.parametrize(
+    ("others", "makes"),
+    [
+        ((("force", None),), True),
+        ((("force", 0.001),), True),
+        ((("force", None), ("time", None)), False),
+    ],
+)
+def test_one_interval_makes_a_time_that_no_channel_holds(others, makes) -> None:
+    channels = [
+        GroupChannel(name, None, 3, lambda: np.zeros(3), interval=interval)
+        for name, interval in (("displacement", 0.001), *others)
+    ]
+    assert _makes_time(Group("", tuple(channels))) is makes
+    assert not _makes_time(Group("", tuple(replace(one, interval=None) for one in channels)))
+
+
+def test_an_empty_cell_is_no_number_and_a_word_is_none() -> None:
+    text = SimpleNamespace(
+        declared=SimpleNamespace(thousands=""), dialect=SimpleNamespace(decimal="."),
+        drops_bad_rows=False,
+    )  # fmt: skip
+    assert np.isnan(_number(text, "", "force", "row 3"))
+    assert _number(text, "1.5", "force", "row 3") == 1.5
+    text.drops_bad_rows = True
+    assert "row 3: force is '', expected a finite" in refusal(_number, text, "", "force", "row 3")
+    assert np.isnan(_number(text, "", "temperature", "row 3"))
