@@ -271,6 +271,18 @@ def test_noise_must_explain_half_of_a_structured_mse(noise, passed) -> None:
     assert result("noise_floor_explained", seen).passed is passed
 
 
+def test_that_setting_is_named_of_whose_mse_noise_explains_the_least_share() -> None:
+    told = [
+        diagnosis(1, mse=0.1, noise=0.01, is_structured=True),
+        diagnosis(2, mse=0.62, noise=0.04, is_structured=True),
+    ]
+    check = result("noise_floor_explained", subject(diagnoses=told))
+    assert "at settings 1, 2, least at setting 2: 6.5 % of 0.62 %" in check.reason
+    assert (
+        "settings 1, 2: sentence of 2" in result("residuals_white", subject(diagnoses=told)).reason
+    )
+
+
 @pytest.mark.parametrize(
     ("off", "passed"), [(0.95, True), (1.05, False), (-0.95, True), (-1.05, False)]
 )

@@ -369,6 +369,11 @@ def test_a_click_of_forty_letters_is_read_as_one() -> None:
                 read_setting({"setting": text})
 
 
+def test_an_empty_cell_says_no_setting() -> None:
+    assert read_setting({"setting": None}) is read_setting({"setting": ""}) is None
+    assert read_setting({"setting": 0}) == Setting.of(0)
+
+
 def test_a_table_s_own_quantities_come_before_those_of_run_json(tmp_path) -> None:
     own, beside = PDQ[:2], PDQ[2:4]
     path = tmp_path / "parameters.parquet"

@@ -173,7 +173,7 @@ class Labels:
         """
         labels = [one.label for one in dict.fromkeys(settings) if one is not None]
         found = [letters_of(label) for label in labels]
-        if len(self.adjusters) > 1 or len(labels) < _FEWEST_WORDS or not all(found):
+        if len(self.adjusters) > 1 or len(labels) < _FEWEST_WORDS or not found[0]:
             return ""
         if any(sorted(one) != sorted(found[0]) for one in found):
             return ""

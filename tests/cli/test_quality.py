@@ -162,6 +162,7 @@ def test_strict_quality_leaves_a_log_out_and_ends_with_4(run, logs, tmp_path, ro
     (failure,) = record["failures"]
     assert (failure["log"], failure["kind"]) == ("clipped_s3.csv", "QualityError")
     assert "force is clipped" in failure["message"]
+    assert " more)" not in failure["message"]  # it is the only warning
     assert record["gates_missed"] == ["strict quality: clipped_s3.csv left out for warnings"]
     checks = {check["name"]: check for check in record["checks"]}
     assert checks["every_setting_fitted"]["reason"] == "clipped_s3.csv left out"

@@ -47,6 +47,22 @@ def test_the_settings_fitted_are_counted(n, word) -> None:
     assert word in identify._summary(result, "results")
 
 
+@pytest.mark.parametrize(
+    ("left_out", "said"),
+    [
+        ((), "1 setting fitted; results in"),
+        ((False,), "1 setting fitted, 1 failed; results in"),
+        ((True, True), "1 setting fitted, 2 left out; results in"),
+        ((False, True, True, True), "1 setting fitted, 1 failed, 3 left out; results in"),
+    ],
+)
+def test_what_failed_and_what_was_left_out_are_counted_apart(left_out, said) -> None:
+    failures = [SimpleNamespace(is_left_out=one) for one in left_out]
+    facts = SimpleNamespace(failures=failures, is_interrupted=False)
+    result = SimpleNamespace(campaign=campaign(fit(1)), facts=facts, keeps_earlier=False)
+    assert identify._summary(result, "results") == f"{said} results"
+
+
 @pytest.mark.parametrize(("spare", "is_kept"), [(1, True), (0, False)])
 def test_a_summary_of_a_mebibyte_is_refused_and_said_to_be(spare, is_kept, tmp_path) -> None:
     path, text = tmp_path / "summary.md", "x" * (github._MOST_BYTES - spare)

@@ -44,6 +44,14 @@ def test_two_settings_show_what_differs_between_labels(n, is_said) -> None:
     assert ("taken as words" in said) is is_said
 
 
+@pytest.mark.parametrize(
+    "labels", [["L6 H1", "soft"], ["soft", "L6 H1"], ["soft", "hard"], ["L6 H1", "L6 R1"]]
+)
+def test_labels_of_unlike_letters_are_words(labels) -> None:
+    settings = [Setting.of(label) for label in labels]
+    assert not labelling.Labels.taken_as_words(SimpleNamespace(adjusters=("adjuster",)), settings)
+
+
 @pytest.mark.parametrize(("n", "more"), [(5, ""), (6, " and 1 more")])
 def test_five_dampers_are_named(n, more) -> None:
     assert dampers._listed([f"SN{k}" for k in range(n)]) == f"SN0, SN1, SN2, SN3, SN4{more}"
