@@ -190,7 +190,7 @@ ProcedureOption = Annotated[
     typer.Option(
         "--procedure",
         metavar="NAME",
-        help="How to fit: paper, joint, plain.  [default: paper; of other models joint]",
+        help="How to fit: paper, joint, plain.  [default: paper; of other models plain]",
     ),
 ]
 HoldOutOption = Annotated[

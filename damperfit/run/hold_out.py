@@ -31,8 +31,9 @@ if TYPE_CHECKING:
 __all__ = ["Parted", "fitting", "named_files", "note_unpredicted", "part", "with_transients"]
 
 _NO_FIT = (
-    "has no fit, and no joint fit of others that have its clicks; give another log of it to fit, "
-    "or hold out some of its cycles (--hold-out-cycles)"
+    "has no fit, and no joint fit of others that have its clicks; fit settings that have them "
+    "together (--procedure joint), give another log of it to fit, or hold out some of its cycles "
+    "(--hold-out-cycles)"
 )
 
 

@@ -9,6 +9,7 @@ import typer
 
 from damperfit.cli.main import app, main
 from damperfit.cli.panels import PANELS
+from damperfit.damper.models import MODELS
 
 COMMANDS = [command.name or command.callback.__name__ for command in app.registered_commands]
 PLAIN = {"--help", "--version", "--debug"}  # options that stand in no panel
@@ -114,3 +115,10 @@ def test_no_command_s_sentence_is_cut(capsys, monkeypatch, columns) -> None:
     assert (
         "fleet Fit many dampers, one part each; finished ones are not fitted again. export" in said
     )
+
+
+def test_the_procedure_of_other_models_is_theirs(capsys) -> None:
+    said = re.search(r"of\s+other\s+models\s+(\w+)\]", help_of("identify", capsys))
+    assert said is not None
+    others = {one.procedures[0] for name, one in MODELS.items() if name != "purdy"}
+    assert others == {said[1]}
