@@ -35,6 +35,7 @@ __all__ = [
     "available_cores",
     "executor",
     "meanwhile",
+    "release_memory",
     "told_here",
 ]
 
@@ -236,6 +237,15 @@ def meanwhile(
             yield found
         return
     yield None
+
+
+def release_memory() -> None:
+    """Give memory that is free back to the system: small arrays stay with the C library else."""
+    if sys.platform == "linux":
+        import ctypes
+
+        with suppress(OSError, AttributeError):  # of GNU's C library
+            ctypes.CDLL(None).malloc_trim(0)
 
 
 def told_here(take: Callable[..., None]) -> Callable[..., None]:

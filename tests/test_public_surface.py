@@ -631,6 +631,7 @@ SURFACE = {
         "available_cores",
         "executor",
         "meanwhile",
+        "release_memory",
         "told_here",
     ],
     "damperfit.copied": ["copies_at_work", "is_copy"],

@@ -68,10 +68,12 @@ def write_found(
         return found.result(mishaps.failures)
     if not found.campaign.fits and holds_fits(configuration.output.folder):
         return replace(found.result(mishaps.failures), keeps_earlier=True)
+    whole = [found]  # whoever writes takes it out: nobody else keeps what the simulations left
+    found = found.without_responses
     try:
         with file_set(configuration.output.folder) as files:
             with clock.lap("write_s"):
-                result, hashes = write_results(files, found, mishaps, jobs=jobs)
+                result, hashes = write_results(files, whole.pop(), mishaps, jobs=jobs)
             record = result.record
             record["files"] = hashes
             record["timings"] = clock.read()

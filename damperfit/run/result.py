@@ -95,6 +95,11 @@ class Found:
     origin: Mapping[str, Any]
     is_interrupted: bool
 
+    @property
+    def without_responses(self) -> Found:
+        """The same without what was kept of the last simulations."""
+        return replace(self, campaign=self.campaign.without_responses)
+
     def result(
         self,
         mishaps: tuple[Failure, ...],

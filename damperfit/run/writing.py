@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from damperfit.parallel import meanwhile
+from damperfit.parallel import meanwhile, release_memory
 from damperfit.report import markdown_report
 from damperfit.run.earlier import PAGE
 from damperfit.run.readings import Readings
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from damperfit.atomic import FileSet
     from damperfit.configuration.options import Configuration
-    from damperfit.identification import Fit, LogFit, SimulatedLog
+    from damperfit.identification import SimulatedLog
     from damperfit.run.mishaps import Mishaps
     from damperfit.run.result import Found, RunResult
 
@@ -61,7 +61,8 @@ def write_results(
     path = files.path(_SIGNALS)
     readings = Readings(configuration, campaign, mishaps)
     valves = readings.valves(found.origin)
-    light = replace(found, campaign=campaign.without_responses)
+    logs = readings.logs
+    light = found.without_responses
 
     def write(seen: Iterator[SimulatedLog | None]) -> str:
         write_responses(path, campaign, seen, provenance=found.origin)
@@ -70,9 +71,9 @@ def write_results(
     def seen() -> Iterator[SimulatedLog | None]:
         return comparisons(configuration, campaign, mishaps, jobs=jobs)
 
-    def one(whose: tuple[Fit, LogFit] | None) -> Any:
+    def one(place: int | None) -> Any:
         """Read a log's rows off it; without one write the signals of all, and tell the hash."""
-        return write(seen()) if whose is None else readings.of_log(*whose)
+        return write(seen()) if place is None else readings.of_log(*logs[place])
 
     def account() -> RunResult:
         result = light.result(mishaps.failures, valves=valves)
@@ -81,11 +82,16 @@ def write_results(
         files.path(_REPORT).write_bytes(report.encode("utf-8", "backslashreplace"))
         return result
 
-    with meanwhile(one, [None, *readings.logs], jobs=jobs) as coming:
+    with meanwhile(one, [None, *range(len(logs))], jobs=jobs) as coming:
         if coming is None:
             digest = write(readings.noted(seen()))
             result = account()
         else:
+            # The copies have what simulations have left; here it would lie beside the account.
+            found, campaign = light, light.campaign
+            readings.campaign = campaign
+            logs = readings.logs
+            release_memory()
             told = mishaps.failures
             result = account()
             digest, *rows = coming
