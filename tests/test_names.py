@@ -27,7 +27,7 @@ ON_PURPOSE = {
 }
 
 
-_DEFINED = re.compile(r"^(?:async )?(?:class|def) (\w+)", re.MULTILINE)
+_DEFINED = re.compile(r"^(?:async )?(?:class|def) ([^\W_]\w*)", re.MULTILINE)
 
 
 def offered(text: str) -> set[str]:

@@ -44,15 +44,17 @@ def read(path):
     return preamble, time, displacement / 1e3, force, temperature
 
 
-@cache
+by_radau = cache(steady_cycle)
+
+
 def purdy_cycle(parameters):
-    return steady_cycle(parameters, PURDY_DAMPER, amplitude=0.032, frequency=1.5)
+    return by_radau(parameters, PURDY_DAMPER, amplitude=0.032, frequency=1.5)
 
 
 @pytest.fixture
 def by_scipy(monkeypatch):
     """Integrate as `damperfit samples` does."""
-    monkeypatch.setattr(logs_of_samples, "steady_cycle", cache(steady_cycle))
+    monkeypatch.setattr(logs_of_samples, "steady_cycle", by_radau)
 
 
 @pytest.mark.parametrize("setting", [7, pytest.param(1, marks=pytest.mark.slow)])

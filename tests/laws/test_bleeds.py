@@ -13,11 +13,13 @@ from damperfit.conditioning import condition
 from damperfit.damper.mounting import FIT, Mounting
 from damperfit.damper.network import Valve
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.laws import SettingLogs, bleeds, physics_seen, search_laws
+from damperfit.laws import SettingLogs, Tried, bleeds, physics_seen, search_laws
 from damperfit.laws.bleeds import with_bleeds_told
+from damperfit.laws.choosing import effective_samples
+from damperfit.laws.search import _Search
 from damperfit.laws.variants import BLOW_OFF, BOTH, in_words, with_part
 from damperfit.recording import Recording
-from damperfit.simulation import simulate
+from damperfit.simulation import SolverOptions, simulate
 from damperfit.tested.setting import Setting
 from tests.laws.valve_logs import VALUES, damper, moved
 
@@ -51,10 +53,24 @@ def searched(logs: SettingLogs):
     return search_laws(PURDY_DAMPER, [layout], [logs])
 
 
+LAMINAR = Valve("leak", "none"), {"rebound_leak": 1.1e7, "compression_leak": 7e6}
+
+
+def test_of_a_laminar_valve_no_blow_off_is_kept() -> None:
+    logs = logged(*LAMINAR)
+    course = _Search([logs], SolverOptions(), lambda _: None, 1)
+    model = replace(damper(), rebound=BLOW_OFF, compression=BLOW_OFF, mounting=Mounting(FIT))
+    law = course.fitted(model)
+    course.n_eff = effective_samples(law, [logs])
+    is_a_laminar_valve(with_bleeds_told(course, law))
+
+
 def test_a_laminar_valve_is_no_blow_off_without_friction() -> None:
     """Its preload was next to nothing, and the 20 N of friction were gone."""
-    logs = logged(Valve("leak", "none"), {"rebound_leak": 1.1e7, "compression_leak": 7e6})
-    found = searched(logs).chosen
+    is_a_laminar_valve(searched(logged(*LAMINAR)).chosen)
+
+
+def is_a_laminar_valve(found: Tried) -> None:
     assert found.title.startswith("through flow: laminar bleed; elastic mounting")
     assert found.fits[0].values.f_f == pytest.approx(20.0, abs=1.0)
     assert found.fits[0].values.rebound_leak == pytest.approx(1.1e7, rel=0.02)

@@ -13,11 +13,12 @@ from damperfit.damper.mounting import FIT, NONE, Mounting
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.valve_dampers import TwinTube, ValveDamper
 from damperfit.laws import LawFit, LawSearch, SettingLogs, Tried, in_words, search_laws
-from damperfit.laws.choosing import are_alike
+from damperfit.laws.choosing import are_alike, effective_samples
 from damperfit.laws.law_fit import glimpsed
+from damperfit.laws.search import _FURTHER, _Search
 from damperfit.laws.variants import laid_out_as, with_part, words_of
 from damperfit.recording import Recording, Trace
-from damperfit.simulation import Motion, simulate
+from damperfit.simulation import Motion, SolverOptions, simulate
 from damperfit.tested.setting import Setting
 from tests.laws.valve_logs import VALUES, damper, moved
 
@@ -50,6 +51,25 @@ def searched(logs: SettingLogs) -> LawSearch:
     return search_laws(replace(PURDY_DAMPER, **shared), [RIGID], [logs])
 
 
+def enriched(logs: SettingLogs) -> Tried:
+    """What the search makes of the law that it has found without any further part."""
+    course = _Search([logs], SolverOptions(), lambda _: None, 1)
+    lean = course.fitted(RIGID)
+    assert lean is not None
+    course.n_eff = effective_samples(lean, [logs])
+    return course.enriched(lean, ("k_e", *_FURTHER))
+
+
+def test_what_a_lean_law_lacks_is_found_among_all_that_it_may_lack() -> None:
+    true = {"presliding": 4e-4, "f_f": 60.0}
+    found = enriched(evidence(Friction(presliding=FIT), true))
+    lean = "through flow: bleed and blow-off; elastic mounting"
+    assert found.title == f"{lean}; friction that builds up over a distance"
+    assert max(found.mse_percent, found.held_out_percent) < 0.02
+    for name, number in true.items():
+        assert getattr(found.fits[0].values, name) == pytest.approx(number, rel=0.1), name
+
+
 @pytest.mark.parametrize(("friction", "more", "said"), [
     (Friction(presliding=FIT), {"presliding": 4e-4, "f_f": 60.0}, "friction that builds up over a"),
     (Friction(breakaway=FIT, stribeck_speed=FIT), {"breakaway": 50.0, "stribeck_speed": 0.05},
@@ -69,9 +89,9 @@ def test_what_is_in_the_logs_is_found_with_its_size(
 
 def test_a_part_that_explains_nothing_is_not_followed() -> None:
     logs = evidence(Friction(), {})
-    search = searched(logs)
-    law = search.chosen.fits[0]
-    assert search.chosen.title == "through flow: bleed and blow-off; elastic mounting"
+    chosen = enriched(logs)
+    law = chosen.fits[0]
+    assert chosen.title == "through flow: bleed and blow-off; elastic mounting"
     model = with_part(law.model, "presliding")
     seen = glimpsed(model, logs, law)
     assert seen is not None

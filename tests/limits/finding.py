@@ -140,8 +140,8 @@ def _number(value: ast.expr) -> float | None:
 def names_in(tree: ast.Module, constants: dict[str, dict[str, Limit]]) -> dict[str, Limit]:
     """Return the limits that a module knows from others, by what it calls them."""
     found: dict[str, Limit] = {}
-    for node in _walk(tree):
-        if not isinstance(node, ast.ImportFrom) or node.module is None:
+    for node in _parts(tree).imports:
+        if node.module is None:
             continue
         place = node.module.replace(".", "/")
         for alias in node.names:
@@ -157,14 +157,12 @@ def names_in(tree: ast.Module, constants: dict[str, dict[str, Limit]]) -> dict[s
 
 
 def _compared(tree: ast.Module, names: dict[str, Limit]) -> set[str]:
-    functions = [n for n in _walk(tree) if isinstance(n, ast.FunctionDef | ast.Lambda)]
     by_base: dict[str, set[str]] = {}
     for name in names:
         by_base.setdefault(name.partition("[")[0], set()).add(name)
     found: set[str] = set()
-    for scope in (tree, *functions):
+    for nodes in _parts(tree).scopes:
         made: dict[str, set[str]] = {}
-        nodes = _inside(scope)
         for node in nodes:
             for target, value in _assigned(node):
                 made.setdefault(target, set()).update(_read(value, by_base))
@@ -177,13 +175,41 @@ def _compared(tree: ast.Module, names: dict[str, Limit]) -> set[str]:
     return found
 
 
-def _inside(scope: ast.AST) -> list[ast.AST]:
-    """Return what stands in a function, or at the top of a module, but not in functions inside."""
-    found, left = [], [scope]
+_ASKED = {ast.Assign, ast.AnnAssign, ast.NamedExpr, ast.Compare, ast.Call}
+
+
+@dataclass(frozen=True)
+class _Parts:
+    """What of a module is asked: its imports; of it and of each function what gives or compares.
+
+    What stands in a function inside is of that alone; a lambda's is also of what is around it.
+    """
+
+    imports: list[ast.ImportFrom]
+    scopes: list[list[ast.AST]]
+
+
+@cache
+def _parts(tree: ast.Module) -> _Parts:
+    found = _Parts([], [[]])
+    left: list[tuple[ast.AST, tuple[list[ast.AST], ...]]] = [(tree, (found.scopes[0],))]
     while left:
-        inner = list(ast.iter_child_nodes(left.pop()))
-        found += inner
-        left += [one for one in inner if not isinstance(one, ast.FunctionDef)]
+        node, scopes = left.pop()
+        kind = type(node)
+        if kind in _ASKED:
+            for scope in scopes:
+                scope.append(node)
+        elif kind is ast.ImportFrom:
+            found.imports.append(node)
+        elif kind is ast.FunctionDef or kind is ast.Lambda:
+            found.scopes.append([])
+            scopes = (*(scopes if kind is ast.Lambda else ()), found.scopes[-1])
+        for name in node._fields:
+            value = getattr(node, name, None)
+            if type(value) is list:
+                left += [(one, scopes) for one in value if isinstance(one, ast.AST)]
+            elif isinstance(value, ast.AST):
+                left.append((value, scopes))
     return found
 
 

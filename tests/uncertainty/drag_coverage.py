@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
@@ -63,22 +64,7 @@ class Seals:
 
     def recording(self, seed: int) -> Recording:
         """Return a log of rest, five cycles each at 0.05, 0.13 and 0.26 m/s, and rest."""
-        rest = np.zeros(round(RATE))
-        parts = [rest]
-        for speed in (0.05, 0.13, 0.26):
-            angle = speed / AMPLITUDE / RATE
-            n = round(5 * 2.0 * np.pi / angle)
-            parts += [AMPLITUDE * np.sin(angle * np.arange(n)), rest]
-        wave = np.concatenate(parts)
-        kernel = np.hanning(19)  # no rig leaves a rest at once
-        x = np.convolve(wave, kernel / kernel.sum(), mode="same")
-        v = np.gradient(x, 1.0 / RATE)
-        known = {**TRUTH, "f_f": 0.0 if self.within else TRUTH["f_f"], "turning_speed": 2e-3}
-        motion = Motion(1.0 / RATE, x, v)
-        fine = SolverOptions(tolerance=1e-4)
-        force = simulate(TURNING.values(known), TURNING, motion, options=fine).force
-        if self.within:
-            force = force + TRUTH["f_f"] * np.tanh(v / self.within)
+        x, force = _without_noise(self.within)
         chance = np.random.default_rng(seed)
         return Recording(
             name="seals.csv",
@@ -89,6 +75,26 @@ class Seals:
             displacement=x + 1e-6 * self.noise * chance.standard_normal(len(x)),
             force=force + self.noise * chance.standard_normal(len(x)),
         )
+
+
+@cache
+def _without_noise(within: float) -> tuple[np.ndarray, np.ndarray]:
+    """Displacement and force."""
+    rest = np.zeros(round(RATE))
+    parts = [rest]
+    for speed in (0.05, 0.13, 0.26):
+        angle = speed / AMPLITUDE / RATE
+        n = round(5 * 2.0 * np.pi / angle)
+        parts += [AMPLITUDE * np.sin(angle * np.arange(n)), rest]
+    wave = np.concatenate(parts)
+    kernel = np.hanning(19)  # no rig leaves a rest at once
+    x = np.convolve(wave, kernel / kernel.sum(), mode="same")
+    v = np.gradient(x, 1.0 / RATE)
+    known = {**TRUTH, "f_f": 0.0 if within else TRUTH["f_f"], "turning_speed": 2e-3}
+    fine = SolverOptions(tolerance=1e-4)
+    motion = Motion(1.0 / RATE, x, v)
+    force = simulate(TURNING.values(known), TURNING, motion, options=fine).force
+    return x, force + TRUTH["f_f"] * np.tanh(v / within) if within else force
 
 
 def errors_of(law: TwinTube, seals: Seals, seed: int) -> np.ndarray:
