@@ -13,11 +13,18 @@ from damperfit.cli import main
 from damperfit.run import judging, logs, tested_at
 from damperfit.samples import SampleOptions, make_samples
 from damperfit.uncertainty import assessment
+from tests.kept_fits import kept_fits
 
 QUICK = (
     *("--procedure", "plain", "--free", "r_m1,r_m2,k_e"),
     *("--fix", "r_m3=2.6e6", "--fix", "f_f=50N"),
 )
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _fits_are_kept():
+    with kept_fits():
+        yield
 
 
 @pytest.fixture(scope="module")
