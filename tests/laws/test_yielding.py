@@ -15,11 +15,20 @@ from damperfit.conditioning import condition
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.rivals import Biviscous, BoucWen, Kwok
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow
-from damperfit.laws import LawSearch, SettingLogs, Tried, search_laws, undecided, yielding
+from damperfit.laws import (
+    LawSearch,
+    SettingLogs,
+    Tried,
+    search,
+    search_laws,
+    undecided,
+    yielding,
+)
+from damperfit.laws.choosing import effective_samples
 from damperfit.laws.yielding import held_against, is_open_to
 from damperfit.recording import Recording
 from damperfit.run import law_choice
-from damperfit.simulation import simulate
+from damperfit.simulation import SolverOptions, simulate
 from damperfit.tested.setting import Setting
 from tests import fakes
 from tests.laws.valve_logs import DAMPER_TOML, VALUES, damper, moved
@@ -141,7 +150,6 @@ def test_a_damper_yields_where_all_its_logs_do(monkeypatch, shares, expected) ->
 def test_a_layout_frees_what_it_has(monkeypatch) -> None:
     """Return checks that a twin tube needs do not stop a monotube from being tried."""
     from damperfit.laws import course as course_of_search
-    from damperfit.laws import search
 
     asked = []
 
@@ -156,8 +164,8 @@ def test_a_layout_frees_what_it_has(monkeypatch) -> None:
     assert found[1].title.endswith("also drag of the seals")
 
 
-def test_preloaded_valves_stay_valves_though_their_force_is_held() -> None:
-    """They are asked whether they yield, and the true valves are far better."""
+def preloaded() -> tuple[ThroughFlow, list[SettingLogs]]:
+    """A damper with hardly a bleed, and a log of it."""
     model = damper(has_play_and_lag=False)
     numbers = {k: v for k, v in VALUES.items() if k in model.names}
     numbers |= {"rebound_bleed": 5e5, "compression_bleed": 5e5}
@@ -167,9 +175,26 @@ def test_preloaded_valves_stay_valves_though_their_force_is_held() -> None:
     x = motion.displacement + noise.normal(0.0, 8e-6, n)
     time, force = motion.interval * np.arange(n), force + noise.normal(0.0, 4.0, n)
     trace = condition(Recording("one.csv", "", "", Setting.of(1), time, x, force))
-    evidence = [SettingLogs(Setting.of(1), (trace,))]
+    return model, [SettingLogs(Setting.of(1), (trace,))]
+
+
+def test_preloaded_valves_that_are_asked_whether_they_yield_stay_valves() -> None:
+    model, evidence = preloaded()
     share = law_choice._held_share(evidence)
     assert share > 0.4
+    course = search._Search(evidence, SolverOptions(), lambda _: None, 1, share)
+    law = course.fitted(model)
+    course.n_eff = effective_samples(law, evidence)
+    assert course.yielding(law) is law
+    assert course.also == ""
+    assert [one.tried.title for one in course.laws] == list(LOGS)
+
+
+@pytest.mark.slow
+def test_preloaded_valves_stay_valves_though_their_force_is_held() -> None:
+    """They are asked whether they yield, and the true valves are far better."""
+    model, evidence = preloaded()
+    share = law_choice._held_share(evidence)
     found = search_laws(PURDY_DAMPER, [model], evidence, held_share=share)
     assert found.chosen.fits[0].model.name == "through_flow"
     assert found.also == ""
