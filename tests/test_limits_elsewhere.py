@@ -421,10 +421,10 @@ def test_the_log_that_is_farthest_tells_how_far_an_offset_is(monkeypatch) -> Non
         for n, force in ((0, 900.0), (3, 90.0), (3, math.nan), (3, 50.0), (3, 80.0))
     ]
     fit = SimpleNamespace(parameters=SimpleNamespace(f_0=100.0), logs=logs)
-    found = withheld.offset_mismatch(fit, "f_0", SimpleNamespace(force=100.0))
+    found = withheld.offset_mismatch(fit, "f_0", SimpleNamespace(inside=100.0))
     assert found == (2.0, 50.0)  # 50 N are two quarters of the gas force
     fit.logs = logs[:1]
-    assert withheld.offset_mismatch(fit, "f_0", SimpleNamespace(force=100.0)) is None
+    assert withheld.offset_mismatch(fit, "f_0", SimpleNamespace(inside=100.0)) is None
 
 
 @pytest.mark.parametrize(("apart", "is_reported"), [(9.6, False), (10.4, True)])
