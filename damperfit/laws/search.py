@@ -1,6 +1,7 @@
 """Which law the logs tell: from the paper's model to real valves on a mounting, step by step.
 
-    1  the paper's model; where it leaves less than `ENOUGH_PERCENT`, nothing else is looked for
+    1  the paper's model; where it leaves less than `ENOUGH_PERCENT`, nothing else is looked for; of
+       valves that are declared it is, for the logs may need less than they have
     2  bleed and blow-off in each stroke with everything that a mounting may have, in each layout
     3  of the best layout what is not needed is taken out again, the rig's parts and the valves'
        alike, by the rule of `choosing`: so no valve is invented for the rig, nor the reverse; an
@@ -21,6 +22,7 @@ import math
 from typing import TYPE_CHECKING
 
 from damperfit.damper.quantity import STIFFNESS
+from damperfit.damper.valve_dampers import ValveDamper
 from damperfit.errors import SimulationError
 from damperfit.laws.bleeds import with_bleeds_told
 from damperfit.laws.choosing import (
@@ -55,7 +57,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from damperfit.damper.model import Model
-    from damperfit.damper.valve_dampers import ValveDamper
     from damperfit.laws.law_fit import SettingLogs
 
 __all__ = ["search_laws"]
@@ -88,7 +89,7 @@ def search_laws(  # noqa: PLR0913 - what a user may ask of it
     Parameters
     ----------
     plain : Model
-        The paper's damper.
+        The paper's damper, or one of valves as it is declared: of that too the logs may need less.
     layouts : sequence of ValveDamper
         The damper in each layout that it may have.
     evidence : sequence of SettingLogs
@@ -106,9 +107,10 @@ def search_laws(  # noqa: PLR0913 - what a user may ask of it
         Other settings, asked before a part of one stroke's valve is taken out.
     """
     course = _Search(evidence, solver, on_law, jobs, held_share, elsewhere)
-    offsets = tuple(one.name for one in plain.quantities if one.is_offset)
-    simplest = course.fitted(plain, freed=offsets)
-    if simplest is not None and not simplest.leaves_something:
+    offsets = (one for one in plain.quantities if one.is_offset and one.default is not None)
+    simplest = course.fitted(plain, freed=tuple(one.name for one in offsets))
+    has_valves = isinstance(plain, ValveDamper)
+    if simplest is not None and not simplest.leaves_something and not has_valves:
         course.record(simplest, "what it leaves is too small to matter", is_taken=True)
         return course.ended(simplest)
     richest = [with_parts(layout, BOTH, everything(layout.mounting)) for layout in layouts]
@@ -126,7 +128,8 @@ def search_laws(  # noqa: PLR0913 - what a user may ask of it
         rich = course.lean(rich, VALVES)
     rich = course.without_unseen(rich)
     rich = course.laid_out(rich, layouts)
-    law = rich if simplest is None else course.settled(simplest, rich)
+    settled = course.declared if has_valves else course.settled
+    law = rich if simplest is None else settled(simplest, rich)
     return course.ended(course.yielding(law))
 
 
@@ -231,6 +234,19 @@ class _Search(Course):
         is_taken = not verdict.takes_larger
         self.record(simplest, reason, is_taken=is_taken, change="smallest law", verdict=verdict)
         return simplest if is_taken else law
+
+    def declared(self, declared: Tried, law: Tried) -> Tried:
+        """Of valves as declared, and as the logs tell them, what is worth its quantities."""
+        small, large = sorted((law, declared), key=lambda one: one.n_quantities)
+        verdict = judged(small, large, self.n_eff)
+        better = large if verdict.takes_larger else small
+        if small.n_quantities == large.n_quantities:
+            better = min(law, declared, key=lambda one: one.score)
+        is_taken = better is declared
+        self.record(
+            declared, verdict.reason, is_taken=is_taken, change="as declared", verdict=verdict
+        )
+        return better
 
     def yielding(self, law: Tried) -> Tried:
         """What yields before it slides, where the logs do and valves tell them less well."""

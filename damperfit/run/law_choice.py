@@ -151,7 +151,8 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
     logs : sequence of str
         Paths and patterns.
     layout : str, optional
-        One of `LAYOUTS`, where the damper's maker has said it.
+        One of `LAYOUTS`, where the damper's maker has said it; by default that of the model that is
+        declared, or any.
     jobs : int, optional
         Workers; the cores available by default.
     setting : Setting, optional
@@ -339,6 +340,8 @@ def _layouts(configuration: Configuration, layout: str | None) -> list[ValveDamp
             f"models: damper.model = {damper.name} has no geometry from which to build a "
             "layout; declare [damper] for the paper's model or for real valves"
         )
+    if layout is None and "damper.model" in configuration.declared and damper.name in LAYOUTS:
+        layout = damper.name
     kinds = LAYOUTS if layout is None else {layout: LAYOUTS[layout]}
     known = _known(configuration, damper)
     return [kind(**known) for kind in kinds.values()]

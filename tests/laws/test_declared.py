@@ -11,16 +11,18 @@ import pytest
 from damperfit.cli import main
 from damperfit.configuration.loading import load_configuration
 from damperfit.damper.mounting import FIT, NONE, Mounting
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.valve_dampers import TwinTube
 from damperfit.identification.signatures import gain, signatures
 from damperfit.laws import LawFit, Tried
-from damperfit.laws.search import _Search
+from damperfit.laws.search import _Search, search_laws
 from damperfit.laws.variants import BLEED, everything, without
 from damperfit.recording import Trace
 from damperfit.run.law_choice import _assumed, _layouts, _of_dimensions, with_chosen_law
 from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting
 from tests import fakes
+from tests.laws.test_choosing import tried
 
 
 def test_a_layout_keeps_ambient_pressure_and_mounting() -> None:
@@ -167,3 +169,54 @@ def test_models_tells_the_logs_that_contradict_each_other(tmp_path, capsys) -> N
     assert "the same test under several settings" in capsys.readouterr().err
     assert main(["models", "--quiet", *logs[1:]]) == 2
     assert "the same test under several settings" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("model", "asked", "tried_layouts"), [
+    ("monotube", None, ["monotube"]),
+    ("monotube", "twin_tube", ["twin_tube"]),
+    ("purdy", None, ["twin_tube", "monotube", "through_flow"]),
+    (None, None, ["twin_tube", "monotube", "through_flow"]),
+])  # fmt: skip
+def test_a_layout_that_is_declared_is_the_only_one(model, asked, tried_layouts) -> None:
+    declared = {"rod_diameter": "11mm"} | ({} if model is None else {"model": model})
+    found = _layouts(load_configuration(None, overlay={"damper": declared}), asked)
+    assert sorted(one.name for one in found) == sorted(tried_layouts)
+
+
+@pytest.mark.parametrize(("law", "declared", "is_taken"), [
+    ((0.1, 5), (0.09, 6), False),  # parts more for next to nothing
+    ((0.1, 5), (0.01, 6), True),
+    ((0.019, 5), (1e-3, 6), False),  # what is left is too little to matter
+    ((0.1, 5), (0.11, 4), True),
+    ((0.1, 5), (1.0, 4), False),
+    ((0.1, 5), (0.099, 5), True),
+    ((0.1, 5), (0.101, 5), False),
+])  # fmt: skip
+def test_valves_as_declared_must_be_worth_their_parts(law, declared, is_taken) -> None:
+    search = _Search([], SolverOptions(), lambda _: None, 1)
+    search.n_eff = 60.0
+    found, as_declared = tried(*law), tried(*declared)
+    assert search.declared(as_declared, found) is (as_declared if is_taken else found)
+    assert [(one.change, one.is_taken) for one in search.laws] == [("as declared", is_taken)]
+
+
+def test_only_the_papers_model_ends_a_search_by_leaving_little(monkeypatch) -> None:
+    class GoesOnError(Exception):
+        pass
+
+    def go_on(*_: object, **__: object) -> None:
+        raise GoesOnError
+
+    asked: list[tuple[str, ...]] = []
+    small = tried(1e-3, 5)
+
+    def fitted(*_: object, freed: tuple[str, ...], **__: object) -> Tried:
+        asked.append(freed)
+        return small
+
+    monkeypatch.setattr(_Search, "fitted", fitted)
+    monkeypatch.setattr(_Search, "all_fitted", go_on)
+    assert search_laws(PURDY_DAMPER, [TwinTube()], []).chosen is small
+    with pytest.raises(GoesOnError):
+        search_laws(TwinTube(), [TwinTube()], [])
+    assert (asked[0], asked[-1]) == (("f_0",), ())  # of valves the offset is free anyway
