@@ -99,6 +99,11 @@ def _verdict(line: Difference, units: ShownUnits) -> str:
 
 def _how_different(line: Difference, units: ShownUnits) -> str:
     is_force = line.subject.kind == "force"
+    if line.subject.name.startswith("hysteresis") and line.first.value * line.second.value > 0.0:
+        # Its sign is the way round the loop: -54 N after -57 N is a narrower loop.
+        wider = abs(line.second.value) - abs(line.first.value)
+        said = units.write(abs(wider), line.subject.unit, ".2g")
+        return f"the loop is {said} {'wider' if wider > 0.0 else 'narrower'}"
     if not math.isfinite(line.percent):
         more = "more" if line.difference > 0.0 else "less"
         return f"{units.write(abs(line.difference), line.subject.unit, '.3g')} {more}"

@@ -5,6 +5,7 @@ However many dampers there are, a picture has one band and a bounded number of p
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from datetime import date, timedelta
 from itertools import cycle
@@ -39,6 +40,7 @@ _NAMED = 6  # dampers of one picture that have a colour and a name of their own
 _MOST_POINTS = 500  # of the others that are far off
 _MOST_GROUPS = 60  # of dates
 _EDGES = (5.0, 25.0, 75.0, 95.0)  # per cent
+_LONG = 1e4  # a number from here on is long beside an axis
 
 
 def series_plots(found: Survey) -> tuple[Plot, ...]:
@@ -63,9 +65,18 @@ def _series_plot(
 ) -> Plot:
     places = setting_places(settings)
     ticks, shown = setting_axis(settings)
-    lines = [*_middle(series, places), *_single(series, places, names), *_far(far, places, ranks)]
+    power = _power(series)
+    lines = [
+        _over(line, 10.0**power)
+        for line in (
+            *_middle(series, places),
+            *_single(series, places, names),
+            *_far(far, places, ranks),
+        )
+    ]
+    unit = f"1e{power} {series.unit}" if power else series.unit
     panel = Panel(
-        *("setting", "", series.label, series.unit, tuple(lines)),
+        *("setting", "", "force" if series.stroke else series.label, unit, tuple(lines)),
         ticks=ticks,
         names=setting_names(settings),
         x_range=shown,
@@ -75,8 +86,20 @@ def _series_plot(
     if not beside:
         return Plot(f"fleet_{series.name}", title, (panel,))
     unit = series.unit if series.stroke else "%"
-    below = replace(panel, lines=beside, y_label="beside the median", y_unit=unit)
+    below = replace(panel, lines=beside, y_label="from median", y_unit=unit)
     return Plot(f"fleet_{series.name}", title, (panel, below))
+
+
+def _power(series: Series) -> int:
+    """Return the power of ten, a multiple of three, that an axis of long numbers is given in."""
+    largest = max(abs(band.median) for band in series.bands)
+    is_long = not series.stroke and _LONG <= largest < math.inf
+    return 3 * math.floor(math.log10(largest) / 3.0) if is_long else 0
+
+
+def _over(line: Line, factor: float) -> Line:
+    low, high = (None if one is None else one / factor for one in (line.low, line.high))
+    return replace(line, y=line.y / factor, low=low, high=high)
 
 
 def _beside(
@@ -183,7 +206,7 @@ def trend_plots(found: Survey) -> tuple[Plot, ...]:
         panel = Panel(
             f"days since {first.isoformat()}",
             "",
-            f"{series.label} beside the median",
+            "from the median",
             "%",
             tuple(_over_time(groups)),
             rules=((0.0, ""),),

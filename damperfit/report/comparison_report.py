@@ -62,7 +62,7 @@ def tolerance_outcome(points: Sequence[Point]) -> str:
         said += f", {unseen} not evaluated"
     measured = sum(one.is_measured for one in points)
     if measured:
-        said += f", {measured} of them as measured, whatever a model says"
+        said += f"; {measured} compared as measured, without a model"
     if met == len(points):
         nearest = min(points, key=lambda one: one.margin)
         return f"{said}; the nearest edge is {units.write(nearest.margin, 'N', '.3g')} away"

@@ -59,6 +59,11 @@ def test_a_line_says_harder_or_softer_and_whether_it_may_be_chance() -> None:
     nothing = compared(topic, Reading(0.0, 1.0), Reading(-9.0, 1.0))
     assert verdict_of(nothing) == "different, perhaps by chance: 9 N less"
     assert place_of(topic) == "setting 3, hysteresis"
+    # In rebound it is negative: -54 N was "more" than -57 N, by a share of half the force's range.
+    for first, second, said in ((-57.0, -54.0, "3 N narrower"), (40.0, 48.0, "8 N wider")):
+        topic = Topic("figure", "hysteresis_rebound", "hysteresis, rebound", "N", Setting.of(3))
+        line = compared(topic, Reading(first, 0.1, scale=600.0), Reading(second, 0.1, scale=600.0))
+        assert verdict_of(line).endswith(f"the loop is {said}")
     assert difference_of(nothing).startswith("-9 N (-11.8 to -6.23)")
 
 

@@ -319,6 +319,27 @@ def test_the_distribution_around_the_median_has_a_panel_of_its_own():
     assert forces.lines[0].high == pytest.approx([9.0, 18.0, 27.0], abs=0.5)
 
 
+@pytest.mark.parametrize(
+    ("value", "unit", "shown"),
+    [(9990.0, "s sqrt(N)/(m kg)", 9990.0), (10010.0, "1e3 s sqrt(N)/(m kg)", 10.01)],
+)
+def test_an_axis_of_long_numbers_has_a_power_in_its_unit(value, unit, shown):
+    changed = {(f"D{k}", s): {"r_m1": value} for k in range(1, 21) for s in ("1", "2", "10")}
+    (panel, _) = series_plots(survey(fleet_table(20, changed=changed)))[0].panels
+    assert (panel.y_label, panel.y_unit) == ("r_m1", unit)
+    (line,) = panel.lines
+    assert line.y == pytest.approx([shown] * 3, rel=1e-6)
+    assert line.low == pytest.approx([shown] * 3, rel=1e-6)
+
+
+def test_labels_of_two_axes_above_each_other_are_short():
+    """The page put "force in rebound at 0.05 m/s, N" over the label of the panel below."""
+    for plot in series_plots(survey(fleet_table(20))):
+        if "force" in plot.name:
+            assert [one.y_label for one in plot.panels] == ["force", "from median"]
+            assert "m/s" in plot.title
+
+
 @pytest.mark.parametrize(("n", "n_panels"), [(LEAST_DAMPERS - 1, 1), (LEAST_DAMPERS, 2)])
 def test_few_dampers_have_no_distribution(n, n_panels):
     assert {len(plot.panels) for plot in series_plots(survey(fleet_table(n)))} == {n_panels}
