@@ -273,6 +273,8 @@ def with_chosen_law(configuration: Configuration, choice: LawChoice) -> Configur
     # Nobody has measured what stood at its default.
     chosen = {"damper.model", "damper.rebound", "damper.compression", "damper.mounting"}
     chosen |= {"damper.friction"}
+    if isinstance(best.model, Damper) and "damper.gas_volume" in configuration.declared:
+        chosen |= {f"damper.{one}" for one in _GAS_LENGTHS}  # made of that volume
     found = {fit.setting: asdict(fit.values) for fit in choice.fits}
     return replace(
         made,

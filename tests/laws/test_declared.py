@@ -10,6 +10,7 @@ import pytest
 
 from damperfit.cli import main
 from damperfit.configuration.loading import load_configuration
+from damperfit.damper.model import Model
 from damperfit.damper.mounting import FIT, NONE, Mounting
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.valve_dampers import TwinTube
@@ -98,6 +99,21 @@ def test_a_law_that_was_found_is_no_declaration_of_the_damper() -> None:
     assert "made up" not in with_chosen_law(slim, choice).damper_sentence
 
 
+@pytest.mark.parametrize(("volume", "is_missing"), [({"gas_volume": "25cm3"}, False), ({}, True)])
+def test_a_gas_volume_is_the_papers_gas_length(volume, *, is_missing) -> None:
+    whole = {
+        "rod_diameter": "11mm", "piston_diameter": "28mm", "oil_density": 850.0,
+        "chamber_1_length": "80mm", "chamber_2_length": "80mm", "gas_pressure": "7bara",
+        "gas_exponent": 1.3, **volume,
+    }  # fmt: skip
+    configuration = load_configuration(None, overlay={"damper": whole}, is_law_open=True)
+    law = a_law_fit(replace(PURDY_DAMPER, rod_diameter=0.011))
+    search = SimpleNamespace(chosen=SimpleNamespace(fits=(law,)))
+    choice = SimpleNamespace(search=search, fits=(law,), document=lambda: {"model": "purdy"})
+    said = " ".join(with_chosen_law(configuration, choice).notes)
+    assert ("gas_length" in said) is is_missing
+
+
 def test_a_named_model_tells_its_assumed_gas() -> None:
     declared = {"model": "twin_tube", "rod_diameter": "11mm"}
     said, air = load_configuration(None, overlay={"damper": declared}).notes
@@ -145,7 +161,7 @@ def test_a_delay_is_no_jump_between_stretches() -> None:
     assert share == pytest.approx(float(np.sum((2e-3 * late) ** 2)), rel=1e-9)
 
 
-def a_law_fit(model: TwinTube) -> LawFit:
+def a_law_fit(model: Model) -> LawFit:
     """A fit of a law whose numbers do not matter."""
     values = model.values({one.name: 1.0 for one in model.quantities})
     rest = (np.zeros(3),)
