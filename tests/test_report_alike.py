@@ -197,8 +197,18 @@ def test_sentences_that_differ_in_numbers_are_one_with_their_ranges() -> None:
     ]
     level, steps, version = by_words(said)
     assert with_ranges(level) == (
-        "at zero velocity the force is -132 to 9 +- 6 to 21 N; the gas force alone is -130 N"
+        "at zero velocity the force is between -132 and 9 N (uncertain by 6 to 21 N); "
+        "the gas force alone is -130 N"
     )
+    late = (
+        ["2.1 +- 0.1 ms late", "2.1 +- 0.2 ms late"],
+        ["2.1 +- 0.1 ms late", "2.3 +- 0.1 ms late"],
+    )
+    assert [with_ranges(one) for one in (*late, late[0][:1])] == [
+        "2.1 ms (uncertain by 0.1 to 0.2 ms) late",
+        "between 2.1 and 2.3 ms (uncertain by 0.1 ms) late",
+        "2.1 +- 0.1 ms late",
+    ]
     assert with_ranges(steps) == "the force has 'no 2 to 3' steps"
     assert with_ranges(version) == "version 1.2.3 of 4 to 5 files"
     assert with_ranges(["3.0 mm", "3 mm"]) == "3.0 mm"

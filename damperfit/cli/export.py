@@ -39,14 +39,14 @@ def export(
         Path | None,
         typer.Option(
             metavar="PATH",
-            help="A file where it has a suffix, else a folder.  [default: export in the results "
+            help="A file if it has a suffix, else a folder.  [default: export in the results "
             "folder]",
         ),
     ] = None,
     extend: Annotated[
         str | None,
         typer.Option(
-            metavar="SPEED", help="Tables beyond the tested speed, from the model: untested."
+            metavar="SPEED", help="Extend tables beyond the tested speed; marked as untested."
         ),
     ] = None,
     units: UnitsOption = None,

@@ -46,7 +46,7 @@ def models(
         str | None,
         typer.Option(
             metavar="NAME",
-            help="Layout of the damper, where it is known: twin_tube, monotube, through_flow.",
+            help="Layout of the damper, if known: twin_tube, monotube, through_flow.",
         ),
     ] = None,
     rivals: RivalsOption = False,

@@ -129,7 +129,7 @@ CovariateOption = Annotated[
     typer.Option(
         "--covariate",
         metavar="temperature",
-        help="Viscous resistances follow the temperature of each log, by one beta for all.",
+        help="Let viscous resistances follow the temperature of each log; one beta for all.",
     ),
 ]
 TemperatureOption = Annotated[

@@ -29,6 +29,7 @@ _LONG = 200  # characters; a page of one paragraph again and again is not read
 _NAMES = 5  # names that are listed
 _QUOTED = re.compile(r"'(?:[^'\\]|\\.)*'|\"(?:[^\"\\]|\\.)*\"")
 _NUMBER = re.compile(r"(?<![^\W_])[+-]?\d[\w.+-]*")
+_RANGE_WITH_ERROR = re.compile(r"(\S+)(?: to (\S+))? \+- (\S+(?: to \S+)?) (\w+)")
 _LISTED = re.compile(r"''(?:,? (?:and |or )?'')+")
 
 
@@ -63,7 +64,16 @@ def with_ranges(sentences: Sequence[str]) -> str:
     columns = zip(*(_NUMBER.findall(one) for one in sentences), strict=True)
     ranges = [_range(column) for column in columns]
     words = iter(ranges)
-    return _NUMBER.sub(lambda _: next(words), sentences[0])
+    return _RANGE_WITH_ERROR.sub(_plainly, _NUMBER.sub(lambda _: next(words), sentences[0]))
+
+
+def _plainly(found: re.Match[str]) -> str:
+    """Say "-132 to 9 +- 6 to 21 N" as one reads it."""
+    low, high, error, unit = found.groups()
+    if not high and " to " not in error:
+        return found[0]
+    value = f"between {low} and {high} {unit}" if high else f"{low} {unit}"
+    return f"{value} (uncertain by {error} {unit})"
 
 
 def _range(texts: Sequence[str]) -> str:

@@ -31,7 +31,7 @@ CHARACTERISTIC_COLUMNS: tuple[tuple[str, str, str, str], ...] = (
             ),
         )
     ),
-    ("mean_gas_force_N", _FLOAT, "N", "gas force of the damper's data, mean of the stretch"),
+    ("mean_gas_force_N", _FLOAT, "N", "gas force from the damper's data, mean of the stretch"),
     *(
         (f"{whose}_energy_J", _FLOAT, "J", f"work in a cycle, {whose}; rows of peaks only")
         for whose in ("measured", "simulated")

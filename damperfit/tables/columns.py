@@ -189,7 +189,7 @@ _VALVES: tuple[_Column, ...] = (
     _Column("curve", _TEXT, "", "measured: read off the loops without a law; law; opening"),
     _Column("pressure_Pa", _FLOAT, "Pa", "pressure across the valve of that stroke"),
     _Column("flow_m3_per_s", _FLOAT, "m3/s", "flow through it; empty at an opening"),
-    _Column("valve_force_N", _FLOAT, "N", "that pressure on the area that presses"),
+    _Column("valve_force_N", _FLOAT, "N", "that pressure times the area it acts on"),
 )
 _TABLES: dict[str, tuple[_Column, ...]] = {
     "parameters": _PARAMETERS,
