@@ -594,6 +594,7 @@ SURFACE = {
         "labels_for",
     ],
     "damperfit.run.like_speeds": ["without_contradictory_motions"],
+    "damperfit.run.one_law": ["at_every_setting", "told_as_one"],
     "damperfit.run.same_setting": [
         "REPEATS",
         "SCATTERS",

@@ -157,7 +157,9 @@ def _plain(given: ProcedureInput) -> Campaign:
         judged, found = fit_from(given, setting, misfit, start)
         return describe_fit(setting, judged, misfit), found
 
-    found = beside_neighbours(fit_every_setting(given, fit), misfit_of, jobs=given.jobs)
+    found = fit_every_setting(given, fit)
+    if not given.options.start.is_of_one_model:  # neighbours have told each other what they can
+        found = beside_neighbours(found, misfit_of, jobs=given.jobs)
     if not given.options.is_leaving_out:
         return found
     found = without_idle_parts(found, lambda one: misfit_of(one.setting), jobs=given.jobs)

@@ -27,10 +27,13 @@ class GivenStart:
         Of every setting, SI; before those of the table.
     by_setting : mapping of Setting to mapping
         Of an earlier run. A setting that it does not have starts from the nearest one.
+    is_of_one_model : bool
+        Whether these are where one model of all settings has ended: a joint fit starts there too.
     """
 
     named: Mapping[str, float] = field(default_factory=dict)
     by_setting: Mapping[Setting, Mapping[str, float]] = field(default_factory=dict)
+    is_of_one_model: bool = False
 
     def of(self, setting: Setting) -> dict[str, float]:
         """Return the numbers that a setting's fit starts at."""

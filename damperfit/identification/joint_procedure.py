@@ -16,6 +16,7 @@ from damperfit.identification.joint_fit import JointProblem, JointSolution, fit_
 from damperfit.identification.joint_restarts import unstrained
 from damperfit.identification.outcome import Outcome, Status
 from damperfit.identification.paper.gas_content import GAS_FOLLOWER, first_law, working_pressure
+from damperfit.identification.plausible import kept_within
 from damperfit.identification.procedure_input import ProcedureInput
 from damperfit.identification.setting import NOT_FIT_TO_SHARE, is_loose
 from damperfit.identification.sharing import Sharing
@@ -162,14 +163,20 @@ def _fit_sound(
     free = given.ordered({*moving, *((GAS_FOLLOWER,) if is_gas else ())})
     misfits = {setting: given.misfit(setting, free) for setting in sound}
     spent = 0
-    if way is None or way.is_general:
+    starts: Mapping[Setting, Values] = {}
+    if way is not None and way.is_general:
+        starts = _as_one_model(given, sound, way, free)
+    if not starts and (way is None or way.is_general):
         apart, spent = _helped(misfits, sound, jobs=given.jobs)
         found = detected_way(misfits, apart, way, jobs=given.jobs)
-        way, starts, spent = found.way, found.starts, spent + found.evaluations
+        way, spent = found.way, spent + found.evaluations
+        starts = _as_one_model(given, sound, way, free) or found.starts
         if not way.shared:
             return None
-    else:
+    elif not starts:
+        assert way is not None
         starts = _common_starts(given, sound, way)
+    assert way is not None
     problem = JointProblem(misfits, way.shared, way.follows, jobs=given.jobs)
     solution = fit_jointly(problem, starts)
     if way.is_general:
@@ -204,6 +211,24 @@ def _fit_sound(
         evaluations=spent,
         warnings=tuple(warnings),
     )
+
+
+def _as_one_model(
+    given: ProcedureInput, sound: Mapping[Setting, Fit], way: Way, free: Sequence[str]
+) -> dict[Setting, Values]:
+    """Where one model of all settings has ended already, in the same way of sharing."""
+    told = given.options.start
+    if not told.is_of_one_model or any(s not in told.by_setting for s in sound):
+        return {}
+    starts = {}
+    for setting, fit in sound.items():
+        own = {n: x for n, x in told.by_setting[setting].items() if n in free}
+        starts[setting] = kept_within(fit.parameters.replace(own), own)
+    for one in unknowns_of(way.shared, way.follows, sorted(sound)):
+        numbers = {getattr(starts[s], one.name) for s in sound if one.holds_at(s)}
+        if len(numbers) > 1:
+            return {}
+    return starts
 
 
 def _fairly_weighed(problem: JointProblem, solution: JointSolution) -> JointSolution:

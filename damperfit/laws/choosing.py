@@ -39,6 +39,7 @@ __all__ = [
     "GAIN",
     "NO_WORSE",
     "SEEN_APART",
+    "OfOneModel",
     "Tried",
     "Verdict",
     "are_alike",
@@ -58,6 +59,8 @@ ENOUGH_HELD_OUT_PERCENT = 0.2
 SEEN_APART = 1.5
 # The same where the worse of them leaves and mispredicts nothing that anyone would use: twice each.
 _NOTHING_APART = 4.0
+# A tenth of what is asked of a prediction: of two models below it none predicts worse.
+_PREDICTED_PERCENT = 0.05
 _NOTHING_PREDICTED = 100.0  # per cent: a law that predicts nothing, or cannot be simulated there
 # Two predictions this near each other differ by noise.
 NO_WORSE = 1.1
@@ -163,6 +166,25 @@ class Verdict:
     reason: str
 
 
+@dataclass(frozen=True, slots=True)
+class OfOneModel:
+    """How one model of all settings is judged, beside a law at each setting by itself.
+
+    What it predicts with an MSE of less than 0.05 % it predicts, and a part is worth having too
+    where what matters most of what is left, the force at a speed, falls by as much as an MSE must.
+
+    Attributes
+    ----------
+    n_more : int
+        Numbers that the larger has more at all settings together.
+    least_gain : float
+        MSE of the smaller over that of the larger from which on this is worth having.
+    """
+
+    n_more: int
+    least_gain: float = GAIN
+
+
 def judged(
     small: Tried,
     large: Tried,
@@ -170,6 +192,7 @@ def judged(
     *,
     left_percent: float | None = None,
     is_removed: bool = False,
+    of_one_model: OfOneModel | None = None,
 ) -> Verdict:
     """Return whether the larger law is taken.
 
@@ -184,11 +207,20 @@ def judged(
     is_removed : bool
         Whether the smaller law was made of the larger: a blow-off that opens without resistance is
         at an edge, and no less needed.
+    of_one_model : OfOneModel, optional
+        What is different where both are one model of all settings.
     """
     left = small.mse_percent if left_percent is None else left_percent
     gain = small.mse_percent / max(large.mse_percent, 1e-300)
     n_settings = len(small.fits)
-    cost = n_settings * (large.n_quantities - small.n_quantities) * math.log(n_eff / n_settings)
+    least_gain, least_held_out, is_of_force = GAIN, 0.0, False
+    if of_one_model is None:
+        own = large.n_quantities - small.n_quantities
+        cost = n_settings * own * math.log(n_eff / n_settings)
+    else:
+        cost = of_one_model.n_more * math.log(n_eff)
+        least_gain, least_held_out = of_one_model.least_gain, _PREDICTED_PERCENT
+        is_of_force = small.left_over > GAIN * large.left_over
     bic = n_eff * math.log(max(gain, 1e-300)) - cost
     new = _missing(large.absent if is_removed else large.at_bound, _more(large, small))
     held = small.held_out_percent, large.held_out_percent
@@ -197,13 +229,13 @@ def judged(
             f"the smaller law's {left:.2g} % leave too little to matter (below "
             f"{ENOUGH_PERCENT:g} %)"
         )
-    elif gain < GAIN:
-        reason = f"the MSE falls by a factor of {gain:.2f} only; {GAIN:g} is required"
+    elif gain < least_gain and not is_of_force:
+        reason = f"the MSE falls by a factor of {gain:.2f} only; {least_gain:g} is required"
     elif bic <= 0.0:
         reason = f"its parameters cost more than the lower MSE is worth (BIC {bic:+.0f})"
     elif new:
         reason = f"{', '.join(new)} runs to the end of its range: it is absent"
-    elif held[1] > NO_WORSE * held[0]:
+    elif held[1] > NO_WORSE * max(held[0], least_held_out):
         reason = f"what was held out is predicted worse, {held[1]:.2g} % after {held[0]:.2g} %"
     else:
         beside = (

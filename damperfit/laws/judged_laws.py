@@ -59,6 +59,8 @@ class LawSearch:
         slide; NaN where they do not.
     also : str
         What yields and tells the logs about as well as the law that was taken; empty for none.
+    is_of_one_model : bool
+        Whether the law was taken as one model, at all settings: what these have in common is equal.
     """
 
     laws: tuple[JudgedLaw, ...]
@@ -67,3 +69,4 @@ class LawSearch:
     alike: tuple[str, ...] = ()
     held_share: float = math.nan
     also: str = ""
+    is_of_one_model: bool = False

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["UNDETERMINED", "LawFit", "SettingLogs", "fit_law", "glimpsed"]
+__all__ = ["UNDETERMINED", "LawFit", "SettingLogs", "fit_at", "fit_law", "glimpsed"]
 
 # A standard error of this factor to both sides, and a quantity is not determined.
 UNDETERMINED = 1.65
@@ -177,7 +177,46 @@ def fit_law(  # noqa: PLR0913 - what a search may ask of it
     if is_whole:
         ended = misfit.descend(ended.point.extra, COMPARING)
         spent += ended.evaluations
-    values = ended.point.extra
+    return fit_at(
+        misfit,
+        evidence,
+        ended.point.extra,
+        evaluations=spent,
+        undetermined=_undetermined(
+            ended.point, model, free, sum(len(one.stretches) for one in evidence.fitted)
+        ),
+    )
+
+
+def fit_at(
+    misfit: LawMisfit,
+    evidence: SettingLogs,
+    values: Values,
+    *,
+    evaluations: int,
+    undetermined: tuple[str, ...] = (),
+) -> LawFit:
+    """Return what a law leaves at some values, of what was fitted and of what was held out.
+
+    Parameters
+    ----------
+    misfit : LawMisfit
+        The law, and what was free.
+    evidence : SettingLogs
+        The logs.
+    values : Values
+        Where a fit has ended.
+    evaluations : int
+        What it took.
+    undetermined : tuple of str
+        As of `LawFit`.
+
+    Raises
+    ------
+    SimulationError
+        The law cannot be simulated there.
+    """
+    model, free, solver = misfit.model, misfit.free, misfit.solver
     missed = misses(model, values, evidence.fitted, solver)
     held_out, kind = math.nan, TRANSIENTS if evidence.is_part else "logs"
     try:
@@ -202,8 +241,8 @@ def fit_law(  # noqa: PLR0913 - what a search may ask of it
         held_out_percent=held_out,
         held_out="" if math.isnan(held_out) else kind,
         residuals=missed.residuals,
-        evaluations=spent,
-        undetermined=_undetermined(ended.point, model, free, len(missed.stretches)),
+        evaluations=evaluations,
+        undetermined=undetermined,
         worst_stroke_percent=missed.worst_stroke_percent,
         worst_force_percent=missed.worst_force_percent,
     )

@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING
 from damperfit.damper.quantity import STIFFNESS
 from damperfit.damper.valve_dampers import ValveDamper
 from damperfit.errors import SimulationError
+from damperfit.identification.blas_threads import one_blas_thread
 from damperfit.laws.bleeds import with_bleeds_told
 from damperfit.laws.choosing import (
     SEEN_APART,
@@ -63,7 +64,14 @@ __all__ = ["search_laws"]
 
 # What is offered to what is left over, one after the other: quantities, and kinds of valves' parts.
 _DECLARED = ("gas_volume",)
-_FURTHER = ("return_slope", "drag", *KINDS, *PARTS, *LACKING, "free_gas")
+_FURTHER = (
+    "return_slope",
+    "drag",
+    *KINDS,
+    *(p for p in PARTS if p != "turning_speed"),
+    *LACKING,
+    "free_gas",
+)
 # The same parts in another layout that fitted and predicted so many times worse are not fitted
 # again from the law that was taken.
 _FAR_WORSE = 8.0
@@ -73,6 +81,7 @@ _AS_RIGID = 3.0
 _MOST_GROWN = 3
 
 
+@one_blas_thread()
 def search_laws(  # noqa: PLR0913 - what a user may ask of it
     plain: Model,
     layouts: Sequence[ValveDamper],

@@ -30,6 +30,7 @@ __all__ = [
     "in_words",
     "laid_out_as",
     "of_kind",
+    "with_kind",
     "with_part",
     "with_parts",
     "without",
@@ -60,7 +61,10 @@ PARTS = {
     "presliding": ("friction", ("presliding",), "friction that builds up over a distance"),
     "breakaway": ("friction", ("breakaway", "stribeck_speed"), "friction that is larger at rest"),
     "seal_area": ("friction", ("seal_area",), "friction by the pressure on the seal"),
+    "turning_speed": ("friction", ("turning_speed",), "friction that turns within a speed"),
 }
+# Friction turns over a distance or within a speed.
+_TURNS = {"presliding": "turning_speed", "turning_speed": "presliding"}
 
 
 def everything(declared: Mounting) -> Mounting:
@@ -103,10 +107,19 @@ def with_part(damper: ValveDamper, name: str) -> ValveDamper:
     own = getattr(damper, owner)
     more = {one: FIT for one in fields if getattr(own, one) == NONE}
     is_loose = name == "play" and damper.mounting.series_stiffness == NONE
-    turns_already = name == "presliding" and damper.friction.turning_speed != NONE
+    turns_already = name in _TURNS and getattr(damper.friction, _TURNS[name]) != NONE
     if is_loose or turns_already or not more:
         return damper
     return dataclasses.replace(damper, **{owner: dataclasses.replace(own, **more)})
+
+
+def with_kind(damper: ValveDamper, stroke: str, part: str, kind: str) -> ValveDamper:
+    """The damper with another kind of one part of one stroke's valve, where it has that part."""
+    valves = {"rebound": damper.rebound, "compression": damper.compression}
+    if getattr(valves[stroke], part) == NONE:
+        return damper
+    valves[stroke] = dataclasses.replace(valves[stroke], **{part: kind})
+    return dataclasses.replace(damper, rebound=valves["rebound"], compression=valves["compression"])
 
 
 def laid_out_as(law: ValveDamper, layout: ValveDamper) -> ValveDamper:
@@ -224,8 +237,6 @@ _BLEEDS = {"none": "", "orifice": "bleed", "leak": "laminar bleed", "long": "par
 
 
 _FRICTION = {part: said for part, (owner, _, said) in PARTS.items() if owner == "friction"}
-# Declared, never offered: where it is missing, logs are met to a fifth of what a part must gain.
-_FRICTION["turning_speed"] = "friction that turns within a speed"
 
 
 def _of_rig(mounting: Mounting) -> str:

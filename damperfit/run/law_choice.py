@@ -14,28 +14,25 @@ from damperfit.configuration.options import GAS, gas_in_words
 from damperfit.configuration.what_is_tested import unmatched
 from damperfit.damper.purdy.parameters import Damper
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube, ValveDamper
-from damperfit.errors import ConfigurationError, SimulationError
+from damperfit.errors import ConfigurationError
 from damperfit.identification import GivenStart
 from damperfit.laws import (
     SettingLogs,
-    fit_law,
-    from_another,
     interchangeable_parts,
-    lent,
     physics_seen,
     rank_rivals,
     search_laws,
     undecided,
     yielding_seen,
 )
-from damperfit.parallel import available_cores, executor
+from damperfit.parallel import available_cores
 from damperfit.report import chosen_records, failure_lines, rival_records, tried_law_records
 from damperfit.run.dampers import of_one_damper
 from damperfit.run.hold_out import named_files, part, with_transients
 from damperfit.run.log_paths import expand
 from damperfit.run.logs import read_batch
+from damperfit.run.one_law import at_every_setting, told_as_one
 from damperfit.run.same_setting import once_each, without_contradictions, without_copies
-from damperfit.tested.setting import nearest_setting
 from damperfit.uncertainty.yielding import YIELDS, held_share
 
 if TYPE_CHECKING:
@@ -199,39 +196,16 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
         held_share=_held_share(compared),
         elsewhere=[one for one in evidence if one not in compared],
     )
-    known = {one.setting: one for one in search.chosen.fits}
-    best = search.chosen.fits[0]
-    freed = tuple(name for name in best.free if best.model.quantity(name).default is not None)
-
-    def fit(one: SettingLogs) -> LawFit | None:
-        if one.setting in known:
-            return known[one.setting]
-        try:
-            near = nearest_setting(one.setting, known)
-            return fit_law(
-                best.model,
-                one if near is None else from_another(one, known[near].values),
-                freed=freed,
-                near=None if near is None or known[near].undetermined else known[near].values,
-                solver=solver,
-            )
-        except SimulationError:
-            return None
-
-    with executor(workers) as pool:
-        apart = tuple(pool.map(fit, evidence))
-    sound = tuple(one for one in apart if one is not None)
-
-    def beside(logs: SettingLogs, own: LawFit | None) -> LawFit | None:
-        return own if own is None else lent(own, logs, sound, solver, is_whole=True)
-
-    with executor(workers) as pool:
-        fits = tuple(pool.map(beside, evidence, apart))
+    fits = at_every_setting(search.chosen, evidence, solver, jobs=workers)
     rivals: tuple[Tried, ...] = ()
     if on_rival is not None:
         rivals = rank_rivals(compared, solver=solver, on_rival=on_rival, jobs=workers)
     found = tuple(one for one in fits if one is not None)
-    doubts = _of_dimensions(configuration, best)
+    search, found = told_as_one(
+        configuration, search, found, evidence,
+        layouts=_layouts(configuration, layout), jobs=workers, on_law=on_law,
+    )  # fmt: skip
+    doubts = _of_dimensions(configuration, search.chosen.fits[0])
     return LawChoice(
         search,
         tuple(one.setting for one in compared),
@@ -281,7 +255,9 @@ def with_chosen_law(configuration: Configuration, choice: LawChoice) -> Configur
         declared=configuration.declared | chosen,
         chosen_law=configuration.chosen_law,
         identification=replace(
-            made.identification, start=GivenStart(by_setting=found), is_leaving_out=True
+            made.identification,
+            start=GivenStart(by_setting=found, is_of_one_model=choice.search.is_of_one_model),
+            is_leaving_out=True,
         ),
     )
 

@@ -88,7 +88,7 @@ def test_what_undeclared_dimensions_may_look_like_is_told(declared, free, says) 
 
 def test_a_law_that_was_found_is_no_declaration_of_the_damper() -> None:
     law = a_law_fit(TwinTube())
-    search = SimpleNamespace(chosen=SimpleNamespace(fits=(law,)))
+    search = SimpleNamespace(chosen=SimpleNamespace(fits=(law,)), is_of_one_model=False)
     choice = SimpleNamespace(search=search, fits=(law,), document=lambda: {"model": "twin_tube"})
     found = with_chosen_law(load_configuration(None), choice)
     assert "(made up: [damper] is not declared" in found.damper_sentence

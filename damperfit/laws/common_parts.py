@@ -1,0 +1,128 @@
+"""Parts of a damper's law that one model of all settings is offered, and how a damper gets them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import partial
+from typing import TYPE_CHECKING
+
+from damperfit.laws.variants import PARTS, with_kind, with_part
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
+    from damperfit.damper.valve_dampers import ValveDamper
+
+__all__ = [
+    "CommonPart",
+    "blow_off_kinds",
+    "made_of",
+    "other_parts",
+    "turning_kinds",
+    "without_kinds",
+]
+
+_STROKES = {"rebound": "rebound", "compression": "bump"}
+_BLOW_OFFS = {"rounded": "a blow-off that lifts gradually", "port": "a port behind the blow-off"}
+_TURNING = ("presliding", "turning_speed")
+_BESIDE = ("play", "lag", "breakaway", "seal_area")
+_FREED = ("return_slope", "drag", "free_gas")
+
+
+@dataclass(frozen=True, slots=True)
+class CommonPart:
+    """A part that a law may have.
+
+    Attributes
+    ----------
+    words : str
+        What it is called.
+    put_into : callable
+        From a damper to the same with the part; unchanged where it has that, or cannot have it.
+    freed : tuple of str
+        Quantities with a default that are fitted with it.
+    """
+
+    words: str
+    put_into: Callable[[ValveDamper], ValveDamper] = field(compare=False)
+    freed: tuple[str, ...] = ()
+
+
+def blow_off_kinds(stroke: str) -> list[CommonPart]:
+    """Return the kinds that a stroke's blow-off may have beside the plain one.
+
+    Parameters
+    ----------
+    stroke : str
+        "rebound" or "compression".
+    """
+    return [_blow_off(stroke, kind) for kind in _BLOW_OFFS]
+
+
+def turning_kinds() -> list[CommonPart]:
+    """Return the ways in which friction may turn, beside at once."""
+    return [_of_damper(name) for name in _TURNING]
+
+
+def other_parts(damper: ValveDamper, freed: Sequence[str]) -> Iterator[CommonPart]:
+    """Yield what may stand beside all else.
+
+    Parameters
+    ----------
+    damper : ValveDamper
+        The law.
+    freed : sequence of str
+        What of it is fitted although it has a default.
+    """
+    for stroke, word in _STROKES.items():
+        long = partial(with_kind, stroke=stroke, part="bleed", kind="long")
+        yield CommonPart(f"a laminar part of the bleed in {word}", long)
+    yield from map(_of_damper, _BESIDE)
+    for name in _FREED:
+        if name in damper.names and name not in freed:
+            yield CommonPart(damper.quantity(name).label, _as_it_is, (name,))
+
+
+def without_kinds(damper: ValveDamper) -> tuple[ValveDamper, tuple[CommonPart, ...]]:
+    """Return a damper with plain blow-offs, and the kinds that these had."""
+    own = []
+    for stroke in _STROKES:
+        kind = getattr(damper, stroke).blow_off
+        if kind in _BLOW_OFFS:
+            own.append(_blow_off(stroke, kind))
+            damper = with_kind(damper, stroke, "blow_off", "linear")
+    return damper, tuple(own)
+
+
+def made_of(
+    core: ValveDamper, freed: Sequence[str], parts: Sequence[CommonPart]
+) -> tuple[ValveDamper, tuple[str, ...]]:
+    """Return a damper with some parts, and what of it is fitted although it has a default.
+
+    Parameters
+    ----------
+    core : ValveDamper
+        Without them.
+    freed : sequence of str
+        What of it is.
+    parts : sequence of CommonPart
+        One after the other.
+    """
+    names = list(freed)
+    for one in parts:
+        core = one.put_into(core)
+        names += [name for name in one.freed if name in core.names and name not in names]
+    return core, tuple(names)
+
+
+def _blow_off(stroke: str, kind: str) -> CommonPart:
+    words = f"{_BLOW_OFFS[kind]} in {_STROKES[stroke]}"
+    return CommonPart(words, partial(with_kind, stroke=stroke, part="blow_off", kind=kind))
+
+
+def _of_damper(name: str) -> CommonPart:
+    return CommonPart(PARTS[name][2], partial(with_part, name=name))
+
+
+def _as_it_is(damper: ValveDamper) -> ValveDamper:
+    return damper

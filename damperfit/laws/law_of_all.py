@@ -1,0 +1,153 @@
+"""A law as one model of all settings, with the parts that it was offered; two of them compared."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from damperfit.laws.common_parts import made_of
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from damperfit.damper.model import Values
+    from damperfit.damper.valve_dampers import ValveDamper
+    from damperfit.identification.minimiser import Minimum
+    from damperfit.laws.choosing import Tried
+    from damperfit.laws.common_parts import CommonPart
+    from damperfit.laws.law_fit import LawFit
+    from damperfit.laws.one_model import OneModel
+    from damperfit.tested.setting import Setting
+
+__all__ = ["LawOfAll", "free_of", "lost_with", "values_of_less"]
+
+_RETURNS = "return_slope"
+# Times the value that a smaller law tells: what is so far off, and not told, is anywhere.
+_FAR = 10.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LawOfAll:
+    """A law as one model, where a descent on settled cycles has ended.
+
+    Attributes
+    ----------
+    damper : ValveDamper
+        The law.
+    freed : tuple of str
+        What of it is fitted although it has a default.
+    one : OneModel
+        With the logs.
+    minimum : Minimum
+        The values of the settings, and the slopes there.
+    parts : tuple of CommonPart
+        What it has of that which it was offered.
+    """
+
+    damper: ValveDamper
+    freed: tuple[str, ...]
+    one: OneModel
+    minimum: Minimum[dict[Setting, Values]]
+    parts: tuple[CommonPart, ...] = ()
+
+    @property
+    def values(self) -> dict[Setting, Values]:
+        """Of each setting; what is common is equal."""
+        return self.minimum.point.extra
+
+    @property
+    def own_freed(self) -> tuple[str, ...]:
+        """What is freed but not as one of its parts."""
+        return tuple(n for n in self.freed if all(n not in one.freed for one in self.parts))
+
+    @property
+    def n_unknowns(self) -> int:
+        """Numbers of all settings together."""
+        return len(self.one.unknowns)
+
+    def by_looseness(self, core: ValveDamper) -> list[CommonPart]:
+        """Return its parts, that first of which the best known number is known worst.
+
+        Before them the returns: freed they run along valleys, and take the place of what is there.
+
+        Parameters
+        ----------
+        core : ValveDamper
+            The law without its parts.
+        """
+        errors = self.one.errors(self.minimum)
+
+        def error(part: CommonPart) -> float:
+            left = made_of(core, (), [one for one in self.parts if one is not part])[0]
+            mine = {*part.freed, *self.damper.names} - ({*left.names} - {*part.freed})
+            return min((e for u, e in errors.items() if u.name in mine), default=math.inf)
+
+        return sorted(self.parts, key=lambda one: (_RETURNS in one.freed, error(one)), reverse=True)
+
+
+def free_of(damper: ValveDamper, freed: Sequence[str]) -> tuple[str, ...]:
+    """Return what is fitted of a damper.
+
+    Parameters
+    ----------
+    damper : ValveDamper
+        The law.
+    freed : sequence of str
+        What of it is, although it has a default.
+    """
+    return tuple(q.name for q in damper.quantities if q.default is None or q.name in freed)
+
+
+def values_of_less(damper: ValveDamper, free: Sequence[str], values: Values) -> Values:
+    """Return values of a law with fewer parts: what is freed no longer is at its default.
+
+    Parameters
+    ----------
+    damper : ValveDamper
+        The law with fewer.
+    free : sequence of str
+        What is fitted of it.
+    values : Values
+        Of the law with more.
+    """
+    numbers = {
+        q.name: getattr(values, q.name) if q.name in free or q.default is None else q.default
+        for q in damper.quantities
+    }
+    return damper.values_type(**numbers)
+
+
+def lost_with(less: Tried, more: Tried) -> str:
+    """Return a quantity of the smaller of two laws that has no value any more in the larger.
+
+    It has run to an edge of its range, or so far towards it that no log tells it. A bleed may be
+    lost to its own laminar part, for both are the bleed.
+
+    Parameters
+    ----------
+    less, more : Tried
+        Two laws at the same settings.
+    """
+    for small, large in zip(less.fits, more.fits, strict=True):
+        for name in small.free:
+            if (
+                name in large.free
+                and not _has_own_leak(large, name)
+                and _is_gone(small, large, name)
+            ):
+                return f"{small.model.quantity(name).label} at setting {small.setting}"
+    return ""
+
+
+def _is_gone(small: LawFit, large: LawFit, name: str) -> bool:
+    if name in small.at_bound or name in small.undetermined:
+        return False
+    before, after = getattr(small.values, name), getattr(large.values, name)
+    is_far = name in large.undetermined and not 1.0 / _FAR < after / before < _FAR
+    return name in large.at_bound or is_far
+
+
+def _has_own_leak(fit: LawFit, name: str) -> bool:
+    stroke, _, part = name.partition("_")
+    return part in {"bleed", "leak"} and {f"{stroke}_bleed", f"{stroke}_leak"} <= {*fit.free}

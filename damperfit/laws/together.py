@@ -1,0 +1,396 @@
+"""What one model of all settings needs that none of them tells by itself.
+
+A law is chosen setting by setting. With one value for all settings of what is the damper's, a part
+shows that hardly moves the MSE of one: what little it explains is the same in all of them. So the
+law is fitted once as one model, and where that leaves something it is offered what a law may have:
+
+    1  the law as one model; in layouts that fitted alike too, for one model tells them better
+    2  with everything: of each blow-off the kind that explains most, bleeds with a laminar part,
+       play, lag, friction beyond Coulomb's, returns, seals' drag, gas in the oil
+    3  without what is not worth its numbers, the loosest first, by the rule of `choosing`; what
+       stays need not gain a factor of 1.5 by itself
+    4  all of it together must, and be worth its numbers: else the law stays as it was
+
+At most 50 descents of ten evaluations and 50 to their end, on settled cycles, whatever the number
+of settings; four and three more for each other layout.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, cast
+
+from damperfit.errors import SimulationError
+from damperfit.identification.blas_threads import one_blas_thread
+from damperfit.identification.law_misfit import LawMisfit
+from damperfit.laws.choosing import (
+    ENOUGH_PERCENT,
+    GAIN,
+    OfOneModel,
+    Tried,
+    Verdict,
+    are_alike,
+    effective_samples,
+    judged,
+    said_of_layout,
+)
+from damperfit.laws.common_parts import (
+    CommonPart,
+    blow_off_kinds,
+    made_of,
+    other_parts,
+    turning_kinds,
+    without_kinds,
+)
+from damperfit.laws.elsewhere import freed_of, had_by
+from damperfit.laws.judged_laws import JudgedLaw
+from damperfit.laws.law_fit import UNDETERMINED, fit_at, fit_law
+from damperfit.laws.law_of_all import LawOfAll, free_of, lost_with, values_of_less
+from damperfit.laws.one_model import OneModel
+from damperfit.laws.variants import in_words, laid_out_as
+from damperfit.parallel import executor
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from damperfit.damper.model import Model
+    from damperfit.damper.valve_dampers import ValveDamper
+    from damperfit.identification.unknowns import Follows
+    from damperfit.laws.law_fit import LawFit, SettingLogs
+    from damperfit.simulation import SolverOptions
+    from damperfit.tested.setting import Setting
+
+__all__ = ["Together", "told_together"]
+
+# By what a part must lower the MSE of one model to stay in it, beside what its numbers cost.
+_SOMETHING = 1.1
+# Times the misfit of its own fit, or what matters to nobody: a setting that one model meets worse
+# lies in another valley.
+_STRAINED, _ENOUGH = 4.0, ENOUGH_PERCENT / 100.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Together:
+    """What one model of all settings has told.
+
+    Attributes
+    ----------
+    laws : tuple of JudgedLaw
+        As they were tried.
+    chosen : Tried
+        The law to take, at all settings, with what they have in common equal in all of them.
+    n_eff : float
+        Effective samples of all settings.
+    """
+
+    laws: tuple[JudgedLaw, ...]
+    chosen: Tried
+    n_eff: float
+
+
+@one_blas_thread()
+def told_together(  # noqa: PLR0913 - what a run knows of its settings
+    fits: Sequence[LawFit],
+    evidence: Sequence[SettingLogs],
+    follows: Callable[[Model, Sequence[str]], Follows],
+    *,
+    layouts: Sequence[ValveDamper] = (),
+    solver: SolverOptions,
+    jobs: int,
+    on_law: Callable[[JudgedLaw], None] = lambda _: None,
+) -> Together:
+    """Return the law that settings tell as one model.
+
+    Parameters
+    ----------
+    fits : sequence of LawFit
+        The law that was chosen, of valves, at each setting by itself.
+    evidence : sequence of SettingLogs
+        Their logs, in the same order.
+    follows : callable
+        From a law and what is free to the adjusters that each quantity follows.
+    layouts : sequence of ValveDamper
+        Others that fitted alike.
+    solver : SolverOptions
+        How exactly to integrate.
+    jobs : int
+        Threads.
+    on_law : callable
+        Called with every law that was judged.
+
+    Raises
+    ------
+    SimulationError
+        The law cannot be simulated at all settings at once.
+    """
+    course = _Course(evidence, follows, solver, jobs, on_law)
+    law = course.laid_out(course.first(fits), layouts)
+    chosen = course.enriched(law, course.judged[-1].tried)
+    return Together(tuple(course.judged), chosen, course.n_eff)
+
+
+class _Course:
+    """What has been tried so far."""
+
+    def __init__(
+        self,
+        evidence: Sequence[SettingLogs],
+        follows: Callable[[Model, Sequence[str]], Follows],
+        solver: SolverOptions,
+        jobs: int,
+        on_law: Callable[[JudgedLaw], None],
+    ) -> None:
+        self.evidence = {one.setting: one for one in evidence}
+        self.follows, self.solver, self.jobs, self.on_law = follows, solver, jobs, on_law
+        self.judged: list[JudgedLaw] = []
+        self.n_eff, self.worth = math.nan, dict[str, float]()
+
+    def record(
+        self, tried: Tried, reason: str, *, is_taken: bool, change: str, **said: float
+    ) -> None:
+        """Keep a law that was judged, and say it to who waits for it."""
+        self.judged.append(
+            JudgedLaw(tried, is_taken, reason, change=f"one model: {change}", **said)
+        )
+        self.on_law(self.judged[-1])
+
+    def first(self, fits: Sequence[LawFit]) -> LawOfAll:
+        """A law as one model, from its fits at single settings."""
+        own, freed = fits[0], freed_of(Tried("", tuple(fits)))
+        misfits = {
+            fit.setting: LawMisfit(
+                own.model, self.evidence[fit.setting].fitted, own.free, self.solver
+            ).on_cycles()
+            for fit in fits
+        }
+        apart = {fit.setting: fit.values for fit in fits}
+        one = OneModel(misfits, self.follows(own.model, own.free), {}, self.jobs)
+        one = one.weighed_at(apart, least=_ENOUGH)
+        found = one.best_of(list(one.starts(apart)))
+        values = found.point.extra
+        strained = [
+            100.0 * misfits[fit.setting].cost(values[fit.setting])
+            > _STRAINED * max(fit.mse_percent, ENOUGH_PERCENT)
+            for fit in fits
+        ]
+        if not any(strained):  # else the setting that is met worst would count least
+            one = one.weighed_at(values)
+            found = one.descend(values)
+        return LawOfAll(cast("ValveDamper", own.model), freed, one, found)
+
+    def laid_out(self, law: LawOfAll, layouts: Sequence[ValveDamper]) -> LawOfAll:
+        """The law in the layout that one model tells."""
+        best, tried = law, self.tried(law)
+        self.n_eff = effective_samples(tried, list(self.evidence.values()))
+        others = [] if not tried.leaves_something else layouts
+        for layout in others:
+            try:
+                other = self.first(self.apart(laid_out_as(law.damper, layout), law))
+                one = self.tried(other)
+            except SimulationError:
+                continue
+            if one.score < tried.score and not are_alike(one, tried):
+                reason = said_of_layout(one, tried, is_alone=False, is_near=False)
+                self.record(tried, reason, is_taken=False, change="layout")
+                best, tried = other, one
+            else:
+                is_near = are_alike(tried, one)
+                reason = said_of_layout(tried, one, is_alone=False, is_near=is_near)
+                self.record(one, reason, is_taken=False, change="layout")
+        self.record(
+            tried, "the law as one model of all settings", is_taken=True, change="as it was chosen"
+        )
+        return best
+
+    def apart(self, damper: ValveDamper, law: LawOfAll) -> list[LawFit]:
+        """Another layout at each setting by itself."""
+        freed = had_by(damper, law.freed)
+
+        def fit(one: SettingLogs) -> LawFit:
+            return fit_law(damper, one, freed=freed, solver=self.solver, is_whole=False)
+
+        with executor(self.jobs) as pool:
+            return list(pool.map(fit, self.evidence.values()))
+
+    def tried(self, law: LawOfAll) -> Tried:
+        """The law at every setting, on the whole logs."""
+        errors = law.one.errors(law.minimum)
+
+        def at(setting: Setting) -> LawFit:
+            return fit_at(
+                replace(law.one.misfits[setting], solver=self.solver, cycles=None),
+                self.evidence[setting],
+                law.values[setting],
+                evaluations=law.minimum.evaluations,
+                undetermined=tuple(
+                    one.name
+                    for one, error in errors.items()
+                    if one.holds_at(setting) and error > math.log(UNDETERMINED)
+                ),
+            )
+
+        with executor(self.jobs) as pool:
+            fits = tuple(pool.map(at, law.one.settings))
+        return Tried(in_words(law.damper, law.freed), fits)
+
+    def enriched(self, law: LawOfAll, tried: Tried) -> Tried:
+        """The law with what one model needs."""
+        if not tried.leaves_something:
+            return tried
+        core, own = without_kinds(law.damper)
+        law = replace(law, parts=own)
+        try:
+            rich = self.with_all(core, law)
+        except SimulationError:
+            return tried
+        best = self.tried(rich)
+        gain = tried.mse_percent / max(best.mse_percent, 1e-300)
+        reason = "what it does not need is taken out again"
+        self.record(best, reason, is_taken=False, change="with everything", gain=gain)
+        rich, best = self.thinned(core, law, rich, best)
+        rich, best = self.cheaper(core, law, tried, rich, best)
+        added = [one.words for one in rich.parts if one not in own]
+        gone = [one.words for one in own if one not in rich.parts]
+        if not added:
+            return tried
+        verdict = self.held_against(law, tried, rich, best, least_gain=GAIN)
+        change = f"with {', '.join(added)}" + (f", without {', '.join(gone)}" if gone else "")
+        self.record(
+            best, verdict.reason, is_taken=verdict.takes_larger, change=change,
+            gain=verdict.gain, bic=verdict.bic,
+        )  # fmt: skip
+        return best if verdict.takes_larger else tried
+
+    def with_all(self, core: ValveDamper, law: LawOfAll) -> LawOfAll:
+        """The law with all that it may have; of what excludes each other what explains most."""
+        offered: list[CommonPart] = []
+        for stroke in ("rebound", "compression"):
+            kinds = blow_off_kinds(stroke)
+            beside = [one for one in law.parts if one not in kinds]
+            offered += self.best_part(core, law, beside, kinds)
+        offered += self.best_part(core, law, law.parts, turning_kinds())
+        offered += other_parts(law.damper, law.freed)
+        kept: list[CommonPart] = []
+        for one in offered:  # what a damper has, or cannot have beside the others, is none of them
+            if made_of(core, law.freed, [*kept, one]) != made_of(core, law.freed, kept):
+                kept.append(one)
+        looked = self.begun(*made_of(core, law.freed, kept), law)
+        return replace(looked, minimum=looked.one.descend(looked.values), parts=tuple(kept))
+
+    def best_part(
+        self,
+        core: ValveDamper,
+        law: LawOfAll,
+        beside: Sequence[CommonPart],
+        rivals: Sequence[CommonPart],
+    ) -> list[CommonPart]:
+        """That of some parts with which a few steps lead farthest; none where none can be had."""
+        found: list[tuple[float, int]] = []
+        for place, one in enumerate(rivals):
+            damper, freed = made_of(core, law.freed, [*beside, one])
+            if damper == made_of(core, law.freed, beside)[0]:
+                continue
+            try:
+                found.append((self.begun(damper, freed, law).minimum.point.cost, place))
+            except SimulationError:
+                continue
+        return [rivals[min(found)[1]]] if found else []
+
+    def begun(self, damper: ValveDamper, freed: tuple[str, ...], law: LawOfAll) -> LawOfAll:
+        """A few steps from a law, with its new numbers where they start, or small."""
+        free = free_of(damper, freed)
+        one = law.one.of(damper, free, self.follows(damper, free))
+        held = {
+            q.name: q.default
+            for q in damper.quantities
+            if q.default is not None and q.name not in freed
+        }
+        small, full = {}, {}
+        for s, near in law.values.items():
+            start = damper.start(self.evidence[s].fitted, held)[0]
+            known = {n: getattr(near, n) for n in near.names if n in damper.names}
+            # What stands at nothing was held: from there no descent would find it.
+            new = [n for n in free if not known.get(n)]
+            absent = {n: one.misfits[s].absent(n) for n in new}
+            known = {n: x for n, x in known.items() if n not in absent}
+            little = {n: math.sqrt(low * getattr(start, n)) for n, low in absent.items()}
+            small[s], full[s] = start.replace(known | little), start.replace(known)
+        ends = []
+        for at in (full, small):
+            try:
+                ends.append(one.look(one.with_common(at)))
+            except SimulationError:
+                continue
+        if not ends:
+            raise SimulationError(f"{damper.name} cannot be simulated with more parts.")
+        return LawOfAll(damper, freed, one, min(ends, key=lambda end: end.point.cost))
+
+    def thinned(
+        self, core: ValveDamper, law: LawOfAll, rich: LawOfAll, best: Tried
+    ) -> tuple[LawOfAll, Tried]:
+        """Without what is not worth its numbers, the loosest part first."""
+        for part in rich.by_looseness(core):
+            found = self.without(core, law, rich, part)
+            if found is None:
+                continue
+            small, less = found
+            verdict = self.held_against(small, less, rich, best, least_gain=_SOMETHING)
+            self.record(
+                less, verdict.reason, is_taken=False, change=f"without {part.words}",
+                gain=verdict.gain, bic=verdict.bic,
+            )  # fmt: skip
+            self.worth[part.words] = verdict.bic
+            if not verdict.takes_larger:
+                rich, best = small, less
+        return rich, best
+
+    def cheaper(
+        self, core: ValveDamper, law: LawOfAll, tried: Tried, rich: LawOfAll, best: Tried
+    ) -> tuple[LawOfAll, Tried]:
+        """Without one part after the other, while all together cost more than they are worth.
+
+        Each of two parts may be needed beside the other, and one of them do for both.
+        """
+        while rich.parts:
+            verdict = self.held_against(law, tried, rich, best, least_gain=GAIN)
+            if verdict.takes_larger or verdict.bic > 0.0:
+                break
+            part = min(rich.parts, key=lambda one: self.worth.get(one.words, math.inf))
+            found = self.without(core, law, rich, part)
+            if found is None:
+                break
+            rich, best = found
+        return rich, best
+
+    def held_against(
+        self, small: LawOfAll, less: Tried, large: LawOfAll, more: Tried, *, least_gain: float
+    ) -> Verdict:
+        """Whether the larger of two laws is taken: it must not lose what the smaller one tells."""
+        price = OfOneModel(large.n_unknowns - small.n_unknowns, least_gain)
+        verdict = judged(less, more, self.n_eff, of_one_model=price)
+        lost = lost_with(less, more)
+        if not verdict.takes_larger or not lost:
+            return verdict
+        return replace(
+            verdict, takes_larger=False, reason=f"with it the logs no longer determine {lost}"
+        )
+
+    def without(
+        self, core: ValveDamper, law: LawOfAll, rich: LawOfAll, part: CommonPart
+    ) -> tuple[LawOfAll, Tried] | None:
+        """The law without a part, from where it is and, where that seems to lack it, from afar."""
+        left = tuple(one for one in rich.parts if one is not part)
+        damper, freed = made_of(core, rich.own_freed, left)
+        free = free_of(damper, freed)
+        one = rich.one.of(damper, free, self.follows(damper, free))
+        at = {s: values_of_less(damper, free, values) for s, values in rich.values.items()}
+        try:
+            end = one.descend(one.with_common(at))
+            if end.point.cost > GAIN * rich.minimum.point.cost:
+                other = one.descend(self.begun(damper, freed, law).values)
+                end = min(end, other, key=lambda end: end.point.cost)
+            small = LawOfAll(damper, freed, one, end, left)
+            return small, self.tried(small)
+        except SimulationError:
+            return None

@@ -1,0 +1,297 @@
+"""One model of all settings is offered what single settings cannot tell; it keeps what it needs."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from damperfit.conditioning import condition
+from damperfit.damper.mounting import FIT, Mounting
+from damperfit.damper.network import Valve
+from damperfit.errors import SimulationError
+from damperfit.identification.law_misfit import LawMisfit
+from damperfit.identification.unknowns import Unknown
+from damperfit.laws import LawFit, SettingLogs, Tried, judged, law_of_all, together
+from damperfit.laws.choosing import OfOneModel
+from damperfit.laws.common_parts import made_of, other_parts, turning_kinds, without_kinds
+from damperfit.laws.law_fit import fit_at
+from damperfit.laws.law_of_all import lost_with
+from damperfit.laws.one_model import OneModel
+from damperfit.laws.variants import BOTH
+from damperfit.recording import Recording
+from damperfit.simulation import SolverOptions, simulate
+from damperfit.tested.setting import Setting
+from tests.laws.valve_logs import VALUES, damper, moved
+
+PLAIN = replace(damper(), rebound=BOTH, compression=BOTH, mounting=Mounting(FIT))
+PORT = replace(PLAIN, rebound=Valve("orifice", "port"))
+SOLVER = SolverOptions(tolerance=0.01)
+BLEEDS, OPENINGS = {6: 7e4, 14: 2.5e4}, {1: 2.5e5, 3: 6e5}
+AT = [Setting((("l", low), ("h", high))) for low, high in ((6, 1), (6, 3), (14, 1))]
+
+
+def values_at(model, setting: Setting, **more: float):
+    (_, low), (_, high) = setting.places
+    own = {
+        "rebound_bleed": BLEEDS[low], "compression_bleed": 0.9 * BLEEDS[low],
+        "rebound_opening": OPENINGS[high], "compression_opening": 0.8 * OPENINGS[high],
+    }  # fmt: skip
+    known = VALUES | own | {"rebound_port": 9e3} | more
+    return model.values({name: known[name] for name in model.names if name in known})
+
+
+def logs_of(model, **more: float) -> list[SettingLogs]:
+    """1 N of noise, one speed."""
+    motion, found = moved((0.14,), cycles=3), []
+    for seed, setting in enumerate(AT):
+        noise = np.random.default_rng(seed)
+        force = simulate(values_at(model, setting, **more), model, motion).force
+        time = motion.interval * np.arange(len(force))
+        force = force + noise.normal(0.0, 1.0, len(force))
+        log = Recording(f"{seed}.csv", "", "", setting, time, motion.displacement, force)
+        found.append(SettingLogs(setting, (condition(log),)))
+    return found
+
+
+def follows(model, free):
+    turned = {"bleed": ("l",), "leak": ("l",), "opening": ("h",)}
+    found = {name: turned.get(name.partition("_")[2], ()) for name in free}
+    return found | {name: ("l", "h") for name in free if model.quantity(name).is_offset}
+
+
+def apart(logs: list[SettingLogs], **wrong: float) -> list[LawFit]:
+    """What single settings have found of the plain law."""
+    free = tuple(one.name for one in PLAIN.quantities if one.default is None)
+    return [
+        fit_at(
+            LawMisfit(PLAIN, one.fitted, free, SOLVER),
+            one, values_at(PLAIN, one.setting, **wrong), evaluations=1,
+        )
+        for one in logs
+    ]  # fmt: skip
+
+
+def with_port() -> together.Together:
+    logs = logs_of(PORT)
+    return together.told_together(apart(logs), logs, follows, solver=SOLVER, jobs=1)
+
+
+def check_port(found: together.Together) -> None:
+    """The port that all settings have in common is found, and nothing else."""
+    chosen = found.chosen
+    assert chosen.title == (
+        "through flow: bleed and port blow-off in rebound, bleed and blow-off in bump; elastic "
+        "mounting"
+    )
+    numbers = {fit.values.rebound_port for fit in chosen.fits}
+    assert len(numbers) == 1
+    assert numbers.pop() == pytest.approx(9e3, rel=0.05)
+    assert chosen.mse_percent < 0.01
+    assert max(fit.worst_force_percent for fit in chosen.fits) < 1.0
+    changes = [one.change for one in found.laws]
+    assert changes[:2] == ["one model: as it was chosen", "one model: with everything"]
+    assert changes[-1] == "one model: with a port behind the blow-off in rebound"
+    assert [one.change for one in found.laws if one.is_taken] == [changes[0], changes[-1]]
+    assert found.laws[-1].gain > 10.0
+    refused = found.laws[2]
+    assert refused.change.startswith("one model: without ")
+    assert "only; 1.1 is required" in refused.reason or "too little" in refused.reason
+    assert found.n_eff >= 60.0
+
+
+def test_a_part_that_all_settings_have_in_common_is_found_and_told(monkeypatch) -> None:
+    monkeypatch.setattr(together, "other_parts", lambda *_: [])
+    monkeypatch.setattr(together, "turning_kinds", list)
+    check_port(with_port())
+
+
+@pytest.mark.slow
+def test_of_all_parts_only_that_is_kept_which_is_needed() -> None:
+    found = with_port()
+    check_port(found)
+    assert len(found.laws) > 12
+
+
+def test_a_law_that_leaves_nothing_is_offered_nothing() -> None:
+    logs = logs_of(PLAIN)
+    found = together.told_together(apart(logs, f_f=25.0), logs, follows, solver=SOLVER, jobs=1)
+    assert [one.change for one in found.laws] == ["one model: as it was chosen"]
+    assert found.chosen.fits[0].values.f_f == pytest.approx(20.0, rel=0.05)
+
+
+def test_one_setting_in_a_wrong_valley_does_not_spoil_the_model() -> None:
+    """In bump bleed and blow-off have changed places at one setting."""
+    logs = logs_of(PLAIN)
+    fits = apart(logs)
+    wrong = {"compression_bleed": 4e5, "compression_opening": 2e4}
+    fits[0] = replace(fits[0], values=fits[0].values.replace(wrong))
+    found = together.told_together(fits, logs, follows, solver=SOLVER, jobs=1).chosen
+    assert found.mse_percent < 0.02
+    assert found.fits[0].values.compression_opening == pytest.approx(2e5, rel=0.05)
+
+
+def law(mse: float, *, force: float = 0.5, held: float = math.nan, **more: object) -> Tried:
+    fit = LawFit(
+        setting=AT[0], model=PORT, values=values_at(PORT, AT[0]), free=("f_f", "rebound_port"),
+        at_bound=(), mse_percent=mse, stretches=(mse,), held_out_percent=held, held_out="logs",
+        residuals=(), evaluations=1, worst_force_percent=force,
+    )  # fmt: skip
+    return Tried("law", (replace(fit, **more), replace(fit, **more)))
+
+
+@pytest.mark.parametrize(("small", "large", "n_more", "is_taken"), [
+    (law(0.149), law(0.1), 1, False),
+    (law(0.151), law(0.1), 1, True),
+    (law(0.0127, force=1.49), law(0.01, force=1.0), 1, False),
+    (law(0.0127, force=1.51), law(0.01, force=1.0), 1, True),
+    (law(0.0127, force=1.51), law(0.01, force=1.0), 4, False),  # four numbers cost more
+    (law(0.2, held=0.01), law(0.1, held=0.054), 1, True),
+    (law(0.2, held=0.01), law(0.1, held=0.056), 1, False),
+])  # fmt: skip
+def test_one_model_takes_what_an_mse_or_a_force_needs(small, large, n_more, is_taken) -> None:
+    verdict = judged(small, large, 60.0, of_one_model=OfOneModel(n_more))
+    assert verdict.takes_larger is is_taken
+
+
+@pytest.mark.parametrize(("more", "lost"), [
+    ({"at_bound": ("f_f",)}, "friction at setting"),
+    ({"undetermined": ("f_f",)}, ""),
+    ({"undetermined": ("f_f",), "values": values_at(PORT, AT[0], f_f=20.0 / 9.9)}, ""),
+    ({"undetermined": ("f_f",), "values": values_at(PORT, AT[0], f_f=20.0 / 10.1)}, "friction at"),
+    ({"values": values_at(PORT, AT[0], f_f=1.0)}, ""),
+    ({"free": ("rebound_port",)}, ""),
+])  # fmt: skip
+def test_a_number_that_runs_away_beside_a_part_is_lost(more, lost) -> None:
+    assert lost_with(law(0.2), law(0.1, **more)).startswith(lost)
+    assert bool(lost_with(law(0.2), law(0.1, **more))) is bool(lost)
+
+
+def test_what_is_lost_already_or_to_its_own_laminar_part_is_not_lost() -> None:
+    gone = law(0.1, at_bound=("f_f",))
+    assert not lost_with(gone, gone)
+    long = replace(PORT, rebound=Valve("long", "port"))
+    free = ("rebound_bleed", "rebound_leak")
+    large = law(0.1, model=long, free=free, at_bound=("rebound_bleed",))
+    assert not lost_with(law(0.2, free=("rebound_bleed",)), large)
+
+
+def test_parts_exclude_each_other_and_leave_what_is_there() -> None:
+    core, own = without_kinds(PORT)
+    assert core == PLAIN
+    assert made_of(core, (), own) == (PORT, ())
+    turning = turning_kinds()
+    assert made_of(core, (), turning) == made_of(core, (), turning[:1])
+    offered = list(other_parts(PLAIN, ("drag",)))
+    assert all("drag" not in one.freed for one in offered)
+    model, freed = made_of(core, ("drag",), offered)
+    assert freed == ("drag", "return_slope", "free_gas")
+    assert (model.rebound.bleed, model.compression.bleed) == ("long", "long")
+
+
+def course(monkeypatch, worth: dict[str, float], failing: str) -> together._Course:
+    """A course whose laws are named parts, each of some worth."""
+    steps = together._Course([], follows, SOLVER, 1, lambda _: None)
+    steps.worth.update(worth)
+
+    def without(_core, _law, rich, part):
+        left = SimpleNamespace(parts=tuple(one for one in rich.parts if one is not part))
+        return None if part.words == failing else (left, left)
+
+    def held_against(_small, _less, large, _more, *, least_gain):
+        assert least_gain == 1.5
+        bic = sum(worth[one.words] for one in large.parts)
+        return SimpleNamespace(takes_larger=False, bic=bic)
+
+    monkeypatch.setattr(steps, "without", without)
+    monkeypatch.setattr(steps, "held_against", held_against)
+    return steps
+
+
+@pytest.mark.parametrize(("worth", "failing", "left"), [
+    ({"a": 3.0, "b": -5.0, "c": 1.0}, "", "ac"),
+    ({"a": 3.0, "b": -1.0, "c": 1.0}, "", "abc"),
+    ({"a": -3.0, "b": -5.0}, "", ""),
+    ({"a": 3.0, "b": -5.0}, "b", "ab"),
+])  # fmt: skip
+def test_parts_go_until_all_together_are_worth_their_numbers(
+    monkeypatch, worth, failing, left
+) -> None:
+    parts = tuple(SimpleNamespace(words=name) for name in worth)
+    rich = SimpleNamespace(parts=parts)
+    found, _ = course(monkeypatch, worth, failing).cheaper(PLAIN, None, None, rich, rich)
+    assert "".join(one.words for one in found.parts) == left
+
+
+def test_a_law_that_cannot_be_simulated_at_all_settings_is_said_to_be_so(monkeypatch) -> None:
+    def refused(*_):
+        raise SimulationError("no")
+
+    logs = logs_of(PLAIN)
+    fits = apart(logs)
+    monkeypatch.setattr(OneModel, "descend", refused)
+    with pytest.raises(SimulationError, match="at all settings at once"):
+        together.told_together(fits, logs, follows, solver=SOLVER, jobs=1)
+
+
+def test_the_returns_are_asked_first() -> None:
+    core, _ = without_kinds(PLAIN)
+    offered = list(other_parts(PLAIN, ()))
+    model, freed = made_of(core, (), offered)
+    errors = {Unknown(name): 9.0 if name == "drag" else 0.1 for name in model.names}
+    one = SimpleNamespace(errors=lambda _: errors)
+    found = law_of_all.LawOfAll(model, freed, one, None, tuple(offered)).by_looseness(core)
+    assert [part.freed for part in found[:2]] == [("return_slope",), ("drag",)]
+
+
+def test_of_few_settings_every_order_is_a_start_of_many_each_first() -> None:
+    free = ("rebound_bleed", "f_0")
+    for n, starts in ((3, 7), (4, 5), (9, 7)):
+        at = [Setting((("l", low), ("h", 1))) for low in range(n)]
+        model = OneModel(
+            dict.fromkeys(at, SimpleNamespace(model=PLAIN, free=free)), {"f_0": ("l", "h")},
+            {one: float(place) for place, one in enumerate(at)},
+        )  # fmt: skip
+        values = {
+            one: values_at(PLAIN, AT[0], rebound_bleed=1e4 * (k + 1)) for k, one in enumerate(at)
+        }
+        found = [next(iter(one.values())).rebound_bleed for one in model.starts(values)]
+        assert len(found) == starts
+        if n > 3:  # those that are met best come first
+            assert found[1:] == [1e4 * k for k in range(n, 0, -1)][: starts - 1]
+
+
+@pytest.mark.parametrize(("times", "n_weighed"), [(3.99, 2), (4.01, 1)])
+@pytest.mark.parametrize("own", [0.001, 0.05])
+def test_a_setting_in_another_valley_keeps_its_weight(monkeypatch, own, times, n_weighed) -> None:
+    """Weighed by what is left there it would count least."""
+    weighed = []
+
+    class Model:
+        def __init__(self, misfits, *_) -> None:
+            self.misfits = misfits
+
+        def weighed_at(self, *_, **said):
+            weighed.append(said)
+            return self
+
+        def starts(self, apart):
+            return [apart]
+
+        def best_of(self, starts):
+            return SimpleNamespace(point=SimpleNamespace(extra=starts[0]))
+
+        def descend(self, at):
+            return self.best_of([at])
+
+    left = times * max(own, 0.02) / 100.0
+    misfit = SimpleNamespace(cost=lambda _: left)
+    monkeypatch.setattr(together, "OneModel", Model)
+    monkeypatch.setattr(together, "LawMisfit", lambda *_: SimpleNamespace(on_cycles=lambda: misfit))
+    logs = [SettingLogs(AT[0], ())]
+    steps = together._Course(logs, follows, SOLVER, 1, lambda _: None)
+    steps.first([law(own).fits[0]])
+    assert weighed == [{"least": 2e-4}, {}][:n_weighed]
