@@ -64,19 +64,15 @@ def unstrained(
     }
     starts = [_from_first(problem, apart, order) for order in _orders(problem.settings, least)]
     costs = [(_cost(laws, start), place) for place, start in enumerate(starts)]
-    best, spent, seen = solution, solution.evaluations, list[float]()
-    for cost, place in sorted(costs):
-        if cost in seen or math.isinf(cost):
-            continue
-        seen.append(cost)
+    best, spent = solution, solution.evaluations
+    tried = {cost: place for cost, place in sorted(costs, reverse=True) if math.isfinite(cost)}
+    for cost in sorted(tried)[:_FOLLOWED]:
         try:
-            again = fit_jointly(problem, starts[place])
+            again = fit_jointly(problem, starts[tried[cost]])
         except SettingError:
             continue
         spent += again.evaluations
         best = min(best, again, key=_missed)
-        if len(seen) == _FOLLOWED:
-            break
     return replace(best, evaluations=spent)
 
 

@@ -9,6 +9,7 @@ import pytest
 from damperfit.damper.valve_dampers import TwinTube
 from damperfit.errors import SimulationError
 from damperfit.identification import joint_restarts
+from damperfit.identification.failures import SettingError, SettingFailure
 from damperfit.identification.joint_fit import JointProblem, JointSolution
 from damperfit.tested.setting import Setting
 
@@ -47,7 +48,7 @@ def solved(percent: float) -> JointSolution:
     )  # fmt: skip
 
 
-def restarted(monkeypatch, percent: float, again: float, least: float = 1e-3):
+def restarted(monkeypatch, percent: float, again: float, least: float = 1e-3, *, fails: int = 0):
     """What comes of a joint fit that misses by so much, and the starts that were followed."""
     misfit = SimpleNamespace(
         damper=MODEL, traces=(), free=SHARED, solver=None, deviation=10.0, whole=None
@@ -57,6 +58,8 @@ def restarted(monkeypatch, percent: float, again: float, least: float = 1e-3):
 
     def fitted(_, start):
         followed.append(start)
+        if len(followed) <= fails:
+            raise SettingError(SettingFailure(SOFT, "SimulationError", "no"))
         return solved(again)
 
     monkeypatch.setattr(joint_restarts, "LawMisfit", Law)
@@ -73,6 +76,15 @@ def test_the_start_that_meets_all_settings_is_followed_first(monkeypatch) -> Non
     assert len(followed) == 2
     assert found.mean_squares[SOFT] == 0.01
     assert found.evaluations == 21
+
+
+def test_behind_a_start_that_fails_the_next_is_followed(monkeypatch) -> None:
+    found, followed = restarted(monkeypatch, 0.2, 0.01, fails=1)
+    assert len(followed) == 2
+    assert found.mean_squares[SOFT] == 0.01
+    assert found.evaluations == 14
+    found, followed = restarted(monkeypatch, 0.2, 0.01, fails=2)
+    assert (len(followed), found.mean_squares[SOFT], found.evaluations) == (2, 0.2, 7)
 
 
 def test_what_ends_no_better_is_left(monkeypatch) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
+from zlib import crc32
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from damperfit.identification import (
     FitOptions,
     Outcome,
     Status,
+    descent,
     evaluation,
     following,
     joint_fit,
@@ -202,6 +204,28 @@ def test_two_starts_are_searched_where_something_is_free(monkeypatch, starts, fr
     monkeypatch.setattr(multistart, "search", lambda *found, n_starts: (found[2], n_starts))
     given = SimpleNamespace(options=SimpleNamespace(starts=starts))
     assert multistart.fit_from(given, 9, SimpleNamespace(free=free), "start") == ("first", asked)
+
+
+@pytest.mark.parametrize(
+    ("place", "seed"), [(9, 9), (0, 0), (-1, crc32(b"-1")), ("soft", crc32(b"soft"))]
+)
+def test_a_click_is_its_own_seed_and_a_word_has_one(place, seed) -> None:
+    assert multistart._seed_of(Setting.of(place)) == seed
+
+
+def test_what_a_first_descent_has_spent_a_second_lacks(monkeypatch) -> None:
+    """On the mean cycle a descent goes on after a step that was not promised."""
+    allowed = []
+
+    def minimised(given, start, **_):
+        allowed.append(given.max_evaluations)
+        return SimpleNamespace(status=1, evaluations=30, failed_trials=0, parameters=start,
+                               after=lambda *more: more)  # fmt: skip
+
+    monkeypatch.setattr(descent, "_minimise", minimised)
+    monkeypatch.setattr(descent, "promised_step", lambda *_, **__: None)
+    assert descent._on_cycles(misfit(), TRUTH) == (30, 0)
+    assert allowed == [100, 70]
 
 
 # The paper's first pass

@@ -19,12 +19,13 @@ from damperfit.uncertainty.flaws import (
     _FLAWS,
     Hint,
     _as_stiffness,
+    _held_flaw,
     _is_reasonable,
     seek_flaws,
 )
 from damperfit.uncertainty.intervals import linearise_settings
 from damperfit.uncertainty.residuals import Diagnosis, _fits_skew, _sentence, _warned, reconciled
-from damperfit.uncertainty.yielding import YIELDS, held_share
+from damperfit.uncertainty.yielding import YIELDS, _shares, held_share
 from tests.identification import adjusted
 from tests.identification.rig import recording, short_trace
 
@@ -261,3 +262,30 @@ def test_of_a_law_that_does_not_fit_no_held_value_is_the_cause(mse: float, *, is
     residuals = one.logs[0].residuals
     hints = seek_flaws(missed, float(np.mean(residuals**2)))
     assert ("r_m3" in {hint.name for hint in hints}) is is_named
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_tenth_of_the_speed_is_that_of_the_faster_stroke(sign, monkeypatch) -> None:
+    asked = []
+
+    def passed(_, __, speeds, *, sign):
+        asked.append((sign, speeds))
+        return None, np.full((2, 1, 1), sign * 30.0), None
+
+    monkeypatch.setattr("damperfit.uncertainty.yielding.at_speeds", passed)
+    velocity = sign * np.array([-0.1, 0.0, 0.4])
+    assert _shares(velocity, np.array([[0.0, 50.0, 120.0]])) == pytest.approx(0.5)
+    assert asked == [(1.0, (pytest.approx(0.04),)), (-1.0, (pytest.approx(0.04),))]
+
+
+@pytest.mark.parametrize(
+    ("is_shared", "family", "words"),
+    [
+        (False, "a held parameter", "r_m3 held at a wrong value, too low"),
+        (True, "a shared parameter", "r_m3 is shared by all settings and here too low"),
+    ],
+)
+def test_a_parameter_that_was_not_fitted_is_named_with_whose_it_is(is_shared, family, words):
+    flaw = _held_flaw("r_m3", is_shared=is_shared)
+    assert (flaw.name, flaw.family, flaw.words(1.0)) == ("r_m3", family, words)
+    assert flaw.words(-1.0) == words.replace("low", "high")
