@@ -9,7 +9,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from damperfit.adjustment import Sine, find_trends, named_speeds, selection, trends, which_setting
+from damperfit.adjustment import (
+    Sine,
+    find_trends,
+    forces,
+    named_speeds,
+    selection,
+    trends,
+    which_setting,
+)
 from damperfit.adjustment.curves import LEAST_SCATTER, Points, fit_curve, scatter_of
 from damperfit.adjustment.forces import fastest_sine
 from damperfit.adjustment.selection import (
@@ -22,6 +30,7 @@ from damperfit.adjustment.selection import (
     choose,
 )
 from damperfit.adjustment.trends import _usual_scatter
+from damperfit.errors import SimulationError
 from damperfit.statistics import student_quantile
 from tests.adjustment import made_up_trends
 from tests.adjustment.test_wanted import forces_by_click
@@ -370,3 +379,22 @@ def test_a_curve_is_drawn_at_whole_clicks_and_at_the_settings_and_ends_with_the_
     drawn = trends._curve_points(tested, curve)
     assert [one.setting for one in drawn] == [1, 2, 3, 4, 5, 5.5]
     assert [one.found is None for one in drawn] == [False] * 4 + [True, False]
+
+
+@pytest.mark.parametrize(("frequency", "lead"), [(1.5, 0.5), (2.0, 0.5), (4.0, 1.0), (12.0, 3.0)])
+def test_a_level_settles_for_half_a_cycle_or_a_quarter_of_a_second(
+    monkeypatch, frequency, lead
+) -> None:
+    asked = []
+
+    def simulated(_, __, motion, *, options, **___):
+        asked.append((motion, options))
+        raise SimulationError("no")
+
+    monkeypatch.setattr(forces, "simulate", simulated)
+    stage = SimpleNamespace(setting=1, parameters=None, own=(), shared=())
+    forces.levels([stage], None, Sine(0.01, frequency), speeds=(0.1,))
+    ((motion, solver),) = asked
+    assert solver.settling == pytest.approx(lead / frequency)
+    n = len(motion.displacement) - 1
+    assert n == pytest.approx((1.0 + lead) * forces._SAMPLES_PER_CYCLE, abs=1)
