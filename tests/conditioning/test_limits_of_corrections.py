@@ -9,7 +9,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from damperfit.conditioning import corrections, polarity, refusals, rig_filter, skew, timebase
+from damperfit.conditioning import (
+    corrections,
+    gas_force,
+    polarity,
+    refusals,
+    rig_filter,
+    skew,
+    timebase,
+)
 from damperfit.conditioning.gas_force import ForceLevel
 from damperfit.conditioning.options import MAX_SKEW, ConditionOptions
 from damperfit.conditioning.skew import Skew, estimate_skew
@@ -27,6 +35,18 @@ def level(force: float, uncertainty: float = 0.0, *, rebound: float = 0.1, bump:
 
 
 # Tare, mid-stroke and signs
+
+
+@pytest.mark.parametrize(
+    ("corner", "harmonics"), [(31.0, 20.7), (30.0, 20.0), (29.0, 19.3), (15.0, 10.0)]
+)
+def test_a_filter_that_passes_twenty_harmonics_takes_nothing_off_the_turns(
+    corner, harmonics
+) -> None:
+    trace = cycles(4)
+    assert trace.frequency == 1.5
+    lost = 0.15 * max(1.0 / harmonics - 0.05, 0.0)
+    assert gas_force._lost_at_turns(trace, corner) == pytest.approx(lost, rel=0.05, abs=1e-12)
 
 
 @pytest.mark.parametrize(("uncertainty", "said"), [(34.0, "gas force present"), (36.0, "cannot")])

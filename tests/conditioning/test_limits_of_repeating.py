@@ -62,6 +62,32 @@ def test_three_whole_cycles_make_a_test(n, suffices) -> None:
             compared_part._window("a.csv", log, found, 0)
 
 
+def test_a_whole_cycle_may_begin_in_mid_cycle() -> None:
+    """Between run-in and edges there is one crossing each way, and room for a cycle."""
+    rising = 100.0 * np.arange(4)
+    found = cycles.Cycles(rising, rising[:-1] + 50.0, 100.0, 0.0, 1.0, 3)
+    log = SimpleNamespace(force=np.zeros(310), interval=0.01, displacement=np.arange(310.0))
+    assert compared_part._window("a.csv", log, found, 51).tolist() == [151.0, 251.0]
+    with pytest.raises(ConditioningError, match="no whole steady cycle is left"):
+        compared_part._window("a.csv", log, found, 55)
+
+
+@pytest.mark.parametrize(("n", "suffices"), [(2, False), (3, True)])
+def test_a_short_run_in_the_middle_of_a_log_has_three_cycles(n, suffices, monkeypatch) -> None:
+    run = SimpleNamespace(stretch=SimpleNamespace(kind="steady"))
+    for name, answer in (
+        ("behind_filter", "seen"), ("_cycles", None), ("_edges", EDGES), ("_edge", 5),
+        ("_is_one_run", False), ("_one_run", None), ("_several", ((run,), n)), ("_kept", "kept"),
+    ):  # fmt: skip
+        monkeypatch.setattr(compared_part, name, lambda *_, answer=answer, **__: answer)
+    log = SimpleNamespace(force=np.zeros(350), interval=0.01, displacement=np.arange(350.0))
+    if suffices:
+        assert compared_part.choose_compared("a.csv", log, OPTIONS) == "kept"
+    else:
+        with pytest.raises(ConditioningError, match="found 0 whole steady cycles"):
+            compared_part.choose_compared("a.csv", log, OPTIONS)
+
+
 # A log continued by its own cycles
 
 
@@ -240,6 +266,10 @@ def test_a_shove_between_two_motions_does_not_end_the_search() -> None:
     shove = one[-1] + np.concatenate([np.zeros(80), np.linspace(0.0, 0.5, 40), np.full(80, 0.5)])
     first, second = moved(np.concatenate([one, shove, shove[-1] + 1.0 + swings(20)]))
     assert first.stretch.stop <= len(one) < len(one) + len(shove) <= second.stretch.first
+    # What the log does not hold may have been the same motion.
+    assert (first.begin, second.end) == (-math.inf, math.inf)
+    assert first.stretch.stop <= first.end <= len(one) + 1
+    assert len(one) + 199 <= second.begin <= second.stretch.first
 
 
 # Passages and runs
