@@ -88,6 +88,19 @@ def test_a_short_run_in_the_middle_of_a_log_has_three_cycles(n, suffices, monkey
             compared_part.choose_compared("a.csv", log, OPTIONS)
 
 
+@pytest.mark.parametrize("at", [0, -1])
+@pytest.mark.parametrize(("off", "is_of_it"), [(0.0, True), (30.0, False), (-30.0, False)])
+def test_a_passage_beside_a_run_is_of_it_where_it_is_a_cycle_off(at, off, is_of_it) -> None:
+    rising = 100.0 * np.arange(1, 5)
+    run = SimpleNamespace(begin=-math.inf, end=math.inf, boundaries=rising, period=100.0)
+    falling = 50.0 + 100.0 * np.arange(5)
+    falling[at] += off
+    kept, begin, end = cycles._of_run(falling, run, 0.05)
+    assert len(kept) == (5 if is_of_it else 4)
+    assert begin == (100.0 if at == 0 and not is_of_it else -math.inf)
+    assert end == (400.0 if at == -1 and not is_of_it else math.inf)
+
+
 # A log continued by its own cycles
 
 

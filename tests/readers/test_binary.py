@@ -247,6 +247,19 @@ def test_tdms_cut_anywhere_is_refused(tmp_path) -> None:
         refusal(put(tmp_path, data[:kept], "a.tdms"))
 
 
+def test_a_cut_tdms_that_is_kept_says_so_and_a_whole_one_does_not(tmp_path) -> None:
+    pytest.importorskip("nptdms")
+    data = binary_logs.tdms(SCENARIO)
+    options = ReadOptions(allow_truncated=True)
+    whole = read_log(put(tmp_path, data, "a.tdms"), options)
+    assert not [one for one in whole.findings if one.name == "truncated"]
+    cut = read_log(put(tmp_path, data[:-16], "b.tdms"), options)
+    (found,) = [one for one in cut.findings if one.name == "truncated"]
+    assert found.severity == "warning"
+    assert found.sentence.startswith("the end of the file is missing: ")
+    assert len(cut.force) < len(whole.force)
+
+
 # MDF
 
 
