@@ -293,6 +293,7 @@ def test_a_cycle_is_drawn_by_forty_four_characters() -> None:
 @pytest.mark.parametrize(("unit", "said"), [("MN/mm", "2 MN/mm"), ("N s2/m", "2e3 N s2/m")])
 def test_a_unit_of_five_letters_has_its_power_in_it(unit, said) -> None:
     assert Scale("R", "", unit, 3, "").say("2") == said
+    assert Scale("R", "", unit, 3, "").short_unit == (unit if len(unit) == 5 else "1e3")
 
 
 @pytest.mark.parametrize(("width", "gap"), [(80, 2), (81, 1)])

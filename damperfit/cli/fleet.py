@@ -206,8 +206,9 @@ def _held_lines(held: HeldFleet | None) -> list[str]:
         f"{point.speed:g} m/s {point.stroke}: {point.words}"
         for point in held.worst[:_MANY]
     ]
-    if len(held.worst) > _MANY:
-        lines.append(f"and {len(held.worst) - _MANY} more dampers; --report lists them")
+    more = len(held.worst) - _MANY
+    if more > 0:
+        lines.append(f"and {more} more damper{'s' * (more > 1)}; --report lists them")
     return [f"tolerance {held.source}: {held.sentence}", *lines]
 
 

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from damperfit.cli.fleet import _collect, _say
+from damperfit.cli.fleet import _collect, _held_lines, _say
 
 
 @pytest.mark.parametrize(("n", "more"), [(20, 0), (21, 1), (22, 2)])
@@ -31,3 +31,24 @@ def test_a_fleet_is_held_against_the_bands_that_are_given(bands, monkeypatch, tm
     held = _collect(tmp_path, bands, is_reported=True, is_quiet=True)
     assert held == (None if bands is None else ("survey", "bands"))
     assert pages == [(tmp_path, "survey", held)]
+
+
+@pytest.mark.parametrize(
+    ("n", "last"),
+    [(20, "SN19, 0.1 m/s bump: off"), (21, "and 1 more damper;"), (23, "and 3 more dampers;")],
+)
+def test_twenty_dampers_outside_of_their_bands_are_told(n, last) -> None:
+    worst = [
+        SimpleNamespace(run=f"SN{k}", setting="", speed=0.1, stroke="bump", words="off")
+        for k in range(n)
+    ]
+    head, *lines = _held_lines(SimpleNamespace(worst=worst, source="a.csv", sentence="no"))
+    assert head == "tolerance a.csv: no"
+    assert len(lines) == min(n, 21)
+    assert lines[-1].startswith(last)
+    (line,) = _held_lines(SimpleNamespace(worst=[replaced(worst[0])], source="", sentence=""))[1:]
+    assert line == "unknown, setting 7, 0.1 m/s bump: off"
+
+
+def replaced(point: SimpleNamespace) -> SimpleNamespace:
+    return SimpleNamespace(**vars(point) | {"run": "", "setting": 7})

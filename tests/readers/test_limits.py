@@ -250,3 +250,15 @@ def test_an_empty_cell_is_no_number_and_a_word_is_none() -> None:
     text.drops_bad_rows = True
     assert "row 3: force is '', expected a finite" in refusal(_number, text, "", "force", "row 3")
     assert np.isnan(_number(text, "", "temperature", "row 3"))
+
+
+@pytest.mark.parametrize(
+    ("channels", "rows", "refused"),
+    [(4, 100, False), (4, 101, True), (0, 400, False), (0, 401, True)],
+)
+def test_a_channel_group_claims_its_rows_in_all_of_its_channels(channels, rows, refused) -> None:
+    group = SimpleNamespace(
+        channels=[None] * channels, channel_group=SimpleNamespace(cycles_nr=rows)
+    )
+    said = refusal(mdf._check_rows, SimpleNamespace(groups=[group]), 3200)
+    assert ("limit of 3200" in said) is refused

@@ -18,6 +18,7 @@ from damperfit.run import air_on_rod
 from damperfit.run.air_on_rod import air_objections
 from damperfit.simulation import simulate, sine_motion
 from damperfit.uncertainty import Assessment, assess
+from tests import fakes
 from tests.identification.rig import recording, short_trace
 from tests.quick_cycles import quick_cycle
 
@@ -115,3 +116,8 @@ def test_what_the_force_at_rest_is_compared_with_knows_the_air():
         trace = condition(recording(10, damper=WITH), options)
         (said,) = [one.sentence for one in trace.findings if one.name == "tare"]
         assert said.endswith(f"the gas force alone is {expected:.0f} N")
+
+
+@pytest.mark.parametrize(("status", "has"), [("fitted", True), ("fixed", False)])
+def test_an_offset_that_is_fitted_takes_the_place_of_the_air(status, has):
+    assert air_on_rod._has_offset(fakes.fit(1, status={"f_0": status})) is has

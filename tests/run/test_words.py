@@ -341,5 +341,6 @@ def test_a_table_of_tests_elsewhere_hides_none_beside_the_log(tmp_path) -> None:
         (True, tables, "most"),
         (True, tables[:1], None),
         (False, tables[:1], "elsewhere"),
+        (False, [tables[0], SimpleNamespace(rows={"a.csv": "as near"})], "elsewhere"),
     ):
         assert Labels.row(SimpleNamespace(is_beside=is_beside, tables=only), log) == row
