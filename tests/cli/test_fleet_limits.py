@@ -35,7 +35,7 @@ def test_a_fleet_is_held_against_the_bands_that_are_given(bands, monkeypatch, tm
 
 @pytest.mark.parametrize(
     ("n", "last"),
-    [(20, "SN19, 0.1 m/s bump: off"), (21, "and 1 more damper;"), (23, "and 3 more dampers;")],
+    [(20, "SN19, 0.1 m/s bump: off"), (21, "and 1 more damper;"), (22, "and 2 more dampers;")],
 )
 def test_twenty_dampers_outside_of_their_bands_are_told(n, last) -> None:
     worst = [

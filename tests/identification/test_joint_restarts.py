@@ -87,6 +87,16 @@ def test_behind_a_start_that_fails_the_next_is_followed(monkeypatch) -> None:
     assert (len(followed), found.mean_squares[SOFT], found.evaluations) == (2, 0.2, 7)
 
 
+def test_a_start_that_cannot_be_simulated_is_not_followed(monkeypatch) -> None:
+    def cost(*_):
+        raise SimulationError("no")
+
+    monkeypatch.setattr(Law, "cost", cost)
+    found, followed = restarted(monkeypatch, 0.2, 0.01)
+    assert not followed
+    assert (found.mean_squares[SOFT], found.evaluations) == (0.2, 7)
+
+
 def test_what_ends_no_better_is_left(monkeypatch) -> None:
     found, followed = restarted(monkeypatch, 0.2, 0.3)
     assert len(followed) == 2
