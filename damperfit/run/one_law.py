@@ -109,11 +109,10 @@ def told_as_one(  # noqa: PLR0913 - what a search has found and who waits for it
         Called with every law that was judged.
     """
     options = configuration.identification
-    is_shared = options.is_detecting or bool(configuration.identification.follows)
     model = search.chosen.fits[0].model
-    if options.procedure != "joint" or not is_shared or search.also or len(fits) < 2:
+    if options.procedure != "joint" or search.also or len(fits) < 2:
         return search, tuple(fits)
-    if not isinstance(model, ValveDamper):
+    if not isinstance(model, ValveDamper) or not _is_shared(configuration, model):
         return search, tuple(fits)
     known = {one.setting: one for one in evidence}
     logs = [known[fit.setting] for fit in fits]
@@ -134,6 +133,18 @@ def told_as_one(  # noqa: PLR0913 - what a search has found and who waits for it
     return told, found.chosen.fits
 
 
+def _is_shared(configuration: Configuration, model: ValveDamper) -> bool:
+    """Whether a joint fit of this model shares what no adjuster moves.
+
+    The configuration's own model, before a law is chosen, may be another: it has other quantities
+    to follow adjusters, and shares others.
+    """
+    if followed(configuration.document["adjusters"], model, is_law_open=True):
+        return True
+    is_said = "identification.share" in configuration.declared
+    return configuration.identification.is_detecting or not is_said
+
+
 def _follows(
     configuration: Configuration,
     fits: Sequence[LawFit],
@@ -150,7 +161,7 @@ def _follows(
         way = declared_way(model, free, {n: who for n, who in said.items() if n in free}, adjusters)
         return _with_own(way, adjusters)
 
-    if configuration.identification.follows:
+    if followed(declared, fits[0].model, is_law_open=True):
         return as_declared
     told = _with_own(_told(configuration, fits, logs, jobs=jobs), adjusters)
 

@@ -32,11 +32,19 @@ def search(model=LAYOUT, **more: object) -> LawSearch:
     return LawSearch((), Tried("law", fits), 30.0, alike=("monotube",), **more)
 
 
-def configuration(procedure: str = "joint", adjusters: object = ADJUSTERS):
-    overlay = {"damper": {"model": "twin_tube"}, "identification": {"procedure": procedure}}
+def configuration(
+    procedure: str = "joint",
+    adjusters: object = ADJUSTERS,
+    *,
+    is_open: bool = False,
+    **more: object,
+):
+    overlay = {"identification": {"procedure": procedure, **more}}
     if procedure == "joint":
         overlay["adjusters"] = adjusters
-    return load_configuration(None, overlay=overlay)
+    if not is_open:
+        overlay["damper"] = {"model": "twin_tube"}
+    return load_configuration(None, overlay=overlay, is_law_open=is_open)
 
 
 def asked(monkeypatch, found: LawSearch, config, n: int = 2):
@@ -74,6 +82,15 @@ def test_the_law_of_one_model_takes_the_place_of_that_of_settings(monkeypatch) -
     }  # fmt: skip
 
 
+@pytest.mark.parametrize("adjusters", [ADJUSTERS, {"l": "", "h": ""}])
+def test_a_damper_whose_model_nobody_has_named_has_one_too(monkeypatch, adjusters) -> None:
+    """Nothing of the paper's model follows an adjuster of valves, and it shares two quantities."""
+    config = configuration(adjusters=adjusters, is_open=True)
+    assert config.damper.name == "purdy"
+    monkeypatch.setattr(one_law, "_told", lambda *_, **__: Way((), (), {}))
+    assert asked(monkeypatch, search(), config)[0][0].is_of_one_model
+
+
 def test_where_the_logs_tell_the_way_new_parts_follow_those_beside_them(monkeypatch) -> None:
     way = Way(("f_0",), ("rebound_bleed", "rebound_slope"), {
         "rebound_bleed": ("l",), "rebound_slope": ("h",)
@@ -88,6 +105,7 @@ def test_where_the_logs_tell_the_way_new_parts_follow_those_beside_them(monkeypa
 
 @pytest.mark.parametrize(("found", "config", "n"), [
     (search(), configuration("plain"), 2),
+    (search(), configuration(adjusters={"l": "", "h": ""}, share=["f_f"]), 2),
     (search(), configuration(), 1),
     (search(also="Bouc-Wen"), configuration(), 2),
     (search(load_configuration(None).damper), configuration(), 2),
