@@ -67,7 +67,11 @@ def offset_facts(damper: Model, named: Collection[str]) -> OffsetFacts:
     named : collection of str
         Those that are freed or held.
     """
-    own = [one.name for one in damper.quantities if not one.is_shared and one.default is None]
+    own = [
+        one.name
+        for one in damper.quantities
+        if not (one.is_shared or one.is_offset) and one.default is None
+    ]
     for one in damper.quantities:
         if one.is_offset:
             is_known = one.default is None or one.name in named

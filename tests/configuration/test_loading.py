@@ -14,6 +14,7 @@ from damperfit.conditioning import ConditionOptions, GasFacts, NominalTest
 from damperfit.configuration.loading import _read, configuration_toml, load_configuration
 from damperfit.configuration.options import offset_facts
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
+from damperfit.damper.valve_dampers import ThroughFlow
 from damperfit.errors import ConfigurationError
 from damperfit.identification import FitOptions, shared_names
 from damperfit.readers import ReadOptions
@@ -26,6 +27,14 @@ def _write(folder: Path, text: str) -> Path:
     path = folder / "rig.toml"
     path.write_text(text, encoding="utf-8")
     return path
+
+
+def test_an_offset_that_is_free_anyway_is_not_named_twice() -> None:
+    """`--free rebound_bleed,...,f_0,f_0` stood in the note of a log of valves."""
+    offset = offset_facts(ThroughFlow(), ())
+    assert offset.name == "f_0"
+    assert "rebound_bleed" in offset.beside
+    assert "f_0" not in offset.beside
 
 
 def test_the_defaults_are_those_of_the_libraries_below() -> None:
