@@ -392,10 +392,8 @@ def export(
 
 def _folder_of(given: object, call: str) -> Path:
     """Return the folder of results, or of the path to them."""
-    if isinstance(given, Result):
-        return given.folder
-    if isinstance(given, str | Path):
-        return Path(given)
+    if isinstance(given, Result | str | Path):
+        return given.folder if isinstance(given, Result) else Path(given)
     raise ConfigurationError(
         f"{call}: found {type(given).__name__}; expected a result, or the path of a results folder"
     )
