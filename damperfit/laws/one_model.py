@@ -48,6 +48,9 @@ _NO_MISFIT = 1e-12
 # What a factor of e costs of a number that no log tells, as a share of what is left at a setting:
 # its root. Without it such numbers run to where a simulation takes longest.
 _HELD = 0.02
+# By what the squares may rise where an opening is lowered that no log reaches, and how near to the
+# least such opening it comes.
+_FREE_OF_COST, _NEAR = 1e-3, 1.02
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -116,10 +119,7 @@ class OneModel:
 
     def cost(self, at: Mapping[Setting, Values]) -> float:
         """Return the weighed sum of squares; infinite where the law cannot be simulated."""
-        try:
-            return sum(w * self.misfits[s].cost(at[s]) for s, w in self.weights.items())
-        except SimulationError:
-            return math.inf
+        return self._cost_of({s: at[s] for s in self.settings})
 
     def with_common(self, at: Mapping[Setting, Values]) -> dict[Setting, Values]:
         """Return values with what settings have in common at the mean of theirs."""
@@ -199,6 +199,42 @@ class OneModel:
             one: error if self.model.quantity(one.name).is_logarithmic else 0.0
             for one, error in zip(self.unknowns, errors.tolist(), strict=True)
         }
+
+    def with_least_openings(self, at: Mapping[Setting, Values]) -> dict[Setting, Values]:
+        """Return values in which a blow-off that no log opens is preloaded as little as they allow.
+
+        Any higher preload fits as well, up to one that no damper has; and clicks that no log has
+        are put together of such numbers.
+        """
+        found = dict(at)
+        for one in self.unknowns:
+            if one.name.endswith("_opening"):
+                own = {s: found[s] for s in self.settings if one.holds_at(s)}
+                least = self._least_of(one.name, own)
+                found |= {s: values.replace({one.name: least}) for s, values in own.items()}
+        return found
+
+    def _least_of(self, name: str, own: Mapping[Setting, Values]) -> float:
+        """The least value that costs next to nothing; as it is where half of it costs something."""
+
+        def costs(value: float) -> float:
+            return self._cost_of({s: one.replace({name: value}) for s, one in own.items()})
+
+        high: float = getattr(next(iter(own.values())), name)
+        enough = (1.0 + _FREE_OF_COST) * costs(high)
+        if not costs(0.5 * high) <= enough:
+            return high
+        low, _ = self.model.quantity(name).plausible
+        while high > _NEAR * low:
+            middle = math.sqrt(low * high)
+            low, high = (low, middle) if costs(middle) <= enough else (middle, high)
+        return high
+
+    def _cost_of(self, some: Mapping[Setting, Values]) -> float:
+        try:
+            return sum(self.weights[s] * self.misfits[s].cost(one) for s, one in some.items())
+        except SimulationError:
+            return math.inf
 
     def look(self, at: Mapping[Setting, Values]) -> Minimum[dict[Setting, Values]]:
         """Descend for a few evaluations.

@@ -216,12 +216,13 @@ class _Course:
     def tried(self, law: LawOfAll) -> Tried:
         """The law at every setting, on the whole logs."""
         errors = law.one.errors(law.minimum)
+        values = law.one.with_least_openings(law.values)
 
         def at(setting: Setting) -> LawFit:
             return fit_at(
                 replace(law.one.misfits[setting], solver=self.solver, cycles=None),
                 self.evidence[setting],
-                law.values[setting],
+                values[setting],
                 evaluations=law.minimum.evaluations,
                 undetermined=tuple(
                     one.name

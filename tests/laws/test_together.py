@@ -264,6 +264,29 @@ def test_of_few_settings_every_order_is_a_start_of_many_each_first() -> None:
             assert found[1:] == [1e4 * k for k in range(n, 0, -1)][: starts - 1]
 
 
+def test_a_blow_off_that_no_log_opens_is_preloaded_as_little_as_they_allow() -> None:
+    """Which is seen where the squares are a thousandth more, at 10 bar; a lower one stays."""
+    asked = []
+
+    def cost(values) -> float:
+        asked.append(values.rebound_opening)
+        if values.compression_opening < 5e5:
+            return 2.0
+        return 1.0 + 1e-3 * math.log(1e8 / values.rebound_opening) / math.log(100.0)
+
+    free = ("rebound_bleed", "rebound_opening", "compression_opening")
+    one = SimpleNamespace(model=PLAIN, free=free, cost=cost)
+    model = OneModel(dict.fromkeys(AT, one), follows(PLAIN, free), dict.fromkeys(AT, 1.0))
+    at = {s: values_at(PLAIN, s, rebound_opening=1e8, compression_opening=6e5) for s in AT}
+    found = model.with_least_openings(at)
+    assert {one.rebound_bleed for one in found.values()} == set(BLEEDS.values())
+    assert {one.compression_opening for one in found.values()} == {6e5}
+    for setting in AT:
+        assert 1.0 <= found[setting].rebound_opening / 1e6 < 1.02
+    assert found[AT[0]].rebound_opening == found[AT[2]].rebound_opening  # both at h 1
+    assert len(set(asked)) == 12
+
+
 @pytest.mark.parametrize(("times", "n_weighed"), [(3.99, 2), (4.01, 1)])
 @pytest.mark.parametrize("own", [0.001, 0.05])
 def test_a_setting_in_another_valley_keeps_its_weight(monkeypatch, own, times, n_weighed) -> None:
