@@ -176,7 +176,7 @@ def test_the_stroke_and_speed_that_were_fitted_are_no_test_of_the_model() -> Non
 
 @pytest.mark.parametrize(("offset", "said"), [
     (7.04, "predicted as well as fitted; with its own force offset, +7 N from the fitted"),
-    (-1.06, "predicted as well as fitted; with its own force offset, -1.1 N from the fitted"),
+    (-1.04, "predicted as well as fitted; with its own force offset, -1 N from the fitted"),
     (0.94, "predicted as well as fitted"),
 ])  # fmt: skip
 def test_another_test_has_an_offset_of_its_own_where_offsets_are_found(offset, said) -> None:
