@@ -108,7 +108,7 @@ def test_a_gas_volume_is_the_papers_gas_length(volume, *, is_missing) -> None:
     }  # fmt: skip
     configuration = load_configuration(None, overlay={"damper": whole}, is_law_open=True)
     law = a_law_fit(replace(PURDY_DAMPER, rod_diameter=0.011))
-    search = SimpleNamespace(chosen=SimpleNamespace(fits=(law,)))
+    search = SimpleNamespace(chosen=SimpleNamespace(fits=(law,)), is_of_one_model=False)
     choice = SimpleNamespace(search=search, fits=(law,), document=lambda: {"model": "purdy"})
     said = " ".join(with_chosen_law(configuration, choice).notes)
     assert ("gas_length" in said) is is_missing
