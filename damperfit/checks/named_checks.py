@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from damperfit.adjustment import in_few_words
-from damperfit.checks.physical_checks import PHYSICAL_CHECKS, of_settings
+from damperfit.checks.physical_checks import PHYSICAL_CHECKS
 from damperfit.identification import Status
-from damperfit.identification.sharing import listed_runs
+from damperfit.identification.sharing import listed_runs, of_settings
 from damperfit.tested.setting import ADJUSTER, clicks_between
 from damperfit.uncertainty.withheld import doubted_cavitation
 

@@ -10,10 +10,10 @@ import math
 from typing import TYPE_CHECKING
 
 from damperfit.identification import Status
-from damperfit.identification.sharing import listed_settings
+from damperfit.identification.sharing import of_settings
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from damperfit.damper.quantity import Quantity
     from damperfit.identification import Fit
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     Objections = Mapping[Setting, Sequence[Objection]]
     Verdict = tuple[bool | None, str]
 
-__all__ = ["PHYSICAL_CHECKS", "of_settings"]
+__all__ = ["PHYSICAL_CHECKS"]
 
 _FOUND = (Status.FITTED, Status.SHARED)
 
@@ -118,9 +118,3 @@ def _first(against: Mapping[Setting, str]) -> str:
     setting = next(iter(against))
     where = "" if len(against) == 1 else f"at {of_settings(against)}: "
     return f"{where}setting {setting}: {against[setting]}"
-
-
-def of_settings(settings: Iterable[Setting]) -> str:
-    """As in "setting 4" or "settings 1, 5-9"."""
-    known = list(settings)
-    return f"setting{'s' if len(known) > 1 else ''} {listed_settings(known)}"

@@ -125,5 +125,6 @@ def _show(choice: LawChoice) -> None:
         print_lines([""])
         print_renderable(terminal_table(rival_sheet(document)))
     if choice.lost:
-        lost = ", ".join(str(one) for one in choice.lost)
-        print_lines([f"The chosen law cannot be simulated at setting {lost}."])
+        from damperfit.identification.sharing import of_settings
+
+        print_lines([f"The chosen law cannot be simulated at {of_settings(choice.lost)}."])

@@ -30,7 +30,7 @@ from damperfit.comparison.reading import (
 from damperfit.comparison.repeats import by_repeats
 from damperfit.comparison.words import outcome_of
 from damperfit.errors import ConfigurationError, mishap_of
-from damperfit.identification.sharing import listed_settings
+from damperfit.identification.sharing import listed_settings, of_settings
 from damperfit.units.shown_units import SI
 
 if TYPE_CHECKING:
@@ -261,7 +261,7 @@ def _common(runs: Sequence[Run]) -> tuple[Setting, ...]:
 
 
 def _listed(run: Run) -> str:
-    return f"setting {listed_settings(run.settings)}" if run.settings else "none"
+    return of_settings(run.settings) if run.settings else "none"
 
 
 def _motion(runs: Sequence[Run], options: ComparisonOptions) -> tuple[Sine, str]:
@@ -314,7 +314,7 @@ def _not_compared(settings: Sequence[Setting], lines: Sequence[Difference]) -> I
     compared = {line.subject.setting for line in lines if line.subject.kind == "force"}
     lost = [one for one in settings if compared and one not in compared]
     if lost:
-        yield f"setting {listed_settings(lost)}: no motion is common to both: not compared"
+        yield f"{of_settings(lost)}: no motion is common to both: not compared"
 
 
 def _notes(

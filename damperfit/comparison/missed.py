@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from damperfit.comparison.circumstances import have_common_logs
 from damperfit.comparison.words import place_of
-from damperfit.identification.sharing import listed_settings
+from damperfit.identification.sharing import of_settings
 from damperfit.units.shown_units import SI
 
 if TYPE_CHECKING:
@@ -49,14 +49,14 @@ def missed_notes(
         share = f" ({abs(worst.misses / worst.scale):.1%} of the damping)" if worst.scale else ""
         yield (
             f"{run.name}: its model ({run.fitted.damper.name}) misses the measured force at "
-            f"setting {_where(missed)}, most {place_of(topic, units)}: "
+            f"{_where(missed)}, most {place_of(topic, units)}: "
             f"by {units.write(abs(worst.misses), 'N', '.3g')}{share}"
         )
     said = "they show how the tests differ and say nothing about the models"
     if have_common_logs(runs[0], runs[-1]):
         said = "both are based on the same logs, so this says nothing about the models"
-    yield f"at setting {_where(measured)} the measured forces of both are compared: {said}"
+    yield f"at {_where(measured)} the measured forces of both are compared: {said}"
 
 
 def _where(topics: Sequence[Topic] | Mapping[Topic, Reading]) -> str:
-    return listed_settings(dict.fromkeys(one.setting for one in topics if one.setting))
+    return of_settings(dict.fromkeys(one.setting for one in topics if one.setting))

@@ -23,7 +23,7 @@ from damperfit.identification.setting import (
     is_sound,
     relative_errors,
 )
-from damperfit.identification.sharing import listed_settings
+from damperfit.identification.sharing import of_settings
 from damperfit.statistics import CHI_SQUARED_95
 from damperfit.tested.setting import Setting
 
@@ -124,10 +124,7 @@ def describe_searches(searches: Iterable[Search]) -> tuple[str, ...]:
     said: dict[str, list[Setting]] = defaultdict(list)
     for one in searches:
         said[_ending(one)].append(one.setting)
-    return tuple(
-        f"setting{'s' if len(settings) > 1 else ''} {listed_settings(settings)}, {words}"
-        for words, settings in said.items()
-    )
+    return tuple(f"{of_settings(settings)}, {words}" for words, settings in said.items())
 
 
 def _ending(one: Search) -> str:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from damperfit.identification.paper.gas_content import GasLaw
     from damperfit.tested.setting import Place
 
-__all__ = ["Sharing", "listed_runs", "listed_settings"]
+__all__ = ["Sharing", "listed_runs", "listed_settings", "of_settings"]
 
 # Frictions further from their middle than this share are not one; noise alone moves those of the
 # sample runs by far less.
@@ -181,6 +181,12 @@ def listed_settings(settings: Iterable[Setting | Place]) -> str:
         else:
             runs.append((number, number))
     return listed_runs(runs)
+
+
+def of_settings(settings: Iterable[Setting | Place]) -> str:
+    """As in "setting 4" or "settings 1, 5-9"."""
+    known = list(settings)
+    return f"setting{'s' if len(known) > 1 else ''} {listed_settings(known)}"
 
 
 def listed_runs(runs: Sequence[tuple[int, int]]) -> str:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from damperfit.damper.quantity import FRICTION, STIFFNESS
-from damperfit.identification.sharing import listed_settings
+from damperfit.identification.sharing import of_settings
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -147,7 +147,7 @@ def _of_quantities(fits: Sequence[LawFit], tests: _Tests) -> Iterator[str]:
         for asked in dict.fromkeys(one for one in known if one is not None):
             where[asked].append(fit.setting)
     for (what, test), settings in where.items():
-        place = f" at setting {listed_settings(settings)}" if len(fits) > 1 else ""
+        place = f" at {of_settings(settings)}" if len(fits) > 1 else ""
         yield f"{what[0].upper()}{what[1:]}{place}: {test} would decide it."
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from damperfit.adjustment import Sine, Stage
 from damperfit.damper.warmed import Warmed
 from damperfit.errors import ConfigurationError
-from damperfit.identification.sharing import listed_settings
+from damperfit.identification.sharing import of_settings
 from damperfit.queries.fleet_part import results_in
 from damperfit.queries.origin import configuration_of_run, motion_of_tests, warmed_to
 from damperfit.report.json_records import listed_in, read_back
@@ -179,9 +179,7 @@ def _stages(results: Results, remarks: list[str]) -> Iterator[Stage]:
             without.append(setting)
             yield Stage(setting, parameters)
     if without:
-        which = (
-            "all settings" if len(without) == len(rows) else f"setting {listed_settings(without)}"
-        )
+        which = "all settings" if len(without) == len(rows) else of_settings(without)
         remarks.append(
             f"errors and correlations of {which} are missing (an older version, or a damaged "
             "run.json): forces without intervals"

@@ -18,7 +18,7 @@ from damperfit.adjustment import (
     which_setting,
 )
 from damperfit.errors import ConfigurationError, Mishap, mishap_of
-from damperfit.identification.sharing import listed_settings
+from damperfit.identification.sharing import of_settings
 from damperfit.tested.setting import Setting, lines_of
 from damperfit.units.quantities import parse_quantity
 
@@ -187,7 +187,7 @@ def _cavitation_notes(adjuster: AdjusterResults, found: Sequence[Level]) -> Iter
     settings = {level.setting for level in found if level.is_cavitating}
     if settings:
         yield (
-            f"a chamber cavitates at {adjuster.source} at setting {listed_settings(settings)}: "
+            f"a chamber cavitates at {adjuster.source} at {of_settings(settings)}: "
             "the forces there are the model's with an empty chamber"
         )
 
@@ -198,9 +198,9 @@ def _measured_notes(found: Sequence[Level]) -> Iterator[str]:
     if missed:
         worst = max(missed, key=lambda level: abs(level.difference / level.measured))
         share = 100.0 * abs(worst.difference / worst.measured)
-        where = listed_settings(dict.fromkeys(level.setting for level in missed))
+        where = of_settings(dict.fromkeys(level.setting for level in missed))
         yield (
-            f"the model misses measured forces at setting {where}, most by {share:.2g} % at "
+            f"the model misses measured forces at {where}, most by {share:.2g} % at "
             f"{worst.speed:g} m/s in {worst.stroke} (setting {worst.setting}): measured forces, "
             "the mean of all compared cycles, are given at those speeds"
         )

@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from damperfit.identification import Status
-from damperfit.identification.sharing import listed_settings
+from damperfit.identification.sharing import of_settings
 from damperfit.report import to_record
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ def other_model_advice(
     ]
     if withheld and not is_chosen_by_logs:
         yield (
-            f"model {damper.name} does not describe setting {listed_settings(withheld)}: "
+            f"model {damper.name} does not describe {of_settings(withheld)}: "
             "let the logs choose a model: damperfit identify LOGS --model auto"
         )
 
@@ -120,7 +120,7 @@ def unconfirmed_tares(campaign: Campaign, assessment: Assessment) -> Iterator[st
         if fit.setting in sound and _has_fixed_offset(fit) and _is_warned_of_tare(fit)
     ]
     if doubted:
-        where = f"setting{'s' if len(doubted) > 1 else ''} {listed_settings(doubted)}"
+        where = of_settings(doubted)
         yield (
             f"{where}: the warning tare is not confirmed: the fit matches the force to within its "
             "noise without an offset"

@@ -14,7 +14,7 @@ from damperfit.identification.blas_threads import one_blas_thread
 from damperfit.identification.descent import FitCancelledError
 from damperfit.identification.outcome import Status
 from damperfit.identification.paper.shared_values import TAKEN
-from damperfit.identification.sharing import listed_settings
+from damperfit.identification.sharing import of_settings
 from damperfit.parallel import apart, executor, told_here
 from damperfit.simulation import SolverOptions
 from damperfit.statistics import percentiles
@@ -216,9 +216,9 @@ class Assessment:
         quiet = [d for d in self.diagnoses if not d.is_structured and d not in single]
         if quiet:
             least = min(100.0 * d.noise_percent / max(d.mse_percent, 1e-300) for d in quiet)
-            listed = listed_settings(d.setting for d in quiet)
+            where = of_settings(d.setting for d in quiet)
             said.append(
-                f"setting{'s' if len(quiet) > 1 else ''} {listed}: no misfit repeats from cycle to "
+                f"{where}: no misfit repeats from cycle to "
                 f"cycle; noise makes up {least:.0f} % of the MSE or more"
             )
         said.extend(f"setting {d.setting}: {d.sentence}" for d in single)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.identification.outcome import Status
-from damperfit.identification.sharing import listed_settings
+from damperfit.identification.sharing import of_settings
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -76,8 +76,7 @@ def undetermined(
                 words = _verdict(name, fit, known[fit.setting], mine.get(name), sharing)
                 said[name, words].append(fit.setting)
     return tuple(
-        f"{name} at setting {listed_settings(settings)}: {words}"
-        for (name, words), settings in said.items()
+        f"{name} at {of_settings(settings)}: {words}" for (name, words), settings in said.items()
     )
 
 
@@ -113,7 +112,7 @@ def doubts(
             f" to {max(values):+.2f}" if max(values) - min(values) > 0.005 else ""
         )
         sentences.append(
-            f"{one} and {other} are tied at setting {listed_settings(s for s, _ in where)} "
+            f"{one} and {other} are tied at {of_settings(s for s, _ in where)} "
             f"(correlation {spread}): an error in one is an error in the other"
         )
     return tuple(sentences)

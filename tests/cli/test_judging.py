@@ -105,7 +105,7 @@ def test_r_m3_that_cannot_be_seen_is_called_by_name(run, tmp_path) -> None:
     assert "do not determine R_m3, but 2.597e+06" in ended.err
     report = (tmp_path / "results" / "report.md").read_text(encoding="utf-8")
     assert "## Identifiability" in report
-    assert "r_m3 at setting 1, 2: these logs do not determine it (flat downward" in report
+    assert "r_m3 at settings 1, 2: these logs do not determine it (flat downward" in report
     rows = pq.read_table(tmp_path / "results" / "parameters.parquet").to_pylist()
     for row in rows:
         assert row["r_m3_status"] == "not_identifiable"

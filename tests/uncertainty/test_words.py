@@ -335,7 +335,7 @@ def test_what_is_undetermined_at_several_settings_is_said_once_without_its_ties(
     fits = [replace(one, parameters=fits[0].parameters) for one in fits]
     tied = {1: known(1, tie=0.98), 2: replace(known(1, tie=0.96), setting=2)}
     (said,) = undetermined(fits, tied, Sharing(), {})
-    assert said.startswith("r_m1 at setting 1, 2: these logs do not determine it (95 % from ")
+    assert said.startswith("r_m1 at settings 1, 2: these logs do not determine it (95 % from ")
     assert "correlated" not in said
     assert "correlated with r_m2 (+0.98)" in verdicts(fits[0], tied[1], Sharing(), {})["r_m1"]
 
@@ -345,12 +345,12 @@ def test_ties_at_several_settings_are_one_sentence_with_their_range() -> None:
     by = {n: known(n, tie=tie) for n, tie in ((1, 0.961), (2, 0.98), (3, 0.94))}
     (said,) = doubts(fits, by, Sharing(), {})
     assert said == (
-        "r_m1 and r_m2 are tied at setting 1, 2 (correlation +0.96 to +0.98): an error in one is "
+        "r_m1 and r_m2 are tied at settings 1, 2 (correlation +0.96 to +0.98): an error in one is "
         "an error in the other"
     )
     by[2] = known(2, tie=0.963)
     (said,) = doubts(fits, by, Sharing(), {})
-    assert "tied at setting 1, 2 (correlation +0.96): an error" in said
+    assert "tied at settings 1, 2 (correlation +0.96): an error" in said
 
 
 def test_the_record_of_a_profile_has_both_limits_beside_those_of_the_errors() -> None:

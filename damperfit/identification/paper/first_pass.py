@@ -24,7 +24,7 @@ from damperfit.identification.setting import (
     is_sound,
     lacks_stiffness_alone,
 )
-from damperfit.identification.sharing import Sharing
+from damperfit.identification.sharing import Sharing, of_settings
 from damperfit.statistics import CHI_SQUARED_95, chi_squared_quantile
 
 if TYPE_CHECKING:
@@ -369,10 +369,9 @@ def _shared_friction(
     left_out = sorted(set(judged) - set(sound))
     warnings = []
     if left_out:
-        listed = ", ".join(str(setting) for setting in left_out)
         warnings.append(
             f"friction is the mean over {len(sound)} of {len(judged)} settings: with all "
-            f"parameters free the fit is not sound at setting {listed}."
+            f"parameters free the fit is not sound at {of_settings(left_out)}."
         )
     used = tuple(sorted(sound))
     return float(np.mean([sound[setting].f_f for setting in used])), used, warnings
