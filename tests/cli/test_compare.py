@@ -400,7 +400,7 @@ def test_what_two_models_of_the_same_logs_measured_says_nothing_of_the_models(
     for part in (
         "forces as measured: all 20 the same within errors",
         "note: linear: its model (linear) misses the measured force at settings 1, 2, most setting",
-        "at settings 1, 2 the measured forces of both are compared: both are based on the same logs",
+        "at settings 1, 2 the measured forces of both are compared: both are based on the same",
         "same logs, so this says nothing about the models",
         "note: both are based on the same logs (setting_01.csv, setting_02.csv): what differs",
         "forces as measured at the tests' sine of 32 mm at 1.5 Hz",
