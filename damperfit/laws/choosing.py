@@ -24,18 +24,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from damperfit.identification.effective_samples import effective_samples as samples_of_stretch
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
     from damperfit.laws.law_fit import LawFit, SettingLogs
-
-    FloatArray = NDArray[np.float64]
 
 __all__ = [
     "ENOUGH_PERCENT",
-    "FEWEST_SAMPLES",
     "GAIN",
     "NO_WORSE",
     "SEEN_APART",
@@ -66,7 +63,6 @@ _NOTHING_PREDICTED = 100.0  # per cent: a law that predicts nothing, or cannot b
 NO_WORSE = 1.1
 # Numbers without which a valve's part is none.
 _LEADING = ("_bleed", "_opening", "_slope")
-FEWEST_SAMPLES = 20.0  # effective ones, of a stretch
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -326,17 +322,8 @@ def effective_samples(tried: Tried, evidence: Sequence[SettingLogs]) -> float:
     for fit, one in zip(tried.fits, evidence, strict=True):
         stretches = [stretch for trace in one.fitted for stretch in trace.stretches]
         for rest, stretch in zip(fit.residuals, stretches, strict=True):
-            total += _effective(rest, max(stretch.n_cycles, 1))
+            total += samples_of_stretch(rest, max(stretch.n_cycles, 1))
     return total
-
-
-def _effective(rest: FloatArray, n_cycles: int) -> float:
-    power = np.abs(np.fft.rfft(rest)) ** 2
-    lines = power[n_cycles::n_cycles]
-    whole = float(np.sum(lines))
-    if whole <= 0.0:
-        return FEWEST_SAMPLES
-    return max(2.0 * whole**2 / float(np.sum(lines**2)), FEWEST_SAMPLES)
 
 
 def _mean(values: Sequence[float]) -> float:

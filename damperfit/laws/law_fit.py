@@ -16,8 +16,8 @@ import numpy as np
 
 from damperfit.conditioning import TRANSIENTS, transients
 from damperfit.errors import SimulationError
+from damperfit.identification.effective_samples import FEWEST_SAMPLES
 from damperfit.identification.law_misfit import COMPARING, LawMisfit, best_of_starts
-from damperfit.laws.choosing import FEWEST_SAMPLES
 from damperfit.laws.missed import misses
 from damperfit.simulation import SolverOptions
 

@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.errors import SimulationError
+from damperfit.identification.effective_samples import FEWEST_SAMPLES
 from damperfit.identification.law_misfit import LawMisfit
 from damperfit.identification.minimiser import Minimum, Transformation, minimise
 from damperfit.identification.plausible import kept_within
 from damperfit.identification.trust_region import Stopping
 from damperfit.identification.unknowns import Unknown, unknown_at, unknowns_of
-from damperfit.laws.choosing import FEWEST_SAMPLES
 from damperfit.parallel import executor
 
 if TYPE_CHECKING:

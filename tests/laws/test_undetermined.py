@@ -13,12 +13,12 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.valve_dampers import TwinTube
 from damperfit.identification import Status
 from damperfit.identification.descent import Misfit
+from damperfit.identification.effective_samples import FEWEST_SAMPLES
 from damperfit.identification.minimiser import DescentPoint
 from damperfit.identification.setting import _statuses, relative_errors
 from damperfit.identification.solution import Solution
 from damperfit.identification.step_solvers import DenseSystem
 from damperfit.laws import LawFit, Tried, physics_seen, seen_again
-from damperfit.laws.choosing import FEWEST_SAMPLES
 from damperfit.laws.law_fit import _undetermined
 from damperfit.laws.search import _Search
 from damperfit.report import chosen_records, chosen_sheet
