@@ -51,6 +51,7 @@ SURFACE = {
     "damperfit.fleet.parts": [
         "COLLECTED",
         "SERIAL",
+        "SYMBOL",
         "collect",
         "forget_earlier",
         "part_path",

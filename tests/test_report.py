@@ -106,6 +106,11 @@ def test_the_report_of_each_state_is_as_agreed(state: str) -> None:
     _compare(f"report_{state}.md", markdown_report(make_tables(done, expected=expected), facts))
 
 
+def test_several_settings_without_a_result_are_told_in_the_plural() -> None:
+    text = markdown_report(make_tables(campaign(fit(4))), replace(FACTS, gaps=((1, 3),)))
+    assert "- no result for settings 1-3\n" in text
+
+
 @pytest.mark.parametrize("state", STATES)
 def test_the_terminal_table_of_each_state_is_as_agreed(state: str) -> None:
     done, _, expected = STATES[state]

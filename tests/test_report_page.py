@@ -144,6 +144,18 @@ def test_the_summary_says_what_is_poor_and_missing(page):
     assert "setting 3: excellent, MSE 0.0123 %; cavitates for 5.0 % of the cycle" in page
 
 
+@pytest.mark.parametrize(
+    ("gaps", "said"),
+    [([(4, 4)], "setting 4"), ([(4, 5)], "settings 4, 5"), ([(2, 2), (4, 4)], "settings 2, 4")],
+)
+def test_gaps_are_told_in_the_plural(copy, gaps, said):
+    path = copy / "run.json"
+    record = json.loads(path.read_text())
+    record["gaps"] = [{"first": a, "last": b} for a, b in gaps]
+    path.write_text(json.dumps(record))
+    assert f"no result for {said}<" in html_report(report_plots(read_results(copy)), title="x")
+
+
 def test_frequency_and_figures_come_from_the_signals(folder):
     view = evaluate_logs(read_results(folder))[0]
     assert view.frequency == pytest.approx(1.5, rel=0.01)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from damperfit.adjustment import in_few_words
 from damperfit.checks.physical_checks import PHYSICAL_CHECKS
 from damperfit.identification import Status
-from damperfit.identification.sharing import listed_runs, of_settings
+from damperfit.identification.sharing import of_runs, of_settings
 from damperfit.tested.setting import ADJUSTER, clicks_between
 from damperfit.uncertainty.withheld import doubted_cavitation
 
@@ -326,9 +326,7 @@ def _every_setting_fitted(subject: Subject) -> _Verdict:
     if not subject.campaign.is_complete:
         said.append("interrupted before every setting was done")
     if subject.campaign.gaps:
-        gaps = subject.campaign.gaps
-        plural = "s" if len(gaps) > 1 or gaps[0][0] < gaps[0][1] else ""
-        said.append(f"no result for setting{plural} {listed_runs(gaps)}")
+        said.append(f"no result for {of_runs(subject.campaign.gaps)}")
     if said:
         return False, "; ".join(said)
     return (True, f"{of_settings(done)} fitted") if done else (False, "no setting could be fitted")

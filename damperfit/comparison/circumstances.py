@@ -8,12 +8,12 @@ from statistics import median
 from typing import TYPE_CHECKING, Any
 
 from damperfit.comparison.measured import SAME_MOTION
-from damperfit.identification.sharing import listed_settings
+from damperfit.identification.sharing import listed_settings, of_settings
 from damperfit.tables import SCHEMA_VERSION
 from damperfit.units.shown_units import SI
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator, Mapping, Sequence
 
     from damperfit.comparison.run import FittedRun, Run
     from damperfit.damper.model import Model
@@ -99,16 +99,55 @@ def _logs(first: Run, second: Run) -> Iterator[Circumstance]:
     known = [_hashes(run) for run in (first, second)]
     common = known[0].keys() & known[1].keys()
     if common:
-        names = sorted(known[0][one] for one in common)
-        more = f" and {len(names) - 3} more" if len(names) > 3 else ""
+        names = _first_names(sorted(known[0][one] for one in common))
         yield Circumstance(
             "logs",
             first.name,
             second.name,
-            f"both are based on the same logs ({', '.join(names[:3])}{more}): what differs there "
+            f"both are based on the same logs ({names}): what differs there "
             "is how they were evaluated, and the errors, which are those of two tests, are too "
             "large",
         )
+        yield from _directions(first, second)
+
+
+def _directions(first: Run, second: Run) -> Iterator[Circumstance]:
+    """Yield logs of both that were read with other signs; older runs do not tell theirs."""
+    before, after = (_reversed(run) for run in (first, second))
+    turned: dict[tuple[str, str], list[str]] = {}
+    for one in before.keys() & after.keys():
+        (name, signs), (_, others) = before[one], after[one]
+        if signs != others:
+            turned.setdefault((signs, others), []).append(name)
+    for (signs, others), names in sorted(turned.items()):
+        is_stroke = ("displacement" in signs) is not ("displacement" in others)
+        yield Circumstance(
+            "rig",
+            signs,
+            others,
+            f"reversed as counted positive in bump: {signs} in {first.name}, {others} in "
+            f"{second.name} ({_first_names(sorted(names))}): what is "
+            f"{'rebound' if is_stroke else 'positive'} in one is "
+            f"{'bump' if is_stroke else 'negative'} in the other; declare rig.reverse_displacement "
+            "and rig.reverse_force",
+        )
+
+
+def _reversed(run: Run) -> dict[str, tuple[str, str]]:
+    """Return name and reversed channels of each log, by its hash."""
+    return {
+        str(one["sha256"]): (
+            str(one.get("log")),
+            " and ".join(map(str, one["reversed"])) or "nothing",
+        )
+        for one in _inputs(run)
+        if isinstance(one.get("reversed"), list)
+    }
+
+
+def _first_names(names: Sequence[str]) -> str:
+    more = f" and {len(names) - 3} more" if len(names) > 3 else ""
+    return ", ".join(names[:3]) + more
 
 
 def have_common_logs(first: Run, second: Run) -> bool:
@@ -117,12 +156,15 @@ def have_common_logs(first: Run, second: Run) -> bool:
 
 
 def _hashes(run: Run) -> dict[str, str]:
+    return {str(one["sha256"]): str(one.get("log")) for one in _inputs(run)}
+
+
+def _inputs(run: Run) -> Iterator[Mapping[str, Any]]:
+    """Yield the logs that a run is based on, as its record has them."""
     inputs = run.record.get("inputs")
-    return {
-        str(one["sha256"]): str(one.get("log"))
-        for one in (inputs if isinstance(inputs, list) else ())
-        if isinstance(one, dict) and one.get("sha256") and one.get("setting") is not None
-    }
+    for one in inputs if isinstance(inputs, list) else ():
+        if isinstance(one, dict) and one.get("sha256") and one.get("setting") is not None:
+            yield one
 
 
 def _identity(first: Run, second: Run) -> Iterator[Circumstance]:
@@ -134,14 +176,12 @@ def _identity(first: Run, second: Run) -> Iterator[Circumstance]:
 
 
 def _settings(first: Run, second: Run) -> Iterator[Circumstance]:
-    alone = [
-        listed_settings(set(a.settings) - set(b.settings))
-        for a, b in ((first, second), (second, first))
-    ]
-    for run, names in zip((first, second), alone, strict=True):
-        if names:
-            sentence = f"setting {names} only in {run.name}: not compared"
-            yield Circumstance("settings", alone[0], alone[1], sentence)
+    alone = [set(a.settings) - set(b.settings) for a, b in ((first, second), (second, first))]
+    names = [listed_settings(own) for own in alone]
+    for run, own in zip((first, second), alone, strict=True):
+        if own:
+            sentence = f"{of_settings(own)} only in {run.name}: not compared"
+            yield Circumstance("settings", names[0], names[1], sentence)
 
 
 def _section(record: Mapping[str, Any], *path: str) -> Mapping[str, Any]:

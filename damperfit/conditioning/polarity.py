@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from damperfit.conditioning.gas_force import ForceLevel
     from damperfit.recording import Recording, Trace
 
-__all__ = ["TARED", "Signs", "find_signs"]
+__all__ = ["TARED", "Signs", "find_signs", "reversed_in"]
 
 # Mean of f v over mean of |f v|: near -1 or 1 for a damper, less where elasticity rules.
 _CLEAR_ENERGY = 0.1
@@ -91,6 +91,24 @@ def find_signs(trace: Trace, recording: Recording, level: ForceLevel | None) -> 
     if not free:
         raise _question(trace, joules, "both signs are declared, and one of them wrongly")
     return _one(trace, level, joules, gives)
+
+
+def reversed_in(recording: Recording, trace: Trace) -> list[str]:
+    """Return the channels of a log that count bump positive, as declared or as found.
+
+    Parameters
+    ----------
+    recording : Recording
+        As it was read.
+    trace : Trace
+        What was made of it.
+    """
+    found = {one.name for one in trace.findings if one.is_correction}
+    return [
+        channel
+        for channel in _CHANNELS
+        if getattr(recording, f"reverse_{channel}") or f"{channel}_polarity" in found
+    ]
 
 
 def _energy(trace: Trace) -> tuple[float, float]:

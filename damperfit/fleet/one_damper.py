@@ -19,7 +19,14 @@ from damperfit.fleet.damper_tasks import (
     in_unicode,
     owner_in_preamble,
 )
-from damperfit.fleet.parts import part_path, read_facts_of, renew_facts, touch, write_part
+from damperfit.fleet.parts import (
+    SYMBOL,
+    part_path,
+    read_facts_of,
+    renew_facts,
+    touch,
+    write_part,
+)
 from damperfit.fleet.sources import FleetLog, brought_here, head_of
 from damperfit.fleet.stores import UnreachableError
 from damperfit.queries.baseline import compared_record
@@ -311,7 +318,8 @@ def _schema(configuration: Configuration) -> pa.Schema:
 
     names = configuration.reading.adjusters
     own = table_schema("parameters", {}, settings=(), quantities=configuration.damper.quantities)
-    quantities = [one for one in own if one.name != ADJUSTER]
+    symbols = {one.name: one.symbol for one in configuration.damper.quantities}
+    quantities = [_with_symbol(one, symbols) for one in own if one.name != ADJUSTER]
     places = [] if names == (ADJUSTER,) else [pa.field(name, pa.string()) for name in names]
     forces = [
         pa.field(_force_column(stroke, speed), pa.float64())
@@ -324,3 +332,10 @@ def _schema(configuration: Configuration) -> pa.Schema:
     is_warmed = isinstance(configuration.damper, Warmed)
     warmth = [pa.field(_REFERENCE, pa.float64())] if is_warmed else []
     return pa.schema([*first, *places, *quantities, *warmth, *forces, *texts])
+
+
+def _with_symbol(field: pa.Field, symbols: Mapping[str, str]) -> pa.Field:
+    """Return a column that tells its symbol: of all metadata a column's own is collected."""
+    if field.name not in symbols:
+        return field
+    return field.with_metadata({**(field.metadata or {}), SYMBOL: symbols[field.name].encode()})

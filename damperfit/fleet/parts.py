@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 __all__ = [
     "COLLECTED",
     "SERIAL",
+    "SYMBOL",
     "collect",
     "forget_earlier",
     "part_path",
@@ -45,6 +46,7 @@ __all__ = [
 ]
 
 SERIAL = "serial"
+SYMBOL = b"symbol"  # in the metadata of a quantity's column
 COLLECTED = "fleet"  # name of the one table
 _NAMELESS = "__unknown__"
 _LONGEST = 180  # characters of a folder's name

@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.fleet.parts import SERIAL
+from damperfit.fleet.parts import SERIAL, SYMBOL
+from damperfit.tables import PAPER_QUANTITIES
 from damperfit.tested.setting import Setting, parse_place
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
 
     import pyarrow as pa
     from numpy.typing import NDArray
@@ -272,7 +273,14 @@ def _series(
         else:
             metadata = table.schema.field(column).metadata or {}
             unit = metadata.get(b"unit", b"").decode()
-            yield Series(column, column, unit, values, bands)
+            yield Series(column, _symbol(column, metadata), unit, values, bands)
+
+
+def _symbol(column: str, metadata: Mapping[bytes, bytes]) -> str:
+    """Return what people call a quantity; older parts, of the paper's model, do not tell it."""
+    if SYMBOL in metadata:
+        return metadata[SYMBOL].decode()
+    return next((one.symbol for one in PAPER_QUANTITIES if one.name == column), column)
 
 
 def _is_held(values: FloatArray, errors: FloatArray) -> bool:

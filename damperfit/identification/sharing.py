@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from damperfit.identification.paper.gas_content import GasLaw
     from damperfit.tested.setting import Place
 
-__all__ = ["Sharing", "listed_runs", "listed_settings", "of_settings"]
+__all__ = ["Sharing", "listed_runs", "listed_settings", "of_runs", "of_settings"]
 
 # Frictions further from their middle than this share are not one; noise alone moves those of the
 # sample runs by far less.
@@ -202,3 +202,15 @@ def listed_runs(runs: Sequence[tuple[int, int]]) -> str:
     ]
     more = sum(b - a + 1 for a, b in runs[_MANY:])
     return ", ".join(said) + (f" and {more} more" if more else "")
+
+
+def of_runs(runs: Sequence[tuple[int, int]]) -> str:
+    """Return runs of whole numbers as settings, in the singular or the plural.
+
+    Examples
+    --------
+    >>> of_runs([(4, 4)]), of_runs([(1, 3)]), of_runs([(4, 4), (7, 7)])
+    ('setting 4', 'settings 1-3', 'settings 4, 7')
+    """
+    is_one = len(runs) == 1 and runs[0][0] == runs[0][1]
+    return f"setting{'' if is_one else 's'} {listed_runs(runs)}"

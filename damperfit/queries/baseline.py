@@ -30,7 +30,10 @@ _KEPT = (
     *("version", "schema_version", "test", "configuration", "procedure", "uncertainty"),
     *("speed_forces", "quantities", "adjusters"),
 )
-_OF_INPUTS = ("log", "sha256", "setting", "amplitude_m", "frequency_Hz", "temperature_degC")
+_OF_INPUTS = (
+    *("log", "sha256", "setting", "reversed"),
+    *("amplitude_m", "frequency_Hz", "temperature_degC"),
+)
 _ARRAYS = ("displacement", "velocity", "force", "simulated", "speeds")
 _DIGITS = 7  # as many as 32-bit floats have
 

@@ -137,7 +137,9 @@ def _record(batch: LogBatch, configuration: Configuration) -> dict[str, Any]:
     inputs = []
     for log in batch.logs:
         setting = log.facts.get("setting") or _NAMELESS
-        inputs.append({"log": log.log, "sha256": log.sha256, "setting": setting.cell})
+        known = {"reversed": log.facts["reversed"]} if "reversed" in log.facts else {}
+        of_log = {"log": log.log, "sha256": log.sha256, "setting": setting.cell}
+        inputs.append(of_log | known)
     return {
         "inputs": inputs,
         "test": common_identity(batch.identities.values()).describe(),

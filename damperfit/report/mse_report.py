@@ -6,7 +6,7 @@ import re
 from statistics import median
 from typing import TYPE_CHECKING, Any
 
-from damperfit.identification.sharing import listed_runs
+from damperfit.identification.sharing import of_runs
 from damperfit.report.alike import short_listing
 from damperfit.report.failures_and_warnings import failure_lines
 from damperfit.report.sheets.check_sheet import check_sheet, check_summary
@@ -132,7 +132,7 @@ def _clicks(tables: Tables) -> list[str]:
 def _missing(facts: ReportFacts) -> Iterator[str]:
     yield from failure_lines(facts.failures)
     if facts.gaps:
-        yield f"no result for setting {listed_runs(facts.gaps)}"
+        yield f"no result for {of_runs(facts.gaps)}"
 
 
 def _section(title: str, lines: Iterable[str]) -> list[str]:

@@ -14,6 +14,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 from damperfit.conditioning import examine_raw
+from damperfit.conditioning.polarity import reversed_in
 from damperfit.errors import (
     ConfigurationError,
     InstallationError,
@@ -331,6 +332,7 @@ def _take_test(
     facts = trace.describe() | {
         **whose,
         **({"tested_at": tested_at} if tested_at else {}),
+        "reversed": reversed_in(recording, trace),
         "n_samples_read": len(recording.time),
         "notes": list(dict.fromkeys([*recording.notes, *trace.notes, *sentences])),
         "verdict": "warnings" if trace.warnings else "good",

@@ -98,6 +98,23 @@ def test_the_same_logs_behind_both_are_named(run, campaigns) -> None:
     assert all(line["difference"] == 0.0 for line in found["lines"] if line["difference"])
 
 
+def test_the_same_logs_taken_in_another_direction_are_told(run, campaigns) -> None:
+    Path("turned.toml").write_text("[rig]\nreverse_displacement = true\nreverse_force = true\n")
+    (log,) = (campaigns / "logs_fewer").iterdir()
+    assert run("identify", log, "--config", "turned.toml", "--out", "turned").code == 0
+    found = _document(run, campaigns / "fewer", "turned")
+    (said,) = [one["sentence"] for one in found["circumstances"] if one["kind"] == "rig"]
+    assert said.startswith(
+        "reversed as counted positive in bump: nothing in fewer, displacement and force in turned "
+        "(setting_02.csv): what is rebound in one is bump in the other"
+    )
+    # So do a baseline and the logs themselves.
+    assert run("compare", campaigns / "fewer", "--save", "kept.json").code == 0
+    for paths in (["kept.json"], ["--measured", campaigns / "logs_fewer"]):
+        ways = [one["sentence"] for one in _document(run, *paths, "turned")["circumstances"]]
+        assert any("what is rebound in one" in one for one in ways)
+
+
 def test_another_gas_and_an_older_version_are_named_first(run, campaigns) -> None:
     shutil.copytree(campaigns / "again", "other")
     record = json.loads(Path("other/run.json").read_text())

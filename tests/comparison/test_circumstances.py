@@ -72,6 +72,43 @@ def test_a_record_that_differs_is_named(a, b, said) -> None:
     assert _said(_run(**a), _run("b", **a))[1:] == []
 
 
+def _log(*channels, name="x.csv", sha256="ab"):
+    return {"log": name, "sha256": sha256, "setting": 1, "reversed": list(channels)}
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "said"),
+    [
+        (
+            (),
+            ("displacement", "force"),
+            "nothing in a, displacement and force in b (x.csv): what is rebound in one is bump in",
+        ),
+        (
+            ("force",),
+            (),
+            "force in a, nothing in b (x.csv): what is positive in one is negative in",
+        ),
+    ],
+)
+def test_the_same_logs_read_with_other_signs(before, after, said) -> None:
+    a, b = _run(inputs=[_log(*before)]), _run("b", inputs=[_log(*after)])
+    said = f"reversed as counted positive in bump: {said} the other; declare "
+    assert _said(a, b) == [_SAME_LOGS, f"{said}rig.reverse_displacement and rig.reverse_force"]
+    assert _said(a, replace(a, name="b")) == [_SAME_LOGS]
+    # Another log may be of a rig that counts the other way; an older run does not tell its signs.
+    assert _said(a, _run("b", inputs=[_log(*after, sha256="cd")])) == []
+    unsaid = {key: one for key, one in _log().items() if key != "reversed"}
+    assert _said(a, _run("b", inputs=[unsaid])) == [_SAME_LOGS]
+
+
+@pytest.mark.parametrize(("settings", "said"), [((2,), "setting 2"), ((2, 4), "settings 2, 4")])
+def test_settings_of_one_run_alone_are_told_in_the_plural(settings, said) -> None:
+    stages = tuple(Stage(Setting.of(k), reference_parameters(k)) for k in (1, *settings))
+    more = replace(_run("b"), fitted=replace(_run().fitted, stages=stages))
+    assert _said(_run(), more) == [f"{said} only in b: not compared"]
+
+
 def test_the_gas_and_what_it_does_to_every_force() -> None:
     other = replace(PURDY_DAMPER, gas_pressure=5.6e5)
     first, second = _said(_run(), _run("b", damper=other))

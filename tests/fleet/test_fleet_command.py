@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pandas as pd
+import pyarrow.parquet as pq
 import pytest
 
 from damperfit.cli.main import main
@@ -62,6 +63,7 @@ def test_every_damper_gets_a_part_and_all_one_table(three, tmp_path, here, capsy
         [serial, setting] for serial in ("D1", "D2", "D10") for setting in ("1", "10")
     ]
     assert found["r_m1"].tolist() == pytest.approx(3 * [14000.0, 23945.0], rel=0.01)
+    assert pq.read_schema(out / "fleet.parquet").field("r_m1").metadata[b"symbol"] == b"R_m1"
     assert found["force_rebound_300_mm_per_s_N"].notna().all()
     assert found["force_rebound_1050_mm_per_s_N"].isna().all()  # faster than the test
 

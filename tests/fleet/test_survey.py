@@ -326,10 +326,24 @@ def test_the_distribution_around_the_median_has_a_panel_of_its_own():
 def test_an_axis_of_long_numbers_has_a_power_in_its_unit(value, unit, shown):
     changed = {(f"D{k}", s): {"r_m1": value} for k in range(1, 21) for s in ("1", "2", "10")}
     (panel, _) = series_plots(survey(fleet_table(20, changed=changed)))[0].panels
-    assert (panel.y_label, panel.y_unit) == ("r_m1", unit)
+    assert (panel.y_label, panel.y_unit) == ("R_m1", unit)
     (line,) = panel.lines
     assert line.y == pytest.approx([shown] * 3, rel=1e-6)
     assert line.low == pytest.approx([shown] * 3, rel=1e-6)
+
+
+def test_a_quantity_has_its_symbol_as_title():
+    dates = [f"2026-03-{1 + k % 5:02d}" for k in range(40)]
+    table = fleet_table(40, dates=dates, changed={("D7", "2"): {"r_m1": 40000.0}})
+    found = survey(table)  # as of an older run, whose columns do not tell their symbols
+    assert "R_m1" in [plot.title for plot in series_plots(found)]
+    assert "R_m1 over the date" in [plot.title for plot in trend_plots(found)]
+    (row,) = outlier_sheet(found).rows
+    assert row[1] == "R_m1"
+    k = table.column_names.index("r_m1")
+    field = table.schema.field(k).with_metadata({b"unit": b"Pa", b"symbol": b"S_r"})
+    found = survey(table.set_column(k, field, table.column(k)))
+    assert "S_r" in [plot.title for plot in series_plots(found)]
 
 
 def test_labels_of_two_axes_above_each_other_are_short():

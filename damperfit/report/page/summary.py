@@ -7,7 +7,7 @@ from statistics import median
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from damperfit.adjustment import in_few_words
-from damperfit.identification.sharing import listed_runs
+from damperfit.identification.sharing import of_runs
 from damperfit.report.alike import short_listing, summarised
 from damperfit.report.failures_and_warnings import failure_lines
 from damperfit.report.json_records import (
@@ -128,7 +128,7 @@ def summary(results: Results, logs: Sequence[EvaluatedLog], units: ShownUnits = 
 def _not_done(record: Mapping[str, Any]) -> Iterator[str]:
     yield from failure_lines(failures_in(record))
     if gaps := gaps_in(record):
-        yield f"no result for setting {listed_runs(gaps)}"
+        yield f"no result for {of_runs(gaps)}"
 
 
 def _verdicts(results: Results) -> Iterator[str]:
