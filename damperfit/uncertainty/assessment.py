@@ -37,6 +37,7 @@ from damperfit.uncertainty.profiles import (
 )
 from damperfit.uncertainty.residuals import Diagnosis, diagnose, group_warning, reconciled
 from damperfit.uncertainty.speed_forces import SpeedForces, speed_forces
+from damperfit.uncertainty.unopened import with_least_openings
 from damperfit.uncertainty.verdicts import doubts, undetermined, verdicts
 
 if TYPE_CHECKING:
@@ -99,6 +100,10 @@ class Assessment:
     def _intervals(self) -> dict[Setting, Mapping[str, Interval]]:
         return {one.setting: one.intervals for one in self.uncertainties}
 
+    @cached_property
+    def _unopened(self) -> dict[Setting, Mapping[str, float]]:
+        return {one.setting: one.unopened for one in self.uncertainties}
+
     def profile(self, setting: Setting, name: str) -> MisfitProfile | None:
         """Return the closest finished profile of a parameter at a setting, if there is one."""
         mine = [p for p in self.profiles if (p.setting, p.name) == (setting, name)]
@@ -124,13 +129,16 @@ class Assessment:
     def plausible_limits(self, fit: Fit, name: str) -> tuple[float | None, float | None]:
         """Return the `limits` of a fitted value, SI.
 
-        What its logs do not determine has none beyond its plausible range: they exclude nothing.
+        What its logs do not determine has none beyond its plausible range: they exclude nothing,
+        but of a blow-off that they do not open what is below the pressure that they put on it.
         """
         low, high = self.limits(fit.setting, name)
         if fit.status[name] == Status.NOT_IDENTIFIABLE:
             least, most = fit.parameters.quantity(name).plausible
             low = None if low is None or low < least else low
             high = None if high is None or high > most else high
+            above = self._unopened.get(fit.setting, {}).get(name, math.inf)
+            low = above if low is None and above < getattr(fit.parameters, name) else low
         return low, high
 
     def unlimited(self, fit: Fit) -> frozenset[str]:
@@ -273,7 +281,10 @@ def assess(
     linearised = [one for one, _, _ in found]
     diagnoses = [one for _, one, _ in found]
     forces = tuple(one for _, _, several in found for one in several)
-    known = uncertainties(linearised, campaign.sharing, on_error=on_error)
+    known = tuple(
+        with_least_openings(one, linearised, campaign.sharing, damper)
+        for one in uncertainties(linearised, campaign.sharing, on_error=on_error)
+    )
     judged = {one.setting for one in known}
     linearised = [one for one in linearised if one.fit.setting in judged]
     diagnoses = [one for one in diagnoses if one.setting in judged]

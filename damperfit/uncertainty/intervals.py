@@ -22,7 +22,7 @@ from __future__ import annotations
 import itertools
 import math
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -110,6 +110,8 @@ class Uncertainty:
         Of ln y (an offset: of itself, N), shape (k, k).
     shared : tuple of str
         The last of `names`: one value for all settings, also where the logs do not determine it.
+    unopened : mapping of str to float
+        Openings that no log reaches, by name, and the pressure that each is above, Pa.
     """
 
     setting: Setting
@@ -117,6 +119,7 @@ class Uncertainty:
     names: tuple[str, ...]
     covariance: FloatArray
     shared: tuple[str, ...] = ()
+    unopened: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def correlation(self) -> FloatArray:
@@ -200,10 +203,7 @@ def shared_covariance(linearised: Sequence[Linearisation], sharing: Sharing) -> 
 
 
 def shared_curvature(linearised: Sequence[Linearisation], sharing: Sharing) -> FloatArray:
-    """Return the diagonal of S^-1 of a joint fit, shape (k,), by the logarithms of its variables.
-
-    The variances that white noise would give.
-    """
+    """Return the variances of a joint fit's variables, (k,), by white noise: those of S^-1."""
     return np.asarray(np.diag(_joint_rows(linearised, sharing)[0]))
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from damperfit.identification.left_out import is_nothing
 from damperfit.identification.outcome import Outcome, Status
 from damperfit.identification.setting import NOT_FIT_TO_SHARE, NOT_FOUND, is_loose
+from damperfit.statistics import NORMAL_95
 
 if TYPE_CHECKING:
     from damperfit.damper.quantity import Quantity
@@ -18,14 +19,16 @@ if TYPE_CHECKING:
 
 __all__ = ["reconsider"]
 
+_FOUND = frozenset({Status.FITTED, Status.SHARED})
+
 
 def reconsider(campaign: Campaign, assessment: Assessment) -> Campaign:
     """Return the campaign with the status that the errors and profiles of its parameters allow.
 
-    The fit itself judges by rough errors. A profile that sets no limit has the last word, and so
-    has the printed error of a value that all settings share. What ran to where its part does
-    nothing, as a friction below the noise, is no bound that a fit strains against: the logs do not
-    tell it from none.
+    The fit itself judges by rough errors of noise. A profile that sets no limit has the last word,
+    and so have the printed intervals, which hold the misfit, and of a value that all settings share
+    the printed error of noise. What ran to where its part does nothing, as a friction below the
+    noise, is no bound that a fit strains against: the logs do not tell it from none.
     """
     known = {one.setting: one for one in assessment.uncertainties}
     fits = []
@@ -33,13 +36,14 @@ def reconsider(campaign: Campaign, assessment: Assessment) -> Campaign:
         flat = {
             name
             for name, profile in assessment.telling(fit.setting).items()
-            if profile.is_flat and fit.status[name] in {Status.FITTED, Status.SHARED}
+            if profile.is_flat and fit.status[name] in _FOUND
         }
         flat |= {
             name
             for name in campaign.sharing.found
             if fit.status[name] == Status.SHARED and _is_unfit(fit, name, known.get(fit.setting))
         }
+        flat |= _anywhere(fit, assessment)
         lost = flat.intersection(campaign.sharing.found)
         lost |= {
             name for name in campaign.sharing.found if fit.status[name] == Status.NOT_IDENTIFIABLE
@@ -63,6 +67,19 @@ def _is_unfit(fit: Fit, name: str, known: Uncertainty | None) -> bool:
         return False
     quantity, value = fit.parameters.quantity(name), getattr(fit.parameters, name)
     return is_loose(quantity, value, _error(quantity, known), NOT_FIT_TO_SHARE)
+
+
+def _anywhere(fit: Fit, assessment: Assessment) -> set[str]:
+    """What was found with an interval, of noise and misfit, as wide as of what no log tells."""
+    found = set()
+    for name, status in fit.status.items():
+        low, high = assessment.limits(fit.setting, name)
+        quantity = fit.parameters.quantity(name)
+        if status in _FOUND and low and high and quantity.is_logarithmic:
+            error = math.log(high / low) / (2.0 * NORMAL_95)
+            if is_loose(quantity, 1.0, error, NOT_FOUND):
+                found.add(name)
+    return found
 
 
 def _error(quantity: Quantity, known: Uncertainty) -> float:

@@ -42,9 +42,10 @@ from damperfit.uncertainty.few_samples import (
 )
 from damperfit.uncertainty.suppositions import ignorance, other_frictions
 from damperfit.uncertainty.thinning import middles, stride_of
+from damperfit.uncertainty.unopened import pressed_on
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -149,6 +150,8 @@ class Linearisation:
         Which flaws its residuals may be said to show.
     precision : float
         One over the mean square of the weighed residuals, 1/N^2.
+    pressed : mapping of str to float
+        Highest pressure across each blow-off in the compared samples, Pa, by its opening's name.
     """
 
     fit: Fit
@@ -162,6 +165,7 @@ class Linearisation:
     supposed: FloatArray | None = None
     flaws: tuple[str, ...] = ()
     precision: float = math.nan
+    pressed: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -192,6 +196,7 @@ def linearise_at_fit(
     is_short = not _is_long(fit, traces)
     found = _Sums()
     logs: list[LogLinearisation] = []
+    pressed: list[dict[str, float]] = []
     for log, weight in zip(fit.logs, weights(traces), strict=True):
         trace, part = log.trace, log.trace.compared
         stride = 1 if is_short else stride_of(trace, weight)
@@ -199,6 +204,7 @@ def linearise_at_fit(
         taken = [middles(one.n_samples, stride)[0] for one in trace.stretches]
         others = other_frictions(log, fit, damper, solver=solver, places=taken, slopes=rows[:n])
         known = _supposed(errors, rows[:n], others)
+        pressed.append(pressed_on(damper, pressures[:, part]))
         rows *= slopes[:, None]
         logs.append(
             LogLinearisation(
@@ -225,6 +231,7 @@ def linearise_at_fit(
         supposed=np.asarray(sum(found.pulls)) if found.pulls else None,
         flaws=damper.flaws,
         precision=_precision(logs),
+        pressed={name: max(one[name] for one in pressed) for name in pressed[0]},
     )
 
 

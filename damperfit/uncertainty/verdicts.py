@@ -23,6 +23,8 @@ __all__ = ["doubts", "undetermined", "verdicts"]
 
 # At this correlation knowing the one would shrink the error of the other to a third.
 _CORRELATED = 0.95
+# What oil meets once a blow-off is open.
+_BEHIND_OPENING = ("slope", "port")
 
 
 def verdicts(
@@ -142,7 +144,7 @@ def _verdict(
         return f"ran to the edge of its plausible range{seen}; fix it, or check units and signs"
     interval = known.intervals.get(name)
     if interval is None:
-        return _without_interval(status, profile, unit)
+        return _without_interval(status, profile, unit, _unopened(name, fit, known))
     tied = _tied(name, known) if is_tied else ""
     whose = sharing.whose(name, fit.setting) if name in sharing.found_at(fit.setting) else ""
     where = (
@@ -152,22 +154,8 @@ def _verdict(
     )
     if profile is not None and profile.better is not None:
         where += f", a better minimum lies near {profile.better.value:.4g} {unit}: give --starts 20"
-    if status == Status.NOT_IDENTIFIABLE and profile is not None and profile.shape == "flat upward":
-        used = f"; {getattr(fit.parameters, name):.4g} {unit} is used" + (
-            f" for {whose}" if whose else ""
-        )
-        rigid = ", as with rigid oil" if fit.parameters.quantity(name).is_open else ""
-        return (
-            f"not identifiable upward: at least {profile.low:.4g} {unit} (95 %), and any higher "
-            f"value fits these logs as well{rigid}{tied}{used}; fix it, or fit faster logs with "
-            "more force"
-        )
     if status == Status.NOT_IDENTIFIABLE:
-        value = f"{getattr(fit.parameters, name):.4g} {unit}"
-        used = f"; {value} is used for {whose}" if whose else ""
-        if used and profile is not None and profile.shape == "flat downward":
-            used += ", instead of 0: any value below the limit fits as well"
-        return f"these logs do not determine it ({where}{tied}){used}; fix it, or fit more logs"
+        return _of_undetermined(name, fit, known, profile, whose, (where, tied))
     if interval.misfit > 0.0:
         where += (
             f" (standard errors: {interval.error:.2g} {unit} from noise, "
@@ -177,9 +165,53 @@ def _verdict(
     return f"{found}, {where}{tied}"
 
 
-def _without_interval(status: Status, profile: MisfitProfile | None, unit: str) -> str:
+def _of_undetermined(
+    name: str,
+    fit: Fit,
+    known: Uncertainty,
+    profile: MisfitProfile | None,
+    whose: str,
+    seen: tuple[str, str],
+) -> str:
+    quantity, (where, tied) = fit.parameters.quantity(name), seen
+    unit, shape = quantity.unit, "" if profile is None else profile.shape
+    used = f"; {getattr(fit.parameters, name):.4g} {unit} is used"
+    used_for = f"{used} for {whose}" if whose else ""
+    faster = f"{used_for or used}; fix it, or fit faster logs with more force"
+    if profile is not None and shape == "flat upward":
+        rigid = ", as with rigid oil" if quantity.is_open else ""
+        return (
+            f"not identifiable upward: at least {profile.low:.4g} {unit} (95 %), and any higher "
+            f"value fits these logs as well{rigid}{tied}{faster}"
+        )
+    if closed := _unopened(name, fit, known):
+        return f"{closed}; fix it, or fit faster logs with more force"
+    if used_for and shape == "flat downward":
+        used_for += ", instead of 0: any value below the limit fits as well"
+    return f"these logs do not determine it ({where}{tied}){used_for}; fix it, or fit more logs"
+
+
+def _unopened(name: str, fit: Fit, known: Uncertainty) -> str:
+    """What is said of a number of a blow-off that no log opens; empty of others."""
+    least, unit = known.unopened.get(name), fit.parameters.quantity(name).unit
+    if least is not None:
+        value = getattr(fit.parameters, name)
+        used = "" if value > least else " with a slope that lets next to nothing through"
+        return (
+            f"these logs do not open it: it opens above {least:.4g} {unit}, the highest pressure "
+            f"on it in them, and any higher value fits as well; {value:.4g} {unit} is used{used}"
+        )
+    stroke, _, part = name.rpartition("_")
+    if part in _BEHIND_OPENING and f"{stroke}_opening" in known.unopened:
+        return "these logs do not determine it: they do not open the blow-off"
+    return ""
+
+
+def _without_interval(status: Status, profile: MisfitProfile | None, unit: str, closed: str) -> str:
     if status != Status.NOT_IDENTIFIABLE:
         return "no interval: the fit did not converge to a minimum"
+    if closed:
+        return f"{closed}: the law may as well lack this part"
     seen = f" ({_seen(profile, unit)})" if profile is not None else ""
     return f"these logs cannot tell it from none{seen}: the law may as well lack this part"
 

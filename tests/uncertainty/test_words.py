@@ -427,6 +427,25 @@ def test_a_covariance_is_positive(rows, *, is_positive) -> None:
     assert _is_positive(np.array(rows)) is is_positive
 
 
+@pytest.mark.parametrize(("misfit", "is_told"), [(0.49, True), (0.51, False)])
+@pytest.mark.parametrize("is_shared", [True, False])
+def test_an_interval_with_the_misfit_as_wide_as_that_of_no_value_is_told(
+    misfit, is_told, is_shared
+) -> None:
+    name = "r_m3" if is_shared else "k_e"
+    fit, seen = fakes.fit(1), known()
+    wide = make_interval(getattr(fit.parameters, name), 0.1, misfit=math.sqrt(misfit**2 - 0.01))
+    judged = Assessment(uncertainties=(replace(seen, intervals={**seen.intervals, name: wide}),))
+    (found,) = reconsider(fakes.campaign(fit), judged).fits
+    status = fit.status[name] if is_told else Status.NOT_IDENTIFIABLE
+    assert found.status == {**fit.status, name: status}
+    is_lost = not is_told and not is_shared
+    assert found.outcome is (Outcome.NOT_IDENTIFIABLE if is_lost else Outcome.CONVERGED)
+    offset = replace(seen, intervals={**seen.intervals, "f_0": Interval(1.0, -9.0, 9.0, math.nan)})
+    judged = Assessment(uncertainties=(offset,))
+    assert reconsider(fakes.campaign(fit), judged).fits[0].status == fit.status
+
+
 def test_a_setting_that_nobody_judged_does_not_hide_those_behind_it() -> None:
     fits = [fakes.fit(n, status={"k_e": "not_identifiable"}) for n in (1, 2, 3)]
     said = undetermined(fits, {1: known(1), 3: known(3)}, Sharing(), {})

@@ -1,0 +1,118 @@
+"""A blow-off that no log opens: its preload is above the pressure on it, and that is said."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from damperfit.conditioning import condition
+from damperfit.damper.mounting import Mounting
+from damperfit.damper.network import Valve
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
+from damperfit.damper.valve_dampers import ThroughFlow, TwinTube
+from damperfit.damper.warmed import Warmed
+from damperfit.identification import FitOptions, Sharing, identify
+from damperfit.identification.outcome import Status
+from damperfit.recording import Recording
+from damperfit.simulation import simulate
+from damperfit.tested.setting import Setting
+from damperfit.uncertainty import Assessment, Uncertainty, assess, reconsider
+from damperfit.uncertainty.unopened import pressed_on, with_least_openings
+from tests import fakes
+from tests.laws.valve_logs import VALUES, damper, moved
+
+MODEL = replace(damper(has_play_and_lag=False), mounting=Mounting())
+NAME = "rebound_opening"
+
+
+def log_of(setting: int, peak: float, **more: float):
+    truth = {name: VALUES[name] for name in MODEL.names if name in VALUES} | more
+    motion = moved((peak,), cycles=4)
+    response = simulate(MODEL.values(truth), MODEL, motion)
+    chance, n = np.random.default_rng(setting), len(response.force)
+    x = motion.displacement + chance.normal(0.0, 3e-6, n)
+    force = response.force + chance.normal(0.0, 2.0, n)
+    log = Recording(f"{setting}.csv", "", "", Setting.of(setting),
+                    motion.interval * np.arange(n), x, force)  # fmt: skip
+    return condition(log), float((response.pressures[0] - response.pressures[2]).max())
+
+
+@pytest.mark.parametrize(
+    ("opening", "speed", "used"),
+    [(4e6, 0.05, "with a slope that lets next to nothing through; fix it"),
+     (1e7, 0.13, "1e+08 Pa is used: the law may as well lack this part")],
+)  # fmt: skip
+def test_an_opening_that_no_log_reaches_is_above_the_pressure_on_it(opening, speed, used) -> None:
+    trace, most = log_of(1, speed, rebound_opening=opening)
+    campaign = identify([trace], MODEL, FitOptions("plain"))
+    judged = assess(campaign, MODEL)
+    campaign = reconsider(campaign, judged)
+    (fit,) = campaign.fits
+    assert fit.status[NAME] == Status.NOT_IDENTIFIABLE
+    assert judged.uncertainties[0].unopened == {NAME: pytest.approx(most, rel=0.02)}
+    said = judged.verdicts(campaign)[fit.setting]
+    least = re.search(r"it opens above (\S+) Pa, the highest pressure on it in them", said[NAME])
+    assert float(least[1]) == pytest.approx(most, rel=0.02)
+    assert used in said[NAME]
+    assert "they do not open the blow-off" in said["rebound_slope"]
+    assert said["compression_opening"].startswith("fitted, 95 % from")
+
+
+def linearised(setting: int, opening: float, pressed: float, slope: float = 1e6):
+    values = SimpleNamespace(rebound_opening=opening, rebound_slope=slope)
+    log = SimpleNamespace(trace=fakes.trace(setting))
+    fit = SimpleNamespace(setting=Setting.of(setting), parameters=values, logs=(log,))
+    return SimpleNamespace(fit=fit, pressed={NAME: pressed}, names=(NAME, "rebound_slope"))
+
+
+def unopened(*each, is_shared: bool = True, damper=MODEL):
+    settings = tuple(one.fit.setting for one in each)
+    sharing = Sharing(jointly=(NAME,) if is_shared else (), settings=settings)
+    known = Uncertainty(settings[0], {}, (), np.eye(1))
+    return with_least_openings(known, each, sharing, damper).unopened
+
+
+@pytest.mark.parametrize(
+    ("is_shared", "opening", "found"),
+    [(True, 1e6, {NAME: 9e5}), (False, 1e6, {NAME: 2e5}), (True, 8e5, {}), (False, 1.9e5, {})],
+)
+@pytest.mark.parametrize("damper", [PURDY_DAMPER, MODEL, Warmed(MODEL, 20.0)])
+def test_a_setting_that_shares_an_opening_may_press_on_it_more(
+    damper, is_shared, opening, found
+) -> None:
+    each = [linearised(1, opening, 2e5), linearised(2, opening, 9e5)]
+    assert unopened(*each, is_shared=is_shared, damper=damper) == found
+
+
+@pytest.mark.parametrize(("share", "is_open"), [(0.0095, False), (0.0105, True)])
+def test_a_hundredth_of_a_strokes_oil_is_a_blow_off_that_opens(share, is_open) -> None:
+    flow = MODEL.oil_density * MODEL.annulus_area * fakes.trace(1).fastest.peak_speed
+    one = linearised(1, 5e5, 9e5, slope=4e5 / (share * flow))
+    assert unopened(one) == ({} if is_open else {NAME: 9e5})
+
+
+def judged_limits(value: float, above: float):
+    fit = fakes.fit(1, status={"r_m2": "not_identifiable"})
+    fit = replace(fit, parameters=fit.parameters.replace({"r_m2": value}))
+    known = Uncertainty(fit.setting, {}, (), np.eye(1), unopened={"r_m2": above})
+    return Assessment(uncertainties=(known,)).plausible_limits(fit, "r_m2")
+
+
+def test_the_limit_below_an_opening_that_is_used_is_its_limit() -> None:
+    assert judged_limits(2e6, 1e6) == (1e6, None)
+    assert judged_limits(9e5, 1e6) == (None, None)
+
+
+def test_of_passages_that_share_an_opening_the_most_counts_and_one_that_lifts_has_none() -> None:
+    pressures = np.array([[5.0, 9.0, 1.0], [1.0, 2.0, 4.0], [3.0, 3.0, 3.0]])
+    linear, rounded = Valve("orifice", "linear"), Valve("orifice", "rounded")
+    one = ThroughFlow(rebound=linear, compression=rounded)
+    assert pressed_on(one, pressures) == {NAME: 6.0}
+    assert pressed_on(Warmed(one, 20.0), pressures) == {NAME: 6.0}
+    both = TwinTube(rebound=linear, compression=linear)
+    assert pressed_on(both, pressures) == {NAME: 7.0, "compression_opening": 1.0}
+    assert pressed_on(PURDY_DAMPER, pressures) == {}
