@@ -42,6 +42,7 @@ __all__ = [
     "are_alike",
     "effective_samples",
     "judged",
+    "layout_taken",
     "said_of_layout",
     "times_worse",
 ]
@@ -56,6 +57,8 @@ ENOUGH_HELD_OUT_PERCENT = 0.2
 SEEN_APART = 1.5
 # The same where the worse of them leaves and mispredicts nothing that anyone would use: twice each.
 _NOTHING_APART = 4.0
+# Layouts, those that most dampers have first.
+_USUAL = ("monotube", "twin_tube", "through_flow")
 # A tenth of what is asked of a prediction: of two models below it none predicts worse.
 _PREDICTED_PERCENT = 0.05
 _NOTHING_PREDICTED = 100.0  # per cent: a law that predicts nothing, or cannot be simulated there
@@ -258,6 +261,26 @@ def are_alike(best: Tried, other: Tried) -> bool:
     held = other.held_out_percent
     left = max(other.mse_percent, 0.0 if math.isnan(held) else held)
     return times_worse(best, other) < (SEEN_APART if left > ENOUGH_PERCENT else _NOTHING_APART)
+
+
+def layout_taken(law: Tried, others: Sequence[Tried]) -> Tried:
+    """Return which of the same parts in several layouts is taken.
+
+    The best, unless the one that the search went on with is alike. Where it cannot be told from
+    others at all, the most usual of them: forces do not say how a damper is built.
+
+    Parameters
+    ----------
+    law : Tried
+        What the search went on with.
+    others : sequence of Tried
+        The same parts in other layouts.
+    """
+    first = min((law, *others), key=lambda one: one.score)
+    untold = [one for one in (law, *others) if one is first or times_worse(first, one) < SEEN_APART]
+    if law not in untold and are_alike(first, law):
+        return law
+    return min(untold, key=lambda one: _USUAL.index(one.fits[0].model.name))
 
 
 def said_of_layout(best: Tried, one: Tried, *, is_alone: bool, is_near: bool) -> str:

@@ -8,11 +8,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from damperfit.damper.quantity import FRICTION, STIFFNESS
+from damperfit.damper.valve_dampers import ValveDamper
 from damperfit.identification.sharing import of_settings
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from damperfit.damper.model import Model
     from damperfit.laws.judged_laws import LawSearch
     from damperfit.laws.law_fit import LawFit, SettingLogs
     from damperfit.tested.setting import Setting
@@ -115,7 +117,18 @@ def _of_layouts(search: LawSearch, tests: _Tests) -> Iterator[str]:
     yield (
         f"The layout, {listed}: they fit and predict alike. Pressures and orifices of the valves "
         "differ with it, forces hardly. The maker's drawing decides it (damper.model, or models "
-        f"--layout), or {tests.faster}."
+        f"--layout), or {_runs_empty(search.chosen.fits[0].model, names) or tests.faster}."
+    )
+
+
+def _runs_empty(model: Model, names: Sequence[str]) -> str:
+    """The test in which only a monotube has no oil to press in bump, where that may be one."""
+    if "monotube" not in names or not isinstance(model, ValveDamper):
+        return ""
+    force = float(f"{model.gas_pressure * model.annulus_area:.2g}")
+    return (
+        f"a test with more than {force:.0f} N of damping in bump, by a higher speed or less gas "
+        "pressure: at the gas pressure times the annulus the rod side of a monotube is empty"
     )
 
 

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from damperfit.identification import Status
+from damperfit.laws.other_layouts import in_other_layouts
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from damperfit.damper.model import Model, Values
     from damperfit.damper.valve_dampers import ValveDamper
@@ -67,7 +69,8 @@ def seen_again(choice: Mapping[str, Any], campaign: Campaign, model: Model) -> d
         SeenAt(fit.setting, model, fit.parameters, *(_with(fit.status, one) for one in _UNTOLD))
         for fit in campaign.fits
     ]
-    again = physics_seen(fits) if fits and choice.get("sentences") else ()
+    alike = choice.get("layouts_alike") or ()
+    again = physics_seen(fits, alike) if fits and choice.get("sentences") else ()
     return {**choice, "sentences": list(again)} if again else dict(choice)
 
 
@@ -91,13 +94,15 @@ def opening_force(damper: ValveDamper, stroke: str, opening: float) -> float:
     return opening * (rebound if stroke == "rebound" else compression)
 
 
-def physics_seen(fits: Sequence[LawFit | SeenAt]) -> tuple[str, ...]:
+def physics_seen(fits: Sequence[LawFit | SeenAt], layouts: Sequence[str] = ()) -> tuple[str, ...]:
     """Return one sentence for each part that the law has.
 
     Parameters
     ----------
     fits : sequence of LawFit or SeenAt
         The chosen law at each setting.
+    layouts : sequence of str
+        Others that the logs do not tell from its own: what the valves' numbers are in these.
     """
     if not hasattr(fits[0].model, "rebound"):
         return ()
@@ -111,7 +116,9 @@ def physics_seen(fits: Sequence[LawFit | SeenAt]) -> tuple[str, ...]:
             forces = [opening_force(model, stroke, one) for one in openings]
             said.append(
                 f"in {people} a blow-off opens at {_range(forces)} N "
-                f"({_range([1e-5 * one for one in openings])} bar){_where(fits, name)}"
+                f"({_range([1e-5 * one for one in openings])} bar"
+                f"{_elsewhere(model, layouts, name, lambda one: 1e-5 * one, openings)})"
+                f"{_where(fits, name)}"
                 if openings
                 else f"in {people} these logs do not determine where a blow-off opens"
             )
@@ -126,7 +133,9 @@ def physics_seen(fits: Sequence[LawFit | SeenAt]) -> tuple[str, ...]:
             values = _determined(fits, name) if name in model.names else []
             if values:
                 numbers = _range([shown(model, one) for one in values])
-                said.append(f"in {people} {words.format(numbers)}{_where(fits, name)}")
+                others = _elsewhere(model, layouts, name, partial(shown, model), values)
+                also = f" ({others.removeprefix('; ')})" if others else ""
+                said.append(f"in {people} {words.format(numbers)}{also}{_where(fits, name)}")
     names = fits[0].values.names
     beside = (
         ("k_s", 1e-3, "{} N/mm of elasticity in series with the damper"),
@@ -145,6 +154,20 @@ def physics_seen(fits: Sequence[LawFit | SeenAt]) -> tuple[str, ...]:
             said.append(words.format(_range([factor * one for one in known])) + _where(fits, name))
     said.extend(_gas_seen(model, fits))
     return tuple(f"{one[0].upper()}{one[1:]}." for one in said)
+
+
+def _elsewhere(
+    model: ValveDamper,
+    layouts: Sequence[str],
+    name: str,
+    shown: Callable[[float], float],
+    values: Sequence[float],
+) -> str:
+    """Return what a number of a valve is in layouts that the logs do not exclude."""
+    return "".join(
+        f"; {_range([shown(times * one) for one in values])} in a {layout}"
+        for layout, times in in_other_layouts(layouts, model, name)
+    )
 
 
 def _gas_seen(model: ValveDamper, fits: Sequence[LawFit | SeenAt]) -> list[str]:

@@ -9,7 +9,8 @@
     4  what is left over is offered to further parts: soft oil, gas in it, returns, rounding, ports,
        friction that drags, builds up, falls with the speed or grows with the pressure; to play and
        lag too, if a wrong valley had them taken out
-    5  what is left is tried in the other layouts too: those that do as well cannot be told apart
+    5  what is left is tried in the other layouts too: those that do as well cannot be told apart,
+       and of those that nothing tells apart the most usual is taken
     6  where the logs yield before they slide, models that yield are held against the valves
 
 Laws are compared on settled cycles; the law that is taken ends on the whole logs.
@@ -32,6 +33,7 @@ from damperfit.laws.choosing import (
     are_alike,
     effective_samples,
     judged,
+    layout_taken,
     said_of_layout,
     times_worse,
 )
@@ -198,15 +200,14 @@ class _Search(Course):
         return law
 
     def laid_out(self, law: Tried, layouts: Sequence[ValveDamper]) -> Tried:
-        """The law in the layout that fits and predicts it best; which others do as well is kept."""
+        """The law in the layout that is taken; which others do as well is kept."""
         own = valve_damper(law)
         models = [laid_out_as(own, one) for one in layouts if one.name != own.name]
         known = [self.known_worse(law, model) for model in models]
         left = [model for model, one in zip(models, known, strict=True) if one is None]
         fits = self.all_fitted(left, freed=freed_of(law), near=law)
         others = [one for one in (*known, *fits) if one is not None]
-        first = min((law, *others), key=lambda one: one.score)
-        best = law if are_alike(first, law) else first
+        best = layout_taken(law, others)
         alike = [one for one in (law, *others) if one is not best and are_alike(best, one)]
         for one in others:
             reason = said_of_layout(best, one, is_alone=False, is_near=one in alike)
@@ -233,7 +234,7 @@ class _Search(Course):
                 else "the law of valves fits and predicts better with no more quantities"
             )
             self.record(simplest, reason, is_taken=chosen is simplest, change="smallest law")
-            return chosen
+            return self.without_valves(chosen) if chosen is simplest else chosen
         verdict = judged(simplest, law, self.n_eff)
         reason = (
             f"valves on a mounting are needed: {verdict.reason}"
@@ -242,7 +243,12 @@ class _Search(Course):
         )
         is_taken = not verdict.takes_larger
         self.record(simplest, reason, is_taken=is_taken, change="smallest law", verdict=verdict)
-        return simplest if is_taken else law
+        return self.without_valves(simplest) if is_taken else law
+
+    def without_valves(self, law: Tried) -> Tried:
+        """A law that is none of valves: layouts that they fit alike in say nothing of it."""
+        self.alike = ()
+        return law
 
     def declared(self, declared: Tried, law: Tried) -> Tried:
         """Of valves as declared, and as the logs tell them, what is worth its quantities."""
@@ -270,7 +276,7 @@ class _Search(Course):
             taken = one if is_taken else taken
             self.record(one, reason, is_taken=is_taken, change="what yields")
         if taken is not law:
-            self.alike = ()
+            self.without_valves(taken)
         elif found and is_open_to(law, best):
             self.also = best.title
         return taken

@@ -109,7 +109,7 @@ class LawChoice:
         """The physics that the chosen law sees; none where something else does as well."""
         if self.search.also:
             return ()
-        return physics_seen(self.fits) or yielding_seen(self.search, self.fits)
+        return physics_seen(self.fits, self.search.alike) or yielding_seen(self.search, self.fits)
 
     def document(self) -> dict[str, Any]:
         """Return all of it as JSON values, as it stands in run.json."""
@@ -123,6 +123,7 @@ class LawChoice:
             "settings": chosen_records(self.fits),
             "lost_settings": [one.cell for one in self.lost],
             "rivals": rival_records(self.rivals),
+            "layouts_alike": list(self.search.alike),
             "sentences": list(self.sentences),
             "undecided": list(self.undecided),
         }
@@ -186,9 +187,10 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
         )
     solver = configuration.identification.solver
     compared = _softest_and_stiffest(evidence)
+    layouts = _layouts(configuration, layout)
     search = search_laws(
         _plain(configuration),
-        _layouts(configuration, layout),
+        layouts,
         compared,
         solver=solver,
         on_law=on_law,
@@ -203,9 +205,10 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
     found = tuple(one for one in fits if one is not None)
     search, found = told_as_one(
         configuration, search, found, evidence,
-        layouts=_layouts(configuration, layout), jobs=workers, on_law=on_law,
+        layouts=layouts, jobs=workers, on_law=on_law,
     )  # fmt: skip
-    doubts = _of_dimensions(configuration, search.chosen.fits[0])
+    best = search.chosen.fits[0]
+    doubts = (*_of_layout(configuration, best, layout), *_of_dimensions(configuration, best))
     return LawChoice(
         search,
         tuple(one.setting for one in compared),
@@ -337,6 +340,25 @@ def _known(configuration: Configuration, damper: Damper | ValveDamper) -> dict[s
     if declared & _GAS_LENGTHS:
         declared |= {"gas_volume"}
     return {name: value for name, value in known.items() if name in declared}
+
+
+def _of_layout(configuration: Configuration, fit: LawFit, layout: str | None) -> tuple[str, ...]:
+    """What the paper's model says of the layout where [damper] names none, in a sentence."""
+    if not isinstance(fit.model, Damper) or "damper.model" in configuration.declared:
+        return ()
+    if layout is not None:
+        said = (
+            f"The valves of the {layout.replace('_', ' ')}: the paper's model is enough for these "
+            f'logs, and its resistances are none of theirs. damper.model = "{layout}" keeps them.'
+        )
+        return (said,)
+    said = (
+        "The layout: the paper's model is enough for these logs, but a damper that is built "
+        "otherwise may fit it as well, with other resistances and pressures for the same forces. "
+        "Where the maker's drawing shows another layout, name it (damper.model, or models "
+        "--layout)."
+    )
+    return (said,)
 
 
 def _of_dimensions(configuration: Configuration, fit: LawFit) -> tuple[str, ...]:

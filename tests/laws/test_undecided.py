@@ -92,6 +92,19 @@ def test_layouts_alike_are_named() -> None:
     )
 
 
+def test_a_monotube_is_told_by_a_rod_side_without_oil() -> None:
+    fits = [fit()]
+    own = {"gas_pressure": 2e6, "rod_diameter": 0.010, "piston_diameter": 0.030}
+    one = replace(fits[0], model=replace(MODEL, **own))
+    laws = LawSearch((), Tried("law", (one,)), 60.0, alike=("monotube",))
+    (said,) = told(fits, 1.0, 2.0, search=laws)
+    # 20 bar on 6.28 cm2.
+    assert "or a test with more than 1300 N of damping in bump, by a higher speed or less" in said
+    laws = LawSearch((), Tried("law", (one,)), 60.0, alike=("through_flow",))
+    (said,) = told(fits, 1.0, 2.0, search=laws)
+    assert said.endswith("or a test faster than the 0.25 m/s of these.")
+
+
 @pytest.mark.parametrize(("bic", "gain", "is_open"), [
     (-0.1, 1.6, True), (0.1, 1.6, False), (-0.1, 1.4, False),
 ])  # fmt: skip
