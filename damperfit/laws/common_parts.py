@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING
 
-from damperfit.laws.variants import PARTS, with_kind, with_part
+from damperfit.laws.variants import LACKING, PARTS, with_kind, with_part
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -15,7 +15,9 @@ if TYPE_CHECKING:
 
 __all__ = [
     "CommonPart",
+    "beside_each_other",
     "blow_off_kinds",
+    "lacking_parts",
     "made_of",
     "other_parts",
     "turning_kinds",
@@ -59,6 +61,21 @@ def blow_off_kinds(stroke: str) -> list[CommonPart]:
     return [_blow_off(stroke, kind) for kind in _BLOW_OFFS]
 
 
+def lacking_parts(damper: ValveDamper) -> list[CommonPart]:
+    """Return the bleeds and blow-offs that a damper's valves lack.
+
+    Parameters
+    ----------
+    damper : ValveDamper
+        The law.
+    """
+    return [
+        CommonPart(name, partial(with_part, name=name))
+        for name in LACKING
+        if with_part(damper, name) != damper
+    ]
+
+
 def turning_kinds() -> list[CommonPart]:
     """Return the ways in which friction may turn, beside at once."""
     return [_of_damper(name) for name in _TURNING]
@@ -92,6 +109,27 @@ def without_kinds(damper: ValveDamper) -> tuple[ValveDamper, tuple[CommonPart, .
             own.append(_blow_off(stroke, kind))
             damper = with_kind(damper, stroke, "blow_off", "linear")
     return damper, tuple(own)
+
+
+def beside_each_other(
+    core: ValveDamper, freed: Sequence[str], parts: Sequence[CommonPart]
+) -> tuple[CommonPart, ...]:
+    """Return those of some parts that a damper has not yet, and can have beside those before.
+
+    Parameters
+    ----------
+    core : ValveDamper
+        Without them.
+    freed : sequence of str
+        What of it is fitted although it has a default.
+    parts : sequence of CommonPart
+        One after the other.
+    """
+    kept: list[CommonPart] = []
+    for one in parts:
+        if made_of(core, freed, [*kept, one]) != made_of(core, freed, kept):
+            kept.append(one)
+    return tuple(kept)
 
 
 def made_of(

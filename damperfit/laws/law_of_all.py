@@ -9,22 +9,25 @@ from typing import TYPE_CHECKING
 from damperfit.laws.common_parts import made_of
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from damperfit.damper.model import Values
     from damperfit.damper.valve_dampers import ValveDamper
     from damperfit.identification.minimiser import Minimum
     from damperfit.laws.choosing import Tried
     from damperfit.laws.common_parts import CommonPart
-    from damperfit.laws.law_fit import LawFit
+    from damperfit.laws.law_fit import LawFit, SettingLogs
     from damperfit.laws.one_model import OneModel
     from damperfit.tested.setting import Setting
 
-__all__ = ["LawOfAll", "free_of", "lost_with", "values_of_less"]
+__all__ = ["LawOfAll", "free_of", "lost_with", "values_of_less", "values_of_more"]
 
 _RETURNS = "return_slope"
 # Times the value that a smaller law tells: what is so far off, and not told, is anywhere.
 _FAR = 10.0
+# Times what the larger of two laws leaves: the numbers of a smaller that leaves so much are those
+# of something else.
+_TELLS_ANOTHER = 3.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -118,17 +121,51 @@ def values_of_less(damper: ValveDamper, free: Sequence[str], values: Values) -> 
     return damper.values_type(**numbers)
 
 
+def values_of_more(
+    law: LawOfAll, one: OneModel, freed: Sequence[str], evidence: Mapping[Setting, SettingLogs]
+) -> tuple[dict[Setting, Values], dict[Setting, Values]]:
+    """Return values of a law with more parts: with these where they start, and small.
+
+    Parameters
+    ----------
+    law : LawOfAll
+        The law with fewer.
+    one : OneModel
+        The law with more.
+    freed : sequence of str
+        What of it is fitted although it has a default.
+    evidence : mapping of Setting to SettingLogs
+        Whose loops show where it starts.
+    """
+    quantities = one.model.quantities
+    held = {q.name: q.default for q in quantities if q.default is not None and q.name not in freed}
+    full, small = {}, {}
+    for s, near in law.values.items():
+        start = one.model.start(evidence[s].fitted, held)[0]
+        known = {n: getattr(near, n) for n in near.names if n in one.model.names}
+        # What stands at nothing was held: from there no descent would find it.
+        new = [n for n in one.free if not known.get(n)]
+        absent = {n: one.misfits[s].absent(n) for n in new}
+        known = {n: x for n, x in known.items() if n not in absent}
+        little = {n: math.sqrt(low * getattr(start, n)) for n, low in absent.items()}
+        full[s], small[s] = start.replace(known), start.replace(known | little)
+    return full, small
+
+
 def lost_with(less: Tried, more: Tried) -> str:
     """Return a quantity of the smaller of two laws that has no value any more in the larger.
 
     It has run to an edge of its range, or so far towards it that no log tells it. A bleed may be
-    lost to its own laminar part, for both are the bleed.
+    lost to its own laminar part, for both are the bleed; and anything may to a law that leaves a
+    third, for what the smaller one told stood in the place of what it lacks.
 
     Parameters
     ----------
     less, more : Tried
         Two laws at the same settings.
     """
+    if less.mse_percent > _TELLS_ANOTHER * more.mse_percent:
+        return ""
     for small, large in zip(less.fits, more.fits, strict=True):
         for name in small.free:
             if (

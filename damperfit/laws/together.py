@@ -4,9 +4,10 @@ A law is chosen setting by setting. With one value for all settings of what is t
 shows that hardly moves the MSE of one: what little it explains is the same in all of them. So the
 law is fitted once as one model, and where that leaves something it is offered what a law may have:
 
-    1  the law as one model; in layouts that fitted alike too, for one model tells them better
-    2  with everything: of each blow-off the kind that explains most, bleeds with a laminar part,
-       play, lag, friction beyond Coulomb's, returns, seals' drag, gas in the oil
+    1  the law as one model; in the other layouts too, for one model tells them better
+    2  with everything: a bleed and a blow-off in each stroke, of each blow-off the kind that
+       explains most, bleeds with a laminar part, play, lag, friction beyond Coulomb's, returns,
+       seals' drag, gas in the oil
     3  without what is not worth its numbers, the loosest first, by the rule of `choosing`; what
        stays need not gain a factor of 1.5 by itself
     4  all of it together must, and be worth its numbers: else the law stays as it was
@@ -37,7 +38,9 @@ from damperfit.laws.choosing import (
 )
 from damperfit.laws.common_parts import (
     CommonPart,
+    beside_each_other,
     blow_off_kinds,
+    lacking_parts,
     made_of,
     other_parts,
     turning_kinds,
@@ -46,7 +49,7 @@ from damperfit.laws.common_parts import (
 from damperfit.laws.elsewhere import freed_of, had_by
 from damperfit.laws.judged_laws import JudgedLaw
 from damperfit.laws.law_fit import UNDETERMINED, fit_at, fit_law
-from damperfit.laws.law_of_all import LawOfAll, free_of, lost_with, values_of_less
+from damperfit.laws.law_of_all import LawOfAll, free_of, lost_with, values_of_less, values_of_more
 from damperfit.laws.one_model import OneModel
 from damperfit.laws.variants import in_words, laid_out_as
 from damperfit.parallel import executor
@@ -111,7 +114,7 @@ def told_together(  # noqa: PLR0913 - what a run knows of its settings
     follows : callable
         From a law and what is free to the adjusters that each quantity follows.
     layouts : sequence of ValveDamper
-        Others that fitted alike.
+        Others that the damper may have.
     solver : SolverOptions
         How exactly to integrate.
     jobs : int
@@ -242,14 +245,15 @@ class _Course:
         core, own = without_kinds(law.damper)
         law = replace(law, parts=own)
         try:
-            rich = self.with_all(core, law)
+            whole = self.with_whole_valves(core, law)
+            rich = self.with_all(core, whole)
         except SimulationError:
             return tried
         best = self.tried(rich)
         gain = tried.mse_percent / max(best.mse_percent, 1e-300)
         reason = "what it does not need is taken out again"
         self.record(best, reason, is_taken=False, change="with everything", gain=gain)
-        rich, best = self.thinned(core, law, rich, best)
+        rich, best = self.thinned(core, whole, rich, best)
         rich, best = self.cheaper(core, law, tried, rich, best)
         added = [one.words for one in rich.parts if one not in own]
         gone = [one.words for one in own if one not in rich.parts]
@@ -263,21 +267,34 @@ class _Course:
         )  # fmt: skip
         return best if verdict.takes_larger else tried
 
+    def with_whole_valves(self, core: ValveDamper, law: LawOfAll) -> LawOfAll:
+        """The law with a bleed and a blow-off in each stroke, from starts of its own too.
+
+        A law without them may have put a preload in the place of friction: nothing leads back.
+        """
+        lacking = lacking_parts(core)
+        if not lacking:
+            return law
+        parts = (*lacking, *law.parts)
+        begun = replace(self.begun(*made_of(core, law.freed, parts), law), parts=parts)
+        try:
+            other = replace(self.first(self.apart(begun.damper, law)), parts=parts)
+        except SimulationError:
+            return begun
+        return other if begun.one.cost(other.values) < begun.minimum.point.cost else begun
+
     def with_all(self, core: ValveDamper, law: LawOfAll) -> LawOfAll:
         """The law with all that it may have; of what excludes each other what explains most."""
-        offered: list[CommonPart] = []
+        offered = lacking_parts(core)
         for stroke in ("rebound", "compression"):
             kinds = blow_off_kinds(stroke)
             beside = [one for one in law.parts if one not in kinds]
             offered += self.best_part(core, law, beside, kinds)
         offered += self.best_part(core, law, law.parts, turning_kinds())
         offered += other_parts(law.damper, law.freed)
-        kept: list[CommonPart] = []
-        for one in offered:  # what a damper has, or cannot have beside the others, is none of them
-            if made_of(core, law.freed, [*kept, one]) != made_of(core, law.freed, kept):
-                kept.append(one)
+        kept = beside_each_other(core, law.freed, offered)
         looked = self.begun(*made_of(core, law.freed, kept), law)
-        return replace(looked, minimum=looked.one.descend(looked.values), parts=tuple(kept))
+        return replace(looked, minimum=looked.one.descend(looked.values), parts=kept)
 
     def best_part(
         self,
@@ -302,23 +319,8 @@ class _Course:
         """A few steps from a law, with its new numbers where they start, or small."""
         free = free_of(damper, freed)
         one = law.one.of(damper, free, self.follows(damper, free))
-        held = {
-            q.name: q.default
-            for q in damper.quantities
-            if q.default is not None and q.name not in freed
-        }
-        small, full = {}, {}
-        for s, near in law.values.items():
-            start = damper.start(self.evidence[s].fitted, held)[0]
-            known = {n: getattr(near, n) for n in near.names if n in damper.names}
-            # What stands at nothing was held: from there no descent would find it.
-            new = [n for n in free if not known.get(n)]
-            absent = {n: one.misfits[s].absent(n) for n in new}
-            known = {n: x for n, x in known.items() if n not in absent}
-            little = {n: math.sqrt(low * getattr(start, n)) for n, low in absent.items()}
-            small[s], full[s] = start.replace(known | little), start.replace(known)
         ends = []
-        for at in (full, small):
+        for at in values_of_more(law, one, freed, self.evidence):
             try:
                 ends.append(one.look(one.with_common(at)))
             except SimulationError:
@@ -381,7 +383,8 @@ class _Course:
         self, core: ValveDamper, law: LawOfAll, rich: LawOfAll, part: CommonPart
     ) -> tuple[LawOfAll, Tried] | None:
         """The law without a part, from where it is and, where that seems to lack it, from afar."""
-        left = tuple(one for one in rich.parts if one is not part)
+        others = [one for one in rich.parts if one is not part]
+        left = beside_each_other(core, rich.own_freed, others)
         damper, freed = made_of(core, rich.own_freed, left)
         free = free_of(damper, freed)
         one = rich.one.of(damper, free, self.follows(damper, free))

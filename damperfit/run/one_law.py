@@ -121,7 +121,7 @@ def told_as_one(  # noqa: PLR0913 - what a search has found and who waits for it
             fits,
             logs,
             _follows(configuration, fits, logs, jobs=jobs),
-            layouts=[one for one in layouts if one.name in search.alike],
+            layouts=[one for one in layouts if one.name != model.name],
             solver=options.solver,
             jobs=jobs,
             on_law=on_law,

@@ -39,10 +39,11 @@ from tests.laws.valve_logs import moved
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
+    from damperfit.damper.model import Model
     from damperfit.laws import LawSearch, Tried
     from damperfit.simulation import Motion
 
-__all__ = ["Drawn", "draw", "parts_of", "verdict_on"]
+__all__ = ["CHECK", "FITTED", "Drawn", "draw", "known_of", "logged", "parts_of", "verdict_on"]
 
 KINDS = (ThroughFlow, TwinTube, Monotube)
 VALVES = {
@@ -61,6 +62,7 @@ FORCE_NOISE, DISPLACEMENT_NOISE = 4.0, 8e-6
 # Of a stack of shims: w grows by this power of the pressure beyond the preload.
 POWER = 1.6
 STEPS = 5
+ALONE = Setting.of(1)
 
 
 @dataclass(frozen=True)
@@ -156,7 +158,8 @@ def _network(one: Drawn) -> tuple[Network, dict[str, float]]:
     return replace(network, passages=tuple(passages)), numbers
 
 
-def _logged(one: Drawn, motion: Motion, seed: int) -> Trace:
+def logged(one: Drawn, motion: Motion, seed: int, setting: Setting = ALONE) -> Trace:
+    """The log of a motion, with noise."""
     network, numbers = _network(one)
     renamed = {"series_stiffness" if k == "k_s" else k: v for k, v in numbers.items() if k != "lag"}
     force = simulate_network(network, renamed, one.model, motion).force
@@ -172,7 +175,7 @@ def _logged(one: Drawn, motion: Motion, seed: int) -> Trace:
             name=f"{seed}.csv",
             path=f"{seed}.csv",
             sha256="",
-            setting=Setting.of(1),
+            setting=setting,
             time=motion.interval * np.arange(n),
             displacement=motion.displacement + noise.normal(0.0, DISPLACEMENT_NOISE, n),
             force=force + noise.normal(0.0, FORCE_NOISE, n),
@@ -180,20 +183,22 @@ def _logged(one: Drawn, motion: Motion, seed: int) -> Trace:
     )
 
 
-def searched(one: Drawn, seed: int) -> LawSearch:
-    """Return the search over the logs of a damper."""
-    fitted = _logged(one, moved(FITTED, rate=1000.0, cycles=5), seed)
-    check = _logged(one, moved((CHECK,), amplitude=0.012, rate=1000.0), seed + 1)
+def known_of(one: Drawn) -> tuple[Model, list[ValveDamper]]:
+    """What its owner knows of a damper: the paper's and the layouts that it may have."""
     geometry = {
         name: getattr(one.model, name)
         for name in ("rod_diameter", "piston_diameter", "chamber_1_length", "chamber_2_length",
                      "oil_density", "gas_pressure", "gas_volume", "gas_exponent")
     }  # fmt: skip
-    paper = replace(
-        PURDY_DAMPER,
-        **{name: geometry[name] for name in geometry if name != "gas_volume"},
-    )
-    layouts = [kind(**geometry) for kind in KINDS]
+    paper = replace(PURDY_DAMPER, **{k: v for k, v in geometry.items() if k != "gas_volume"})
+    return paper, [kind(**geometry) for kind in KINDS]
+
+
+def searched(one: Drawn, seed: int) -> LawSearch:
+    """Return the search over the logs of a damper."""
+    fitted = logged(one, moved(FITTED, rate=1000.0, cycles=5), seed)
+    check = logged(one, moved((CHECK,), amplitude=0.012, rate=1000.0), seed + 1)
+    paper, layouts = known_of(one)
     share = held_share(fitted)
     return search_laws(
         paper,

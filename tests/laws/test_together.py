@@ -17,11 +17,18 @@ from damperfit.identification.law_misfit import LawMisfit
 from damperfit.identification.unknowns import Unknown
 from damperfit.laws import LawFit, SettingLogs, Tried, judged, law_of_all, together
 from damperfit.laws.choosing import OfOneModel
-from damperfit.laws.common_parts import made_of, other_parts, turning_kinds, without_kinds
+from damperfit.laws.common_parts import (
+    beside_each_other,
+    lacking_parts,
+    made_of,
+    other_parts,
+    turning_kinds,
+    without_kinds,
+)
 from damperfit.laws.law_fit import fit_at
 from damperfit.laws.law_of_all import lost_with
 from damperfit.laws.one_model import OneModel
-from damperfit.laws.variants import BOTH
+from damperfit.laws.variants import BLOW_OFF, BOTH
 from damperfit.recording import Recording
 from damperfit.simulation import SolverOptions, simulate
 from damperfit.tested.setting import Setting
@@ -123,6 +130,44 @@ def test_a_law_that_leaves_nothing_is_offered_nothing() -> None:
     assert found.chosen.fits[0].values.f_f == pytest.approx(20.0, rel=0.05)
 
 
+def test_a_bleed_that_single_settings_did_not_need_is_found(monkeypatch) -> None:
+    """They have taken friction for a preload in bump."""
+    monkeypatch.setattr(together, "other_parts", lambda *_: [])
+    monkeypatch.setattr(together, "turning_kinds", list)
+    monkeypatch.setattr(together, "blow_off_kinds", lambda _: [])
+    logs = logs_of(PLAIN)
+    less = replace(PLAIN, compression=BLOW_OFF)
+    free = tuple(one.name for one in less.quantities if one.default is None)
+    wrong = {"f_f": 0.01, "compression_opening": 5e4, "compression_slope": 6e6}
+    fits = [
+        fit_at(
+            LawMisfit(less, one.fitted, free, SOLVER),
+            one, values_at(less, one.setting, **wrong), evaluations=1,
+        )
+        for one in logs
+    ]  # fmt: skip
+    found = together.told_together(fits, logs, follows, solver=SOLVER, jobs=1)
+    assert found.laws[-1].is_taken
+    assert found.laws[-1].change == "one model: with a bleed in bump"
+    assert found.chosen.mse_percent < 0.01
+    values = found.chosen.fits[0].values
+    assert values.compression_bleed == pytest.approx(0.9 * BLEEDS[6], rel=0.03)
+    assert values.f_f == pytest.approx(20.0, rel=0.05)
+
+
+def test_parts_of_what_is_taken_out_go_with_it() -> None:
+    """Without the bleed there is none that could have a laminar part."""
+    core = replace(PLAIN, compression=BLOW_OFF)
+    bleed, *_ = lacking_parts(core)
+    assert bleed.words == "a bleed in bump"
+    offered = [bleed, *other_parts(PLAIN, ())]
+    kept = beside_each_other(core, (), offered)
+    assert list(kept) == offered
+    words = {one.words for one in beside_each_other(core, (), kept[1:])}
+    assert words == {one.words for one in offered[1:]} - {"a laminar part of the bleed in bump"}
+    assert not lacking_parts(PLAIN)
+
+
 def test_one_setting_in_a_wrong_valley_does_not_spoil_the_model() -> None:
     """In bump bleed and blow-off have changed places at one setting."""
     logs = logs_of(PLAIN)
@@ -168,6 +213,13 @@ def test_one_model_takes_what_an_mse_or_a_force_needs(small, large, n_more, is_t
 def test_a_number_that_runs_away_beside_a_part_is_lost(more, lost) -> None:
     assert lost_with(law(0.2), law(0.1, **more)).startswith(lost)
     assert bool(lost_with(law(0.2), law(0.1, **more))) is bool(lost)
+
+
+@pytest.mark.parametrize(("left", "is_lost"), [(0.299, True), (0.301, False)])
+def test_a_law_that_leaves_a_third_may_lose_what_the_smaller_told_of_something_else(
+    left, is_lost
+) -> None:
+    assert bool(lost_with(law(left), law(0.1, at_bound=("f_f",)))) is is_lost
 
 
 def test_what_is_lost_already_or_to_its_own_laminar_part_is_not_lost() -> None:
