@@ -533,6 +533,7 @@ SURFACE = {
     "damperfit.run.judging": [
         "assessed",
         "judge",
+        "with_other_layouts",
         "with_profiles",
     ],
     "damperfit.run.earlier": [

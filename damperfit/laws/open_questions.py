@@ -114,10 +114,11 @@ def _of_layouts(search: LawSearch, tests: _Tests) -> Iterator[str]:
         return
     names = [search.chosen.fits[0].model.name, *search.alike]
     listed = " or ".join(one.replace("_", " ") for one in names)
+    test = _runs_empty(search.chosen.fits[0].model, names) or tests.faster
     yield (
         f"The layout, {listed}: they fit and predict alike. Pressures and orifices of the valves "
-        "differ with it, forces hardly. The maker's drawing decides it (damper.model, or models "
-        f"--layout), or {_runs_empty(search.chosen.fits[0].model, names) or tests.faster}."
+        "differ with it (intervals of identify hold both), forces hardly. The maker's drawing "
+        f"decides it (damper.model, or models --layout), or {test}."
     )
 
 

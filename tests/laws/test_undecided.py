@@ -88,7 +88,8 @@ def test_layouts_alike_are_named() -> None:
     (said,) = told(fits, 1.0, 2.0, search=search)
     assert said.startswith(
         "The layout, twin tube or monotube: they fit and predict alike. Pressures and orifices of "
-        "the valves differ with it, forces hardly. The maker's drawing decides it"
+        "the valves differ with it (intervals of identify hold both), forces hardly. The maker's "
+        "drawing decides it"
     )
 
 
