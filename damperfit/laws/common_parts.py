@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
+from damperfit.damper.mounting import FIT, NONE
 from damperfit.laws.variants import LACKING, PARTS, with_kind, with_part
 
 if TYPE_CHECKING:
@@ -18,6 +19,7 @@ __all__ = [
     "beside_each_other",
     "blow_off_kinds",
     "lacking_parts",
+    "laminar_alone",
     "made_of",
     "other_parts",
     "turning_kinds",
@@ -76,6 +78,27 @@ def lacking_parts(damper: ValveDamper) -> list[CommonPart]:
     ]
 
 
+def laminar_alone(
+    damper: ValveDamper, parts: Sequence[CommonPart], unseen: set[str]
+) -> Iterator[tuple[CommonPart, tuple[CommonPart, ...]]]:
+    """Yield laminar bleeds in place of part-laminar ones whose orifice no log tells.
+
+    Parameters
+    ----------
+    damper : ValveDamper
+        The law.
+    parts : sequence of CommonPart
+        That it has.
+    unseen : set of str
+        Numbers that no log tells.
+    """
+    for stroke, word in _STROKES.items():
+        if getattr(damper, stroke).bleed == "long" and f"{stroke}_bleed" in unseen:
+            alone = partial(with_kind, stroke=stroke, part="bleed", kind="leak")
+            one = CommonPart(f"a laminar bleed in {word}", alone)
+            yield one, (*(other for other in parts if other.words != _long(stroke).words), one)
+
+
 def turning_kinds() -> list[CommonPart]:
     """Return the ways in which friction may turn, beside at once."""
     return [_of_damper(name) for name in _TURNING]
@@ -91,9 +114,7 @@ def other_parts(damper: ValveDamper, freed: Sequence[str]) -> Iterator[CommonPar
     freed : sequence of str
         What of it is fitted although it has a default.
     """
-    for stroke, word in _STROKES.items():
-        long = partial(with_kind, stroke=stroke, part="bleed", kind="long")
-        yield CommonPart(f"a laminar part of the bleed in {word}", long)
+    yield from map(_long, _STROKES)
     yield from map(_of_damper, _BESIDE)
     for name in _FREED:
         if name in damper.names and name not in freed:
@@ -101,8 +122,17 @@ def other_parts(damper: ValveDamper, freed: Sequence[str]) -> Iterator[CommonPar
 
 
 def without_kinds(damper: ValveDamper) -> tuple[ValveDamper, tuple[CommonPart, ...]]:
-    """Return a damper with plain blow-offs, and the kinds that these had."""
-    own = []
+    """Return a damper with plain blow-offs and Coulomb's friction, and what these had beyond.
+
+    Numbers that are declared stay: they are no parts that the logs may do without.
+    """
+    own, rubs = [], damper.friction
+    for name in (*_TURNING, "breakaway", "seal_area"):
+        fields = PARTS[name][1]
+        if FIT in {getattr(rubs, one) for one in fields}:
+            own.append(_of_damper(name))
+            rubs = replace(rubs, **dict.fromkeys(fields, NONE))
+    damper = replace(damper, friction=rubs)
     for stroke in _STROKES:
         kind = getattr(damper, stroke).blow_off
         if kind in _BLOW_OFFS:
@@ -156,6 +186,11 @@ def made_of(
 def _blow_off(stroke: str, kind: str) -> CommonPart:
     words = f"{_BLOW_OFFS[kind]} in {_STROKES[stroke]}"
     return CommonPart(words, partial(with_kind, stroke=stroke, part="blow_off", kind=kind))
+
+
+def _long(stroke: str) -> CommonPart:
+    words = f"a laminar part of the bleed in {_STROKES[stroke]}"
+    return CommonPart(words, partial(with_kind, stroke=stroke, part="bleed", kind="long"))
 
 
 def _of_damper(name: str) -> CommonPart:

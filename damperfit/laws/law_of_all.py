@@ -4,25 +4,32 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
+from damperfit.identification.law_misfit import LawMisfit
+from damperfit.laws.choosing import ENOUGH_PERCENT, Tried
 from damperfit.laws.common_parts import made_of
+from damperfit.laws.elsewhere import freed_of
+from damperfit.laws.one_model import OneModel
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
-    from damperfit.damper.model import Values
+    from damperfit.damper.model import Model, Values
     from damperfit.damper.valve_dampers import ValveDamper
     from damperfit.identification.minimiser import Minimum
-    from damperfit.laws.choosing import Tried
+    from damperfit.identification.unknowns import Follows
     from damperfit.laws.common_parts import CommonPart
     from damperfit.laws.law_fit import LawFit, SettingLogs
-    from damperfit.laws.one_model import OneModel
+    from damperfit.simulation import SolverOptions
     from damperfit.tested.setting import Setting
 
-__all__ = ["LawOfAll", "free_of", "lost_with", "values_of_less", "values_of_more"]
+__all__ = ["LawOfAll", "as_one_model", "free_of", "lost_with", "values_of_less", "values_of_more"]
 
 _RETURNS = "return_slope"
+# Times the misfit of its own fit, or what matters to nobody: a setting that one model meets worse
+# lies in another valley.
+_STRAINED, _ENOUGH = 4.0, ENOUGH_PERCENT / 100.0
 # Times the value that a smaller law tells: what is so far off, and not told, is anywhere.
 _FAR = 10.0
 # Times what the larger of two laws leaves: the numbers of a smaller that leaves so much are those
@@ -119,6 +126,56 @@ def values_of_less(damper: ValveDamper, free: Sequence[str], values: Values) -> 
         for q in damper.quantities
     }
     return damper.values_type(**numbers)
+
+
+def as_one_model(
+    fits: Sequence[LawFit],
+    evidence: Mapping[Setting, SettingLogs],
+    follows: Callable[[Model, Sequence[str]], Follows],
+    solver: SolverOptions,
+    jobs: int,
+) -> LawOfAll:
+    """Return a law as one model, from its fits at single settings.
+
+    Parameters
+    ----------
+    fits : sequence of LawFit
+        A law of valves at each setting by itself.
+    evidence : mapping of Setting to SettingLogs
+        Their logs.
+    follows : callable
+        From a law and what is free to the adjusters that each quantity follows.
+    solver : SolverOptions
+        How exactly to integrate.
+    jobs : int
+        Threads.
+
+    Raises
+    ------
+    SimulationError
+        It cannot be simulated at all settings at once.
+    """
+    own, freed = fits[0], freed_of(Tried("", tuple(fits)))
+    misfits = {
+        fit.setting: LawMisfit(
+            own.model, evidence[fit.setting].fitted, own.free, solver
+        ).on_cycles()
+        for fit in fits
+    }
+    apart = {fit.setting: fit.values for fit in fits}
+    one = OneModel(misfits, follows(own.model, own.free), {}, jobs)
+    one = one.weighed_at(apart, least=_ENOUGH)
+    found = one.best_of(list(one.starts(apart)))
+    values = found.point.extra
+    strained = [
+        100.0 * misfits[fit.setting].cost(values[fit.setting])
+        > _STRAINED * max(fit.mse_percent, ENOUGH_PERCENT)
+        for fit in fits
+    ]
+    if not any(strained):  # else the setting that is met worst would count least
+        one = one.weighed_at(values)
+        found = one.descend(values)
+    return LawOfAll(cast("ValveDamper", own.model), freed, one, found)
 
 
 def values_of_more(

@@ -20,13 +20,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 from damperfit.errors import SimulationError
 from damperfit.identification.blas_threads import one_blas_thread
-from damperfit.identification.law_misfit import LawMisfit
 from damperfit.laws.choosing import (
-    ENOUGH_PERCENT,
     GAIN,
     OfOneModel,
     Tried,
@@ -41,16 +39,23 @@ from damperfit.laws.common_parts import (
     beside_each_other,
     blow_off_kinds,
     lacking_parts,
+    laminar_alone,
     made_of,
     other_parts,
     turning_kinds,
     without_kinds,
 )
-from damperfit.laws.elsewhere import freed_of, had_by
+from damperfit.laws.elsewhere import had_by
 from damperfit.laws.judged_laws import JudgedLaw
 from damperfit.laws.law_fit import UNDETERMINED, fit_at, fit_law
-from damperfit.laws.law_of_all import LawOfAll, free_of, lost_with, values_of_less, values_of_more
-from damperfit.laws.one_model import OneModel
+from damperfit.laws.law_of_all import (
+    LawOfAll,
+    as_one_model,
+    free_of,
+    lost_with,
+    values_of_less,
+    values_of_more,
+)
 from damperfit.laws.variants import in_words, laid_out_as
 from damperfit.parallel import executor
 
@@ -68,9 +73,6 @@ __all__ = ["Together", "told_together"]
 
 # By what a part must lower the MSE of one model to stay in it, beside what its numbers cost.
 _SOMETHING = 1.1
-# Times the misfit of its own fit, or what matters to nobody: a setting that one model meets worse
-# lies in another valley.
-_STRAINED, _ENOUGH = 4.0, ENOUGH_PERCENT / 100.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -160,27 +162,7 @@ class _Course:
 
     def first(self, fits: Sequence[LawFit]) -> LawOfAll:
         """A law as one model, from its fits at single settings."""
-        own, freed = fits[0], freed_of(Tried("", tuple(fits)))
-        misfits = {
-            fit.setting: LawMisfit(
-                own.model, self.evidence[fit.setting].fitted, own.free, self.solver
-            ).on_cycles()
-            for fit in fits
-        }
-        apart = {fit.setting: fit.values for fit in fits}
-        one = OneModel(misfits, self.follows(own.model, own.free), {}, self.jobs)
-        one = one.weighed_at(apart, least=_ENOUGH)
-        found = one.best_of(list(one.starts(apart)))
-        values = found.point.extra
-        strained = [
-            100.0 * misfits[fit.setting].cost(values[fit.setting])
-            > _STRAINED * max(fit.mse_percent, ENOUGH_PERCENT)
-            for fit in fits
-        ]
-        if not any(strained):  # else the setting that is met worst would count least
-            one = one.weighed_at(values)
-            found = one.descend(values)
-        return LawOfAll(cast("ValveDamper", own.model), freed, one, found)
+        return as_one_model(fits, self.evidence, self.follows, self.solver, self.jobs)
 
     def laid_out(self, law: LawOfAll, layouts: Sequence[ValveDamper]) -> LawOfAll:
         """The law in the layout that one model tells."""
@@ -257,10 +239,16 @@ class _Course:
         rich, best = self.cheaper(core, law, tried, rich, best)
         added = [one.words for one in rich.parts if one not in own]
         gone = [one.words for one in own if one not in rich.parts]
-        if not added:
+        if not added and not gone:
             return tried
         verdict = self.held_against(law, tried, rich, best, least_gain=GAIN)
-        change = f"with {', '.join(added)}" + (f", without {', '.join(gone)}" if gone else "")
+        if not verdict.takes_larger and rich.n_unknowns < law.n_unknowns:
+            other = self.held_against(rich, best, law, tried, least_gain=_SOMETHING)
+            verdict = replace(other, takes_larger=not other.takes_larger)
+        said = [
+            f"{word} {', '.join(of)}" for word, of in (("with", added), ("without", gone)) if of
+        ]
+        change = ", ".join(said)
         self.record(
             best, verdict.reason, is_taken=verdict.takes_larger, change=change,
             gain=verdict.gain, bic=verdict.bic,
@@ -286,11 +274,9 @@ class _Course:
     def with_all(self, core: ValveDamper, law: LawOfAll) -> LawOfAll:
         """The law with all that it may have; of what excludes each other what explains most."""
         offered = lacking_parts(core)
-        for stroke in ("rebound", "compression"):
-            kinds = blow_off_kinds(stroke)
+        for kinds in (blow_off_kinds("rebound"), blow_off_kinds("compression"), turning_kinds()):
             beside = [one for one in law.parts if one not in kinds]
             offered += self.best_part(core, law, beside, kinds)
-        offered += self.best_part(core, law, law.parts, turning_kinds())
         offered += other_parts(law.damper, law.freed)
         kept = beside_each_other(core, law.freed, offered)
         looked = self.begun(*made_of(core, law.freed, kept), law)
@@ -334,19 +320,26 @@ class _Course:
     ) -> tuple[LawOfAll, Tried]:
         """Without what is not worth its numbers, the loosest part first."""
         for part in rich.by_looseness(core):
-            found = self.without(core, law, rich, part)
-            if found is None:
-                continue
-            small, less = found
-            verdict = self.held_against(small, less, rich, best, least_gain=_SOMETHING)
-            self.record(
-                less, verdict.reason, is_taken=False, change=f"without {part.words}",
-                gain=verdict.gain, bic=verdict.bic,
-            )  # fmt: skip
-            self.worth[part.words] = verdict.bic
-            if not verdict.takes_larger:
-                rich, best = small, less
+            if part in rich.parts:  # a laminar part goes with its bleed
+                found = self.without(core, law, rich, part)
+                rich, best = self.smaller_of(found, rich, best, "without", part)
+        for part, parts in laminar_alone(rich.damper, rich.parts, best.unseen):
+            found = self.with_parts(core, law, rich, parts)
+            rich, best = self.smaller_of(found, rich, best, "with", part)
         return rich, best
+
+    def smaller_of(
+        self, found: tuple[LawOfAll, Tried] | None, rich: LawOfAll, best: Tried, word: str,
+        part: CommonPart,
+    ) -> tuple[LawOfAll, Tried]:  # fmt: skip
+        """A smaller law where the larger is not worth its numbers."""
+        if found is None:
+            return rich, best
+        verdict = self.held_against(*found, rich, best, least_gain=_SOMETHING)
+        change, said = f"{word} {part.words}", {"gain": verdict.gain, "bic": verdict.bic}
+        self.record(found[1], verdict.reason, is_taken=False, change=change, **said)
+        self.worth[part.words] = verdict.bic
+        return (rich, best) if verdict.takes_larger else found
 
     def cheaper(
         self, core: ValveDamper, law: LawOfAll, tried: Tried, rich: LawOfAll, best: Tried
@@ -382,9 +375,15 @@ class _Course:
     def without(
         self, core: ValveDamper, law: LawOfAll, rich: LawOfAll, part: CommonPart
     ) -> tuple[LawOfAll, Tried] | None:
-        """The law without a part, from where it is and, where that seems to lack it, from afar."""
+        """The law without a part."""
         others = [one for one in rich.parts if one is not part]
-        left = beside_each_other(core, rich.own_freed, others)
+        return self.with_parts(core, law, rich, others)
+
+    def with_parts(
+        self, core: ValveDamper, law: LawOfAll, rich: LawOfAll, parts: Sequence[CommonPart]
+    ) -> tuple[LawOfAll, Tried] | None:
+        """The law with fewer, from where it is and, where that seems to lack some, from afar."""
+        left = beside_each_other(core, rich.own_freed, parts)
         damper, freed = made_of(core, rich.own_freed, left)
         free = free_of(damper, freed)
         one = rich.one.of(damper, free, self.follows(damper, free))

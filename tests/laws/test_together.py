@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from damperfit.conditioning import condition
+from damperfit.damper.friction import Friction
 from damperfit.damper.mounting import FIT, Mounting
 from damperfit.damper.network import Valve
 from damperfit.errors import SimulationError
@@ -20,6 +21,7 @@ from damperfit.laws.choosing import OfOneModel
 from damperfit.laws.common_parts import (
     beside_each_other,
     lacking_parts,
+    laminar_alone,
     made_of,
     other_parts,
     turning_kinds,
@@ -153,6 +155,74 @@ def test_a_bleed_that_single_settings_did_not_need_is_found(monkeypatch) -> None
     values = found.chosen.fits[0].values
     assert values.compression_bleed == pytest.approx(0.9 * BLEEDS[6], rel=0.03)
     assert values.f_f == pytest.approx(20.0, rel=0.05)
+
+
+def test_a_part_of_single_settings_that_one_model_does_not_need_is_taken_out(monkeypatch) -> None:
+    """A friction that is larger at rest has stood for the port."""
+
+    def at_rest(damper, freed):
+        return [one for one in other_parts(damper, freed) if "at rest" in one.words]
+
+    monkeypatch.setattr(together, "other_parts", at_rest)
+    monkeypatch.setattr(together, "turning_kinds", list)
+    logs = logs_of(PORT)
+    more = replace(PLAIN, friction=Friction(breakaway=FIT, stribeck_speed=FIT))
+    free = tuple(one.name for one in more.quantities if one.default is None)
+    wrong = {"breakaway": 8.0, "stribeck_speed": 0.1}
+    fits = [
+        fit_at(
+            LawMisfit(more, one.fitted, free, SOLVER),
+            one, values_at(more, one.setting, **wrong), evaluations=1,
+        )
+        for one in logs
+    ]  # fmt: skip
+    found = together.told_together(fits, logs, follows, solver=SOLVER, jobs=1)
+    assert found.laws[-1].change == (
+        "one model: with a port behind the blow-off in rebound, without friction that is larger at "
+        "rest"
+    )
+    assert found.laws[-1].is_taken
+    assert found.chosen.fits[0].model == PORT
+
+
+@pytest.mark.parametrize(("less", "is_taken"), [(0.109, True), (0.111, False)])
+def test_a_smaller_law_is_taken_that_leaves_no_more(monkeypatch, less, is_taken) -> None:
+    """What single settings had too many is not worth a factor of 1.5, but its absence costs none.
+
+    A tenth more is left: so little no part that one model has is worth.
+    """
+    steps = together._Course([], follows, SOLVER, 1, lambda _: None)
+    steps.n_eff = 60.0
+    rubbing = replace(PLAIN, friction=Friction(seal_area=FIT))
+    before = law_of_all.LawOfAll(rubbing, (), SimpleNamespace(unknowns=range(9)), None)
+    rich = law_of_all.LawOfAll(PLAIN, (), SimpleNamespace(unknowns=range(8)), None)
+    monkeypatch.setattr(steps, "with_whole_valves", lambda *_: before)
+    monkeypatch.setattr(steps, "with_all", lambda *_: rich)
+    best, tried = law(less, force=2.0), law(0.1, force=2.0)
+    for step in ("thinned", "cheaper"):
+        monkeypatch.setattr(steps, step, lambda *_: (rich, best))
+    monkeypatch.setattr(steps, "tried", lambda _: best)
+    assert steps.enriched(before, tried) is (best if is_taken else tried)
+    assert steps.judged[-1].change == "one model: without friction by the pressure on the seal"
+
+
+def test_a_bleed_whose_orifice_no_log_tells_is_laminar_alone() -> None:
+    long = replace(PLAIN, rebound=Valve("long", "linear"), compression=Valve("long", "linear"))
+    part, other = (one for one in other_parts(PLAIN, ()) if "laminar" in one.words)
+    [(found, parts)] = laminar_alone(long, [part, other], {"rebound_bleed", "compression_leak"})
+    assert found.words == "a laminar bleed in rebound"
+    assert parts == (other, found)
+    model, _ = made_of(PLAIN, (), parts)
+    assert (model.rebound.bleed, model.compression.bleed) == ("leak", "long")
+    assert not list(laminar_alone(PLAIN, [], {"rebound_bleed"}))
+
+
+def test_friction_that_is_declared_is_no_part_of_the_logs() -> None:
+    friction = Friction(presliding=2e-5, breakaway=FIT, stribeck_speed=FIT, seal_area=FIT)
+    core, own = without_kinds(replace(PORT, friction=friction))
+    assert core == replace(PLAIN, friction=Friction(presliding=2e-5))
+    assert made_of(core, (), own)[0] == replace(PORT, friction=friction)
+    assert len(own) == 3
 
 
 def test_parts_of_what_is_taken_out_go_with_it() -> None:
@@ -364,8 +434,10 @@ def test_a_setting_in_another_valley_keeps_its_weight(monkeypatch, own, times, n
 
     left = times * max(own, 0.02) / 100.0
     misfit = SimpleNamespace(cost=lambda _: left)
-    monkeypatch.setattr(together, "OneModel", Model)
-    monkeypatch.setattr(together, "LawMisfit", lambda *_: SimpleNamespace(on_cycles=lambda: misfit))
+    monkeypatch.setattr(law_of_all, "OneModel", Model)
+    monkeypatch.setattr(
+        law_of_all, "LawMisfit", lambda *_: SimpleNamespace(on_cycles=lambda: misfit)
+    )
     logs = [SettingLogs(AT[0], ())]
     steps = together._Course(logs, follows, SOLVER, 1, lambda _: None)
     steps.first([law(own).fits[0]])
