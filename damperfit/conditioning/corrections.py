@@ -218,7 +218,13 @@ def find_skew(
     whole = skew.delay + float(options.skew)  # what was declared is no longer in the log looked at
     said = f"rig.skew = '{1e3 * whole:.1f}ms'"
     text += f"; that affects K_e most: set {said} if the rig is known to do so, or --skew auto"
-    text += " (where the mounting gives, friction turns late too: --model auto finds that)"
+    if skew.delay > 0.0:
+        text = (
+            f"the friction turns {1e3 * skew.delay:.2f} +- {1e3 * skew.uncertainty:.2f} ms late at "
+            "the ends of the stroke: the force is late, or the mounting gives and the force is "
+            "right (--model auto tells which). A late force affects K_e most: only if the rig is "
+            f"known for it set {said}, or --skew auto"
+        )
     return 0.0, (*declared, Finding("skew", "warning", text, skew.delay, "s"))
 
 

@@ -16,6 +16,11 @@ rebound and bump differ (what jumps is then not friction), and where it is round
 the rig or by seals that stretch before they slide. Such seals look late: friction that only slides
 after 0.1 mm is 8 ms behind at 32 mm and 1.5 Hz. A rounding of more than `_SHARP` therefore speaks
 against every estimate, and a smaller one is added to its uncertainty.
+
+Where the mounting gives, the piston turns after the rod's end, by C/k_s of a valve that resists
+with C at low speed, and friction with it; the force is right all the same. No jump tells one from
+the other: a stiff mounting goes through the friction within a millisecond or two. An early force
+is never that.
 """
 
 from __future__ import annotations

@@ -27,7 +27,10 @@ from damperfit.identification import FitOptions, identify
 from damperfit.recording import Recording
 from damperfit.simulation import Motion, simulate, sine_motion
 from tests import fakes
+from tests.identification.convergence import made_up
 from tests.identification.rig import recording
+from tests.rig_like.accuracy import body_of
+from tests.rig_like.rig import Channels, logged, steps
 
 FIT = FitOptions("plain", ("r_m1", "r_m2", "k_e"), {"r_m3": 2.597e6, "f_f": 50.0})
 
@@ -137,6 +140,24 @@ def test_what_was_done_is_told() -> None:
     rest = skew_of(late_log(5, 0.002), skew=0.002)
     assert abs(rest.value) < 6e-4
     assert rest.severity == "note"
+
+
+def test_a_mounting_that_gives_is_not_told_as_a_late_force() -> None:
+    """An elastic twin tube of another integrator: used to be "the force is 3.9 ms late"."""
+    model, truth = made_up("twin_tube", 12)
+    log = logged(body_of(model, truth), steps((0.05, 0.13, 0.26), 0.02, 4.0), Channels(), 12)
+    finding = skew_of(replace(late_log(5, 0.0), **{
+        name: getattr(log, name) for name in ("time", "displacement", "force")
+    }))  # fmt: skip
+    assert finding.severity == "warning"
+    assert "the force is late, or the mounting gives and the force is right" in finding.sentence
+    late = skew_of(late_log(5, 0.002))
+    assert late.severity == "warning"
+    assert late.value == pytest.approx(0.002, abs=6e-4)
+    assert "the force is late, or the mounting gives" in late.sentence
+    early = skew_of(late_log(5, -0.002))
+    assert early.severity == "warning"
+    assert "mounting" not in early.sentence
 
 
 def test_what_is_left_beside_a_declared_skew_is_added_to_it() -> None:
