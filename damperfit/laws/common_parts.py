@@ -7,6 +7,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from damperfit.damper.mounting import FIT, NONE
+from damperfit.damper.quantity import STIFFNESS
 from damperfit.laws.variants import LACKING, PARTS, with_kind, with_part
 
 if TYPE_CHECKING:
@@ -116,7 +117,9 @@ def other_parts(damper: ValveDamper, freed: Sequence[str]) -> Iterator[CommonPar
     """
     yield from map(_long, _STROKES)
     yield from map(_of_damper, _BESIDE)
-    for name in _FREED:
+    # Oil that is softer than assumed is told as friction where its own number is held.
+    oil = [one.name for one in damper.quantities if one.role == STIFFNESS]
+    for name in (*_FREED, *oil):
         if name in damper.names and name not in freed:
             yield CommonPart(damper.quantity(name).label, _as_it_is, (name,))
 

@@ -348,11 +348,11 @@ class _Course:
 
         Each of two parts may be needed beside the other, and one of them do for both.
         """
-        while rich.parts:
+        while added := [one for one in rich.parts if one not in law.parts]:
             verdict = self.held_against(law, tried, rich, best, least_gain=GAIN)
             if verdict.takes_larger or verdict.bic > 0.0:
                 break
-            part = min(rich.parts, key=lambda one: self.worth.get(one.words, math.inf))
+            part = min(added, key=lambda one: self.worth.get(one.words, math.inf))
             found = self.without(core, law, rich, part)
             if found is None:
                 break

@@ -199,8 +199,10 @@ ONE_STROKE: dict[str, tuple[tuple[str, ...], Callable[[ValveDamper], ValveDamper
     "the blow-off in bump": (
         ("compression_opening", "compression_slope"), _lacking("compression", "blow_off"),
     ),
-    "the bleed in rebound": (("rebound_bleed",), _lacking("rebound", "bleed")),
-    "the bleed in bump": (("compression_bleed",), _lacking("compression", "bleed")),
+    "the bleed in rebound": (("rebound_bleed", "rebound_leak"), _lacking("rebound", "bleed")),
+    "the bleed in bump": (
+        ("compression_bleed", "compression_leak"), _lacking("compression", "bleed"),
+    ),
     "elasticity of the mounting": (("k_s",), _rigid),
 }  # fmt: skip
 

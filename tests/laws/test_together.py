@@ -310,7 +310,7 @@ def test_parts_exclude_each_other_and_leave_what_is_there() -> None:
     offered = list(other_parts(PLAIN, ("drag",)))
     assert all("drag" not in one.freed for one in offered)
     model, freed = made_of(core, ("drag",), offered)
-    assert freed == ("drag", "return_slope", "free_gas")
+    assert freed == ("drag", "return_slope", "free_gas", "k_e")
     assert (model.rebound.bleed, model.compression.bleed) == ("long", "long")
 
 
@@ -338,13 +338,15 @@ def course(monkeypatch, worth: dict[str, float], failing: str) -> together._Cour
     ({"a": 3.0, "b": -1.0, "c": 1.0}, "", "abc"),
     ({"a": -3.0, "b": -5.0}, "", ""),
     ({"a": 3.0, "b": -5.0}, "b", "ab"),
+    ({"a": -3.0, "own": -9.0}, "", "own"),
 ])  # fmt: skip
 def test_parts_go_until_all_together_are_worth_their_numbers(
     monkeypatch, worth, failing, left
 ) -> None:
     parts = tuple(SimpleNamespace(words=name) for name in worth)
     rich = SimpleNamespace(parts=parts)
-    found, _ = course(monkeypatch, worth, failing).cheaper(PLAIN, None, None, rich, rich)
+    before = SimpleNamespace(parts=tuple(one for one in parts if one.words == "own"))
+    found, _ = course(monkeypatch, worth, failing).cheaper(PLAIN, before, None, rich, rich)
     assert "".join(one.words for one in found.parts) == left
 
 
