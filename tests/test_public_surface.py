@@ -367,6 +367,13 @@ SURFACE = {
         "start_of_laws",
         "with_given_start",
     ],
+    "damperfit.run.undeclared_damper": [
+        "assumed_gas",
+        "declared_dimensions",
+        "is_monotube_open",
+        "open_dimensions",
+        "open_layout",
+    ],
     "damperfit.run.law_choice": [
         "LAYOUTS",
         "LawChoice",

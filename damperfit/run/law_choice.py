@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from damperfit.configuration.loading import redeclared
-from damperfit.configuration.options import GAS, gas_in_words
 from damperfit.configuration.what_is_tested import unmatched
 from damperfit.damper.purdy.parameters import Damper
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube, ValveDamper
@@ -33,6 +32,13 @@ from damperfit.run.log_paths import expand
 from damperfit.run.logs import read_batch
 from damperfit.run.one_law import at_every_setting, told_as_one
 from damperfit.run.same_setting import once_each, without_contradictions, without_copies
+from damperfit.run.undeclared_damper import (
+    assumed_gas,
+    declared_dimensions,
+    is_monotube_open,
+    open_dimensions,
+    open_layout,
+)
 from damperfit.uncertainty.yielding import YIELDS, held_share
 
 if TYPE_CHECKING:
@@ -50,16 +56,7 @@ __all__ = ["LAYOUTS", "LawChoice", "choose_law", "with_chosen_law"]
 LAYOUTS: dict[str, type[ValveDamper]] = {
     kind.name: kind for kind in (TwinTube, Monotube, ThroughFlow)
 }
-# What a law has of its own, and the lengths that make the paper's gas volume.
-_VALVES = {"rebound", "compression"}
-_GAS_LENGTHS = {"gas_length", "gas_piston_diameter"}
-# Dimensions whose error bends the loop, and what of the rig takes its shape.
-_DIMENSIONS = {
-    "rod_diameter": "the rod",
-    "piston_diameter": "the bore",
-    "gas_pressure": "the gas pressure",
-}
-_OF_RIG = {"k_s": "elasticity", "play": "play", "lag": "the lag of the force"}
+_GAS_LENGTHS = {"gas_length", "gas_piston_diameter"}  # that make the paper's gas volume
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,6 +83,8 @@ class LawChoice:
         What the logs leave open, and which test would decide it.
     alike : tuple of str
         Of these, what may be taken for each other: layouts, a lag and an elasticity.
+    open_layouts : tuple of str
+        Layouts that the logs exclude only with a gas pressure that nobody has declared.
     """
 
     search: LawSearch
@@ -97,6 +96,12 @@ class LawChoice:
     remarks: tuple[str, ...] = ()
     undecided: tuple[str, ...] = ()
     alike: tuple[str, ...] = ()
+    open_layouts: tuple[str, ...] = ()
+
+    @property
+    def layouts_alike(self) -> tuple[str, ...]:
+        """Layouts that are not excluded beside the one that was taken."""
+        return (*self.search.alike, *self.open_layouts)
 
     @property
     def supported(self) -> str:
@@ -109,7 +114,7 @@ class LawChoice:
         """The physics that the chosen law sees; none where something else does as well."""
         if self.search.also:
             return ()
-        return physics_seen(self.fits, self.search.alike) or yielding_seen(self.search, self.fits)
+        return physics_seen(self.fits, self.layouts_alike) or yielding_seen(self.search, self.fits)
 
     def document(self) -> dict[str, Any]:
         """Return all of it as JSON values, as it stands in run.json."""
@@ -123,7 +128,7 @@ class LawChoice:
             "settings": chosen_records(self.fits),
             "lost_settings": [one.cell for one in self.lost],
             "rivals": rival_records(self.rivals),
-            "layouts_alike": list(self.search.alike),
+            "layouts_alike": list(self.layouts_alike),
             "sentences": list(self.sentences),
             "undecided": list(self.undecided),
         }
@@ -208,7 +213,11 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
         layouts=layouts, jobs=workers, on_law=on_law,
     )  # fmt: skip
     best = search.chosen.fits[0]
-    doubts = (*_of_layout(configuration, best, layout), *_of_dimensions(configuration, best))
+    is_open = is_monotube_open(configuration, search, layout)
+    doubts = (
+        *open_layout(configuration, best, layout, is_open=is_open),
+        *open_dimensions(configuration, best),
+    )
     return LawChoice(
         search,
         tuple(one.setting for one in compared),
@@ -216,9 +225,10 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
         parted.batch.failures,
         tuple(e.setting for e, one in zip(evidence, fits, strict=True) if one is None),
         rivals,
-        (*parted.batch.remarks, *_assumed(configuration)),
+        (*parted.batch.remarks, *assumed_gas(configuration)),
         (*doubts, *undecided(search, found, evidence)),
         (*doubts, *interchangeable_parts(search, found, evidence)),
+        (Monotube.name,) if is_open else (),
     )
 
 
@@ -324,74 +334,5 @@ def _layouts(configuration: Configuration, layout: str | None) -> list[ValveDamp
     if layout is None and "damper.model" in configuration.declared and damper.name in LAYOUTS:
         layout = damper.name
     kinds = LAYOUTS if layout is None else {layout: LAYOUTS[layout]}
-    known = _known(configuration, damper)
+    known = declared_dimensions(configuration, damper)
     return [kind(**known) for kind in kinds.values()]
-
-
-def _known(configuration: Configuration, damper: Damper | ValveDamper) -> dict[str, Any]:
-    """What a layout takes from the damper: what was declared, as `--model NAME` does."""
-    own = {one.name for one in fields(damper) if one.init}
-    shared = {one.name for one in fields(ValveDamper) if one.name in own} - _VALVES
-    if isinstance(damper, ValveDamper):
-        return {name: getattr(damper, name) for name in shared}
-    known = {name: getattr(damper, name) for name in shared}
-    known["gas_volume"] = damper.gas_volume
-    declared = {one.removeprefix("damper.") for one in configuration.declared}
-    if declared & _GAS_LENGTHS:
-        declared |= {"gas_volume"}
-    return {name: value for name, value in known.items() if name in declared}
-
-
-def _of_layout(configuration: Configuration, fit: LawFit, layout: str | None) -> tuple[str, ...]:
-    """What the paper's model says of the layout where [damper] names none, in a sentence."""
-    if not isinstance(fit.model, Damper) or "damper.model" in configuration.declared:
-        return ()
-    if layout is not None:
-        said = (
-            f"The valves of the {layout.replace('_', ' ')}: the paper's model is enough for these "
-            f'logs, and its resistances are none of theirs. damper.model = "{layout}" keeps them.'
-        )
-        return (said,)
-    said = (
-        "The layout: the paper's model is enough for these logs, but a damper that is built "
-        "otherwise may fit it as well, with other resistances and pressures for the same forces. "
-        "Where the maker's drawing shows another layout, name it (damper.model, or models "
-        "--layout)."
-    )
-    return (said,)
-
-
-def _of_dimensions(configuration: Configuration, fit: LawFit) -> tuple[str, ...]:
-    """What of the rig may be the doing of dimensions that nobody has declared, in a sentence."""
-    damper = configuration.damper
-    if not isinstance(fit.model, ValveDamper) or not isinstance(damper, Damper | ValveDamper):
-        return ()
-    known = {one.removeprefix("damper.") for one in configuration.declared}
-    if isinstance(damper, Damper):
-        known = {*_known(configuration, damper)}
-    missing = [said for name, said in _DIMENSIONS.items() if name not in known]
-    parts = [said for name, said in _OF_RIG.items() if name in fit.free]
-    if not missing or not parts:
-        return ()
-    said = (
-        f"Whether {' and '.join(parts)} {'are' if len(parts) > 1 else 'is'} the rig's: "
-        f"{' and '.join(missing)} {'are' if len(missing) > 1 else 'is'} not declared, and a wrong "
-        "one may look like that. Declare them as measured."
-    )
-    return (said,)
-
-
-def _assumed(configuration: Configuration) -> tuple[str, ...]:
-    """What the layouts have of the gas that nobody has declared, in a sentence."""
-    damper = configuration.damper
-    if not isinstance(damper, Damper):
-        return ()
-    known = _known(configuration, damper)
-    missing = {name: getattr(ValveDamper(), name) for name in GAS if name not in known}
-    if not missing:
-        return ()
-    said = (
-        f"laws of real valves were tried with {gas_in_words(missing)}, the defaults of --model "
-        "twin_tube and its like: declare what your damper has"
-    )
-    return (said,)

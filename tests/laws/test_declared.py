@@ -19,7 +19,8 @@ from damperfit.laws import LawFit, Tried
 from damperfit.laws.search import _Search, search_laws
 from damperfit.laws.variants import BLEED, everything, without
 from damperfit.recording import Trace
-from damperfit.run.law_choice import _assumed, _layouts, _of_dimensions, with_chosen_law
+from damperfit.run.law_choice import _layouts, with_chosen_law
+from damperfit.run.undeclared_damper import assumed_gas, open_dimensions
 from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting
 from tests import fakes
@@ -53,7 +54,7 @@ def test_gas_that_nobody_declared_is_told(
     for layout in _layouts(configuration, None):
         assert layout.gas_volume == pytest.approx(volume, rel=1e-3)
         assert (layout.gas_pressure, layout.gas_exponent) == (pressure, exponent)
-    said = " ".join((*_assumed(configuration), *configuration.notes))
+    said = " ".join((*assumed_gas(configuration), *configuration.notes))
     is_reported = "model" not in declared
     assert ("laws of real valves were tried with" in said) is is_reported
     assert ("30 cm3 of gas" in said) is (is_reported and "gas_length" not in declared)
@@ -73,7 +74,7 @@ def test_auto_tries_the_damper_that_a_named_model_would_take(declared) -> None:
 
 
 @pytest.mark.parametrize(("declared", "free", "says"), [
-    ({}, ("k_s", "play"), "elasticity and play are the rig's: the rod and the bore and th"),
+    ({}, ("k_s", "play"), "elasticity and play are the rig's: the rod, the bore and th"),
     ({"rod_diameter": "11mm", "gas_pressure": "7bara"}, ("lag",), "rig's: the bore is not"),
     ({"model": "twin_tube", "rod_diameter": "11mm"}, ("k_s",), "the bore and the gas pressure a"),
     ({"rod_diameter": "11mm", "piston_diameter": "28mm", "gas_pressure": "7bara"}, ("k_s",), ""),
@@ -81,7 +82,7 @@ def test_auto_tries_the_damper_that_a_named_model_would_take(declared) -> None:
 ])  # fmt: skip
 def test_what_undeclared_dimensions_may_look_like_is_told(declared, free, says) -> None:
     law = replace(a_law_fit(TwinTube(mounting=Mounting(FIT, FIT, FIT))), free=free)
-    said = " ".join(_of_dimensions(load_configuration(None, overlay={"damper": declared}), law))
+    said = " ".join(open_dimensions(load_configuration(None, overlay={"damper": declared}), law))
     assert says in said
     assert bool(said) is bool(says)
 
