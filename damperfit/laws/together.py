@@ -242,9 +242,9 @@ class _Course:
         if not added and not gone:
             return tried
         verdict = self.held_against(law, tried, rich, best, least_gain=GAIN)
-        if not verdict.takes_larger and rich.n_unknowns < law.n_unknowns:
-            other = self.held_against(rich, best, law, tried, least_gain=_SOMETHING)
-            verdict = replace(other, takes_larger=not other.takes_larger)
+        is_smaller = rich.n_unknowns < law.n_unknowns and best.left_over <= GAIN * tried.left_over
+        if is_smaller and best.mse_percent < _SOMETHING * tried.mse_percent:
+            verdict = replace(verdict, takes_larger=True, reason="as good with fewer numbers")
         said = [
             f"{word} {', '.join(of)}" for word, of in (("with", added), ("without", gone)) if of
         ]
@@ -319,7 +319,8 @@ class _Course:
         self, core: ValveDamper, law: LawOfAll, rich: LawOfAll, best: Tried
     ) -> tuple[LawOfAll, Tried]:
         """Without what is not worth its numbers, the loosest part first."""
-        for part in rich.by_looseness(core):
+        # What single settings have told of is asked last: many others may stand for it together.
+        for part in sorted(rich.by_looseness(core), key=lambda one: one in law.parts):
             if part in rich.parts:  # a laminar part goes with its bleed
                 found = self.without(core, law, rich, part)
                 rich, best = self.smaller_of(found, rich, best, "without", part)

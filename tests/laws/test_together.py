@@ -185,11 +185,13 @@ def test_a_part_of_single_settings_that_one_model_does_not_need_is_taken_out(mon
     assert found.chosen.fits[0].model == PORT
 
 
-@pytest.mark.parametrize(("less", "is_taken"), [(0.109, True), (0.111, False)])
-def test_a_smaller_law_is_taken_that_leaves_no_more(monkeypatch, less, is_taken) -> None:
+@pytest.mark.parametrize(("less", "force", "is_taken"), [
+    (0.109, 2.0, True), (0.111, 2.0, False), (0.109, 14.9, True), (0.109, 15.1, False),
+])  # fmt: skip
+def test_a_smaller_law_is_taken_that_leaves_no_more(monkeypatch, less, force, is_taken) -> None:
     """What single settings had too many is not worth a factor of 1.5, but its absence costs none.
 
-    A tenth more is left: so little no part that one model has is worth.
+    A tenth more is left: so little no part that one model has is worth. Forces count too.
     """
     steps = together._Course([], follows, SOLVER, 1, lambda _: None)
     steps.n_eff = 60.0
@@ -198,7 +200,7 @@ def test_a_smaller_law_is_taken_that_leaves_no_more(monkeypatch, less, is_taken)
     rich = law_of_all.LawOfAll(PLAIN, (), SimpleNamespace(unknowns=range(8)), None)
     monkeypatch.setattr(steps, "with_whole_valves", lambda *_: before)
     monkeypatch.setattr(steps, "with_all", lambda *_: rich)
-    best, tried = law(less, force=2.0), law(0.1, force=2.0)
+    best, tried = law(less, force=force), law(0.1, force=10.0)
     for step in ("thinned", "cheaper"):
         monkeypatch.setattr(steps, step, lambda *_: (rich, best))
     monkeypatch.setattr(steps, "tried", lambda _: best)
@@ -331,6 +333,20 @@ def course(monkeypatch, worth: dict[str, float], failing: str) -> together._Cour
     monkeypatch.setattr(steps, "without", without)
     monkeypatch.setattr(steps, "held_against", held_against)
     return steps
+
+
+def test_what_single_settings_have_told_of_is_asked_last(monkeypatch) -> None:
+    """Two parts that stand for it are not left in its place because it was the looser one."""
+    steps, asked = together._Course([], follows, SOLVER, 1, lambda _: None), []
+    own, *more = (SimpleNamespace(words=name) for name in ("own", "a", "b"))
+    rich = SimpleNamespace(
+        parts=(own, *more), by_looseness=lambda _: [own, *more],
+        damper=SimpleNamespace(rebound=BOTH, compression=BOTH),
+    )  # fmt: skip
+    monkeypatch.setattr(steps, "without", lambda *said: asked.append(said[-1].words))
+    best = SimpleNamespace(unseen=set())
+    assert steps.thinned(PLAIN, SimpleNamespace(parts=(own,)), rich, best) == (rich, best)
+    assert asked == ["a", "b", "own"]
 
 
 @pytest.mark.parametrize(("worth", "failing", "left"), [
