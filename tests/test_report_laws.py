@@ -43,6 +43,9 @@ def test_a_law_has_a_row_with_what_was_changed_gained_and_predicted() -> None:
     assert tried_laws_sheet(TOLD, is_narrow=True).headings == (
         "", "law", "free", "BIC", "MSE", "held out",
     )  # fmt: skip
+    # A note on a column stands below that column alone.
+    assert "factor: MSE of the smaller" in sheet.notes[1]
+    assert "factor" not in " ".join(tried_laws_sheet(TOLD, is_narrow=True).notes)
 
 
 def test_models_of_the_literature_tell_once_what_is_not_original() -> None:

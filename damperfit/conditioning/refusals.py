@@ -43,8 +43,8 @@ def refuse_dead(recording: Recording) -> None:
     n = len(recording.time)
     if n < _MIN_SAMPLES:
         raise ConditioningError(
-            f"{recording.name}: {n} samples; expected at least {MIN_CYCLES} whole cycles of a "
-            "steady test; record a longer log"
+            f"{recording.name}: {n} sample{'s' * (n != 1)}; expected at least {MIN_CYCLES} whole "
+            "cycles of a steady test; record a longer log"
         )
     for channel, values in (
         ("displacement", recording.displacement),

@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from damperfit.damper.quantity import STIFFNESS
 from damperfit.identification import Status
 from damperfit.laws.other_layouts import in_other_layouts
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from damperfit.damper.model import Model, Values
     from damperfit.damper.valve_dampers import ValveDamper
@@ -147,12 +148,13 @@ def physics_seen(fits: Sequence[LawFit | SeenAt], layouts: Sequence[str] = ()) -
         ("seal_area", 1e6, "friction grows with the pressure, as on {} mm2 of a seal"),
         ("turning_speed", 1e3, "friction turns within {} mm/s"),
         ("free_gas", 1e2, "{} % of the oil's volume is gas at rest"),
+        ("drag", 1.0, "the seals drag with {} N s/m"),
     )
     for name, factor, words in beside:
         known = [one for one in (_determined(fits, name) if name in names else []) if one != 0.0]
         if known:
             said.append(words.format(_range([factor * one for one in known])) + _where(fits, name))
-    said.extend(_gas_seen(model, fits))
+    said.extend((*_oil_seen(model, fits), *_gas_seen(model, fits)))
     return tuple(f"{one[0].upper()}{one[1:]}." for one in said)
 
 
@@ -168,6 +170,17 @@ def _elsewhere(
         f"; {_range([shown(times * one) for one in values])} in a {layout}"
         for layout, times in in_other_layouts(layouts, model, name)
     )
+
+
+def _oil_seen(model: ValveDamper, fits: Sequence[LawFit | SeenAt]) -> Iterator[str]:
+    """Yield the stiffness of the oil where it is not that of the default."""
+    for one in model.quantities:
+        if one.role == STIFFNESS:
+            known = [value for value in _determined(fits, one.name) if value != one.default]
+            if known:
+                numbers = _range([1e-9 * value for value in known])
+                where = _where(fits, one.name)
+                yield f"oil and chambers give with a bulk modulus of {numbers} GPa{where}"
 
 
 def _gas_seen(model: ValveDamper, fits: Sequence[LawFit | SeenAt]) -> list[str]:

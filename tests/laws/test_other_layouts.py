@@ -67,6 +67,17 @@ def test_the_numbers_of_another_layout_give_the_same_force(layout: str, valve: V
     assert np.max(np.abs(force[0] - force[1])[moves]) < 0.01 * np.ptp(force[0])
 
 
+def test_oil_that_the_logs_told_is_said_and_oil_that_was_held_is_not() -> None:
+    model = Monotube(**GEOMETRY | {"mounting": Mounting("fit", NONE, NONE)})
+    numbers = {one.name: one.default or 1e5 for one in model.quantities}
+    held = replace(fit(), model=model, values=model.values(numbers))
+    assert "bulk modulus" not in " ".join(physics_seen([held]))
+    freed = replace(held, values=model.values(numbers | {"k_e": 1.31e9, "drag": 12.0}))
+    said = " ".join(physics_seen([freed]))
+    assert "Oil and chambers give with a bulk modulus of 1.31 GPa." in said
+    assert "The seals drag with 12 N s/m." in said
+
+
 def test_numbers_stand_beside_those_of_layouts_that_are_alike() -> None:
     model = Monotube(**GEOMETRY)
     numbers = {one.name: one.default or 1e5 for one in model.quantities}

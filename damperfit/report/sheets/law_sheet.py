@@ -45,8 +45,8 @@ def tried_laws_sheet(choice: Mapping[str, Any], *, is_narrow: bool = False) -> S
     if not math.isnan(samples):
         notes.append(
             f"BIC with {samples:.0f} effective samples, against the law that the row was compared "
-            "with: positive where it is for the larger of both; factor: MSE of the smaller of both "
-            "over that of the larger"
+            "with: positive where it is for the larger of both"
+            + ("; factor: MSE of the smaller of both over that of the larger" * (not is_narrow))
         )
     return Sheet(
         headings=headings,
