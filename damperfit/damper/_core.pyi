@@ -19,6 +19,7 @@ def simulate_network(
     dead_band: float,
     max_steps_per_sample: int,
     lead: int,
+    is_lead_unseen: bool = False,
     /,
 ) -> tuple[int, int, int, int, int]: ...
 def follow(

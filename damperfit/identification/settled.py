@@ -93,6 +93,7 @@ class SettledCycle:
             options,
             dead_band=max(options.dead_band, self.dead_band),
             settling=(lead - 0.5) * self.motion.interval,
+            settles_unseen=True,
         )
 
     def rows(self, response: Response) -> FloatArray:

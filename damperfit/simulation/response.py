@@ -36,6 +36,9 @@ class SolverOptions:
         Of the paper's damper only: time in which a start is forgotten, s. A motion of twice that or
         more is then simulated as four parts side by side, each of which begins so much before the
         last ends; where two have not met it is done as one. 0: as one.
+    settles_unseen : bool
+        Whether nobody asks for the time in which the start is forgotten: it is then run through in
+        long steps, and what the response has there may be NaN.
     """
 
     tolerance: float = 3e-3
@@ -43,6 +46,7 @@ class SolverOptions:
     max_steps_per_sample: int = 10_000
     rounding: float = 100.0
     settling: float = 0.0
+    settles_unseen: bool = False
 
 
 @dataclass(frozen=True, slots=True)

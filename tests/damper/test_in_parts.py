@@ -123,6 +123,58 @@ def test_a_cycle_in_parts_is_the_cycle(setting: int) -> None:
         assert np.std(rows[1] - rows[2]) <= 1.2 * np.std(rows[0] - rows[2]) + 1e-9, name
 
 
+def turning(setting: int, rate: float = 1080.0) -> tuple[Motion, int]:
+    """A sine from a turn on, half a cycle to settle, and how many samples that is."""
+    n = round(rate / 1.5)
+    phase = 2.0 * np.pi * np.arange(-(n // 2), n) / n
+    x, v = 0.032 * np.cos(phase), -0.032 * 2.0 * np.pi * 1.5 * np.sin(phase)
+    return Motion(1.0 / rate, x, v), n // 2
+
+
+@pytest.mark.parametrize("rate", [480.0, 1080.0])
+@pytest.mark.parametrize("setting", [1, 10, 20])
+def test_what_nobody_asks_for_is_run_through_in_long_steps(setting: int, rate: float) -> None:
+    motion, lead = turning(setting, rate)
+    seen = SolverOptions(settling=(lead - 0.5) / rate)
+    one, other = (
+        simulate(
+            reference_parameters(setting), PURDY_DAMPER, motion, sensitivities=CARRIED, options=how
+        )
+        for how in (seen, replace(seen, settles_unseen=True))
+    )
+    assert other.work.steps < 0.7 * one.work.steps
+    assert np.all(np.isnan(other.force[:lead]))
+    assert np.all(np.isnan(other.pressures[:, :lead]))
+    assert np.max(np.abs(other.force[lead:] - one.force[lead:])) < 2e-3
+    np.testing.assert_allclose(other.masses[:, lead:], one.masses[:, lead:], rtol=1e-7)
+    for name in CARRIED:
+        rows = [each.sensitivities[name][lead:] for each in (other, one)]
+        assert np.std(rows[0] - rows[1]) <= 2e-5 * np.std(rows[1]), name
+
+
+def test_a_motion_that_hardly_settles_has_no_long_steps() -> None:
+    """Of 0.1 s the last 0.09 are stepped through: no leap of 16 ms fits before them."""
+    motion, _ = turning(10)
+    seen = SolverOptions(settling=0.1)
+    one, other = (
+        simulate(reference_parameters(10), PURDY_DAMPER, motion, options=how)
+        for how in (seen, replace(seen, settles_unseen=True))
+    )
+    assert np.array_equal(np.isnan(other.force), np.arange(len(other.force)) < 108)
+    assert np.max(np.abs(one.force[108:] - other.force[108:])) < 2e-3
+
+
+def test_what_is_done_as_one_has_all_its_samples() -> None:
+    """Also those that nobody asked for."""
+    motion = sine_motion(0.032, 1.5, cycles=2, sample_rate=1000.0)
+    hasty = replace(AS_ONE, settling=0.002, settles_unseen=True)
+    one, other = (
+        simulate(reference_parameters(10), PURDY_DAMPER, motion, options=options)
+        for options in (AS_ONE, hasty)
+    )
+    assert is_done_as_one(one, other)
+
+
 def test_parts_that_have_not_met_are_done_as_one() -> None:
     """In two milliseconds no start is forgotten."""
     parameters, motion = reference_parameters(10), shaken()

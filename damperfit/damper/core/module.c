@@ -45,7 +45,7 @@ static int network_sizes_fit(const Py_buffer *b)
 }
 
 static PyObject *run_network(const Py_buffer *b, double interval, double rounding, int floating,
-                             const df_options *options, Py_ssize_t lead)
+                             const df_options *options, Py_ssize_t lead, int is_unseen)
 {
     const double *body = b[BODY].buf, *numbers = b[NUMBERS].buf;
     const int *rows = b[PASSAGES].buf;
@@ -66,7 +66,8 @@ static PyObject *run_network(const Py_buffer *b, double interval, double roundin
     df_work work;
     int code;
     Py_BEGIN_ALLOW_THREADS
-    code = lead > 0 ? df_simulate_in_parts(&q, options, &motion, (size_t)lead, &result, &work) : DF_NOT_IN_PARTS;
+    code = lead > 0 ? df_simulate_in_parts(&q, options, &motion, (size_t)lead, is_unseen, &result, &work)
+                    : DF_NOT_IN_PARTS;
     if (code == DF_NOT_IN_PARTS)
         code = df_simulate_network(&q, options, &motion, &result, &work);
     Py_END_ALLOW_THREADS
@@ -79,12 +80,13 @@ static PyObject *simulate_network(PyObject *self, PyObject *args)
     (void)self;
     PyObject *o[N_NETWORK_BUFFERS];
     double interval, rounding;
-    int floating;
+    int floating, is_unseen = 0;
     df_options options;
     Py_ssize_t lead;
-    if (!PyArg_ParseTuple(args, "OOOOOOOOOOOddpddln:simulate_network", &o[0], &o[1], &o[2], &o[3], &o[4],
+    if (!PyArg_ParseTuple(args, "OOOOOOOOOOOddpddln|p:simulate_network", &o[0], &o[1], &o[2], &o[3], &o[4],
                           &o[5], &o[6], &o[7], &o[8], &o[9], &o[10], &interval, &rounding, &floating,
-                          &options.tolerance, &options.dead_band, &options.max_steps_per_sample, &lead))
+                          &options.tolerance, &options.dead_band, &options.max_steps_per_sample, &lead,
+                          &is_unseen))
         return NULL;
     Py_buffer buffers[N_NETWORK_BUFFERS];
     PyObject *answer = NULL;
@@ -96,7 +98,7 @@ static PyObject *simulate_network(PyObject *self, PyObject *args)
             break;
     }
     if (got == N_NETWORK_BUFFERS && network_sizes_fit(buffers))
-        answer = run_network(buffers, interval, rounding, floating, &options, lead);
+        answer = run_network(buffers, interval, rounding, floating, &options, lead, is_unseen);
     while (got-- > 0)
         PyBuffer_Release(&buffers[got]);
     return answer;
@@ -206,9 +208,10 @@ static PyMethodDef METHODS[] = {
     {"simulate_network", simulate_network, METH_VARARGS,
      "simulate_network(body, numbers, passages, displacement, velocity, jumps, which, pressures,\n"
      "                 masses, force, sensitivities, interval, rounding, floating_piston,\n"
-     "                 tolerance, dead_band, max_steps_per_sample, lead)\n"
+     "                 tolerance, dead_band, max_steps_per_sample, lead, is_lead_unseen=False)\n"
      "-> (code, steps, rejected, newton, sample). Fills the last four buffers. A lead above 0 lets\n"
-     "parts of the motion that settle within so many samples run side by side."},
+     "parts of the motion that settle within so many samples run side by side; where nobody asks for\n"
+     "the first so many they settle roughly and those are NaN."},
     {"follow", follow, METH_VARARGS,
      "follow(numbers, layout, displacement, velocity, force, slopes, interval, rounding)\n"
      "-> (code, sample). Fills force and its slopes, a row of numbers for each sample."},

@@ -15,9 +15,10 @@ extern "C" {
 /* Not for parts: another damper, other numbers to differentiate by, or parts that do not meet. */
 enum { DF_NOT_IN_PARTS = -1 };
 
-/* As `df_simulate_network`; `lead`: samples in which a part settles. */
+/* As `df_simulate_network`; `lead`: samples in which a part settles. With `is_unseen` nobody asks for the first
+ * `lead` samples: parts settle in long steps at first, and those samples are NaN. */
 int df_simulate_in_parts(df_network *network, const df_options *options, const df_motion *motion, size_t lead,
-                         const df_result *result, df_work *work);
+                         int is_unseen, const df_result *result, df_work *work);
 
 #ifdef __cplusplus
 }

@@ -107,6 +107,7 @@ def integrate(
         _body(damper), numbers, _PASSAGES, x, v, jumps, which, pressures, masses, force,
         rows, motion.interval, _ROUNDING, False, options.tolerance, options.dead_band,
         options.max_steps_per_sample, math.ceil(options.settling / motion.interval),
+        options.settles_unseen,
     )  # fmt: skip
     if code:
         raise SimulationError(describe_ending(code, sample, motion, options))
