@@ -37,6 +37,14 @@ TARGETS: dict[str, tuple[str, ...]] = {
     "checks": ("damperfit/checks",),
     "exit codes": ("damperfit/errors.py", "damperfit/cli"),
     "run": ("damperfit/run",),
+    "laws": ("damperfit/laws",),
+    "damper": ("damperfit/damper", "damperfit/simulation"),
+    "comparison": ("damperfit/comparison",),
+    "queries": ("damperfit/queries",),
+    "fleet": ("damperfit/fleet",),
+    "handover": ("damperfit/handover",),
+    "configuration": ("damperfit/configuration", "damperfit/tested", "damperfit/units"),
+    "door": ("damperfit/door",),
 }
 
 _GUARD = 1e-200  # smaller numbers only keep a division from failing
