@@ -9,7 +9,7 @@ What the faults cost near the limits (`python -m tests.conditioning.limits`; the
 settings 1, 10 and 20 of the reference set, 500 Hz, no noise):
 
 - clipped at 98 % of its peak the force costs 0.6 % of R_m2 and 1.7 % of K_e, at 95 % 2 and 8 %;
-- rounded to 1000 steps over the stroke the displacement costs 0.3 % of K_e, to 500 steps 5 %, to
+- rounded to 1000 steps over the stroke the displacement costs 0.4 % of K_e, to 500 steps 5 %, to
   250 6 %: it acts through the velocity and does not average out, and `displacement_noise` sees it
   too. The force costs 0.3 % at 125 steps, 0.4 % at 62; noise of half a step or more turns that into
   scatter, which intervals cover;

@@ -3,7 +3,7 @@
 Limits, and what the faults cost near them (`python -m tests.conditioning.limits`; the largest error
 at settings 1, 10 and 20 of the reference set, 500 Hz, no noise):
 
-- Noise of the displacement acts through the velocity and bends K_e: 20 um cost 0.9 %, 37 um 2.4 %,
+- Noise of the displacement acts through the velocity and bends K_e: 20 um cost 0.7 %, 37 um 2.4 %,
   67 um 7 %. The bar is the noise of the velocity behind the filter over its peak; 20 um are below
   it.
 - Rates down to 66 Hz (44 samples a cycle, half the rate just above the filter's corner) cost

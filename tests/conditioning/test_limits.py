@@ -14,7 +14,7 @@ QUOTED = [
     ("force clipped at 98 %", "k_e", 1.7),
     ("force clipped at 95 %", "r_m2", 2.0),
     ("force clipped at 95 %", "k_e", 8.0),
-    ("displacement in 1000 steps", "k_e", 0.3),
+    ("displacement in 1000 steps", "k_e", 0.4),
     ("displacement in 500 steps", "k_e", 5.0),
     ("displacement in 250 steps", "k_e", 6.0),
     ("force in 125 steps", "k_e", 0.3),
@@ -25,7 +25,7 @@ QUOTED = [
     ("force drifts by 1 %", "k_e", 1.6),
     ("force drifts by 3 %", "k_e", 5.0),
     ("stroke drifts by 5 %", "k_e", 0.7),
-    ("20 um on the displacement", "k_e", 0.9),
+    ("20 um on the displacement", "k_e", 0.7),
     ("37 um on the displacement", "k_e", 2.4),
     ("67 um on the displacement", "k_e", 7.0),
 ]
