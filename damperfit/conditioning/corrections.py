@@ -222,7 +222,7 @@ def find_skew(
         text = (
             f"the friction turns {1e3 * skew.delay:.2f} +- {1e3 * skew.uncertainty:.2f} ms late at "
             "the ends of the stroke: the force is late, or the mounting gives and the force is "
-            "right (--model auto tells which). A late force affects K_e most: only if the rig is "
+            "right (--model auto finds out). A late force affects K_e most: only if the rig is "
             f"known for it set {said}, or --skew auto"
         )
     return 0.0, (*declared, Finding("skew", "warning", text, skew.delay, "s"))

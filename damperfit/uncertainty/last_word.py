@@ -70,9 +70,12 @@ def _is_unfit(fit: Fit, name: str, known: Uncertainty | None) -> bool:
 
 
 def _anywhere(fit: Fit, assessment: Assessment) -> set[str]:
-    """What was found with an interval, of noise and misfit, as wide as of what no log tells."""
+    """What was found with an interval as wide as of what no log tells; a profile decides itself."""
+    profiles = assessment.telling(fit.setting)
     found = set()
     for name, status in fit.status.items():
+        if name in profiles:
+            continue
         low, high = assessment.limits(fit.setting, name)
         quantity = fit.parameters.quantity(name)
         if status in _FOUND and low and high and quantity.is_logarithmic:

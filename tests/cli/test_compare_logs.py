@@ -99,7 +99,7 @@ def test_a_bad_log_costs_itself(run, raw) -> None:
     found = _document(run, "before", "after", code=1)
     assert found["comparisons"][0]["settings"] == [1, 2]
     (remark,) = found["remarks"]
-    assert remark.startswith("after: setting_03.csv: 1 samples")
+    assert remark.startswith("after: setting_03.csv: 1 sample;")
     ended = run("compare", "before", "after", "--measured", "--debug")
     assert ended.code == 1
     assert "setting 3 only in before: not compared" in ended.out

@@ -90,7 +90,8 @@ static int simulate(run *r, df_network *q, const df_options *o)
     const df_result result = {r->pressures, r->masses, r->force, r->sensitivities, which, r->n_which};
     /* In parts first, where that is possible: what it leaves is written over. */
     df_work beside;
-    (void)df_simulate_in_parts(q, o, &motion, r->n / 8 + 1, &result, &beside);
+    for (int is_unseen = 0; is_unseen < 2; is_unseen++)
+        (void)df_simulate_in_parts(q, o, &motion, r->n / 8 + 1, is_unseen, &result, &beside);
     const int code = df_simulate_network(q, o, &motion, &result, &r->work);
     free(which);
     return code;
