@@ -368,6 +368,7 @@ SURFACE = {
         "with_given_start",
     ],
     "damperfit.run.undeclared_damper": [
+        "GAS_LENGTHS",
         "assumed_gas",
         "declared_dimensions",
         "is_monotube_open",
@@ -375,7 +376,6 @@ SURFACE = {
         "open_layout",
     ],
     "damperfit.run.law_choice": [
-        "LAYOUTS",
         "LawChoice",
         "choose_law",
         "with_chosen_law",

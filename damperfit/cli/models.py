@@ -65,8 +65,9 @@ def models(
 
     Example: damperfit models runs/*.csv --config damper.toml --hold-out '*_check.csv'
     """
+    from damperfit.laws.other_layouts import LAYOUTS
     from damperfit.run.given_starts import start_of_laws
-    from damperfit.run.law_choice import LAYOUTS, choose_law
+    from damperfit.run.law_choice import choose_law
 
     if layout is not None and layout not in LAYOUTS:
         raise ConfigurationError(

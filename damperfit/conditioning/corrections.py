@@ -217,8 +217,9 @@ def find_skew(
         return skew.delay, (finding,)
     whole = skew.delay + float(options.skew)  # what was declared is no longer in the log looked at
     said = f"rig.skew = '{1e3 * whole:.1f}ms'"
-    text += f"; that affects K_e most: set {said} if the rig is known to do so, or --skew auto"
-    if skew.delay > 0.0:
+    if skew.delay < 0.0:
+        text += f"; that affects K_e most: set {said} if the rig is known to do so, or --skew auto"
+    else:
         text = (
             f"the friction turns {1e3 * skew.delay:.2f} +- {1e3 * skew.uncertainty:.2f} ms late at "
             "the ends of the stroke: the force is late, or the mounting gives and the force is "

@@ -21,9 +21,9 @@ if TYPE_CHECKING:
 
     from damperfit.damper.model import Model
 
-__all__ = ["in_other_layouts", "times_in"]
+__all__ = ["LAYOUTS", "in_other_layouts", "times_in"]
 
-_LAYOUTS: dict[str, type[ValveDamper]] = {
+LAYOUTS: dict[str, type[ValveDamper]] = {
     kind.name: kind for kind in (TwinTube, Monotube, ThroughFlow)
 }
 _POWERS = {
@@ -51,7 +51,7 @@ def times_in(layout: str, model: ValveDamper, name: str) -> float:
     if stroke not in _STROKES or part not in _POWERS:
         return 1.0
     known = {one.name: getattr(model, one.name) for one in fields(model) if one.init}
-    other = _LAYOUTS[layout](**known)
+    other = LAYOUTS[layout](**known)
     place = _STROKES.index(stroke)
     return float((model.pressed_areas[place] / other.pressed_areas[place]) ** _POWERS[part])
 

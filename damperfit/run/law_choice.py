@@ -12,7 +12,7 @@ import numpy as np
 from damperfit.configuration.loading import redeclared
 from damperfit.configuration.what_is_tested import unmatched
 from damperfit.damper.purdy.parameters import Damper
-from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube, ValveDamper
+from damperfit.damper.valve_dampers import Monotube, ValveDamper
 from damperfit.errors import ConfigurationError
 from damperfit.identification import GivenStart
 from damperfit.laws import (
@@ -24,6 +24,7 @@ from damperfit.laws import (
     undecided,
     yielding_seen,
 )
+from damperfit.laws.other_layouts import LAYOUTS
 from damperfit.parallel import available_cores
 from damperfit.report import chosen_records, failure_lines, rival_records, tried_law_records
 from damperfit.run.dampers import of_one_damper
@@ -33,6 +34,7 @@ from damperfit.run.logs import read_batch
 from damperfit.run.one_law import at_every_setting, told_as_one
 from damperfit.run.same_setting import once_each, without_contradictions, without_copies
 from damperfit.run.undeclared_damper import (
+    GAS_LENGTHS,
     assumed_gas,
     declared_dimensions,
     is_monotube_open,
@@ -51,12 +53,7 @@ if TYPE_CHECKING:
     from damperfit.run.hold_out import Parted
     from damperfit.tested.setting import Setting
 
-__all__ = ["LAYOUTS", "LawChoice", "choose_law", "with_chosen_law"]
-
-LAYOUTS: dict[str, type[ValveDamper]] = {
-    kind.name: kind for kind in (TwinTube, Monotube, ThroughFlow)
-}
-_GAS_LENGTHS = {"gas_length", "gas_piston_diameter"}  # that make the paper's gas volume
+__all__ = ["LawChoice", "choose_law", "with_chosen_law"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -261,7 +258,7 @@ def with_chosen_law(configuration: Configuration, choice: LawChoice) -> Configur
     chosen = {"damper.model", "damper.rebound", "damper.compression", "damper.mounting"}
     chosen |= {"damper.friction"}
     if isinstance(best.model, Damper) and "damper.gas_volume" in configuration.declared:
-        chosen |= {f"damper.{one}" for one in _GAS_LENGTHS}  # made of that volume
+        chosen |= {f"damper.{one}" for one in GAS_LENGTHS}  # made of that volume
     found = {fit.setting: asdict(fit.values) for fit in choice.fits}
     return replace(
         made,

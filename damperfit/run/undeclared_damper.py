@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from damperfit.laws import LawFit, LawSearch
 
 __all__ = [
+    "GAS_LENGTHS",
     "assumed_gas",
     "declared_dimensions",
     "is_monotube_open",
@@ -25,7 +26,7 @@ __all__ = [
 
 # What a law has of its own, and the lengths that make the paper's gas volume.
 _VALVES = {"rebound", "compression"}
-_GAS_LENGTHS = {"gas_length", "gas_piston_diameter"}
+GAS_LENGTHS = {"gas_length", "gas_piston_diameter"}
 # Dimensions whose error bends the loop, and what of the rig takes its shape.
 _DIMENSIONS = {
     "rod_diameter": "the rod",
@@ -46,7 +47,7 @@ def declared_dimensions(
     known = {name: getattr(damper, name) for name in shared}
     known["gas_volume"] = damper.gas_volume
     declared = {one.removeprefix("damper.") for one in configuration.declared}
-    if declared & _GAS_LENGTHS:
+    if declared & GAS_LENGTHS:
         declared |= {"gas_volume"}
     return {name: value for name, value in known.items() if name in declared}
 
