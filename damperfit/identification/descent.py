@@ -13,28 +13,29 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.errors import DamperfitError, SimulationError
-from damperfit.identification.ends import RIGHT_ANGLE, End, Seen, falls_inside, stopped_at
+from damperfit.errors import SimulationError
+from damperfit.identification.ends import RIGHT_ANGLE, End, falls_inside, stopped_at
 from damperfit.identification.evaluation import (
     evaluate,
     n_independent,
     transformation,
     values_of,
-    with_values,
 )
 from damperfit.identification.fit_facts import FitFacts
 from damperfit.identification.last_step import (
+    FORESEEN,
     LEAVES,
+    LEAVES_TO_LOGS,
     UNSEEN,
     known_step,
     last_step,
     promised_step,
     step_among_kinks,
 )
-from damperfit.identification.minimiser import Transformation, minimise
+from damperfit.identification.looks import FitCancelledError, Looks, Seen
+from damperfit.identification.minimiser import Minimum, Transformation, minimise
 from damperfit.identification.plausible import (
     is_at_edge,
-    is_within,
     kept_within,
 )
 from damperfit.identification.refinement import finer, solvers_percent
@@ -55,7 +56,6 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.float64]
 
 __all__ = [
-    "FitCancelledError",
     "Misfit",
     "approach",
     "common_variables",
@@ -75,12 +75,6 @@ _LIMIT = 0  # the status of a descent that ended at its limit of evaluations
 _AMONG_KINKS = 1.5
 _AMONG_KINKS_LEFT = 10.0  # times that share: a step that promises no more is not looked at
 _LOOKED_AT = 0.1  # largest relative change of a value in a step that is taken and then looked at
-
-
-class FitCancelledError(DamperfitError):
-    """The caller asked to stop while a fit was running."""
-
-    exit_code = 130
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -105,6 +99,8 @@ class Misfit:
         What a descent goes down on before it ends on the logs; None: on the logs alone.
     earlier : Earlier, optional
         Where a descent with more free ended, which knows how far logs and mean cycles lie apart.
+    is_followed : bool
+        Whether a descent with less free follows, which takes the way between the minima from this.
     facts : FitFacts, optional
         What is asked of the traces again and again; of other traces others are made.
     """
@@ -117,6 +113,7 @@ class Misfit:
     cancelled: Callable[[], bool]
     cycles: SettledLogs | None = None
     earlier: Earlier | None = None
+    is_followed: bool = False
     facts: FitFacts = field(default=FitFacts(()))
 
     def __post_init__(self) -> None:
@@ -204,21 +201,29 @@ def _ended(misfit: Misfit, start: Values) -> Solution:
         if ended is None:
             ended = last_step(left, there, least_percent=least)
             if ended is not None and ended.apart is not None:
-                ended = replace(ended, apart=ended.apart - there.promised)
+                apart = None if there.is_short else ended.apart - there.promised
+                ended = replace(ended, apart=apart)
     ended = ended or _to_the_end(left, there.parameters)
     return ended.after(there.evaluations, there.failed_trials)
 
 
 def _on_cycles(misfit: Misfit, start: Values) -> Solution:
     """Where a descent on the mean cycles ends, the last short step without a look."""
-    there = _minimise(misfit, start, near=UNSEEN)
+    is_exact = misfit.is_followed or misfit.earlier is not None
+    nearest = UNSEEN if is_exact else FORESEEN
+    there = _minimise(misfit, start, near=nearest)
     if there.status == _LIMIT:
         return there
     stepped = promised_step(misfit, there, longest=UNSEEN, leaves=LEAVES)
     if stepped is not None:
         return stepped
+    if not is_exact:
+        stepped = promised_step(misfit, there, longest=FORESEEN, leaves=LEAVES_TO_LOGS)
+        if stepped is not None:
+            return replace(stepped, is_short=True)
+    stepped = promised_step(misfit, there, longest=nearest) or there
     left = replace(misfit, max_evaluations=max(misfit.max_evaluations - there.evaluations, 1))
-    return _minimise(left, there.parameters).after(there.evaluations, there.failed_trials)
+    return _minimise(left, stepped.parameters).after(there.evaluations, there.failed_trials)
 
 
 def _to_the_end(misfit: Misfit, start: Values) -> Solution:
@@ -324,31 +329,15 @@ def _minimise(misfit: Misfit, start: Values, *, share: float = 0.0, near: float 
 
 def _descended(misfit: Misfit, moving: tuple[str, ...], start: Values, stopping: Stopping) -> End:
     """Minimise over what moves; a trial point out of the plausible range is a failed trial."""
-    scale = misfit.scale
     start = kept_within(start, misfit.free)
-    places = [misfit.free.index(name) for name in moving]
-    beyond = 0
-
-    def model(values: FloatArray) -> tuple[FloatArray, FloatArray, Seen]:
-        nonlocal beyond
-        if misfit.cancelled():
-            raise FitCancelledError("stopped while a fit was running.")
-        parameters = with_values(start, moving, values)
-        if not is_within(parameters, moving):
-            beyond += 1
-            raise SimulationError("a parameter is out of its plausible range.")
-        parameters = kept_within(parameters, moving)
-        residuals, slopes, is_cavitating = evaluate(misfit, parameters, scale)
-        seen = Seen(parameters, is_cavitating, slopes)
-        return residuals, slopes if moving == misfit.free else slopes[:, places], seen
-
+    look = Looks(misfit, moving, start)
     stopping = replace(
         stopping,
         max_evaluations=misfit.max_evaluations,
         least_share=max(stopping.least_share, misfit.damper.kinks),
     )
     variables = transformation(misfit, moving)
-    ended = minimise(model, values_of(moving, start), variables, stopping)
+    ended = _minimised(look, values_of(moving, start), variables, stopping)
     point = ended.point
     jacobian, gradient = point.system.triangle, point.system.gradient
     if moving != misfit.free:
@@ -359,12 +348,31 @@ def _descended(misfit: Misfit, moving: tuple[str, ...], start: Values, stopping:
         parameters=point.extra.parameters,
         mse_percent=100.0 * point.cost,
         jacobian=jacobian,
-        evaluations=ended.evaluations - beyond,
-        failed_trials=ended.failed_trials - beyond,
+        evaluations=ended.evaluations - look.beyond,
+        failed_trials=ended.failed_trials - look.beyond,
         status=ended.status,
         gradient_cosine=ended.gradient_cosine,
         n_independent=n_independent(point.residuals),
         is_cavitating=point.extra.is_cavitating,
         gradient=gradient,
     )
-    return End(solution, moving, variables.scales, ended, beyond > 0)
+    return End(solution, moving, variables.scales, ended, look.beyond > 0)
+
+
+def _minimised(
+    look: Looks, start: FloatArray, variables: Transformation, stopping: Stopping
+) -> Minimum[Seen]:
+    """Minimise; an end that was seen roughly is looked at closely, and gone on from."""
+    ended = minimise(look, start, variables, stopping)
+    if not ended.point.extra.is_rough or ended.status == _LIMIT:
+        return ended
+    left = max(stopping.max_evaluations - ended.evaluations, 1)
+    closely = look.closely()
+    again = minimise(
+        closely, ended.point.values, variables, replace(stopping, max_evaluations=left)
+    )
+    return replace(
+        again,
+        evaluations=again.evaluations + ended.evaluations,
+        failed_trials=again.failed_trials + ended.failed_trials,
+    )

@@ -13,27 +13,18 @@ from damperfit.identification.plausible import first_edge, points_inside
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from damperfit.damper.model import Values
     from damperfit.identification.descent import Misfit
+    from damperfit.identification.looks import Seen
     from damperfit.identification.minimiser import Minimum
     from damperfit.identification.solution import Solution
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["RIGHT_ANGLE", "End", "Seen", "falls_inside", "stopped_at"]
+__all__ = ["RIGHT_ANGLE", "End", "falls_inside", "stopped_at"]
 
 # A fit that meets none of MINPACK's tests has still descended when the residual is this close to
 # a right angle with every direction of the Jacobian.
 RIGHT_ANGLE = 1e-3
-
-
-@dataclass(frozen=True, slots=True)
-class Seen:
-    """What is remembered of a point: with the derivatives by all that is free, held or not."""
-
-    parameters: Values
-    is_cavitating: bool
-    slopes: FloatArray
 
 
 @dataclass(frozen=True, slots=True)

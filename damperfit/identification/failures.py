@@ -12,7 +12,7 @@ from damperfit.errors import (
     SimulationError,
     mishap_of,
 )
-from damperfit.identification.descent import FitCancelledError
+from damperfit.identification.looks import FitCancelledError
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -42,7 +42,9 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.float64]
 
 __all__ = [
+    "FORESEEN",
     "LEAVES",
+    "LEAVES_TO_LOGS",
     "UNSEEN",
     "beside_earlier",
     "known_step",
@@ -62,6 +64,10 @@ _NEAR = 0.1
 # change by as much as the largest relative change; so much of the step, in errors, may be left.
 UNSEEN = 5e-3
 LEAVES = 0.05
+# Where the logs' own step follows, which takes what is left, but for the relative change of the
+# derivatives. The way between the minima is then not known well enough for another descent.
+FORESEEN = _SMALL
+LEAVES_TO_LOGS = 0.3
 # Relative error of a value that is told, as `not_identifiable` has it.
 _TOLD = 0.5
 _MET_COST = 2  # as `Solution` has it: no step makes the sum of squares smaller

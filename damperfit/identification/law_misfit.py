@@ -15,7 +15,7 @@ import numpy as np
 
 from damperfit.conditioning import apply_filter
 from damperfit.errors import SimulationError
-from damperfit.identification.descent import FitCancelledError
+from damperfit.identification.looks import FitCancelledError
 from damperfit.identification.minimiser import Minimum, Transformation, minimise
 from damperfit.identification.settled import settled
 from damperfit.identification.trust_region import Stopping

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 
 from damperfit.damper.quantity import GAS_AMOUNT, STIFFNESS
 from damperfit.errors import SimulationError
-from damperfit.identification.descent import FitCancelledError
 from damperfit.identification.every_setting import with_status
 from damperfit.identification.law_misfit import vanishes_below
+from damperfit.identification.looks import FitCancelledError
 from damperfit.identification.outcome import Status
 from damperfit.identification.plausible import edge_of, kept_within
 from damperfit.identification.setting import attempt, describe_fit

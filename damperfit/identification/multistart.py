@@ -14,7 +14,8 @@ from zlib import crc32
 import numpy as np
 
 from damperfit.errors import DamperfitError
-from damperfit.identification.descent import FitCancelledError, Misfit
+from damperfit.identification.descent import Misfit
+from damperfit.identification.looks import FitCancelledError
 from damperfit.identification.outcome import Status
 from damperfit.identification.restarts import reconsidered
 from damperfit.identification.setting import (

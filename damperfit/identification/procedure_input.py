@@ -52,8 +52,10 @@ class ProcedureInput:
         wanted = set(names)
         return tuple(name for name in self.damper.names if name in wanted)
 
-    def misfit(self, setting: Setting, free: tuple[str, ...]) -> Misfit:
-        """Return what is fitted at a setting."""
+    def misfit(
+        self, setting: Setting, free: tuple[str, ...], *, is_followed: bool = False
+    ) -> Misfit:
+        """Return what is fitted at a setting, and whether a descent with less free follows."""
         return Misfit(
             self.settings[setting],
             self.damper,
@@ -62,6 +64,7 @@ class ProcedureInput:
             self.options.max_evaluations,
             self.cancelled,
             self.cycles.get(setting),
+            is_followed=is_followed,
         )
 
     def start(self, setting: Setting, misfit: Misfit, fixed: Mapping[str, float]) -> Values:

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -44,6 +44,9 @@ __all__ = ["SettledCycle", "SettledLogs", "fast_length", "settled"]
 # Samples of a cycle: at least these, and so many for each harmonic that the filter passes by half.
 _FEWEST = 256
 _PER_HARMONIC = 10
+# Looked at from afar, of every fourth or second sample, a cycle has at least so many.
+_FEWEST_FROM_AFAR = 128
+_SKIPPED = (4, 2)
 # A log that is not this much longer than its cycles is as well simulated whole.
 _WORTH = 2.0
 # Samples by which cycles may be out of step and still be those of one period; by which the last
@@ -96,6 +99,25 @@ class SettledCycle:
             settles_unseen=True,
         )
 
+    def every(self, nth: int) -> SettledCycle:
+        """Return the same of every nth sample, for looks from afar; n is a multiple of it."""
+        n, whole = len(self.force), self.motion
+        first = (len(whole.displacement) - n) % nth  # the compared ones stay what they are
+        fewer = replace(
+            whole,
+            interval=nth * whole.interval,
+            displacement=whole.displacement[first::nth],
+            velocity=whole.velocity[first::nth],
+        )
+        return replace(
+            self,
+            motion=fewer,
+            force=self.force[::nth],
+            gain=self.gain[: n // nth // 2 + 1],
+            factor=math.sqrt(nth) * self.factor[::nth],
+            dead_band=nth * self.dead_band,
+        )
+
     def rows(self, response: Response) -> FloatArray:
         """Return residuals and derivatives, behind the filter, weighed: (1 + k, n)."""
         rows = self._filtered([response.force, *response.sensitivities.values()])
@@ -130,7 +152,7 @@ class SettledCycle:
         return np.asarray(np.fft.irfft(lines, n, out=last))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class SettledLogs:
     """The logs of a setting as settled cycles.
 
@@ -144,6 +166,15 @@ class SettledLogs:
 
     cycles: tuple[SettledCycle, ...]
     scatter: float
+
+    @cached_property
+    def from_afar(self) -> SettledLogs | None:
+        """The same of every fourth or second sample; None where those are too few for a cycle."""
+        for nth in _SKIPPED:
+            lengths = [len(one.force) for one in self.cycles]
+            if all(n % (2 * nth) == 0 and n >= _FEWEST_FROM_AFAR * nth for n in lengths):
+                return SettledLogs(tuple(one.every(nth) for one in self.cycles), self.scatter)
+        return None
 
 
 def settled(traces: Sequence[Trace], *, is_thinned: bool = True) -> SettledLogs | None:
@@ -273,10 +304,12 @@ def _gain(trace: Trace, period: float, n: int) -> NDArray[np.complex128]:
     design = trace.model_filter
     # What lies beyond the log's own highest frequency is not in it.
     turn = np.minimum(np.arange(n // 2 + 1) / period, 0.5)
-    z = np.exp(-2j * np.pi * turn[:, None] * np.arange(3))
-    one_pass = np.prod(
-        (z @ design.sections[:, :3].T) / (z @ design.sections[:, 3:].T), axis=1, initial=1.0
-    )
+    z = np.exp(-2j * np.pi * turn)
+    over, under = np.ones_like(z), np.ones_like(z)
+    for b0, b1, b2, a0, a1, a2 in design.sections.tolist():
+        over *= b0 + z * (b1 + z * b2)
+        under *= a0 + z * (a1 + z * a2)
+    one_pass = over / under
     return np.asarray(np.abs(one_pass) ** 2 + 0j if design.is_zero_phase else one_pass)
 
 

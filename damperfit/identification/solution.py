@@ -49,6 +49,8 @@ class Solution:
     apart : numpy.ndarray or None
         Shape (k,): in u, from the minimum of the mean cycles to that of the logs; None where the
         descent was on the logs.
+    is_short : bool
+        Whether the minimum of the mean cycles was left a part of an error away, for the logs' step.
     seen : tuple of SimulatedLog
         The logs beside the model at `parameters`, where the end was looked at just there.
     """
@@ -64,6 +66,7 @@ class Solution:
     is_cavitating: bool
     gradient: FloatArray | None = None
     apart: FloatArray | None = None
+    is_short: bool = False
     seen: tuple[SimulatedLog, ...] = ()
 
     @property

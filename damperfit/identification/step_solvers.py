@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cache
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -156,7 +157,7 @@ class _DenseSteps:
             change=along @ directions / self._scale,
             length=length,
             effect=float(effects @ effects),
-            shrinkage=float((shares * shares / squares).sum()),
+            shrinkage=float(shares @ (shares / squares)),
         )
 
 
@@ -268,7 +269,16 @@ def reduced(residuals: FloatArray, jacobian: FloatArray) -> FloatArray:
     rows = np.empty((n, k + 1), order="F")  # as LAPACK has it
     rows[:, :k] = jacobian
     rows[:, k] = residuals
-    return _triangle(rows)
+    if n <= k:
+        return _triangle(rows)
+    # With LAPACK's reflections below the diagonal: NumPy's way to cut them off costs as much.
+    packed = np.linalg.qr(rows, mode="raw")[0]
+    return np.asarray(packed[:, : k + 1].T * _upper(k + 1), dtype=np.float64)
+
+
+@cache
+def _upper(n: int) -> FloatArray:
+    return np.triu(np.ones((n, n)))
 
 
 def _triangle(rows: FloatArray) -> FloatArray:

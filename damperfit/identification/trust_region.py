@@ -169,7 +169,7 @@ class _Course(Generic[Extra]):
     @property
     def size(self) -> float:
         """Length of u in the units of the trust region."""
-        return float(np.linalg.norm(self.scale * self.variables))
+        return _length(self.scale * self.variables)
 
     def turned(self) -> int | None:
         """Look around at a new point; returns a status where it is the last."""
@@ -195,7 +195,7 @@ class _Course(Generic[Extra]):
         """Try steps until one is taken; returns a status where the descent ends."""
         stopping, cost = self.stopping, self.system.cost
         while self.evaluations < stopping.max_evaluations:
-            pull = float(np.linalg.norm(self.system.gradient / self.scale))
+            pull = _length(self.system.gradient / self.scale)
             self.damping, step = _damped(self.steps, pull, self.radius, self.damping)
             share = min(1.0, stopping.longest_step / max(float(np.abs(step.change).max()), 1e-300))
             length = share * step.length
@@ -255,6 +255,11 @@ class _Course(Generic[Extra]):
         if abs(fall) <= tolerance and foreseen <= tolerance and ratio <= 2.0:
             return _MET_COST
         return _MET_STEP if self.radius <= tolerance * self.size else None
+
+
+def _length(vector: FloatArray) -> float:
+    """Length of a few numbers; NumPy's norm takes as long again to find out what they are."""
+    return math.sqrt(float(vector @ vector))
 
 
 def _shrunk(fall: float, slope: float) -> float:

@@ -10,6 +10,7 @@ import pytest
 from damperfit.conditioning import condition
 from damperfit.damper.model import Values
 from damperfit.identification import FitOptions, descent
+from damperfit.identification import looks as looks_module
 from damperfit.identification.descent import Misfit, descend
 from damperfit.identification.last_step import step_among_kinks
 from damperfit.identification.setting import relative_errors
@@ -61,13 +62,13 @@ def test_the_last_step_is_taken_without_a_look_and_ends_where_a_descent_that_goe
     moved = {name: by * getattr(near, name) for name, by in zip(FREE, off, strict=True)}
     start = near.replace(moved)
     looks: list[int] = []
-    evaluated = descent.evaluate
+    evaluated = looks_module.evaluate
 
     def listening(one: Misfit, at: Values, scale: float) -> object:
         looks.append(len(one.free))
         return evaluated(one, at, scale)
 
-    monkeypatch.setattr(descent, "evaluate", listening)
+    monkeypatch.setattr(looks_module, "evaluate", listening)
     found = descend(misfit(log), start)
     assert found.evaluations == len(looks) == 2
     assert found.gradient_cosine < 1e-6
@@ -105,13 +106,13 @@ def test_a_small_misfit_is_descended_with_the_tighter_integrator_from_the_second
 ) -> None:
     near = descend(misfit(log), beside(0.005)).parameters
     asked: list[float] = []
-    evaluated = descent.evaluate
+    evaluated = looks_module.evaluate
 
     def listening(one: Misfit, at: Values, scale: float) -> object:
         asked.append(one.solver.tolerance)
         return evaluated(one, at, scale)
 
-    monkeypatch.setattr(descent, "evaluate", listening)
+    monkeypatch.setattr(looks_module, "evaluate", listening)
     descend(misfit(log), near)
     first, *others = asked
     assert first == FitOptions().solver.tolerance

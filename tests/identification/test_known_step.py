@@ -32,7 +32,7 @@ R_M3, F_F = ALL.index("r_m3"), ALL.index("f_f")
 
 
 def first_pass(logs: Sequence[Trace]) -> Solution:
-    found = descend(on_cycles(misfit(logs, ALL)), START)
+    found = descend(replace(on_cycles(misfit(logs, ALL)), is_followed=True), START)
     assert found.apart is not None
     return found
 

@@ -265,7 +265,7 @@ def test_a_fit_that_is_no_minimum_gives_no_r_m3_and_holds_no_friction(
         one.errors["r_m3"] = 2.0
     monkeypatch.setattr(first_pass, "_with_mean_friction", lambda *_, **__: again)
     monkeypatch.setattr(first_pass, "_is_contradicted", lambda *_: False)
-    given = SimpleNamespace(misfit=lambda *_: None, options=FitOptions(), damper=PURDY_DAMPER)
+    given = SimpleNamespace(misfit=lambda *_, **__: None, options=FitOptions(), damper=PURDY_DAMPER)
     found = first_pass._shared_r_m3(given, {1: first}, FREE, 1, 50.0)
     assert found.value == PURDY_DAMPER.quantity("r_m3").fallback
     assert (found.status, found.judged, found.setting, found.is_refined) == (

@@ -146,7 +146,7 @@ def count_looks(seen: list[bool], monkeypatch: pytest.MonkeyPatch) -> None:
         return step_of_logs(looked, *rest)
 
     step_of_logs = last_step_module._pulled
-    monkeypatch.setattr("damperfit.identification.descent.evaluate", counted)
+    monkeypatch.setattr("damperfit.identification.looks.evaluate", counted)
     monkeypatch.setattr(last_step_module, "_pulled", pulled)
 
 
@@ -209,7 +209,7 @@ def test_cycles_that_cannot_be_simulated_leave_the_logs(monkeypatch: pytest.Monk
             raise SimulationError("no")
         return evaluate(looked, *rest)
 
-    monkeypatch.setattr("damperfit.identification.descent.evaluate", refused)
+    monkeypatch.setattr("damperfit.identification.looks.evaluate", refused)
     found = descend(one, reference_parameters(10))
     assert found.parameters == descend(one.whole, reference_parameters(10)).parameters
 
@@ -244,6 +244,7 @@ def test_a_step_of_one_error_is_the_last(*, errors: float, is_near: bool) -> Non
 def test_a_step_of_half_a_per_cent_is_taken_unseen(share: float, looks: int) -> None:
     """K_e by so much beside the minimum of the mean cycle; the step ends within it."""
     cycles = on_cycles(misfit([trace(10, noise=4.0, duration=10.0)], ("k_e",)))
+    cycles = replace(cycles, is_followed=True)
     there = descent._minimise(cycles, reference_parameters(10))
     there = descent.promised_step(cycles, there) or there
     off = there.parameters.replace({"k_e": there.parameters.k_e * math.exp(share * 0.005)})
@@ -267,6 +268,43 @@ def test_a_step_of_many_errors_is_looked_at_the_shorter_it_is_the_less(
     beside = replace(there, gradient=np.array([-slope * step]), n_independent=many)
     found = last_step_module.promised_step(cycles, beside, leaves=last_step_module.LEAVES)
     assert (found is not None) is is_unseen
+
+
+@pytest.mark.parametrize(("share", "looks"), [(0.97, 1), (1.03, 2)])
+def test_a_step_of_two_per_cent_is_left_to_the_logs(share: float, looks: int) -> None:
+    """Where no descent follows; of a log with so much noise that two per cent are no error."""
+    cycles = on_cycles(misfit([trace(10, noise=200.0, duration=10.0)], ("k_e",)))
+    there = descent._minimise(cycles, reference_parameters(10))
+    there = descent.promised_step(cycles, there) or there
+    off = there.parameters.replace({"k_e": there.parameters.k_e * math.exp(share * 0.02)})
+    assert descent._on_cycles(cycles, off).evaluations == looks
+
+
+@pytest.mark.parametrize(("share", "is_short"), [(0.98, True), (1.02, False)])
+def test_a_third_of_an_error_is_left_to_the_logs(*, share: float, is_short: bool) -> None:
+    cycles = on_cycles(misfit([trace(10, noise=4.0, duration=10.0)], ("k_e",)))
+    there = descent._minimise(cycles, reference_parameters(10))
+    step, cost = 0.015, there.mse_percent / 100.0
+    slope = there.jacobian[:, 0] @ there.jacobian[:, 0]
+    many = (share * 0.3 / step) ** 2 * cost / (slope * step**2)
+    beside = replace(there, gradient=np.array([-slope * step]), n_independent=many)
+    found = descent.promised_step(
+        cycles, beside, longest=descent.FORESEEN, leaves=descent.LEAVES_TO_LOGS
+    )
+    assert (found is not None) is is_short
+
+
+def test_a_way_that_is_not_known_well_is_not_handed_on() -> None:
+    """A step of one per cent, some tenths of an error, is left where no descent follows."""
+    cycles = on_cycles(misfit([trace(10, noise=30.0, duration=10.0)], ("k_e",)))
+    there = descent._minimise(cycles, reference_parameters(10))
+    off = there.parameters.replace({"k_e": there.parameters.k_e * math.exp(0.012)})
+    alone, followed = descend(cycles, off), descend(replace(cycles, is_followed=True), off)
+    assert alone.apart is None
+    assert followed.apart is not None
+    assert followed.evaluations == alone.evaluations + 1
+    error = relative_errors(followed)[0]
+    assert abs(math.log(alone.parameters.k_e / followed.parameters.k_e)) < 0.02 * error
 
 
 def test_a_misfit_of_the_integrator_is_left_to_a_finer_one() -> None:

@@ -68,7 +68,7 @@ def _check(setting: int, amplitude: float, noise: float) -> None:
         return evaluate(looked, *rest)
 
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr("damperfit.identification.descent.evaluate", counted)
+        patched.setattr("damperfit.identification.looks.evaluate", counted)
         campaign, assessment = judged(rigid(setting, amplitude, noise))
     fit, truth = campaign.fits[0], reference_parameters(setting)
     assert fit.outcome is Outcome.NOT_IDENTIFIABLE

@@ -224,7 +224,7 @@ def test_a_parameter_at_its_bound_has_no_interval_and_an_offset_may_be_negative(
     found = assess(campaign, PURDY_DAMPER).uncertainties[0].intervals
     assert found["f_0"].low < 0.0 < found["f_0"].high
     assert found["f_0"].error < 0.5
-    limited = identify([log], PURDY_DAMPER, FitOptions("plain", FREE, KNOWN, max_evaluations=3))
+    limited = identify([log], PURDY_DAMPER, FitOptions("plain", FREE, KNOWN, max_evaluations=2))
     assert assess(limited, PURDY_DAMPER).uncertainties[0].intervals == {}
 
 

@@ -3,30 +3,59 @@
 
 #include <math.h>
 
-enum { TAPS = 8, LAGGED = 4 };
+/* USUAL: sections of a filter of fourth order. */
+enum { TAPS = 8, LAGGED = 4, USUAL = 2 };
 
-void df_filter_once(const df_sections *f, size_t n, const double *in, double *out, int backward)
+/* A section with its state, which no signal can lie over in memory. With y = b0 x + z0, z0 = b1 x' - a1 y' + z1 of the sample before, only a product and a
+   difference wait for the sample before: p = b1 x' + z1 needs no y'. */
+typedef struct {
+    double b0, b1, b2, a1, a2, p, z1, y;
+} section;
+
+/* Returns what leaves a section for what goes in. */
+static inline double through(section *s, double x)
 {
-    double z[DF_MOST_SECTIONS][2];
-    if (!n)
-        return;
-    const double first = in[backward ? n - 1 : 0];
-    for (int k = 0; k < f->n; k++) {
-        z[k][0] = f->steady[DF_STEADY_ROW * k] * first;
-        z[k][1] = f->steady[DF_STEADY_ROW * k + 1] * first;
+    const double y = (s->b0 * x + s->p) - s->a1 * s->y;
+    s->p = s->b1 * x + s->z1;
+    s->z1 = s->b2 * x - s->a2 * y;
+    s->y = y;
+    return y;
+}
+
+/* Fills sections in the steady state of a sample; `first` goes into the first one. */
+static inline void settle(const df_sections *f, int sections, double first, section *to)
+{
+    double x = first;
+    for (int k = 0; k < sections; k++) {
+        const double *row = f->rows + DF_SECTION_ROW * k, *steady = f->steady + DF_STEADY_ROW * k;
+        const double z0 = steady[0] * first, y = row[0] * x + z0;
+        to[k] = (section){row[0], row[1], row[2], row[4], row[5], z0 + row[4] * y, steady[1] * first, y};
+        x = y;
     }
+}
+
+static inline void filter_one(const df_sections *f, int sections, size_t n, const double *in, double *out,
+                              int backward)
+{
+    section own[DF_MOST_SECTIONS];
+    settle(f, sections, in[backward ? n - 1 : 0], own);
     for (size_t step = 0; step < n; step++) {
         const size_t at = backward ? n - 1 - step : step;
         double x = in[at];
-        for (int k = 0; k < f->n; k++) {
-            const double *s = f->rows + DF_SECTION_ROW * k;
-            const double y = s[0] * x + z[k][0];
-            z[k][0] = s[1] * x - s[4] * y + z[k][1];
-            z[k][1] = s[2] * x - s[5] * y;
-            x = y;
-        }
+        for (int k = 0; k < sections; k++)
+            x = through(&own[k], x);
         out[at] = x;
     }
+}
+
+void df_filter_once(const df_sections *f, size_t n, const double *in, double *out, int backward)
+{
+    if (!n)
+        return;
+    if (f->n == USUAL) /* a number that the compiler knows keeps them in registers */
+        filter_one(f, USUAL, n, in, out, backward);
+    else
+        filter_one(f, f->n, n, in, out, backward);
 }
 
 void df_filter_both(const df_sections *f, size_t n, size_t pad, const double *in, double *out,
@@ -45,30 +74,28 @@ void df_filter_both(const df_sections *f, size_t n, size_t pad, const double *in
 }
 
 /* As df_filter_once, two signals side by side: one waits for its own last sample, two do not. */
-static void filter_two(const df_sections *f, size_t n, double *both, int backward)
+static inline void filter_pair(const df_sections *f, int sections, size_t n, double *both, int backward)
 {
-    double z[DF_MOST_SECTIONS][2][2];
-    const double *first = both + (backward ? 2 * (n - 1) : 0);
-    for (int k = 0; k < f->n; k++)
-        for (int one = 0; one < 2; one++) {
-            z[k][0][one] = f->steady[DF_STEADY_ROW * k] * first[one];
-            z[k][1][one] = f->steady[DF_STEADY_ROW * k + 1] * first[one];
-        }
+    section own[2][DF_MOST_SECTIONS];
+    for (int one = 0; one < 2; one++)
+        settle(f, sections, both[(backward ? 2 * (n - 1) : 0) + one], own[one]);
     for (size_t step = 0; step < n; step++) {
         double *at = both + 2 * (backward ? n - 1 - step : step);
         double x[2] = {at[0], at[1]};
-        for (int k = 0; k < f->n; k++) {
-            const double *s = f->rows + DF_SECTION_ROW * k;
-            for (int one = 0; one < 2; one++) {
-                const double y = s[0] * x[one] + z[k][0][one];
-                z[k][0][one] = s[1] * x[one] - s[4] * y + z[k][1][one];
-                z[k][1][one] = s[2] * x[one] - s[5] * y;
-                x[one] = y;
-            }
-        }
+        for (int k = 0; k < sections; k++)
+            for (int one = 0; one < 2; one++)
+                x[one] = through(&own[one][k], x[one]);
         at[0] = x[0];
         at[1] = x[1];
     }
+}
+
+static void filter_two(const df_sections *f, size_t n, double *both, int backward)
+{
+    if (f->n == USUAL)
+        filter_pair(f, USUAL, n, both, backward);
+    else
+        filter_pair(f, f->n, n, both, backward);
 }
 
 void df_filter_two_both(const df_sections *f, size_t n, size_t pad, const double *in, double *out,

@@ -9,8 +9,9 @@ import numpy as np
 
 from damperfit.damper.purdy.starting import cavitation_limit
 from damperfit.errors import DamperfitError
-from damperfit.identification.descent import FitCancelledError, Misfit, descend
+from damperfit.identification.descent import Misfit, descend
 from damperfit.identification.failures import SettingError, SettingFailure, attempted
+from damperfit.identification.looks import FitCancelledError
 from damperfit.identification.multistart import Search, fit_from
 from damperfit.identification.outcome import Outcome, Status
 from damperfit.identification.paper.free_everywhere import free_everywhere
@@ -124,7 +125,7 @@ def _begin(
     """Everything free at the lowest setting that can be fitted so, and from there at the others."""
     broken: dict[Setting, SettingFailure] = {}
     for lowest in given.softest_first:
-        misfit = given.misfit(lowest, names)
+        misfit = given.misfit(lowest, names, is_followed=True)
 
         def fit(lowest: Setting = lowest, misfit: Misfit = misfit) -> tuple[Judged, Search | None]:
             return fit_from(given, lowest, misfit, given.start(lowest, misfit, fixed))
@@ -263,7 +264,8 @@ def _shared_r_m3(
     f_f: float | None,
 ) -> _SharedR_m3:
     """R_m3 from the logs of one setting, and how far they tell it."""
-    misfit, first = given.misfit(setting, names), judged[setting]
+    misfit = given.misfit(setting, names, is_followed=True)
+    first = judged[setting]
     again = first
     # An unsound fit that tells R_m3 all the same is left alone: other friction may upset it.
     if f_f is not None and (not _tells_r_m3(first) or (is_sound(first) and len(judged) > 1)):

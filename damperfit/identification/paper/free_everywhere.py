@@ -55,7 +55,7 @@ def free_everywhere(
     damper = cast("Damper", given.damper)
 
     def one(setting: Setting, between: Values | None = None) -> Judged:
-        misfit = given.misfit(setting, names)
+        misfit = given.misfit(setting, names, is_followed=True)
         if between is not None and given.with_given_start(setting, between, fixed) == between:
             with suppress(SimulationError):
                 found = fit_setting(misfit, between)
