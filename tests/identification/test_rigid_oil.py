@@ -82,8 +82,8 @@ def _check(setting: int, amplitude: float, noise: float) -> None:
     said = next(text for text in assessment.undetermined(campaign) if text.startswith("k_e"))
     assert f"not identifiable upward: at least {low:.4g} Pa (95 %)" in said
     assert said in assessment.doubts(campaign)
-    # K_e runs off on the way; 75 simulations of the whole log at worst, a cycle being a fifteenth.
-    assert 0.0 < sum(costs) < 80.0
+    # K_e runs off on the way; 81 simulations of the whole log at worst, a cycle being a fifteenth.
+    assert 0.0 < sum(costs) < 85.0
 
 
 @pytest.mark.parametrize(
