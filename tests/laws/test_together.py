@@ -265,7 +265,11 @@ def law(mse: float, *, force: float = 0.5, held: float = math.nan, **more: objec
     (law(0.151), law(0.1), 1, True),
     (law(0.0127, force=1.49), law(0.01, force=1.0), 1, False),
     (law(0.0127, force=1.51), law(0.01, force=1.0), 1, True),
-    (law(0.0127, force=1.51), law(0.01, force=1.0), 4, False),  # four numbers cost more
+    # Sixty samples are worth six numbers of half the force more, and no seven.
+    (law(0.01, force=1.51), law(0.01, force=1.0), 6, True),
+    (law(0.01, force=1.51), law(0.01, force=1.0), 7, False),
+    (law(0.0092, force=1.51), law(0.01, force=1.0), 1, True),  # an MSE that differs by noise
+    (law(0.009, force=1.51), law(0.01, force=1.0), 1, False),
     (law(0.2, held=0.01), law(0.1, held=0.054), 1, True),
     (law(0.2, held=0.01), law(0.1, held=0.056), 1, False),
 ])  # fmt: skip
