@@ -38,6 +38,7 @@ from tests.laws.valve_logs import VALUES, damper, moved
 
 PLAIN = replace(damper(), rebound=BOTH, compression=BOTH, mounting=Mounting(FIT))
 PORT = replace(PLAIN, rebound=Valve("orifice", "port"))
+LIFTING = replace(PLAIN, rebound=Valve("orifice", "lifting"))
 SOLVER = SolverOptions(tolerance=0.01)
 BLEEDS, OPENINGS = {6: 7e4, 14: 2.5e4}, {1: 2.5e5, 3: 6e5}
 AT = [Setting((("l", low), ("h", high))) for low, high in ((6, 1), (6, 3), (14, 1))]
@@ -116,6 +117,19 @@ def test_a_part_that_all_settings_have_in_common_is_found_and_told(monkeypatch) 
     monkeypatch.setattr(together, "other_parts", lambda *_: [])
     monkeypatch.setattr(together, "turning_kinds", list)
     check_port(with_port())
+
+
+def test_a_stack_that_lifts_further_is_no_rounded_one(monkeypatch) -> None:
+    monkeypatch.setattr(together, "other_parts", lambda *_: [])
+    monkeypatch.setattr(together, "turning_kinds", list)
+    logs = logs_of(LIFTING, rebound_lift=4e-6)
+    found = together.told_together(apart(logs), logs, follows, solver=SOLVER, jobs=1)
+    assert found.laws[-1].change == (
+        "one model: with a blow-off that lifts further the harder it is pressed in rebound"
+    )
+    assert found.chosen.fits[0].model == LIFTING
+    assert found.chosen.fits[0].values.rebound_lift == pytest.approx(4e-6, rel=0.1)
+    assert max(fit.worst_force_percent for fit in found.chosen.fits) < 1.0
 
 
 @pytest.mark.slow
