@@ -197,7 +197,7 @@ def _every_model() -> list[Model]:
     from damperfit.damper.network import Valve
     from damperfit.damper.valve_dampers import ValveDamper
 
-    kinds = (("long", "port"), ("long", "rounded"))
+    kinds = (("long", "port"), ("long", "rounded"), ("long", "lifting"))
     valves = [Valve(bleed, blow_off) for bleed, blow_off in kinds]
     return [
         kind(rebound=valve, compression=valve)

@@ -10,6 +10,7 @@ a name after which its numbers are called; passages of one name share them::
     linear     {name}_opening, {name}_slope              preloaded disc
     port       {name}_opening, {name}_slope, {name}_port     and the port behind it
     rounded    {name}_opening, {name}_slope, {name}_width    a stack that lifts gradually
+    lifting    {name}_opening, {name}_slope, {name}_lift     and further, the harder it is pressed
 
 Oil goes from ``from`` to ``to`` alone unless ``two_way`` is true. A law of its own for each
 direction is two passages.
@@ -45,14 +46,17 @@ LAWS: dict[str, dict[str, str]] = {
     "linear": {"opening": "opening", "resistance": "slope"},
     "port": {"opening": "opening", "resistance": "slope", "orifice": "port"},
     "rounded": {"opening": "opening", "resistance": "slope", "width": "width"},
+    "lifting": {"opening": "opening", "resistance": "slope", "lift": "lift"},
 }
-_BLOW_OFFS = ("linear", "port", "rounded")
+_BLOW_OFFS = ("linear", "port", "rounded", "lifting")
+_OF_PRESSURE = ("opening", "width", "lift")
 _CHAMBERS = (1, 2, 3)
 _KEYS = {"from": "start", "to": "end", "name": "name", "law": "law", "two_way": "is_two_way"}
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
 # Where checks start, and what leads from the gas: as the return of a car's damper.
 _ELSEWHERE = {
     "slope": 2.5e5, "leak": 2.5e5, "bleed": 1e4, "opening": 1e4, "port": 1e4, "width": 1e3,
+    "lift": 1e-6,
 }  # fmt: skip
 _STROKES = {1: "rebound", 2: "compression"}
 
@@ -224,15 +228,15 @@ class DeclaredNetwork(ValveDamper):
             number: {one.law for one in self.passages if one.start == number} for number in _STROKES
         }
         found: dict[str, list[dict[str, float]]] = {}
-        for kind in ("port", "rounded"):
+        for kind in ("port", "rounded", "lifting"):
             valves = {
                 stroke: Valve("long", kind if laws[number] & set(_BLOW_OFFS) else "none")
                 for number, stroke in _STROKES.items()
             }
             made = replace(preset, rebound=valves["rebound"], compression=valves["compression"])
             found[kind] = valve_points(made, traces, fixed)
-        pairs = zip(found["port"], found["rounded"], strict=True)
-        return tuple(self._from_point(one | other, fixed) for one, other in pairs)
+        alike = zip(*found.values(), strict=True)
+        return tuple(self._from_point(a | b | c, fixed) for a, b, c in alike)
 
     def _from_point(self, point: Mapping[str, float], fixed: Mapping[str, float]) -> Values:
         from damperfit.damper.valve_starts import within_plausible
@@ -247,7 +251,7 @@ class DeclaredNetwork(ValveDamper):
                     own[number] = _ELSEWHERE[part]
                     continue
                 # Passages beside each other share the flow, at one pressure.
-                n = 1 if part in {"opening", "width"} else sharing[one.start, one.law in _BLOW_OFFS]
+                n = 1 if part in _OF_PRESSURE else sharing[one.start, one.law in _BLOW_OFFS]
                 own[number] = n * point[f"{_STROKES[one.start]}_{part}"]
         return within_plausible(self, own, fixed)
 

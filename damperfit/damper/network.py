@@ -9,6 +9,7 @@ another by the law of its parts, each of which may be absent::
     R       laminar resistance               N s/(m2 kg)
     p_open  preload                          Pa
     width   how gradually a stack of discs lifts: s(D) in place of D - p_open, see core/passages.h
+    lift    how much further it lifts the harder it is pressed: s (1 + lift s)   1/Pa
 
 ======================  ==============================  =========================================
 a passage with          is a                            examples
@@ -19,6 +20,7 @@ R and S                 long orifice                    needle at few clicks
 p_open and R            blow-off                        preloaded disc, shim stack
 p_open, R and S         blow-off with port              high speed
 p_open, R and width     rounded blow-off                shim stack
+p_open, R and lift      lifting blow-off                shim stack, poppet on a soft spring
 ======================  ==============================  =========================================
 
 The oil in chambers 1 and 2 is compressible; with free gas (volume share phi at P_0) it follows
@@ -102,6 +104,7 @@ BLOW_OFFS = {
     "linear": ("opening", "slope"),
     "port": ("opening", "slope", "port"),
     "rounded": ("opening", "slope", "width"),
+    "lifting": ("opening", "slope", "lift"),
 }
 
 
@@ -113,8 +116,8 @@ class Passage:
     ----------
     start, end : int
         Chambers 1 (rod side), 2 (full bore) or 3 (gas).
-    orifice, resistance, opening, width : str
-        Names of S, R, p_open and width. Passages that name the same number share it.
+    orifice, resistance, opening, width, lift : str
+        Names of S, R, p_open, width and lift. Passages that name the same number share it.
     is_two_way : bool
         Whether the same law holds backwards; otherwise the passage is a check.
     """
@@ -125,12 +128,13 @@ class Passage:
     resistance: str = ""
     opening: str = ""
     width: str = ""
+    lift: str = ""
     is_two_way: bool = False
 
     @property
     def numbers(self) -> tuple[str, ...]:
-        """Names of its numbers, in the order p_open, R, S, width; empty where absent."""
-        return (self.opening, self.resistance, self.orifice, self.width)
+        """Names of its numbers, in the order p_open, R, S, width, lift; empty where absent."""
+        return (self.opening, self.resistance, self.orifice, self.width, self.lift)
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,7 +188,7 @@ class Valve:
     bleed : str
         One of `BLEEDS`: none, orifice, long (laminar and turbulent) or leak.
     blow_off : str
-        One of `BLOW_OFFS`: none, linear, port or rounded.
+        One of `BLOW_OFFS`: none, linear, port, rounded or lifting.
     """
 
     bleed: str = "orifice"
@@ -297,6 +301,7 @@ def _valve(
                 resistance=blow_off["slope"],
                 opening=blow_off["opening"],
                 width=blow_off.get("width", ""),
+                lift=blow_off.get("lift", ""),
             )
         )
     return tuple(passages)

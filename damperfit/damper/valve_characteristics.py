@@ -151,6 +151,7 @@ def law_flow(parts: Mapping[str, float], drop: FloatArray, density: float) -> Fl
         total += _through(drop, parts.get("leak", 0.0), parts.get("bleed", 0.0))
     if "slope" in parts:
         beyond = _beyond(drop, parts["opening"], parts.get("width", 0.0))
+        beyond = beyond * (1.0 + parts.get("lift", 0.0) * beyond)
         total += _through(beyond, parts["slope"], parts.get("port", 0.0))
     return np.asarray(total / density)
 

@@ -114,7 +114,7 @@ class ValveDamper(Cylinder, OilModel):
     # Openings and play. What promises less moves nothing by much more than a tenth of its error.
     kinks: ClassVar[float] = 2e-5
     determined_together: ClassVar[tuple[tuple[str, ...], ...]] = tuple(
-        tuple(f"{stroke}_{part}" for part in ("opening", "slope", "port", "width"))
+        tuple(f"{stroke}_{part}" for part in ("opening", "slope", "port", "width", "lift"))
         for stroke in ("rebound", "compression")
     )
 
@@ -285,7 +285,10 @@ class ThroughFlow(ValveDamper):
         return self.annulus_area, self.piston_area
 
 
-_VALVE_PARTS = {"bleed": ("bleed", "leak"), "blow_off": ("opening", "slope", "port", "width")}
+_VALVE_PARTS = {
+    "bleed": ("bleed", "leak"),
+    "blow_off": ("opening", "slope", "port", "width", "lift"),
+}
 # part: symbol, in a table's row, meaning, unit, range, power of ten and unit for people
 _PARTS: dict[str, tuple[str, str, str, str, tuple[float, float], int, str]] = {
     "bleed": (
@@ -308,6 +311,10 @@ _PARTS: dict[str, tuple[str, str, str, str, tuple[float, float], int, str]] = {
     ),
     "width": (
         "d", "rounding", "how gradually the blow-off lifts", "Pa", (1e1, 1e7), 5, "bar",
+    ),
+    "lift": (
+        "b", "lift", "how much further the blow-off lifts, the harder it is pressed", "1/Pa",
+        (1e-9, 1e-3), -5, "1/bar",
     ),
 }  # fmt: skip
 

@@ -28,6 +28,8 @@ _HALF = 0.5  # of the flow at the opening goes through the bleed, in a guess
 # never with less than this share of what would carry all of it: what is absent at the start cannot
 # be found by a descent.
 _LEAST = 0.1
+# By how much more a blow-off that lifts further lets through at the highest pressure, in a guess.
+_LIFTED = 0.3
 _PLAY, _LAG, _DRAG, _FRICTION = 3e-4, 5e-3, 10.0, 0.01
 # What few logs tell, where it is freed.
 _RARE = {
@@ -190,6 +192,7 @@ def _parts(
         "slope": slope,
         "port": port,
         "width": 0.1 * opening,
+        "lift": _LIFTED / max(top - opening, 0.1 * top),
     }
     return {part: known[part] for part in (*BLEEDS[valve.bleed], *BLOW_OFFS[valve.blow_off])}
 

@@ -36,7 +36,7 @@ _RIGID = ("k_s",)
 # A blow-off without preload, or without resistance once it is open.
 _NEGLIGIBLE = ("_opening", "_slope")
 _RETURN = "return_"  # a check valve that never opens is no smaller law
-_BLOW_OFF = ("opening", "slope", "width", "port")
+_BLOW_OFF = ("opening", "slope", "width", "lift", "port")
 # Friction at rest and the speed at which it has gone: two numbers of one part, but for a speed that
 # is lower than logs tell.
 _AT_REST = ("breakaway", "stribeck_speed")

@@ -28,7 +28,11 @@ __all__ = [
 ]
 
 _STROKES = {"rebound": "rebound", "compression": "bump"}
-_BLOW_OFFS = {"rounded": "a blow-off that lifts gradually", "port": "a port behind the blow-off"}
+_BLOW_OFFS = {
+    "rounded": "a blow-off that lifts gradually",
+    "lifting": "a blow-off that lifts further the harder it is pressed",
+    "port": "a port behind the blow-off",
+}
 _TURNING = ("presliding", "turning_speed")
 _BESIDE = ("play", "lag", "breakaway", "seal_area")
 _FREED = ("return_slope", "drag", "free_gas")

@@ -169,7 +169,7 @@ def _asked(fit: LawFit, name: str, tests: _Tests) -> tuple[str, str] | None:
     """What is not known, and the test."""
     stroke, _, part = name.partition("_")
     people = {"rebound": "rebound", "compression": "bump"}.get(stroke, "")
-    if people and part in {"opening", "slope", "port", "width"}:
+    if people and part in {"opening", "slope", "port", "width", "lift"}:
         return f"where the blow-off opens in {people}, and how it goes on", tests.faster
     if people:
         return f"how large the bleed of {people} is", tests.slower

@@ -27,7 +27,8 @@ LAYOUTS: dict[str, type[ValveDamper]] = {
     kind.name: kind for kind in (TwinTube, Monotube, ThroughFlow)
 }
 _POWERS = {
-    "opening": 1.0, "width": 1.0, "leak": 2.0, "slope": 2.0, "bleed": 1.5, "port": 1.5,
+    "opening": 1.0, "width": 1.0, "lift": -1.0, "leak": 2.0, "slope": 2.0, "bleed": 1.5,
+    "port": 1.5,
 }  # fmt: skip
 _CALLED = {
     "twin_tube": "twin tube", "monotube": "monotube", "through_flow": "through-flow damper",

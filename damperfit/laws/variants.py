@@ -44,6 +44,7 @@ LAMINAR = Valve("leak", "none")
 # kind: part of a valve that it takes the place of, what may have stood there, in words
 KINDS: dict[str, tuple[str, tuple[str, ...], str]] = {
     "rounded": ("blow_off", ("linear",), "blow-offs that lift gradually"),
+    "lifting": ("blow_off", ("linear",), "blow-offs that lift further the harder they are pressed"),
     "port": ("blow_off", ("linear",), "a port behind the blow-offs"),
     "long": ("bleed", ("orifice", "leak"), "bleeds with a laminar part"),
 }

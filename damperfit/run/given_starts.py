@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from damperfit.configuration.options import parameter_value
 from damperfit.damper.mounting import FIT, Mounting
-from damperfit.damper.network import Valve
+from damperfit.damper.network import BLOW_OFFS, Valve
 from damperfit.damper.quantity import FRICTION, GAS_AMOUNT, OFFSET, STIFFNESS
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
 from damperfit.errors import ConfigurationError, did_you_mean
@@ -89,11 +89,12 @@ def start_of_laws(configuration: Configuration, named: Mapping[str, str]) -> Giv
 
 
 def _of_any_law(configuration: Configuration) -> dict[str, Quantity]:
-    valve, mounting = Valve("long", "rounded"), Mounting(FIT, FIT, FIT)
+    mounting = Mounting(FIT, FIT, FIT)
+    valves = [Valve("long", kind) for kind in BLOW_OFFS if kind != "none"]
     models = (
         configuration.damper,
         *(kind(rebound=valve, compression=valve, mounting=mounting)
-          for kind in (TwinTube, Monotube, ThroughFlow)),
+          for kind in (TwinTube, Monotube, ThroughFlow) for valve in valves),
     )  # fmt: skip
     return {one.name: one for model in models for one in model.quantities}
 

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 __all__ = ["at_every_setting", "told_as_one"]
 
 # Numbers that follow what another of the same valve follows, where the logs tell the way.
-_LIKE = {"leak": "bleed", "bleed": "leak", "port": "slope", "width": "slope"}
+_LIKE = {"leak": "bleed", "bleed": "leak", "port": "slope", "width": "slope", "lift": "slope"}
 
 
 def at_every_setting(

@@ -135,6 +135,7 @@ def made_up_values(damper: Model, setting: int, speed: float) -> Values:
         parts = {
             "opening": opening, "slope": slope, "bleed": bleed, "leak": 0.1 * highest / flow,
             "port": math.sqrt(0.1 * slope / flow), "width": 0.1 * opening,
+            "lift": 0.3 / (highest - opening),
         }  # fmt: skip
         known |= {f"{stroke}_{part}": one for part, one in parts.items()}
     return damper.values({name: one for name, one in known.items() if name in damper.names})

@@ -39,7 +39,7 @@ static double spread(double middle, double decades)
 
 static const df_options USUAL = {3e-3, 1e-4, 10000};
 
-enum { R_M1 = DF_FIRST_PASSAGE_NUMBER, R_M2, R_M3, OPENING, SLOPE, BLEED, WIDTH, N_NUMBERS };
+enum { R_M1 = DF_FIRST_PASSAGE_NUMBER, R_M2, R_M3, OPENING, SLOPE, BLEED, WIDTH, LIFT, N_NUMBERS };
 
 /* The paper's damper with a blow-off and a leak beside its valves. */
 static df_network damper(void)
@@ -53,16 +53,17 @@ static df_network damper(void)
     q.rho_0 = 770.0;
     q.rounding = 1.0;
     const df_passage ways[] = {
-        {1, 3, -1, -1, R_M1, -1, 1},           /* the adjuster */
-        {2, 1, -1, R_M2, -1, -1, 0},           /* checks */
-        {3, 2, -1, R_M3, -1, -1, 0},
-        {1, 2, OPENING, SLOPE, BLEED, WIDTH, 0}, /* a stack of discs */
+        {1, 3, -1, -1, R_M1, -1, -1, 1},             /* the adjuster */
+        {2, 1, -1, R_M2, -1, -1, -1, 0},             /* checks */
+        {3, 2, -1, R_M3, -1, -1, -1, 0},
+        {1, 2, OPENING, SLOPE, BLEED, WIDTH, LIFT, 0}, /* a stack of discs */
     };
     q.n_passages = (int)(sizeof ways / sizeof *ways);
     memcpy(q.passages, ways, sizeof ways);
     q.n_numbers = N_NUMBERS;
     const double numbers[N_NUMBERS] = {3.65e8, 0.0, 50.0, 0.0, 4.6e5, 1.4, 6.28319e-5, 0.0, 0.0, 0.0,
-                                       0.0, 0.0, 0.0, 0.0, 1.8e4, 3.527e6, 2.597e6, 1e6, 2e7, 3e4, 5e4};
+                                       0.0, 0.0, 0.0, 0.0, 0.0, 1.8e4, 3.527e6, 2.597e6, 1e6, 2e7, 3e4, 5e4,
+                                       1e-6};
     memcpy(q.numbers, numbers, sizeof numbers);
     return q;
 }
@@ -192,9 +193,9 @@ static void every_kind(void)
         q.numbers[DF_NUMBER_PHI] = kind == 3 ? 0.01 : 0.0;
         if (kind == 4) { /* nothing but the valves of the piston between 1 and the gas */
             q.has_floating_piston = 1;
-            q.passages[1] = (df_passage){2, 1, -1, R_M2, -1, -1, 0};
-            q.passages[2] = (df_passage){1, 2, -1, R_M3, -1, -1, 0};
-            q.passages[0] = (df_passage){1, 2, -1, -1, R_M1, -1, 1};
+            q.passages[1] = (df_passage){2, 1, -1, R_M2, -1, -1, -1, 0};
+            q.passages[2] = (df_passage){1, 2, -1, R_M3, -1, -1, -1, 0};
+            q.passages[0] = (df_passage){1, 2, -1, -1, R_M1, -1, -1, 1};
         }
         run r = new_run(700, 1e-3, N_NUMBERS);
         sine(&r, 0.02, 1.5);
@@ -299,7 +300,8 @@ static void anything(void)
         for (int j = 4; j < q.n_passages; j++) {
             const int from = 1 + (int)(3.0 * chance());
             q.passages[j] = (df_passage){from, 1 + from % 3, chance() < 0.5 ? OPENING : -1, SLOPE,
-                                         chance() < 0.5 ? BLEED : -1, -1, chance() < 0.3};
+                                         chance() < 0.5 ? BLEED : -1, -1,
+                                         chance() < 0.3 ? LIFT : -1, chance() < 0.3};
         }
         run r = new_run(40, spread(1e-3, 1.0), (int)((N_NUMBERS + 1) * chance()));
         sine(&r, 0.03 * chance(), spread(5.0, 1.0));

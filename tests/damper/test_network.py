@@ -81,7 +81,33 @@ CASES = {
         dataclasses.replace(PURDY_DAMPER, gas_pressure=2e6),
         (0.032, 1.5),
     ),
-}
+    # Blow-offs that lift further the harder they are pressed: alone, and with all else in bump.
+    "f": (
+        Network(
+            "lifting",
+            (
+                Passage(1, 3, orifice="rebound_bleed", is_two_way=True),
+                Passage(
+                    1, 3, opening="rebound_opening", resistance="rebound_slope", lift="rebound_lift"
+                ),
+                Passage(3, 1, resistance="return_slope"),
+                Passage(2, 3, orifice="compression_bleed", is_two_way=True),
+                Passage(
+                    2, 3, "compression_port", "compression_slope", "compression_opening",
+                    "compression_width", "compression_lift",
+                ),
+                Passage(3, 2, resistance="return_slope"),
+            ),
+        ),
+        {"k_e": 5e8, "f_f": 15.0, "return_slope": 2e5}
+        | {"rebound_bleed": 1.9e5, "rebound_opening": 2.5e5, "rebound_slope": 7e6}
+        | {"rebound_lift": 4e-6, "compression_bleed": 1.3e5, "compression_opening": 2e5}
+        | {"compression_slope": 5e6, "compression_port": 3e4, "compression_width": 3e4}
+        | {"compression_lift": 5e-6},
+        SMALL,
+        (0.0187, 1.05),
+    ),
+}  # fmt: skip
 FRICTION = ("presliding", "breakaway", "stribeck_speed", "seal_area", "turning_speed")
 ABSENT = {"free_gas", "series_stiffness", "play", "drag", *FRICTION}
 PHASES = (0.1, 0.2, 0.3, 0.4, 0.6, 0.9)
@@ -127,6 +153,14 @@ GOLDEN = {
         (-871.63, 17.6048, 22.6599, 22.6599),
         (135.15, 42.8944, 22.4955, 22.4955),
     ),
+    "f": (
+        (142.74, 11.3774, 7.3331, 7.4150),
+        (105.68, 10.2668, 7.1183, 7.1492),
+        (-213.11, 7.1142, 10.2484, 7.1415),
+        (-369.10, 7.3255, 13.6107, 7.3973),
+        (-376.95, 8.3325, 14.6500, 8.4044),
+        (136.52, 12.3707, 8.3273, 8.4092),
+    ),
 }
 SHARP = SolverOptions(tolerance=1e-3, rounding=1.0, max_steps_per_sample=100_000)
 SMOOTH = SolverOptions(tolerance=1e-7, rounding=100.0, max_steps_per_sample=100_000)
@@ -154,7 +188,7 @@ def test_golden_values(name):
 
 MOUNTINGS = {"rigid": (0.0, 0.0, 0.0), "elastic": (2e6, 0.0, 60.0), "play": (3e5, 7e-4, 60.0)}
 # The golden values hold every case; these hold the motion and the mounting.
-BY_THE_TWIN = {("e", "rigid"), ("b", "elastic"), ("b", "play")}
+BY_THE_TWIN = {("e", "rigid"), ("f", "rigid"), ("b", "elastic"), ("b", "play")}
 
 
 @pytest.mark.parametrize(
@@ -325,6 +359,21 @@ def test_the_rounding_of_a_blow_off_fades_with_its_width():
     assert gaps[0] > 2 * gaps[1] > 4 * gaps[2] > 0.0
 
 
+def test_a_blow_off_without_lift_is_the_plain_one():
+    lifting = Valve("orifice", "lifting")
+    network, values, damper, (amplitude, frequency) = CASES["b"]
+    motion = sine_motion(amplitude, frequency, cycles=2, sample_rate=500 * frequency)
+    limit = simulate_network(network, values, damper, motion, options=SHARP)
+    gaps = []
+    for lift in (1e-7, 1e-8, 1e-9):
+        changed = values | {"rebound_lift": lift, "compression_lift": lift}
+        there = simulate_network(
+            through_flow(lifting, lifting), changed, damper, motion, options=SHARP
+        )
+        gaps.append(np.max(np.abs(there.force - limit.force)))
+    assert gaps[0] > 5 * gaps[1] > 25 * gaps[2] > 0.0
+
+
 def test_free_gas_fades_to_the_clamped_law():
     clamped = run("c", cycles=2, free_gas=0.0)
     gaps = [
@@ -361,6 +410,7 @@ def test_oil_is_kept_and_every_passage_dissipates():
                     resistance=known[way.resistance],
                     orifice=known[way.orifice],
                     width=known[way.width],
+                    lift=known[way.lift],
                     is_two_way=way.is_two_way,
                 )
                 for d in drop

@@ -78,14 +78,17 @@ def test_a_bleed_alone_has_no_opening_and_a_models_valves_may_be_none() -> None:
 
 
 @pytest.mark.parametrize("bleed", ["none", "orifice", "leak", "long"])
-@pytest.mark.parametrize("blow_off", ["none", "linear", "port", "rounded"])
+@pytest.mark.parametrize("blow_off", ["none", "linear", "port", "rounded", "lifting"])
 def test_the_law_is_that_of_the_core(bleed, blow_off) -> None:
     """A stiff monotube: the flow through its piston valve is what the rod side loses."""
     if bleed == blow_off == "none":
         return
     valve = Valve(bleed, blow_off)
     model = Monotube(rebound=valve, gas_pressure=2.5e6, mounting=Mounting("none"))
-    own = {"bleed": 5e4, "leak": 2e6, "opening": 4.5e5, "slope": 5e6, "port": 6e4, "width": 1e5}
+    own = {
+        "bleed": 5e4, "leak": 2e6, "opening": 4.5e5, "slope": 5e6, "port": 6e4, "width": 1e5,
+        "lift": 3e-6,
+    }  # fmt: skip
     numbers = {f"rebound_{part}": value for part, value in own.items()} | VALVES | {"k_e": 5e10}
     values = model.values({name: numbers[name] for name in numbers if name in model.names})
     motion = sine_motion(0.02, 1.5, cycles=2, sample_rate=2000)

@@ -145,6 +145,7 @@ def test_every_kind_of_valve_has_a_start_for_all_its_numbers():
     trace = log(model, model.values({**VALVES, "k_s": 4e5}))
     for bleed, blow_off in (
         ("none", "linear"), ("orifice", "none"), ("long", "port"), ("leak", "rounded"),
+        ("orifice", "lifting"),
     ):  # fmt: skip
         valve = Valve(bleed, blow_off)
         one = dataclasses.replace(model, rebound=valve, compression=valve)

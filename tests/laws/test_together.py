@@ -38,6 +38,7 @@ from tests.laws.valve_logs import VALUES, damper, moved
 
 PLAIN = replace(damper(), rebound=BOTH, compression=BOTH, mounting=Mounting(FIT))
 PORT = replace(PLAIN, rebound=Valve("orifice", "port"))
+LIFTING = replace(PLAIN, rebound=Valve("orifice", "lifting"))
 SOLVER = SolverOptions(tolerance=0.01)
 BLEEDS, OPENINGS = {6: 7e4, 14: 2.5e4}, {1: 2.5e5, 3: 6e5}
 AT = [Setting((("l", low), ("h", high))) for low, high in ((6, 1), (6, 3), (14, 1))]
@@ -116,6 +117,19 @@ def test_a_part_that_all_settings_have_in_common_is_found_and_told(monkeypatch) 
     monkeypatch.setattr(together, "other_parts", lambda *_: [])
     monkeypatch.setattr(together, "turning_kinds", list)
     check_port(with_port())
+
+
+def test_a_stack_that_lifts_further_is_no_rounded_one(monkeypatch) -> None:
+    monkeypatch.setattr(together, "other_parts", lambda *_: [])
+    monkeypatch.setattr(together, "turning_kinds", list)
+    logs = logs_of(LIFTING, rebound_lift=4e-6)
+    found = together.told_together(apart(logs), logs, follows, solver=SOLVER, jobs=1)
+    assert found.laws[-1].change == (
+        "one model: with a blow-off that lifts further the harder it is pressed in rebound"
+    )
+    assert found.chosen.fits[0].model == LIFTING
+    assert found.chosen.fits[0].values.rebound_lift == pytest.approx(4e-6, rel=0.1)
+    assert max(fit.worst_force_percent for fit in found.chosen.fits) < 1.0
 
 
 @pytest.mark.slow
@@ -265,7 +279,11 @@ def law(mse: float, *, force: float = 0.5, held: float = math.nan, **more: objec
     (law(0.151), law(0.1), 1, True),
     (law(0.0127, force=1.49), law(0.01, force=1.0), 1, False),
     (law(0.0127, force=1.51), law(0.01, force=1.0), 1, True),
-    (law(0.0127, force=1.51), law(0.01, force=1.0), 4, False),  # four numbers cost more
+    # Sixty samples are worth six numbers of half the force more, and no seven.
+    (law(0.01, force=1.51), law(0.01, force=1.0), 6, True),
+    (law(0.01, force=1.51), law(0.01, force=1.0), 7, False),
+    (law(0.0092, force=1.51), law(0.01, force=1.0), 1, True),  # an MSE that differs by noise
+    (law(0.009, force=1.51), law(0.01, force=1.0), 1, False),
     (law(0.2, held=0.01), law(0.1, held=0.054), 1, True),
     (law(0.2, held=0.01), law(0.1, held=0.056), 1, False),
 ])  # fmt: skip

@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 __all__ = ["flow_through", "solve"]
 
 
-def flow_through(drop, *, opening, resistance, orifice, width, is_two_way):
+def flow_through(drop, *, opening, resistance, orifice, width, is_two_way, lift=0.0):
     """Mass flow of one passage, kg/s."""
     if drop < 0 and is_two_way:
         return -flow_through(
@@ -24,6 +24,7 @@ def flow_through(drop, *, opening, resistance, orifice, width, is_two_way):
             orifice=orifice,
             width=width,
             is_two_way=False,
+            lift=lift,
         )
     if width > 0:
         left = width * (
@@ -33,6 +34,7 @@ def flow_through(drop, *, opening, resistance, orifice, width, is_two_way):
         left = drop - opening
     if left <= 0:
         return 0.0
+    left += lift * left**2  # the gap that it opens grows with it
     if orifice == 0:
         return left / resistance
     # S^2 w^2 + R w - left = 0, its positive root
@@ -119,6 +121,7 @@ def solve(network, values, damper, motion, time, rtol=1e-9):
                 resistance=known[way.resistance],
                 orifice=known[way.orifice],
                 width=known[way.width],
+                lift=known[way.lift],
                 is_two_way=way.is_two_way,
             )
             change[way.start - 1] -= w

@@ -146,7 +146,7 @@ static double yielding(const df_elastic_dashpot *d, double force, double *by_for
         const double sign = p->is_rebound ? 1.0 : -1.0;
         if (sign * force <= 0.0)
             continue;
-        const df_passage_law l = {number(d, p->p_open), number(d, p->R), number(d, p->S), 0.0, 0};
+        const df_passage_law l = {number(d, p->p_open), number(d, p->R), number(d, p->S), 0.0, 0.0, 0};
         const df_flow w = df_passage_flow(&l, sign * force, d->rounding);
         speed += sign * w.w;
         *by_force += w.by_D;

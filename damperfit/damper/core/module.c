@@ -17,8 +17,8 @@ static const char *const NETWORK_NAMES[N_NETWORK_BUFFERS] = {
     "body", "numbers", "passages", "displacement", "velocity", "jumps", "which",
     "pressures", "masses", "force", "sensitivities"};
 
-/* Rows of seven integers: from, to, p_open, R, S, width, two_way. */
-#define PASSAGE_ROW 7
+/* Rows of eight integers: from, to, p_open, R, S, width, lift, two_way. */
+#define PASSAGE_ROW 8
 
 static int network_sizes_fit(const Py_buffer *b)
 {
@@ -53,7 +53,7 @@ static PyObject *run_network(const Py_buffer *b, double interval, double roundin
                     (int)(b[PASSAGES].len / (Py_ssize_t)(PASSAGE_ROW * sizeof(int))), {{0}},
                     (int)(b[NUMBERS].len / (Py_ssize_t)sizeof(double)), {0}};
     for (int k = 0; k < q.n_passages; k++, rows += PASSAGE_ROW) {
-        const df_passage passage = {rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], rows[6]};
+        const df_passage passage = {rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], rows[6], rows[7]};
         q.passages[k] = passage;
     }
     for (int k = 0; k < q.n_numbers; k++)

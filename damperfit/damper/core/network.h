@@ -39,7 +39,7 @@ enum {
 /* Chambers 1 and 2 hold oil, 3 the gas; with a floating piston 2 is at the gas pressure too. */
 typedef struct {
     int from, to;              /* 1, 2 or 3 */
-    int p_open, R, S, width;   /* places among the numbers, -1 where the term is absent */
+    int p_open, R, S, width, lift; /* places among the numbers, -1 where the term is absent */
     int two_way;
 } df_passage;
 
@@ -59,7 +59,7 @@ typedef struct {
 
 /* A way that a number is of, and as what: of its opening, in `times` w, or by the law of those that are
  * composed. */
-typedef enum { DF_OPENING, DF_OF_FLOW, DF_R, DF_S, DF_WIDTH } df_term;
+typedef enum { DF_OPENING, DF_OF_FLOW, DF_R, DF_S, DF_WIDTH, DF_LIFT } df_term;
 typedef struct {
     int way;
     df_term term;
@@ -75,7 +75,7 @@ typedef struct {
     int first[DF_PAIRS + 1];   /* of each pair's ways, and where the last pair's end */
     df_way ways[DF_MOST_PASSAGES];
     int touched[DF_MOST_NUMBERS + 1]; /* where those of a number begin */
-    df_touch touches[4 * DF_MOST_PASSAGES];
+    df_touch touches[5 * DF_MOST_PASSAGES];
 } df_plan;
 
 typedef struct {

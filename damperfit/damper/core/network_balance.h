@@ -146,7 +146,9 @@ static inline double from_its_corner(const df_network *q, const df_way *way, dou
     const double along = way->turn == 0.0 ? fabs(D) : way->turn * D;
     const double away = fabs(along - way->law.p_open) - 3.0 * q->rounding;
     const double straight = CORNER_SHARE * larger(away, 0.0);
-    return way->law.width > 0.0 ? smaller(straight, way->law.width) : straight;
+    const double rounded = way->law.width > 0.0 ? way->law.width : straight;
+    const double lifting = way->law.lift > 0.0 ? 0.25 / way->law.lift : straight; /* as a root turns at this u */
+    return smaller(straight, smaller(rounded, lifting));
 }
 
 /* All ways between two chambers. `nearest` tells how a correction of the pressures turns the slope of all

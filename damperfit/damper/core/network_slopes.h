@@ -53,7 +53,8 @@ DF_FOR_EACH_KIND double flow_by(const df_network *q, const int kind, const df_fl
     const double slope = touch->term == DF_OPENING ? whole->by_open
                          : touch->term == DF_R     ? whole->by_R
                          : touch->term == DF_S     ? whole->by_S
-                                                   : whole->by_width;
+                         : touch->term == DF_WIDTH ? whole->by_width
+                                                   : whole->by_lift;
     return w > 0.0 ? slope : -slope;
 }
 

@@ -12,7 +12,7 @@ static void soft_plus(double z, double *value, double *slope, double *by_width)
 /* One direction, D > 0. */
 static df_flow open_flow(const df_passage_law *law, double D, double eps)
 {
-    df_flow f = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0};
+    df_flow f = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0};
     const double u = D - law->p_open, R = law->R, S = law->S;
     double s, by_D, by_open, by_width = 0.0;
     if (law->width > 0.0) {
@@ -42,11 +42,14 @@ static df_flow open_flow(const df_passage_law *law, double D, double eps)
         by_D = u * (u * u + 2.0 * eps * eps) / (square * root);
         by_open = -by_D;
     }
+    const double more = 1.0 + 2.0 * law->lift * s, by_lift = s * s;
+    s += law->lift * by_lift;
     const double r = sqrt(R * R + 4.0 * S * S * s), inverse = 1.0 / r;
     f.w = 2.0 * s / (R + r);
-    f.by_D = by_D * inverse;
-    f.by_open = by_open * inverse;
-    f.by_width = by_width * inverse;
+    f.by_D = by_D * more * inverse;
+    f.by_open = by_open * more * inverse;
+    f.by_width = by_width * more * inverse;
+    f.by_lift = by_lift * inverse;
     f.by_R = -f.w * inverse;
     f.by_S = -2.0 * S * f.w * f.w * inverse;
     return f;
@@ -63,12 +66,14 @@ df_flow df_passage_flow(const df_passage_law *law, double D, double eps)
     f.by_R = -f.by_R;
     f.by_S = -f.by_S;
     f.by_width = -f.by_width;
+    f.by_lift = -f.by_lift;
     return f;
 }
 
 double df_passage_drop(const df_passage_law *law, double w, double eps)
 {
-    const double size = fabs(w), s = size * (law->R + law->S * law->S * size);
+    const double size = fabs(w), lifted = size * (law->R + law->S * law->S * size);
+    const double s = 2.0 * lifted / (1.0 + sqrt(1.0 + 4.0 * law->lift * lifted));
     const double u = sqrt(0.5 * s * (s + sqrt(s * s + 4.0 * eps * eps)));
     return copysign(law->p_open + u, w);
 }

@@ -28,6 +28,7 @@ UNITS: dict[str, dict[str, int] | None] = {
     "N s/m": {"kg": 1, "s": -1},
     "N/m": {"kg": 1, "s": -2},
     "N s/(m2 kg)": {"m": -1, "s": -1},
+    "1/Pa": {"kg": -1, "m": 1, "s": 2},
     "1": {},
     "s sqrt(N)/(m kg)": None,
 }

@@ -13,7 +13,7 @@
  * and of a damper of valves, in place of the line `purdy`:
  *
  *   network a_1 a_2 V_1 V_2 rho_0 rod_force rounding has_floating_piston n_passages n_numbers
- *   from to p_open R S width two_way                  (n_passages times)
+ *   from to p_open R S width lift two_way             (n_passages times)
  *
  * Numbers have a point, whatever the locale of the host says.
  */
@@ -103,9 +103,9 @@ static void read_sizes(cursor *c, double *const sizes[], size_t n)
 
 static void read_purdy(cursor *c, ex_damper *d)
 {
-    static const df_passage ways[] = {{1, 3, -1, -1, DF_FIRST_PASSAGE_NUMBER, -1, 1},
-                                      {2, 1, -1, DF_FIRST_PASSAGE_NUMBER + 1, -1, -1, 0},
-                                      {3, 2, -1, DF_FIRST_PASSAGE_NUMBER + 2, -1, -1, 0}};
+    static const df_passage ways[] = {{1, 3, -1, -1, DF_FIRST_PASSAGE_NUMBER, -1, -1, 1},
+                                      {2, 1, -1, DF_FIRST_PASSAGE_NUMBER + 1, -1, -1, -1, 0},
+                                      {3, 2, -1, DF_FIRST_PASSAGE_NUMBER + 2, -1, -1, -1, 0}};
     static const int places[] = {DF_FIRST_PASSAGE_NUMBER, DF_FIRST_PASSAGE_NUMBER + 1, DF_FIRST_PASSAGE_NUMBER + 2,
                                  DF_NUMBER_K, DF_NUMBER_FRICTION, DF_NUMBER_OFFSET, DF_NUMBER_P_0, DF_NUMBER_GAMMA};
     df_network *q = &d->network;
@@ -131,10 +131,10 @@ static void read_network(cursor *c, ex_damper *d)
     q->n_numbers = read_whole(c, DF_FIRST_PASSAGE_NUMBER, DF_MOST_NUMBERS);
     for (int k = 0; k < q->n_passages; k++) {
         df_passage *p = &q->passages[k];
-        int *const places[] = {&p->p_open, &p->R, &p->S, &p->width};
+        int *const places[] = {&p->p_open, &p->R, &p->S, &p->width, &p->lift};
         p->from = read_whole(c, 1, 3);
         p->to = read_whole(c, 1, 3);
-        for (int i = 0; i < 4; i++)
+        for (int i = 0; i < 5; i++)
             *places[i] = read_whole(c, -1, q->n_numbers - 1);
         p->two_way = read_whole(c, 0, 1);
     }
