@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from damperfit.damper.valve_dampers import ValveDamper
-    from damperfit.laws.choosing import Tried
+    from damperfit.laws.choosing import Tried, Verdict
     from damperfit.laws.course import Course
     from damperfit.laws.law_fit import SettingLogs
 
@@ -45,13 +45,14 @@ def with_bleeds_told(course: Course, law: Tried) -> Tried:
     law : Tried
         A law of valves.
     """
-    for change, model in _other_kinds(valve_damper(law)):
+    for change, spared, model in _other_kinds(valve_damper(law)):
         one = course.fitted(model, freed=freed_of(law), near=law)
         if one is None:
             continue
         if one.n_quantities < law.n_quantities:
-            verdict = judged(one, law, course.n_eff)
-            is_taken, reason = _is_enough(one, verdict.bic, course.evidence)
+            # However little is left: what a preload is taken for is off at other speeds.
+            verdict = judged(one, law, course.n_eff, left_percent=math.inf)
+            is_taken, reason = _is_enough(one, spared, verdict, course.evidence)
         else:
             verdict, (is_taken, reason) = None, fits_better(law, one, course.n_eff)
         course.record(one, reason, is_taken=is_taken, change=change, verdict=verdict)
@@ -60,10 +61,12 @@ def with_bleeds_told(course: Course, law: Tried) -> Tried:
     return law
 
 
-def _is_enough(one: Tried, bic: float, evidence: Sequence[SettingLogs]) -> tuple[bool, str]:
-    """Whether laminar valves do without the preload of blow-offs, and why."""
-    if bic > 0.0:
-        return False, f"a preload is needed, {one.mse_percent:.2g} % without it (BIC {bic:+.0f})"
+def _is_enough(
+    one: Tried, spared: str, verdict: Verdict, evidence: Sequence[SettingLogs]
+) -> tuple[bool, str]:
+    """Whether laminar valves do without the preload of blow-offs, or an orifice, and why."""
+    if verdict.takes_larger:
+        return False, f"{spared} is needed: {verdict.reason}"
     share = max(
         sum(float(getattr(fit.values, q.name)) for q in fit.model.quantities if q.is_friction)
         / (0.5 * max(float(np.ptp(log.force[log.compared])) for log in logs.fitted))
@@ -74,7 +77,7 @@ def _is_enough(one: Tried, bic: float, evidence: Sequence[SettingLogs]) -> tuple
             f"its friction is {100.0 * share:.0f} % of half the force's range, more than seals "
             "have: it is the preload"
         )
-    return True, f"no preload is needed, {one.mse_percent:.2g} % without it (BIC {bic:+.0f})"
+    return True, f"{spared} is not needed: {verdict.reason}"
 
 
 def fits_better(law: Tried, one: Tried, n_eff: float) -> tuple[bool, str]:
@@ -99,18 +102,18 @@ def fits_better(law: Tried, one: Tried, n_eff: float) -> tuple[bool, str]:
     return True, f"MSE {law.mse_percent:.2g} to {one.mse_percent:.2g} % with as many quantities"
 
 
-def _other_kinds(damper: ValveDamper) -> Iterator[tuple[str, ValveDamper]]:
-    """Laws of as many quantities or fewer."""
+def _other_kinds(damper: ValveDamper) -> Iterator[tuple[str, str, ValveDamper]]:
+    """Laws of as many quantities or fewer, and what these do without."""
     gaps = of_kind(of_kind(damper, "bleed", "orifice", "leak"), "bleed", "long", "leak")
     if gaps != damper:
-        yield "with laminar bleeds", gaps
+        yield "with laminar bleeds", "an orifice beside the gap", gaps
     valves = {"rebound": damper.rebound, "compression": damper.compression}
     closed = [stroke for stroke, valve in valves.items() if valve.bleed == "none"]
     if closed:
         where = "" if len(closed) == len(valves) else f" in {_STROKES[closed[0]]}"
         own = {stroke: LAMINAR if stroke in closed else valves[stroke] for stroke in valves}
         model = dataclasses.replace(damper, rebound=own["rebound"], compression=own["compression"])
-        yield f"with laminar bleeds for blow-offs{where}", model
+        yield f"with laminar bleeds for blow-offs{where}", "a preload", model
 
 
 _STROKES = {"rebound": "rebound", "compression": "bump"}

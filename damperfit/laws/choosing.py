@@ -41,6 +41,7 @@ __all__ = [
     "Verdict",
     "are_alike",
     "effective_samples",
+    "is_told_as_one",
     "judged",
     "layout_taken",
     "said_of_layout",
@@ -285,6 +286,21 @@ def layout_taken(law: Tried, others: Sequence[Tried]) -> Tried:
     if law not in untold and are_alike(first, law):
         return law
     return min(untold, key=lambda one: _USUAL.index(one.fits[0].model.name))
+
+
+def is_told_as_one(law: Tried, other: Tried) -> bool:
+    """Return whether one model of all settings tells another layout than that of the law.
+
+    It must be better and not alike; or leave nothing where the law leaves something, which would
+    be told as a part that the damper has not.
+
+    Parameters
+    ----------
+    law, other : Tried
+        The same parts in two layouts.
+    """
+    needs_no_more = law.leaves_something and not other.leaves_something
+    return other.score < law.score and (needs_no_more or not are_alike(other, law))
 
 
 def said_of_layout(best: Tried, one: Tried, *, is_alone: bool, is_near: bool) -> str:

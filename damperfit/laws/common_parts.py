@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from damperfit.damper.mounting import FIT, NONE
 from damperfit.damper.quantity import STIFFNESS
-from damperfit.laws.variants import LACKING, PARTS, with_kind, with_part
+from damperfit.laws.variants import LACKING, ONE_STROKE, PARTS, with_kind, with_part
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -19,6 +19,9 @@ __all__ = [
     "CommonPart",
     "beside_each_other",
     "blow_off_kinds",
+    "changed",
+    "idle_parts",
+    "in_place",
     "lacking_parts",
     "laminar_alone",
     "made_of",
@@ -50,11 +53,14 @@ class CommonPart:
         From a damper to the same with the part; unchanged where it has that, or cannot have it.
     freed : tuple of str
         Quantities with a default that are fitted with it.
+    is_less : bool
+        Whether it is a part of the law itself, which is taken out.
     """
 
     words: str
     put_into: Callable[[ValveDamper], ValveDamper] = field(compare=False)
     freed: tuple[str, ...] = ()
+    is_less: bool = False
 
 
 def blow_off_kinds(stroke: str) -> list[CommonPart]:
@@ -83,25 +89,59 @@ def lacking_parts(damper: ValveDamper) -> list[CommonPart]:
     ]
 
 
-def laminar_alone(
-    damper: ValveDamper, parts: Sequence[CommonPart], unseen: set[str]
-) -> Iterator[tuple[CommonPart, tuple[CommonPart, ...]]]:
-    """Yield laminar bleeds in place of part-laminar ones whose orifice no log tells.
+def laminar_alone(damper: ValveDamper) -> Iterator[CommonPart]:
+    """Yield laminar bleeds in place of part-laminar ones.
 
     Parameters
     ----------
     damper : ValveDamper
         The law.
-    parts : sequence of CommonPart
-        That it has.
-    unseen : set of str
-        Numbers that no log tells.
     """
     for stroke, word in _STROKES.items():
-        if getattr(damper, stroke).bleed == "long" and f"{stroke}_bleed" in unseen:
+        if getattr(damper, stroke).bleed == "long":
             alone = partial(with_kind, stroke=stroke, part="bleed", kind="leak")
-            one = CommonPart(f"a laminar bleed in {word}", alone)
-            yield one, (*(other for other in parts if other.words != _long(stroke).words), one)
+            yield CommonPart(f"a laminar bleed in {word}", alone)
+
+
+def idle_parts(core: ValveDamper, damper: ValveDamper) -> Iterator[CommonPart]:
+    """Yield what a stroke may do without that has got a bleed to its blow-off, or the reverse.
+
+    The one that it had may have stood for the other.
+
+    Parameters
+    ----------
+    core : ValveDamper
+        The law without its parts.
+    damper : ValveDamper
+        The law with them.
+    """
+    for stroke, word in _STROKES.items():
+        had, has = getattr(core, stroke), getattr(damper, stroke)
+        if NONE in {had.bleed, had.blow_off} and NONE not in {has.bleed, has.blow_off}:
+            words = f"the {'blow-off' if had.bleed == NONE else 'bleed'} in {word}"
+            yield CommonPart(words, partial(_without, words=words), is_less=True)
+
+
+def in_place(
+    core: ValveDamper, freed: Sequence[str], parts: Sequence[CommonPart], new: CommonPart
+) -> tuple[CommonPart, ...]:
+    """Return parts with one that takes the place of others, and without what is nothing beside it.
+
+    Parameters
+    ----------
+    core : ValveDamper
+        The law without them.
+    freed : sequence of str
+        What of it is fitted although it has a default.
+    parts : sequence of CommonPart
+        What it has.
+    new : CommonPart
+        Another kind of a valve's part, or one that takes it out.
+    """
+    whole = made_of(core, freed, [*parts, new])
+    rest = {one: [other for other in parts if other is not one] for one in parts}
+    left = [one for one in parts if made_of(core, freed, [*rest[one], new]) != whole]
+    return (*left, new)
 
 
 def turning_kinds() -> list[CommonPart]:
@@ -129,17 +169,19 @@ def other_parts(damper: ValveDamper, freed: Sequence[str]) -> Iterator[CommonPar
 
 
 def without_kinds(damper: ValveDamper) -> tuple[ValveDamper, tuple[CommonPart, ...]]:
-    """Return a damper with plain blow-offs and Coulomb's friction, and what these had beyond.
+    """Return a damper with plain blow-offs, Coulomb's friction and neither play nor lag.
 
-    Numbers that are declared stay: they are no parts that the logs may do without.
+    Beside it what these had beyond. Numbers that are declared stay: they are no parts that the
+    logs may do without.
     """
-    own, rubs = [], damper.friction
-    for name in (*_TURNING, "breakaway", "seal_area"):
-        fields = PARTS[name][1]
-        if FIT in {getattr(rubs, one) for one in fields}:
+    own: list[CommonPart] = []
+    for name in (*_TURNING, *_BESIDE):
+        owner, fields, _ = PARTS[name]
+        has = getattr(damper, owner)
+        if FIT in {getattr(has, one) for one in fields}:
             own.append(_of_damper(name))
-            rubs = replace(rubs, **dict.fromkeys(fields, NONE))
-    damper = replace(damper, friction=rubs)
+            less = replace(has, **dict.fromkeys(fields, NONE))
+            damper = replace(damper, **{owner: less})
     for stroke in _STROKES:
         kind = getattr(damper, stroke).blow_off
         if kind in _BLOW_OFFS:
@@ -190,6 +232,24 @@ def made_of(
     return core, tuple(names)
 
 
+def changed(own: Sequence[CommonPart], parts: Sequence[CommonPart]) -> str:
+    """Return with which parts, and without which, a law is another; nothing where it is not.
+
+    Parameters
+    ----------
+    own : sequence of CommonPart
+        That it had.
+    parts : sequence of CommonPart
+        That it has.
+    """
+    more = [one.words for one in parts if one not in own and not one.is_less]
+    less = [one.words for one in own if one not in parts]
+    less += [one.words for one in parts if one.is_less]
+    return ", ".join(
+        f"{word} {', '.join(said)}" for word, said in (("with", more), ("without", less)) if said
+    )
+
+
 def _blow_off(stroke: str, kind: str) -> CommonPart:
     words = f"{_BLOW_OFFS[kind]} in {_STROKES[stroke]}"
     return CommonPart(words, partial(with_kind, stroke=stroke, part="blow_off", kind=kind))
@@ -206,3 +266,7 @@ def _of_damper(name: str) -> CommonPart:
 
 def _as_it_is(damper: ValveDamper) -> ValveDamper:
     return damper
+
+
+def _without(damper: ValveDamper, words: str) -> ValveDamper:
+    return ONE_STROKE[words][1](damper) or damper

@@ -52,15 +52,10 @@ def needed_at(
     solver : SolverOptions
         How exactly to integrate.
     """
-    freed = freed_of(large)
     for one in _some_of(elsewhere):
         try:
-            # From its own starts: what no compared setting determines is no start for this one.
             less, more = (
-                Tried(
-                    law.title,
-                    (fit_law(law.fits[0].model, one, freed=freed, solver=solver, is_whole=False),),
-                )
+                Tried(law.title, (_fitted_at(law, one, freed_of(large), solver),))
                 for law in (small, large)
             )
         except SimulationError:
@@ -70,6 +65,21 @@ def needed_at(
         if verdict.takes_larger:
             return f"setting {one.setting} needs it: {verdict.reason}"
     return ""
+
+
+def _fitted_at(
+    law: Tried, one: SettingLogs, freed: tuple[str, ...], solver: SolverOptions
+) -> LawFit:
+    """The law at a setting that it was not compared at.
+
+    From its own starts, for what no compared setting determines is no start for this one; where
+    these lead to a wrong valley, from the compared ones: what is left there tells nothing of parts.
+    """
+    own = fit_law(law.fits[0].model, one, freed=freed, solver=solver, is_whole=False)
+    if not Tried(law.title, (own,)).leaves_something:
+        return own
+    beside = _fitted_beside(law, one, {fit.setting: fit for fit in law.fits}, solver)
+    return own if beside is None else min(own, beside, key=lambda fit: fit.mse_percent)
 
 
 def _some_of(settings: Sequence[SettingLogs]) -> Sequence[SettingLogs]:

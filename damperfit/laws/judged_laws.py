@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from damperfit.laws.choosing import Tried
 
-__all__ = ["JudgedLaw", "LawSearch"]
+__all__ = ["JudgedLaw", "LawSearch", "Together"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,3 +70,25 @@ class LawSearch:
     held_share: float = math.nan
     also: str = ""
     is_of_one_model: bool = False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Together:
+    """What one model of all settings has told.
+
+    Attributes
+    ----------
+    laws : tuple of JudgedLaw
+        As they were tried.
+    chosen : Tried
+        The law to take, at all settings, with what they have in common equal in all of them.
+    n_eff : float
+        Effective samples of all settings.
+    alike : tuple of str
+        Layouts that fit and predict alike as one model, of those that were compared.
+    """
+
+    laws: tuple[JudgedLaw, ...]
+    chosen: Tried
+    n_eff: float
+    alike: tuple[str, ...] = ()

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, cast
 
 from damperfit.identification.law_misfit import LawMisfit
 from damperfit.laws.choosing import ENOUGH_PERCENT, Tried
 from damperfit.laws.common_parts import made_of
 from damperfit.laws.elsewhere import freed_of
+from damperfit.laws.law_fit import UNDETERMINED, fit_at
 from damperfit.laws.one_model import OneModel
+from damperfit.laws.variants import in_words
+from damperfit.parallel import executor
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -24,7 +27,15 @@ if TYPE_CHECKING:
     from damperfit.simulation import SolverOptions
     from damperfit.tested.setting import Setting
 
-__all__ = ["LawOfAll", "as_one_model", "free_of", "lost_with", "values_of_less", "values_of_more"]
+__all__ = [
+    "LawOfAll",
+    "as_one_model",
+    "free_of",
+    "lost_with",
+    "on_whole_logs",
+    "values_of_less",
+    "values_of_more",
+]
 
 _RETURNS = "return_slope"
 # Times the misfit of its own fit, or what matters to nobody: a setting that one model meets worse
@@ -176,6 +187,48 @@ def as_one_model(
         one = one.weighed_at(values)
         found = one.descend(values)
     return LawOfAll(cast("ValveDamper", own.model), freed, one, found)
+
+
+def on_whole_logs(
+    law: LawOfAll, evidence: Mapping[Setting, SettingLogs], solver: SolverOptions, jobs: int
+) -> Tried:
+    """Return a law at every setting, judged on the whole logs.
+
+    Parameters
+    ----------
+    law : LawOfAll
+        As one model.
+    evidence : mapping of Setting to SettingLogs
+        The logs.
+    solver : SolverOptions
+        How exactly to integrate.
+    jobs : int
+        Threads.
+
+    Raises
+    ------
+    SimulationError
+        It cannot be simulated there.
+    """
+    errors = law.one.errors(law.minimum)
+    values = law.one.with_least_openings(law.values)
+
+    def at(setting: Setting) -> LawFit:
+        return fit_at(
+            replace(law.one.misfits[setting], solver=solver, cycles=None),
+            evidence[setting],
+            values[setting],
+            evaluations=law.minimum.evaluations,
+            undetermined=tuple(
+                one.name
+                for one, error in errors.items()
+                if one.holds_at(setting) and error > math.log(UNDETERMINED)
+            ),
+        )
+
+    with executor(jobs) as pool:
+        fits = tuple(pool.map(at, law.one.settings))
+    return Tried(in_words(law.damper, law.freed), fits)
 
 
 def values_of_more(

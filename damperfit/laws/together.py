@@ -8,9 +8,10 @@ law is fitted once as one model, and where that leaves something it is offered w
     2  with everything: a bleed and a blow-off in each stroke, of each blow-off the kind that
        explains most, bleeds with a laminar part, play, lag, friction beyond Coulomb's, returns,
        seals' drag, gas in the oil
-    3  without what is not worth its numbers, the loosest first, by the rule of `choosing`; what
-       stays need not gain a factor of 1.5 by itself
-    4  all of it together must, and be worth its numbers: else the law stays as it was
+    3  without what is not worth its numbers, the loosest first, by the rule of `choosing`, last the
+       valves that it came with; what stays need not gain a factor of 1.5 by itself
+    4  with friction that turns in another way, if that explains what is left beside these
+    5  all of it together must, and be worth its numbers: else the law stays as it was
 
 At most 50 descents of ten evaluations and 50 to their end, on settled cycles, whatever the number
 of settings; four and three more for each other layout.
@@ -19,7 +20,7 @@ of settings; four and three more for each other layout.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from damperfit.errors import SimulationError
@@ -31,6 +32,7 @@ from damperfit.laws.choosing import (
     Verdict,
     are_alike,
     effective_samples,
+    is_told_as_one,
     judged,
     said_of_layout,
 )
@@ -38,6 +40,9 @@ from damperfit.laws.common_parts import (
     CommonPart,
     beside_each_other,
     blow_off_kinds,
+    changed,
+    idle_parts,
+    in_place,
     lacking_parts,
     laminar_alone,
     made_of,
@@ -46,17 +51,18 @@ from damperfit.laws.common_parts import (
     without_kinds,
 )
 from damperfit.laws.elsewhere import had_by
-from damperfit.laws.judged_laws import JudgedLaw
-from damperfit.laws.law_fit import UNDETERMINED, fit_at, fit_law
+from damperfit.laws.judged_laws import JudgedLaw, Together
+from damperfit.laws.law_fit import fit_law
 from damperfit.laws.law_of_all import (
     LawOfAll,
     as_one_model,
     free_of,
     lost_with,
+    on_whole_logs,
     values_of_less,
     values_of_more,
 )
-from damperfit.laws.variants import in_words, laid_out_as
+from damperfit.laws.variants import laid_out_as
 from damperfit.parallel import executor
 
 if TYPE_CHECKING:
@@ -67,31 +73,11 @@ if TYPE_CHECKING:
     from damperfit.identification.unknowns import Follows
     from damperfit.laws.law_fit import LawFit, SettingLogs
     from damperfit.simulation import SolverOptions
-    from damperfit.tested.setting import Setting
 
-__all__ = ["Together", "told_together"]
+__all__ = ["told_together"]
 
 # By what a part must lower the MSE of one model to stay in it, beside what its numbers cost.
 _SOMETHING = 1.1
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Together:
-    """What one model of all settings has told.
-
-    Attributes
-    ----------
-    laws : tuple of JudgedLaw
-        As they were tried.
-    chosen : Tried
-        The law to take, at all settings, with what they have in common equal in all of them.
-    n_eff : float
-        Effective samples of all settings.
-    """
-
-    laws: tuple[JudgedLaw, ...]
-    chosen: Tried
-    n_eff: float
 
 
 @one_blas_thread()
@@ -132,7 +118,7 @@ def told_together(  # noqa: PLR0913 - what a run knows of its settings
     course = _Course(evidence, follows, solver, jobs, on_law)
     law = course.laid_out(course.first(fits), layouts)
     chosen = course.enriched(law, course.judged[-1].tried)
-    return Together(tuple(course.judged), chosen, course.n_eff)
+    return Together(tuple(course.judged), chosen, course.n_eff, course.alike)
 
 
 class _Course:
@@ -150,6 +136,7 @@ class _Course:
         self.follows, self.solver, self.jobs, self.on_law = follows, solver, jobs, on_law
         self.judged: list[JudgedLaw] = []
         self.n_eff, self.worth = math.nan, dict[str, float]()
+        self.alike: tuple[str, ...] = ()
 
     def record(
         self, tried: Tried, reason: str, *, is_taken: bool, change: str, **said: float
@@ -168,24 +155,24 @@ class _Course:
         """The law in the layout that one model tells."""
         best, tried = law, self.tried(law)
         self.n_eff = effective_samples(tried, list(self.evidence.values()))
-        others = [] if not tried.leaves_something else layouts
-        for layout in others:
+        seen = [tried]
+        for layout in layouts if tried.leaves_something else ():
             try:
                 other = self.first(self.apart(laid_out_as(law.damper, layout), law))
                 one = self.tried(other)
             except SimulationError:
                 continue
-            if one.score < tried.score and not are_alike(one, tried):
-                reason = said_of_layout(one, tried, is_alone=False, is_near=False)
-                self.record(tried, reason, is_taken=False, change="layout")
-                best, tried = other, one
-            else:
-                is_near = are_alike(tried, one)
-                reason = said_of_layout(tried, one, is_alone=False, is_near=is_near)
-                self.record(one, reason, is_taken=False, change="layout")
+            seen.append(one)
+            is_taken = is_told_as_one(tried, one)
+            better, worse = (one, tried) if is_taken else (tried, one)
+            reason = said_of_layout(better, worse, is_alone=False, is_near=are_alike(better, worse))
+            self.record(worse, reason, is_taken=False, change="layout")
+            best, tried = (other, one) if is_taken else (best, tried)
         self.record(
             tried, "the law as one model of all settings", is_taken=True, change="as it was chosen"
         )
+        names = [(one, one.fits[0].model.name) for one in seen if one is not tried]
+        self.alike = tuple(name for one, name in names if are_alike(tried, one))
         return best
 
     def apart(self, damper: ValveDamper, law: LawOfAll) -> list[LawFit]:
@@ -200,25 +187,7 @@ class _Course:
 
     def tried(self, law: LawOfAll) -> Tried:
         """The law at every setting, on the whole logs."""
-        errors = law.one.errors(law.minimum)
-        values = law.one.with_least_openings(law.values)
-
-        def at(setting: Setting) -> LawFit:
-            return fit_at(
-                replace(law.one.misfits[setting], solver=self.solver, cycles=None),
-                self.evidence[setting],
-                values[setting],
-                evaluations=law.minimum.evaluations,
-                undetermined=tuple(
-                    one.name
-                    for one, error in errors.items()
-                    if one.holds_at(setting) and error > math.log(UNDETERMINED)
-                ),
-            )
-
-        with executor(self.jobs) as pool:
-            fits = tuple(pool.map(at, law.one.settings))
-        return Tried(in_words(law.damper, law.freed), fits)
+        return on_whole_logs(law, self.evidence, self.solver, self.jobs)
 
     def enriched(self, law: LawOfAll, tried: Tried) -> Tried:
         """The law with what one model needs."""
@@ -236,19 +205,15 @@ class _Course:
         reason = "what it does not need is taken out again"
         self.record(best, reason, is_taken=False, change="with everything", gain=gain)
         rich, best = self.thinned(core, whole, rich, best)
+        rich, best = self.turned(core, whole, rich, best)
         rich, best = self.cheaper(core, law, tried, rich, best)
-        added = [one.words for one in rich.parts if one not in own]
-        gone = [one.words for one in own if one not in rich.parts]
-        if not added and not gone:
+        change = changed(own, rich.parts)
+        if not change:
             return tried
         verdict = self.held_against(law, tried, rich, best, least_gain=GAIN)
         is_smaller = rich.n_unknowns < law.n_unknowns and best.left_over <= GAIN * tried.left_over
         if is_smaller and best.mse_percent < _SOMETHING * tried.mse_percent:
             verdict = replace(verdict, takes_larger=True, reason="as good with fewer numbers")
-        said = [
-            f"{word} {', '.join(of)}" for word, of in (("with", added), ("without", gone)) if of
-        ]
-        change = ", ".join(said)
         self.record(
             best, verdict.reason, is_taken=verdict.takes_larger, change=change,
             gain=verdict.gain, bic=verdict.bic,
@@ -278,8 +243,12 @@ class _Course:
             beside = [one for one in law.parts if one not in kinds]
             offered += self.best_part(core, law, beside, kinds)
         offered += other_parts(law.damper, law.freed)
-        kept = beside_each_other(core, law.freed, offered)
-        looked = self.begun(*made_of(core, law.freed, kept), law)
+        return self.with_more(core, law, offered)
+
+    def with_more(self, core: ValveDamper, law: LawOfAll, parts: Sequence[CommonPart]) -> LawOfAll:
+        """The law with some parts, from where it is."""
+        kept = beside_each_other(core, law.own_freed, parts)
+        looked = self.begun(*made_of(core, law.own_freed, kept), law)
         return replace(looked, minimum=looked.one.descend(looked.values), parts=kept)
 
     def best_part(
@@ -324,10 +293,38 @@ class _Course:
             if part in rich.parts:  # a laminar part goes with its bleed
                 found = self.without(core, law, rich, part)
                 rich, best = self.smaller_of(found, rich, best, "without", part)
-        for part, parts in laminar_alone(rich.damper, rich.parts, best.unseen):
-            found = self.with_parts(core, law, rich, parts)
+        for part in idle_parts(core, rich.damper):
+            found = self.with_parts(core, law, rich, in_place(core, (), rich.parts, part))
+            rich, best = self.smaller_of(found, rich, best, "without", part)
+        for part in laminar_alone(rich.damper):
+            found = self.with_parts(core, law, rich, in_place(core, (), rich.parts, part))
             rich, best = self.smaller_of(found, rich, best, "with", part)
         return rich, best
+
+    def turned(
+        self, core: ValveDamper, law: LawOfAll, rich: LawOfAll, best: Tried
+    ) -> tuple[LawOfAll, Tried]:
+        """With friction that turns in another way, where that explains what is left.
+
+        Beside parts that stood for it, or valves that had too many, a few steps did not show it.
+        """
+        kinds = turning_kinds()
+        others = [one for one in rich.parts if one not in kinds]
+        rivals = [one for one in kinds if one not in rich.parts]
+        found = self.best_part(core, rich, others, rivals) if best.leaves_something else []
+        if not found:
+            return rich, best
+        try:
+            more = self.with_more(core, rich, [*others, *found])
+            one = self.tried(more)
+        except SimulationError:
+            return rich, best
+        verdict = self.held_against(rich, best, more, one, least_gain=GAIN)
+        self.record(
+            one, verdict.reason, is_taken=False, change=f"with {found[0].words}",
+            gain=verdict.gain, bic=verdict.bic,
+        )  # fmt: skip
+        return self.thinned(core, law, more, one) if verdict.takes_larger else (rich, best)
 
     def smaller_of(
         self, found: tuple[LawOfAll, Tried] | None, rich: LawOfAll, best: Tried, word: str,
@@ -349,7 +346,7 @@ class _Course:
 
         Each of two parts may be needed beside the other, and one of them do for both.
         """
-        while added := [one for one in rich.parts if one not in law.parts]:
+        while added := [one for one in rich.parts if one not in law.parts and not one.is_less]:
             verdict = self.held_against(law, tried, rich, best, least_gain=GAIN)
             if verdict.takes_larger or verdict.bic > 0.0:
                 break
@@ -386,6 +383,8 @@ class _Course:
         """The law with fewer, from where it is and, where that seems to lack some, from afar."""
         left = beside_each_other(core, rich.own_freed, parts)
         damper, freed = made_of(core, rich.own_freed, left)
+        if not {*damper.names} <= {*rich.damper.names}:  # the blow-off is back without its bleed
+            return None
         free = free_of(damper, freed)
         one = rich.one.of(damper, free, self.follows(damper, free))
         at = {s: values_of_less(damper, free, values) for s, values in rich.values.items()}

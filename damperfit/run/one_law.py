@@ -129,7 +129,11 @@ def told_as_one(  # noqa: PLR0913 - what a search has found and who waits for it
     except (SimulationError, SettingError):
         return search, tuple(fits)
     earlier = tuple(replace(one, is_taken=False) for one in search.laws)
-    told = replace(search, laws=(*earlier, *found.laws), chosen=found.chosen, is_of_one_model=True)
+    is_another = found.chosen.fits[0].model.name != model.name
+    told = replace(
+        search, laws=(*earlier, *found.laws), chosen=found.chosen, is_of_one_model=True,
+        alike=found.alike if is_another else search.alike,
+    )  # fmt: skip
     return told, found.chosen.fits
 
 

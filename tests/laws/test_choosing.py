@@ -10,7 +10,13 @@ import pytest
 
 from damperfit.damper.valve_dampers import ThroughFlow
 from damperfit.laws import LawFit, SettingLogs, Tried, effective_samples, judged
-from damperfit.laws.choosing import are_alike, said_of_layout, times_worse
+from damperfit.laws.choosing import (
+    OfOneModel,
+    are_alike,
+    is_told_as_one,
+    said_of_layout,
+    times_worse,
+)
 from damperfit.tested.setting import Setting
 from tests.fakes import trace
 
@@ -180,3 +186,21 @@ def test_what_is_mispredicted_counts_as_what_is_left(mse, held, alike) -> None:
     worse = tried(2.0 * mse, 5) if math.isnan(held) else tried(mse, 5, held=2.0 * held)
     assert times_worse(best, worse) == pytest.approx(2.0)
     assert are_alike(best, worse) is alike
+
+
+@pytest.mark.parametrize(
+    ("mse", "other", "is_told"),
+    [
+        (0.022, 0.0201, False),  # alike, and it leaves something too
+        (0.022, 0.0199, True),  # it needs no part more
+        (0.0199, 0.018, False),  # nothing is left, alike
+        (0.0199, 0.0049, True),  # told
+        (0.05, 0.034, False),  # alike
+        (0.05, 0.033, True),
+        (0.019, 0.022, False),
+    ],
+)
+def test_of_layouts_alike_one_model_takes_that_which_needs_no_part_more(
+    mse, other, is_told
+) -> None:
+    assert is_told_as_one(tried(mse, 5), tried(other, 5)) is is_told

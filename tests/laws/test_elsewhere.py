@@ -21,7 +21,7 @@ def fit(name, percent, stroke=1.0):
     free = ("bleed",) if name == "small" else ("bleed", "opening")
     return SimpleNamespace(
         model=model, mse_percent=percent, held_out_percent=float("nan"), free=free, at_bound=(),
-        worst_stroke_percent=stroke, worst_force_percent=0.5, held_out="",
+        worst_stroke_percent=stroke, worst_force_percent=0.5, held_out="", setting=9,
         residuals=(np.zeros(4),),
     )  # fmt: skip
 
@@ -49,6 +49,22 @@ def asked(monkeypatch, found, n=1):
 def test_a_setting_where_a_weak_stroke_is_missed_needs_the_part(monkeypatch):
     said, _ = asked(monkeypatch, {"small": (0.013, 0.1), "large": (0.003, 0.02)})
     assert said.startswith("setting 1 needs it: MSE 0.013 to 0.003 %")
+
+
+def test_a_law_in_a_wrong_valley_says_nothing_of_the_part(monkeypatch):
+    """Its own starts led there; from the settings that are compared it is as good as the larger."""
+    found = {"small": (1.4, 1.4), "large": (0.001, 0.001)}
+    beside = []
+
+    def from_compared(law, one, known, _):
+        beside.append((law.title, one.setting, list(known)))
+        return fit("small", 0.001, 0.001)
+
+    monkeypatch.setattr(elsewhere, "_fitted_beside", from_compared)
+    assert asked(monkeypatch, found)[0] == ""
+    assert beside == [("small", 1, [9])]
+    monkeypatch.setattr(elsewhere, "_fitted_beside", lambda *_: None)
+    assert asked(monkeypatch, found)[0].startswith("setting 1 needs it")
 
 
 @pytest.mark.parametrize("found", [

@@ -13,6 +13,7 @@ from damperfit.conditioning import condition
 from damperfit.damper.friction import Friction
 from damperfit.damper.mounting import FIT, Mounting
 from damperfit.damper.network import Valve
+from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
 from damperfit.errors import SimulationError
 from damperfit.identification.law_misfit import LawMisfit
 from damperfit.identification.unknowns import Unknown
@@ -20,6 +21,10 @@ from damperfit.laws import LawFit, SettingLogs, Tried, judged, law_of_all, toget
 from damperfit.laws.choosing import OfOneModel
 from damperfit.laws.common_parts import (
     beside_each_other,
+    blow_off_kinds,
+    changed,
+    idle_parts,
+    in_place,
     lacking_parts,
     laminar_alone,
     made_of,
@@ -27,6 +32,7 @@ from damperfit.laws.common_parts import (
     turning_kinds,
     without_kinds,
 )
+from damperfit.laws.judged_laws import Together
 from damperfit.laws.law_fit import fit_at
 from damperfit.laws.law_of_all import lost_with
 from damperfit.laws.one_model import OneModel
@@ -85,12 +91,12 @@ def apart(logs: list[SettingLogs], **wrong: float) -> list[LawFit]:
     ]  # fmt: skip
 
 
-def with_port() -> together.Together:
+def with_port() -> Together:
     logs = logs_of(PORT)
     return together.told_together(apart(logs), logs, follows, solver=SOLVER, jobs=1)
 
 
-def check_port(found: together.Together) -> None:
+def check_port(found: Together) -> None:
     """The port that all settings have in common is found, and nothing else."""
     chosen = found.chosen
     assert chosen.title == (
@@ -215,22 +221,59 @@ def test_a_smaller_law_is_taken_that_leaves_no_more(monkeypatch, less, force, is
     monkeypatch.setattr(steps, "with_whole_valves", lambda *_: before)
     monkeypatch.setattr(steps, "with_all", lambda *_: rich)
     best, tried = law(less, force=force), law(0.1, force=10.0)
-    for step in ("thinned", "cheaper"):
+    for step in ("thinned", "turned", "cheaper"):
         monkeypatch.setattr(steps, step, lambda *_: (rich, best))
     monkeypatch.setattr(steps, "tried", lambda _: best)
     assert steps.enriched(before, tried) is (best if is_taken else tried)
     assert steps.judged[-1].change == "one model: without friction by the pressure on the seal"
 
 
-def test_a_bleed_whose_orifice_no_log_tells_is_laminar_alone() -> None:
-    long = replace(PLAIN, rebound=Valve("long", "linear"), compression=Valve("long", "linear"))
+def test_a_part_laminar_bleed_may_be_laminar_alone() -> None:
+    long = replace(PLAIN, rebound=Valve("long", "linear"))
     part, other = (one for one in other_parts(PLAIN, ()) if "laminar" in one.words)
-    [(found, parts)] = laminar_alone(long, [part, other], {"rebound_bleed", "compression_leak"})
+    [found] = laminar_alone(long)
     assert found.words == "a laminar bleed in rebound"
+    parts = in_place(PLAIN, (), [part, other], found)
     assert parts == (other, found)
     model, _ = made_of(PLAIN, (), parts)
     assert (model.rebound.bleed, model.compression.bleed) == ("leak", "long")
-    assert not list(laminar_alone(PLAIN, [], {"rebound_bleed"}))
+    assert not list(laminar_alone(PLAIN))
+
+
+def test_bleeds_of_both_strokes_become_laminar_one_after_the_other(monkeypatch) -> None:
+    """The second beside what the first has left."""
+    steps, asked = together._Course([], follows, SOLVER, 1, lambda _: None), []
+    long = replace(PLAIN, rebound=Valve("long", "linear"), compression=Valve("long", "linear"))
+    parts = tuple(one for one in other_parts(PLAIN, ()) if "laminar" in one.words)
+    rich = SimpleNamespace(parts=parts, damper=long, by_looseness=lambda _: [])
+
+    def smaller(_core, _law, _rich, left):
+        asked.append([one.words for one in left])
+        return SimpleNamespace(parts=tuple(left)), None
+
+    monkeypatch.setattr(steps, "with_parts", smaller)
+    monkeypatch.setattr(steps, "smaller_of", lambda found, *_: found)
+    steps.thinned(PLAIN, SimpleNamespace(parts=()), rich, None)
+    alone = ["a laminar bleed in rebound", "a laminar bleed in bump"]
+    assert asked == [["a laminar part of the bleed in bump", alone[0]], alone]
+
+
+def test_a_blow_off_may_go_whose_stroke_has_got_a_bleed() -> None:
+    """It has stood for the bleed; what is a kind of it goes with it."""
+    core = replace(PLAIN, rebound=BLOW_OFF)
+    parts = [*lacking_parts(core), *blow_off_kinds("rebound")[:1], *other_parts(PLAIN, ())]
+    damper, freed = made_of(core, (), parts)
+    assert damper.rebound == Valve("long", "rounded")
+    [gone] = idle_parts(core, damper)
+    assert gone.words == "the blow-off in rebound"
+    left = in_place(core, (), parts, gone)
+    assert made_of(core, (), left) == (replace(damper, rebound=Valve("long", "none")), freed)
+    assert [one.words for one in parts if one not in left] == [
+        "a blow-off that lifts gradually in rebound"
+    ]
+    assert made_of(core, (), left[1:])[0].rebound == BLOW_OFF  # which has nothing else then
+    assert not list(idle_parts(core, core))
+    assert not list(idle_parts(PLAIN, PLAIN))
 
 
 def test_friction_that_is_declared_is_no_part_of_the_logs() -> None:
@@ -272,6 +315,32 @@ def law(mse: float, *, force: float = 0.5, held: float = math.nan, **more: objec
         residuals=(), evaluations=1, worst_force_percent=force,
     )  # fmt: skip
     return Tried("law", (replace(fit, **more), replace(fit, **more)))
+
+
+@pytest.mark.parametrize(("left", "taken", "alike"), [
+    (0.0199, "twin_tube", ["through_flow", "monotube"]),
+    (0.0201, "through_flow", ["twin_tube", "monotube"]),
+])  # fmt: skip
+def test_a_layout_that_needs_no_part_more_is_taken_and_the_others_are_told(
+    monkeypatch, left, taken, alike
+) -> None:
+    steps = together._Course([], follows, SOLVER, 1, lambda _: None)
+    found = {
+        name: law(mse, model=replace(kind(), rebound=BOTH, compression=BOTH))
+        for name, mse, kind in (
+            ("through_flow", 0.022, ThroughFlow), ("twin_tube", left, TwinTube),
+            ("monotube", 0.0215, Monotube),
+        )
+    }  # fmt: skip
+    monkeypatch.setattr(together, "effective_samples", lambda *_: 60.0)
+    monkeypatch.setattr(steps, "apart", lambda damper, _: damper)
+    monkeypatch.setattr(steps, "first", lambda damper: SimpleNamespace(damper=damper))
+    monkeypatch.setattr(steps, "tried", lambda one: found[one.damper.name])
+    first = SimpleNamespace(damper=found["through_flow"].fits[0].model)
+    best = steps.laid_out(first, [found[name].fits[0].model for name in ("twin_tube", "monotube")])
+    assert best.damper.name == taken
+    assert steps.judged[-1].tried is found[taken]
+    assert list(steps.alike) == alike
 
 
 @pytest.mark.parametrize(("small", "large", "n_more", "is_taken"), [
@@ -356,15 +425,86 @@ def course(monkeypatch, worth: dict[str, float], failing: str) -> together._Cour
 def test_what_single_settings_have_told_of_is_asked_last(monkeypatch) -> None:
     """Two parts that stand for it are not left in its place because it was the looser one."""
     steps, asked = together._Course([], follows, SOLVER, 1, lambda _: None), []
-    own, *more = (SimpleNamespace(words=name) for name in ("own", "a", "b"))
+    own, *more = (SimpleNamespace(words=name, is_less=False) for name in ("own", "a", "b"))
     rich = SimpleNamespace(
         parts=(own, *more), by_looseness=lambda _: [own, *more],
         damper=SimpleNamespace(rebound=BOTH, compression=BOTH),
     )  # fmt: skip
     monkeypatch.setattr(steps, "without", lambda *said: asked.append(said[-1].words))
-    best = SimpleNamespace(unseen=set())
-    assert steps.thinned(PLAIN, SimpleNamespace(parts=(own,)), rich, best) == (rich, best)
+    assert steps.thinned(PLAIN, SimpleNamespace(parts=(own,)), rich, None) == (rich, None)
     assert asked == ["a", "b", "own"]
+
+
+def turned(monkeypatch, left: float, found: Tried) -> tuple[str, list[str]]:
+    """What becomes of a law with play that leaves so much, and what is offered to it."""
+    steps, offered = together._Course([], follows, SOLVER, 1, lambda _: None), []
+    steps.n_eff = 60.0
+    more, play = turning_kinds(), next(one for one in other_parts(PLAIN, ()) if one.words == "play")
+    rich = law_of_all.LawOfAll(PLAIN, (), SimpleNamespace(unknowns=range(8)), None, (play, more[1]))
+    larger = law_of_all.LawOfAll(PLAIN, (), SimpleNamespace(unknowns=range(8)), None)
+
+    def best_part(_core, _law, beside, rivals):
+        offered.extend(one.words for one in (*beside, *rivals))
+        return rivals[:1]
+
+    monkeypatch.setattr(steps, "best_part", best_part)
+    monkeypatch.setattr(steps, "with_more", lambda *_: larger)
+    monkeypatch.setattr(steps, "tried", lambda _: found)
+    monkeypatch.setattr(steps, "thinned", lambda *said: said[2:])
+    taken, _ = steps.turned(PLAIN, rich, rich, law(left, force=0.5))
+    return ("turned" if taken is larger else "as it was"), offered
+
+
+@pytest.mark.parametrize(("left", "found", "becomes"), [
+    (0.151, 0.1, "turned"), (0.149, 0.1, "as it was"),
+])  # fmt: skip
+def test_friction_that_turns_otherwise_is_looked_for_in_what_is_left(
+    monkeypatch, left, found, becomes
+) -> None:
+    """In the place of the way in which it turns now."""
+    within = "friction that turns within a speed"
+    over = "friction that builds up over a distance"
+    end, offered = turned(monkeypatch, left, law(found))
+    assert end == becomes
+    assert offered == ["play", over]
+    assert within not in offered
+
+
+def test_where_nothing_is_left_nothing_is_looked_for(monkeypatch) -> None:
+    assert turned(monkeypatch, 0.0199, law(0.001)) == ("as it was", [])
+    assert turned(monkeypatch, 0.0201, law(0.001))[0] == "turned"
+
+
+def test_what_is_no_smaller_law_is_not_tried() -> None:
+    """Without the bleed the blow-off is back, whose numbers the larger law has not."""
+    core = replace(PLAIN, rebound=BLOW_OFF)
+    bleed = lacking_parts(core)[0]
+    [gone] = idle_parts(core, made_of(core, (), [bleed])[0])
+    damper, freed = made_of(core, (), [bleed, gone])
+    rich = law_of_all.LawOfAll(damper, freed, None, None, (bleed, gone))
+    steps = together._Course([], follows, SOLVER, 1, lambda _: None)
+    assert steps.without(core, rich, rich, bleed) is None
+
+
+def test_a_change_is_told_with_what_is_new_and_what_is_gone() -> None:
+    core = replace(PLAIN, rebound=BLOW_OFF)
+    bleed = lacking_parts(core)[0]
+    play, lag, *_ = (
+        one for one in other_parts(PLAIN, ()) if one.words in {"play", "a lag of the force"}
+    )
+    [gone] = idle_parts(core, PLAIN)
+    assert changed((play, lag), (lag, bleed, gone)) == (
+        "with a bleed in rebound, without play, the blow-off in rebound"
+    )
+    assert changed((play,), (play,)) == ""
+
+
+def test_play_and_lag_of_single_settings_are_asked_about_and_stay_where_they_are_known() -> None:
+    core, own = without_kinds(replace(PLAIN, mounting=Mounting(FIT, FIT, FIT)))
+    assert core == PLAIN
+    assert [one.words for one in own] == ["play", "a lag of the force"]
+    known = replace(PLAIN, mounting=Mounting(FIT, 5e-4, 8e-3))
+    assert without_kinds(known) == (known, ())
 
 
 @pytest.mark.parametrize(("worth", "failing", "left"), [
@@ -377,7 +517,7 @@ def test_what_single_settings_have_told_of_is_asked_last(monkeypatch) -> None:
 def test_parts_go_until_all_together_are_worth_their_numbers(
     monkeypatch, worth, failing, left
 ) -> None:
-    parts = tuple(SimpleNamespace(words=name) for name in worth)
+    parts = tuple(SimpleNamespace(words=name, is_less=False) for name in worth)
     rich = SimpleNamespace(parts=parts)
     before = SimpleNamespace(parts=tuple(one for one in parts if one.words == "own"))
     found, _ = course(monkeypatch, worth, failing).cheaper(PLAIN, before, None, rich, rich)

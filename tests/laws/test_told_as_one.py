@@ -9,7 +9,7 @@ import pytest
 
 from damperfit.configuration.loading import load_configuration
 from damperfit.damper.network import Valve
-from damperfit.damper.valve_dampers import TwinTube
+from damperfit.damper.valve_dampers import Monotube, TwinTube
 from damperfit.errors import SimulationError
 from damperfit.identification import GivenStart
 from damperfit.identification.following import Way
@@ -47,14 +47,16 @@ def configuration(
     return load_configuration(None, overlay=overlay, is_law_open=is_open)
 
 
-def asked(monkeypatch, found: LawSearch, config, n: int = 2):
+def asked(monkeypatch, found: LawSearch, config, n: int = 2, taken=None):
     """What is asked of one model, and what comes of it."""
     said = []
 
     def told(fits, logs, follows, **more):
         said.append((fits, logs, follows, more))
-        chosen = Tried("richer", fits)
-        return SimpleNamespace(laws=("rung",), chosen=chosen)
+        own = [SimpleNamespace(setting=one.setting, model=taken or one.model) for one in fits]
+        return SimpleNamespace(
+            laws=("rung",), chosen=Tried("richer", tuple(own)), alike=("twin_tube",)
+        )
 
     monkeypatch.setattr(one_law, "told_together", told)
     evidence = [SimpleNamespace(setting=one) for one in reversed(AT)]
@@ -81,6 +83,12 @@ def test_the_law_of_one_model_takes_the_place_of_that_of_settings(monkeypatch) -
         "rebound_leak": ("l",), "rebound_bleed": ("l",), "rebound_opening": ("h",),
         "f_0": ("l", "h"),
     }  # fmt: skip
+
+
+@pytest.mark.parametrize(("taken", "alike"), [(None, "monotube"), (Monotube(), "twin_tube")])
+def test_layouts_alike_are_those_beside_the_one_that_is_taken(monkeypatch, taken, alike) -> None:
+    (found, _), _ = asked(monkeypatch, search(), configuration(), taken=taken)
+    assert found.alike == (alike,)
 
 
 @pytest.mark.parametrize("adjusters", [ADJUSTERS, {"l": "", "h": ""}])
