@@ -285,10 +285,8 @@ class ThroughFlow(ValveDamper):
         return self.annulus_area, self.piston_area
 
 
-_VALVE_PARTS = {
-    "bleed": ("bleed", "leak"),
-    "blow_off": ("opening", "slope", "port", "width", "lift"),
-}
+_BLOW_OFF = ("opening", "slope", "port", "width", "lift")
+_VALVE_PARTS = {"bleed": ("bleed", "leak"), "blow_off": _BLOW_OFF}
 # part: symbol, in a table's row, meaning, unit, range, power of ten and unit for people
 _PARTS: dict[str, tuple[str, str, str, str, tuple[float, float], int, str]] = {
     "bleed": (
@@ -299,9 +297,7 @@ _PARTS: dict[str, tuple[str, str, str, str, tuple[float, float], int, str]] = {
         "L", "leak", "laminar resistance of the bleed", _LINEAR, (1e3, 1e11), 6,
         "10⁶ N s / (m² kg)",
     ),
-    "opening": (
-        "p", "opening", "pressure at which the blow-off opens", "Pa", (1e3, 1e8), 5, "bar",
-    ),
+    "opening": ("p", "opening", "pressure at which the blow-off opens", "Pa", (1e3, 1e8), 5, "bar"),
     "slope": (
         "R", "slope", "resistance of the blow-off beyond its opening", _LINEAR, (1e3, 1e11), 6,
         "10⁶ N s / (m² kg)",
@@ -309,9 +305,7 @@ _PARTS: dict[str, tuple[str, str, str, str, tuple[float, float], int, str]] = {
     "port": (
         "S_p", "port", "orifice behind the blow-off", _ROOT, (1e1, 1e8), 3, "10³ s √N / (m kg)",
     ),
-    "width": (
-        "d", "rounding", "how gradually the blow-off lifts", "Pa", (1e1, 1e7), 5, "bar",
-    ),
+    "width": ("d", "rounding", "how gradually the blow-off lifts", "Pa", (1e1, 1e7), 5, "bar"),
     "lift": (
         "b", "lift", "how much further the blow-off lifts, the harder it is pressed", "1/Pa",
         (1e-9, 1e-3), -5, "1/bar",
