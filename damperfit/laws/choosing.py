@@ -7,6 +7,8 @@ A law with more quantities fits better always. It is taken only where all of the
     MSE_a > 0.02 %                                    the smaller law leaves something to explain,
                                                       or a force at a speed is off by more than 1 %,
                                                       or a held-out log by an MSE of 0.2 %
+    at less than 0.02 %, for a force or a log alone   that is off by less with it, or what was held
+                                                      out is predicted 1.5 times as well
     not every new part has a quantity at an edge of its range; of a part that a law is asked to do
     without, at the edge at which it does nothing
     what was held out is predicted no worse
@@ -233,6 +235,16 @@ def judged(
             f"the smaller law's {left:.2g} % leave too little to matter (below "
             f"{ENOUGH_PERCENT:g} %)"
         )
+    elif (
+        of_one_model is None
+        and not is_removed
+        and left <= ENOUGH_PERCENT
+        and _in_vain(small, large)
+    ):
+        reason = (
+            f"{left:.2g} % would be enough but for a force or another log, and neither is better "
+            "with it"
+        )
     elif gain < least_gain and not is_of_force:
         reason = f"the MSE falls by a factor of {gain:.2f} only; {least_gain:g} is required"
     elif bic <= 0.0:
@@ -248,6 +260,16 @@ def judged(
         reason = f"MSE {small.mse_percent:.2g} to {large.mse_percent:.2g} %{beside}"
         return Verdict(True, gain, bic, reason)
     return Verdict(False, gain, bic, reason)
+
+
+def _in_vain(small: Tried, large: Tried) -> bool:
+    """Whether a larger law does nothing about what the smaller one is off by beside its MSE.
+
+    Friction in another form than the laws have is fitted better by a part that is not there, which
+    neither the force at a speed nor what was held out confirms.
+    """
+    held = small.held_out_percent, large.held_out_percent
+    return large.left_over >= small.left_over and held[0] <= GAIN * held[1]
 
 
 def times_worse(best: Tried, other: Tried) -> float:

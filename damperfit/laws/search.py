@@ -7,8 +7,8 @@
        alike, by the rule of `choosing`: so no valve is invented for the rig, nor the reverse; an
        elastic mounting is held against a rigid one with oil that gives
     4  what is left over is offered to further parts: soft oil, gas in it, returns, rounding, ports,
-       friction that drags, builds up, falls with the speed or grows with the pressure; to play and
-       lag too, if a wrong valley had them taken out
+       friction that drags, builds up, turns within a speed, falls with it or grows with the
+       pressure; to play and lag too, if a wrong valley had them taken out
     5  what is left is tried in the other layouts too: those that do as well cannot be told apart,
        and of those that nothing tells apart the most usual is taken
     6  where the logs yield before they slide, models that yield are held against the valves
@@ -70,7 +70,7 @@ _FURTHER = (
     "return_slope",
     "drag",
     *KINDS,
-    *(p for p in PARTS if p != "turning_speed"),
+    *PARTS,
     *LACKING,
     "free_gas",
 )

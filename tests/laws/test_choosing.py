@@ -80,6 +80,26 @@ def test_a_small_mse_may_leave_a_force_or_another_speed(force, held, kind, leave
     assert judged(small, tried(1e-3, 5, held=held), 30.0).takes_larger is leaves
 
 
+@pytest.mark.parametrize(("force", "held", "is_taken"), [
+    (1.99, 0.01, True),
+    (2.01, 0.01, False),
+    (2.01, 0.01 / 1.49, False),
+    (2.01, 0.01 / 1.51, True),
+])  # fmt: skip
+def test_what_is_taken_for_a_force_betters_it_or_what_is_predicted(force, held, is_taken) -> None:
+    """Friction that is larger at rest was fitted better as one that turns within a speed."""
+    small, large = (
+        Tried(name, (replace(tried(mse, k, held=out).fits[0], worst_force_percent=off),))
+        for name, mse, k, out, off in (
+            ("small", 0.0199, 4, 0.01, 2.0), ("large", 0.001, 5, held, force)
+        )
+    )  # fmt: skip
+    assert judged(small, large, 30.0).takes_larger is is_taken
+    assert judged(small, large, 30.0, is_removed=True).takes_larger
+    assert judged(small, large, 30.0, of_one_model=OfOneModel(1)).takes_larger
+    assert judged(small, large, 30.0, left_percent=0.0201).takes_larger
+
+
 def test_a_new_quantity_at_its_edge_is_none():
     new, old = NAMES[4], NAMES[1]
     assert not judged(tried(1.0, 4), tried(0.1, 5, at_bound=(new,)), 30.0).takes_larger

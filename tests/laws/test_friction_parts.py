@@ -14,12 +14,14 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.valve_dampers import TwinTube, ValveDamper
 from damperfit.laws import LawFit, LawSearch, SettingLogs, Tried, in_words, search_laws
 from damperfit.laws.choosing import are_alike, effective_samples
-from damperfit.laws.law_fit import glimpsed
+from damperfit.laws.law_fit import fit_law, glimpsed
 from damperfit.laws.search import _FURTHER, _Search
 from damperfit.laws.variants import laid_out_as, with_part, words_of
 from damperfit.recording import Recording, Trace
 from damperfit.simulation import Motion, SolverOptions, simulate
 from damperfit.tested.setting import Setting
+from tests.laws.rates import TURNING, draw, parts_of
+from tests.laws.rates import searched as rates_searched
 from tests.laws.valve_logs import VALUES, damper, moved
 
 SETTING = Setting.of(3)
@@ -85,6 +87,27 @@ def test_what_is_in_the_logs_is_found_with_its_size(
     assert max(found.mse_percent, found.held_out_percent) < 0.02
     for name, true in more.items():
         assert getattr(found.fits[0].values, name) == pytest.approx(true, rel=0.1), name
+
+
+def test_friction_that_turns_within_a_speed_is_offered_and_seen_in_a_few_steps() -> None:
+    assert "turning_speed" in _FURTHER
+    logs = evidence(Friction(turning_speed=FIT), {"turning_speed": 0.018, "f_f": 60.0})
+    law = fit_law(RIGID, logs, is_whole=False)
+    assert glimpsed(with_part(RIGID, "turning_speed"), logs, law) is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("place", "is_turning"), [
+    *((place, False) for place in range(9, 15)), *((place, True) for place in (0, 9, 10, 12)),
+])  # fmt: skip
+def test_laminar_bleeds_and_friction_that_turns_within_a_speed_are_told_apart(
+    place: int, *, is_turning: bool
+) -> None:
+    """Each may take the other's place in a small MSE; these are dampers of `rates`."""
+    one = draw(place, 1, TURNING if is_turning else "")
+    found = parts_of(rates_searched(one, 1000 + 2 * place).chosen)
+    assert ("turning_speed" in found) is is_turning
+    assert one.model.rebound.bleed in {name.partition(" ")[2] for name in found}
 
 
 def test_a_part_that_explains_nothing_is_not_followed() -> None:
