@@ -46,6 +46,10 @@ _OPENING_FROM = 0.2
 _UNSEEN_OPENING, _UNSEEN_SHARE = 0.75, 0.1
 
 
+# A port through which less of the largest flow could go, without an opening before it, is none.
+_LEAST_PORT = 0.05
+
+
 @dataclass(frozen=True, slots=True)
 class Side:
     """What presses through a valve.
@@ -109,6 +113,23 @@ class ValveCurve:
     def highest(self) -> float:
         """Largest pressure across the valve, Pa."""
         return float(np.max(self.drop))
+
+    @property
+    def ported(self) -> tuple[float, float, float] | None:
+        """The same flow as that of a bleed and of a port behind the opening: c, p_open and c_p.
+
+        a |v| - C dD/dt = c sqrt(D) + sum_j c_j sqrt(max(0, D - p_j)), c_p the sum of the c_j. None
+        where no port shows.
+        """
+        knees = self.highest * _AT
+        columns = np.sqrt(np.maximum(self.drop[:, None] - np.append(0.0, knees), 0.0))
+        lengths = np.sqrt(np.maximum(np.einsum("ij,ij->j", columns, columns), 1e-300))
+        found = _least_squares(columns / lengths, self.flow)[0] / lengths
+        roots = found[1:]
+        port = float(roots.sum())
+        if not port * math.sqrt(self.highest) > _LEAST_PORT * float(self.flow.max()):
+            return None
+        return float(found[0]), float(roots @ knees) / port, port
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -208,8 +229,6 @@ class _Rows:
 
     def solve(self) -> tuple[FloatArray, float]:
         """Return C, c and the c_j, and the misfit as a share of the flow's mean square."""
-        from scipy.optimize import nnls
-
         columns = np.empty((len(self.drop), 2 + len(self.knees)))
         columns[:, 0] = self.drop_rate
         np.sqrt(self.drop, out=columns[:, 1])
@@ -218,8 +237,16 @@ class _Rows:
         np.maximum(beyond, 0.0, out=beyond)
         lengths = np.sqrt(np.maximum(np.einsum("ij,ij->j", columns, columns), 1e-300))
         columns /= lengths
-        found, rest = nnls(columns, self.displaced)
-        return found / lengths, float(rest) ** 2 / float(self.displaced @ self.displaced)
+        found, rest = _least_squares(columns, self.displaced)
+        return found / lengths, rest**2 / float(self.displaced @ self.displaced)
+
+
+def _least_squares(columns: FloatArray, flow: FloatArray) -> tuple[FloatArray, float]:
+    """Non-negative least squares: what each column takes, and what is left."""
+    from scipy.optimize import nnls
+
+    found, rest = nnls(columns, flow)
+    return found, float(rest)
 
 
 def _rows(loop: Loop, sign: float, side: Side, friction: float, offset: float) -> _Rows | None:

@@ -28,6 +28,8 @@ _HALF = 0.5  # of the flow at the opening goes through the bleed, in a guess
 # never with less than this share of what would carry all of it: what is absent at the start cannot
 # be found by a descent.
 _LEAST = 0.1
+# A blow-off whose port was read off the loops: share of the port's pressure at the largest flow.
+_BESIDE_A_PORT = 0.1
 # By how much more a blow-off that lifts further lets through at the highest pressure, in a guess.
 _LIFTED = 0.3
 _PLAY, _LAG, _DRAG, _FRICTION = 3e-4, 5e-3, 10.0, 0.01
@@ -186,6 +188,11 @@ def _parts(
     leak = math.sqrt(opening) / (density * root)
     slope = 1.0 / (density * conductance)
     port = math.sqrt(0.1 * slope / (density * most))
+    if valve.blow_off == "port" and share is None and (ported := curve.ported):
+        through, opening, behind = ported
+        bleed = 1.0 / (density * max(through, _LEAST * most / math.sqrt(top)))
+        port = 1.0 / (density * behind)
+        slope = _BESIDE_A_PORT * port**2 * density * most
     known = {
         "bleed": bleed,
         "leak": leak if valve.bleed == "leak" else 0.3 * leak,

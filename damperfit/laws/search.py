@@ -2,7 +2,8 @@
 
     1  the paper's model; where it leaves less than `ENOUGH_PERCENT`, nothing else is looked for; of
        valves that are declared it is, for the logs may need less than they have
-    2  bleed and blow-off in each stroke with everything that a mounting may have, in each layout
+    2  bleed and blow-off in each stroke with everything that a mounting may have, in each layout;
+       where that leaves something, with ports behind the blow-offs too
     3  of the best layout what is not needed is taken out again, the rig's parts and the valves'
        alike, by the rule of `choosing`: so no valve is invented for the rig, nor the reverse; an
        elastic mounting is held against a rigid one with oil that gives
@@ -28,6 +29,7 @@ from damperfit.errors import SimulationError
 from damperfit.identification.blas_threads import one_blas_thread
 from damperfit.laws.bleeds import with_bleeds_told
 from damperfit.laws.choosing import (
+    GAIN,
     SEEN_APART,
     Tried,
     are_alike,
@@ -51,6 +53,7 @@ from damperfit.laws.variants import (
     VALVES,
     everything,
     laid_out_as,
+    with_part,
     with_parts,
 )
 from damperfit.laws.yielding import YIELDING, held_against, is_open_to
@@ -131,7 +134,7 @@ def search_laws(  # noqa: PLR0913 - what a user may ask of it
             raise SimulationError("no law can be simulated on these logs.")
         course.record(simplest, "no other law can be simulated on these logs", is_taken=True)
         return course.ended(simplest)
-    lean = course.lean(course.best_layout(found))
+    lean = course.lean(course.best_layout(course.ported(found)))
     of_oil = [one.name for one in lean.fits[0].model.quantities if one.role == STIFFNESS]
     rich = course.enriched(lean, (*of_oil, *_FURTHER))
     rich = course.grown(rich, (*of_oil, *_FURTHER))
@@ -146,6 +149,24 @@ def search_laws(  # noqa: PLR0913 - what a user may ask of it
 
 class _Search(Course):
     """The steps of a search, from the layout to the law that is taken."""
+
+    def ported(self, found: Sequence[Tried]) -> list[Tried]:
+        """The layouts with ports behind their blow-offs, where those tell much more; else as found.
+
+        A port that takes most of the pressure makes a blow-off pass for a bleed beside friction.
+        """
+        best = min(found, key=lambda one: one.score)
+        if not best.leaves_something:
+            return list(found)
+        near = [one for one in found if times_worse(best, one) < _FAR_WORSE]
+        models = [with_part(valve_damper(one), "port") for one in near]
+        tried = [one for one in self.all_fitted(models) if one is not None]
+        first = min(tried, key=lambda one: one.score, default=best)
+        if not best.mse_percent > GAIN * first.mse_percent or times_worse(first, best) < GAIN:
+            return list(found)
+        reason = f"MSE {best.mse_percent:.2g} to {first.mse_percent:.2g} % with a port behind each"
+        self.record(best, reason, is_taken=False, change="blow-offs without a port")
+        return tried
 
     def best_layout(self, found: Sequence[Tried]) -> Tried:
         """The layout that fits and predicts best, with the gas as the maker or the logs tell it.
