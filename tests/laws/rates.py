@@ -6,9 +6,9 @@ Dampers of every layout, valve and mounting are drawn by chance, logged at three
 8 um of noise at 1 kHz, and a fourth speed and stroke is held out. The disturbed ones follow a law
 that is none of the library's: friction that rises by a third below 10 mm/s with a seal's drag, or a
 stack of shims that opens by a power of the pressure. They may be told as friction that is larger at
-rest, and as a blow-off that lifts gradually or has a port; nothing else must be invented to take
-their place. What a law holds at another value than
-the truth's (the oil's bulk modulus, the returns) may be freed. Another layout is counted apart:
+rest, and as a blow-off that lifts gradually, or further, or has a port; nothing else must be
+invented to take their place. What a law holds at another value than the truth's (the oil's bulk
+modulus, the returns) may be freed. Another layout is counted apart:
 forces alone do not always tell it. `--turning` dampers have friction that turns within a speed. Of
 what is missed it is said where the law leaves too little for the rule to ask for more.
 """
@@ -256,7 +256,8 @@ def verdict_on(one: Drawn, search: LawSearch) -> tuple[str, ...]:
         return ("missed",)
     if one.disturbance == "shim":  # which lifts gradually
         found = frozenset(
-            part.replace("rounded", "linear").replace("port", "linear") for part in found
+            part.replace("rounded", "linear").replace("port", "linear").replace("lifting", "linear")
+            for part in found
         )
     elif one.disturbance == "stribeck":  # whose friction is larger at rest
         found -= {"breakaway", "stribeck_speed"}
