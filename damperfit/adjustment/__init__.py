@@ -12,16 +12,15 @@ if TYPE_CHECKING:
     from damperfit.adjustment.forces import (
         Click,
         Sine,
-        Stage,
         clicks,
         fastest_sine,
         levels,
         named_speeds,
         sine_of,
-        stage_of,
     )
     from damperfit.adjustment.level import STROKES, Level
     from damperfit.adjustment.measured import beside_measured, credible_forces
+    from damperfit.adjustment.stage import Stage, stage_of
     from damperfit.adjustment.trend_words import in_few_words
     from damperfit.adjustment.trends import Outlier, Trend, TrendPoint, find_trends
     from damperfit.adjustment.wanted import Answer, Wanted, which_setting
@@ -60,7 +59,7 @@ _LATE = {
     "Outlier": "trends",
     "STROKES": "level",
     "Sine": "forces",
-    "Stage": "forces",
+    "Stage": "stage",
     "Trend": "trends",
     "TrendPoint": "trends",
     "Wanted": "wanted",
@@ -74,7 +73,7 @@ _LATE = {
     "levels": "forces",
     "named_speeds": "forces",
     "sine_of": "forces",
-    "stage_of": "forces",
+    "stage_of": "stage",
     "which_setting": "wanted",
 }
 

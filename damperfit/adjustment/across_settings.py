@@ -12,10 +12,10 @@ from damperfit.adjustment.forces import (
     levels_coming,
     named_speeds,
     sine_of,
-    stage_of,
 )
 from damperfit.adjustment.level import Level
 from damperfit.adjustment.measured import beside_measured, credible_forces
+from damperfit.adjustment.stage import stage_of
 from damperfit.adjustment.trends import Trend, find_trends
 from damperfit.simulation import SolverOptions
 

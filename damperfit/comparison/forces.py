@@ -100,7 +100,7 @@ def _levels(
     by_place = {(one.setting, one.speed, one.stroke): one for one in found}
     order = [(a, b, c) for a in settings for b in speeds for c in STROKES]
     beside = beside_measured(
-        [by_place[key] for key in order if key in by_place], fitted.forces, sine
+        [by_place[key].whole for key in order if key in by_place], fitted.forces, sine
     )
     return {(one.setting, one.speed, one.stroke): one for one in beside}
 
