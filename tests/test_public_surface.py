@@ -196,6 +196,7 @@ SURFACE = {
         "in_few_words",
         "levels",
         "named_speeds",
+        "said_offsets",
         "sine_of",
         "stage_of",
         "which_setting",

@@ -18,6 +18,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from damperfit.damper.model import Values
@@ -27,7 +29,7 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["Parts", "Stage", "errors_parted", "split", "stage_of"]
+__all__ = ["Parts", "Stage", "errors_parted", "said_offsets", "split", "stage_of"]
 
 # Of the shared values' covariance, directions of less than this share are nothing but rounding.
 _NOTHING = 1e-15
@@ -66,6 +68,11 @@ class Stage:
         return sum((float(getattr(self.parameters, name)) for name in self.offsets), 0.0)
 
     @property
+    def knows_offset(self) -> bool:
+        """Whether an offset was found or given: one that is held at 0 tells of no tare."""
+        return self.offset != 0.0 or any(one in (*self.own, *self.shared) for one in self.offsets)
+
+    @property
     def offset_error(self) -> float:
         """Standard error of the offset, N; 0 where it has none."""
         names = (*self.own, *self.shared)
@@ -73,6 +80,13 @@ class Stage:
         if self.covariance is None or not at:
             return 0.0
         return math.sqrt(max(float(self.covariance[np.ix_(at, at)].sum()), 0.0))
+
+
+def said_offsets(stages: Sequence[Stage]) -> str:
+    """Return the offsets of stages in words, as in "-3.4 to 36.6 N"."""
+    found = [stage.offset for stage in stages]
+    low, high = (f"{one:.3g}" for one in (min(found), max(found)))
+    return f"{low} N" if low == high else f"{low} to {high} N"
 
 
 def stage_of(fit: Fit, known: Uncertainty | None) -> Stage:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from damperfit.adjustment import said_offsets
+
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
@@ -15,11 +17,9 @@ __all__ = ["notes_on_settings"]
 
 def notes_on_settings(damper: Model, stages: Sequence[Stage]) -> Iterator[str]:
     """Yield what became of the rigs' offsets in forces by setting."""
-    found = [stage.offset for stage in stages]
-    if not any(found):
+    if not any(stage.offset for stage in stages):
         return
-    low, high = (f"{one:.3g}" for one in (min(found), max(found)))
-    size = f"{low} N" if low == high else f"{low} to {high} N"
+    size = said_offsets(stages)
     if damper.rest_force(0.0) is None:
         yield (
             f"the model knows no gas: its force offset ({size}) holds the gas force and the "
