@@ -161,7 +161,7 @@ SURFACE = {
         "adjuster_results_in",
         "read_adjuster_results",
     ],
-    "damperfit.queries.rig_in_forces": ["notes_on_settings"],
+    "damperfit.queries.rig_in_forces": ["notes_on_settings", "notes_on_simulation"],
     "damperfit.queries.force_by_setting": [
         "ForcesBySetting",
         "Question",
