@@ -226,8 +226,7 @@ def levels_coming(  # noqa: PLR0913 - as `levels`
                 sensitivities=(*stage.own, *stage.shared),
                 options=solver,
             )
-            is_whole = damper.rest_force(0.0) is None
-            return _levels_of(stage, response, sine.frequency, speeds, is_whole=is_whole)
+            return _levels_of(stage, damper, response, sine.frequency, speeds)
         return []
 
     with meanwhile(one, stages, jobs=jobs) as coming:
@@ -240,14 +239,9 @@ def levels_coming(  # noqa: PLR0913 - as `levels`
 
 
 def _levels_of(
-    stage: Stage,
-    response: Response,
-    frequency: float,
-    speeds: Sequence[float],
-    *,
-    is_whole: bool,
+    stage: Stage, damper: Model, response: Response, frequency: float, speeds: Sequence[float]
 ) -> list[Level]:
-    """Return forces at speeds; whole with the offset, which without a gas holds the gas force."""
+    is_whole = damper.rest_force(0.0) is None  # the offset holds the gas force
     names = (*stage.own, *stage.shared)
     signals = np.stack([response.force, *(response.sensitivities[name] for name in names)])
     values = signals_at_speeds(response, frequency, signals, speeds=speeds)

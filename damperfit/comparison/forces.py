@@ -103,7 +103,7 @@ def tare_notes(runs: Sequence[Run], settings: Sequence[Setting]) -> Iterator[str
         if rest and _knows_gas(run):
             yield (
                 f"{run.name}: its force offset ({said_offsets(rest)}), the rig's tare, is in its "
-                "forces, for not all runs tell theirs: as much of a difference may be the tare"
+                "forces, for not every run has a known one: so much of a difference may be the tare"
             )
 
 
