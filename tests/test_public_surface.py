@@ -196,6 +196,7 @@ SURFACE = {
         "in_few_words",
         "levels",
         "named_speeds",
+        "offset_sentence",
         "said_offsets",
         "sine_of",
         "stage_of",

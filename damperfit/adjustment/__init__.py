@@ -18,9 +18,9 @@ if TYPE_CHECKING:
         named_speeds,
         sine_of,
     )
-    from damperfit.adjustment.level import STROKES, Level
+    from damperfit.adjustment.level import STROKES, Level, offset_sentence, said_offsets
     from damperfit.adjustment.measured import beside_measured, credible_forces
-    from damperfit.adjustment.stage import Stage, said_offsets, stage_of
+    from damperfit.adjustment.stage import Stage, stage_of
     from damperfit.adjustment.trend_words import in_few_words
     from damperfit.adjustment.trends import Outlier, Trend, TrendPoint, find_trends
     from damperfit.adjustment.wanted import Answer, Wanted, which_setting
@@ -46,6 +46,7 @@ __all__ = [
     "in_few_words",
     "levels",
     "named_speeds",
+    "offset_sentence",
     "said_offsets",
     "sine_of",
     "stage_of",
@@ -73,7 +74,8 @@ _LATE = {
     "in_few_words": "trend_words",
     "levels": "forces",
     "named_speeds": "forces",
-    "said_offsets": "stage",
+    "offset_sentence": "level",
+    "said_offsets": "level",
     "sine_of": "forces",
     "stage_of": "stage",
     "which_setting": "wanted",

@@ -11,13 +11,15 @@ import numpy as np
 from damperfit.statistics import NORMAL_95
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from damperfit.tested.setting import Setting
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["STROKES", "Level"]
+__all__ = ["STROKES", "Level", "offset_sentence", "said_offsets"]
 
 STROKES = ("rebound", "bump")
 # A model may miss the measured force by 2 % of it, near its passage through zero by 0.5 % of half
@@ -151,3 +153,24 @@ class Level:
             misfit=rounding,
             is_measured=True,
         )
+
+
+def said_offsets(offsets: Sequence[float]) -> str:
+    """Return the rigs' offsets in words, as in "-3.4 to 36.6 N"."""
+    low, high = (f"{one:.3g}" for one in (min(offsets), max(offsets)))
+    return f"{low} N" if low == high else f"{low} to {high} N"
+
+
+def offset_sentence(offsets: Sequence[float], *, is_whole: bool) -> str:
+    """Return what became of the rigs' offsets in forces by setting; empty where there are none."""
+    if not any(offsets):
+        return ""
+    if is_whole:
+        return (
+            f"the model knows no gas: its force offset ({said_offsets(offsets)}) holds the gas "
+            "force and the rig's tare; it is in these forces, not in what a click changes"
+        )
+    return (
+        f"the force offset ({said_offsets(offsets)}) is the rig's tare, not the damper's: it is "
+        "left out of these forces, the measured ones too, and of what a click changes"
+    )

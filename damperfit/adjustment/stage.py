@@ -18,8 +18,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from numpy.typing import NDArray
 
     from damperfit.damper.model import Values
@@ -29,7 +27,7 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["Parts", "Stage", "errors_parted", "said_offsets", "split", "stage_of"]
+__all__ = ["Parts", "Stage", "errors_parted", "split", "stage_of"]
 
 # Of the shared values' covariance, directions of less than this share are nothing but rounding.
 _NOTHING = 1e-15
@@ -80,13 +78,6 @@ class Stage:
         if self.covariance is None or not at:
             return 0.0
         return math.sqrt(max(float(self.covariance[np.ix_(at, at)].sum()), 0.0))
-
-
-def said_offsets(stages: Sequence[Stage]) -> str:
-    """Return the offsets of stages in words, as in "-3.4 to 36.6 N"."""
-    found = [stage.offset for stage in stages]
-    low, high = (f"{one:.3g}" for one in (min(found), max(found)))
-    return f"{low} N" if low == high else f"{low} to {high} N"
 
 
 def stage_of(fit: Fit, known: Uncertainty | None) -> Stage:

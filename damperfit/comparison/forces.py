@@ -91,12 +91,13 @@ def tare_notes(runs: Sequence[Run], settings: Sequence[Setting]) -> Iterator[str
     stages = [[one for one in _fitted(run).stages if one.setting in bare] for run in runs]
     if any(one.offset for mine in stages for one in mine):
         each = "; ".join(
-            f"{run.name}: {said_offsets(mine)}" for run, mine in zip(runs, stages, strict=True)
+            f"{run.name}: {said_offsets([one.offset for one in mine])}"
+            for run, mine in zip(runs, stages, strict=True)
         )
         yield f"the rigs' force offsets, their tares, are left out of the forces ({each})"
     for run in runs:
         rest = [
-            one
+            one.offset
             for one in _fitted(run).stages
             if one.setting in settings and one.setting not in bare and one.offset
         ]

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from damperfit.adjustment import (
+    Adjustment,
     Sine,
     Stage,
     beside_measured,
@@ -168,3 +169,11 @@ def test_an_offset_that_holds_the_gas_force_is_told_otherwise() -> None:
     adjuster = AdjusterResults((told,), model, SINE, "the test's sine", SolverOptions(), ())
     (note,) = tabulate_forces(adjuster, Question(0.1)).notes
     assert note.startswith("the model knows no gas: its force offset (-120 N)")
+
+
+def test_the_report_says_that_tares_are_left_out() -> None:
+    found = levels(stages(), PURDY_DAMPER, SINE, **AT)
+    (said,) = Adjustment(levels=found).sentences
+    assert said.startswith("forces by setting: the force offset (-3.4 to 36.6 N) is the rig's tare")
+    bare = levels(stages((0.0,) * 3), PURDY_DAMPER, SINE, **AT)
+    assert Adjustment(levels=bare).sentences == ()
