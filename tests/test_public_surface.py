@@ -161,6 +161,7 @@ SURFACE = {
         "adjuster_results_in",
         "read_adjuster_results",
     ],
+    "damperfit.queries.rig_in_forces": ["notes_on_settings", "notes_on_simulation"],
     "damperfit.queries.force_by_setting": [
         "ForcesBySetting",
         "Question",
@@ -195,6 +196,8 @@ SURFACE = {
         "in_few_words",
         "levels",
         "named_speeds",
+        "offset_sentence",
+        "said_offsets",
         "sine_of",
         "stage_of",
         "which_setting",

@@ -12,16 +12,15 @@ if TYPE_CHECKING:
     from damperfit.adjustment.forces import (
         Click,
         Sine,
-        Stage,
         clicks,
         fastest_sine,
         levels,
         named_speeds,
         sine_of,
-        stage_of,
     )
-    from damperfit.adjustment.level import STROKES, Level
+    from damperfit.adjustment.level import STROKES, Level, offset_sentence, said_offsets
     from damperfit.adjustment.measured import beside_measured, credible_forces
+    from damperfit.adjustment.stage import Stage, stage_of
     from damperfit.adjustment.trend_words import in_few_words
     from damperfit.adjustment.trends import Outlier, Trend, TrendPoint, find_trends
     from damperfit.adjustment.wanted import Answer, Wanted, which_setting
@@ -47,6 +46,8 @@ __all__ = [
     "in_few_words",
     "levels",
     "named_speeds",
+    "offset_sentence",
+    "said_offsets",
     "sine_of",
     "stage_of",
     "which_setting",
@@ -60,7 +61,7 @@ _LATE = {
     "Outlier": "trends",
     "STROKES": "level",
     "Sine": "forces",
-    "Stage": "forces",
+    "Stage": "stage",
     "Trend": "trends",
     "TrendPoint": "trends",
     "Wanted": "wanted",
@@ -73,8 +74,10 @@ _LATE = {
     "in_few_words": "trend_words",
     "levels": "forces",
     "named_speeds": "forces",
+    "offset_sentence": "level",
+    "said_offsets": "level",
     "sine_of": "forces",
-    "stage_of": "forces",
+    "stage_of": "stage",
     "which_setting": "wanted",
 }
 

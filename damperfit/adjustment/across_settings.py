@@ -12,10 +12,10 @@ from damperfit.adjustment.forces import (
     levels_coming,
     named_speeds,
     sine_of,
-    stage_of,
 )
-from damperfit.adjustment.level import Level
+from damperfit.adjustment.level import Level, offset_sentence
 from damperfit.adjustment.measured import beside_measured, credible_forces
+from damperfit.adjustment.stage import stage_of
 from damperfit.adjustment.trends import Trend, find_trends
 from damperfit.simulation import SolverOptions
 
@@ -51,8 +51,11 @@ class Adjustment:
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        """What there is to say of the trends, one sentence a parameter."""
-        return tuple(trend.sentence for trend in self.trends)
+        """What there is to say of the trends, one sentence a parameter, and of offsets left out."""
+        trends = tuple(trend.sentence for trend in self.trends)
+        is_whole = any(level.is_whole for level in self.levels)
+        said = offset_sentence([level.tare for level in self.levels], is_whole=is_whole)
+        return (*trends, f"forces by setting: {said}") if said else trends
 
 
 def compare_settings(

@@ -1,13 +1,9 @@
 """Force at speeds by setting, with errors, and what one click changes.
 
 The motion is one sine for all settings. At given speeds the force is a function of the parameters
-alone; its errors come from their covariance C of (own, shared) through the sensitivities
-g = df/du, u = ln y. For the difference of two settings the shared parameters are one and the same
-error. With theta the shared ones and K = C_own,theta C_theta^-1, the own errors split into
-K dtheta and a rest that is the setting's alone (up to 1/n for n settings in a mean)::
-
-    f  = ... + G dtheta + rest,  G = g_theta + g_own K
-    var(f_b - f_a) = rest_a + rest_b + (G_b - G_a) C_theta (G_b - G_a)'
+alone; `stage` says how its errors follow from theirs. A rig is tared before each test: the offset
+of a setting is the rig's, and no part of the forces, nor of what a click does. Only where a model
+knows no gas the offset holds the gas force: it stays in the forces, and clicks are without it.
 """
 
 from __future__ import annotations
@@ -22,7 +18,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.adjustment.level import STROKES, Level
-from damperfit.damper.model import Model, Values
+from damperfit.adjustment.stage import errors_parted, split
+from damperfit.damper.model import Model
 from damperfit.errors import SimulationError, sparing
 from damperfit.parallel import apart, meanwhile, told_here
 from damperfit.simulation import (
@@ -41,25 +38,22 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from damperfit.adjustment.stage import Stage
     from damperfit.errors import OnError
-    from damperfit.identification import Fit
     from damperfit.recording import Trace
     from damperfit.tested.setting import Setting
-    from damperfit.uncertainty import Uncertainty
 
     FloatArray = NDArray[np.float64]
 
 __all__ = [
     "Click",
     "Sine",
-    "Stage",
     "clicks",
     "fastest_sine",
     "levels",
     "levels_coming",
     "named_speeds",
     "sine_of",
-    "stage_of",
 ]
 
 # Forces at a speed move by less than 0.1 N from there to 4000 (`tests/test_told_figures.py`).
@@ -69,8 +63,6 @@ _SINE = 0.1  # peak speed of a sine by its frequency against the one found; a tr
 # Ahead of the cycle that counts, cycles and s; a damper's slowest pressure, at 80 1/s, has settled
 # by then to 1e-8.
 _LEAD, _SETTLING = 0.5, 0.25
-# Of the shared values' covariance, directions of less than this share are nothing but rounding.
-_NOTHING = 1e-15
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,29 +84,6 @@ class Sine:
         return 2.0 * math.pi * self.frequency * self.amplitude
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Stage:
-    """One setting of the adjuster: its parameters and what is known of their errors.
-
-    Attributes
-    ----------
-    setting : Setting
-        Which.
-    parameters : Values
-        SI.
-    own, shared : tuple of str
-        Values with an error: the setting's own, and those in common to all settings.
-    covariance : numpy.ndarray or None
-        Of ln y (f_0: of f_0, N), own before shared, shape (k, k). None: nothing is known.
-    """
-
-    setting: Setting
-    parameters: Values
-    own: tuple[str, ...] = ()
-    shared: tuple[str, ...] = ()
-    covariance: FloatArray | None = None
-
-
 @dataclass(frozen=True, slots=True)
 class Click:
     """Change of force from one setting to the next one that was fitted.
@@ -130,11 +99,11 @@ class Click:
     adjuster : str
         Which was turned; the others are held.
     change, low, high : float
-        Force of the second less that of the first with its 95 % interval, N. Negative in bump
-        means a harder bump.
+        Force of the second less that of the first with its 95 % interval, both without their
+        offset, N. Negative in bump means a harder bump.
     percent, percent_low, percent_high : float
         How much harder, in per cent of the first one's damping: of the force less the gas force
-        at mid-stroke. NaN where that is nothing.
+        at mid-stroke and the offset. NaN where that is nothing.
     """
 
     first: Setting
@@ -178,14 +147,6 @@ def fastest_sine(tested: Sequence[tuple[float, float, float]]) -> Sine:
     by_speed = fastest / (2.0 * math.pi * amplitude)
     is_sine = abs(frequency / by_speed - 1.0) <= _SINE
     return Sine(amplitude, frequency if is_sine else by_speed)
-
-
-def stage_of(fit: Fit, known: Uncertainty | None) -> Stage:
-    """Return a fit and its uncertainty as one stage of the adjuster."""
-    if known is None:
-        return Stage(fit.setting, fit.parameters)
-    own = known.names[: len(known.names) - len(known.shared)]
-    return Stage(fit.setting, fit.parameters, own, known.shared, known.covariance)
 
 
 def named_speeds(sine: Sine) -> tuple[float, ...]:
@@ -265,7 +226,7 @@ def levels_coming(  # noqa: PLR0913 - as `levels`
                 sensitivities=(*stage.own, *stage.shared),
                 options=solver,
             )
-            return _levels_of(stage, response, sine.frequency, speeds)
+            return _levels_of(stage, damper, response, sine.frequency, speeds)
         return []
 
     with meanwhile(one, stages, jobs=jobs) as coming:
@@ -278,8 +239,9 @@ def levels_coming(  # noqa: PLR0913 - as `levels`
 
 
 def _levels_of(
-    stage: Stage, response: Response, frequency: float, speeds: Sequence[float]
+    stage: Stage, damper: Model, response: Response, frequency: float, speeds: Sequence[float]
 ) -> list[Level]:
+    is_whole = damper.rest_force(0.0) is None  # the offset holds the gas force
     names = (*stage.own, *stage.shared)
     signals = np.stack([response.force, *(response.sensitivities[name] for name in names)])
     values = signals_at_speeds(response, frequency, signals, speeds=speeds)
@@ -287,56 +249,38 @@ def _levels_of(
     values_of = stage.parameters
     scales = [getattr(values_of, n) if values_of.quantity(n).is_logarithmic else 1.0 for n in names]
     slopes = values[1:] * np.array(scales).reshape(-1, 1, 1)
+    # The force without the offset has no slope by it.
+    bare = np.array([0.0 if n in stage.offsets else 1.0 for n in names])
     last = response.pressures[:, -_SAMPLES_PER_CYCLE:]
     is_cavitating = bool(last.min() <= 0.0)
     found = []
-    parts = _parts(stage)
+    parts = errors_parted(stage)
     for j, speed in enumerate(speeds):
         for k, stroke in enumerate(STROKES):
-            rest, carried = _split(stage, parts, slopes[:, j, k])
-            error = math.sqrt(rest**2 + float(carried @ carried))
+            whole_error = _size(*split(stage, parts, slopes[:, j, k]))
+            rest, carried = split(stage, parts, slopes[:, j, k] * bare)
             force = float(values[0, j, k])
             found.append(
-                Level(stage.setting, speed, stroke, force, error, rest, carried, is_cavitating)
+                Level(
+                    stage.setting,
+                    speed,
+                    stroke,
+                    force if is_whole else force - stage.offset,
+                    whole_error if is_whole else _size(rest, carried),
+                    rest,
+                    carried,
+                    is_cavitating,
+                    tare=stage.offset,
+                    tare_error=stage.offset_error,
+                    whole_error=whole_error,
+                    is_whole=is_whole,
+                )
             )
     return found
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Parts:
-    """The covariance of a stage parted: what is its alone, and how its own follow the shared."""
-
-    rest: FloatArray
-    follow: FloatArray
-    root: FloatArray
-
-
-def _parts(stage: Stage) -> _Parts | None:
-    n = len(stage.own)
-    if stage.covariance is None:
-        return None
-    own, cross, theta = (
-        stage.covariance[:n, :n],
-        stage.covariance[:n, n:],
-        stage.covariance[n:, n:],
-    )
-    values, directions = np.linalg.eigh(theta)
-    is_known = np.abs(values) > _NOTHING * np.max(np.abs(values), initial=0.0)
-    inverse = np.divide(1.0, values, out=np.zeros_like(values), where=is_known)
-    follow = cross @ (directions * inverse @ directions.T)
-    # The symmetric root is unique; signs of directions, and like ones themselves, hang on rounding.
-    root = directions * np.sqrt(np.maximum(values, 0.0)) @ directions.T
-    return _Parts(own - follow @ cross.T, follow, root)
-
-
-def _split(stage: Stage, parts: _Parts | None, slopes: FloatArray) -> tuple[float, FloatArray]:
-    """Return the standard error that is the setting's alone, and what the shared ones carry."""
-    n = len(stage.own)
-    if parts is None:
-        return math.nan, np.zeros(len(stage.shared))
-    carried = (slopes[n:] + slopes[:n] @ parts.follow) @ parts.root
-    rest = float(slopes[:n] @ parts.rest @ slopes[:n])
-    return math.sqrt(max(rest, 0.0)), np.asarray(carried)
+def _size(rest: float, carried: FloatArray) -> float:
+    return math.sqrt(rest**2 + float(carried @ carried))
 
 
 def clicks(found: Sequence[Level], damper: Model) -> tuple[Click, ...]:
@@ -366,9 +310,9 @@ def clicks(found: Sequence[Level], damper: Model) -> tuple[Click, ...]:
 
 
 def _click(first: Level, second: Level, gas: float, adjuster: str) -> Click:
-    change = second.force - first.force
+    change = second.bare_force - first.bare_force
     reach = NORMAL_95 * _spread(first, second)
-    damping = first.force - gas
+    damping = first.bare_force - gas
     ratio = 1.0 + change / damping if damping else math.nan
     percent = 100.0 * (ratio - 1.0)
     # The first force is the denominator too: its error counts 1 + share times.

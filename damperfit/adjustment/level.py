@@ -11,13 +11,15 @@ import numpy as np
 from damperfit.statistics import NORMAL_95
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from damperfit.tested.setting import Setting
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["STROKES", "Level"]
+__all__ = ["STROKES", "Level", "offset_sentence", "said_offsets"]
 
 STROKES = ("rebound", "bump")
 # A model may miss the measured force by 2 % of it, near its passage through zero by 0.5 % of half
@@ -38,11 +40,11 @@ class Level:
     stroke : str
         "rebound" or "bump".
     force : float
-        N, positive in rebound; the gas force is in it.
+        N, positive in rebound; the gas force is in it, the rig's offset only where `is_whole`.
     error : float
         Standard error, N; NaN where it is not known.
     rest : float
-        The part of it that is the setting's alone, N.
+        The part of it that is the setting's alone, N; like `carried` without the offset's.
     carried : numpy.ndarray
         Shape (number of shared parameters,): what independent unit errors of the shared parameters
         do to the force, N; in the same order for all settings.
@@ -51,13 +53,20 @@ class Level:
     misfit : float
         Error of the force from the model's misfit, N: what repeats in the residual at like speeds.
     measured, measured_error : float
-        Force as measured at this motion and its standard error, N; NaN where it was not measured.
+        Force as measured at this motion, less the offset as `force` is, and its standard error, N;
+        NaN where it was not measured.
     difference : float
         Measured less modelled force on the cycles of the test, N.
     half_range : float
         Half the range of the measured force, N.
     is_measured : bool
         Whether `force` is the measured one.
+    tare, tare_error : float
+        The force offset of the setting and its standard error, N.
+    whole_error : float
+        Standard error of the force with the offset, N.
+    is_whole : bool
+        The offset is in the forces: the model knows no gas, and it holds the gas force.
     """
 
     setting: Setting
@@ -74,6 +83,28 @@ class Level:
     difference: float = math.nan
     half_range: float = math.nan
     is_measured: bool = False
+    tare: float = 0.0
+    tare_error: float = 0.0
+    whole_error: float = math.nan
+    is_whole: bool = False
+
+    @property
+    def bare_force(self) -> float:
+        """The force without the offset, N."""
+        return self.force - self.tare if self.is_whole else self.force
+
+    @property
+    def whole(self) -> Level:
+        """The same with the offset in its forces."""
+        if self.is_whole:
+            return self
+        return replace(
+            self,
+            force=self.force + self.tare,
+            error=self.whole_error,
+            measured=self.measured + self.tare,
+            is_whole=True,
+        )
 
     @property
     def low(self) -> float:
@@ -112,12 +143,34 @@ class Level:
         if math.isnan(self.measured):
             return self
         rounding = 0.0 if math.isnan(self.rounding) else abs(self.rounding)
+        rest = math.hypot(self.measured_error, self.tare_error)  # the tare is taken off
         return replace(
             self,
             force=self.measured,
-            error=self.measured_error,
-            rest=self.measured_error,
+            error=self.measured_error if self.is_whole else rest,
+            rest=rest,
             carried=np.zeros_like(self.carried),
             misfit=rounding,
             is_measured=True,
         )
+
+
+def said_offsets(offsets: Sequence[float]) -> str:
+    """Return the rigs' offsets in words, as in "-3.4 to 36.6 N"."""
+    low, high = (f"{one:.3g}" for one in (min(offsets), max(offsets)))
+    return f"{low} N" if low == high else f"{low} to {high} N"
+
+
+def offset_sentence(offsets: Sequence[float], *, is_whole: bool) -> str:
+    """Return what became of the rigs' offsets in forces by setting; empty where there are none."""
+    if not any(offsets):
+        return ""
+    if is_whole:
+        return (
+            f"the model knows no gas: its force offset ({said_offsets(offsets)}) holds the gas "
+            "force and the rig's tare; it is in these forces, not in what a click changes"
+        )
+    return (
+        f"the force offset ({said_offsets(offsets)}) is the rig's tare, not the damper's: it is "
+        "left out of these forces, the measured ones too, and of what a click changes"
+    )

@@ -51,7 +51,7 @@ def _beside(level: Level, known: SpeedForces | None, sine: Sine) -> Level:
     return replace(
         level,
         misfit=misfit,
-        measured=measured,
+        measured=measured if level.is_whole else measured - level.tare,
         measured_error=error,
         difference=difference,
         half_range=known.half_range,

@@ -90,6 +90,7 @@ def simulate(
     from damperfit.queries.chosen_parameters import choose_parameters
     from damperfit.queries.one_simulation import damper_of, simulate_test
     from damperfit.queries.origin import warmed_to
+    from damperfit.queries.rig_in_forces import notes_on_simulation
 
     if displacement is not None:
         of_a_wave = {"--amplitude": amplitude, "--frequency": frequency, "--cycles": cycles}
@@ -122,16 +123,17 @@ def simulate(
     if displacement is not None and not displacement.exists():
         raise ConfigurationError(f"--displacement {displacement}: no such file")
     simulated = simulate_test(choice, configuration, log=displacement)
+    notes = tuple(notes_on_simulation(configuration.damper, choice.parameters))
     if not quiet:
         say(f"damperfit: {damper}")
         say(f"damperfit: {choice.source}")
-        for note in configuration.notes:
+        for note in (*configuration.notes, *notes):
             say(f"note: {note}")
         for warning in simulated.warnings:
             say(f"warning: {warning}")
     _write(simulated, out=out, plot=plot, spares_others=not overwrite)
     if json:
-        print_json(_document(simulated, damper))
+        print_json(_document(simulated, damper, notes))
     elif not quiet or out is None:
         _show(simulated)
     return 0
@@ -193,12 +195,13 @@ def _show(simulated: SimulatedTest) -> None:
     print_lines(["", "last cycle", *cycle])
 
 
-def _document(simulated: SimulatedTest, damper: str) -> Any:
+def _document(simulated: SimulatedTest, damper: str, notes: tuple[str, ...]) -> Any:
     from damperfit.run.ending import json_values
 
     document = {
         "setting": simulated.choice.setting,
         "damper": damper,
+        "notes": list(notes),
         "warnings": list(simulated.warnings),
         "source": simulated.choice.source,
         "motion": simulated.motion,

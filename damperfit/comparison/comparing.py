@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from damperfit.adjustment import named_speeds
 from damperfit.comparison.circumstances import Circumstance, circumstances
-from damperfit.comparison.forces import force_readings
+from damperfit.comparison.forces import force_readings, tare_notes
 from damperfit.comparison.measured import (
     SAME_MOTION,
     figure_readings,
@@ -338,5 +338,6 @@ def _notes(
     forces = [line for line in lines if line.subject.kind == "force"]
     if len(fitted) == len(runs) and forces:
         yield from missed_notes(runs, tables, forces, units)
+        yield from tare_notes(runs, [one.subject.setting for one in forces if one.subject.setting])
         if not comparable_quantities(fitted):
             yield "fitted with different models: no parameter is common to both"

@@ -2,7 +2,8 @@
 
 At a setting where a model misses the measured force of any run by more than it may, the measured
 forces of all are compared, at every speed: a model that misses one is not asked for the next, and a
-difference must be of one kind.
+difference must be of one kind. Where every run knows the offset of its rig, which is tared before
+each test, forces are without it.
 """
 
 from __future__ import annotations
@@ -10,19 +11,19 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from damperfit.adjustment import STROKES, beside_measured, levels
+from damperfit.adjustment import STROKES, beside_measured, levels, said_offsets
 from damperfit.comparison.measured import repeat_scatter
 from damperfit.comparison.reading import Reading, Topic
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from damperfit.adjustment import Level, Sine
     from damperfit.comparison.run import FittedRun, Run
     from damperfit.errors import OnError
     from damperfit.tested.setting import Setting
 
-__all__ = ["force_readings", "freedom_of"]
+__all__ = ["force_readings", "freedom_of", "tare_notes"]
 
 _Key = tuple["Setting", float, str]
 
@@ -53,8 +54,15 @@ def force_readings(
     on_error : callable, optional
         Told of a setting and the error that it met; without it such an error is raised.
     """
+    bare = _known_tares(runs, settings)
     tables = [
-        _levels(run, settings, sine, speeds=speeds, jobs=jobs, on_error=on_error) for run in runs
+        {
+            key: level if key[0] in bare else level.whole
+            for key, level in _levels(
+                run, settings, sine, speeds=speeds, jobs=jobs, on_error=on_error
+            ).items()
+        }
+        for run in runs
     ]
     common = [key for key in tables[0] if all(key in table for table in tables)]
     doubted = {key[0] for key in common if any(table[key].disagrees for table in tables)}
@@ -75,6 +83,42 @@ def force_readings(
             }
         )
     return tuple(found)
+
+
+def tare_notes(runs: Sequence[Run], settings: Sequence[Setting]) -> Iterator[str]:
+    """Yield what became of the rigs' force offsets in the forces of fitted runs."""
+    bare = _known_tares(runs, settings)
+    stages = [[one for one in _fitted(run).stages if one.setting in bare] for run in runs]
+    if any(one.offset for mine in stages for one in mine):
+        each = "; ".join(
+            f"{run.name}: {said_offsets([one.offset for one in mine])}"
+            for run, mine in zip(runs, stages, strict=True)
+        )
+        yield f"the rigs' force offsets, their tares, are left out of the forces ({each})"
+    for run in runs:
+        rest = [
+            one.offset
+            for one in _fitted(run).stages
+            if one.setting in settings and one.setting not in bare and one.offset
+        ]
+        if rest and _knows_gas(run):
+            yield (
+                f"{run.name}: its force offset ({said_offsets(rest)}), the rig's tare, is in its "
+                "forces, for not every run has a known one: so much of a difference may be the tare"
+            )
+
+
+def _known_tares(runs: Sequence[Run], settings: Sequence[Setting]) -> set[Setting]:
+    """Return the settings at which all of several runs know the offset of their rig."""
+    if len(runs) < 2 or not all(_knows_gas(run) for run in runs):
+        return set()
+    known = [{one.setting for one in _fitted(run).stages if one.knows_offset} for run in runs]
+    return {one for one in settings if all(one in mine for mine in known)}
+
+
+def _knows_gas(run: Run) -> bool:
+    """Without a gas of its own a model holds the gas force in its offset."""
+    return _fitted(run).damper.rest_force(0.0) is not None
 
 
 def _levels(

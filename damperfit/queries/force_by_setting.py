@@ -19,6 +19,7 @@ from damperfit.adjustment import (
 )
 from damperfit.errors import ConfigurationError, Mishap, mishap_of
 from damperfit.identification.sharing import of_settings
+from damperfit.queries.rig_in_forces import notes_on_settings
 from damperfit.tested.setting import Setting, lines_of
 from damperfit.units.quantities import parse_quantity
 
@@ -177,7 +178,11 @@ def tabulate_forces(
             )
         wanted = tuple(which_setting(mine, question.force, line=line) for line in lines)
     changes = clicks(credible, adjuster.damper)
-    notes = (*_cavitation_notes(adjuster, found), *_measured_notes(credible))
+    notes = (
+        *notes_on_settings(adjuster.damper, adjuster.stages),
+        *_cavitation_notes(adjuster, found),
+        *_measured_notes(credible),
+    )
     traces = tuple(mishaps[setting].trace for setting in sorted(mishaps))
     return ForcesBySetting(found, changes, wanted, remarks, notes, traces)
 

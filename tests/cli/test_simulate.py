@@ -219,3 +219,11 @@ def test_the_last_cycle_fits_a_terminal(run, monkeypatch, columns) -> None:
     lines = cycle.strip().splitlines()
     assert len(lines) == 5
     assert columns - 12 < max(map(len, lines)) <= columns
+
+
+def test_an_offset_of_the_rig_is_told(run) -> None:
+    said = "the rig's force offset of 12 N is in these forces"
+    ended = run("simulate", "--setting", "3", "--set", "f_0=12", "--json")
+    assert f"note: {said}" in " ".join(ended.err.split())
+    assert json.loads(ended.out)["notes"][0].startswith(said)
+    assert json.loads(run("simulate", "--setting", "3", "--json").out)["notes"] == []

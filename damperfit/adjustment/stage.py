@@ -1,0 +1,126 @@
+"""One setting as a stage of the adjuster, and its errors parted into shared ones and its own.
+
+The error of a force comes from the covariance C of (own, shared) through the sensitivities
+g = df/du, u = ln y. For the difference of two settings the shared parameters are one and the same
+error. With theta the shared ones and K = C_own,theta C_theta^-1, the own errors split into
+K dtheta and a rest that is the setting's alone (up to 1/n for n settings in a mean)::
+
+    f  = ... + G dtheta + rest,  G = g_theta + g_own K
+    var(f_b - f_a) = rest_a + rest_b + (G_b - G_a) C_theta (G_b - G_a)'
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from damperfit.damper.model import Values
+    from damperfit.identification import Fit
+    from damperfit.tested.setting import Setting
+    from damperfit.uncertainty import Uncertainty
+
+    FloatArray = NDArray[np.float64]
+
+__all__ = ["Parts", "Stage", "errors_parted", "split", "stage_of"]
+
+# Of the shared values' covariance, directions of less than this share are nothing but rounding.
+_NOTHING = 1e-15
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stage:
+    """One setting of the adjuster: its parameters and what is known of their errors.
+
+    Attributes
+    ----------
+    setting : Setting
+        Which.
+    parameters : Values
+        SI.
+    own, shared : tuple of str
+        Values with an error: the setting's own, and those in common to all settings.
+    covariance : numpy.ndarray or None
+        Of ln y (f_0: of f_0, N), own before shared, shape (k, k). None: nothing is known.
+    """
+
+    setting: Setting
+    parameters: Values
+    own: tuple[str, ...] = ()
+    shared: tuple[str, ...] = ()
+    covariance: FloatArray | None = None
+
+    @property
+    def offsets(self) -> tuple[str, ...]:
+        """Names of the values that are a tare of the rig."""
+        return tuple(one.name for one in self.parameters.quantities if one.is_offset)
+
+    @property
+    def offset(self) -> float:
+        """What the rig adds to the force, N."""
+        return sum((float(getattr(self.parameters, name)) for name in self.offsets), 0.0)
+
+    @property
+    def knows_offset(self) -> bool:
+        """Whether an offset was found or given: one that is held at 0 tells of no tare."""
+        return self.offset != 0.0 or any(one in (*self.own, *self.shared) for one in self.offsets)
+
+    @property
+    def offset_error(self) -> float:
+        """Standard error of the offset, N; 0 where it has none."""
+        names = (*self.own, *self.shared)
+        at = [names.index(name) for name in self.offsets if name in names]
+        if self.covariance is None or not at:
+            return 0.0
+        return math.sqrt(max(float(self.covariance[np.ix_(at, at)].sum()), 0.0))
+
+
+def stage_of(fit: Fit, known: Uncertainty | None) -> Stage:
+    """Return a fit and its uncertainty as one stage of the adjuster."""
+    if known is None:
+        return Stage(fit.setting, fit.parameters)
+    own = known.names[: len(known.names) - len(known.shared)]
+    return Stage(fit.setting, fit.parameters, own, known.shared, known.covariance)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Parts:
+    """The covariance of a stage parted: what is its alone, and how its own follow the shared."""
+
+    rest: FloatArray
+    follow: FloatArray
+    root: FloatArray
+
+
+def errors_parted(stage: Stage) -> Parts | None:
+    """Return the covariance of a stage parted; None where it has none."""
+    n = len(stage.own)
+    if stage.covariance is None:
+        return None
+    own, cross, theta = (
+        stage.covariance[:n, :n],
+        stage.covariance[:n, n:],
+        stage.covariance[n:, n:],
+    )
+    values, directions = np.linalg.eigh(theta)
+    is_known = np.abs(values) > _NOTHING * np.max(np.abs(values), initial=0.0)
+    inverse = np.divide(1.0, values, out=np.zeros_like(values), where=is_known)
+    follow = cross @ (directions * inverse @ directions.T)
+    # The symmetric root is unique; signs of directions, and like ones themselves, hang on rounding.
+    root = directions * np.sqrt(np.maximum(values, 0.0)) @ directions.T
+    return Parts(own - follow @ cross.T, follow, root)
+
+
+def split(stage: Stage, parts: Parts | None, slopes: FloatArray) -> tuple[float, FloatArray]:
+    """Return the standard error that is the setting's alone, and what the shared ones carry."""
+    n = len(stage.own)
+    if parts is None:
+        return math.nan, np.zeros(len(stage.shared))
+    carried = (slopes[n:] + slopes[:n] @ parts.follow) @ parts.root
+    rest = float(slopes[:n] @ parts.rest @ slopes[:n])
+    return math.sqrt(max(rest, 0.0)), np.asarray(carried)
