@@ -343,6 +343,7 @@ SURFACE = {
         "JudgedLaw",
         "LawFit",
         "LawSearch",
+        "PREDICTED_PERCENT",
         "SettingLogs",
         "Tried",
         "UNDETERMINED",

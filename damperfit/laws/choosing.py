@@ -35,6 +35,7 @@ __all__ = [
     "ENOUGH_PERCENT",
     "GAIN",
     "NO_WORSE",
+    "PREDICTED_PERCENT",
     "SEEN_APART",
     "OfOneModel",
     "Tried",
@@ -60,8 +61,9 @@ SEEN_APART = 1.5
 _NOTHING_APART = 4.0
 # Layouts, those that most dampers have first.
 _USUAL = ("monotube", "twin_tube", "through_flow")
-# A tenth of what is asked of a prediction: of two models below it none predicts worse.
-_PREDICTED_PERCENT = 0.05
+# A tenth of what is asked of a prediction: of two models below it none predicts worse, and no
+# verdict on a held-out log asks for less.
+PREDICTED_PERCENT = 0.05
 _NOTHING_PREDICTED = 100.0  # per cent: a law that predicts nothing, or cannot be simulated there
 # Two predictions this near each other differ by noise.
 NO_WORSE = 1.1
@@ -220,7 +222,7 @@ def judged(
         cost = n_settings * own * math.log(n_eff / n_settings)
     else:
         cost = of_one_model.n_more * math.log(n_eff)
-        least_gain, least_held_out = of_one_model.least_gain, _PREDICTED_PERCENT
+        least_gain, least_held_out = of_one_model.least_gain, PREDICTED_PERCENT
         if gain * NO_WORSE >= 1.0:
             of_force = small.left_over / large.left_over
     is_of_force = of_force > GAIN

@@ -21,6 +21,7 @@ from damperfit.identification import (
     unlimited_in,
     values_from_others,
 )
+from damperfit.laws import PREDICTED_PERCENT
 from damperfit.parallel import executor
 from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting
@@ -49,9 +50,6 @@ __all__ = [
 # misfit three times as large as where the model was fitted.
 _WORSE = 2.0
 _NOT_PREDICTED = 10.0
-# Where a run-up begins at once, noise of the displacement costs a little; below this no law is
-# asked to explain more.
-_ENOUGH_PERCENT = 0.02
 # Of the deviation of the fitted forces. The first quarter of a cycle at the slowest of several
 # speeds has a thirtieth of it, and friction that turns in the noise of a sensor a hundredth.
 _SMALL = 0.01
@@ -80,7 +78,8 @@ class Prediction:
         Eq. (22) over the logs that were fitted.
     expected_mse_percent : float
         What the MSE would be with the lack of fit of the fitted logs and the noise, of both
-        channels, of this one.
+        channels, of this one; at another motion at least what matters, 0.05 %, for noise of the
+        displacement costs far more at low speed, and a single cycle does not tell how much.
     is_same_motion : bool
         Whether its strokes and speeds were all fitted too: then it tells of drift and scatter, and
         every law that was bent to the one meets the other.
@@ -274,7 +273,9 @@ def _unseen(
         mse_percent=normalised_mse(measured, simulated),
         noise_floor_percent=noise_floor(trace),
         fitted_mse_percent=float(np.mean([fit.mse_percent for fit in fits])),
-        expected_mse_percent=float(np.mean(lacks)) + _noise(trace, measured - simulated, 0.0),
+        expected_mse_percent=_expected(
+            float(np.mean(lacks)), _noise(trace, measured - simulated, 0.0)
+        ),
         is_unseen=True,
     )
 
@@ -306,6 +307,7 @@ def _prediction(fit: Fit, trace: Trace, seen: SimulatedLog, fitted_noise: float)
         simulated = simulated + offset
     if is_part and not trace.n_cycles:
         noise = max(noise, _enough(trace, float(np.std(fitted))))
+    lack = max(fit.mse_percent - fitted_noise, 0.0)
     return Prediction(
         setting=fit.setting,
         trace=trace,
@@ -313,10 +315,15 @@ def _prediction(fit: Fit, trace: Trace, seen: SimulatedLog, fitted_noise: float)
         mse_percent=normalised_mse(measured, simulated),
         noise_floor_percent=noise_floor(trace),
         fitted_mse_percent=fit.mse_percent,
-        expected_mse_percent=max(fit.mse_percent - fitted_noise, 0.0) + noise,
+        expected_mse_percent=lack + noise if is_same_motion else _expected(lack, noise),
         is_same_motion=is_same_motion,
         own_offset=offset,
     )
+
+
+def _expected(lack: float, noise: float) -> float:
+    """Return the MSE that a model which carries over has, %; none below what matters is asked."""
+    return max(lack + noise, PREDICTED_PERCENT)
 
 
 def _is_offset_found(fit: Fit) -> bool:
@@ -333,7 +340,7 @@ def _enough(trace: Trace, deviation: float) -> float:
     `deviation` is that of the fitted forces, N.
     """
     own = float(np.std(trace.force[trace.compared]))
-    return max(_ENOUGH_PERCENT, 100.0 * (_SMALL * deviation / own) ** 2)
+    return 100.0 * (_SMALL * deviation / own) ** 2
 
 
 def _is_same_motion(fit: Fit, trace: Trace) -> bool:

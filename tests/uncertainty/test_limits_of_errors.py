@@ -138,7 +138,7 @@ def test_the_sum_of_the_others_is_that_of_all_but_one(n: int) -> None:
         )
 
 
-@pytest.mark.parametrize(("own", "per_cent"), [(100.0, 0.02), (50.0, 0.04), (10.0, 1.0)])
+@pytest.mark.parametrize(("own", "per_cent"), [(100.0, 0.01), (50.0, 0.04), (10.0, 1.0)])
 def test_what_moves_beside_cycles_is_met_to_a_hundredth_of_the_fitted_forces(own, per_cent) -> None:
     trace = SimpleNamespace(force=np.array([own, -own]), compared=slice(None))
     assert _enough(trace, 100.0) == pytest.approx(per_cent, rel=1e-9)
