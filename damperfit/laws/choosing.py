@@ -236,7 +236,8 @@ def judged(
             f"{ENOUGH_PERCENT:g} %)"
         )
     elif gain < least_gain and not is_of_force:
-        reason = f"the MSE falls by a factor of {gain:.2f} only; {least_gain:g} is required"
+        found = _below(gain, least_gain)
+        reason = f"the MSE falls by a factor of {found} only; {least_gain:g} is required"
     elif bic <= 0.0:
         reason = f"its parameters cost more than the lower MSE is worth (BIC {bic:+.0f})"
     elif new:
@@ -369,6 +370,12 @@ def effective_samples(tried: Tried, evidence: Sequence[SettingLogs]) -> float:
         for rest, stretch in zip(fit.residuals, stretches, strict=True):
             total += samples_of_stretch(rest, max(stretch.n_cycles, 1))
     return total
+
+
+def _below(value: float, limit: float) -> str:
+    """Return a number with as many digits, two or more, as tell it from the limit above it."""
+    texts = (f"{value:.{digits}f}" for digits in range(2, 16))
+    return next((text for text in texts if float(text) < limit), repr(value))
 
 
 def _mean(values: Sequence[float]) -> float:
