@@ -152,7 +152,8 @@ def test_what_is_the_rigs_stays_there(handed) -> None:
     assert "elasticity, play and lag of the rig" in page
 
 
-# No preset: a stack that lifts further in rebound, a leak about the piston, a base valve with a port.
+# No preset: a stack that lifts further in rebound, a leak about the piston, a base valve with a
+# port.
 PASSAGES = (
     DeclaredPassage(1, 2, "piston", "orifice", is_two_way=True),
     DeclaredPassage(1, 2, "low", "lifting"),
