@@ -67,6 +67,13 @@ def elastic(setting, status=Status.FITTED, k_s=5e5):
     return replace(one, parameters=values, status={**one.status, "k_s": status})
 
 
+def lagging(one, lag):
+    """The same fit of a model whose force channel is late."""
+    late = Quantity("lag", "T", "", "", "s", (1e-5, 5e-2))
+    values = values_type((*one.parameters.quantities, late))(*one.parameters.numbers, lag)
+    return replace(one, parameters=values, status={**one.status, "lag": Status.FITTED})
+
+
 def result(name, seen) -> Check:
     return {check.name: check for check in run_checks(seen)}[name]
 
@@ -191,6 +198,28 @@ def test_every_check_can_fail_and_says_where(name) -> None:
     check = result(name, seen)
     assert check.passed is False
     assert words in check.reason
+
+
+@pytest.mark.parametrize(("fits", "said"), [
+    ((lagging(fit(1), 0.03),), "the force channel lags by 30 ms, which spreads the jump"),
+    (
+        (lagging(elastic(1), 0.005),),
+        "the mounting is elastic and the force channel lags by 5 ms, which spreads the jump",
+    ),
+])  # fmt: skip
+def test_what_spreads_the_jump_of_the_friction_is_said(fits, said) -> None:
+    check = result("friction_within_jump", subject(*fits))
+    assert check.passed is None
+    assert check.reason.startswith(said)
+
+
+def test_friction_is_checked_behind_a_short_lag_where_there_is_one() -> None:
+    fits = lagging(fit(1), 0.005), lagging(fit(2), 0.03)
+    check = result("friction_within_jump", subject(*fits))
+    assert check.passed is True
+    assert check.reason.endswith("at setting 1")
+    found = {1: (Objection("friction", "f_f", "f_f jumps"),)}
+    assert result("friction_within_jump", subject(*fits, objections=found)).passed is False
 
 
 @pytest.mark.parametrize("name", UNSEEN)

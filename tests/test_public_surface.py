@@ -346,6 +346,7 @@ SURFACE = {
         "JudgedLaw",
         "LawFit",
         "LawSearch",
+        "PREDICTED_PERCENT",
         "SettingLogs",
         "Tried",
         "UNDETERMINED",

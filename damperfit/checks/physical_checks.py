@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from damperfit.identification import Status
 from damperfit.identification.sharing import of_settings
+from damperfit.uncertainty.withheld import what_spreads
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -59,9 +60,10 @@ def _friction_within_jump(fits: Sequence[Fit], said: Objections) -> Verdict:
     names = _quantities(fits, lambda one: one.is_friction)
     if not names:
         return None, "the model has no friction"
-    if _quantities(fits, lambda one: one.unit in {"N/m", "s"}):
-        return None, "the mounting is elastic, which spreads the jump at a reversal"
-    return _judged(fits, said, names, "friction", "within the jump of the force at the reversals")
+    read = [fit for fit in fits if not what_spreads(fit)]
+    if not read:
+        return None, what_spreads(fits[0])
+    return _judged(read, said, names, "friction", "within the jump of the force at the reversals")
 
 
 def _series_stiffness_found(fits: Sequence[Fit], said: Objections) -> Verdict:

@@ -8,7 +8,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from damperfit.laws.choosing import ENOUGH_PERCENT, Tried, Verdict, effective_samples, judged
+    from damperfit.laws.choosing import (
+        ENOUGH_PERCENT,
+        PREDICTED_PERCENT,
+        Tried,
+        Verdict,
+        effective_samples,
+        judged,
+    )
     from damperfit.laws.elsewhere import from_another, lent
     from damperfit.laws.judged_laws import JudgedLaw, LawSearch
     from damperfit.laws.law_fit import UNDETERMINED, LawFit, SettingLogs, fit_law
@@ -21,6 +28,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ENOUGH_PERCENT",
+    "PREDICTED_PERCENT",
     "UNDETERMINED",
     "JudgedLaw",
     "LawFit",
@@ -46,6 +54,7 @@ __all__ = [
 
 _LATE = {
     "ENOUGH_PERCENT": "choosing",
+    "PREDICTED_PERCENT": "choosing",
     "LawSearch": "judged_laws",
     "LawFit": "law_fit",
     "JudgedLaw": "judged_laws",

@@ -37,6 +37,7 @@ __all__ = [
     "ENOUGH_PERCENT",
     "GAIN",
     "NO_WORSE",
+    "PREDICTED_PERCENT",
     "SEEN_APART",
     "OfOneModel",
     "Tried",
@@ -62,8 +63,9 @@ SEEN_APART = 1.5
 _NOTHING_APART = 4.0
 # Layouts, those that most dampers have first.
 _USUAL = ("monotube", "twin_tube", "through_flow")
-# A tenth of what is asked of a prediction: of two models below it none predicts worse.
-_PREDICTED_PERCENT = 0.05
+# A tenth of what is asked of a prediction: of two models below it none predicts worse, and no
+# verdict on a held-out log asks for less.
+PREDICTED_PERCENT = 0.05
 _NOTHING_PREDICTED = 100.0  # per cent: a law that predicts nothing, or cannot be simulated there
 # Two predictions this near each other differ by noise.
 NO_WORSE = 1.1
@@ -222,7 +224,7 @@ def judged(
         cost = n_settings * own * math.log(n_eff / n_settings)
     else:
         cost = of_one_model.n_more * math.log(n_eff)
-        least_gain, least_held_out = of_one_model.least_gain, _PREDICTED_PERCENT
+        least_gain, least_held_out = of_one_model.least_gain, PREDICTED_PERCENT
         if gain * NO_WORSE >= 1.0:
             of_force = small.left_over / large.left_over
     is_of_force = of_force > GAIN
@@ -246,7 +248,8 @@ def judged(
             "with it"
         )
     elif gain < least_gain and not is_of_force:
-        reason = f"the MSE falls by a factor of {gain:.2f} only; {least_gain:g} is required"
+        found = _below(gain, least_gain)
+        reason = f"the MSE falls by a factor of {found} only; {least_gain:g} is required"
     elif bic <= 0.0:
         reason = f"its parameters cost more than the lower MSE is worth (BIC {bic:+.0f})"
     elif new:
@@ -389,6 +392,12 @@ def effective_samples(tried: Tried, evidence: Sequence[SettingLogs]) -> float:
         for rest, stretch in zip(fit.residuals, stretches, strict=True):
             total += samples_of_stretch(rest, max(stretch.n_cycles, 1))
     return total
+
+
+def _below(value: float, limit: float) -> str:
+    """Return a number with as many digits, two or more, as tell it from the limit above it."""
+    texts = (f"{value:.{digits}f}" for digits in range(2, 16))
+    return next((text for text in texts if float(text) < limit), repr(value))
 
 
 def _mean(values: Sequence[float]) -> float:

@@ -178,7 +178,9 @@ def _asked(fit: LawFit, name: str, tests: _Tests) -> tuple[str, str] | None:
     role = fit.model.quantity(name).role
     of_role = {
         FRICTION: ("the friction", f"a test below {0.2 * tests.slowest:.1g} m/s"),
-        STIFFNESS: ("how stiff the oil is beside its mounting", "a test on a stiffer mounting"),
+        STIFFNESS: ("how stiff the oil is beside its mounting", "a test on a stiffer mounting")
+        if "k_s" in fit.model.names
+        else ("how stiff the oil is", tests.faster),  # which presses it more
     }
     if role in of_role:
         return of_role[role]

@@ -7,6 +7,7 @@ explains is what a refit with that flaw in the model would gain.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -230,6 +231,7 @@ def seek_flaws(
     own = _absorbed(linearised, alone, counts) if doubted else absorbed
     found = []
     half_range = 0.5 * float(np.ptp(np.concatenate([seen.force for seen in linearised.logs])))
+    friction = _friction(linearised)
     unlikely = _OF_VALVES if has_yielded else frozenset()
     for name, candidates in columns.items():
         basis = own if name in doubted else absorbed
@@ -244,7 +246,7 @@ def seek_flaws(
     # What stands far behind a best one that is beyond reason leaves most of the misfit unexplained.
     bar = max(_TIE * found[0].share, _NAMED)
     return tuple(
-        hint
+        _without_amount(hint, friction)
         for hint in found
         if hint.share >= bar and hint.name not in unlikely and _is_reasonable(hint, half_range)
     )
@@ -264,6 +266,23 @@ def _as_stiffness(hint: Hint) -> Hint:
         "pressure, rod diameter)"
     )
     return replace(hint, name="gas_stiffness", words=words)
+
+
+def _friction(linearised: Linearisation) -> float:
+    """Friction that was found, N; without an end where the model has none to compare with."""
+    values = linearised.fit.parameters
+    found = [float(getattr(values, one.name)) for one in values.quantities if one.is_friction]
+    return sum(found) if found else math.inf
+
+
+def _without_amount(hint: Hint, friction: float) -> Hint:
+    """Return friction that would be less than none at low speed without saying how much less.
+
+    The friction that a refit finds at speed is larger than the fitted one, which nobody sees.
+    """
+    if hint.name != "friction_with_speed" or hint.amount >= -friction:
+        return hint
+    return replace(hint, words="friction that depends on velocity (less at low speed)")
 
 
 def _is_reasonable(hint: Hint, half_range: float) -> bool:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.signal import lfilter
 
 from damperfit.conditioning import apply_filter
 from damperfit.conditioning.gas_force import force_level
@@ -40,6 +41,7 @@ __all__ = [
     "jump_ratio",
     "objections",
     "offset_mismatch",
+    "what_spreads",
 ]
 
 
@@ -322,21 +324,43 @@ def _friction(fit: Fit) -> Iterator[Objection]:
 def jump_ratio(fit: Fit, friction: float) -> float:
     """Return the jump of a Coulomb friction at the reversals over that of the logs.
 
-    Both behind the same filter, over 20 ms to both sides. Valves add to the jump, so that a sound
-    damper has less than 1. NaN where the mounting gives, which spreads the jump, or nothing
-    repeats.
+    Both behind the same filter and lag, over 20 ms to both sides. Valves add to the jump, so that a
+    sound damper has less than 1. NaN where something spreads the jump, or nothing repeats.
     """
-    units = {one.unit for one in fit.parameters.quantities}
-    if units & {"N/m", "s"}:
+    if what_spreads(fit):
         return math.nan
-    ratios = [_jumps(log.trace, friction) for log in fit.logs if log.trace.n_cycles]
+    lag = _lag(fit)
+    ratios = [_jumps(log.trace, friction, lag) for log in fit.logs if log.trace.n_cycles]
     known = [ratio for ratio in ratios if math.isfinite(ratio)]
     return max(known, default=math.nan)
 
 
-def _jumps(trace: Trace, friction: float) -> float:
+def what_spreads(fit: Fit) -> str:
+    """Say what spreads the jump of a friction beyond what it is read over; empty where nothing."""
+    is_elastic = any(one.unit == "N/m" for one in fit.parameters.quantities)
+    lag = _lag(fit)
+    if is_elastic:
+        late = f" and the force channel lags by {1e3 * lag:.2g} ms" if lag else ""
+        return f"the mounting is elastic{late}, which spreads the jump at a reversal"
+    if lag <= _REVERSAL:
+        return ""
+    return f"the force channel lags by {1e3 * lag:.2g} ms, which spreads the jump at a reversal"
+
+
+def _lag(fit: Fit) -> float:
+    """Lag of the force channel, s; 0 in a model without one."""
+    lags = [one.name for one in fit.parameters.quantities if one.unit == "s"]
+    return sum(float(getattr(fit.parameters, name)) for name in lags)
+
+
+def _jumps(trace: Trace, friction: float, lag: float = 0.0) -> float:
     v = trace.drive.velocity
-    jump = apply_filter(trace.model_filter, friction * np.sign(v))
+    turning = friction * np.sign(v)
+    if lag > 0.0:
+        kept = math.exp(-trace.interval / lag)
+        start = [kept * turning[0]]
+        turning, _ = lfilter([1.0 - kept], [1.0, -kept], turning, zi=start)
+    jump = apply_filter(trace.model_filter, turning)
     reach = max(1, round(_REVERSAL / trace.interval))
     places = np.flatnonzero(np.signbit(v[:-1]) != np.signbit(v[1:]))
     inside = np.zeros(len(v), dtype=bool)

@@ -12,7 +12,9 @@ import pytest
 
 from damperfit.cli import main
 from damperfit.configuration.loading import load_configuration
+from damperfit.configuration.options import parameter_value
 from damperfit.damper.purdy.parameters import DAMPER_RANGES
+from damperfit.damper.valve_dampers import Monotube
 from damperfit.errors import ConfigurationError
 from damperfit.run.earlier import BESIDE
 from damperfit.samples import SampleOptions, make_samples
@@ -211,6 +213,15 @@ def test_a_plausible_one_is_absolute_and_said_where_it_could_be_either(text, has
 def test_a_pressure_that_no_damper_has_is_refused_and_not_asked_about(text) -> None:
     with pytest.raises(ConfigurationError, match=r"expected 10000 to 1e\+08 Pa, found"):
         load_configuration(overlay={"damper": {"gas_pressure": text}})
+
+
+@pytest.mark.parametrize(("text", "pascal"), PRESSURES)
+def test_a_gas_pressure_that_is_held_takes_the_same_units(text, pascal) -> None:
+    gas = Monotube().quantity("gas_pressure")
+    assert parameter_value(gas, text) == pytest.approx(pascal, rel=1e-14)
+    overlay = {"damper": {"model": "monotube"}, "identification": {"fix": {"gas_pressure": text}}}
+    loaded = load_configuration(overlay=overlay)
+    assert loaded.identification.fixed["gas_pressure"] == pytest.approx(pascal, rel=1e-14)
 
 
 def test_no_modulus_counts_from_the_atmosphere(run) -> None:

@@ -11,7 +11,6 @@ import pytest
 from damperfit.damper.valve_dampers import ThroughFlow
 from damperfit.laws import LawFit, SettingLogs, Tried, effective_samples, judged
 from damperfit.laws.choosing import (
-    OfOneModel,
     are_alike,
     is_told_as_one,
     said_of_layout,
@@ -47,6 +46,15 @@ def test_a_fall_by_half_is_taken_and_one_by_less_is_not():
     refused = judged(tried(0.149, 5), tried(0.1, 6), 30.0)
     assert not refused.takes_larger
     assert "1.49 only" in refused.reason
+
+
+@pytest.mark.parametrize(("mse", "said"), [
+    (0.149, "1.49"), (0.14956, "1.496"), (0.14999, "1.4999"),
+])  # fmt: skip
+def test_a_fall_that_is_refused_is_told_apart_from_what_is_required(mse: float, said: str) -> None:
+    """It was "1.50 only; 1.5 is required"."""
+    refused = judged(tried(mse, 5), tried(0.1, 6), 30.0)
+    assert refused.reason == f"the MSE falls by a factor of {said} only; 1.5 is required"
 
 
 def test_quantities_must_earn_what_they_cost():

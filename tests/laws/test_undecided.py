@@ -82,6 +82,20 @@ def test_whatever_is_not_told_has_a_test_that_decides_it(name: str) -> None:
     assert " at setting" not in said  # there is one
 
 
+@pytest.mark.parametrize(("stiffness", "said"), [
+    (FIT, "How stiff the oil is beside its mounting: a test on a stiffer mounting"),
+    (5e5, "How stiff the oil is beside its mounting: a test on a stiffer mounting"),
+    (NONE, "How stiff the oil is: a test faster than the 0.25 m/s of these"),
+])  # fmt: skip
+def test_only_an_elastic_mounting_hides_the_oil(stiffness: str | float, said: str) -> None:
+    """A rigid one with a lag asked for "a stiffer mounting"."""
+    model = TwinTube(mounting=Mounting(stiffness, NONE, FIT))
+    names = tuple(one.name for one in model.quantities if one.default is None)
+    values = model.values({one.name: one.default or 1e5 for one in model.quantities})
+    one = fit(model=model, values=values, free=names, undetermined=("k_e",))
+    assert told([one], 1.0, 2.0) == (f"{said} would decide it.",)
+
+
 def test_layouts_alike_are_named() -> None:
     fits = [fit()]
     search = LawSearch((), Tried("law", tuple(fits)), 60.0, alike=("monotube",))

@@ -13,12 +13,14 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import LogError
 from damperfit.identification import identify
+from damperfit.laws import PREDICTED_PERCENT
 from damperfit.recording import Trace
 from damperfit.uncertainty import (
     Assessment,
     Prediction,
     assess,
     predict,
+    prediction,
     prediction_warnings,
     split_cycles,
 )
@@ -43,7 +45,8 @@ def predicted(fitted: list[Trace], held_out: list[Trace]) -> tuple[Prediction, .
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_a_right_model_predicts_another_amplitude(seed: int) -> None:
+def test_a_right_model_predicts_another_amplitude(monkeypatch, seed: int) -> None:
+    monkeypatch.setattr(prediction, "PREDICTED_PERCENT", 0.0)  # of no consequence: another limit
     fitted = [log(setting, seed=seed) for setting in SETTINGS]
     others = [
         log(setting, seed=seed + 50, amplitude=amplitude)
@@ -88,7 +91,8 @@ def test_a_log_that_drifts_shows_in_its_last_cycles() -> None:
     assert {one.cycles for one in found} == {"last 4"}
 
 
-def test_the_expected_mse_is_lack_of_fit_and_noise() -> None:
+def test_the_expected_mse_is_lack_of_fit_and_noise(monkeypatch) -> None:
+    monkeypatch.setattr(prediction, "PREDICTED_PERCENT", 0.0)  # of no consequence: another limit
     fitted, other = log(10), log(10, amplitude=0.02, seed=9)
     campaign = identify([fitted], PURDY_DAMPER)
     known = predict(campaign, assess(campaign, PURDY_DAMPER), [other], damper=PURDY_DAMPER)[0]
@@ -194,6 +198,31 @@ def test_another_test_has_an_offset_of_its_own_where_offsets_are_found(offset, s
                     _prediction(free, seen, model, 0.0)):  # fmt: skip
         assert counted.own_offset == 0.0
         assert counted.mse_percent > 0.0
+
+
+@pytest.mark.parametrize(("percent", "is_failed"), [
+    (0.007, False),
+    (2.0 * PREDICTED_PERCENT - 0.001, False),
+    (2.0 * PREDICTED_PERCENT + 0.001, True),
+])  # fmt: skip
+def test_what_is_missed_below_what_matters_is_no_failure(percent, is_failed) -> None:
+    """A slow log of one cycle has the noise of the displacement, which no other log shows."""
+    seen = fakes.trace(1, "slow.csv")
+    (one,) = seen.stretches
+    held = replace(seen, stretches=(replace(one, amplitude=0.5 * one.amplitude),))
+    rest = np.tile([1.0, -1.0], len(held.force))[: len(held.force)]
+    part = held.force[held.compared]
+    size = np.sqrt(0.01 * percent * np.var(part) / np.mean(rest[held.compared] ** 2))
+    fitted = replace(fakes.fit(1), mse_percent=0.0012)
+    found = _prediction(fitted, held, SimpleNamespace(force=held.force + size * rest), 0.0)
+    assert found.mse_percent == pytest.approx(percent)
+    assert found.expected_mse_percent == PREDICTED_PERCENT
+    assert found.is_failed is is_failed
+    assert (prediction_warnings([found]) == ()) is not is_failed
+    # The same test again has the same noise: what it has more has drifted.
+    again = _prediction(fitted, seen, SimpleNamespace(force=held.force + size * rest), 0.0)
+    assert again.is_same_motion
+    assert again.expected_mse_percent < PREDICTED_PERCENT
 
 
 def test_a_combined_setting_names_what_no_log_limits() -> None:

@@ -13,6 +13,7 @@ from damperfit.conditioning import condition
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, identify
+from damperfit.identification.signatures import signatures
 from damperfit.recording import Finding, Recording
 from damperfit.uncertainty import Assessment, assess, objections
 from damperfit.uncertainty.flaws import (
@@ -21,6 +22,7 @@ from damperfit.uncertainty.flaws import (
     _as_stiffness,
     _held_flaw,
     _is_reasonable,
+    _without_amount,
     seek_flaws,
 )
 from damperfit.uncertainty.intervals import linearise_settings
@@ -56,6 +58,37 @@ def test_an_amount_beyond_reason_is_no_cause(name: str, largest: float) -> None:
     for sign in (1.0, -1.0):
         assert _is_reasonable(hint(name, sign * largest), half_range)
         assert not _is_reasonable(hint(name, sign * 1.001 * largest), half_range)
+
+
+@pytest.mark.parametrize(("amount", "is_named"), [
+    (-168.0, True), (-170.0, False), (170.0, True),
+])  # fmt: skip
+def test_friction_is_nowhere_less_than_none(amount: float, *, is_named: bool) -> None:
+    """Of 169 N of friction "220 N less at low speed" was named."""
+    found = hint("friction_with_speed", amount)
+    told = _without_amount(found, 169.0)
+    assert (told == found) is is_named
+    assert is_named or told.words == "friction that depends on velocity (less at low speed)"
+    assert _without_amount(hint("offset", amount), 0.0).words == f"offset {amount:g}"
+
+
+@pytest.mark.parametrize(("friction", "words"), [
+    (21.0, "friction that depends on velocity (20 N less at low speed)"),
+    (19.0, "friction that depends on velocity (less at low speed)"),
+])  # fmt: skip
+def test_a_fall_of_the_friction_is_held_against_what_was_found(friction, words) -> None:
+    log = short_trace(1, reference_parameters(1), noise=4.0)
+    (one,) = linearise_settings(identify([log], PURDY_DAMPER, PLAIN), PURDY_DAMPER)
+    (seen,) = one.logs
+    values = replace(one.fit.parameters, f_f=friction)
+    (column,) = signatures(log, seen.force)["friction_with_speed"][:1]
+    missed = replace(
+        one,
+        fit=replace(one.fit, parameters=values),
+        logs=(replace(seen, residuals=-20.0 * column),),
+    )
+    hints = seek_flaws(missed, float(np.mean((20.0 * column) ** 2)))
+    assert words in {one.words for one in hints}
 
 
 @pytest.mark.parametrize(

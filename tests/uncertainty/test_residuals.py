@@ -202,7 +202,10 @@ def test_a_large_misfit_is_told_without_an_exponent() -> None:
     log = recording(10, noise=4.0, duration=5.0)
     steep = 400.0 * np.tanh(speed(log) / 0.02)
     said = " ".join(judged([condition(replace(log, force=log.force + steep))]).warnings)
-    assert re.search(r"\(\d{3} N less at low speed\)", said), said
+    assert "friction that depends on velocity (less at low speed)" in said
+    sticking = 400.0 * np.sign(speed(log)) * np.exp(-np.abs(speed(log)) / 0.03)
+    said = " ".join(judged([condition(replace(log, force=log.force + sticking))]).warnings)
+    assert re.search(r"\(\d{3} N more at low speed\)", said), said
 
 
 def test_a_tare_that_the_fit_has_no_room_for_is_not_confirmed() -> None:

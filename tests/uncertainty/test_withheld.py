@@ -18,7 +18,7 @@ from damperfit.identification.plausible import edge_of
 from damperfit.laws import ENOUGH_PERCENT
 from damperfit.uncertainty import Assessment, Diagnosis, objections
 from damperfit.uncertainty.flaws import Hint
-from damperfit.uncertainty.withheld import LIMITS, jump_ratio, offset_mismatch
+from damperfit.uncertainty.withheld import LIMITS, jump_ratio, offset_mismatch, what_spreads
 from tests import fakes
 from tests.fakes import campaign
 
@@ -178,6 +178,35 @@ def test_an_elastic_mounting_spreads_the_jump() -> None:
     values = values_type((*one.parameters.quantities, spring))(*one.parameters.numbers, 5e5)
     assert np.isnan(jump_ratio(replace(one, parameters=values), 50.0))
     assert np.isnan(jump_ratio(replace(one, logs=()), 50.0))
+
+
+def lagging(one: Fit, lag: float) -> Fit:
+    late = Quantity("lag", "T", "", "", "s", (1e-5, 5e-2))
+    values = values_type((*one.parameters.quantities, late))(*one.parameters.numbers, lag)
+    return replace(one, parameters=values)
+
+
+def test_a_late_jump_is_that_of_a_late_friction() -> None:
+    one = rubbing(50.0)
+    (log,) = one.logs
+    trace = log.trace
+    lag, force = 0.008, trace.force.copy()
+    for k in range(1, len(force)):  # the slow twin
+        force[k] += np.exp(-trace.interval / lag) * (force[k - 1] - force[k])
+    late = lagging(replace(one, logs=(replace(log, trace=replace(trace, force=force)),)), lag)
+    assert jump_ratio(late, 50.0) == pytest.approx(1.0, rel=1e-6)
+    assert jump_ratio(late, 70.0) == pytest.approx(1.4, rel=1e-6)
+    assert jump_ratio(lagging(one, 1e-5), 50.0) == pytest.approx(1.0, rel=1e-3)
+
+
+@pytest.mark.parametrize(("lag", "said"), [
+    (0.0199, ""),
+    (0.0201, "the force channel lags by 20 ms, which spreads the jump at a reversal"),
+])  # fmt: skip
+def test_a_lag_as_long_as_the_jump_is_read_over_spreads_it(lag: float, said: str) -> None:
+    one = lagging(rubbing(50.0), lag)
+    assert what_spreads(one) == said
+    assert np.isnan(jump_ratio(one, 50.0)) == bool(said)
 
 
 def test_a_force_that_jumps_against_the_motion_tells_nothing_of_friction() -> None:
