@@ -51,10 +51,13 @@ class Adjustment:
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        """What there is to say of the trends, one sentence a parameter, and of offsets left out."""
+        """What there is to say of the trends, one sentence a parameter, and of offsets."""
         trends = tuple(trend.sentence for trend in self.trends)
-        is_whole = any(level.is_whole for level in self.levels)
-        said = offset_sentence([level.tare for level in self.levels], is_whole=is_whole)
+        said = offset_sentence(
+            [level.tare for level in self.levels],
+            is_whole=True,
+            holds_gas=any(level.holds_gas for level in self.levels),
+        )
         return (*trends, f"forces by setting: {said}") if said else trends
 
 
@@ -98,7 +101,7 @@ def compare_settings(
         on_error=on_error,
     ) as coming:
         trends = find_trends(campaign.fits, known)
-        found = coming()
+        found = tuple(one.whole for one in coming())  # beside what the rig measured
     found = beside_measured(found, assessment.forces, sine)
     return Adjustment(
         trends=trends,

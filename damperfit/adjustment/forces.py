@@ -274,6 +274,7 @@ def _levels_of(
                     tare_error=stage.offset_error,
                     whole_error=whole_error,
                     is_whole=is_whole,
+                    holds_gas=is_whole,
                 )
             )
     return found

@@ -66,7 +66,9 @@ class Level:
     whole_error : float
         Standard error of the force with the offset, N.
     is_whole : bool
-        The offset is in the forces: the model knows no gas, and it holds the gas force.
+        The offset is in the forces.
+    holds_gas : bool
+        The model knows no gas, and its offset holds the gas force.
     """
 
     setting: Setting
@@ -87,6 +89,7 @@ class Level:
     tare_error: float = 0.0
     whole_error: float = math.nan
     is_whole: bool = False
+    holds_gas: bool = False
 
     @property
     def bare_force(self) -> float:
@@ -161,14 +164,21 @@ def said_offsets(offsets: Sequence[float]) -> str:
     return f"{low} N" if low == high else f"{low} to {high} N"
 
 
-def offset_sentence(offsets: Sequence[float], *, is_whole: bool) -> str:
+def offset_sentence(
+    offsets: Sequence[float], *, is_whole: bool = False, holds_gas: bool = False
+) -> str:
     """Return what became of the rigs' offsets in forces by setting; empty where there are none."""
     if not any(offsets):
         return ""
-    if is_whole:
+    if holds_gas:
         return (
             f"the model knows no gas: its force offset ({said_offsets(offsets)}) holds the gas "
             "force and the rig's tare; it is in these forces, not in what a click changes"
+        )
+    if is_whole:
+        return (
+            f"the force offset ({said_offsets(offsets)}) is the rig's tare: it is in these forces, "
+            "as the rig measured them, and not in what a click changes"
         )
     return (
         f"the force offset ({said_offsets(offsets)}) is the rig's tare, not the damper's: it is "

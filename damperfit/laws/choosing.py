@@ -63,8 +63,7 @@ SEEN_APART = 1.5
 _NOTHING_APART = 4.0
 # Layouts, those that most dampers have first.
 _USUAL = ("monotube", "twin_tube", "through_flow")
-# A tenth of what is asked of a prediction: of two models below it none predicts worse, and no
-# verdict on a held-out log asks for less.
+# A tenth of what is asked of a prediction: below it none predicts worse, and no verdict asks less.
 PREDICTED_PERCENT = 0.05
 _NOTHING_PREDICTED = 100.0  # per cent: a law that predicts nothing, or cannot be simulated there
 # Two predictions this near each other differ by noise.
@@ -103,12 +102,9 @@ class Tried:
     def left_over(self) -> float:
         """What it leaves, times what is enough: MSE, a force at a speed, a held-out log."""
         forces = [one.worst_force_percent / ENOUGH_FORCE_PERCENT for one in self.fits]
-        logs = [
-            one.held_out_percent / ENOUGH_HELD_OUT_PERCENT
-            for one in self.fits
-            if one.held_out == "logs"
-        ]
+        logs = [one.held_out_percent for one in self.fits if one.held_out == "logs"]
         # NaN, of what was not looked at, is less than anything.
+        logs = [one / ENOUGH_HELD_OUT_PERCENT for one in logs]
         known = [one for one in (*forces, *logs) if not math.isnan(one)]
         return max([self.mse_percent / ENOUGH_PERCENT, *known])
 
@@ -248,8 +244,8 @@ def judged(
             "with it"
         )
     elif gain < least_gain and not is_of_force:
-        found = _below(gain, least_gain)
-        reason = f"the MSE falls by a factor of {found} only; {least_gain:g} is required"
+        told = _below(gain, least_gain)
+        reason = f"the MSE falls by a factor of {told} only; {least_gain:g} is required"
     elif bic <= 0.0:
         reason = f"its parameters cost more than the lower MSE is worth (BIC {bic:+.0f})"
     elif new:

@@ -18,8 +18,8 @@ __all__ = ["notes_on_settings", "notes_on_simulation"]
 
 def notes_on_settings(damper: Model, stages: Sequence[Stage]) -> Iterator[str]:
     """Yield what of the rig is in forces by setting, and that its offset is not."""
-    is_whole = damper.rest_force(0.0) is None
-    if said := offset_sentence([stage.offset for stage in stages], is_whole=is_whole):
+    holds_gas = damper.rest_force(0.0) is None
+    if said := offset_sentence([stage.offset for stage in stages], holds_gas=holds_gas):
         yield said
     if stages:
         yield from _on_rig(_mounting(stages[0].parameters))

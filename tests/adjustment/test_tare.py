@@ -177,3 +177,14 @@ def test_the_report_says_that_tares_are_left_out() -> None:
     assert said.startswith("forces by setting: the force offset (-3.4 to 36.6 N) is the rig's tare")
     bare = levels(stages((0.0,) * 3), PURDY_DAMPER, SINE, **AT)
     assert Adjustment(levels=bare).sentences == ()
+
+
+def test_what_stands_beside_the_measured_force_has_the_tare() -> None:
+    """The table of forces is that of the logs, its clicks are those of the damper."""
+    bare = levels(stages(), PURDY_DAMPER, SINE, **AT)
+    whole = [one.whole for one in bare]
+    for one, other in zip(bare, whole, strict=True):
+        assert other.force == pytest.approx(one.force + one.tare)
+    for one, other in zip(clicks(bare, PURDY_DAMPER), clicks(whole, PURDY_DAMPER), strict=True):
+        assert one.change == pytest.approx(other.change, abs=1e-9)
+        assert one.percent == pytest.approx(other.percent, abs=1e-9)

@@ -11,6 +11,7 @@ import pytest
 from damperfit.damper.valve_dampers import ThroughFlow
 from damperfit.laws import LawFit, SettingLogs, Tried, effective_samples, judged
 from damperfit.laws.choosing import (
+    OfOneModel,
     are_alike,
     is_told_as_one,
     said_of_layout,
