@@ -223,7 +223,7 @@ def find_skew(
         text = (
             f"the friction turns {1e3 * skew.delay:.2f} +- {1e3 * skew.uncertainty:.2f} ms late at "
             "the ends of the stroke: the force is late, or the mounting gives and the force is "
-            "right (--model auto tries both; two frequencies or more tell them apart). A late "
+            "right (--model auto tries both; two frequencies or more can tell them apart). A late "
             f"force affects K_e most: only if the rig is known for it set {said}, or --skew auto"
         )
     return 0.0, (*declared, Finding("skew", "warning", text, skew.delay, "s"))

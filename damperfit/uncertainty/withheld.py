@@ -11,12 +11,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.signal import lfilter
 
 from damperfit.conditioning import apply_filter
 from damperfit.conditioning.gas_force import force_level
 from damperfit.identification.outcome import Status
 from damperfit.identification.plausible import edge_of
+from damperfit.recording import FilterDesign
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -356,10 +356,10 @@ def _lag(fit: Fit) -> float:
 def _jumps(trace: Trace, friction: float, lag: float = 0.0) -> float:
     v = trace.drive.velocity
     turning = friction * np.sign(v)
-    if lag > 0.0:
-        kept = math.exp(-trace.interval / lag)
-        start = [kept * turning[0]]
-        turning, _ = lfilter([1.0 - kept], [1.0, -kept], turning, zi=start)
+    kept = math.exp(-trace.interval / lag) if lag > 0.0 else 0.0
+    if kept > 0.0:
+        section = np.array([[1.0 - kept, 0.0, 0.0, 1.0, -kept, 0.0]])
+        turning = apply_filter(FilterDesign(section, is_zero_phase=False, description=""), turning)
     jump = apply_filter(trace.model_filter, turning)
     reach = max(1, round(_REVERSAL / trace.interval))
     places = np.flatnonzero(np.signbit(v[:-1]) != np.signbit(v[1:]))
