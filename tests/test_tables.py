@@ -255,6 +255,9 @@ def test_responses_hold_the_window_of_each_log_in_a_row_group_of_its_own(tmp_pat
     np.testing.assert_array_equal(table["force_measured_N"], trace.force[trace.compared])
     np.testing.assert_allclose(table["time_s"][0].as_py(), 10.0 + 333 / 500.0)
     assert min(table["pressure_1_Pa"].to_pylist()) > 0.0
+    columns = [file.metadata.row_group(1).column(k) for k in range(len(table.column_names))]
+    found = {one.path_in_schema for one in columns if one.is_stats_set}
+    assert found == {"setting", "log"}
 
 
 def test_equal_results_give_equal_bytes(tmp_path: Path) -> None:

@@ -44,8 +44,6 @@ _AT = np.geomspace(_LOWEST_KNEE, _HIGHEST_KNEE, _KNEES)
 _OPENING_FROM = 0.2
 # Without a knee: a blow-off from three quarters of the largest D on, with a tenth of the flow.
 _UNSEEN_OPENING, _UNSEEN_SHARE = 0.75, 0.1
-
-
 # A port through which less of the largest flow could go, without an opening before it, is none.
 _LEAST_PORT = 0.05
 

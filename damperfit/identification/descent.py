@@ -367,10 +367,8 @@ def _minimised(
     if not ended.point.extra.is_rough or ended.status == _LIMIT:
         return ended
     left = max(stopping.max_evaluations - ended.evaluations, 1)
-    closely = look.closely()
-    again = minimise(
-        closely, ended.point.values, variables, replace(stopping, max_evaluations=left)
-    )
+    look.look_closely()
+    again = minimise(look, ended.point.values, variables, replace(stopping, max_evaluations=left))
     return replace(
         again,
         evaluations=again.evaluations + ended.evaluations,

@@ -1,8 +1,9 @@
 """What a descent sees at the points that it tries: rough from afar, every sample when near.
 
 After a long step the misfit is far above its minimum, and where the next step leads is as well told
-by every second sample of the mean cycles. Sums of squares agree, for what the filter passes is slow
-beside either; how far the minima lie apart shows in short steps alone, which are looked at closely.
+by every fourth or second sample of the mean cycles. Sums of squares agree, for what the filter
+passes is slow beside all of these; how far the minima lie apart shows in short steps alone, which
+are looked at closely.
 """
 
 from __future__ import annotations
@@ -17,8 +18,6 @@ from damperfit.identification.evaluation import evaluate, transformation, with_v
 from damperfit.identification.plausible import is_within, kept_within
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from numpy.typing import NDArray
 
     from damperfit.damper.model import Values
@@ -26,11 +25,11 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["FAR", "FitCancelledError", "Looks", "Seen"]
+__all__ = ["FitCancelledError", "Looks", "Seen"]
 
 # Largest change of a variable from which on a step ends far away. Gauss and Newton's next one is
 # its square, so that a last step of half a per cent is not seen roughly.
-FAR = 0.1
+_FAR = 0.1
 # The integrator's tolerance there; below it samples, not errors, set the length of its steps.
 _ROUGH = 30.0
 
@@ -100,10 +99,9 @@ class Looks:
         seen = Seen(parameters, is_cavitating, slopes, rougher is not None)
         return residuals, slopes if moving == misfit.free else slopes[:, self._places], seen
 
-    def closely(self) -> Callable[[FloatArray], tuple[FloatArray, FloatArray, Seen]]:
-        """Return the same where every step, however long, is looked at closely."""
+    def look_closely(self) -> None:
+        """Look closely from now on, however long a step is."""
         self._is_close = True
-        return self
 
     def _rougher(self, values: FloatArray) -> Misfit | None:
         """The misfit to look at after a long step; None where each sample counts."""
@@ -111,7 +109,7 @@ class Looks:
             return None
         here, last = self._variables.pack(values), self._last
         self._last = here
-        if last is None or not len(here) or not float(np.abs(here - last).max()) > FAR:
+        if last is None or not len(here) or not float(np.abs(here - last).max()) > _FAR:
             return None
         cycles = self._misfit.cycles and self._misfit.cycles.from_afar
         if cycles is None:

@@ -103,8 +103,8 @@ class Tried:
         """What it leaves, times what is enough: MSE, a force at a speed, a held-out log."""
         forces = [one.worst_force_percent / ENOUGH_FORCE_PERCENT for one in self.fits]
         logs = [one.held_out_percent for one in self.fits if one.held_out == "logs"]
-        # NaN, of what was not looked at, is less than anything.
         logs = [one / ENOUGH_HELD_OUT_PERCENT for one in logs]
+        # NaN, of what was not looked at, is less than anything.
         known = [one for one in (*forces, *logs) if not math.isnan(one)]
         return max([self.mse_percent / ENOUGH_PERCENT, *known])
 

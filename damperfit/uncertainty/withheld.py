@@ -14,9 +14,9 @@ import numpy as np
 
 from damperfit.conditioning import apply_filter
 from damperfit.conditioning.gas_force import force_level
+from damperfit.damper.force_channel import behind_lag
 from damperfit.identification.outcome import Status
 from damperfit.identification.plausible import edge_of
-from damperfit.recording import FilterDesign
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -353,13 +353,9 @@ def _lag(fit: Fit) -> float:
     return sum(float(getattr(fit.parameters, name)) for name in lags)
 
 
-def _jumps(trace: Trace, friction: float, lag: float = 0.0) -> float:
+def _jumps(trace: Trace, friction: float, lag: float) -> float:
     v = trace.drive.velocity
-    turning = friction * np.sign(v)
-    kept = math.exp(-trace.interval / lag) if lag > 0.0 else 0.0
-    if kept > 0.0:
-        section = np.array([[1.0 - kept, 0.0, 0.0, 1.0, -kept, 0.0]])
-        turning = apply_filter(FilterDesign(section, is_zero_phase=False, description=""), turning)
+    (turning,) = behind_lag(friction * np.sign(v)[None], trace.interval, lag)
     jump = apply_filter(trace.model_filter, turning)
     reach = max(1, round(_REVERSAL / trace.interval))
     places = np.flatnonzero(np.signbit(v[:-1]) != np.signbit(v[1:]))

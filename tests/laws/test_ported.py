@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -13,8 +16,9 @@ from damperfit.damper.valve_dampers import Monotube
 from damperfit.identification import FitOptions, identify
 from damperfit.laws import SettingLogs, search_laws
 from damperfit.laws.course import valve_damper
+from damperfit.laws.search import _Search
 from damperfit.recording import Recording, Trace
-from damperfit.simulation import simulate
+from damperfit.simulation import SolverOptions, simulate
 from damperfit.tested.setting import Setting
 from tests.laws.valve_logs import moved
 
@@ -87,3 +91,41 @@ def test_a_port_is_not_taken_for_a_bleed_beside_friction(log: Trace) -> None:
     said = [one for one in found.laws if one.change == "blow-offs without a port"]
     assert len(said) == 1
     assert "with a port behind each" in said[0].reason
+
+
+def tried(mse: float, *, held: float = 1.0, leaves: bool = True) -> SimpleNamespace:
+    fit = SimpleNamespace(model=damper(Valve("orifice", "linear")))
+    score = math.log(mse * held)
+    return SimpleNamespace(fits=(fit,), mse_percent=mse, score=score, leaves_something=leaves)
+
+
+@pytest.mark.parametrize(
+    ("bare", "ported", "is_taken"),
+    [
+        (tried(0.151), tried(0.1), True),
+        (tried(0.149), tried(0.1), False),
+        (tried(0.15, held=1.01), tried(0.09, held=1.1), True),  # of both 1.53
+        (tried(0.15), tried(0.09, held=1.15), False),  # what was held out is predicted worse: 1.45
+        (tried(0.151, leaves=False), tried(0.1), False),
+    ],
+)
+def test_ports_are_tried_where_they_fit_and_predict_better_by_half(
+    *, bare: SimpleNamespace, ported: SimpleNamespace, is_taken: bool, monkeypatch
+) -> None:
+    asked = []
+    course = _Search([], SolverOptions(), lambda _: None, 1)
+    monkeypatch.setattr(course, "all_fitted", lambda models: asked.append(models) or [ported])
+    assert course.ported([bare]) == [ported if is_taken else bare]
+    assert len(asked) == bare.leaves_something
+    assert len(course.laws) == is_taken
+
+
+@pytest.mark.parametrize(("times", "n"), [(7.9, 2), (8.1, 1)])
+def test_ports_are_tried_in_layouts_that_are_not_far_worse(times: float, n: int, monkeypatch):
+    asked = []
+    course = _Search([], SolverOptions(), lambda _: None, 1)
+    monkeypatch.setattr(course, "all_fitted", lambda models: asked.extend(models) or [])
+    found = [tried(0.1), tried(0.1 * times)]
+    assert course.ported(found) == found
+    assert len(asked) == n
+    assert all(one.rebound.blow_off == "port" for one in asked)

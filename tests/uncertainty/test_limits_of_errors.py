@@ -125,7 +125,7 @@ def test_the_jump_at_a_reversal_is_read_over_twenty_milliseconds(monkeypatch) ->
         force=force,
         model_filter=None,
     )
-    assert _jumps(trace, 10.0) == pytest.approx(0.2)
+    assert _jumps(trace, 10.0, 0.0) == pytest.approx(0.2)
 
 
 @pytest.mark.parametrize("n", [0, 1, 2, 5])

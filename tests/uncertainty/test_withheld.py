@@ -191,8 +191,10 @@ def test_a_late_jump_is_that_of_a_late_friction() -> None:
     (log,) = one.logs
     trace = log.trace
     lag, force = 0.008, trace.force.copy()
-    for k in range(1, len(force)):  # the slow twin
-        force[k] += np.exp(-trace.interval / lag) * (force[k - 1] - force[k])
+    for k in range(1, len(force)):  # the slow twin: T g' + g = f, f a line between two samples
+        before, now = trace.force[k - 1 : k + 1]
+        behind = lag * (now - before) / trace.interval
+        force[k] = now - behind + np.exp(-trace.interval / lag) * (force[k - 1] - before + behind)
     late = lagging(replace(one, logs=(replace(log, trace=replace(trace, force=force)),)), lag)
     assert jump_ratio(late, 50.0) == pytest.approx(1.0, rel=1e-6)
     assert jump_ratio(late, 70.0) == pytest.approx(1.4, rel=1e-6)
