@@ -98,10 +98,11 @@ def compare_settings(
         speeds=named_speeds(sine),
         solver=solver,
         jobs=jobs,
+        is_whole=True,  # beside what the rig measured
         on_error=on_error,
     ) as coming:
         trends = find_trends(campaign.fits, known)
-        found = tuple(one.whole for one in coming())  # beside what the rig measured
+        found = coming()
     found = beside_measured(found, assessment.forces, sine)
     return Adjustment(
         trends=trends,

@@ -203,9 +203,13 @@ def levels_coming(  # noqa: PLR0913 - as `levels`
     speeds: Sequence[float],
     solver: SolverOptions = SolverOptions(),
     jobs: int = 1,
+    is_whole: bool = False,
     on_error: OnError | None = None,
 ) -> Iterator[Callable[[], tuple[Level, ...]]]:
-    """Let copies begin on what `levels` takes, and yield what gives its result."""
+    """Let copies begin on what `levels` takes, and yield what gives its result.
+
+    With ``is_whole`` the offset of each setting is in its forces.
+    """
     lead = max(_LEAD, _SETTLING * sine.frequency)
     solver = replace(solver, settling=lead / sine.frequency)
     motion = sine_motion(
@@ -226,7 +230,9 @@ def levels_coming(  # noqa: PLR0913 - as `levels`
                 sensitivities=(*stage.own, *stage.shared),
                 options=solver,
             )
-            return _levels_of(stage, damper, response, sine.frequency, speeds)
+            return _levels_of(
+                stage, damper, response, sine.frequency, speeds, is_whole=is_whole
+            )
         return []
 
     with meanwhile(one, stages, jobs=jobs) as coming:
@@ -239,49 +245,56 @@ def levels_coming(  # noqa: PLR0913 - as `levels`
 
 
 def _levels_of(
-    stage: Stage, damper: Model, response: Response, frequency: float, speeds: Sequence[float]
+    stage: Stage,
+    damper: Model,
+    response: Response,
+    frequency: float,
+    speeds: Sequence[float],
+    *,
+    is_whole: bool,
 ) -> list[Level]:
-    is_whole = damper.rest_force(0.0) is None  # the offset holds the gas force
+    holds_gas = damper.rest_force(0.0) is None  # the offset holds the gas force
+    is_whole = is_whole or holds_gas
     names = (*stage.own, *stage.shared)
     signals = np.stack([response.force, *(response.sensitivities[name] for name in names)])
     values = signals_at_speeds(response, frequency, signals, speeds=speeds)
     # u = ln y, but for linear quantities, which are in their unit.
     values_of = stage.parameters
     scales = [getattr(values_of, n) if values_of.quantity(n).is_logarithmic else 1.0 for n in names]
-    slopes = values[1:] * np.array(scales).reshape(-1, 1, 1)
+    slopes = values[1:].reshape(len(names), 2 * len(speeds)) * np.array(scales)[:, None]
     # The force without the offset has no slope by it.
-    bare = np.array([0.0 if n in stage.offsets else 1.0 for n in names])
-    last = response.pressures[:, -_SAMPLES_PER_CYCLE:]
-    is_cavitating = bool(last.min() <= 0.0)
-    found = []
+    offsets, offset, offset_error = stage.offsets, stage.offset, stage.offset_error
+    bare = np.array([0.0 if n in offsets else 1.0 for n in names])
     parts = errors_parted(stage)
-    for j, speed in enumerate(speeds):
-        for k, stroke in enumerate(STROKES):
-            whole_error = _size(*split(stage, parts, slopes[:, j, k]))
-            rest, carried = split(stage, parts, slopes[:, j, k] * bare)
-            force = float(values[0, j, k])
-            found.append(
-                Level(
-                    stage.setting,
-                    speed,
-                    stroke,
-                    force if is_whole else force - stage.offset,
-                    whole_error if is_whole else _size(rest, carried),
-                    rest,
-                    carried,
-                    is_cavitating,
-                    tare=stage.offset,
-                    tare_error=stage.offset_error,
-                    whole_error=whole_error,
-                    is_whole=is_whole,
-                    holds_gas=is_whole,
-                )
-            )
-    return found
+    whole_errors = _sizes(*split(stage, parts, slopes)).tolist()
+    rests, carried = split(stage, parts, slopes * bare[:, None])
+    errors = whole_errors if is_whole else _sizes(rests, carried).tolist()
+    forces = values[0].ravel() if is_whole else values[0].ravel() - offset
+    is_cavitating = bool(response.pressures[:, -_SAMPLES_PER_CYCLE:].min() <= 0.0)
+    at = itertools.product(speeds, STROKES)
+    each = zip(at, forces.tolist(), errors, rests.tolist(), carried, whole_errors, strict=True)
+    return [
+        Level(
+            stage.setting,
+            speed,
+            stroke,
+            force,
+            error,
+            rest,
+            of_shared,
+            is_cavitating,
+            tare=offset,
+            tare_error=offset_error,
+            whole_error=whole_error,
+            is_whole=is_whole,
+            holds_gas=holds_gas,
+        )
+        for (speed, stroke), force, error, rest, of_shared, whole_error in each
+    ]
 
 
-def _size(rest: float, carried: FloatArray) -> float:
-    return math.sqrt(rest**2 + float(carried @ carried))
+def _sizes(rests: FloatArray, carried: FloatArray) -> FloatArray:
+    return np.asarray(np.sqrt(rests**2 + np.einsum("ij,ij->i", carried, carried)))
 
 
 def clicks(found: Sequence[Level], damper: Model) -> tuple[Click, ...]:

@@ -116,11 +116,30 @@ def errors_parted(stage: Stage) -> Parts | None:
     return Parts(own - follow @ cross.T, follow, root)
 
 
-def split(stage: Stage, parts: Parts | None, slopes: FloatArray) -> tuple[float, FloatArray]:
-    """Return the standard error that is the setting's alone, and what the shared ones carry."""
+def split(stage: Stage, parts: Parts | None, slopes: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the standard errors that are the setting's alone, and what the shared ones carry.
+
+    Parameters
+    ----------
+    stage : Stage
+        The setting.
+    parts : Parts or None
+        Its covariance parted.
+    slopes : numpy.ndarray
+        Shape (k, m): of m forces by own and shared values.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (m,); NaN where nothing is known.
+    numpy.ndarray
+        Shape (m, number of shared values).
+    """
     n = len(stage.own)
     if parts is None:
-        return math.nan, np.zeros(len(stage.shared))
-    carried = (slopes[n:] + slopes[:n] @ parts.follow) @ parts.root
-    rest = float(slopes[:n] @ parts.rest @ slopes[:n])
-    return math.sqrt(max(rest, 0.0)), np.asarray(carried)
+        count = slopes.shape[1]
+        return np.full(count, math.nan), np.zeros((count, len(stage.shared)))
+    own, shared = slopes[:n].T, slopes[n:].T
+    carried = (shared + own @ parts.follow) @ parts.root
+    rest = np.einsum("ij,ij->i", own @ parts.rest, own)
+    return np.sqrt(np.maximum(rest, 0.0)), np.asarray(carried)

@@ -26,21 +26,39 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["branch_forces", "figures_of", "with_figures"]
+__all__ = [
+    "branch_forces",
+    "counted_edges",
+    "energy_of",
+    "figures_in",
+    "figures_of",
+    "mean_extremes",
+    "with_figures",
+]
 
 
 def with_figures(trace: Trace) -> Trace:
     """Return a trace whose stretches hold their figures."""
     return replace(
         trace,
-        stretches=tuple(replace(one, figures=_figures(trace, one)) for one in trace.stretches),
+        stretches=tuple(replace(one, figures=figures_in(trace, one)) for one in trace.stretches),
     )
 
 
-def _figures(trace: Trace, stretch: Stretch) -> StretchFigures:
-    edges = np.array([stretch.first, stretch.stop])
+def counted_edges(stretch: Stretch) -> NDArray[np.int64]:
+    """Return first samples of the cycles that figures are read off, and the last one's end."""
     if stretch.n_cycles:
-        edges = np.rint(clean_cycles(stretch)).astype(np.int64)
+        return np.rint(clean_cycles(stretch)).astype(np.int64)
+    return np.array([stretch.first, stretch.stop])
+
+
+def figures_in(trace: Trace, stretch: Stretch) -> StretchFigures:
+    """Return the figures of a stretch of a trace, as it holds them where it does."""
+    edges = counted_edges(stretch)
+    start, stop = (trace.start_time + trace.interval * int(edge) for edge in edges[[0, -1]])
+    known = stretch.figures
+    if known is not None and (known.start, known.stop) == (start, stop):
+        return known
     window = slice(int(edges[0]), int(edges[-1]))
     figures = figures_of(
         trace.velocity[window],
@@ -49,8 +67,7 @@ def _figures(trace: Trace, stretch: Stretch) -> StretchFigures:
         interval=trace.interval,
         is_steady=stretch.n_cycles > 0,
     )
-    ends = (trace.start_time + trace.interval * int(edge) for edge in (edges[0], edges[-1]))
-    return replace(figures, **dict(zip(("start", "stop"), ends, strict=True)))
+    return replace(figures, start=start, stop=stop)
 
 
 def figures_of(
@@ -74,28 +91,40 @@ def figures_of(
     is_steady : bool
         The cycles repeat.
     """
-    v, f = velocity, force
-    begins = edges[:-1]
-    stop = int(edges[-1])
-
-    def largest(values: FloatArray) -> float:
-        return float(np.mean(np.maximum.reduceat(values[:stop], begins)))
-
-    speeds = largest(v), largest(-v)
-    half = 0.5 * min(speeds)
+    begins, stop = edges[:-1], int(edges[-1])
+    velocity, force = velocity[:stop], force[:stop]
+    (rebound, peak_rebound), (bump, peak_bump) = mean_extremes(np.stack([velocity, force]), begins)
+    half = 0.5 * min(rebound, -bump)
     hysteresis = (math.nan, math.nan)
     if is_steady:
-        hysteresis = _hysteresis(v, f, half, 1.0), _hysteresis(v, f, half, -1.0)
+        hysteresis = (
+            _hysteresis(velocity, force, half, 1.0),
+            _hysteresis(velocity, force, half, -1.0),
+        )
     return StretchFigures(
-        peak_force_rebound=largest(f),
-        peak_force_bump=-largest(-f),
-        peak_speed_rebound=speeds[0],
-        peak_speed_bump=speeds[1],
-        energy=float(np.sum(f[:stop] * v[:stop])) * interval / len(begins),
+        peak_force_rebound=peak_rebound,
+        peak_force_bump=peak_bump,
+        peak_speed_rebound=rebound,
+        peak_speed_bump=-bump,
+        energy=energy_of(velocity, force, len(begins), interval),
         hysteresis_speed=half,
         hysteresis_rebound=hysteresis[0],
         hysteresis_bump=hysteresis[1],
     )
+
+
+def mean_extremes(
+    signals: FloatArray, begins: NDArray[np.int64]
+) -> tuple[list[float], list[float]]:
+    """Return largest and smallest values of signals, (k, n), each the mean over the cycles."""
+    tops = np.maximum.reduceat(signals, begins, axis=1).mean(axis=1)
+    bottoms = np.minimum.reduceat(signals, begins, axis=1).mean(axis=1)
+    return tops.tolist(), bottoms.tolist()
+
+
+def energy_of(velocity: FloatArray, force: FloatArray, n_cycles: int, interval: float) -> float:
+    """Return the work that a force does in a cycle, J, from all cycles of a motion."""
+    return float(np.sum(force * velocity)) * interval / n_cycles
 
 
 def _hysteresis(velocity: FloatArray, force: FloatArray, at: float, sign: float) -> float:

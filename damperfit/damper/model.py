@@ -67,19 +67,25 @@ class Values:
     """
 
     quantities: ClassVar[tuple[Quantity, ...]] = ()
+    names: ClassVar[tuple[str, ...]] = ()
+    """Names of the quantities, in the model's order."""
+    _by_name: ClassVar[Mapping[str, Quantity]] = MappingProxyType({})
 
     if TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> float: ...
 
+    def __init_subclass__(cls) -> None:
+        """Name its quantities once: a fit asks for them at every step."""
+        cls.names = tuple(one.name for one in cls.quantities)
+        cls._by_name = MappingProxyType({one.name: one for one in cls.quantities})
+
     def quantity(self, name: str) -> Quantity:
         """Return one of its quantities; a `ConfigurationError` where there is none of the name."""
-        return _quantity(self.quantities, name)
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the quantities, in the model's order."""
-        return tuple(one.name for one in self.quantities)
+        try:
+            return self._by_name[name]
+        except KeyError:
+            raise ConfigurationError(_no_quantity(name, self.names)) from None
 
     @property
     def numbers(self) -> tuple[float, ...]:
@@ -130,7 +136,6 @@ def values_type(quantities: tuple[Quantity, ...]) -> type[Values]:
                 namespace={
                     "__reduce__": _sent,
                     "quantities": quantities,
-                    "names": tuple(one.name for one in quantities),
                 },
             )
     return made

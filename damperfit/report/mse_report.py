@@ -35,6 +35,8 @@ __all__ = ["escape", "markdown_report", "markdown_table"]
 # it stands too. An underscore between letters is none; signs and numbers are lists at a start only.
 _SPECIAL = re.compile(r"([\\`*\[\]<>#|~&$@]|(?<![^\W_])_|_(?![^\W_]))")
 _LIST = re.compile(r"^(\d*)([-+.)])(?=\s|$|\2)")
+# Nearly all cells of a table: words and numbers in which there is nothing to look for.
+_PLAIN = re.compile(r"[0-9A-Za-z]+(?:\.[0-9A-Za-z]+)*")
 
 
 def escape(text: str) -> str:
@@ -45,6 +47,8 @@ def escape(text: str) -> str:
     >>> print(escape("<b>|run_1 _2_\x1b[0m (+1 %)"))
     \<b\>\|run_1 \_2\_\\x1b\[0m (+1 %)
     """
+    if _PLAIN.fullmatch(text):
+        return text
     shown = printable(" ".join(text.split()))
     return _LIST.sub(r"\1\\\2", _SPECIAL.sub(r"\\\1", shown))
 

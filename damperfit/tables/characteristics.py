@@ -12,17 +12,23 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from damperfit.conditioning import branch_forces, clean_cycles, figures_of
+from damperfit.conditioning import branch_forces
+from damperfit.conditioning.measured_characteristics import (
+    counted_edges,
+    energy_of,
+    figures_in,
+    mean_extremes,
+)
 from damperfit.simulation import NAMED_SPEEDS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Collection, Iterator, Sequence
 
     from numpy.typing import NDArray
 
     from damperfit.damper.model import Model
     from damperfit.identification import SimulatedLog
-    from damperfit.recording import Stretch, StretchFigures, Trace
+    from damperfit.recording import Stretch, Trace
     from damperfit.tested.setting import Setting
 
     FloatArray = NDArray[np.float64]
@@ -30,6 +36,7 @@ if TYPE_CHECKING:
 __all__ = ["characteristic_rows"]
 
 _STROKES = (("rebound", 1.0), ("bump", -1.0))
+_UNREPEATED = ((math.nan, math.nan),) * len(_STROKES)
 
 
 def characteristic_rows(
@@ -48,7 +55,6 @@ def characteristic_rows(
     damper : Model
         Whose gas force is taken off.
     """
-    gas = damper.rest_force(trace.displacement)
     for place, stretch in enumerate(trace.stretches, start=1):
         facts = {
             "setting": setting,
@@ -61,89 +67,75 @@ def characteristic_rows(
             "amplitude_m": stretch.amplitude,
             "temperature_degC": trace.temperature,
         }
-        for row in _stretch_rows(trace, stretch, seen.force, gas):
-            yield {name: _finite(cell) for name, cell in (facts | row).items()}
+        for row in _stretch_rows(trace, stretch, seen.force, damper):
+            cells = facts | row
+            yield {
+                name: None if isinstance(cell, float) and not math.isfinite(cell) else cell
+                for name, cell in cells.items()
+            }
 
 
 def _stretch_rows(
-    trace: Trace, stretch: Stretch, simulated: FloatArray, gas: FloatArray | None
+    trace: Trace, stretch: Stretch, simulated: FloatArray, damper: Model
 ) -> Iterator[dict[str, Any]]:
-    edges = np.array([stretch.first, stretch.stop])
-    if stretch.n_cycles:
-        edges = np.rint(clean_cycles(stretch)).astype(np.int64)
+    edges = counted_edges(stretch)
     part = slice(int(edges[0]), int(edges[-1]))
-    velocity = trace.velocity[part]
-    forces = {"measured": trace.force[part], "simulated": simulated[part]}
-    pressed = None if gas is None else gas[part]
-    figures = {
-        (whose, suffix): figures_of(
-            velocity,
-            force,
-            edges - edges[0],
-            interval=trace.interval,
-            is_steady=stretch.n_cycles > 0 and not suffix,  # of these alone the hysteresis is told
-        )
-        for (whose, suffix), force in _with_and_without(forces, pressed)
-    }
-    level = {} if pressed is None else {"mean_gas_force_N": float(np.mean(pressed))}
-    yield level | _peaks(figures)
-    top = min(figures["measured", ""].peak_speed_rebound, figures["measured", ""].peak_speed_bump)
-    if stretch.n_cycles:
-        speeds = [speed for speed in NAMED_SPEEDS if speed < top]
-        for row in _at_speeds(velocity, forces, pressed, speeds):
-            yield level | row
-
-
-def _with_and_without(
-    forces: Mapping[str, FloatArray], gas: FloatArray | None
-) -> Iterator[tuple[tuple[str, str], FloatArray]]:
-    for whose, force in forces.items():
-        yield (whose, ""), force
-        if gas is not None:
-            yield (whose, "_without_gas"), force - gas
-
-
-def _peaks(figures: Mapping[tuple[str, str], StretchFigures]) -> dict[str, Any]:
-    first = figures["measured", ""]
-    row: dict[str, Any] = {
-        "point": "peak",
-        "speed_rebound_m_per_s": first.peak_speed_rebound,
-        "speed_bump_m_per_s": first.peak_speed_bump,
-        "hysteresis_speed_m_per_s": first.hysteresis_speed,
-    }
-    for (whose, suffix), one in figures.items():
-        row |= _pair(whose, suffix, one.peak_force_rebound, one.peak_force_bump)
-        if not suffix:
-            row[f"{whose}_energy_J"] = one.energy
-            row[f"{whose}_hysteresis_rebound_N"] = one.hysteresis_rebound
-            row[f"{whose}_hysteresis_bump_N"] = one.hysteresis_bump
-    return row
-
-
-def _at_speeds(
-    velocity: FloatArray,
-    forces: Mapping[str, FloatArray],
-    gas: FloatArray | None,
-    speeds: Sequence[float],
-) -> Iterator[dict[str, Any]]:
-    kinds = dict(_with_and_without(forces, gas))
-    stacked = np.stack(list(kinds.values()))
-    both = [branch_forces(velocity, stacked, speeds, sign=sign) for _, sign in _STROKES]
+    velocity, begins = trace.velocity[part], edges[:-1] - edges[0]
+    forces = {("measured", ""): trace.force[part], ("simulated", ""): simulated[part]}
+    gas = damper.rest_force(trace.displacement[part])
+    level = {}
+    if gas is not None:
+        level = {"mean_gas_force_N": float(np.mean(gas))}
+        forces = {
+            (whose, suffix): force if not suffix else force - gas
+            for (whose, _), force in forces.items()
+            for suffix in ("", "_without_gas")
+        }
+    stacked = np.stack(list(forces.values()))
+    measured = figures_in(trace, stretch)
+    top = min(measured.peak_speed_rebound, measured.peak_speed_bump)
+    half = measured.hysteresis_speed
+    speeds = [speed for speed in NAMED_SPEEDS if speed < top] if stretch.n_cycles else []
+    passed = sorted({*speeds, half}) if stretch.n_cycles else []
     # By speed and force: of each stroke the opening and the closing branch.
-    for speed, branches_of in zip(speeds, np.transpose(both, (2, 3, 0, 1)).tolist(), strict=True):
+    both = [branch_forces(velocity, stacked, passed, sign=sign) for _, sign in _STROKES]
+    branches = dict(zip(passed, np.transpose(both, (2, 3, 0, 1)).tolist(), strict=True))
+    peak: dict[str, Any] = {
+        "point": "peak",
+        "speed_rebound_m_per_s": measured.peak_speed_rebound,
+        "speed_bump_m_per_s": measured.peak_speed_bump,
+        "hysteresis_speed_m_per_s": half,
+    }
+    tops, bottoms = mean_extremes(stacked, begins)
+    for (whose, suffix), rebound, bump in zip(forces, tops, bottoms, strict=True):
+        peak |= _pair(whose, suffix, rebound, bump)
+    for (whose, suffix), force in forces.items():
+        if not suffix:
+            peak[f"{whose}_energy_J"] = energy_of(velocity, force, len(begins), trace.interval)
+    yield level | peak | _hysteresis(forces, branches.get(half, [_UNREPEATED] * len(forces)))
+    for speed in speeds:
         row: dict[str, Any] = {
             "point": "speed",
             "speed_rebound_m_per_s": speed,
             "speed_bump_m_per_s": speed,
             "hysteresis_speed_m_per_s": speed,
         }
-        for (whose, suffix), branches in zip(kinds, branches_of, strict=True):
-            rebound, bump = (0.5 * (opening + closing) for opening, closing in branches)
+        for (whose, suffix), of in zip(forces, branches[speed], strict=True):
+            rebound, bump = (0.5 * (opening + closing) for opening, closing in of)
             row |= _pair(whose, suffix, rebound, bump)
-            if not suffix:
-                for (stroke, _), (opening, closing) in zip(_STROKES, branches, strict=True):
-                    row[f"{whose}_hysteresis_{stroke}_N"] = opening - closing
-        yield row
+        yield level | row | _hysteresis(forces, branches[speed])
+
+
+def _hysteresis(
+    forces: Collection[tuple[str, str]], branches: Sequence[Sequence[tuple[float, float]]]
+) -> dict[str, float]:
+    """Of each force its opening less its closing branch, by stroke."""
+    return {
+        f"{whose}_hysteresis_{stroke}_N": opening - closing
+        for (whose, suffix), of in zip(forces, branches, strict=True)
+        if not suffix
+        for (stroke, _), (opening, closing) in zip(_STROKES, of, strict=True)
+    }
 
 
 def _pair(whose: str, suffix: str, rebound: float, bump: float) -> dict[str, float | None]:
@@ -154,7 +146,3 @@ def _pair(whose: str, suffix: str, rebound: float, bump: float) -> dict[str, flo
         f"{whose}_bump{suffix}_N": bump,
         f"{whose}_ratio{suffix}": ratio,
     }
-
-
-def _finite(cell: Any) -> Any:
-    return None if isinstance(cell, float) and not math.isfinite(cell) else cell

@@ -281,13 +281,15 @@ def assess(
     linearised = [one for one, _, _ in found]
     diagnoses = [one for _, one, _ in found]
     forces = tuple(one for _, _, several in found for one in several)
-    known = tuple(
-        with_least_openings(one, linearised, campaign.sharing, damper)
-        for one in uncertainties(linearised, campaign.sharing, on_error=on_error)
-    )
-    judged = {one.setting for one in known}
+    errors = uncertainties(linearised, campaign.sharing, on_error=on_error)
+    judged = {one.setting for one in errors}
+    all_settings = linearised
     linearised = [one for one in linearised if one.fit.setting in judged]
     diagnoses = [one for one in diagnoses if one.setting in judged]
+    known = tuple(
+        with_least_openings(one, mine, all_settings, campaign.sharing, damper)
+        for one, mine in zip(errors, linearised, strict=True)
+    )
     bench = Bench(damper, solver, cancelled, jobs)
 
     def doubtful(pair: tuple[Linearisation, Uncertainty]) -> tuple[MisfitProfile, ...]:

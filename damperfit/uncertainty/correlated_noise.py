@@ -60,9 +60,9 @@ _NOTHING = 1e-14
 
 def autocorrelation(residuals: FloatArray, n_lags: int) -> FloatArray:
     """Return the sample autocorrelation at lags 0 to ``n_lags``; 1, 0, 0, ... for zeros."""
-    n = len(residuals)
-    spectrum = np.fft.rfft(residuals, fast_length(n + n_lags + 1))
-    sums = np.fft.irfft(np.abs(spectrum) ** 2, fast_length(n + n_lags + 1))[: n_lags + 1]
+    length = fast_length(len(residuals) + n_lags + 1)
+    spectrum = np.fft.rfft(residuals, length)
+    sums = np.fft.irfft(spectrum.real**2 + spectrum.imag**2, length)[: n_lags + 1]
     if not sums[0] > 0.0:
         return np.asarray(np.eye(1, n_lags + 1)[0])
     return np.asarray(sums / sums[0])
@@ -83,15 +83,11 @@ def correlation_length(residuals: FloatArray, *, longest: int) -> int:
     rho = autocorrelation(residuals, longest)
     # Bartlett: var(rho at a lag beyond m) is (1 + 2 sum of rho^2 up to m)/n.
     bars = _NO_CORRELATION * np.sqrt((2.0 * np.cumsum(rho * rho) - 1.0) / len(residuals))
-    is_small = np.abs(rho[1:]) < bars[:-1]
-    run = 0
-    for lag in range(1, longest + 1):
-        run = run + 1 if is_small[lag - 1] else 0
-        first = lag - run
-        # Quiet for as long as the correlation itself lasted, and for five lags at least.
-        if run >= max(5, first):
-            return first
-    return longest
+    loud = np.flatnonzero(~(np.abs(rho[1:]) < bars[:-1])) + 1
+    begins, ends = np.concatenate([[0], loud]), np.concatenate([loud, [longest + 1]])
+    # Quiet for as long as the correlation itself lasted, and for five lags at least.
+    is_quiet = ends - begins > np.maximum(begins, 5)
+    return int(begins[np.argmax(is_quiet)]) if is_quiet.any() else longest
 
 
 def score_covariance(scores: FloatArray, lag: int, *, stride: int = 1) -> FloatArray:
@@ -155,13 +151,19 @@ def lagged_products(columns: FloatArray, kernel: FloatArray) -> FloatArray:
     They are sums over frequencies too, for which nothing has to be brought back.
     """
     length = fast_length(len(columns) + len(kernel))
-    weight = 2.0 * _gain(kernel, length)
+    rows = np.fft.rfft(np.ascontiguousarray(columns.T), length, axis=1)
+    parts = rows.view(np.float64)  # real and imaginary ones in turn
+    return np.asarray((parts * _weights(kernel.tobytes(), length)) @ parts.T / length)
+
+
+@lru_cache(maxsize=16)  # logs alike have a few lengths of correlation
+def _weights(taps: bytes, length: int) -> FloatArray:
+    """What real and imaginary parts count in sums over frequencies, both ways."""
+    weight = 2.0 * _gain(np.frombuffer(taps), length)
     weight[0] *= 0.5
     if length % 2 == 0:
         weight[-1] *= 0.5
-    rows = np.fft.rfft(np.ascontiguousarray(columns.T), length, axis=1)
-    parts = rows.view(np.float64)  # real and imaginary ones in turn
-    return np.asarray((parts * np.repeat(weight, 2)) @ parts.T / length)
+    return np.repeat(weight, 2)
 
 
 def _gain(kernel: FloatArray, length: int) -> FloatArray:

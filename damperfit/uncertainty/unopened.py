@@ -48,7 +48,11 @@ def pressed_on(damper: Model, pressures: NDArray[np.floating[Any]]) -> dict[str,
 
 
 def with_least_openings(
-    known: Uncertainty, linearised: Sequence[Linearisation], sharing: Sharing, damper: Model
+    known: Uncertainty,
+    mine: Linearisation,
+    linearised: Sequence[Linearisation],
+    sharing: Sharing,
+    damper: Model,
 ) -> Uncertainty:
     """Return a setting's errors with the openings that no log reaches, and what each is above.
 
@@ -56,6 +60,8 @@ def with_least_openings(
     ----------
     known : Uncertainty
         Of the setting.
+    mine : Linearisation
+        Of the same setting.
     linearised : sequence of Linearisation
         Of all settings: another that shares the opening may press on it more.
     sharing : Sharing
@@ -63,7 +69,8 @@ def with_least_openings(
     damper : Model
         The damper.
     """
-    mine = next(one for one in linearised if one.fit.setting == known.setting)
+    if not mine.pressed:
+        return known
     found = {}
     for name in mine.pressed:
         alike = list(_alike(name, mine, linearised, sharing))
