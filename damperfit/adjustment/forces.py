@@ -312,14 +312,15 @@ def clicks(found: Sequence[Level], damper: Model) -> tuple[Click, ...]:
     rest = damper.rest_force(0.0)
     gas = 0.0 if rest is None else float(rest)
     lines = lines_of(level.setting for level in found)
-    table = {(level.setting, level.speed, level.stroke): level for level in found}
-    speeds = sorted({level.speed for level in found})
+    levels_of = {
+        setting: sorted(few, key=lambda one: one.speed)
+        for setting, few in itertools.groupby(found, lambda one: one.setting)
+    }
     return tuple(
-        _click(table[a, speed, stroke], table[b, speed, stroke], gas, line.adjuster)
+        _click(first, second, gas, line.adjuster)
         for line in lines
         for a, b in itertools.pairwise(line.settings)
-        for speed in speeds
-        for stroke in STROKES
+        for first, second in zip(levels_of[a], levels_of[b], strict=True)
     )
 
 

@@ -62,11 +62,9 @@ def rests_of(displacement: FloatArray, interval: float) -> list[tuple[slice, flo
     reach = np.linspace(-1.0, 1.0, n)
     forms = np.stack([reach, reach**2 - np.mean(reach**2)])
     forms /= np.linalg.norm(forms, axis=1)[:, None]
-    still = []
-    for start in near.tolist():
-        part = displacement[start : start + n]
-        if np.all(np.abs(forms @ part) <= _CLEAR * noise) and _is_level(part, noise):
-            still.append(start)
+    slopes = np.abs(displacement[near[:, None] + np.arange(n)] @ forms.T)
+    flat = near[(slopes <= _CLEAR * noise).all(axis=1)].tolist()
+    still = [start for start in flat if _is_level(displacement[start : start + n], noise)]
     found = []
     for begin, end in _joined(displacement, still, n, noise):
         rest = _widened(displacement, begin, end, noise, hop)

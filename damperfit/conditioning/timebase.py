@@ -187,9 +187,10 @@ def _has_one_or_two_missing(elapsed: FloatArray) -> bool:
 
 def _line(index: FloatArray, elapsed: FloatArray) -> tuple[float, float, float]:
     """Return intercept, slope and largest residual of the straight line through the stamps."""
-    middle = index - index.mean()
+    mean = float(index.mean())
+    middle = index - mean
     slope = float(middle @ elapsed) / float(middle @ middle)
-    offset = float(elapsed.mean()) - slope * float(index.mean())
+    offset = float(elapsed.mean()) - slope * mean
     return offset, slope, float(np.abs(elapsed - offset - slope * index).max())
 
 

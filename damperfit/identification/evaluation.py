@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 __all__ = [
     "LogResponse",
     "evaluate",
+    "is_empty_where_it_counts",
     "n_independent",
     "simulated_logs",
     "transformation",
@@ -107,11 +108,18 @@ def simulated_logs(misfit: Misfit, parameters: Values) -> Iterator[LogResponse]:
             options=replace(misfit.solver, settling=SETTLING),
         )
         _refuse_wild(response)
-        is_cavitating = False
-        if response.pressures[:2].min() <= 0.0:
-            is_empty = (response.pressures[:2, trace.compared] <= 0.0).any(axis=0)
-            is_cavitating = bool((is_empty if weight is None else is_empty & (weight > 0.0)).any())
+        is_cavitating = is_empty_where_it_counts(response, trace, weight)
         yield LogResponse(trace, response, 1.0 if weight is None else weight, is_cavitating)
+
+
+def is_empty_where_it_counts(
+    response: Response, trace: Trace, weight: FloatArray | None = None
+) -> bool:
+    """Whether a chamber of oil is empty in a compared sample of a log that has a weight."""
+    if response.pressures[:2].min() > 0.0:
+        return False
+    is_empty = (response.pressures[:2, trace.compared] <= 0.0).any(axis=0)
+    return bool((is_empty if weight is None else is_empty & (weight > 0.0)).any())
 
 
 def _on_cycles(

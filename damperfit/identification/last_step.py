@@ -20,6 +20,7 @@ import numpy as np
 from damperfit.conditioning import apply_filter
 from damperfit.errors import SimulationError
 from damperfit.identification.evaluation import (
+    is_empty_where_it_counts,
     n_independent,
     simulated_logs,
     transformation,
@@ -356,8 +357,7 @@ def _looked(misfit: Misfit, parameters: Values) -> _Look:
         part = trace.compared
         one = compare(parameters, trace, misfit.damper, solver=misfit.solver)
         residuals = misfit.scale * (one.force[part] - trace.force[part])
-        is_empty = (one.response.pressures[:2, part] <= 0.0).any(axis=0)
         parts.append(residuals if weight is None else residuals * weight)
-        is_cavitating |= bool((is_empty if weight is None else is_empty & (weight > 0.0)).any())
+        is_cavitating |= is_empty_where_it_counts(one.response, trace, weight)
         seen.append(one)
     return _Look(np.concatenate(parts), is_cavitating, tuple(seen))

@@ -92,12 +92,7 @@ class SettledCycle:
     def solver(self, options: SolverOptions) -> SolverOptions:
         """Return how to integrate it: cut in parts, each settles as the first one does."""
         lead = len(self.motion.displacement) - len(self.force)
-        return replace(
-            options,
-            dead_band=max(options.dead_band, self.dead_band),
-            settling=(lead - 0.5) * self.motion.interval,
-            settles_unseen=True,
-        )
+        return _settling(options, self.dead_band, (lead - 0.5) * self.motion.interval)
 
     def every(self, nth: int) -> SettledCycle:
         """Return the same of every nth sample, for looks from afar; n is a multiple of it."""
@@ -175,6 +170,16 @@ class SettledLogs:
             if all(n % (2 * nth) == 0 and n >= _FEWEST_FROM_AFAR * nth for n in lengths):
                 return SettledLogs(tuple(one.every(nth) for one in self.cycles), self.scatter)
         return None
+
+
+@lru_cache(maxsize=64)  # a descent asks for it at every step
+def _settling(options: SolverOptions, dead_band: float, settling: float) -> SolverOptions:
+    return replace(
+        options,
+        dead_band=max(options.dead_band, dead_band),
+        settling=settling,
+        settles_unseen=True,
+    )
 
 
 def settled(traces: Sequence[Trace], *, is_thinned: bool = True) -> SettledLogs | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 __all__ = ["Earlier", "Solution"]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Solution:
     """Where a descent ended.
 
@@ -69,7 +70,7 @@ class Solution:
     is_short: bool = False
     seen: tuple[SimulatedLog, ...] = ()
 
-    @property
+    @cached_property
     def promised(self) -> FloatArray:
         """The step in u that is left on the mean cycles, shape (k,)."""
         assert self.gradient is not None

@@ -132,7 +132,7 @@ def _table_parts(table: Table, source: Source, options: ReadOptions) -> list[Rec
         label = _setting(samples, part, table.metadata, source, options)
         setting = label.setting(options.adjusters)
         partly = {} if setting else {name: str(place) for name, place in label.places.items()}
-        preamble = identity_in(table.metadata).describe()
+        preamble = identity_in(table.metadata).describe() if label.others else {}
         named = {key: text for key, text in label.others.items() if key not in preamble}
         is_own_time = "time" in channels and options.sample_rate == 0.0
         time_notes = () if is_own_time else rate_notes

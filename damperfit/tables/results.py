@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections import defaultdict
 from dataclasses import dataclass
@@ -350,11 +351,11 @@ def lay_out(
     """
     schema = table_schema(name, facts or {}, settings=settings, quantities=quantities)
     is_whole = schema.field("setting").type == pa.int64()
-    shown = {
-        setting: setting_cells(setting, is_whole=is_whole)
-        for setting in {row["setting"] for row in rows}
-    }
-    cells = [{**row, **shown[row["setting"]]} for row in rows]
+    cells = []
+    for _, few in itertools.groupby(rows, lambda row: id(row["setting"])):
+        of_setting = list(few)
+        shown = setting_cells(of_setting[0]["setting"], is_whole=is_whole)
+        cells += [{**row, **shown} for row in of_setting]
     named = zip(schema.names, schema.types, strict=True)
     arrays = [column([row.get(name) for row in cells], kind) for name, kind in named]
     return pa.Table.from_arrays(arrays, schema=schema)

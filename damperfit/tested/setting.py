@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections import defaultdict
 from dataclasses import dataclass
-from functools import total_ordering
+from functools import lru_cache, total_ordering
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from damperfit.tested.adjuster_words import adjuster_by_word, lettered
@@ -256,14 +256,22 @@ def parse_setting(text: str, adjusters: Sequence[str] = (ADJUSTER,)) -> Setting:
 
 def _alone(text: str, adjuster: str) -> str:
     """Return what a text says of the only adjuster, without its name or the word clicks."""
+    named, numbered = _ways_to_say(adjuster)
+    plain = named.sub("", text)
+    found = numbered.fullmatch(plain.strip())
+    return (found[1] or found[2]) if found else plain
+
+
+@lru_cache(maxsize=64)  # of each log its name, its label and its row are asked
+def _ways_to_say(adjuster: str) -> tuple[re.Pattern[str], re.Pattern[str]]:
+    """Return what stands ahead of a place of the only adjuster, and how a number of it is said."""
     words = "|".join(map(re.escape, adjuster_by_word([adjuster], short_names([adjuster]))))
-    plain = re.sub(rf"^\s*{re.escape(adjuster)}\s*[=:]\s*", "", text, flags=re.IGNORECASE)
+    named = re.compile(rf"^\s*{re.escape(adjuster)}\s*[=:]\s*", re.IGNORECASE)
     number = r"[+-]?\d{1,9}(?:\.\d{1,6})?"
     # A hyphen directly behind the word parts it from the number, as in names of files.
     parted = r"(?:\s*[=:]\s*|[ _-])?"
     ahead = rf"(?:(?:{words}|clicks?){parted}({number})|({number}) ?(?:{words}|clicks?))"
-    found = re.fullmatch(ahead, plain.strip(), flags=re.IGNORECASE)
-    return (found[1] or found[2]) if found else plain
+    return named, re.compile(ahead, re.IGNORECASE)
 
 
 def _named_places(text: str, adjusters: Sequence[str]) -> dict[str, str] | None:

@@ -13,11 +13,15 @@ from damperfit.identification.sharing import of_settings
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
+    from numpy.typing import NDArray
+
     from damperfit.damper.quantity import Quantity
     from damperfit.identification import Fit, Sharing
     from damperfit.tested.setting import Setting
     from damperfit.uncertainty.intervals import Uncertainty
     from damperfit.uncertainty.profiles import MisfitProfile
+
+    FloatArray = NDArray[np.float64]
 
 __all__ = ["doubts", "undetermined", "verdicts"]
 
@@ -43,8 +47,9 @@ def verdicts(
     profiles : mapping of str to MisfitProfile
         By parameter, where the misfit was followed; of shared ones too.
     """
+    correlation = known.correlation
     return {
-        name: _verdict(name, fit, known, profiles.get(name), sharing, is_tied=True)
+        name: _verdict(name, fit, known, profiles.get(name), sharing, correlation)
         for name in fit.parameters.names
     }
 
@@ -132,8 +137,7 @@ def _verdict(
     known: Uncertainty,
     profile: MisfitProfile | None,
     sharing: Sharing,
-    *,
-    is_tied: bool = False,
+    correlation: FloatArray | None = None,
 ) -> str:
     status, unit = fit.status[name], fit.parameters.quantity(name).unit
     if status in _NOT_FITTED:
@@ -145,7 +149,7 @@ def _verdict(
     interval = known.intervals.get(name)
     if interval is None:
         return _without_interval(status, profile, unit, _unopened(name, fit, known))
-    tied = _tied(name, known) if is_tied else ""
+    tied = "" if correlation is None else _tied(name, known, correlation)
     whose = sharing.whose(name, fit.setting) if name in sharing.found_at(fit.setting) else ""
     where = (
         _span(interval.low, interval.high, fit.parameters.quantity(name))
@@ -250,8 +254,8 @@ def _ties(known: Uncertainty) -> Iterable[tuple[str, str, float]]:
                 yield one, known.names[j], float(matrix[i, j])
 
 
-def _tied(name: str, known: Uncertainty) -> str:
-    row = known.correlation[known.names.index(name)].copy()
+def _tied(name: str, known: Uncertainty, correlation: FloatArray) -> str:
+    row = correlation[known.names.index(name)].copy()
     row[known.names.index(name)] = 0.0
     if not len(row) or not np.max(np.abs(row)) > _CORRELATED:
         return ""

@@ -71,7 +71,7 @@ def examine_cavitation(
     in_parts = replace(solver, settling=_SETTLING)
 
     def lowest(trial: Values, gas: float) -> float:
-        at = replace(damper, gas_pressure=gas)
+        at = damper if gas == damper.gas_pressure else replace(damper, gas_pressure=gas)
         filled = simulate(trial, at, motion, options=in_parts).pressures[:2, -n:]
         # The pressure is clamped at zero; the share of time spent there gives the root a slope.
         least = float(filled.min())

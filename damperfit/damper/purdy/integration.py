@@ -100,7 +100,7 @@ def integrate(
     block = np.empty((6 + len(names), n))
     pressures, masses, force, rows = block[:3], block[3:5], block[5], block[6:]
     filled = filling(motion, damper.gas_pressure)
-    numbers = np.zeros(len(_NETWORK.numbers))
+    numbers = np.zeros(len(_PLACES))
     numbers[_PLACES_OF_VALUES] = values.numbers
     numbers[_PLACES_OF_GAS] = filled * damper.gas_pressure, damper.gas_exponent, damper.gas_volume
     code, steps, rejected, newton, sample = compiled_core().simulate_network(
