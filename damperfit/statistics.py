@@ -22,9 +22,11 @@ __all__ = [
     "chi_squared_quantile",
     "fisher_chance",
     "fisher_quantile",
+    "mean_of",
     "median",
     "percentiles",
     "student_quantile",
+    "variance_of",
 ]
 
 # Within so many standard errors lie 95 of 100 normal values.
@@ -39,6 +41,29 @@ _TINY = 1e-300
 _STEPS = 1000  # a unit of a logarithm each; ten are enough but for chances near none
 _STIRLING_FROM = 50.0  # its next term is below 1e-15
 _FOREVER = 100_000  # terms; a fraction of a million freedoms needs some thousand
+
+
+def mean_of(values: np.ndarray) -> float:
+    """Return the mean of an array, as `numpy.mean` does, which first asks long what it is given.
+
+    Examples
+    --------
+    >>> mean_of(np.array([1.0, 2.0, 6.0]))
+    3.0
+    """
+    return float(np.add.reduce(values, axis=None)) / values.size if values.size else math.nan
+
+
+def variance_of(values: np.ndarray) -> float:
+    """Return the variance of an array, as `numpy.var` does.
+
+    Examples
+    --------
+    >>> variance_of(np.array([1.0, 2.0, 6.0]))
+    4.666666666666667
+    """
+    beside = values - mean_of(values)
+    return mean_of(np.multiply(beside, beside, out=beside))
 
 
 def median(values: ArrayLike) -> float:

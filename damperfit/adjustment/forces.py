@@ -230,9 +230,7 @@ def levels_coming(  # noqa: PLR0913 - as `levels`
                 sensitivities=(*stage.own, *stage.shared),
                 options=solver,
             )
-            return _levels_of(
-                stage, damper, response, sine.frequency, speeds, is_whole=is_whole
-            )
+            return _levels_of(stage, damper, response, sine.frequency, speeds, is_whole=is_whole)
         return []
 
     with meanwhile(one, stages, jobs=jobs) as coming:

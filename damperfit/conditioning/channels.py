@@ -29,7 +29,7 @@ import numpy as np
 from damperfit.compiled_core import compiled_core
 from damperfit.conditioning.stands import beside, catches_up, is_cut_displacement
 from damperfit.recording import Finding
-from damperfit.statistics import median, percentiles
+from damperfit.statistics import mean_of, median, percentiles
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -276,7 +276,7 @@ def _is_stepped(values: FloatArray, step: float) -> bool:
     whole = np.rint(steps)
     # A triangle that repeats exactly goes on by one and the same amount.
     low, high = percentiles(whole, 5.0, 95.0)
-    return bool(high > low and np.mean(np.abs(steps - whole) < 0.1) > 0.9)
+    return bool(high > low and mean_of(np.abs(steps - whole) < 0.1) > 0.9)
 
 
 def noise_of(values: FloatArray) -> float:

@@ -15,7 +15,7 @@ import numpy as np
 
 from damperfit.compiled_core import compiled_core
 from damperfit.conditioning.plateaus import level_share, off_level
-from damperfit.statistics import median, percentiles
+from damperfit.statistics import mean_of, median, percentiles
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -78,7 +78,7 @@ def find_cycles(
         Fraction of the medians within which amplitude and period must be.
     """
     speed = np.abs(velocity)
-    moving = displacement[speed > 0.5 * np.sqrt(np.mean(velocity**2))]
+    moving = displacement[speed > 0.5 * np.sqrt(mean_of(velocity**2))]
     if not len(moving):
         return None
     low, level, high = percentiles(moving, 5.0, 50.0, 95.0)

@@ -33,7 +33,7 @@ from damperfit.conditioning.derivatives import differentiate
 from damperfit.conditioning.filters import apply_filter, design_filter, fading_samples
 from damperfit.conditioning.rests import rests_of
 from damperfit.recording import Drive
-from damperfit.statistics import median
+from damperfit.statistics import mean_of, median, variance_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -199,7 +199,7 @@ def _corner(
     seen = _seen(rest, stretch, interval)
     lowest = options.filter_corner
     lost = float(np.sum(seen.motion))
-    if not lost > _LOST**2 * float(np.var(velocity[stretch.window])):
+    if not lost > _LOST**2 * variance_of(velocity[stretch.window]):
         return lowest
     rate = 1.0 / interval
     highest = max(_HIGHEST * rate, lowest)
@@ -228,11 +228,12 @@ def _seen(rest: FloatArray, stretch: Stretch, interval: float) -> _Spectrum:
 def _of_cycles(rest: FloatArray, stretch: Stretch) -> _Spectrum:
     """Lines at multiples of the frequency are motion, as far as they stand out of the others."""
     starts, n_cycles = stretch.cycle_starts, stretch.n_cycles
-    a_cycle = max(8, round(float(np.mean(np.diff(starts)))))
+    a_cycle = max(8, round(mean_of(np.diff(starts))))
     steps = np.arange(a_cycle) / a_cycle
     positions = (starts[:-1, None] + np.diff(starts)[:, None] * steps).ravel()
     even = np.interp(positions, np.arange(len(rest)), rest)
-    power = 2.0 * np.abs(np.fft.rfft(even) / len(even)) ** 2
+    lines = np.fft.rfft(even)
+    power = (2.0 / len(even) ** 2) * (lines.real**2 + lines.imag**2)
     frequency = np.arange(len(power)) * stretch.frequency / n_cycles
     n_orders = (len(power) - 1) // n_cycles
     # Row k: the line at k times the frequency, then those up to the next one.
@@ -338,7 +339,7 @@ def unclear_turns(drive: Drive, log: UniformLog, stretches: Sequence[Stretch]) -
 def content_beyond(displacement: FloatArray, interval: float, corner: float) -> float:
     """Return the share of the velocity's deviation that lies above a frequency."""
     velocity = np.diff(displacement) / interval
-    velocity = velocity - np.mean(velocity)
+    velocity = velocity - mean_of(velocity)
     power = np.abs(np.fft.rfft(velocity * np.hanning(len(velocity) + 2)[1:-1])) ** 2
     frequency = np.fft.rfftfreq(len(velocity), interval)
     return math.sqrt(float(np.sum(power[frequency > corner])) / max(float(np.sum(power)), 1e-300))

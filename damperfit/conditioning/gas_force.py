@@ -29,6 +29,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.compiled_core import compiled_core
+from damperfit.statistics import mean_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -118,7 +119,7 @@ def force_level(trace: Trace, gas: GasFacts, *, corner: float = math.inf) -> For
     constant, rebound, bump = _branches(x, v, f)
     ends, at = _reversals(x, v, f)
     middle, hysteresis = float(np.mean(ends)), 0.5 * abs(ends[0] - ends[1])
-    curved = float(np.mean(gas_force(gas, at))) + gas.force
+    curved = mean_of(gas_force(gas, at)) + gas.force
     distance = 0.5 * abs(constant - (middle - curved))
     return ForceLevel(
         branches=constant,
@@ -171,5 +172,5 @@ def _reversals(x: FloatArray, v: FloatArray, f: FloatArray) -> tuple[FloatArray,
     rows = []
     for channel in (f, x):
         at = channel[before] + part * (channel[before + 1] - channel[before])
-        rows.append([float(np.mean(at[is_end])) for is_end in (is_out[before], ~is_out[before])])
+        rows.append([mean_of(at[is_end]) for is_end in (is_out[before], ~is_out[before])])
     return np.array(rows[0]), np.array(rows[1])

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.compiled_core import compiled_core
+from damperfit.statistics import mean_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -41,6 +42,6 @@ def harmonic_powers(values: FloatArray, turns: float, n_powers: int) -> FloatArr
     """
     powers = np.empty(n_powers)
     samples = np.ascontiguousarray(values, np.float64)
-    mean = float(np.mean(samples))
+    mean = mean_of(samples)
     compiled_core().harmonics(samples, powers, mean, 2.0 * np.pi * turns)
     return powers

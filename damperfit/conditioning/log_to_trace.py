@@ -40,6 +40,7 @@ from damperfit.conditioning.timebase import UniformLog, make_uniform
 from damperfit.conditioning.velocity import check_velocity
 from damperfit.errors import ConditioningError, ConfigurationError
 from damperfit.recording import Drive, FilterDesign, Recording, Stretch, Trace
+from damperfit.statistics import mean_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -256,7 +257,7 @@ def _mean_temperature(
     span = log.start_time + ends * log.interval
     first, _ = np.searchsorted(recording.time, span, "left")
     _, stop = np.searchsorted(recording.time, span, "right")
-    return float(np.mean(recording.temperature[first:stop]))
+    return mean_of(recording.temperature[first:stop])
 
 
 def _notes(options: ConditionOptions) -> tuple[str, ...]:

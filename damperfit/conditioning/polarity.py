@@ -23,6 +23,7 @@ import numpy as np
 
 from damperfit.errors import ConditioningError
 from damperfit.recording import Finding
+from damperfit.statistics import mean_of
 
 if TYPE_CHECKING:
     from damperfit.conditioning.gas_force import ForceLevel
@@ -114,8 +115,8 @@ def reversed_in(recording: Recording, trace: Trace) -> list[str]:
 def _energy(trace: Trace) -> tuple[float, float]:
     """Return mean(f v) over mean(|f v|), and J per cycle."""
     power = trace.force[trace.compared] * trace.velocity[trace.compared]
-    mean = float(np.mean(power))
-    return mean / max(float(np.mean(np.abs(power))), 1e-300), mean / trace.frequency
+    mean = mean_of(power)
+    return mean / max(mean_of(np.abs(power)), 1e-300), mean / trace.frequency
 
 
 def _both_or_none(level: ForceLevel | None, free: list[str]) -> Signs:

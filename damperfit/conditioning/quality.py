@@ -32,7 +32,7 @@ from damperfit.conditioning.motion import examine_motion
 from damperfit.conditioning.repeatability import examine_repeatability
 from damperfit.conditioning.rig_filter import falls_off, looks_filtered
 from damperfit.recording import Finding
-from damperfit.statistics import percentiles
+from damperfit.statistics import mean_of, percentiles
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -164,7 +164,7 @@ def _temperature(recording: Recording, window: slice, test: NominalTest) -> Iter
             yield Finding("temperature_missing", "warning", text)
         return
     values = recording.temperature[window]
-    mean = float(np.mean(values))
+    mean = mean_of(values)
     low, high = percentiles(values, 2.0, 98.0)
     drift = float(high - low)
     text = f"{mean:.1f} degC on average"

@@ -22,6 +22,7 @@ from damperfit.compiled_core import compiled_core
 from damperfit.conditioning.cycles import clean_cycles
 from damperfit.conditioning.scatter import noise_beside_motion, noise_floor
 from damperfit.recording import Finding
+from damperfit.statistics import mean_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -78,7 +79,7 @@ def _warming(recording: Recording, trace: Trace) -> tuple[float, float] | None:
     for begin, end in (starts[:2], starts[-2:]):
         span = trace.start_time + trace.interval * np.array([begin, end])
         inside = (recording.time >= span[0]) & (recording.time <= span[1])
-        ends.append(float(np.mean(recording.temperature[inside])))
+        ends.append(mean_of(recording.temperature[inside]))
     return ends[0], ends[1]
 
 
@@ -92,7 +93,7 @@ class _Peaks(NamedTuple):
 
 def _peaks(peaks: FloatArray) -> _Peaks:
     n = len(peaks)
-    mean = float(np.mean(peaks))
+    mean = mean_of(peaks)
     degree = 2 if n >= _CURVED else 1
     deviation = float(np.std(peaks, ddof=1))
     trend = None
@@ -119,7 +120,7 @@ def _scatter(trace: Trace, warming: tuple[float, float] | None = None) -> Iterat
     tops, bottoms = _extremes(trace.force, trace)
     up, down = _peaks(tops), _peaks(bottoms)
     # A peak much smaller than the other one scatters more in per cent without being worse.
-    size = max(abs(float(np.mean(tops))), abs(float(np.mean(bottoms))))
+    size = max(abs(mean_of(tops)), abs(mean_of(bottoms)))
     worst = 100.0 * max(up.deviation, down.deviation) / size
     text = (
         f"peak force scatters by {up.scatter:.2g} % (rebound) and {down.scatter:.2g} % (bump) over "
@@ -177,7 +178,7 @@ def _noise_floor(trace: Trace, floor: float) -> Finding:
 
 def _force_drift(trace: Trace, *, is_warming: bool = False) -> Finding:
     tops, bottoms = _extremes(trace.force, trace)
-    half = 0.5 * float(np.mean(tops) - np.mean(bottoms))
+    half = 0.5 * (mean_of(tops) - mean_of(bottoms))
     drift, error = _trend(_cycle_means(trace.force, clean_cycles(trace.fastest)))
     share = 100.0 * drift / half
     text = (
@@ -227,6 +228,6 @@ def _trend(values: FloatArray) -> tuple[float, float]:
     n = len(values)
     place = np.arange(n) - 0.5 * (n - 1)
     slope = float(place @ values) / float(place @ place)
-    rest = values - np.mean(values) - slope * place
+    rest = values - mean_of(values) - slope * place
     error = math.sqrt(float(rest @ rest) / max(n - 2, 1) / float(place @ place))
     return slope * (n - 1), error * (n - 1)

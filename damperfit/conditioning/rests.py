@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.conditioning.channels import noise_of
+from damperfit.statistics import mean_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -60,7 +61,7 @@ def rests_of(displacement: FloatArray, interval: float) -> list[tuple[slice, flo
     if not len(near):
         return []
     reach = np.linspace(-1.0, 1.0, n)
-    forms = np.stack([reach, reach**2 - np.mean(reach**2)])
+    forms = np.stack([reach, reach**2 - mean_of(reach**2)])
     forms /= np.linalg.norm(forms, axis=1)[:, None]
     slopes = np.abs(displacement[near[:, None] + np.arange(n)] @ forms.T)
     flat = near[(slopes <= _CLEAR * noise).all(axis=1)].tolist()
@@ -68,7 +69,7 @@ def rests_of(displacement: FloatArray, interval: float) -> list[tuple[slice, flo
     found = []
     for begin, end in _joined(displacement, still, n, noise):
         rest = _widened(displacement, begin, end, noise, hop)
-        level = float(np.mean(displacement[rest]))
+        level = mean_of(displacement[rest])
         if _is_level(displacement[rest], noise) and _is_left(displacement, rest, level, noise):
             found.append((rest, level))
     return found
@@ -110,7 +111,7 @@ def _is_left(x: FloatArray, part: slice, level: float, noise: float) -> bool:
 
 def _joined(x: FloatArray, starts: list[int], n: int, noise: float) -> Iterator[tuple[int, int]]:
     """Yield the parts that looks at one level make; noise alone refuses one in 200 between."""
-    levels = [float(np.mean(x[start : start + n])) for start in starts]
+    levels = [mean_of(x[start : start + n]) for start in starts]
     breaks = [
         k
         for k in range(1, len(starts))
@@ -123,7 +124,7 @@ def _joined(x: FloatArray, starts: list[int], n: int, noise: float) -> Iterator[
 
 def _widened(x: FloatArray, begin: int, end: int, noise: float, hop: int) -> slice:
     """Return a part with the samples beside it that lie at its level too."""
-    level = float(np.mean(x[begin:end]))
+    level = mean_of(x[begin:end])
     before = np.abs(x[max(begin - hop, 0) : begin][::-1] - level) > _CLEAR * noise
     behind = np.abs(x[end : end + hop] - level) > _CLEAR * noise
     return slice(begin - _before_two(before), end + _before_two(behind))

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.statistics import median
+from damperfit.statistics import mean_of, median
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -104,7 +104,7 @@ def _more_below(signal: FloatArray, interval: float) -> float:
     )
     if min(len(lower), len(upper)) < _FEWEST_OF_NOISE:
         return 0.0
-    spectrum = np.fft.rfft((signal - np.mean(signal)) * _window(len(signal)))
+    spectrum = np.fft.rfft((signal - mean_of(signal)) * _window(len(signal)))
     level = median(np.abs(spectrum[upper]) ** 2)
     return median(np.abs(spectrum[lower]) ** 2) / level if level > 0.0 else 0.0
 
@@ -118,7 +118,7 @@ def _fall(signal: FloatArray, interval: float, motion: float) -> float:
     far = _lines(max(_LEAST_FAR, _FAR[0] / interval), _FAR[1] / interval, length, len(signal))
     if min(len(near), len(far)) < _FEWEST_LINES:
         return 0.0
-    spectrum = np.fft.rfft((signal - np.mean(signal)) * _window(len(signal)))
+    spectrum = np.fft.rfft((signal - mean_of(signal)) * _window(len(signal)))
     level = median(np.abs(spectrum[far]) ** 2)
     return median(np.abs(spectrum[near]) ** 2) / level if level > 0.0 else 0.0
 

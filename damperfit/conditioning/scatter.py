@@ -27,6 +27,7 @@ from damperfit.conditioning.channels import noise_of
 from damperfit.conditioning.cycles import clean_cycles
 from damperfit.conditioning.filters import apply_filter, settling_samples
 from damperfit.recording import FilterDesign
+from damperfit.statistics import mean_of, variance_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -46,7 +47,7 @@ def noise_floor(trace: Trace) -> float:
 
     NaN where a stretch has but a single cycle, and where the force does not vary.
     """
-    variance = float(np.var(trace.force[trace.compared]))
+    variance = variance_of(trace.force[trace.compared])
     if not variance > 0.0:
         return math.nan
     noise = sum(one.n_samples * _known(trace, one) for one in trace.stretches)
@@ -106,7 +107,7 @@ def scatter_between_cycles(trace: Trace, stretch: Stretch) -> float:
     if stretch.n_cycles < 2:
         return math.nan
     starts = stretch.cycle_starts
-    n_phases = max(8, round(float(np.mean(np.diff(starts)))))
+    n_phases = max(8, round(mean_of(np.diff(starts))))
     phases = np.arange(n_phases) / n_phases
     ahead, behind = stretch.smeared
     phases = phases[(phases * n_phases >= ahead) & ((1.0 - phases) * n_phases > behind)]
@@ -129,7 +130,7 @@ def noise_beside_motion(trace: Trace) -> float:
     floor = noise_floor(trace)
     if len(starts) < 3 or math.isnan(floor):
         return math.nan
-    n_phases = max(8, round(float(np.mean(np.diff(starts)))))
+    n_phases = max(8, round(mean_of(np.diff(starts))))
     products = _beside(trace, starts, n_phases)
     size = np.maximum(np.sqrt(np.diag(products)), 1e-300)
     alike = products / size / size[:, np.newaxis]

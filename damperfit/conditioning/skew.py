@@ -32,6 +32,7 @@ import numpy as np
 
 from damperfit.compiled_core import compiled_core
 from damperfit.conditioning.timebase import UniformLog
+from damperfit.statistics import mean_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -211,9 +212,7 @@ def stands_still(log: UniformLog, ends: FloatArray) -> bool:
     at = np.rint((ends - log.start_time) / log.interval).astype(np.int64)
     at = at[(at >= far) & (at + far < len(log.displacement))]
     x = log.displacement
-    half, whole = (
-        float(np.mean(np.abs(x[at] - 0.5 * (x[at - n] + x[at + n])))) for n in (far // 2, far)
-    )
+    half, whole = (mean_of(np.abs(x[at] - 0.5 * (x[at - n] + x[at + n]))) for n in (far // 2, far))
     # Of five samples half are two: a sine has 0.16 of it there, where it has 0.25 of four.
     return half < _STANDS * (2 * (far // 2) / far) ** 2 * whole
 
@@ -224,8 +223,8 @@ def _straight(at: FloatArray, trace: Trace) -> FloatArray:
     cycle = np.rint((at - at[0]) * trace.frequency)
     if np.ptp(cycle) == 0.0:  # a dwell crosses the end of one cycle several times
         return at
-    off = cycle - np.mean(cycle)
-    return np.asarray(np.mean(at) + (float(off @ (at - at[0])) / float(off @ off)) * off)
+    off = cycle - mean_of(cycle)
+    return np.asarray(mean_of(at) + (float(off @ (at - at[0])) / float(off @ off)) * off)
 
 
 def _beside(log: UniformLog, ends: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -19,7 +19,7 @@ import numpy as np
 
 from damperfit.errors import ConditioningError
 from damperfit.recording import Finding
-from damperfit.statistics import median
+from damperfit.statistics import mean_of, median
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -87,7 +87,7 @@ def _resampled(recording: Recording, elapsed: FloatArray, rounding: float) -> Un
     steps = np.diff(elapsed)
     typical = median(steps)
     # Rounded stamps make the median step up to half a rounding wrong: take the mean of its likes.
-    typical = float(np.mean(steps[np.abs(steps - typical) <= 1.01 * rounding + 0.3 * typical]))
+    typical = mean_of(steps[np.abs(steps - typical) <= 1.01 * rounding + 0.3 * typical])
     counts = np.maximum(np.rint(steps / typical), 1.0)
     _refuse_gap(recording, steps, counts, typical)
     index = np.concatenate([[0.0], np.cumsum(counts)])

@@ -9,6 +9,7 @@ import numpy as np
 
 from damperfit.conditioning import apply_filter
 from damperfit.simulation import Response, SolverOptions, motion_of, simulate
+from damperfit.statistics import mean_of, variance_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -85,4 +86,5 @@ def normalised_mse(measured: FloatArray, simulated: FloatArray) -> float:
     100.0
     """
     misfit = measured - simulated
-    return float(100.0 * np.mean(misfit * misfit) / np.var(measured))
+    # In NumPy's numbers: of a force that does not vary it is infinite.
+    return float(np.float64(100.0 * mean_of(misfit * misfit)) / variance_of(measured))

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.damper.quantity import STIFFNESS
-from damperfit.statistics import median
+from damperfit.statistics import mean_of, median
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -59,9 +59,9 @@ def holds_one_speed(traces: Sequence[Trace]) -> bool:
     speed = np.abs(np.concatenate([trace.drive.velocity[trace.compared] for trace in traces]))
     # No band is wide enough for the slow and the fast samples. Where one speed would leave fewer
     # outside than either are, as under a sine, the answer needs no median, which takes far longer.
-    mean = float(np.mean(speed))
+    mean = mean_of(speed)
     parts = speed < mean * ((1.0 - _NEAR) / (1.0 + _NEAR)) ** 2, speed > mean
     if min(map(np.count_nonzero, parts)) > (1.0 - _SHARE) * len(speed) + 1.0:
         return False
     usual = median(speed)
-    return float(np.mean(np.abs(speed - usual) <= _NEAR * usual)) > _SHARE
+    return mean_of(np.abs(speed - usual) <= _NEAR * usual) > _SHARE

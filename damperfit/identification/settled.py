@@ -28,6 +28,7 @@ from damperfit.compiled_core import compiled_core
 from damperfit.identification.model_versus_log import SETTLING
 from damperfit.identification.weights import weights
 from damperfit.simulation import Motion
+from damperfit.statistics import mean_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -293,7 +294,7 @@ def _crossed(velocity: FloatArray) -> float:
     """Half of what the velocity changes by in a sample at its reversals, on average, m/s."""
     after = np.roll(velocity, -1)
     reverses = np.signbit(velocity) != np.signbit(after)
-    return 0.5 * float(np.mean(np.abs((after - velocity)[reverses])))
+    return 0.5 * mean_of(np.abs((after - velocity)[reverses]))
 
 
 def _samples(trace: Trace, period: float) -> int:

@@ -20,6 +20,7 @@ from damperfit.conditioning.measured_characteristics import (
     mean_extremes,
 )
 from damperfit.simulation import NAMED_SPEEDS
+from damperfit.statistics import mean_of
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Sequence
@@ -85,7 +86,7 @@ def _stretch_rows(
     gas = damper.rest_force(trace.displacement[part])
     level = {}
     if gas is not None:
-        level = {"mean_gas_force_N": float(np.mean(gas))}
+        level = {"mean_gas_force_N": mean_of(gas)}
         forces = {
             (whose, suffix): force if not suffix else force - gas
             for (whose, _), force in forces.items()

@@ -44,6 +44,7 @@ __all__ = [
     "write_table",
 ]
 
+
 def write_responses(
     path: Path,
     campaign: Campaign,

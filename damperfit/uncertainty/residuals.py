@@ -14,7 +14,7 @@ import numpy as np
 
 from damperfit.identification.setting import EXCELLENT
 from damperfit.identification.sharing import listed_settings
-from damperfit.statistics import median
+from damperfit.statistics import median, variance_of
 from damperfit.uncertainty.flaws import Hint, seek_flaws
 from damperfit.uncertainty.repeating import (
     cycle_correlation,
@@ -133,7 +133,7 @@ def diagnose(linearised: Linearisation, *, doubted: tuple[str, ...] = ()) -> Dia
     parts = tuple(residuals_by_stretch(linearised))
     repeats, noise, is_more = split_power(parts)
     forces = [log.trace.force[log.trace.compared] for log in fit.logs]
-    variance = float(np.var(forces[0] if len(forces) == 1 else np.concatenate(forces)))
+    variance = variance_of(forces[0] if len(forces) == 1 else np.concatenate(forces))
     is_structured = bool(repeats > _NEGLIGIBLE * variance and is_more())
     shares = [
         held_shares(log.trace, np.stack([measured, seen.force]))

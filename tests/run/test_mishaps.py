@@ -189,7 +189,10 @@ JUDGING = {
     "diagnosing": ("damperfit.uncertainty.assessment.diagnose", _is_two),
     "intervals": ("damperfit.uncertainty.intervals._of_setting", _is_two),
     "profiles in doubt": ("damperfit.uncertainty.assessment.doubtful_profiles", _is_two),
-    "forces": ("damperfit.adjustment.forces._levels_of", lambda stage, *_, **__: stage.setting == 2),
+    "forces": (
+        "damperfit.adjustment.forces._levels_of",
+        lambda stage, *_, **__: stage.setting == 2,
+    ),
 }
 
 
