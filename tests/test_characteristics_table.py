@@ -10,6 +10,8 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from damperfit.conditioning import measured_characteristics
+from damperfit.conditioning.measured_characteristics import with_figures
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.tables import characteristic_rows, lay_out, write_table
 from tests.fakes import trace
@@ -49,6 +51,17 @@ def test_peaks_and_named_speeds_of_a_viscous_damper_are_known() -> None:
     assert at.get("measured_energy_J") is None
     assert {row["mean_gas_force_N"] for row in (peak, *named)} == {GAS}
     assert {row["temperature_degC"] for row in (peak, *named)} == {26.0}
+
+
+def test_what_conditioning_has_read_off_the_measured_force_is_not_read_again(monkeypatch) -> None:
+    log = with_figures(trace(7))
+    expected = rows_of(trace(7))
+    monkeypatch.setattr(measured_characteristics, "figures_of", None)
+    assert rows_of(log) == expected
+    # Of other cycles than were looked at they are not those.
+    shorter = replace(log.stretches[0], cycle_starts=log.stretches[0].cycle_starts - [0.0, 20.0])
+    with pytest.raises(TypeError):
+        rows_of(replace(log, stretches=(shorter,)))
 
 
 def test_hysteresis_is_opening_less_closing_force_in_both_strokes() -> None:

@@ -12,9 +12,11 @@ from damperfit.statistics import (
     chi_squared_quantile,
     fisher_chance,
     fisher_quantile,
+    mean_of,
     median,
     percentiles,
     student_quantile,
+    variance_of,
 )
 
 SHARES = (0.5, 0.6, 0.9, 0.95, 0.975, 0.999, 1.0 - 1e-6, 1.0 - 1e-9)
@@ -75,3 +77,13 @@ def test_medians_and_percentiles_are_those_of_numpy_to_the_last_bit(n):
 
 def test_nothing_has_no_middle():
     assert math.isnan(median([]))
+
+
+@pytest.mark.parametrize("shape", [(1,), (7,), (8190,), (15, 667)])
+def test_means_and_variances_have_the_bits_of_numpy(shape):
+    values = np.random.default_rng(2).standard_normal(shape) + 3.0
+    assert mean_of(values) == np.mean(values)
+    assert variance_of(values) == np.var(values)
+    assert mean_of(values > 3.0) == np.mean(values > 3.0)
+    assert mean_of(values[..., ::2]) == np.mean(values[..., ::2])
+    assert math.isnan(mean_of(values[:0]))

@@ -150,12 +150,15 @@ def apply_filter(design: FilterDesign, signal: FloatArray, axis: int = -1) -> Fl
     if not len(design.sections):
         return np.array(signal, dtype=np.float64)
     run = _forward_backward if design.is_zero_phase else _one_pass
-    moved = np.moveaxis(np.asarray(signal, dtype=np.float64), axis, -1)
+    moved = np.asarray(signal, dtype=np.float64)
+    if axis != -1:
+        moved = np.moveaxis(moved, axis, -1)
     if design.bridged:
         at = np.array(design.bridged)
         moved = moved.copy()
         moved[..., at] = 0.5 * (moved[..., at - 1] + moved[..., at + 1])
-    return np.moveaxis(run(design.sections, moved), -1, axis)
+    passed = run(design.sections, moved)
+    return passed if axis == -1 else np.moveaxis(passed, -1, axis)
 
 
 def complete_causal(design: FilterDesign, signal: FloatArray) -> FloatArray:

@@ -185,12 +185,19 @@ def inverse_information(jacobian: FloatArray) -> FloatArray:
     """
     lengths = np.sqrt(np.sum(jacobian * jacobian, axis=0))
     is_seen = lengths > NO_LENGTH
+    if is_seen.all():
+        return _inverted(jacobian, lengths)
     found = np.zeros((len(lengths), len(lengths)))
     found[~is_seen, ~is_seen] = math.inf
-    scaled = jacobian[:, is_seen] / lengths[is_seen]
+    found[np.ix_(is_seen, is_seen)] = _inverted(jacobian[:, is_seen], lengths[is_seen])
+    return found
+
+
+def _inverted(jacobian: FloatArray, lengths: FloatArray) -> FloatArray:
+    """The same of columns that all have a length."""
+    scaled = jacobian / lengths
     if len(scaled) > scaled.shape[1]:
         scaled = np.linalg.qr(scaled, mode="r")
     _, values, directions = np.linalg.svd(scaled)
-    roots = directions.T / np.maximum(values, _LAST_DIGIT) / lengths[is_seen, None]
-    found[np.ix_(is_seen, is_seen)] = roots @ roots.T
-    return found
+    roots = directions.T / np.maximum(values, _LAST_DIGIT) / lengths[:, None]
+    return np.asarray(roots @ roots.T)

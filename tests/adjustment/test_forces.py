@@ -44,6 +44,18 @@ def force_at(parameters, speed):
     return {"rebound": found.rebound, "bump": found.bump}
 
 
+def test_errors_of_many_forces_are_those_of_each_alone() -> None:
+    one = stage(10, covariance(3))
+    slopes = np.random.default_rng(4).standard_normal((5, 6))
+    parts = forces.errors_parted(one)
+    rests, carried = forces.split(one, parts, slopes)
+    for k, g in enumerate(slopes.T):
+        own, shared = g[:3], g[3:]
+        assert rests[k] ** 2 == pytest.approx(own @ parts.rest @ own)
+        assert carried[k] == pytest.approx((shared + own @ parts.follow) @ parts.root)
+        assert rests[k] ** 2 + carried[k] @ carried[k] == pytest.approx(g @ one.covariance @ g)
+
+
 def test_forces_are_those_of_the_characteristics() -> None:
     found = levels([stage(10)], PURDY_DAMPER, SINE, speeds=(0.1, 0.26), solver=TIGHT)
     assert [(level.speed, level.stroke) for level in found] == [

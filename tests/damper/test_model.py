@@ -13,16 +13,35 @@ from typing import Any
 import pytest
 
 from damperfit.damper.model import Values, values_type
+from damperfit.damper.network import Network
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.damper.quantity import Quantity
 from damperfit.errors import ConfigurationError
+from damperfit.simulation import simulate, sine_motion
 
 QUANTITIES = (
     Quantity("c", "c", "damping", "viscous damping", "N s/m", (1.0, 1e6)),
     Quantity("f_f", "f_f", "friction", "Coulomb friction", "N", (1e-3, 1e4)),
 )
 MADE = values_type(QUANTITIES)(1.5e3, 20.0)
+
+
+@pytest.mark.parametrize("values", [MADE, reference_parameters(3)], ids=["made", "paper"])
+def test_names_are_made_once_for_all_values(values: Values) -> None:
+    """A fit asks for them at every step."""
+    other = values.replace({"f_f": 3.0})
+    assert other.names is values.names
+    assert [values.quantity(name) for name in values.names] == list(values.quantities)
+    assert other.quantity("f_f") is values.quantity("f_f")
+
+
+def test_a_simulation_lists_no_names_of_its_network(monkeypatch: pytest.MonkeyPatch) -> None:
+    motion = sine_motion(0.032, 1.5, cycles=1, sample_rate=100.0)
+    first = simulate(reference_parameters(3), PURDY_DAMPER, motion)  # loads the integrator
+    monkeypatch.setattr(Network, "numbers", property(lambda _: pytest.fail("asked again")))
+    again = simulate(reference_parameters(3), PURDY_DAMPER, motion)
+    assert again.force.tolist() == first.force.tolist()
 
 
 @pytest.mark.parametrize("values", [MADE, reference_parameters(3)], ids=["made", "paper"])

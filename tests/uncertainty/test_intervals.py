@@ -83,6 +83,26 @@ def test_the_correlation_length_is_found_and_a_repeating_misfit_is_cut_off() -> 
     assert correlation_length(cycle, longest=125) == 125
 
 
+def first_quiet_lag(residuals: np.ndarray, longest: int) -> int:
+    """Lag by lag: quiet for as long as the correlation itself lasted, and for five at least."""
+    rho = autocorrelation(residuals, longest)
+    run = 0
+    for lag in range(1, longest + 1):
+        bar = 2.5 * np.sqrt((2.0 * np.sum(rho[:lag] ** 2) - 1.0) / len(residuals))
+        run = run + 1 if abs(rho[lag]) < bar else 0
+        if run >= max(5, lag - run):
+            return lag - run
+    return longest
+
+
+@pytest.mark.parametrize("span", [1, 2, 6, 11, 30])
+def test_the_correlation_length_is_that_of_a_look_lag_by_lag(span: int) -> None:
+    rng = np.random.default_rng(13)
+    for n in range(200, 230):
+        residuals = smooth_noise(rng, n, span)
+        assert correlation_length(residuals, longest=40) == first_quiet_lag(residuals, 40)
+
+
 @pytest.mark.parametrize("span", [1, 12])
 def test_the_variance_of_a_sum_is_not_biased(span: int) -> None:
     # The sum of n moving means of unit noise has the variance n span^2, but for its ends.

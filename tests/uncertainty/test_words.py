@@ -516,3 +516,18 @@ def test_the_frictions_that_are_farthest_apart_are_named() -> None:
         "not to its clicks: a preloaded valve may be taken for friction; fit the settings "
         "together: --procedure joint"
     )
+
+
+def test_the_correlation_of_a_setting_is_found_once_for_all_its_verdicts(monkeypatch) -> None:
+    found = []
+    correlation = Uncertainty.correlation.fget
+
+    def counted(own: Uncertainty) -> np.ndarray:
+        found.append(own)
+        return correlation(own)
+
+    monkeypatch.setattr(Uncertainty, "correlation", property(counted))
+    one = fakes.fit(1)
+    said = verdicts(one, known(tie=0.99), Sharing(), {})
+    assert "correlated with" in "".join(said.values())
+    assert len(found) == 1
