@@ -655,9 +655,11 @@ SURFACE = {
         "chi_squared_quantile",
         "fisher_chance",
         "fisher_quantile",
+        "mean_of",
         "median",
         "percentiles",
         "student_quantile",
+        "variance_of",
     ],
     "damperfit.units.shown_units": ["SI", "ShownUnits", "parse_units"],
     "damperfit.units.quantities": [

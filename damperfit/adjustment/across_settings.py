@@ -14,7 +14,7 @@ from damperfit.adjustment.forces import (
     sine_of,
 )
 from damperfit.adjustment.level import Level, offset_sentence
-from damperfit.adjustment.measured import beside_measured, credible_forces
+from damperfit.adjustment.measured import credible_forces
 from damperfit.adjustment.stage import stage_of
 from damperfit.adjustment.trends import Trend, find_trends
 from damperfit.simulation import SolverOptions
@@ -98,12 +98,11 @@ def compare_settings(
         speeds=named_speeds(sine),
         solver=solver,
         jobs=jobs,
-        is_whole=True,  # beside what the rig measured
+        measured=assessment.forces,
         on_error=on_error,
     ) as coming:
         trends = find_trends(campaign.fits, known)
         found = coming()
-    found = beside_measured(found, assessment.forces, sine)
     return Adjustment(
         trends=trends,
         sine=sine,

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.adjustment.level import STROKES, Level
+from damperfit.adjustment.measured import measured_at
 from damperfit.adjustment.stage import errors_parted, split
 from damperfit.damper.model import Model
 from damperfit.errors import SimulationError, sparing
@@ -34,7 +35,7 @@ from damperfit.statistics import NORMAL_95
 from damperfit.tested.setting import ADJUSTER, lines_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
     from damperfit.errors import OnError
     from damperfit.recording import Trace
     from damperfit.tested.setting import Setting
+    from damperfit.uncertainty import SpeedForces
 
     FloatArray = NDArray[np.float64]
 
@@ -203,12 +205,12 @@ def levels_coming(  # noqa: PLR0913 - as `levels`
     speeds: Sequence[float],
     solver: SolverOptions = SolverOptions(),
     jobs: int = 1,
-    is_whole: bool = False,
+    measured: Sequence[SpeedForces] | None = None,
     on_error: OnError | None = None,
 ) -> Iterator[Callable[[], tuple[Level, ...]]]:
     """Let copies begin on what `levels` takes, and yield what gives its result.
 
-    With ``is_whole`` the offset of each setting is in its forces.
+    Beside forces as ``measured`` the offset of each setting is in them, as the rig's is.
     """
     lead = max(_LEAD, _SETTLING * sine.frequency)
     solver = replace(solver, settling=lead / sine.frequency)
@@ -220,6 +222,7 @@ def levels_coming(  # noqa: PLR0913 - as `levels`
     )
 
     take = None if on_error is None else told_here(on_error)
+    by_stroke = None if measured is None else {(one.setting, one.stroke): one for one in measured}
 
     def one(stage: Stage) -> list[Level]:
         with sparing(stage.setting, take), suppress(SimulationError):
@@ -230,7 +233,7 @@ def levels_coming(  # noqa: PLR0913 - as `levels`
                 sensitivities=(*stage.own, *stage.shared),
                 options=solver,
             )
-            return _levels_of(stage, damper, response, sine.frequency, speeds, is_whole=is_whole)
+            return _levels_of(stage, damper, response, sine, speeds, by_stroke)
         return []
 
     with meanwhile(one, stages, jobs=jobs) as coming:
@@ -246,16 +249,16 @@ def _levels_of(
     stage: Stage,
     damper: Model,
     response: Response,
-    frequency: float,
+    sine: Sine,
     speeds: Sequence[float],
-    *,
-    is_whole: bool,
+    measured: Mapping[tuple[Setting, str], SpeedForces] | None = None,
 ) -> list[Level]:
     holds_gas = damper.rest_force(0.0) is None  # the offset holds the gas force
-    is_whole = is_whole or holds_gas
+    is_whole = measured is not None or holds_gas
+    of_strokes = [(measured or {}).get((stage.setting, stroke)) for stroke in STROKES]
     names = (*stage.own, *stage.shared)
     signals = np.stack([response.force, *(response.sensitivities[name] for name in names)])
-    values = signals_at_speeds(response, frequency, signals, speeds=speeds)
+    values = signals_at_speeds(response, sine.frequency, signals, speeds=speeds)
     # u = ln y, but for linear quantities, which are in their unit.
     values_of = stage.parameters
     scales = [getattr(values_of, n) if values_of.quantity(n).is_logarithmic else 1.0 for n in names]
@@ -269,7 +272,7 @@ def _levels_of(
     errors = whole_errors if is_whole else _sizes(rests, carried).tolist()
     forces = values[0].ravel() if is_whole else values[0].ravel() - offset
     is_cavitating = bool(response.pressures[:, -_SAMPLES_PER_CYCLE:].min() <= 0.0)
-    at = itertools.product(speeds, STROKES)
+    at = itertools.product(speeds, zip(STROKES, of_strokes, strict=True))
     each = zip(at, forces.tolist(), errors, rests.tolist(), carried, whole_errors, strict=True)
     return [
         Level(
@@ -286,8 +289,9 @@ def _levels_of(
             whole_error=whole_error,
             is_whole=is_whole,
             holds_gas=holds_gas,
+            **({} if known is None else measured_at(known, speed, sine)),
         )
-        for (speed, stroke), force, error, rest, of_shared, whole_error in each
+        for (speed, (stroke, known)), force, error, rest, of_shared, whole_error in each
     ]
 
 

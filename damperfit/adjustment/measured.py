@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from damperfit.adjustment.level import Level
     from damperfit.uncertainty import SpeedForces
 
-__all__ = ["beside_measured", "credible_forces"]
+__all__ = ["beside_measured", "credible_forces", "measured_at"]
 
 
 def beside_measured(
@@ -38,24 +38,44 @@ def beside_measured(
 
 
 def _beside(level: Level, known: SpeedForces | None, sine: Sine) -> Level:
-    if known is None or not known.speeds:
-        return level
+    tare = 0.0 if level.is_whole else level.tare
+    found = {} if known is None else measured_at(known, level.speed, sine, tare=tare)
+    return replace(level, **found) if found else level
+
+
+def measured_at(
+    known: SpeedForces, speed: float, sine: Sine, *, tare: float = 0.0
+) -> dict[str, float]:
+    """Return what of a `Level` is known as measured, or by the misfit of another motion.
+
+    Parameters
+    ----------
+    known : SpeedForces
+        Of the level's setting and stroke.
+    speed : float
+        m/s.
+    sine : Sine
+        The motion of the level.
+    tare : float
+        What the rig's offset puts into the measured force and the level's has not, N.
+    """
+    if not known.speeds:
+        return {}
     if not known.is_at(sine.amplitude, sine.frequency):
-        nearest = min(max(level.speed, known.speeds[0]), known.speeds[-1])
+        nearest = min(max(speed, known.speeds[0]), known.speeds[-1])
         seen = known.at(nearest)
-        return level if seen is None else replace(level, misfit=seen[3])
-    seen = known.at(level.speed)
+        return {} if seen is None else {"misfit": seen[3]}
+    seen = known.at(speed)
     if seen is None:
-        return level
+        return {}
     measured, error, difference, misfit = seen
-    return replace(
-        level,
-        misfit=misfit,
-        measured=measured if level.is_whole else measured - level.tare,
-        measured_error=error,
-        difference=difference,
-        half_range=known.half_range,
-    )
+    return {
+        "misfit": misfit,
+        "measured": measured - tare,
+        "measured_error": error,
+        "difference": difference,
+        "half_range": known.half_range,
+    }
 
 
 def credible_forces(levels: Sequence[Level]) -> tuple[Level, ...]:
