@@ -7,7 +7,7 @@ force is known as measured: a model that misses it by more than it may is not th
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -39,13 +39,15 @@ def beside_measured(
 
 def _beside(level: Level, known: SpeedForces | None, sine: Sine) -> Level:
     tare = 0.0 if level.is_whole else level.tare
-    found = {} if known is None else measured_at(known, level.speed, sine, tare=tare)
+    found: dict[str, Any] = (
+        {} if known is None else measured_at(known, level.speed, sine, tare=tare)
+    )
     return replace(level, **found) if found else level
 
 
 def measured_at(
     known: SpeedForces, speed: float, sine: Sine, *, tare: float = 0.0
-) -> dict[str, float]:
+) -> dict[str, Any]:
     """Return what of a `Level` is known as measured, or by the misfit of another motion.
 
     Parameters

@@ -197,7 +197,7 @@ def _inverted(jacobian: FloatArray, lengths: FloatArray) -> FloatArray:
     """The same of columns that all have a length."""
     scaled = jacobian / lengths
     if len(scaled) > scaled.shape[1]:
-        scaled = np.linalg.qr(scaled, mode="r")
+        scaled = np.asarray(np.linalg.qr(scaled, mode="r"))
     _, values, directions = np.linalg.svd(scaled)
     roots = directions.T / np.maximum(values, _LAST_DIGIT) / lengths[:, None]
     return np.asarray(roots @ roots.T)
