@@ -72,11 +72,6 @@ def test_they_end_where_each_would_from_its_closed_form(
             assert abs(value / other - 1.0) < 0.01 * twin.errors[name], (setting, name)
 
 
-def test_they_keep_no_simulations(fits: dict[Setting, Judged]) -> None:
-    """Of many logs they would fill the memory, and another descent follows."""
-    assert [fit.solution.seen for fit in fits.values()] == [()] * len(SETTINGS)
-
-
 def test_those_between_need_fewer_simulations(
     fits: dict[Setting, Judged], one_by_one: dict[Setting, Judged]
 ) -> None:
