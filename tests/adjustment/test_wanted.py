@@ -16,7 +16,7 @@ from tests.adjustment import gap_coverage
 def forces_by_click(forces, *, settings=None, error=0.5, stroke="rebound"):
     settings = settings or range(1, len(forces) + 1)
     return [
-        Level(setting, 0.2, stroke, float(force), error, error, np.zeros(0))
+        Level(setting, 0.2, stroke, float(force), error, error, np.zeros(0), is_cavitating=False)
         for setting, force in zip(settings, forces, strict=True)
     ]
 
