@@ -395,6 +395,23 @@ def test_a_check_can_be_left_out_of_a_list() -> None:
         expand_checks(["purdy2000", "-no_cavitatoin"])
 
 
+@pytest.mark.parametrize(
+    ("margins", "more"),
+    [
+        ((0.30, 0.16), "; R_m3 may rise by 16 % at setting 2, elsewhere by more"),
+        ((0.30, math.nan), "; R_m3 may rise by 30 % at setting 1, elsewhere by more"),
+        ((math.nan, math.nan), ""),
+    ],
+)
+def test_how_far_all_are_from_cavitation_is_told_where_it_is_known(margins, more) -> None:
+    full = [
+        replace(one, cavitation=replace(one.cavitation, fraction=0.0, r_m3_margin=margin))
+        for one, margin in zip((fit(1), fit(2)), margins, strict=True)
+    ]
+    (check,) = (one for one in run_checks(subject(*full)) if one.name == "no_cavitation")
+    assert (check.passed, check.reason) == (True, f"no chamber reaches zero pressure{more}")
+
+
 def test_a_list_goes_without_what_the_test_declares_pointless() -> None:
     pointless = ("temperature_in_window",)
     assert expand_checks(["purdy2000"], pointless=pointless) == CHECK_LISTS["purdy2000"][:-1]

@@ -390,8 +390,8 @@ def test_a_model_may_miss_a_force_by_share_range_and_noise(
     measured, half_range, error, difference, disagrees
 ) -> None:
     level = Level(
-        1, 0.1, "rebound", 0.0, 0.0, 0.0, np.zeros(1), measured=measured, measured_error=error,
-        difference=difference, half_range=half_range,
+        1, 0.1, "rebound", 0.0, 0.0, 0.0, np.zeros(1), is_cavitating=False, measured=measured,
+        measured_error=error, difference=difference, half_range=half_range,
     )  # fmt: skip
     assert level.disagrees is disagrees
 

@@ -20,7 +20,14 @@ LAW = {
     "is_chosen": True,
     "reason": "because",
 }
-RIVAL = {"title": "Kwok", "source": "2006", "free": ["a"], "mse_percent": 2.0, "caveat": "later"}
+RIVAL = {
+    "title": "Kwok",
+    "source": "Kwok 2006",
+    "free": ["a"],
+    "mse_percent": 2.0,
+    "held_out_mse_percent": 3.0,
+    "caveat": "later",
+}
 TOLD = {
     "chosen": "the paper's model",
     "effective_samples": 60.0,
@@ -52,6 +59,8 @@ def test_models_of_the_literature_tell_once_what_is_not_original() -> None:
     sheet = rival_sheet(TOLD)
     assert [row[0] for row in sheet.rows] == ["Kwok", "Wen"]
     assert sheet.notes == ("Kwok, Wen: later",)
+    # Numbers stand below one another; words begin at the left.
+    assert sheet.is_number == tuple(cell[0].isdigit() for cell in sheet.rows[0])
 
 
 def test_sentences_say_what_is_seen_and_what_is_open() -> None:

@@ -500,6 +500,15 @@ def _k_e_of_two(trends, *, n=2):
     return next(plot for plot in plots if plot.name == "parameter_k_e")
 
 
+@pytest.mark.parametrize(("sentence", "end"), [("It rises.", " It rises."), ("", "table.")])
+def test_a_caption_ends_with_what_is_known_of_the_trend(sentence, end):
+    """A results folder of somebody else may not tell it."""
+    rows = rows_of(*(fit(k) for k in (1, 2, 3)))
+    trend = replace(_along("adjuster", "", {1: 6e8, 2: 7e8, 3: 8e8}), sentence=sentence)
+    plots = parameter_plots(rows, setting_colours(row["setting"] for row in rows), (trend,))
+    assert {plot.name: plot for plot in plots}["parameter_k_e"].caption.endswith(end)
+
+
 def test_trends_run_along_each_adjuster_with_the_others_held():
     plot = _k_e_of_two(
         (

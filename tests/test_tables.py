@@ -320,7 +320,8 @@ def test_a_table_that_is_none_is_refused_in_a_sentence(
 
 def test_a_change_of_force_stands_in_the_row_of_the_harder_setting_number_by_number() -> None:
     first, second = (
-        Level(setting, 0.3, "bump", -100.0 * setting, 2.0, 2.0, np.zeros(0)) for setting in (1, 2)
+        Level(setting, 0.3, "bump", -100.0 * setting, 2.0, 2.0, np.zeros(0), is_cavitating=False)
+        for setting in (1, 2)
     )
     click = Click(1, 2, 0.3, "bump", -100.0, -105.5, -94.5, 90.0, 84.0, 96.0)
     told = Adjustment(levels=(first, second), clicks=(click,))

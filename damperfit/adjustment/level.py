@@ -78,7 +78,7 @@ class Level:
     error: float
     rest: float
     carried: FloatArray
-    is_cavitating: bool = False
+    is_cavitating: bool
     misfit: float = 0.0
     measured: float = math.nan
     measured_error: float = math.nan

@@ -109,26 +109,23 @@ def print_renderable(renderable: RenderableType) -> None:
             return
     from rich.console import Console
 
-    width = None if is_screen else _PIPE_WIDTH
-    console = Console(file=sys.stdout, width=width, highlight=False, markup=False, emoji=False)
-    if is_screen:
-        console.print(renderable)
-        _record_plain(renderable)
+    if not is_screen:
+        print_lines(_plain(renderable))
         return
-    with console.capture() as held:
-        console.print(renderable)
-    print_lines(line.rstrip() for line in held.get().splitlines())
+    Console(file=sys.stdout, highlight=False, markup=False, emoji=False).print(renderable)
+    record(logging.INFO, "\n".join(_plain(renderable)))
 
 
-def _record_plain(renderable: RenderableType) -> None:
-    """Keep in the log file what a terminal shows in colour."""
+def _plain(renderable: RenderableType) -> list[str]:
+    """Return the lines of a table or a text, plain also where FORCE_COLOR is set."""
     from rich.console import Console
 
     text = StringIO()
-    Console(file=text, width=_PIPE_WIDTH, highlight=False, markup=False, emoji=False).print(
-        renderable
+    console = Console(
+        file=text, width=_PIPE_WIDTH, highlight=False, markup=False, emoji=False, color_system=None
     )
-    record(logging.INFO, "\n".join(line.rstrip() for line in text.getvalue().splitlines()))
+    console.print(renderable)
+    return [line.rstrip() for line in text.getvalue().splitlines()]
 
 
 def screen_columns() -> int:

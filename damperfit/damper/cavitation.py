@@ -111,9 +111,10 @@ def _moment(one: Cavitation, word: str) -> str:
 def _needed(one: Cavitation) -> str:
     if math.isnan(one.safe_gas_pressure):
         return ""
+    by_valve = f", or R_m3 lower by {_share(-one.r_m3_margin)},"
     return (
-        f"; it takes a gas pressure of {one.safe_gas_pressure / 1e5:.2f} bar absolute, or R_m3 "
-        f"lower by {_share(-one.r_m3_margin)}, to keep it full"
+        f"; it takes a gas pressure of {one.safe_gas_pressure / 1e5:.2f} bar absolute"
+        f"{'' if math.isnan(one.r_m3_margin) else by_valve} to keep it full"
     )
 
 

@@ -22,7 +22,9 @@ def text_table(sheet: Sheet) -> str:
     from damperfit.report import terminal_table
 
     lines = StringIO()
-    Console(file=lines, width=WIDTH, no_color=True).print(terminal_table(sheet))
+    # Rich would draw in the cell where it sees a notebook, and set bold where FORCE_COLOR asks.
+    plain = Console(file=lines, width=WIDTH, color_system=None, force_jupyter=False)
+    plain.print(terminal_table(sheet))
     return lines.getvalue().rstrip("\n")
 
 

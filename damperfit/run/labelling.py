@@ -219,17 +219,18 @@ class Labels:
         )
 
     def row(self, path: Path) -> TestRow | None:
-        """Return the row of a log: the one that names most of its path."""
-        best: tuple[int, TestRow] | None = None
+        """Return the row of a log: the one that names most of its path, in the nearest table."""
+        best: tuple[tuple[int, int], TestRow] | None = None
+        log = path.resolve()
         for table in self.tables:
-            if self.is_beside and not path.resolve().is_relative_to(table.path.resolve().parent):
+            folder = table.path.resolve().parent
+            if self.is_beside and not log.is_relative_to(folder):
                 continue
             for name, row in table.rows.items():
                 parts = Path(name).parts
-                if path.resolve().parts[-len(parts) :] == parts and (
-                    best is None or len(parts) > best[0]
-                ):
-                    best = (len(parts), row)
+                rank = len(parts), len(folder.parts)
+                if log.parts[-len(parts) :] == parts and (best is None or rank > best[0]):
+                    best = rank, row
         return None if best is None else best[1]
 
 

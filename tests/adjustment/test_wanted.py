@@ -4,11 +4,17 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from damperfit.adjustment import Level, which_setting
+from damperfit.adjustment import Level, Sine, Stage, which_setting
+from damperfit.damper.rivals.linear import Bilinear
+from damperfit.errors import ConfigurationError
+from damperfit.queries.adjuster_results import AdjusterResults
+from damperfit.queries.force_by_setting import Question, tabulate_forces
+from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting, lines_of
 from tests.adjustment import gap_coverage
 
@@ -16,7 +22,7 @@ from tests.adjustment import gap_coverage
 def forces_by_click(forces, *, settings=None, error=0.5, stroke="rebound"):
     settings = settings or range(1, len(forces) + 1)
     return [
-        Level(setting, 0.2, stroke, float(force), error, error, np.zeros(0))
+        Level(setting, 0.2, stroke, float(force), error, error, np.zeros(0), is_cavitating=False)
         for setting, force in zip(settings, forces, strict=True)
     ]
 
@@ -144,3 +150,17 @@ def test_no_place_is_told_closer_than_a_hundredth_of_a_click() -> None:
     assert "setting 2.4" in found.sentence
     assert "(95 % within 0.01)" in found.sentence
     assert re.search(r"\d\.\d{3}", found.sentence) is None
+
+
+def test_a_force_is_asked_of_two_settings_at_least() -> None:
+    model = Bilinear()
+    told = tuple(
+        Stage(Setting.of(n), model.values({"c_r": 1000.0 * n, "c_b": 1000.0, "f_0": 0.0}))
+        for n in (1, 2)
+    )
+    adjuster = AdjusterResults(told, model, Sine(0.032, 1.5), "a sine", SolverOptions(), ())
+    question = Question(0.1, force=150.0, stroke="rebound")
+    (wanted,) = tabulate_forces(adjuster, question).wanted
+    assert [answer.position for answer in wanted.answers] == pytest.approx([1.5])
+    with pytest.raises(ConfigurationError, match="one setting is not enough"):
+        tabulate_forces(replace(adjuster, stages=told[:1]), question)

@@ -342,6 +342,7 @@ def test_numbers_as_people_write_them_are_toml(text, folder):
         (["k1.csv", "k2.csv"], ["k3.csv"], "k1.csv k2.csv"),  # a pattern would name a third
         (["k1.csv", "k2.tsv"], [], "k1.csv k2.tsv"),
         (["a b.csv"], [], "'a b.csv'"),
+        (["k1"], [], "k1"),  # its name is no pattern
     ],
 )
 def test_a_command_to_copy_is_quoted_for_the_shell(logs, others, shown, tmp_path, monkeypatch):

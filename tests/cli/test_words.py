@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import io
 import sys
 from types import SimpleNamespace
 
 import pytest
+from rich.text import Text
 
 from damperfit.cli import github, main
-from damperfit.cli.console import screen_columns
+from damperfit.cli.console import print_renderable, screen_columns
 from damperfit.damper.purdy.figures import FAMILIES
 from damperfit.errors import ConfigurationError
 from damperfit.identification import Outcome
@@ -143,3 +145,17 @@ def test_a_screen_is_as_wide_as_it_is_and_a_pipe_has_80_columns(
     monkeypatch.setenv("COLUMNS", "123")
     monkeypatch.setattr("sys.stdout", SimpleNamespace(isatty=lambda: is_screen))
     assert screen_columns() == columns
+
+
+@pytest.mark.parametrize("is_screen", [True, False])
+def test_pipes_and_log_files_hold_plain_text_where_colours_are_forced(
+    is_screen, monkeypatch
+) -> None:
+    screen, kept = io.StringIO(), []
+    screen.isatty = lambda: is_screen
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setattr("sys.stdout", screen)
+    monkeypatch.setattr("damperfit.cli.console.record", lambda _, text: kept.append(text))
+    print_renderable(Text("bold", style="bold"))
+    assert kept == ["bold"]
+    assert ("\x1b[1m" in screen.getvalue()) is is_screen

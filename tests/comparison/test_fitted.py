@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 
@@ -11,7 +12,7 @@ from damperfit.adjustment import Sine, Stage
 from damperfit.comparison import ComparisonOptions, FittedRun, Run
 from damperfit.comparison.comparing import _motion
 from damperfit.comparison.forces import freedom_of
-from damperfit.comparison.parameters import parameter_readings
+from damperfit.comparison.parameters import figure_lines, parameter_readings
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.simulation import SolverOptions
@@ -74,3 +75,19 @@ def test_of_two_motions_the_slower_is_the_one_that_both_can_tell_of() -> None:
     near = replace(fast, frequency=1.49)
     runs = [Run("a", "a", _fitted(sine), (), {}) for sine in (fast, near)]
     assert _motion(runs, ComparisonOptions())[0] == fast
+
+
+def test_misfits_and_margins_are_told_in_per_cent() -> None:
+    """A misfit is stored in per cent, a margin as a share."""
+    rows = (
+        {"mse_percent": 0.5, "grade": "excellent", "r_m3_cavitation_margin": 0.25},
+        {"mse_percent": 0.8, "grade": "good", "r_m3_cavitation_margin": None},
+    )
+    first, second = (SimpleNamespace(rows={Setting.of(1): row}) for row in rows)
+    misfit, margin = figure_lines(first, second, [Setting.of(1)])  # type: ignore[arg-type]
+    assert (misfit.first.value, misfit.second.value, misfit.words) == (
+        0.5, 0.8, "excellent, now good",
+    )  # fmt: skip
+    assert misfit.difference == pytest.approx(0.3)
+    assert (margin.first.value, margin.words) == (25.0, "both full")
+    assert math.isnan(margin.second.value)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ from damperfit.comparison import (
 from damperfit.comparison.measured import measured_readings
 from damperfit.comparison.repeats import by_repeats
 from damperfit.errors import ConfigurationError
+from damperfit.queries.runs_to_compare import _tests
 from damperfit.tested.setting import Setting
 from tests.comparison.runs import (
     AMPLITUDE,
@@ -210,3 +212,15 @@ def test_cycles_that_the_filter_smears_are_left_out() -> None:
     clean = {"figures_start_s": 5.0 + 1.0 / FREQUENCY, "figures_stop_s": 5.0 + 9.0 / FREQUENCY}
     (test,) = measured_tests(found, [told[0] | clean])
     assert test.n_cycles == 8
+
+
+def test_a_log_of_an_older_run_is_one_motion_from_its_first_sample_to_its_last() -> None:
+    """Its run.json tells no stretches; a cycle lasts as long as its samples."""
+    log, (told,) = signals(1, factor=1.1, noise=2.0)
+    facts = {"log": log.log, "frequency_Hz": told["frequency_Hz"], "temperature_degC": 26.0}
+    results = SimpleNamespace(logs=(log,), record={"inputs": [facts, "junk"]})
+    (found,) = _tests(results)  # type: ignore[arg-type]
+    (whole,) = measured_tests(log, [told], temperature=26.0)
+    assert (found.n_cycles, found.temperature) == (whole.n_cycles, 26.0) == (10, 26.0)
+    assert found.force == pytest.approx(whole.force)
+    assert found.figures["energy"] == pytest.approx(whole.figures["energy"])

@@ -160,6 +160,12 @@ def test_what_differs_for_most_of_half_a_cycle_is_no_beginning(rows, run_in) -> 
     assert settled(wave, off=20.0, at=slice(0, rows)) == run_in
 
 
+@pytest.mark.parametrize(("length", "run_in"), [(16, 5), (14, 0)])
+def test_a_beginning_is_looked_for_in_eight_samples_at_least(length, run_in) -> None:
+    wave = 100.0 * np.sin(2.0 * np.pi * np.arange(20 * length) / length)
+    assert settled(wave, float(length), off=200.0, at=slice(0, 5)) == run_in
+
+
 # Cycles
 
 

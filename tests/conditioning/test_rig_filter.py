@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.signal import butter, sosfilt
 
-from damperfit.conditioning import ConditionOptions, condition, rig_filter
+from damperfit.conditioning import ConditionOptions, condition, quality, rig_filter
 from damperfit.conditioning.rig_filter import _fall, _more_below, falls_off
 from tests.conditioning import logs
 from tests.identification.rig import recording
@@ -124,3 +125,30 @@ def test_noise_is_read_from_015_to_02_and_from_04_to_045_of_the_rate(monkeypatch
     monkeypatch.setattr(rig_filter, "_window", np.ones)
     signal = np.fft.irfft(np.arange(2001.0), 4000)
     assert _more_below(signal, 1e-3) == pytest.approx((0.175 / 0.425) ** 2, rel=0.005)
+
+
+@pytest.mark.parametrize(
+    ("stretches", "looked_at"),
+    [
+        ([(250, 700, 4)], [0, 999]),
+        ([(0, 200, 4), (250, 700, 4)], [350, 799]),  # samples of the log, 100 before the trace
+        ([(0, 600, 0), (650, 700, 4)], [750, 799]),
+    ],
+)
+def test_of_several_motions_the_longest_is_looked_at_alone(
+    stretches, looked_at, monkeypatch
+) -> None:
+    """What lies between them is at another speed: no lines of one frequency."""
+    log = SimpleNamespace(
+        start_time=5.0, interval=0.01, displacement=np.arange(1000), force=np.arange(1000.0)
+    )
+    parts = tuple(
+        SimpleNamespace(first=first, stop=stop, n_samples=stop - first, n_cycles=n, frequency=1.0)
+        for first, stop, n in stretches
+    )
+    seen = []
+    monkeypatch.setattr(quality, "looks_filtered", lambda x, *_: seen.append(x))
+    trace = SimpleNamespace(start_time=6.0, stretches=parts)
+    assert list(quality._rig_filter(log, trace, ConditionOptions())) == []
+    (rows,) = seen
+    assert [rows[0], rows[-1]] == looked_at

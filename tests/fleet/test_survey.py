@@ -215,6 +215,8 @@ def test_a_damper_has_one_line_of_what_is_far_off():
     (row,) = sheet.rows
     assert (row[0], row[1], row[2], row[3]) == ("D3", "force in rebound at 0.26 m/s", "1", "9000.0")
     assert row[-1] == "2"
+    # Numbers stand below one another, and so do ranges; words begin at the left.
+    assert sheet.is_number == tuple(cell[0] in "+-0123456789" for cell in row)
 
 
 @pytest.mark.parametrize(("text", "n_missed"), [("2.05%", 0), ("1.95%", 12), ("1%,100N", 0)])

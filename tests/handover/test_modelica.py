@@ -111,12 +111,20 @@ def test_the_friction_band_is_wide_unless_it_is_narrowed(handed) -> None:
     assert full - half == pytest.approx(0.5 * read.known["f_f"][0])
 
 
+def test_equations_name_their_paper_and_nothing_of_a_table(handed) -> None:
+    head = text_of(handed).partition("parameter ")[0]
+    assert "law: D. J. Purdy" in head
+    assert not re.search("table|beyond|lost", head)
+
+
 def test_another_model_gives_its_table_and_its_force_at_rest(handed) -> None:
     model = MODELS["monotube"](gas_pressure=2.5e6)
     values = truth_of(model)
     settings = tuple(HandedSetting(Setting.of(k), values.replace(f_f=50.0 * k)) for k in (1, 2))
     mine = replace(handed, damper=model, settings=settings)
-    read = Read(text_of(mine))
+    read, head = Read(text_of(mine)), text_of(mine).partition("parameter ")[0]
+    assert "lost in a table" in head
+    assert "Purdy" not in head
     for place, table in enumerate(force_tables(mine), 1):
         for k in (0, 7, 29, 30, 31, 44, 60):
             now = read.at(place, 0.01, float(table.speeds[k]))

@@ -11,7 +11,11 @@ import pytest
 from scipy.optimize import least_squares
 
 from damperfit.damper.mounting import NONE, Mounting
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
+from damperfit.damper.rivals.linear import Bilinear
+from damperfit.damper.valve_dampers import Monotube
 from damperfit.identification import DETECT, Campaign, FitOptions, Outcome, compare, identify
+from damperfit.identification.following import _known
 from damperfit.identification.joint_fit import JointProblem, fit_jointly
 from damperfit.identification.procedure_input import ProcedureInput
 from damperfit.identification.unknowns import Unknown
@@ -76,6 +80,12 @@ def test_settings_alike_share_everything() -> None:
     sharing = identify(logs, DAMPER, FOUND).sharing
     assert set(sharing.free) - set(sharing.jointly) == {"f_0"}
     assert not sharing.follows
+
+
+@pytest.mark.parametrize("damper", [Bilinear(), PURDY_DAMPER, Monotube()])
+def test_a_tare_is_each_settings_own_whatever_the_model(damper) -> None:
+    """A rig is tared before each test: settings that agree by chance share no offset."""
+    assert _known(damper, ["f_0"], ("l", "h")) == {"f_0": ("l", "h")}
 
 
 def test_declared_it_is_not_asked_of_the_logs(found: Campaign) -> None:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters
 from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.damper.rivals.linear import Bilinear
 from damperfit.identification import Fit, FitOptions, Outcome, evaluation, identify
 from damperfit.identification.descent import Misfit, descend
 from damperfit.identification.plausible import first_edge, is_within, kept_within
@@ -127,8 +129,6 @@ def test_ranges_count_their_edges_in() -> None:
 def test_the_first_edge_on_the_way_is_the_one_that_stops() -> None:
     import math
 
-    import numpy as np
-
     at = replace(reference_parameters(1), r_m2=1e9, k_e=1e10, f_0=3.0)
     names = ("r_m2", "k_e", "f_0")
     ten = math.log(10.0)
@@ -137,3 +137,11 @@ def test_the_first_edge_on_the_way_is_the_one_that_stops() -> None:
     assert first_edge(at, names, np.array([1.5 * ten, 1.2 * ten, 99.0]), ones) == ("r_m2", 1e10)
     assert first_edge(at, names, np.array([0.9 * ten, 0.9 * ten, 99.0]), ones) is None
     assert first_edge(at, names, np.array([-6.5 * ten, 0.0, 0.0]), ones) == ("r_m2", 1e3)
+
+
+@pytest.mark.parametrize(("step", "edge"), [(4.1, 1e6), (3.9, None), (-16.1, -1e6), (-15.9, None)])
+def test_a_linear_quantity_reaches_its_edge_in_steps_of_its_scale(step, edge) -> None:
+    """Of 0.6 MN to 1 MN in steps of 0.1 MN."""
+    at = Bilinear().values({"c_r": 1e3, "c_b": 1e3, "f_0": 6e5})
+    found = first_edge(at, ("f_0",), np.array([step]), np.array([1e5]))
+    assert found == (None if edge is None else ("f_0", edge))

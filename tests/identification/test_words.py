@@ -105,6 +105,8 @@ def test_a_setting_that_cavitates_is_told_with_what_it_takes() -> None:
     )
     (alone,) = describe_cavitation({3: replace(EMPTY, safe_gas_pressure=math.nan)})
     assert alone.endswith("m/s of the bump")
+    (by_gas,) = describe_cavitation({3: replace(EMPTY, r_m3_margin=math.nan)})
+    assert by_gas.endswith("it takes a gas pressure of 5.80 bar absolute to keep it full")
 
 
 REFUSED = [

@@ -228,6 +228,42 @@ def test_a_smaller_law_is_taken_that_leaves_no_more(monkeypatch, less, force, is
     assert steps.judged[-1].change == "one model: without friction by the pressure on the seal"
 
 
+@pytest.mark.parametrize(("own", "taken"), [(0.9, "own"), (1.1, "begun"), (None, "begun")])
+def test_whole_valves_are_tried_from_starts_of_their_own_where_parts_lack(
+    monkeypatch, own, taken
+) -> None:
+    """What costs less is gone on from; a start that cannot be simulated is none."""
+    steps = together._Course([], follows, SOLVER, 1, lambda _: None)
+    ends = {
+        name: SimpleNamespace(point=SimpleNamespace(cost=cost, extra={AT[0]: cost}))
+        for name, cost in (("begun", 1.0), ("own", own))
+    }
+    one = SimpleNamespace(cost=lambda values: values[AT[0]])
+    less = law_of_all.LawOfAll(replace(PLAIN, compression=BLOW_OFF), ("drag",), one, None)
+
+    def begun(damper, freed, _law):
+        return law_of_all.LawOfAll(damper, freed, one, ends["begun"])
+
+    def first(fits):
+        assert fits == "apart"
+        return law_of_all.LawOfAll(PLAIN, ("drag",), one, ends["own"])
+
+    def each(damper, law):
+        assert (damper, law) == (PLAIN, less)
+        if own is None:
+            raise SimulationError("no")
+        return "apart"
+
+    for name, step in (("begun", begun), ("first", first), ("apart", each)):
+        monkeypatch.setattr(steps, name, step)
+    found = steps.with_whole_valves(less.damper, less)
+    assert found.minimum is ends[taken]
+    assert [one.words for one in found.parts] == ["a bleed in bump"]
+    assert (found.damper, found.freed) == (PLAIN, ("drag",))
+    whole = replace(less, damper=PLAIN)
+    assert steps.with_whole_valves(PLAIN, whole) is whole
+
+
 def test_a_part_laminar_bleed_may_be_laminar_alone() -> None:
     long = replace(PLAIN, rebound=Valve("long", "linear"))
     part, other = (one for one in other_parts(PLAIN, ()) if "laminar" in one.words)

@@ -341,6 +341,18 @@ def test_a_table_of_tests_elsewhere_hides_none_beside_the_log(tmp_path) -> None:
         (True, tables, "most"),
         (True, tables[:1], None),
         (False, tables[:1], "elsewhere"),
-        (False, [tables[0], SimpleNamespace(rows={"a.csv": "as near"})], "elsewhere"),
     ):
         assert Labels.row(SimpleNamespace(is_beside=is_beside, tables=only), log) == row
+
+
+def test_of_tables_that_name_a_log_alike_the_nearest_speaks_in_any_order(tmp_path) -> None:
+    """Folders within each other may hold logs of one name: the setting would be another test's."""
+    log = tmp_path / "day1" / "repeated" / "a.csv"
+    outer, inner = (
+        SimpleNamespace(path=folder / "tests.csv", rows={"a.csv": folder.name})
+        for folder in (log.parents[1], log.parent)
+    )
+    for tables in ((outer, inner), (inner, outer)):
+        labels = SimpleNamespace(is_beside=True, tables=tables)
+        assert Labels.row(labels, log) == "repeated"
+        assert Labels.row(labels, log.parents[1] / "a.csv") == "day1"

@@ -139,7 +139,7 @@ def test_between_two_speeds_forces_lie_on_a_line(speed: float) -> None:
 
 
 def level(difference: float, *, measured: float = 1000.0, error: float = 0.0, **more) -> Level:
-    plain = Level(Setting.of(1), 0.1, "rebound", 900.0, 1.0, 1.0, np.zeros(0))
+    plain = Level(Setting.of(1), 0.1, "rebound", 900.0, 1.0, 1.0, np.zeros(0), is_cavitating=False)
     return replace(
         plain,
         measured=measured,
@@ -218,7 +218,7 @@ KNOWN = SpeedForces(
 def test_the_measured_force_stands_at_the_motion_of_the_test_alone(
     ratio: float, *, is_same: bool
 ) -> None:
-    plain = Level(Setting.of(1), 0.1, "rebound", 190.0, 1.0, 1.0, np.zeros(0))
+    plain = Level(Setting.of(1), 0.1, "rebound", 190.0, 1.0, 1.0, np.zeros(0), is_cavitating=False)
     (seen,) = beside_measured([plain], [KNOWN], Sine(AMPLITUDE / ratio, FREQUENCY))
     assert seen.misfit == pytest.approx(8.0)
     assert math.isfinite(seen.measured) is is_same

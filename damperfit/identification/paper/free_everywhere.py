@@ -7,7 +7,6 @@ beside each other are alike: where every fourth is known, those between start ne
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
 from damperfit.damper.purdy.starting import REBOUND, starting_values
@@ -68,11 +67,7 @@ def free_everywhere(
     starts: dict[Setting, Values] = {}
 
     def tried(setting: Setting) -> Judged | SettingFailure:
-        fit = attempted(setting, lambda: one(setting, starts.get(setting)))
-        # Another descent follows: of many logs simulations at the end of this fill the memory.
-        if isinstance(fit, SettingFailure):
-            return fit
-        return replace(fit, solution=replace(fit.solution, seen=()))
+        return attempted(setting, lambda: one(setting, starts.get(setting)))
 
     def side_by_side(few: Sequence[Setting]) -> dict[Setting, Judged | SettingFailure]:
         fits = apart(tried, few, jobs=given.jobs, known=given.known, cancelled=given.cancelled)
