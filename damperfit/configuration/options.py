@@ -378,8 +378,7 @@ def parameter_value(quantity: Quantity, value: str | float) -> float:
         The name is unknown or the value is no finite number.
     """
     name, unit = quantity.name, quantity.unit
-    # A modulus or an opening counts from nothing, a gas pressure from vacuum or the atmosphere.
-    dimension = "absolute pressure" if name == "gas_pressure" else _DIMENSIONS.get(unit)
+    dimension = "absolute pressure" if quantity.is_absolute else _DIMENSIONS.get(unit)
     try:
         if isinstance(value, str) and dimension is not None:
             number = parse_quantity(value, dimension)

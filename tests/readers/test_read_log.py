@@ -272,6 +272,7 @@ FAULTS = {
     "XML": ("<?xml version='1.0'?><log/>", "this is XML"),
     "UTF-16 without mark": (PLAIN.encode("utf-16-le"), "looks like UTF-16"),
     "broken UTF-16": (b"\xff\xfe\x00\xd8", "is not valid UTF-16-LE"),
+    "never written": (bytes(4000), "4000 bytes, all of them NUL; the log was never written"),
     "pickle": (b"\x80\x04\x95\x00", "pickle, which could run code"),
     "zip": (b"PK\x03\x04 and so on", "ZIP archive"),
     "NumPy": (b"\x93NUMPY\x01\x00", "NumPy array"),
