@@ -40,6 +40,18 @@ def written(name, handed, **options):
     return TARGETS[name].write(handed, ExportOptions(**options))
 
 
+def test_gas_has_the_sign_of_the_forces_of_its_file(handed) -> None:
+    """A spring of CarSim is positive in compression, and the gas is added to it."""
+    level = force_tables(handed)[0].level
+    assert level < 0.0
+    for name, said in (
+        ("adams", f"{level:.4g} N at x = 0 (minus pushes the rod out)"),
+        ("carsim", f"{-level:.4g} N at x = 0 (plus pushes the rod out)"),
+    ):
+        text = next(iter(written(name, handed).values())).decode()
+        assert said in text
+
+
 def test_every_table_target_has_a_reader_and_a_row_of_signs() -> None:
     tables = {name for name, one in TARGETS.items() if one.has_table and not one.physics_of}
     assert tables - {"xlsx"} == set(READERS) == set(SIGNS)  # xlsx: test_spreadsheets.py

@@ -342,6 +342,13 @@ def test_text_in_a_column_that_is_not_used(put) -> None:
 # --- files -----------------------------------------------------------------------------------
 
 
+def test_a_link_to_nothing_says_so(tmp_path) -> None:
+    link = tmp_path / "log.csv"
+    link.symlink_to("elsewhere.csv")
+    with pytest.raises(LogError, match=r"a link to elsewhere\.csv, which is not there"):
+        read_log(link)
+
+
 def test_missing_file_folder_and_nul_in_the_name(tmp_path) -> None:
     with pytest.raises(LogError, match="no such file"):
         read_log(tmp_path / "none.csv")
