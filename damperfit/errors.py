@@ -28,6 +28,7 @@ __all__ = [
     "ConfigurationError",
     "ContradictionError",
     "DamperfitError",
+    "FitCancelledError",
     "InstallationError",
     "InternalError",
     "LogError",
@@ -93,6 +94,12 @@ class QualityError(LogError):
 
 class SimulationError(DamperfitError):
     """The model cannot be integrated for these parameters and this displacement."""
+
+
+class FitCancelledError(DamperfitError):
+    """The caller asked to stop while a fit was running."""
+
+    exit_code = 130
 
 
 class OutputError(DamperfitError):

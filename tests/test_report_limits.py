@@ -239,7 +239,10 @@ def test_a_chamber_cavitates_at_zero_pressure(results, pressure, words):
     pressures = np.full_like(results.logs[0].pressures, 1e5)
     pressures[1, 100] = pressure
     view = evaluated(results, pressures=pressures)
-    assert setting_plots(view, name="a", colour="#000000")[4].caption.startswith(words)
+    caption = setting_plots(view, name="a", colour="#000000")[4].caption
+    assert caption.startswith(words)
+    # The table of cavitation has the lowest of all cycles.
+    assert caption.endswith(f"Lowest pressure of this cycle {pressures.min() / 1e5:.3g} bar.")
 
 
 # Parameters against setting.

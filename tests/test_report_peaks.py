@@ -69,6 +69,19 @@ def results(tmp_path):
     return read_results(make_results(tmp_path / "results"))
 
 
+def test_below_the_changes_by_click_stands_what_became_of_the_offset(results) -> None:
+    click = {
+        "from": 1, "to": 2, "speed_m_per_s": 0.3, "stroke": "rebound", "change_N": 41.2,
+        "low_N": 40.0, "high_N": 42.0, "percent": 3.0, "percent_low": 2.0, "percent_high": 4.0,
+        "adjuster": "setting", "held": {},
+    }  # fmt: skip
+    said = "forces by setting: the force offset (12 N) is the rig's tare"
+    for sentences, notes in (({"force_offset": [said]}, (said,)), ({}, ())):
+        one = replace(results, record={"clicks": [click], "sentences": sentences})
+        (sheet,) = (s for title, s in page_tables(one) if title == "Change of force by click")
+        assert sheet.notes[1:] == notes
+
+
 def test_measured_peaks_lie_on_top_and_settings_keep_their_colour() -> None:
     plot = _peaks([point(1, 0.1), point(1, 0.3)], {Setting.of(1): "#123456"})
     words = [("measured" in line.label, line.colour) for line in plot.panels[0].lines]

@@ -53,12 +53,17 @@ class Adjustment:
     def sentences(self) -> tuple[str, ...]:
         """What there is to say of the trends, one sentence a parameter, and of offsets."""
         trends = tuple(trend.sentence for trend in self.trends)
+        return (*trends, *self.of_offset)
+
+    @property
+    def of_offset(self) -> tuple[str, ...]:
+        """What became of the rigs' offsets in forces by setting; empty where there are none."""
         said = offset_sentence(
             [level.tare for level in self.levels],
             is_whole=True,
             holds_gas=any(level.holds_gas for level in self.levels),
         )
-        return (*trends, f"forces by setting: {said}") if said else trends
+        return (f"forces by setting: {said}",) if said else ()
 
 
 def compare_settings(

@@ -145,14 +145,7 @@ def _destination(results: Path, out: Path | None, target: Target) -> tuple[Path,
 
         place = written_of(results, "export")
         return place if is_part(results) else place / "export", "damper"
-    if not out.suffix or out.is_dir():
-        return out, "damper"
-    if out.suffix.lower() not in target.suffixes:
-        raise ConfigurationError(
-            f"--out {out}: {target.name} writes {' and '.join(target.suffixes)} files; give a "
-            "name that ends so, or a folder"
-        )
-    return out.parent, out.stem
+    return target.place_of(out)
 
 
 def _write(folder: Path, files: dict[str, bytes], *, spares_others: bool) -> list[Path]:

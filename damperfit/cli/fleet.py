@@ -202,8 +202,8 @@ def _held_lines(held: HeldFleet | None) -> list[str]:
     if held is None:
         return []
     lines = [
-        f"{point.run or 'unknown'}{f', setting {point.setting}' if str(point.setting) else ''}, "
-        f"{point.speed:g} m/s {point.stroke}: {point.words}"
+        f"{point.run or 'unknown'}{f', setting {point.setting}' if str(point.setting) else ''}"
+        f"{f', {point.speed:g} m/s {point.stroke}' if point.stroke else ''}: {point.words}"
         for point in held.worst[:_MANY]
     ]
     more = len(held.worst) - _MANY

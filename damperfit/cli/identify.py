@@ -26,6 +26,7 @@ from damperfit.cli.option_values import (
     names_of,
     quantity_names,
     quantity_values,
+    refuse_what_cannot_act,
     rig_entries,
     starts_of,
 )
@@ -206,21 +207,14 @@ def identify(
         ("--out", "output.folder", str(out) if out is not None else None),
         is_law_open=model == _AUTO,
     )
+    refuse_what_cannot_act(configuration, share, is_law_open=model == _AUTO, rivals=rivals)
     if model == _AUTO:
+        asked = configuration
         configuration = _with_law(
             configuration, logs, setting, start_values, jobs=jobs, rivals=rivals, is_quiet=quiet
         )
-    elif rivals:
-        raise ConfigurationError(
-            "--rivals: models are ranked where the logs choose the law; add --model auto, or ask "
-            "damperfit models LOGS --rivals"
-        )
-    procedure_used = configuration.identification.procedure
-    if share is not None and procedure_used != "joint":
-        raise ConfigurationError(
-            f"--share {','.join(share)} has no effect: only procedure joint fits shared "
-            f"parameters, found procedure {procedure_used}; add --procedure joint"
-        )
+        if not quiet:
+            _tell_other_procedure(asked, configuration)
     declared = declared_setting(setting, configuration)
     lost: UnwrittenError | None = None
     found: list[tuple[str, RunResult]] = []
@@ -385,3 +379,13 @@ def _with_law(
         for one in choice.alike:
             say(f"note: these logs cannot tell apart: {one[0].lower()}{one[1:]}")
     return with_chosen_law(configuration, choice)
+
+
+def _tell_other_procedure(asked: Configuration, chosen: Configuration) -> None:
+    """Say so where the law cannot be fitted by the procedure that somebody named."""
+    named, taken = asked.identification.procedure, chosen.identification.procedure
+    if "identification.procedure" in asked.declared and named != taken:
+        say(
+            f"note: procedure {named} fits the paper's model alone; the law that the logs support "
+            f"is fitted by {taken}"
+        )

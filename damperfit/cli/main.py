@@ -170,6 +170,7 @@ def _ended_with(argv: list[str], *, is_program: bool) -> int:
     usual = gc.get_threshold()
     gc.set_threshold(_NEW_OBJECTS, *usual[1:])
     try:
+        _refuse_empty_names(argv)
         code = app(argv, standalone_mode=False, prog_name="damperfit")
         sys.stdout.flush()
     except BrokenPipeError:
@@ -207,6 +208,25 @@ def _explain(error: Exception, argv: Sequence[str]) -> tuple[str, int]:
         f"internal error, {type(error).__name__}: {error}; this is a bug, --debug shows where",
         _BUG,
     )
+
+
+def _refuse_empty_names(argv: Sequence[str]) -> None:
+    """Refuse a file or folder without a name: a variable of the shell that is not set.
+
+    As a path it would be the folder that one is in, read or written to.
+    """
+    places = [k for k, word in enumerate(argv) if word == "" or re.fullmatch(r"--[\w-]+=", word)]
+    if not places:
+        return
+    files = _file_options(argv)
+    for k in places:
+        before = argv[k].rstrip("=") or argv[k - 1]
+        if before in files or not before.startswith("-"):
+            where = f"{before} " if before in files else ""
+            raise ConfigurationError(
+                f"{where}'': expected a file or folder; is a variable of the shell not set? "
+                "'.' is this folder"
+            )
 
 
 def _file_options(argv: Sequence[str]) -> frozenset[str]:

@@ -25,6 +25,7 @@ __all__ = [
     "quantity_names",
     "quantity_values",
     "refuse_beside",
+    "refuse_what_cannot_act",
     "rig_entries",
     "starts_of",
     "with_typed_option",
@@ -101,6 +102,35 @@ def quantity_names(texts: Iterable[str] | None) -> list[str] | None:
     (['r_m1', 'k_e', 'f_f'], None)
     """
     return None if texts is None else [name.lower() for name in names_of(texts)]
+
+
+def refuse_what_cannot_act(
+    configuration: Configuration, share: list[str] | None, *, is_law_open: bool, rivals: bool
+) -> None:
+    """Refuse what `identify` would be asked for in vain, before a log is read.
+
+    Raises
+    ------
+    ConfigurationError
+        Parameters are shared by another procedure than joint, or freed where the law is open, or
+        models are to be ranked where it is not.
+    """
+    procedure = configuration.identification.procedure
+    if share is not None and procedure != "joint":
+        raise ConfigurationError(
+            f"--share {','.join(share)} has no effect: only procedure joint fits shared "
+            f"parameters, found procedure {procedure}; add --procedure joint"
+        )
+    if is_law_open and configuration.identification.free:
+        raise ConfigurationError(
+            "--free has no effect: with --model auto the logs choose what is fitted; hold a "
+            "parameter with --fix, or name the model"
+        )
+    if rivals and not is_law_open:
+        raise ConfigurationError(
+            "--rivals: models are ranked where the logs choose the law; add --model auto, or ask "
+            "damperfit models LOGS --rivals"
+        )
 
 
 def rig_entries(texts: Iterable[str] | None) -> list[tuple[str, str, Any]]:

@@ -45,6 +45,8 @@ _OF_THE_LAW = {"rebound", "compression", "mounting", "friction", "passages", "fl
 _OUTSIDE = "ambient_pressure"  # nobody declares it, and it is told by itself
 _HARMLESS = {"oil_density", "gas_exponent", _OUTSIDE}
 
+_USUALLY_SHARED: tuple[list[str], ...] = ([], ["r_m3", "f_f"], ["detect"])  # by default
+
 # Of units that have a short name; parameters of other units are bare numbers in SI.
 _DIMENSIONS = {
     "Pa": "pressure",
@@ -328,6 +330,13 @@ class Configuration:
                 "[adjusters] says what follows which adjuster; only procedure joint uses it, found "
                 f"procedure {self.identification.procedure}"
             )
+        shared = self.document["identification"]["share"]
+        is_asked = "identification.share" in self.declared and shared not in _USUALLY_SHARED
+        if is_asked and self.identification.procedure != "joint":
+            said.append(
+                f"identification.share = {shared} has no effect: only procedure joint uses it, "
+                f"found procedure {self.identification.procedure}"
+            )
         pressure = self.document["damper"].get("gas_pressure")
         if isinstance(pressure, str) and not says_absolute_or_gauge(pressure):
             said.append(
@@ -378,8 +387,7 @@ def parameter_value(quantity: Quantity, value: str | float) -> float:
         The name is unknown or the value is no finite number.
     """
     name, unit = quantity.name, quantity.unit
-    # A modulus or an opening counts from nothing, a gas pressure from vacuum or the atmosphere.
-    dimension = "absolute pressure" if name == "gas_pressure" else _DIMENSIONS.get(unit)
+    dimension = "absolute pressure" if quantity.is_absolute else _DIMENSIONS.get(unit)
     try:
         if isinstance(value, str) and dimension is not None:
             number = parse_quantity(value, dimension)

@@ -79,6 +79,8 @@ class Quantity:
     ignorance : float
         Standard error of a default that nobody has measured: of its logarithm, or in `unit` of what
         may vanish.
+    is_absolute : bool
+        A pressure that counts from vacuum, so that people say bara or barg, psia or psig.
     role : str
         `OFFSET`, `FRICTION`, `STIFFNESS`, `GAS_AMOUNT` or `VISCOUS`; "": none of these.
     """
@@ -102,6 +104,7 @@ class Quantity:
     believable: tuple[float, float] = (float("-inf"), float("inf"))
     belief: str = ""
     ignorance: float = 0.0
+    is_absolute: bool = False
     role: str = ""
 
     @property

@@ -336,7 +336,7 @@ def _quantities(damper: ValveDamper) -> tuple[Quantity, ...]:
         Quantity(
             "gas_pressure", "P_0", "gas pressure", "absolute pressure of the gas at x = 0", "Pa",
             VALVE_RANGES["gas_pressure"][:2], scope=DAMPER, default=damper.gas_pressure, power=5,
-            shown_unit="bar",
+            shown_unit="bar", is_absolute=True,
         ),
         Quantity(
             "gas_volume", "V_g", "gas volume", "volume of the gas at x = 0", "m3", (1e-8, 1.0),

@@ -18,7 +18,30 @@ if TYPE_CHECKING:
     from damperfit.configuration.options import Configuration
     from damperfit.damper.model import Model
 
-__all__ = ["configured", "declared_setting", "known_as_setting", "names_given", "texts", "workers"]
+__all__ = [
+    "configured",
+    "declared_setting",
+    "known_as_setting",
+    "names_given",
+    "refuse_idle_share",
+    "texts",
+    "workers",
+]
+
+
+def refuse_idle_share(configuration: Configuration, call: str) -> None:
+    """Refuse to share parameters where no fit would.
+
+    Raises
+    ------
+    ConfigurationError
+        The procedure is not joint.
+    """
+    if (procedure := configuration.identification.procedure) != "joint":
+        raise ConfigurationError(
+            f"{call}(share=...): only procedure 'joint' fits shared parameters, found "
+            f"{procedure!r}; give procedure='joint'"
+        )
 
 
 def configured(

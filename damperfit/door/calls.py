@@ -14,13 +14,19 @@ from damperfit.door.asked import (
     declared_setting,
     known_as_setting,
     names_given,
+    refuse_idle_share,
     texts,
     workers,
 )
 from damperfit.door.given_logs import as_files, in_memory
-from damperfit.door.results import Result, names_of_unsaved
+from damperfit.door.results import Result, folder_of, names_of_unsaved
 from damperfit.door.simulations import Simulation, simulated
-from damperfit.door.wrong_calls import answers_wrong_calls, in_words_of_a_call, path_of
+from damperfit.door.wrong_calls import (
+    answers_wrong_calls,
+    in_words_of_a_call,
+    path_of,
+    refuse_part,
+)
 from damperfit.errors import ConfigurationError, LogError
 
 if TYPE_CHECKING:
@@ -174,6 +180,8 @@ def identify(  # noqa: PLR0913 - one keyword an option of the command line
         tests=("test.table", tests if tests is None else str(_table_of_tests(tests))),
         **unknown,
     )
+    if share is not None:
+        refuse_idle_share(configuration, "damperfit.identify")
     cores = workers(jobs, "damperfit.identify")
     folder = (
         Path(mkdtemp(prefix="damperfit-result-"))
@@ -209,6 +217,7 @@ def load(folder: str | Path) -> Result:
         There is no such folder, or no results in it.
     """
     result = Result(path_of(folder, "damperfit.load", "the path of a results folder"))
+    refuse_part(result.folder, "damperfit.load")
     len(result.settings)  # read, so that what is wrong is said here
     return result
 
@@ -301,7 +310,7 @@ def compare(
     from damperfit.parallel import available_cores
     from damperfit.queries.comparisons import compare_all, comparison_options, parse_bands
 
-    places, names = [_folder_of(one, "damperfit.compare") for one in runs], names_of_unsaved(runs)
+    places, names = [folder_of(one, "damperfit.compare") for one in runs], names_of_unsaved(runs)
     if not places or (len(runs) == 1 and isinstance(runs[0], Result) and tolerance is None):
         raise ConfigurationError(
             f"damperfit.compare: found {'one result' if places else 'no result'}; expected two or "
@@ -351,7 +360,8 @@ def export(
     to : str
         A target of `damperfit export --list`.
     out : path, optional
-        Folder for the files; by default ``export`` in the results' own.
+        A file if it has a suffix of the target's, else a folder; by default ``export`` in the
+        results' own.
     extend : speed, optional
         Tables beyond the tested speed, from the model.
     overwrite : bool
@@ -372,28 +382,19 @@ def export(
             "damperfit export --list names them all"
         )
     target = find_target(str(to))
-    folder = _folder_of(results, "damperfit.export")
+    folder = folder_of(results, "damperfit.export")
     if out is None and isinstance(results, Result) and results.is_temporary:
         raise ConfigurationError(
             "damperfit.export: these results are in no folder of yours; give out=FOLDER"
         )
-    where = (
-        folder / "export"
+    where, stem = (
+        (folder / "export", "damper")
         if out is None
-        else path_of(out, "damperfit.export(out=...)", "the path of a folder")
+        else target.place_of(path_of(out, "damperfit.export(out=...)", "the path of a folder"))
     )
     speed = None if extend is None else parse_quantity(extend, "velocity")
-    files = target.write(hand_over(folder), ExportOptions(stem="damper", extend=speed))
+    files = target.write(hand_over(folder), ExportOptions(stem=stem, extend=speed))
     with file_set(where, spares_others=not overwrite) as drafts:
         for name, content in dict(files).items():
             drafts.path(name).write_bytes(content)
     return tuple(where / name for name in dict(files))
-
-
-def _folder_of(given: object, call: str) -> Path:
-    """Return the folder of results, or of the path to them."""
-    if isinstance(given, Result | str | Path):
-        return given.folder if isinstance(given, Result) else Path(given)
-    raise ConfigurationError(
-        f"{call}: found {type(given).__name__}; expected a result, or the path of a results folder"
-    )

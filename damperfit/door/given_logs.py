@@ -49,6 +49,9 @@ def as_files(logs: object, *, call: str) -> Iterator[list[str]]:
     LogError
         A frame has columns of different lengths, or none.
     """
+    several = logs if isinstance(logs, list | tuple) else (logs,)
+    if any(isinstance(one, str) and not one for one in several):  # it would be this folder
+        raise ConfigurationError(f"{call}: found ''; {_EXPECTED}")
     if isinstance(logs, str | os.PathLike):
         yield [os.fspath(logs)]
         return

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from damperfit.tables import Results
     from damperfit.tested.setting import Setting
 
-__all__ = ["Result", "SettingResult", "names_of_unsaved"]
+__all__ = ["Result", "SettingResult", "folder_of", "names_of_unsaved"]
 
 _TABLES = ("parameters", "mse", "adjustment", "characteristics", "valves", "responses", "profiles")
 _FAN = "fan"  # force against velocity of all settings
@@ -298,6 +298,23 @@ class SettingResult:
 
     def __repr__(self) -> str:
         return f"<setting {self.label}: MSE {self.mse_percent:.3g} %, {self.grade}>"
+
+
+def folder_of(given: object, call: str) -> Path:
+    """Return the folder of results, or of the path to them.
+
+    Raises
+    ------
+    ConfigurationError
+        It is neither a result nor a path.
+    """
+    if isinstance(given, Result):
+        return given.folder
+    if isinstance(given, str | Path):
+        return path_of(given, call, "a result, or the path of a results folder")
+    raise ConfigurationError(
+        f"{call}: found {type(given).__name__}; expected a result, or the path of a results folder"
+    )
 
 
 def names_of_unsaved(runs: Iterable[object]) -> dict[Path, str]:

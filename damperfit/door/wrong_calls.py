@@ -16,10 +16,14 @@ if TYPE_CHECKING:
     P = ParamSpec("P")
     R = TypeVar("R")
 
-__all__ = ["answers_wrong_calls", "in_words_of_a_call", "path_of"]
+__all__ = ["answers_wrong_calls", "in_words_of_a_call", "path_of", "refuse_part"]
 
 # A keyword takes the place of an option: with its value, with a word for it, or alone.
 _WORDS = (
+    (
+        r"only (damperfit) identify --model auto and damperfit models let",
+        r"only the command line, \1 models LOGS, lets",
+    ),
     (r"--rig units\.(\w+)=([^\s)]+)", r"units={'\1': '\2'}"),
     (r"--rig (\w+)=([^\s)]+)", r"rig={'\1': \2}"),
     (r"\brig\.units\.(\w+) = ('[^']*')", r"units={'\1': \2}"),
@@ -81,6 +85,23 @@ def answers_wrong_calls(call: str) -> Callable[[Callable[P, R]], Callable[P, R]]
     return decorated
 
 
+def refuse_part(place: Path, call: str) -> None:
+    """Refuse one damper of a fleet where a whole results folder is read.
+
+    Raises
+    ------
+    ConfigurationError
+        It is a part, or the folder of one.
+    """
+    from damperfit.queries.fleet_part import is_part
+
+    if is_part(place):
+        raise ConfigurationError(
+            f"{call}: {place} is a part of a fleet, which keeps no more than a table; expected a "
+            "folder that damperfit identify wrote; pandas reads parts"
+        )
+
+
 def path_of(value: object, call: str, expected: str) -> Path:
     """Return a path that was given as text or as a path.
 
@@ -96,8 +117,10 @@ def path_of(value: object, call: str, expected: str) -> Path:
     Raises
     ------
     ConfigurationError
-        It is neither.
+        It is neither, or empty.
     """
-    if isinstance(value, str | os.PathLike):
+    if isinstance(value, str | os.PathLike) and os.fspath(value) != "":
         return Path(os.fspath(value))
+    if isinstance(value, str):  # as a path it would be the folder that one is in
+        raise ConfigurationError(f"{call}: found ''; expected {expected}, '.' for this folder")
     raise ConfigurationError(f"{call}: found {type(value).__name__}; expected {expected}")

@@ -58,8 +58,9 @@ class HeldFleet:
             )
         unseen = sum(math.isnan(point.margin) for point in self.missed)
         beside = f", {unseen} of them not evaluated" if unseen else ""
+        or_not = " or not evaluated" if unseen else ""
         return (
-            f"{len(self.worst)} of {self.n_dampers} dampers are outside the tolerance, at "
+            f"{len(self.worst)} of {self.n_dampers} dampers are outside the tolerance{or_not}, at "
             f"{len(self.missed)} of {self.n_points} points{beside}."
         )
 
@@ -67,8 +68,9 @@ class HeldFleet:
 def fleet_against_bands(found: Survey, tolerance: Tolerance) -> HeldFleet:
     """Return the forces of a fleet that do not keep a tolerance.
 
-    Per cent and newtons are around the median force of the setting over the fleet; a table of
-    nominal forces holds for every damper, and what a damper lacks of it is missed.
+    Per cent and newtons are around the median force of the setting over the fleet, and a damper
+    without any force misses them; a table of nominal forces holds for every damper, and what a
+    damper lacks of it is missed.
 
     Parameters
     ----------
@@ -88,7 +90,7 @@ def fleet_against_bands(found: Survey, tolerance: Tolerance) -> HeldFleet:
     pieces = (
         _nominal(found, forces, tolerance, everyone)
         if tolerance.bands
-        else _around(found, forces, tolerance)
+        else _around(found, forces, tolerance, everyone)
     )
     for number, points in pieces:
         n_points += number
@@ -98,8 +100,16 @@ def fleet_against_bands(found: Survey, tolerance: Tolerance) -> HeldFleet:
 
 
 def _around(
-    found: Survey, forces: list[Series], tolerance: Tolerance
+    found: Survey, forces: list[Series], tolerance: Tolerance, everyone: tuple[str, ...]
 ) -> Iterator[tuple[int, list[Point]]]:
+    having = {str(found.names[k]) for one in forces for band in one.bands for k in band.rows}
+    nothing = (math.nan, "", math.nan, math.nan, math.nan)  # speed, stroke, force and band
+    lost = [
+        Point(name, "", *nothing, reason="it has no force at any named speed")
+        for name in everyone
+        if name not in having
+    ]
+    yield len(lost), lost
     for series in forces:
         for band in series.bands:
             reach = max(tolerance.share * abs(band.median), tolerance.newtons)

@@ -27,7 +27,7 @@ def write_carsim(handed: HandedOver, options: ExportOptions) -> Mapping[str, byt
     """Return the block for each setting."""
     files = {}
     for table in force_tables(handed, extend=options.extend):
-        gas = gas_line(table, place="add it to the spring")
+        gas = gas_line(table, place="add it to the spring", is_bump_positive=True)
         text = commented(provenance_lines(handed, [table], sign=_SIGN, gas=gas), "!")
         rows = zip(-1e3 * table.speeds[::-1], -table.forces[::-1], strict=True)
         text += "FD_TABLE SPLINE\n"

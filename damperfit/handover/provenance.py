@@ -64,7 +64,7 @@ def _lines(handed: HandedOver, tables: Sequence[ForceTable], sign: str, gas: str
     yield f"results: sha256 {handed.digest or 'not known'}"
 
 
-def gas_line(table: ForceTable, *, place: str) -> str:
+def gas_line(table: ForceTable, *, place: str, is_bump_positive: bool = False) -> str:
     """Return what presses at rest, and where it belongs.
 
     Parameters
@@ -73,13 +73,18 @@ def gas_line(table: ForceTable, *, place: str) -> str:
         Of any setting: the gas is the damper's.
     place : str
         What to do with it: "add it to the spring".
+    is_bump_positive : bool
+        Whether the file counts forces so; the gas then has the sign of its spring.
     """
+    sign, way = (-1.0, "plus") if is_bump_positive else (1.0, "minus")
     what = "gas force" if table.has_gas else "force at rest, gas and tare of the rig together,"
-    sentence = f"not in the table; {what} {table.level:.4g} N at x = 0 (minus pushes the rod out)"
+    level = sign * table.level
+    sentence = f"not in the table; {what} {level:.4g} N at x = 0 ({way} pushes the rod out)"
     if table.has_gas:
+        in_bump, in_rebound = sign * table.gas_forces[0], sign * table.gas_forces[-1]
         sentence += (
-            f", {table.gas_forces[0]:.4g} N at -{1e3 * table.stroke:.3g} mm, "
-            f"{table.gas_forces[-1]:.4g} N at +{1e3 * table.stroke:.3g} mm of rebound"
+            f", {in_bump:.4g} N at -{1e3 * table.stroke:.3g} mm, "
+            f"{in_rebound:.4g} N at +{1e3 * table.stroke:.3g} mm of rebound"
         )
     return f"{sentence}; {place}"
 

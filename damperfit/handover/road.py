@@ -136,12 +136,12 @@ def road_sentence(errors: Sequence[RoadError], tables: Sequence[ForceTable]) -> 
     (least, _), (most, where) = by_share[0], by_share[-1]
     road = "a class B road at 20 m/s"
     if most.scale < 1.0:
-        road += f" scaled to {most.scale:.0%}, the tested range"
+        road += f" scaled to {100.0 * most.scale:.0f} %, the tested range"
     size = f"{_short(most.rms)} N rms, {_short(most.peak)} N at most ({most.percent:.2g} % MSE)"
-    said = f"against the model on {road} (up to {most.speed:.2g} m/s) the table misses {size}"
+    said = f"against the model on {road} (up to {most.speed:.2g} m/s), the table misses {size}"
     if len(errors) == 1:
         return said
-    return f"{said} at setting {where.setting}, {_short(least.rms)} N rms at the best"
+    return f"{said} at setting {where.setting}, {least.percent:.2g} % at the best"
 
 
 def _short(force: float) -> str:

@@ -23,6 +23,7 @@ from damperfit.units.shown_units import SI, ShownUnits
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
+    from pathlib import Path
 
     from damperfit.damper.model import Model
     from damperfit.handover.handed_over import HandedOver
@@ -106,6 +107,28 @@ class Target:
     def suffixes(self) -> tuple[str, ...]:
         """Of its files, with the dot."""
         return tuple("." + one.rpartition(".")[2] for one in self.file.split(", "))
+
+    def place_of(self, out: Path) -> tuple[Path, str]:
+        """Return the folder to write to, and what the files' names begin with.
+
+        Parameters
+        ----------
+        out : pathlib.Path
+            A file if it has a suffix, else a folder.
+
+        Raises
+        ------
+        ConfigurationError
+            The suffix is not the target's.
+        """
+        if not out.suffix or out.is_dir():
+            return out, "damper"
+        if out.suffix.lower() not in self.suffixes:
+            raise ConfigurationError(
+                f"--out {out}: {self.name} writes {' and '.join(self.suffixes)} files; give a "
+                "name that ends so, or a folder"
+            )
+        return out.parent, out.stem
 
 
 # By name; a new target is a file beside this one and an entry here.

@@ -12,7 +12,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from damperfit.damper.warmed import BETA
-from damperfit.errors import ConfigurationError, LogError, Mishap
+from damperfit.errors import ConfigurationError, FitCancelledError, LogError, Mishap
 from damperfit.identification.blas_threads import one_blas_thread
 from damperfit.identification.every_setting import Campaign, fit_every_setting, with_status
 from damperfit.identification.failures import SettingFailure, attempted, attempted_for_all
@@ -20,7 +20,6 @@ from damperfit.identification.first_beta import with_first_beta
 from damperfit.identification.following import Way, declared_way
 from damperfit.identification.joint_procedure import fit_settings_jointly
 from damperfit.identification.left_out import without_idle_parts
-from damperfit.identification.looks import FitCancelledError
 from damperfit.identification.multistart import Search, fit_from
 from damperfit.identification.neighbours import beside_neighbours
 from damperfit.identification.one_friction import with_one_friction

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.errors import SimulationError
+from damperfit.errors import FitCancelledError, SimulationError
 from damperfit.identification.ends import RIGHT_ANGLE, End, falls_inside, stopped_at
 from damperfit.identification.evaluation import (
     evaluate,
@@ -32,7 +32,7 @@ from damperfit.identification.last_step import (
     promised_step,
     step_among_kinks,
 )
-from damperfit.identification.looks import FitCancelledError, Looks, Seen
+from damperfit.identification.looks import Looks, Seen
 from damperfit.identification.minimiser import Minimum, Transformation, minimise
 from damperfit.identification.plausible import (
     is_at_edge,

@@ -7,8 +7,8 @@ from itertools import pairwise
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+from damperfit.errors import FitCancelledError
 from damperfit.identification.failures import SettingFailure, attempted
-from damperfit.identification.looks import FitCancelledError
 from damperfit.identification.setting import Fit, Judged
 from damperfit.identification.sharing import Sharing
 from damperfit.parallel import apart

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, TypeVar
 
 from damperfit.errors import (
     ConfigurationError,
+    FitCancelledError,
     InstallationError,
     Mishap,
     SimulationError,
     mishap_of,
 )
-from damperfit.identification.looks import FitCancelledError
 
 if TYPE_CHECKING:
     from collections.abc import Callable

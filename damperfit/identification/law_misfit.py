@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.conditioning import apply_filter
-from damperfit.errors import SimulationError
-from damperfit.identification.looks import FitCancelledError
+from damperfit.errors import FitCancelledError, SimulationError
 from damperfit.identification.minimiser import Minimum, Transformation, minimise
 from damperfit.identification.settled import settled
 from damperfit.identification.trust_region import Stopping

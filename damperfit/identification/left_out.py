@@ -11,10 +11,9 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from damperfit.damper.quantity import GAS_AMOUNT, STIFFNESS
-from damperfit.errors import SimulationError
+from damperfit.errors import FitCancelledError, SimulationError
 from damperfit.identification.every_setting import with_status
 from damperfit.identification.law_misfit import vanishes_below
-from damperfit.identification.looks import FitCancelledError
 from damperfit.identification.outcome import Status
 from damperfit.identification.plausible import edge_of, kept_within
 from damperfit.identification.setting import attempt, describe_fit

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.errors import DamperfitError, SimulationError
+from damperfit.errors import FitCancelledError, SimulationError
 from damperfit.identification.evaluation import evaluate, transformation, with_values
 from damperfit.identification.plausible import is_within, kept_within
 
@@ -25,19 +25,13 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["FitCancelledError", "Looks", "Seen"]
+__all__ = ["Looks", "Seen"]
 
 # Largest change of a variable from which on a step ends far away. Gauss and Newton's next one is
 # its square, so that a last step of half a per cent is not seen roughly.
 _FAR = 0.1
 # The integrator's tolerance there; below it samples, not errors, set the length of its steps.
 _ROUGH = 30.0
-
-
-class FitCancelledError(DamperfitError):
-    """The caller asked to stop while a fit was running."""
-
-    exit_code = 130
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,9 +13,8 @@ from zlib import crc32
 
 import numpy as np
 
-from damperfit.errors import DamperfitError
+from damperfit.errors import DamperfitError, FitCancelledError
 from damperfit.identification.descent import Misfit
-from damperfit.identification.looks import FitCancelledError
 from damperfit.identification.outcome import Status
 from damperfit.identification.restarts import reconsidered
 from damperfit.identification.setting import (

@@ -12,8 +12,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from damperfit.errors import SimulationError
-from damperfit.identification.looks import FitCancelledError
+from damperfit.errors import FitCancelledError, SimulationError
 from damperfit.identification.outcome import Outcome
 from damperfit.identification.restarts import LEAST, WELL_ABOVE
 from damperfit.identification.setting import attempt, describe_fit, is_sound

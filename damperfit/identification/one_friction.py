@@ -13,11 +13,10 @@ from statistics import median
 from typing import TYPE_CHECKING
 
 from damperfit.damper.quantity import DAMPER, RIG
-from damperfit.errors import SimulationError
+from damperfit.errors import FitCancelledError, SimulationError
 from damperfit.identification.effective_samples import FEWEST_SAMPLES
 from damperfit.identification.every_setting import with_status
 from damperfit.identification.law_misfit import LawMisfit, best_fitting
-from damperfit.identification.looks import FitCancelledError
 from damperfit.identification.outcome import Outcome, Status
 from damperfit.identification.plausible import kept_within
 from damperfit.identification.setting import attempt, describe_fit

@@ -19,10 +19,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.errors import DamperfitError
+from damperfit.errors import DamperfitError, FitCancelledError
 from damperfit.identification.descent import Misfit, descend, linearise
 from damperfit.identification.law_misfit import LawMisfit, best_fitting
-from damperfit.identification.looks import FitCancelledError
 from damperfit.identification.one_speed import inseparable
 from damperfit.identification.outcome import Outcome
 from damperfit.identification.plausible import kept_within

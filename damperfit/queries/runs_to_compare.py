@@ -249,7 +249,12 @@ def read_run(path: Path, *, config: Path | None = None, is_measured: bool = Fals
         There is nothing of the kind.
     """
     if is_part(path):
-        return _of_results(read_part(path), path, (), config=config, is_measured=is_measured)
+        if is_measured:
+            raise ConfigurationError(
+                f"{path}: a part of a fleet keeps no measured cycles; give --measured the logs, or "
+                "results of damperfit identify"
+            )
+        return _of_results(read_part(path), path, (), config=config, is_measured=False)
     if path.is_dir():
         return _of_folder(path, config, is_measured=is_measured)
     if not path.is_file():

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from damperfit.readers.table import Samples, Table
 
     FloatArray = NDArray[np.float64]
+    IntArray = NDArray[np.intp]
 
 __all__ = ["make_recordings"]
 
@@ -244,7 +245,7 @@ def _cuts(
             return [(0, n)]
         late = np.flatnonzero((steps <= 0.0) & ~is_cut[1:n])
         if len(late) and options.restarts == "refuse" and options.sample_rate == 0.0:
-            raise LogError(_backwards(channels["time"], int(late[0]) + 1, len(late), samples, name))
+            raise LogError(_backwards(channels, late + 1, samples, name))
         if options.sample_rate == 0.0 or options.restarts != "refuse":
             is_cut[late + 1] = True
         if len(late) and options.restarts == "last":
@@ -266,14 +267,22 @@ def _pause(steps: FloatArray, options: ReadOptions) -> float:
     return max(_PAUSE, _PAUSE_STEPS * median(forward) if len(forward) else 0.0)
 
 
-def _backwards(time: FloatArray, i: int, n_such: int, samples: Samples, name: str) -> str:
+def _backwards(
+    channels: Mapping[str, FloatArray], late: IntArray, samples: Samples, name: str
+) -> str:
+    """Return where time does not increase, in rows `late`, and what to do about it."""
+    time, i = channels["time"], int(late[0])
     what = "repeats" if time[i] == time[i - 1] else "runs backwards"
     advice = "several tests in one file: declare rig.restarts"
-    if 2 * int(np.count_nonzero(np.diff(time) == 0.0)) > len(time):
+    if all(np.array_equal(one[late], one[late - 1]) for one in channels.values()):
+        advice = "these rows are there twice: remove the copies"
+    elif 2 * int(np.count_nonzero(np.diff(time) == 0.0)) > len(time):
         advice = "the clock is coarser than the samples: declare rig.sample_rate"
+    elif len(time) > 2 and bool(np.all(np.diff(time) < 0.0)):
+        advice = "all rows are in reverse: sort them by time"
     return (
         f"{name}, {samples.place(i)}: time {what}: {time[i]:.9g} s after {time[i - 1]:.9g} s; "
-        f"time must increase ({n_such} such rows); {advice}"
+        f"time must increase ({len(late)} such row{'s' * (len(late) > 1)}); {advice}"
     )
 
 

@@ -81,6 +81,11 @@ def _refuse_nul(data: bytes, name: str) -> None:
     offset = data.find(b"\0")
     if offset < 0:
         return
+    if not data.strip(b"\0"):
+        raise LogError(
+            f"{name}: {len(data)} bytes, all of them NUL; the log was never written to the disk: "
+            "copy it again from the rig"
+        )
     head = data[:64]
     if len(head) >= 8 and (not any(head[1::2]) or not any(head[::2])):
         raise LogError(

@@ -69,6 +69,11 @@ def read_source(path: str | os.PathLike[str], *, max_bytes: int) -> Source:
         with os.fdopen(os.open(path, flags), "rb", buffering=0) as file:
             data = _content(file, shown, max_bytes)
     except FileNotFoundError as error:
+        if Path(path).is_symlink():
+            there = _one_line(str(Path(path).readlink()))
+            raise LogError(
+                f"{shown}: a link to {there}, which is not there; link it again, or remove it"
+            ) from error
         raise LogError(f"{shown}: no such file") from error
     except IsADirectoryError as error:
         raise LogError(f"{shown}: is a folder; name the logs in it") from error

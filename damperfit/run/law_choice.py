@@ -247,6 +247,9 @@ def with_chosen_law(configuration: Configuration, choice: LawChoice) -> Configur
     sections: dict[str, dict[str, Any]] = {"damper": {"model": best.model.name, **own}}
     if any(best.model.quantity(name).default is not None for name in best.free):
         sections["identification"] = {"free": list(best.free)}
+    if configuration.identification.procedure not in best.model.procedures:  # the paper's own
+        own_procedure = {"procedure": best.model.procedures[0]}
+        sections["identification"] = sections.get("identification", {}) | own_procedure
     lost = {*unmatched(configuration.document["adjusters"], best.model)}
     if lost:  # a valve that the law does not have follows no adjuster
         sections["adjusters"] = {

@@ -22,6 +22,10 @@ _HEADINGS = (
         f"setting,speed_{unit.replace('/', '_per_')},stroke,".encode()
         for unit in units_of("velocity")
     ),
+    *(  # of `export --to csv`
+        f"setting,speed_{unit.replace('/', '_per_')},force_".encode()
+        for unit in units_of("velocity")
+    ),
     b"setting,log,stretch,kind,",
     b"serial,damper,date,setting,",
 )
@@ -29,14 +33,17 @@ _HEADINGS = (
 _LOGGED = re.compile(
     rb"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}[+-]\d\d:\d\d [A-Z]+ +damperfit\[\d+\] "
 )
-_BEGIN = 128  # bytes; no heading is longer, and no beginning of a line of --log-file
+# How the text files of `export` that end as logs do begin: about the tables, tables of simulators.
+_EXPORTED = re.compile(rb"(?:#1\n# |#INFOFILE[^\n]*\n## )?damperfit [^\n:]+: results, setting ")
+_UNIT = re.compile(rb" \[[^\],;\n]*\]")  # behind a heading, as `export` writes it
+_BEGIN = 256  # bytes; no heading is longer, and no beginning of a line of --log-file
 _FACTS = b"damperfit"  # of a schema
 
 
 def is_own_table(path: Path) -> bool:
     """Whether a file is a table of results, by what it says of itself; run.json is one too.
 
-    So is what --log-file wrote.
+    So is what --log-file wrote, and what `export` wrote of tables and text.
     """
     with suppress(OSError):
         if not path.is_file():
@@ -47,8 +54,10 @@ def is_own_table(path: Path) -> bool:
             return _says_so(path)
         if path.name == "run.json":
             return b'"schema_version"' in path.read_bytes()[:4096]
-        is_known = begin.startswith(_HEADINGS) or _LOGGED.match(begin) is not None
-        return is_known or _is_of_model(begin)
+        if _LOGGED.match(begin) or _EXPORTED.match(begin):
+            return True
+        heading = _UNIT.sub(b"", begin.partition(b"\n")[0]).replace(b";", b",")
+        return heading.startswith(_HEADINGS) or _is_of_model(heading)
     return False
 
 
@@ -60,7 +69,7 @@ def _is_of_model(begin: bytes) -> bool:
     from damperfit.damper.models import MODELS
 
     names = {one.name for kind in MODELS.values() for one in kind().quantities}
-    return headings[0] in names and headings[1].split("\n")[0].strip() in names
+    return headings[0] in names and headings[1].strip() in names
 
 
 def is_own_log_file(path: Path) -> bool:

@@ -34,7 +34,8 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping, Sequence
 
     from damperfit.configuration.options import Configuration
-    from damperfit.identification import Campaign, Fit
+    from damperfit.damper.quantity import Quantity
+    from damperfit.identification import Campaign, Fit, FitOptions
     from damperfit.run.logs import LogBatch
     from damperfit.tested.identity import Identity
     from damperfit.uncertainty import Prediction
@@ -236,6 +237,7 @@ def record(
             "identifiability": list(facts.identifiability),
             "many_starts": list(facts.searches),
             "cavitation": list(facts.cavitation),
+            "force_offset": list(judgement.adjustment.of_offset),
         },
         **({"law_choice": dict(facts.law_choice)} if facts.law_choice else {}),
         "gates_missed": list(facts.gates),
@@ -315,8 +317,19 @@ def _procedure(configuration: Configuration, campaign: Campaign) -> Iterator[str
         if fit.status[name] == Status.SHARED:
             spread = _friction_spread(campaign) if one.is_friction else ""
             yield f"{said} is shared by all settings, found from the logs{spread}."
+        elif _is_of_first_fit(one, configuration.identification):
+            yield (
+                f"{name} of each setting is held at what a first fit of its logs gave, as --free "
+                "leaves it out; its error is not in those of the others."
+            )
         elif fit.status[name] == Status.FIXED and value != one.default:
             yield f"{said} is fixed."
+
+
+def _is_of_first_fit(one: Quantity, options: FitOptions) -> bool:
+    """Whether a setting's own quantity is neither asked for nor given."""
+    is_own = one.default is None and not one.is_shared
+    return is_own and bool(options.free) and one.name not in {*(options.free or ()), *options.fixed}
 
 
 def _friction_spread(campaign: Campaign) -> str:

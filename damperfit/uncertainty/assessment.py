@@ -9,9 +9,8 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from damperfit.errors import SimulationError, sparing
+from damperfit.errors import FitCancelledError, SimulationError, sparing
 from damperfit.identification.blas_threads import one_blas_thread
-from damperfit.identification.looks import FitCancelledError
 from damperfit.identification.outcome import Status
 from damperfit.identification.paper.shared_values import TAKEN
 from damperfit.identification.sharing import of_settings

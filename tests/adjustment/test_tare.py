@@ -177,6 +177,7 @@ def test_the_report_says_that_tares_are_left_out() -> None:
     assert said.startswith("forces by setting: the force offset (-3.4 to 36.6 N) is the rig's tare")
     bare = levels(stages((0.0,) * 3), PURDY_DAMPER, SINE, **AT)
     assert Adjustment(levels=bare).sentences == ()
+    assert Adjustment(levels=found).of_offset == (said,)  # run.json keeps it for the page
 
 
 def test_what_stands_beside_the_measured_force_has_the_tare() -> None:

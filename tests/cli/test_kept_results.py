@@ -129,6 +129,13 @@ def test_a_table_with_columns_that_nobody_declared(run, one_log, tmp_path):
         ("setting,gas_pressure,time", False),
         ("setting,time,force", False),
         ("time,c,f_0", False),
+        ("setting,r_m1 [s sqrt(N)/(m kg)],r_m2 [N s/(m2 kg)]", True),
+        ("setting;rebound_bleed [s sqrt(N)/(m kg)];rebound_opening [Pa]", True),
+        ("setting;speed_in_per_s;force_lbf;range", True),
+        ("damperfit 0.1.0: results, setting 1, 2", True),
+        ("#1\n# damperfit 0.1.0: results, setting 1, 2", True),
+        ("# damperfit rig log\n# setting: 1\ntime_s,displacement_mm,force_N", False),
+        ("setting,speed_m_per_s,reading", False),
     ],
 )
 def test_tables_of_any_model_are_known_as_our_own(tmp_path, line: str, *, is_own: bool) -> None:

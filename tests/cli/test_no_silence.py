@@ -28,6 +28,18 @@ GIVEN = [
             ["identify", "LOG", "--share", "r_m3"],
             "--share r_m3 has no effect: only procedure joint",
         ),
+        (
+            ["identify", "LOG", "--model", "auto", "--share", "f_f"],
+            "--share f_f has no effect: only procedure joint",
+        ),
+        (
+            ["identify", "LOG", "--model", "auto", "--free", "r_m1,r_m2"],
+            "--free has no effect: with --model auto the logs choose what is fitted",
+        ),
+        (["identify", ""], "'': expected a file or folder; is a variable of the shell not set?"),
+        (["identify", "LOG", "--out", ""], "--out '': expected a file or folder"),
+        (["identify", "LOG", "--out="], "--out '': expected a file or folder"),
+        (["compare", "LOG", ""], "'': expected a file or folder"),
         (["identify", "LOG", "--max-mse", "0"], "--max-mse 0: expected more than 0"),
         (["identify", "LOG", "--setting=?"], "--setting ?: expected clicks"),
         (["identify", "LOG", "--setting", "0"], "--setting 0: setting_01.csv says setting 1"),

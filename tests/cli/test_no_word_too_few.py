@@ -52,6 +52,22 @@ def test_the_papers_temperature_is_asked_of_the_papers_damper(tmp_path, text, to
     assert load_configuration(path).rig.temperature_tolerance == tolerance
 
 
+@pytest.mark.parametrize(
+    ("text", "is_said"),
+    [
+        ("procedure = 'plain'\nshare = ['f_f']\n", True),
+        ("share = ['f_f']\n", True),
+        ("procedure = 'joint'\nshare = ['f_f']\n", False),
+        ("procedure = 'plain'\nshare = ['r_m3', 'f_f']\n", False),  # as config prints it
+    ],
+)
+def test_what_is_to_be_shared_in_vain_is_said(tmp_path, text, *, is_said):
+    path = tmp_path / "mine.toml"
+    path.write_text(f"[identification]\n{text}")
+    notes = load_configuration(path).notes
+    assert any("share = ['f_f'] has no effect" in one for one in notes) is is_said
+
+
 def test_the_notation_is_explained_by_a_cell_of_the_table(run, logs):
     ended = run("identify", logs / "setting_02.csv", "--out", "out")
     row = next(line for line in ended.out.splitlines() if line.split()[:1] == ["2"])

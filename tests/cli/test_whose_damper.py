@@ -13,6 +13,7 @@ import pytest
 from damperfit.cli import main
 from damperfit.configuration.loading import load_configuration
 from damperfit.configuration.options import parameter_value
+from damperfit.damper.models import MODELS
 from damperfit.damper.purdy.parameters import DAMPER_RANGES
 from damperfit.damper.valve_dampers import Monotube
 from damperfit.errors import ConfigurationError
@@ -222,6 +223,13 @@ def test_a_gas_pressure_that_is_held_takes_the_same_units(text, pascal) -> None:
     overlay = {"damper": {"model": "monotube"}, "identification": {"fix": {"gas_pressure": text}}}
     loaded = load_configuration(overlay=overlay)
     assert loaded.identification.fixed["gas_pressure"] == pytest.approx(pascal, rel=1e-14)
+
+
+def test_only_the_gas_pressure_of_a_damper_counts_from_vacuum() -> None:
+    told = {
+        one.name for kind in MODELS.values() for one in kind().quantities if one.is_absolute
+    }  # fmt: skip
+    assert told == {"gas_pressure"}
 
 
 def test_no_modulus_counts_from_the_atmosphere(run) -> None:

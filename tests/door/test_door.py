@@ -302,6 +302,16 @@ _WRONG = [
         "export(result, 'csv', 'x', extend=[])",
         "or a text such as '1.5m/s' for a velocity, found []",
     ),
+    ("export(result, 'fmu2', 'x.csv')", "out=x.csv: fmu2 writes .fmu files"),
+    ("export(result, 'csv', '')", "damperfit.export(out=...): found ''; expected the path"),
+    ("identify('')", "damperfit.identify: found ''; expected paths or patterns"),
+    ("identify(['a.csv', ''])", "damperfit.identify: found ''; expected paths or patterns"),
+    ("inspect('')", "damperfit.inspect: found ''; expected paths or patterns"),
+    ("identify(LOG, out='')", "(out=...): found ''; expected the path of a folder, '.' for this"),
+    ("identify(LOG, share=['r_m3'])", "(share=...): only procedure 'joint' fits shared"),
+    ("identify(LOG, model='auto')", "only the command line, damperfit models LOGS, lets the logs"),
+    ("compare(result, '')", "damperfit.compare: found ''; expected a result, or the path"),
+    ("load('')", "damperfit.load: found ''; expected the path of a results folder"),
     ("load(None)", "damperfit.load: found NoneType; expected the path of a results folder"),
     ("Damper(bore='32')", "damperfit.Damper: no keyword 'bore'; there are rod_diameter,"),
     ("Damper(rod_diamter=0.03)", "Did you mean 'rod_diameter'?"),
@@ -427,6 +437,9 @@ def test_calls_of_the_layers_below_say_what_they_want():
 def test_a_result_is_handed_over_also_when_the_package_of_targets_is_loaded(result, tmp_path):
     import damperfit.handover
 
+    (one,) = damperfit.export(result, to="fmu2", out=tmp_path / "mine.fmu")
+    assert one == tmp_path / "mine.fmu"  # a file, as on the command line
+    assert one.is_file()
     files = damperfit.export(result, to="csv", out=tmp_path / "out")
     tables = [path for path in files if path.suffix == ".csv"]
     assert "damper.csv" in {path.name for path in tables}

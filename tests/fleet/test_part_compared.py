@@ -8,6 +8,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
+import damperfit
 from damperfit.cli.main import main
 from damperfit.configuration.loading import load_configuration
 from damperfit.errors import ConfigurationError
@@ -70,6 +71,22 @@ def test_a_page_of_one_damper_stands_beside_the_parts_and_they_are_read_as_befor
     assert "2 settings fitted" in text
     assert "a part of a fleet keeps none" in text
     assert len(pd.read_parquet(part.parent)) == 2
+
+
+def test_a_part_keeps_no_measured_cycles_and_says_where_they_are(taken, capsys):
+    results, part = taken
+    capsys.readouterr()
+    assert main(["compare", str(part), str(results), "--measured"]) == 2
+    assert capsys.readouterr().err == (
+        f"damperfit: {part}: a part of a fleet keeps no measured cycles; give --measured the logs, "
+        "or results of damperfit identify\n"
+    )
+
+
+def test_a_part_is_no_folder_that_the_door_loads(taken):
+    _, part = taken
+    with pytest.raises(ConfigurationError, match="is a part of a fleet, which keeps no more than"):
+        damperfit.load(part)
 
 
 def test_figures_and_another_place_are_as_of_a_results_folder(taken, tmp_path):

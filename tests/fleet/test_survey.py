@@ -12,6 +12,7 @@ import pandas as pd
 import pyarrow as pa
 import pytest
 
+from damperfit.cli.fleet import _held_lines
 from damperfit.cli.main import main
 from damperfit.comparison import Tolerance, parse_tolerance
 from damperfit.comparison.tolerance import Band
@@ -226,6 +227,19 @@ def test_a_share_is_of_the_median_of_the_setting(text, n_missed):
     assert (held.n_points, held.n_dampers, len(held.missed)) == (246, 41, n_missed)
     assert len(held.worst) == (2 if n_missed else 0)
     assert held.sentence.startswith("2 of 41" if n_missed else "All 41 dampers are within")
+
+
+def test_a_damper_without_a_fit_is_not_within_a_tolerance():
+    held = fleet_against_bands(survey(failed_row(fleet_table(5), "D9")), parse_tolerance("50%"))
+    (lost,) = held.missed
+    assert (lost.run, lost.words) == (
+        "D9", "not evaluated: it has no force at any named speed",
+    )  # fmt: skip
+    assert held.sentence == (
+        "1 of 6 dampers are outside the tolerance or not evaluated, at 1 of 31 points, 1 of them "
+        "not evaluated."
+    )
+    assert _held_lines(held)[1] == "D9: not evaluated: it has no force at any named speed"
 
 
 def nominal(*bands: Band) -> Tolerance:

@@ -100,6 +100,15 @@ def test_a_law_that_was_found_is_no_declaration_of_the_damper() -> None:
     assert "made up" not in with_chosen_law(slim, choice).damper_sentence
 
 
+def test_a_law_of_valves_is_fitted_by_a_procedure_of_its_own() -> None:
+    law = a_law_fit(TwinTube())
+    search = SimpleNamespace(chosen=SimpleNamespace(fits=(law,)), is_of_one_model=False)
+    choice = SimpleNamespace(search=search, fits=(law,), document=lambda: {"model": "twin_tube"})
+    for named, taken in (("paper", "plain"), ("joint", "joint")):
+        asked = load_configuration(None, overlay={"identification": {"procedure": named}})
+        assert with_chosen_law(asked, choice).identification.procedure == taken
+
+
 @pytest.mark.parametrize(("volume", "is_missing"), [({"gas_volume": "25cm3"}, False), ({}, True)])
 def test_a_gas_volume_is_the_papers_gas_length(volume, *, is_missing) -> None:
     whole = {

@@ -117,7 +117,10 @@ def test_ports_are_tried_where_they_fit_and_predict_better_by_half(
     monkeypatch.setattr(course, "all_fitted", lambda models: asked.append(models) or [ported])
     assert course.ported([bare]) == [ported if is_taken else bare]
     assert len(asked) == bare.leaves_something
-    assert len(course.laws) == is_taken
+    told = [(one.tried, one.change) for one in course.laws]
+    refused = [(ported, "blow-offs with a port")] if bare.leaves_something else []
+    assert told == ([(bare, "blow-offs without a port")] if is_taken else refused)
+    assert not any(one.is_taken for one in course.laws)
 
 
 @pytest.mark.parametrize(("times", "n"), [(7.9, 2), (8.1, 1)])

@@ -272,6 +272,15 @@ FAULTS = {
     "XML": ("<?xml version='1.0'?><log/>", "this is XML"),
     "UTF-16 without mark": (PLAIN.encode("utf-16-le"), "looks like UTF-16"),
     "broken UTF-16": (b"\xff\xfe\x00\xd8", "is not valid UTF-16-LE"),
+    "never written": (bytes(4000), "4000 bytes, all of them NUL; the log was never written"),
+    "rows twice": (
+        "".join(f"{row}\n" * (1 + (k > 0)) for k, row in enumerate(PLAIN.splitlines())),
+        "time must increase (5 such rows); these rows are there twice: remove the copies",
+    ),
+    "in reverse": (
+        "\n".join([PLAIN.splitlines()[0], *PLAIN.splitlines()[:0:-1], ""]),
+        "time must increase (4 such rows); all rows are in reverse: sort them by time",
+    ),
     "pickle": (b"\x80\x04\x95\x00", "pickle, which could run code"),
     "zip": (b"PK\x03\x04 and so on", "ZIP archive"),
     "NumPy": (b"\x93NUMPY\x01\x00", "NumPy array"),
@@ -331,6 +340,13 @@ def test_text_in_a_column_that_is_not_used(put) -> None:
 
 
 # --- files -----------------------------------------------------------------------------------
+
+
+def test_a_link_to_nothing_says_so(tmp_path) -> None:
+    link = tmp_path / "log.csv"
+    link.symlink_to("elsewhere.csv")
+    with pytest.raises(LogError, match=r"a link to elsewhere\.csv, which is not there"):
+        read_log(link)
 
 
 def test_missing_file_folder_and_nul_in_the_name(tmp_path) -> None:

@@ -110,6 +110,19 @@ def test_the_procedure_is_told_with_every_value_that_holds_for_all() -> None:
     assert offset == "f_0 = -12.500 N is fixed."
 
 
+def test_what_is_left_out_of_free_is_not_told_as_given_nor_as_one_value() -> None:
+    """Each setting has its own, from the first pass; the report said "k_e = 502.42e6 is fixed"."""
+    asked = replace(
+        PLAIN, identification=replace(PLAIN.identification, free=("r_m1",), fixed={"r_m2": 2.2e6})
+    )
+    done = campaign(fit(1, status={"r_m2": "fixed", "k_e": "fixed"}))
+    told = list(_procedure(asked, done))
+    assert "r_m2 = 2.2000e6 N s/(m2 kg) is fixed." in told
+    (line,) = (one for one in told if one.startswith("k_e"))
+    assert line.startswith("k_e of each setting is held at what a first fit of its logs gave")
+    assert not [one for one in _procedure(PLAIN, done) if "first fit" in one]
+
+
 def test_advice_is_given_for_every_ending_but_a_good_one() -> None:
     ends = (Outcome.CONVERGED, Outcome.CAVITATING, Outcome.NO_DESCENT)
     done = campaign(*(fit(n, outcome=one) for n, one in enumerate(ends, start=1)))

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from damperfit.damper.purdy.starting import cavitation_limit
-from damperfit.errors import DamperfitError
+from damperfit.errors import DamperfitError, FitCancelledError
 from damperfit.identification.descent import Misfit, descend
 from damperfit.identification.failures import SettingError, SettingFailure, attempted
-from damperfit.identification.looks import FitCancelledError
 from damperfit.identification.multistart import Search, fit_from
 from damperfit.identification.outcome import Outcome, Status
 from damperfit.identification.paper.free_everywhere import free_everywhere

@@ -9,9 +9,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from damperfit.errors import FitCancelledError
 from damperfit.identification.every_setting import Campaign, fit_every_setting, with_status
 from damperfit.identification.last_step import beside_earlier
-from damperfit.identification.looks import FitCancelledError
 from damperfit.identification.multistart import Search, fit_from
 from damperfit.identification.outcome import Status
 from damperfit.identification.paper.first_pass import first_pass

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from damperfit.report.evaluated_log import has_several_speeds
-from damperfit.report.json_records import clicks_in, law_in
+from damperfit.report.json_records import clicks_in, law_in, sentences_in
 from damperfit.report.sheets.cavitation_sheet import cavitation_sheet
 from damperfit.report.sheets.click_sheet import click_sheet
 from damperfit.report.sheets.in_units import clicks_in_units, sheet_in_units
@@ -43,6 +43,7 @@ def page_tables(
     settings = {row["setting"] for row in rows}
     errors = [row for row in results.mse if row["setting"] in settings]
     clicks = clicks_in_units(clicks_in(results.record), units)
+    of_offset = sentences_in(results.record, "force_offset")
     sheets = [
         *(
             [("Peak force against peak speed (PVP)", sheet_in_units(peak_sheet(points), units))]
@@ -53,7 +54,7 @@ def page_tables(
         ("MSE by setting and log", mse_sheet(errors, rows, results.quantities)),
         ("Laws that were tried", tried_laws_sheet(law_in(results.record))),
         ("Models from the literature on the same logs", rival_sheet(law_in(results.record))),
-        ("Change of force by click", sheet_in_units(click_sheet(clicks), units)),
+        ("Change of force by click", sheet_in_units(click_sheet(clicks, of_offset), units)),
         ("How near to cavitation", cavitation_sheet(results.parameters)),
     ]
     return [(title, sheet) for title, sheet in sheets if sheet.rows]

@@ -274,7 +274,7 @@ def _pressures(view: EvaluatedLog, name: str) -> Plot:
             if (pressure <= 0.0).any()
         ]
         caption = f"Shaded: cavitation, {' and '.join(parts)} of the cycle."
-    caption += f" Lowest pressure {pressures.min() / _BAR:.3g} bar."
+    caption += f" Lowest pressure of this cycle {pressures.min() / _BAR:.3g} bar."
     if view.stretches and np.isfinite(view.frequency):
         caption = f"Last cycle of the fastest stretch. {caption}"
     title = _title(view, "chamber pressures, simulated")

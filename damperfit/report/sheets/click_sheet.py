@@ -18,8 +18,16 @@ if TYPE_CHECKING:
 __all__ = ["click_sheet"]
 
 
-def click_sheet(clicks: Sequence[Click]) -> Sheet:
-    """Return one row per click: the change of force at the highest speed, by stroke."""
+def click_sheet(clicks: Sequence[Click], of_offset: Sequence[str] = ()) -> Sheet:
+    """Return one row per click: the change of force at the highest speed, by stroke.
+
+    Parameters
+    ----------
+    clicks : sequence of Click
+        Of all speeds.
+    of_offset : sequence of str
+        What became of the rigs' offsets, told below the table.
+    """
     fastest = max((click.speed for click in clicks), default=0.0)
     shown = [click for click in clicks if click.speed == fastest]
     steps = sorted({(click.first, click.second) for click in shown})
@@ -36,7 +44,7 @@ def click_sheet(clicks: Sequence[Click]) -> Sheet:
             (_words(*step), change_of(step, "rebound"), change_of(step, "bump")) for step in steps
         ),
         is_number=(False, True, True),
-        notes=(simulated_clicks_at(fastest),) if steps else (),
+        notes=(simulated_clicks_at(fastest), *of_offset) if steps else (),
     )
 
 
