@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from damperfit.conditioning.held_force import YIELDS, held_share
 from damperfit.configuration.loading import redeclared
 from damperfit.configuration.what_is_tested import unmatched
 from damperfit.damper.purdy.parameters import Damper
@@ -41,7 +42,6 @@ from damperfit.run.undeclared_damper import (
     open_dimensions,
     open_layout,
 )
-from damperfit.uncertainty.yielding import YIELDS, held_share
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
