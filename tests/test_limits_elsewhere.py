@@ -397,13 +397,16 @@ def test_a_model_may_miss_a_force_by_share_range_and_noise(
 
 
 @pytest.mark.parametrize(
-    ("uncertainty", "gas", "off", "is_apart"),
-    [(0.0, 100.0, 24.0, 0), (0.0, 100.0, 26.0, 1), (100.0, 0.0, 146.0, 0), (100.0, 0.0, 154.0, 1)],
-)
+    ("uncertainty", "gas", "held", "off", "is_apart"),
+    [
+        (0.0, 100.0, 0.0, 24.0, 0), (0.0, 100.0, 0.0, 26.0, 1), (100.0, 0.0, 0.0, 146.0, 0),
+        (100.0, 0.0, 0.0, 154.0, 1), (0.0, 0.0, 100.0, 99.0, 0), (0.0, 0.0, 100.0, 101.0, 1),
+    ],
+)  # fmt: skip
 def test_an_offset_is_apart_beyond_a_quarter_of_the_gas_force(
-    uncertainty, gas, off, is_apart, monkeypatch
+    uncertainty, gas, held, off, is_apart, monkeypatch
 ) -> None:
-    seen = SimpleNamespace(force=0.0, expected=0.0, uncertainty=uncertainty)
+    seen = SimpleNamespace(force=0.0, expected=0.0, uncertainty=uncertainty, held=held)
     monkeypatch.setattr(withheld, "force_level", lambda *_: seen)
     log = SimpleNamespace(trace=SimpleNamespace(n_cycles=3))
     fit = SimpleNamespace(parameters=SimpleNamespace(f_0=off), logs=(log,))
@@ -415,7 +418,9 @@ def test_the_log_that_is_farthest_tells_how_far_an_offset_is(monkeypatch) -> Non
     """A log without cycles tells nothing; what stands behind it is looked at."""
     monkeypatch.setattr(
         withheld, "force_level",
-        lambda trace, _: SimpleNamespace(force=trace.force, expected=0.0, uncertainty=0.0),
+        lambda trace, _: SimpleNamespace(
+            force=trace.force, expected=0.0, uncertainty=0.0, held=0.0
+        ),
     )  # fmt: skip
     logs = [
         SimpleNamespace(trace=SimpleNamespace(n_cycles=n, force=force))

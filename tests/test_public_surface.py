@@ -973,6 +973,7 @@ SURFACE = {
         "diagnose",
         "linearise_at_fit",
         "linearise_settings",
+        "missed_predictions",
         "objections",
         "predict",
         "prediction_warnings",

@@ -18,6 +18,9 @@ it, and so does cavitation. `python -m tests.conditioning.corrections_grid` prin
 speed, over half the range of the force, positive when the stroke is progressive. The model's
 valves make both positive and rebound's larger: a_p1^3 against a_r^3 through valve 1. Those of a
 magneto-rheological damper are negative.
+
+A damper that holds its force down to low speed hardly shows a level: preloads that are unlike in
+both strokes, behind a filter, move both estimates alike, by up to half their difference.
 """
 
 from __future__ import annotations
@@ -29,6 +32,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.compiled_core import compiled_core
+from damperfit.conditioning.held_force import YIELDS, held_share
 from damperfit.statistics import mean_of
 
 if TYPE_CHECKING:
@@ -73,6 +77,9 @@ class ForceLevel:
         Share of the force's half range that grows with v^2, positive when progressive.
     hidden : float
         N; how much of a level may be valves that open early, or what a filter took off the turns.
+    held : float
+        N; half the force that the log holds down to low speed, where it yields: all of it may be
+        one stroke's, and a filter that spreads the turn makes a level of it.
     """
 
     branches: float
@@ -82,6 +89,7 @@ class ForceLevel:
     rebound_curvature: float
     bump_curvature: float
     hidden: float = 0.0
+    held: float = 0.0
 
     @property
     def force(self) -> float:
@@ -130,7 +138,14 @@ def force_level(trace: Trace, gas: GasFacts, *, corner: float = math.inf) -> For
         bump_curvature=bump / half_range,
         hidden=_OF_DIGRESSION * 0.5 * (max(-rebound, 0.0) + max(-bump, 0.0))
         + _lost_at_turns(trace, corner) * half_range,
+        held=_held(trace) * half_range,
     )
+
+
+def _held(trace: Trace) -> float:
+    """Return the share of the force's range that the log holds where it yields, else 0."""
+    share = held_share(trace)
+    return share if share >= YIELDS else 0.0
 
 
 def _lost_at_turns(trace: Trace, corner: float) -> float:

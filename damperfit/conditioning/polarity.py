@@ -173,8 +173,8 @@ def _is_certain(level: ForceLevel, reversed_channels: tuple[str, ...]) -> bool:
 def _level_in_words(level: ForceLevel) -> str:
     """Return the level beside the gas force, for people."""
     return (
-        f"at zero velocity the force is {level.force:.0f} +- {level.uncertainty:.0f} N; the gas "
-        f"force alone is {level.expected:.0f} N"
+        f"at zero velocity the force is {level.force:.0f} +- {level.uncertainty + level.held:.0f} "
+        f"N; the gas force alone is {level.expected:.0f} N"
     )
 
 
@@ -195,7 +195,7 @@ def _reversed(channels: tuple[str, ...] | list[str], reason: str) -> Signs:
 
 def _doubt(level: ForceLevel, advice: str) -> Signs:
     sees = "so no gas force distinguishes rebound from bump"
-    if level.ratio <= -TARED and abs(level.force) > level.uncertainty:
+    if level.ratio <= -TARED and abs(level.force) > level.uncertainty + level.held:
         sees = "as if both channels were positive in bump, but that is not certain"
     return Signs(
         (),

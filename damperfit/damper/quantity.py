@@ -68,6 +68,8 @@ class Quantity:
         People read it in 10^power of the unit, which they write like this.
     is_open : bool
         What lies beyond the upper edge looks like the edge: rigid. It is then no fault of the logs.
+    has_own_edges : bool
+        At an edge of its range the law is a simpler one, and no bound that a fit strains against.
     may_vanish : bool
         Of a logarithmic one: it may be held at nothing.
     trend_degree : int or None
@@ -99,6 +101,7 @@ class Quantity:
     power: int = 0
     shown_unit: str = ""
     is_open: bool = False
+    has_own_edges: bool = False
     may_vanish: bool = False
     trend_degree: int | None = None
     believable: tuple[float, float] = (float("-inf"), float("inf"))

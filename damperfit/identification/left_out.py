@@ -61,6 +61,8 @@ def does_nothing(values: Values, name: str) -> bool:
     low, high = one.plausible
     value = getattr(values, name)
     is_below, is_above = value <= low, value >= high
+    if one.has_own_edges:
+        return bool(is_below or is_above)
     stroke, _, part = name.rpartition("_")
     if part == "leak" and f"{stroke}_bleed" not in values.names:  # all that the bleed has
         return bool(is_above)
@@ -124,11 +126,14 @@ def _lean(fit: Fit, misfit: Misfit) -> Fit:
         lost |= dict.fromkeys(one for name in idle for one in _part(fit, name))
         start = kept_within(fit.parameters, lost)
         rest = replace(misfit, free=tuple(one for one in misfit.free if one not in lost))
-        judged = with_status(
-            attempt(rest, start, fit.evaluations), dict.fromkeys(lost, Status.ABSENT)
-        )
+        left = {name: _left(fit.parameters, name) for name in lost}
+        judged = with_status(attempt(rest, start, fit.evaluations), left)
         fit = describe_fit(fit.setting, judged, rest)
     return replace(fit, warnings=(*first, *said)) if said else fit
+
+
+def _left(values: Values, name: str) -> Status:
+    return Status.FIXED if values.quantity(name).has_own_edges else Status.ABSENT
 
 
 def _at_edge(fit: Fit) -> list[str]:
@@ -153,6 +158,11 @@ def _is_above(values: Values, name: str) -> bool:
 
 def _sentence(values: Values, name: str) -> str:
     one = values.quantity(name)
+    if one.has_own_edges:
+        return (
+            f"{one.label} ({one.symbol}): {getattr(values, name):g}, an edge of its range at which "
+            "the law is a simpler one, fits best, and is held here."
+        )
     if one.role in _AS_IF:
         return f"{one.label} ({one.symbol}): {_AS_IF[one.role]}."
     if name == _AT_REST[1] and not _is_above(values, name):

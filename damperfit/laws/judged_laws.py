@@ -57,6 +57,10 @@ class LawSearch:
     held_share : float
         Of their force that the logs hold down to a tenth of the speed, where they yield before they
         slide; NaN where they do not.
+    is_held_by_some : bool
+        Whether that is the most that a setting holds, and others do not yield.
+    doubt : str
+        What of the law of valves that was taken no damper has, where logs yield; empty for nothing.
     also : str
         What yields and tells the logs about as well as the law that was taken; empty for none.
     is_of_one_model : bool
@@ -70,6 +74,8 @@ class LawSearch:
     held_share: float = math.nan
     also: str = ""
     is_of_one_model: bool = False
+    is_held_by_some: bool = False
+    doubt: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -71,7 +71,8 @@ def seen_again(choice: Mapping[str, Any], campaign: Campaign, model: Model) -> d
         for fit in campaign.fits
     ]
     alike = choice.get("layouts_alike") or ()
-    again = physics_seen(fits, alike) if fits and choice.get("sentences") else ()
+    is_told = choice.get("sentences") and not choice.get("doubt")
+    again = physics_seen(fits, alike) if fits and is_told else ()
     return {**choice, "sentences": list(again)} if again else dict(choice)
 
 

@@ -56,7 +56,7 @@ from damperfit.laws.variants import (
     with_part,
     with_parts,
 )
-from damperfit.laws.yielding import YIELDING, held_against, is_open_to
+from damperfit.laws.yielding import YIELDING, held_against, is_open_to, unbelievable
 from damperfit.simulation import SolverOptions
 
 if TYPE_CHECKING:
@@ -96,6 +96,7 @@ def search_laws(  # noqa: PLR0913 - what a user may ask of it
     on_law: Callable[[JudgedLaw], None] = lambda _: None,
     jobs: int = 1,
     held_share: float = math.nan,
+    held_by_some: float = math.nan,
     elsewhere: Sequence[SettingLogs] = (),
 ) -> LawSearch:
     """Try laws from the paper's to the richest, and return which one the logs tell.
@@ -117,6 +118,9 @@ def search_laws(  # noqa: PLR0913 - what a user may ask of it
     held_share : float
         Of their force that the logs hold down to a tenth of the speed, where they yield before they
         slide; NaN where they do not.
+    held_by_some : float
+        The most that one holds, where not all of them yield: a magneto-rheological damper without
+        current does not. Asked where valves leave something; NaN where none yields.
     elsewhere : sequence of SettingLogs
         Other settings, asked before a part of one stroke's valve is taken out.
     """
@@ -144,11 +148,15 @@ def search_laws(  # noqa: PLR0913 - what a user may ask of it
     rich = course.laid_out(rich, layouts)
     settled = course.declared if has_valves else course.settled
     law = rich if simplest is None else settled(simplest, rich)
+    if math.isnan(held_share) and (law.leaves_something or unbelievable(law)):
+        course.held_share, course.is_held_by_some = held_by_some, True
     return course.ended(course.yielding(law))
 
 
 class _Search(Course):
     """The steps of a search, from the layout to the law that is taken."""
+
+    is_held_by_some, doubt = False, ""
 
     def ported(self, found: Sequence[Tried]) -> list[Tried]:
         """The layouts with ports behind their blow-offs, where those tell much more; else as found.
@@ -303,6 +311,8 @@ class _Search(Course):
             self.without_valves(taken)
         elif found and is_open_to(law, best):
             self.also = best.title
+        else:
+            self.doubt = unbelievable(law)
         return taken
 
     def ended(self, chosen: Tried) -> LawSearch:
@@ -315,7 +325,10 @@ class _Search(Course):
             else dataclasses.replace(one, is_taken=False)
             for one in self.laws
         )
-        return LawSearch(laws, polished, self.n_eff, self.alike, self.held_share, self.also)
+        return LawSearch(
+            laws, polished, self.n_eff, self.alike, self.held_share, self.also,
+            is_held_by_some=self.is_held_by_some, doubt=self.doubt,
+        )  # fmt: skip
 
 
 def _bleeds_of(law: Tried) -> tuple[str, str]:

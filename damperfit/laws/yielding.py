@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from damperfit.laws.judged_laws import LawSearch
     from damperfit.laws.law_fit import LawFit
 
-__all__ = ["YIELDING", "held_against", "is_open_to", "yielding_seen"]
+__all__ = ["YIELDING", "held_against", "is_open_to", "unbelievable", "yielding_seen"]
 
 YIELDING: tuple[type[Rival], ...] = (BoucWen, Biviscous, Kwok)
 # Valves that fit and predict so many times better are told and nothing else is. Of made-up dampers
@@ -40,6 +40,9 @@ def held_against(law: Tried, other: Tried, share: float) -> tuple[bool, str]:
     holds = f"the logs hold {100.0 * share:.0f} % of their force down to a tenth of the speed"
     if times_worse(other, law) > 1.0 and not are_alike(other, law):
         return True, f"{holds}; it {_better(other, law)} than the law of valves"
+    beyond = unbelievable(law)
+    if is_open_to(law, other) and beyond:
+        return True, f"{holds}; it fits them about as well as a law of valves whose {beyond}"
     if is_open_to(law, other):
         return False, f"{holds}; it fits them about as well as the law of valves"
     return False, f"{holds}; the law of valves {_better(law, other)}"
@@ -56,6 +59,27 @@ def is_open_to(law: Tried, other: Tried) -> bool:
     return times_worse(law, other) < _CLEARLY
 
 
+def unbelievable(law: Tried) -> str:
+    """Return what the logs tell of a law that no damper or rig has; empty for nothing.
+
+    A law of valves that is bent to what yields has oil as soft as air at one setting, and as stiff
+    as steel at another.
+
+    Parameters
+    ----------
+    law : Tried
+        Of valves.
+    """
+    for fit in law.fits:
+        for one in fit.model.quantities:
+            is_told = one.name in fit.free and one.name not in (*fit.undetermined, *fit.at_bound)
+            low, high = one.believable
+            if is_told and not low <= (value := getattr(fit.values, one.name)) <= high:
+                shown = f"{10.0**-one.power * value:.3g} {one.shown_unit or one.unit}"
+                return f"{one.symbol}, {shown} at setting {fit.setting}, no damper has"
+    return ""
+
+
 def yielding_seen(search: LawSearch, fits: Sequence[LawFit]) -> tuple[str, ...]:
     """Return what is told of a damper that yields; nothing of one whose valves are told.
 
@@ -67,18 +91,25 @@ def yielding_seen(search: LawSearch, fits: Sequence[LawFit]) -> tuple[str, ...]:
         The law that was taken, at every setting.
     """
     model = fits[0].model
+    up_to = "up to " if search.is_held_by_some else ""
+    share = f"{up_to}{100.0 * search.held_share:.0f} %"
+    holds = f"It holds {share} of its force down to a tenth of its speed"
+    if search.doubt:
+        what = (
+            "something that yields before it slides, as a magneto-rheological fluid or dry friction"
+        )
+        return (f"{holds}, and {search.doubt}: what acts may be {what}, and no valve is named.",)
     if not isinstance(model, YIELDING):
         return ()
-    share = 100.0 * search.held_share
     return (
         (
-            f"It holds {share:.0f} % of its force down to a tenth of its speed: it yields before "
-            "it slides, as a magneto-rheological fluid or dry friction does."
+            f"{holds}: it yields before it slides, as a magneto-rheological fluid or dry friction "
+            "does."
         ),
         f"{_numbers(fits)}.",
         (
-            f"{model.title} fits that better than any valves do, so no valve, mounting or delay is "
-            "named."
+            f"{model.title} fits that better than any valves that a damper may have, so no valve, "
+            "mounting or delay is named."
         ),
     )
 

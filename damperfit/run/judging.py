@@ -20,6 +20,7 @@ from damperfit.uncertainty import (
     Assessment,
     Bench,
     assess,
+    missed_predictions,
     objections,
     predict,
     profile_campaign,
@@ -123,6 +124,7 @@ def judge(
         ),
         Adjustment(),
     )
+    predictions = _predicted(configuration, parted, judged, assessment, mishaps, jobs=jobs)
     no_objections: dict[Setting, tuple[Objection, ...]] = {}
     found_against = mishaps.spared(
         "looking for what a grade must not hide",
@@ -140,7 +142,8 @@ def judge(
         lambda: air_objections(configuration, judged, assessment, jobs=jobs),
         no_air,
     )
-    for setting, one in air.items():
+    missed = missed_predictions(predictions)
+    for setting, one in (*air.items(), *missed.items()):
         found_against[setting] = (*found_against.get(setting, ()), one)
     assessment = replace(assessment, objections=found_against)
     checks = mishaps.spared(
@@ -148,21 +151,34 @@ def judge(
         lambda: _checks(configuration, parted, judged, assessment, adjustment),
         unchecked(),
     )
+    alike = configuration.chosen_law.get("layouts_alike", ())
+    assessment = with_other_layouts(assessment, damper, alike)
+    return judged, Judgement(assessment, adjustment, checks, predictions)
+
+
+def _predicted(
+    configuration: Configuration,
+    parted: Parted,
+    campaign: Campaign,
+    assessment: Assessment,
+    mishaps: Mishaps,
+    *,
+    jobs: int,
+) -> tuple[Prediction, ...]:
+    """Return what was held out as the fits predict it; a log that fails costs that log."""
+    damper, solver = configuration.damper, configuration.identification.solver
     take = mishaps.at_log("predicting")
 
     def predicted(trace: Trace) -> tuple[Prediction, ...]:
         try:
-            return predict(judged, assessment, (trace,), damper=damper, solver=solver)
+            return predict(campaign, assessment, (trace,), damper=damper, solver=solver)
         except Exception as error:  # noqa: BLE001 - the other logs are predicted
             take(trace, error)
             return ()
 
     with executor(jobs) as pool:
         found = [one for few in pool.map(predicted, parted.held_out) for one in few]
-    predictions = tuple(sorted(found, key=lambda one: one.setting))
-    alike = configuration.chosen_law.get("layouts_alike", ())
-    assessment = with_other_layouts(assessment, damper, alike)
-    return judged, Judgement(assessment, adjustment, checks, predictions)
+    return tuple(sorted(found, key=lambda one: one.setting))
 
 
 def with_other_layouts(assessment: Assessment, damper: Model, layouts: Sequence[str]) -> Assessment:

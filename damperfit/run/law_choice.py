@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from damperfit.conditioning.held_force import YIELDS, held_share
 from damperfit.configuration.loading import redeclared
 from damperfit.configuration.what_is_tested import unmatched
 from damperfit.damper.purdy.parameters import Damper
@@ -41,7 +42,6 @@ from damperfit.run.undeclared_damper import (
     open_dimensions,
     open_layout,
 )
-from damperfit.uncertainty.yielding import YIELDS, held_share
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -111,7 +111,8 @@ class LawChoice:
         """The physics that the chosen law sees; none where something else does as well."""
         if self.search.also:
             return ()
-        return physics_seen(self.fits, self.layouts_alike) or yielding_seen(self.search, self.fits)
+        said = yielding_seen(self.search, self.fits)
+        return said or physics_seen(self.fits, self.layouts_alike)
 
     def document(self) -> dict[str, Any]:
         """Return all of it as JSON values, as it stands in run.json."""
@@ -127,6 +128,7 @@ class LawChoice:
             "rivals": rival_records(self.rivals),
             "layouts_alike": list(self.layouts_alike),
             "sentences": list(self.sentences),
+            "doubt": self.search.doubt,
             "undecided": list(self.undecided),
         }
 
@@ -198,6 +200,7 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
         on_law=on_law,
         jobs=workers,
         held_share=_held_share(compared),
+        held_by_some=_held_by_some(evidence),
         elsewhere=[one for one in evidence if one not in compared],
     )
     fits = at_every_setting(search.chosen, evidence, solver, jobs=workers)
@@ -307,6 +310,12 @@ def _held_share(evidence: Sequence[SettingLogs]) -> float:
     known = [share for share in shares if math.isfinite(share)]
     least = min(known, default=math.nan)
     return least if least >= YIELDS else math.nan
+
+
+def _held_by_some(evidence: Sequence[SettingLogs]) -> float:
+    """The most that a setting holds in all of its logs; NaN where none yields."""
+    shares = [_held_share([one]) for one in evidence]
+    return max((share for share in shares if math.isfinite(share)), default=math.nan)
 
 
 def _plain(configuration: Configuration) -> Model:

@@ -22,7 +22,7 @@ __all__ = ["other_model_advice", "uncertainty_record", "unconfirmed_tares", "unl
 _ERRORS_APART = 3.0
 _TIMES_APART = 2.0
 # What another law may mend; an offset it cannot.
-_OF_LAWS = frozenset({"bound", "beyond", "cavitation", "friction", "misfit"})
+_OF_LAWS = frozenset({"bound", "beyond", "cavitation", "friction", "misfit", "prediction"})
 
 
 def other_model_advice(

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
         LogLinearisation,
         linearise_at_fit,
     )
+    from damperfit.uncertainty.mispredicted import missed_predictions
     from damperfit.uncertainty.options import HoldOutOptions, check_profile_names
     from damperfit.uncertainty.prediction import (
         Prediction,
@@ -68,6 +69,7 @@ __all__ = [
     "diagnose",
     "linearise_at_fit",
     "linearise_settings",
+    "missed_predictions",
     "objections",
     "predict",
     "prediction_warnings",
@@ -100,6 +102,7 @@ _LATE = {
     "diagnose": "residuals",
     "linearise_at_fit": "linearisation",
     "linearise_settings": "intervals",
+    "missed_predictions": "mispredicted",
     "objections": "withheld",
     "predict": "prediction",
     "prediction_warnings": "prediction",

@@ -35,6 +35,7 @@ from damperfit.uncertainty.profiles import (
     profile_lines,
 )
 from damperfit.uncertainty.residuals import Diagnosis, diagnose, group_warning, reconciled
+from damperfit.uncertainty.shared_limits import shared_limits
 from damperfit.uncertainty.speed_forces import SpeedForces, speed_forces
 from damperfit.uncertainty.unopened import with_least_openings
 from damperfit.uncertainty.verdicts import doubts, undetermined, verdicts
@@ -299,6 +300,8 @@ def assess(
     with executor(jobs) as pool, one_blas_thread():
         pairs = zip(linearised, known, strict=True)
         profiles = tuple(p for several in pool.map(doubtful, pairs) for p in several)
+    by_setting = {one.setting: one for one in known}
+    profiles += tuple(shared_limits(linearised, by_setting, campaign.sharing, bench))
     return Assessment(
         uncertainties=known,
         diagnoses=reconciled(diagnoses),

@@ -36,6 +36,7 @@ from damperfit.uncertainty.profiles import (
     signed_root,
     unit_of,
     value_at,
+    variance_of,
 )
 
 if TYPE_CHECKING:
@@ -57,8 +58,6 @@ if TYPE_CHECKING:
 __all__ = ["doubtful_profiles", "profile_jointly", "trace_profile"]
 
 _MAX_LOOKS = 3
-# The first step on a line goes by a factor of two at most.
-_FIRST_STRIDE = 0.7
 # The line itself may go by a factor of ten where nothing happens.
 _LONGEST_STRIDE = 2.3
 _LONGEST_GROWTH = 3.0
@@ -318,8 +317,7 @@ def profile_jointly(
     )
     best = fit_jointly(whole, start)
     held = replace(whole, held=frozenset({unknown}))
-    place = known.names.index(unknown.name)
-    variance = float(known.covariance[place, place])
+    variance = variance_of(known, unknown.name)
     curvature = shared_curvature(linearised, sharing)[sharing.unknowns.index(unknown)]
     walk = _JointWalk(held, unknown, best, curvature / variance)
     quantity = fits[0].parameters.quantity(unknown.name)
@@ -365,7 +363,7 @@ def _side(
     if edge * side <= 0.0:
         return None, True
     along, root, limit = 0.0, 0.0, None
-    step = min(stride.step * error, _FIRST_STRIDE)
+    step = min(stride.step * error, stride.first)
     if other_edge * side > 0.0:  # the fit ran out of the range on the other side: go to its edge
         step = max(step, abs(other_edge))
     try:

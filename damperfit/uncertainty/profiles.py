@@ -7,7 +7,8 @@ With S the sum of squared residuals, least over all other parameters, and u = ln
 In the quadratic approximation rise = (u/se)^2, so that with the printed variance of u (correlation
 of the residuals and shared parameters allowed for, see `intervals`) a rise of 1.96^2 is the 95 %
 limit. White-noise scaling, L = 1/s^2, would set the limits several times too near. Where a misfit
-repeats, its variance (`misfit_scores`) is added to that of the noise.
+repeats, its variance (`misfit_scores`) is added to that of the noise, and so is what a value that
+is held at a default and that nobody has measured may do.
 
 Here is what a profile is, which there are, and what their limits mean; `profile_walk` has how a
 line is walked. An own parameter is profiled beside the others of its setting, with the shared ones
@@ -21,6 +22,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from damperfit.identification.descent import Misfit
 from damperfit.identification.left_out import does_nothing
@@ -52,6 +55,7 @@ __all__ = [
     "signed_root",
     "unit_of",
     "value_at",
+    "variance_of",
 ]
 
 # A rise this far below zero is another, better minimum.
@@ -159,11 +163,14 @@ class Stride:
         Where to end in sqrt(rise).
     budget : int
         Simulations that may be spent.
+    first : float
+        The first step at most, in u: by a factor of two.
     """
 
     step: float = 0.5
     reach: float = 3.0
     budget: int = 400
+    first: float = 0.7
 
 
 @dataclass(frozen=True, slots=True)
@@ -312,6 +319,8 @@ def _line(
         variance = float(row @ one.scores @ row)
     if one.misfit is not None:
         variance += float(row @ one.misfit @ row)
+    if one.supposed is not None:
+        variance += float(np.sum((row @ one.supposed) ** 2))
     curvature = float(row[one.names.index(name)])
     unit = unit_of(one.fit.parameters.quantity(name))
     is_known = variance > 0.0 and math.isfinite(variance)
@@ -370,6 +379,13 @@ def value_at(quantity: Quantity, best: float, along: float) -> float:
 def unit_of(quantity: Quantity) -> float:
     """Return what `linearise` counts it in: a linearisation has linear quantities in their unit."""
     return 1.0 if quantity.is_logarithmic else quantity.size
+
+
+def variance_of(known: Uncertainty, name: str) -> float:
+    """Return what noise, misfit and what was supposed leave of ln y, of an offset itself."""
+    one, place = known.intervals[name], known.names.index(name)
+    noise = float(known.covariance[place, place])
+    return noise * (1.0 + (one.misfit / one.error) ** 2) if one.error > 0.0 else noise
 
 
 def signed_root(rise: float) -> float:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from damperfit.conditioning.held_force import YIELDS, held_shares
 from damperfit.identification.setting import EXCELLENT
 from damperfit.identification.sharing import listed_settings
 from damperfit.statistics import median, variance_of
@@ -22,7 +23,6 @@ from damperfit.uncertainty.repeating import (
     runs_ratio,
     split_power,
 )
-from damperfit.uncertainty.yielding import YIELDS, held_shares
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

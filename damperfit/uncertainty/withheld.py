@@ -66,6 +66,8 @@ class GradeLimits:
     nothing_percent : float
         An MSE that leaves nothing anyone would use, whatever repeats in it: such a fit knows the
         offset and the friction better than the level and the jumps of the log do.
+    predicted_percent, predicted_times : float
+        MSE of a test that was not fitted, in all and over the one expected, both at once.
     """
 
     cavitation: float = 0.05
@@ -75,6 +77,8 @@ class GradeLimits:
     times_noise: float = 30.0
     misfit_percent: float = 0.2
     nothing_percent: float = 0.02  # as `laws.ENOUGH_PERCENT`, which takes too long to import here
+    predicted_percent: float = 0.5
+    predicted_times: float = 4.0
 
 
 LIMITS = GradeLimits()
@@ -92,7 +96,7 @@ class Objection:
     Attributes
     ----------
     kind : str
-        bound, beyond, cavitation, offset, friction, dimensions or misfit.
+        bound, beyond, cavitation, offset, friction, dimensions, misfit or prediction.
     quantity : str
         Name of the quantity it is about; empty where it is about none.
     sentence : str
@@ -302,7 +306,7 @@ def offset_mismatch(fit: Fit, name: str, gas: GasFacts) -> tuple[float, float] |
             continue
         level = force_level(log.trace, gas)
         seen = level.force - level.expected
-        allowed = _OF_UNCERTAINTY * level.uncertainty + _OF_GAS * gas.inside
+        allowed = _OF_UNCERTAINTY * level.uncertainty + level.held + _OF_GAS * gas.inside
         if math.isfinite(seen) and allowed > 0.0:
             found.append((abs(value - seen) / allowed, seen))
     return max(found, default=None)

@@ -11,6 +11,7 @@ from damperfit.conditioning import condition
 from damperfit.damper.friction import Friction
 from damperfit.damper.mounting import FIT, NONE, Mounting
 from damperfit.damper.network import Valve
+from damperfit.damper.rivals import BoucWen
 from damperfit.identification import Campaign, Fit, FitOptions, identify, left_out
 from damperfit.identification.left_out import does_nothing, is_nothing
 from damperfit.identification.outcome import Outcome, Status
@@ -189,3 +190,38 @@ def test_a_blow_off_that_never_opens_has_no_slope(strained: Fit) -> None:
     )
     part = left_out._part(replace(fit, parameters=loose), "rebound_slope")
     assert part == ["rebound_slope"]
+
+
+@pytest.mark.parametrize(("name", "value", "does"), [
+    ("sigma", 0.5, True), ("sigma", 0.51, False), ("sigma", 100.0, True), ("n", 1.0, True),
+    ("n", 1.01, False), ("n", 20.0, True), ("rho", 1.0, False), ("alpha", 1e6, False),
+])  # fmt: skip
+def test_the_edges_of_a_turn_are_laws_of_their_own(name: str, value: float, *, does: bool) -> None:
+    numbers = {"alpha": 500.0, "rho": 1e3, "sigma": 1.0, "n": 1.5, "c_r": 900.0, "c_b": 900.0}
+    values = BoucWen().values({**numbers, "k": 0.0, "f_0": 0.0, name: value})
+    assert does_nothing(values, name) is does
+
+
+def test_a_turn_at_an_edge_is_held_there_and_keeps_its_grade() -> None:
+    """Back on a straight line, sigma = 1/2, and n = 1: what most publications take."""
+    truth, motion = BoucWen(), moved((0.06, 0.2), cycles=4, rate=1000.0)
+    numbers = {"alpha": 500.0, "rho": 1.5e3, "sigma": 0.5, "n": 1.0, "c_r": 900.0, "c_b": 900.0}
+    force = simulate(truth.values({**numbers, "k": 0.0, "f_0": 5.0}), truth, motion).force
+    noise, n = np.random.default_rng(2), len(force)
+    log = condition(
+        Recording(
+            name="a.csv", path="", sha256="", setting=Setting.of(1),
+            time=motion.interval * np.arange(n),
+            displacement=motion.displacement + noise.normal(0.0, 8e-6, n),
+            force=force + noise.normal(0.0, 4.0, n),
+        )
+    )  # fmt: skip
+    campaign = identify([log], truth, FitOptions("plain", is_leaving_out=True))
+    (fit,) = campaign.fits
+    assert Status.FIXED in {fit.status["sigma"], fit.status["n"]}
+    assert Status.AT_BOUND not in fit.status.values()
+    assert fit.outcome is Outcome.CONVERGED
+    assert fit.parameters.alpha == pytest.approx(500.0, rel=0.01)
+    assert any("an edge of its range at which the law is a simpler one" in one
+               for one in fit.warnings)  # fmt: skip
+    assert objections(campaign, assess(campaign, truth)) == {}

@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.conditioning import condition
+from damperfit.conditioning.held_force import YIELDS, held_share
 from damperfit.damper.force_channel import behind_lag
 from damperfit.damper.friction import Friction
 from damperfit.damper.mounting import FIT, NONE, Mounting
@@ -35,7 +36,6 @@ from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube, Valv
 from damperfit.laws import SettingLogs, search_laws
 from damperfit.recording import Recording, Trace
 from damperfit.tested.setting import Setting
-from damperfit.uncertainty.yielding import YIELDS, held_share
 from tests.laws.valve_logs import moved
 
 if TYPE_CHECKING:

@@ -21,6 +21,7 @@ from damperfit.laws import (
     Tried,
     search,
     search_laws,
+    seen_again,
     undecided,
     yielding,
 )
@@ -145,6 +146,81 @@ def test_a_damper_yields_where_all_its_logs_do(monkeypatch, shares, expected) ->
     monkeypatch.setattr(law_choice, "held_share", lambda log: log)
     evidence = [SimpleNamespace(fitted=shares)]
     assert law_choice._held_share(evidence) == pytest.approx(expected, nan_ok=True)
+
+
+def bent(k_e: float, *, undetermined=(), of_valves=1.0 / 3.9) -> Tried:
+    """Valves with oil of a bulk modulus, which fit and predict so many times worse than 1."""
+    values = SimpleNamespace(k_e=k_e)
+    fit = SimpleNamespace(
+        model=ThroughFlow(), mse_percent=of_valves, held_out_percent=math.nan, free=("k_e",),
+        at_bound=(), undetermined=undetermined, values=values, setting=Setting.of(4),
+    )  # fmt: skip
+    return Tried("law", (fit,))
+
+
+@pytest.mark.parametrize(("k_e", "is_taken"), [
+    (2.99e7, True), (3.01e7, False), (2.99e9, False), (3.01e9, True),
+])  # fmt: skip
+def test_valves_that_no_damper_has_are_not_told_beside_what_fits_as_well(k_e, is_taken) -> None:
+    """A law of valves fits a magneto-rheological log with oil as stiff as steel."""
+    other = tried(BoucWen(), 1.0)
+    taken, why = held_against(bent(k_e), other, 0.6)
+    assert taken is is_taken
+    if is_taken:
+        shown = f"{1e-6 * k_e:.3g} MPa"
+        assert why.endswith(f"as a law of valves whose K_e, {shown} at setting 4, no damper has")
+    # What the logs do not tell is no reason, nor are valves that are clearly better.
+    assert not held_against(bent(k_e, undetermined=("k_e",)), other, 0.6)[0]
+    assert not held_against(bent(k_e, of_valves=1.0 / 4.1), other, 0.6)[0]
+
+
+def test_clearly_better_valves_that_no_damper_has_are_not_named() -> None:
+    law = bent(4.51e9, of_valves=0.01)
+    search = LawSearch(
+        (), law, 20.0, held_share=0.534, is_held_by_some=True, doubt=yielding.unbelievable(law)
+    )
+    choice = law_choice.LawChoice(search, (), law.fits, ())
+    (said,) = choice.sentences
+    assert said == (
+        "It holds up to 53 % of its force down to a tenth of its speed, and K_e, 4.51e+03 MPa at "
+        "setting 4, no damper has: what acts may be something that yields before it slides, as a "
+        "magneto-rheological fluid or dry friction, and no valve is named."
+    )
+    kept = {"sentences": [said], "doubt": search.doubt}
+    assert seen_again(kept, fakes.campaign(fakes.fit(1)), law.fits[0].model) == kept
+
+
+@pytest.mark.parametrize(("leaves", "k_e", "is_asked"), [
+    (True, 1e9, True), (False, 1e9, False), (False, 4e9, True),
+])  # fmt: skip
+def test_what_yields_is_asked_where_some_settings_do_and_valves_leave_something(
+    monkeypatch, leaves, k_e, is_asked
+) -> None:
+    """A magneto-rheological damper without current does not yield."""
+    law = bent(k_e)
+    asked = []
+    monkeypatch.setattr(Tried, "leaves_something", leaves)
+    for step in ("best_layout", "lean", "enriched", "grown", "without_unseen", "laid_out"):
+        monkeypatch.setattr(search._Search, step, lambda *_: law)
+    monkeypatch.setattr(search._Search, "fitted", lambda *_, **__: None)
+    monkeypatch.setattr(search._Search, "all_fitted", lambda *_: [law])
+    monkeypatch.setattr(search._Search, "ported", lambda *_: [law])
+    monkeypatch.setattr(search, "_bleeds_of", lambda _: ())
+    monkeypatch.setattr(
+        search._Search, "yielding", lambda self, one: asked.append(self.held_share) or one
+    )
+    found = search_laws(PURDY_DAMPER, [ThroughFlow()], [], held_by_some=0.5)
+    assert found.is_held_by_some is is_asked
+    assert asked == pytest.approx([0.5 if is_asked else math.nan], nan_ok=True)
+
+
+@pytest.mark.parametrize(("shares", "expected"), [
+    (((0.7, 0.39), (0.5, 0.6)), 0.5), (((0.7, 0.45), (0.1,)), 0.45), (((0.3,), ()), math.nan),
+])  # fmt: skip
+def test_a_setting_yields_where_all_its_logs_do(monkeypatch, shares, expected) -> None:
+    monkeypatch.setattr(law_choice, "held_share", lambda log: log)
+    evidence = [SimpleNamespace(fitted=one) for one in shares]
+    assert law_choice._held_by_some(evidence) == pytest.approx(expected, nan_ok=True)
 
 
 def test_a_layout_frees_what_it_has(monkeypatch) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from damperfit.conditioning import condition
+from damperfit.conditioning.held_force import YIELDS, _shares, held_share
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, identify
@@ -27,7 +28,6 @@ from damperfit.uncertainty.flaws import (
 )
 from damperfit.uncertainty.intervals import linearise_settings
 from damperfit.uncertainty.residuals import Diagnosis, _fits_skew, _sentence, _warned, reconciled
-from damperfit.uncertainty.yielding import YIELDS, _shares, held_share
 from tests.identification import adjusted
 from tests.identification.rig import recording, short_trace
 
@@ -305,7 +305,7 @@ def test_a_tenth_of_the_speed_is_that_of_the_faster_stroke(sign, monkeypatch) ->
         asked.append((sign, speeds))
         return None, np.full((2, 1, 1), sign * 30.0), None
 
-    monkeypatch.setattr("damperfit.uncertainty.yielding.at_speeds", passed)
+    monkeypatch.setattr("damperfit.conditioning.held_force.at_speeds", passed)
     velocity = sign * np.array([-0.1, 0.0, 0.4])
     assert _shares(velocity, np.array([[0.0, 50.0, 120.0]])) == pytest.approx(0.5)
     assert asked == [(1.0, (pytest.approx(0.04),)), (-1.0, (pytest.approx(0.04),))]

@@ -10,7 +10,7 @@ J. Rodellar, "Systems with Hysteresis", Wiley 2007.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -29,6 +29,11 @@ if TYPE_CHECKING:
 __all__ = ["BoucWen"]
 
 
+def _to_its_edges(quantity: Quantity) -> Quantity:
+    """Return a number that dampers have at its edges too: back on a straight line, a sharp turn."""
+    return replace(quantity, has_own_edges=True)
+
+
 @dataclass(frozen=True)
 class BoucWen(Rival):
     """Hysteresis that depends on the path alone, with damping and a spring beside it."""
@@ -43,8 +48,8 @@ class BoucWen(Rival):
         return (
             positive("alpha", "alpha", "height of the hysteresis", "N", (1e-2, 1e6)),
             positive("rho", "rho", "1/rho is the stroke it takes to turn", "1/m", (1.0, 1e6)),
-            positive("sigma", "sigma", "shape of the turn", "1", (0.5, 1e2)),
-            positive("n", "n", "sharpness of the turn", "1", (1.0, 2e1)),
+            _to_its_edges(positive("sigma", "sigma", "shape of the turn", "1", (0.5, 1e2))),
+            _to_its_edges(positive("n", "n", "sharpness of the turn", "1", (1.0, 2e1))),
             positive("c_r", "c_r", "viscous damping in rebound", "N s/m", (1e-3, 1e7)),
             positive("c_b", "c_b", "viscous damping in bump", "N s/m", (1e-3, 1e7)),
             signed("k", "k", "stiffness", "N/m", 1e3),

@@ -1,0 +1,58 @@
+"""A force that one stroke holds down to low speed is no level of the force, nor a direction."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from damperfit.conditioning import condition
+from damperfit.conditioning.gas_force import force_level
+from damperfit.configuration.loading import load_configuration
+from damperfit.uncertainty.withheld import LIMITS, offset_mismatch
+from tests.conditioning.test_false_alarms import logged, sine
+
+
+@pytest.fixture(scope="module")
+def with_gas():
+    """What a run of the paper's damper conditions with."""
+    return load_configuration().conditioning
+
+
+def preloaded(rebound, bump, knee=2e-3):
+    """Valves that open at next to no speed, and 130 N of gas; no offset of the cell."""
+
+    def law(_, v):
+        return np.where(v > 0.0, rebound, bump) * np.tanh(v / knee) + 300.0 * v - 130.4
+
+    return law
+
+
+def test_preloads_that_are_unlike_are_no_offset(with_gas) -> None:
+    trace = condition(logged(sine(2.5, 0.02, 20), preloaded(900.0, 150.0)), with_gas)
+    level = force_level(trace, with_gas.gas)
+    seen = level.force - level.expected
+    assert seen > 200.0  # where 0 is true
+    fit = SimpleNamespace(parameters=SimpleNamespace(f_0=0.0), logs=[SimpleNamespace(trace=trace)])
+    times, told = offset_mismatch(fit, "f_0", with_gas.gas)
+    assert told == pytest.approx(seen)
+    assert times < LIMITS.offset
+    # An offset that no preload explains is told still.
+    fit.parameters.f_0 = 1000.0
+    assert offset_mismatch(fit, "f_0", with_gas.gas)[0] > LIMITS.offset
+
+
+def test_they_are_not_said_to_count_bump_positive(with_gas) -> None:
+    trace = condition(logged(sine(2.5, 0.02, 20), preloaded(900.0, 150.0)), with_gas)
+    (found,) = (one for one in trace.findings if one.name == "direction")
+    assert "as if both channels were positive in bump" not in found.sentence
+    assert "no gas force distinguishes rebound from bump" in found.sentence
+
+
+def test_a_level_is_told_where_nothing_is_held(with_gas) -> None:
+    law = preloaded(60.0, 60.0)
+    trace = condition(logged(sine(2.5, 0.02, 20), lambda x, v: law(x, v) + 2000.0 * v), with_gas)
+    level = force_level(trace, with_gas.gas)
+    assert level.held == 0.0
+    assert level.force == pytest.approx(level.expected, abs=15.0)
