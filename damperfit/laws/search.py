@@ -35,14 +35,13 @@ from damperfit.laws.choosing import (
     are_alike,
     effective_samples,
     judged,
-    layout_taken,
-    said_of_layout,
     times_worse,
 )
 from damperfit.laws.course import Course, valve_damper
 from damperfit.laws.elsewhere import freed_of, had_by, worst_missed
 from damperfit.laws.giving import with_what_gives_told
 from damperfit.laws.judged_laws import JudgedLaw, LawSearch
+from damperfit.laws.layout_choice import layout_taken, said_of_layout
 from damperfit.laws.variants import (
     BOTH,
     KINDS,

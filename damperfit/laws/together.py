@@ -32,9 +32,7 @@ from damperfit.laws.choosing import (
     Verdict,
     are_alike,
     effective_samples,
-    is_told_as_one,
     judged,
-    said_of_layout,
 )
 from damperfit.laws.common_parts import (
     CommonPart,
@@ -53,6 +51,7 @@ from damperfit.laws.common_parts import (
 from damperfit.laws.elsewhere import had_by
 from damperfit.laws.judged_laws import JudgedLaw, Together
 from damperfit.laws.law_fit import fit_law
+from damperfit.laws.layout_choice import is_told_as_one, said_of_layout
 from damperfit.laws.law_of_all import (
     LawOfAll,
     as_one_model,
