@@ -3,7 +3,8 @@
 A law with more quantities fits better always. It is taken only where all of these hold::
 
     n_eff ln(MSE_a/MSE_b) > (k_b - k_a) ln n_eff      its gain is more than its quantities cost
-    MSE_a > 1.5 MSE_b                                 and worth having
+    MSE_a > 1.5 MSE_b                                 and worth having; or a force at a speed is, in
+                                                      place of the MSE, which must not rise then
     MSE_a > 0.02 %                                    the smaller law leaves something to explain,
                                                       or a force at a speed is off by more than 1 %,
                                                       or a held-out log by an MSE of 0.2 %
@@ -12,6 +13,12 @@ A law with more quantities fits better always. It is taken only where all of the
     not every new part has a quantity at an edge of its range; of a part that a law is asked to do
     without, at the edge at which it does nothing
     what was held out is predicted no worse
+
+A force at a speed is the mean that was measured over all compared cycles within a twelfth of the
+highest speed of its stroke, from a third of that on (`missed`). By it a part is worth having where
+the smaller law is off there by more than 1 % and its stroke by more than the cycles scatter, and
+where what matters most of what is left (MSE, force, held-out log, each over what is enough) falls
+by 1.5. A knee is a small force, of which the MSE of a setting knows as little as that of all.
 
 n_eff = 2 (sum p_h)^2/sum p_h^2 with p_h the power of the largest law's residual at the h-th
 harmonic, at least 20 a stretch: what a law leaves over is not white, and the number of samples
@@ -175,8 +182,8 @@ class Verdict:
 class OfOneModel:
     """How one model of all settings is judged, beside a law at each setting by itself.
 
-    What it predicts with an MSE of less than 0.05 % it predicts, and noise of a force is no reason
-    against a part, for settings have it apart.
+    What it predicts with an MSE of less than 0.05 % it predicts. A part is worth having by a force
+    at a speed whether or not its stroke scatters by as much: it must suit all settings.
 
     Attributes
     ----------

@@ -121,21 +121,14 @@ def cycles(off: list[float], speeds: tuple[float, ...] = (0.5, 0.9)) -> tuple[np
     return np.full(len(velocity), 100.0), rest.ravel(), velocity, cycle
 
 
-@pytest.mark.parametrize(("scatter", "sure"), [(0.0, 3.0), (1.0, 1.0), (0.5, 2.0)])
-def test_a_force_is_off_by_what_is_beyond_two_standard_errors(scatter, sure) -> None:
+@pytest.mark.parametrize(("scatter", "sure"), [(1.85, 3.0), (1.9, 0.0)])
+def test_a_stroke_is_off_by_more_than_its_cycles_scatter(scatter, sure) -> None:
     """Two cycles that differ by 2 scatter: the mean of them has this scatter as its error."""
     found = worst_force(*cycles([3.0 - scatter, 3.0 + scatter]))
-    assert found.worst_percent == pytest.approx(3.0)
-    assert found.sure_percent == pytest.approx(sure)
-
-
-def test_no_speed_is_known_better_than_all_of_its_stroke() -> None:
-    """Two cycles that happen to agree at one speed say nothing of their noise."""
+    assert found == (pytest.approx(3.0), pytest.approx(sure))
     force, rest, velocity, cycle = cycles([3.0, 3.0])
-    rest[[1, 5]] = -1.0, 1.0  # at the other speed
-    assert worst_force(force, rest, velocity, cycle).sure_percent == pytest.approx(
-        3.0 - 2.0 * np.sqrt(0.5)
-    )
+    rest[[1, 5]] = -scatter, scatter  # all speeds of a stroke count together
+    assert worst_force(force, rest, velocity, cycle).sure_percent == pytest.approx(sure)
 
 
 def test_where_a_stroke_has_one_speed_or_one_cycle_nothing_is_sure() -> None:
@@ -148,9 +141,35 @@ def test_where_a_stroke_has_one_speed_or_one_cycle_nothing_is_sure() -> None:
 
 
 def test_a_speed_that_one_cycle_passed_is_left_out_of_what_is_sure() -> None:
-    force, rest, velocity, cycle = cycles([3.0, 3.0])
-    velocity[1], rest[1] = 0.7, 8.0
+    force, rest, velocity, cycle = cycles([3.0, 3.0], speeds=(0.5, 0.7, 0.9))
+    velocity[1], rest[1] = 0.8, 8.0
     assert worst_force(force, rest, velocity, cycle) == (pytest.approx(8.0), pytest.approx(3.0))
+
+
+def test_a_setting_that_is_missed_is_fitted_from_its_own_loops_too(monkeypatch) -> None:
+    """From the valves of another it may end in a wrong valley, in which no part shows."""
+    starts = []
+
+    def fitted(model, one, *, near, **_):
+        starts.append(near)
+        found = fit(model.name, 0.001 if near is None else 0.002)
+        found.worst_force_percent = 5.0 if left else 0.5
+        return found
+
+    monkeypatch.setattr(elsewhere, "fit_law", fitted)
+    monkeypatch.setattr(elsewhere, "nearest_setting", lambda *_: 7)
+    monkeypatch.setattr(elsewhere, "lent", lambda own, *_: own)
+    known = fit("law", 0.001)
+    known.setting, known.values = 7, TwinTube().values(dict.fromkeys(TwinTube().names, 3.0))
+    left = True
+    asked = Tried("law", (known,)), [SettingLogs(1, ())], SolverOptions()
+    found = elsewhere.worst_missed(*asked)
+    assert found is not None
+    assert found[1].mse_percent == pytest.approx(0.001)
+    assert starts == [known.values, None]
+    left = False
+    assert elsewhere.worst_missed(*asked) is None
+    assert starts == [known.values, None, known.values]
 
 
 def test_the_setting_that_is_missed_most_is_found_from_the_friction_of_another(monkeypatch) -> None:
