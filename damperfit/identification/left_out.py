@@ -37,8 +37,8 @@ _RIGID = ("k_s",)
 _NEGLIGIBLE = ("_opening", "_slope")
 _RETURN = "return_"  # a check valve that never opens is no smaller law
 _BLOW_OFF = ("opening", "slope", "width", "lift", "port")
-# At its upper edge a port lets nothing through, and a blow-off that lifts further has no straight part
-# left: from there on only its slope over its lift says anything.
+# At its upper edge a port lets nothing through, and a blow-off that lifts further has no straight
+# part left: from there on only its slope over its lift says anything.
 _IDLE_ABOVE = ("port", "lift")
 # Friction at rest and the speed at which it has gone: two numbers of one part, but for a speed that
 # is lower than logs tell.

@@ -114,4 +114,3 @@ def _other_kinds(damper: ValveDamper) -> Iterator[tuple[str, str, ValveDamper]]:
         own = {stroke: LAMINAR if stroke in closed else valves[stroke] for stroke in valves}
         model = dataclasses.replace(damper, rebound=own["rebound"], compression=own["compression"])
         yield f"with laminar bleeds for blow-offs{where}", "a preload", model
-

@@ -114,7 +114,7 @@ class LawFit:
         100 times the force by which the model is off at the speed where it is off most, over the
         force there or a fifth of half the range.
     sure_force_percent : float
-        The same of strokes that are off by more than their cycles scatter; 0 where none is known to.
+        The same of strokes that are off by more than their cycles scatter; 0 where none is.
     """
 
     setting: Setting

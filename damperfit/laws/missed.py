@@ -85,7 +85,8 @@ def misses(
             measured.append(trace.force[part])
             velocity.append(trace.drive.velocity[part])
             if stretch.n_cycles:
-                cycle = np.searchsorted(stretch.cycle_starts, np.arange(part.start, part.stop), "right")
+                samples = np.arange(part.start, part.stop)
+                cycle = np.searchsorted(stretch.cycle_starts, samples, "right")
                 forces.append(worst_force(measured[-1], residuals[-1], velocity[-1], cycle))
     together, rest = np.concatenate(measured), np.concatenate(residuals)
     mse = normalised_mse(together, together + rest)
@@ -136,7 +137,7 @@ def worst_force(
         seen = (place >= _FROM_SPEED) & (place < _SPEEDS)
         where = cycle[seen] * _SPEEDS + place[seen]
         n, of, off = (
-            np.bincount(where, weights, shape[0] * _SPEEDS).reshape(shape)
+            np.bincount(where, weights, shape[0] * _SPEEDS).reshape(shape).astype(np.float64)
             for weights in (None, force[seen], rest[seen])
         )
         passed = n.sum(axis=0) > 0

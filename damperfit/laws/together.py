@@ -51,7 +51,6 @@ from damperfit.laws.common_parts import (
 from damperfit.laws.elsewhere import had_by
 from damperfit.laws.judged_laws import JudgedLaw, Together
 from damperfit.laws.law_fit import fit_law
-from damperfit.laws.layout_choice import is_told_as_one, said_of_layout
 from damperfit.laws.law_of_all import (
     LawOfAll,
     as_one_model,
@@ -61,6 +60,7 @@ from damperfit.laws.law_of_all import (
     values_of_less,
     values_of_more,
 )
+from damperfit.laws.layout_choice import is_told_as_one, said_of_layout
 from damperfit.laws.variants import laid_out_as
 from damperfit.parallel import executor
 
@@ -213,6 +213,8 @@ class _Course:
         is_smaller = rich.n_unknowns < law.n_unknowns and best.left_over <= GAIN * tried.left_over
         if is_smaller and best.mse_percent < _SOMETHING * tried.mse_percent:
             verdict = replace(verdict, takes_larger=True, reason="as good with fewer numbers")
+        if rich.n_unknowns <= law.n_unknowns and not best.leaves_something:
+            verdict = replace(verdict, takes_larger=True, reason="nothing is left, with no more")
         self.record(
             best, verdict.reason, is_taken=verdict.takes_larger, change=change,
             gain=verdict.gain, bic=verdict.bic,

@@ -134,7 +134,10 @@ def test_a_blow_off_without_a_straight_part_is_held_there(lean: Fit) -> None:
     model = replace(WITH_PLAY, rebound=Valve("orifice", "lifting"))
     values = model.values({one.name: 1.0 for one in model.quantities})
     low, high = model.quantity("rebound_lift").plausible
-    for edge, said in ((low, "does nothing here"), (high, "one above 100 1/bar, at which it is held")):
+    for edge, said in (
+        (low, "does nothing here"),
+        (high, "one above 100 1/bar, at which it is held"),
+    ):
         at = values.replace({"rebound_lift": edge})
         assert does_nothing(at, "rebound_lift")
         assert said in left_out._sentence(at, "rebound_lift")

@@ -19,7 +19,8 @@ def fit(friction: float, mse: float, setting: Setting | None = None) -> SimpleNa
     values = MODEL.values({one.name: 1.0 for one in MODEL.quantities}).replace({"f_f": friction})
     return SimpleNamespace(
         model=MODEL, values=values, free=("rebound_bleed", "f_f", "f_0"), mse_percent=mse,
-        held_out_percent=float("nan"), held_out="", worst_force_percent=0.5, sure_force_percent=0.0, setting=setting,
+        held_out_percent=float("nan"), held_out="", worst_force_percent=0.5, setting=setting,
+        sure_force_percent=0.0,
     )  # fmt: skip
 
 

@@ -21,8 +21,8 @@ def fit(name, percent, stroke=1.0):
     free = ("bleed",) if name == "small" else ("bleed", "opening")
     return SimpleNamespace(
         model=model, mse_percent=percent, held_out_percent=float("nan"), free=free, at_bound=(),
-        worst_stroke_percent=stroke, worst_force_percent=0.5, sure_force_percent=0.0, held_out="", setting=9,
-        residuals=(np.zeros(4),),
+        worst_stroke_percent=stroke, worst_force_percent=0.5, held_out="", setting=9,
+        residuals=(np.zeros(4),), sure_force_percent=0.0,
     )  # fmt: skip
 
 

@@ -24,7 +24,8 @@ def law(model: ValveDamper, mse: float, force: float) -> Tried:
     return Tried("law", (LawFit(
         setting=Setting.of(1), model=model, values=model.values(dict.fromkeys(model.names, 1.0)),
         free=free, at_bound=(), mse_percent=mse, stretches=(mse,), held_out_percent=0.1,
-        held_out="", residuals=(), evaluations=1, worst_force_percent=force, sure_force_percent=force,
+        held_out="", residuals=(), evaluations=1, worst_force_percent=force,
+        sure_force_percent=force,
     ),))  # fmt: skip
 
 

@@ -228,6 +228,33 @@ def test_a_smaller_law_is_taken_that_leaves_no_more(monkeypatch, less, force, is
     assert steps.judged[-1].change == "one model: without friction by the pressure on the seal"
 
 
+@pytest.mark.parametrize(("more", "left", "is_taken"), [
+    (0, 0.99, True), (1, 0.99, False), (0, 1.01, False),
+])  # fmt: skip
+def test_a_law_of_as_many_numbers_is_taken_that_leaves_nothing(
+    monkeypatch, more, left, is_taken
+) -> None:
+    """One part was worth less than another that took its place: the MSE rose from 0.005 to 0.006 %.
+
+    A force at a speed fell from 2.7 to 0.7 %, and the law of single settings was kept.
+    """
+    steps = together._Course([], follows, SOLVER, 1, lambda _: None)
+    steps.n_eff = 60.0
+    before = law_of_all.LawOfAll(PLAIN, (), SimpleNamespace(unknowns=range(9)), None)
+    rubbing = replace(PLAIN, friction=Friction(seal_area=FIT))
+    _, parts = without_kinds(rubbing)
+    rich = law_of_all.LawOfAll(
+        rubbing, (), SimpleNamespace(unknowns=range(9 + more)), None, parts
+    )  # fmt: skip
+    monkeypatch.setattr(steps, "with_whole_valves", lambda *_: before)
+    monkeypatch.setattr(steps, "with_all", lambda *_: rich)
+    best, tried = law(0.006, force=left), law(0.005, force=2.7)
+    for step in ("thinned", "turned", "cheaper"):
+        monkeypatch.setattr(steps, step, lambda *_: (rich, best))
+    monkeypatch.setattr(steps, "tried", lambda _: best)
+    assert steps.enriched(before, tried) is (best if is_taken else tried)
+
+
 def test_a_part_laminar_bleed_may_be_laminar_alone() -> None:
     long = replace(PLAIN, rebound=Valve("long", "linear"))
     part, other = (one for one in other_parts(PLAIN, ()) if "laminar" in one.words)
