@@ -213,8 +213,6 @@ class _Course:
         is_smaller = rich.n_unknowns < law.n_unknowns and best.left_over <= GAIN * tried.left_over
         if is_smaller and best.mse_percent < _SOMETHING * tried.mse_percent:
             verdict = replace(verdict, takes_larger=True, reason="as good with fewer numbers")
-        if rich.n_unknowns <= law.n_unknowns and not best.leaves_something:
-            verdict = replace(verdict, takes_larger=True, reason="nothing is left, with no more")
         self.record(
             best, verdict.reason, is_taken=verdict.takes_larger, change=change,
             gain=verdict.gain, bic=verdict.bic,
@@ -364,6 +362,8 @@ class _Course:
         """Whether the larger of two laws is taken: it must not lose what the smaller one tells."""
         price = OfOneModel(large.n_unknowns - small.n_unknowns, least_gain)
         verdict = judged(less, more, self.n_eff, of_one_model=price)
+        if price.n_more <= 0 and less.leaves_something and not more.leaves_something:
+            verdict = replace(verdict, takes_larger=True, reason="with no more nothing is left")
         lost = lost_with(less, more)
         if not verdict.takes_larger or not lost:
             return verdict

@@ -249,8 +249,9 @@ def test_a_law_of_as_many_numbers_is_taken_that_leaves_nothing(
     monkeypatch.setattr(steps, "with_whole_valves", lambda *_: before)
     monkeypatch.setattr(steps, "with_all", lambda *_: rich)
     best, tried = law(0.006, force=left), law(0.005, force=2.7)
-    for step in ("thinned", "turned", "cheaper"):
+    for step in ("thinned", "turned"):
         monkeypatch.setattr(steps, step, lambda *_: (rich, best))
+    monkeypatch.setattr(steps, "without", lambda *_: None)  # asked where all cost too much
     monkeypatch.setattr(steps, "tried", lambda _: best)
     assert steps.enriched(before, tried) is (best if is_taken else tried)
 
