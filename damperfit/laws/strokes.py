@@ -7,6 +7,7 @@ what is left.
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 from damperfit.laws.choosing import judged
@@ -59,12 +60,15 @@ def with_strokes_told(course: Course, law: Tried, damper: ValveDamper) -> Tried:
 def _plain(
     course: Course, law: Tried, damper: ValveDamper, stroke: str, word: str
 ) -> tuple[Tried, ValveDamper]:
-    """The law with a plain blow-off in a stroke that does not need more."""
+    """The law with a plain blow-off in a stroke that does not need more.
+
+    However little is left: else friction that the damper has not takes the place of a port.
+    """
     model = with_kind(damper, stroke, "blow_off", _PLAIN)
     one = None if model == damper else course.fitted(model, freed=freed_of(law), near=law)
     if one is None:
         return law, damper
-    verdict = judged(one, law, course.n_eff, is_removed=True)
+    verdict = judged(one, law, course.n_eff, left_percent=math.inf, is_removed=True)
     is_taken = not verdict.takes_larger
     change = f"with a plain blow-off in {word}"
     course.record(one, verdict.reason, is_taken=is_taken, change=change, verdict=verdict)

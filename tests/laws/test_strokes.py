@@ -54,6 +54,16 @@ def test_a_stroke_that_needs_no_kind_has_a_plain_blow_off() -> None:
     assert asked == [("linear", "port"), ("port", "linear")]  # nothing is left for other kinds
 
 
+@pytest.mark.parametrize(("mse", "bump"), [(0.00149, "linear"), (0.00151, "port")])
+def test_a_kind_that_lowers_the_mse_by_the_factor_stays_however_little_is_left(mse, bump) -> None:
+    """Without a port friction that turns within a speed was taken, and another layout."""
+    left = {
+        ("port", "port"): (0.001, 0.5), ("linear", "port"): (0.003, 0.9),
+        ("port", "linear"): (mse, 0.6),
+    }  # fmt: skip
+    assert told(left, ("port", "port"))[0] == ("port", bump)
+
+
 def test_each_stroke_is_offered_the_other_kinds_while_something_is_left() -> None:
     """Rebound lifts further, bump has a port: one kind for both leaves 3 % of a force."""
     left = {
