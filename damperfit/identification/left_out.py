@@ -36,6 +36,9 @@ _RIGID = ("k_s",)
 _NEGLIGIBLE = ("_opening", "_slope")
 _RETURN = "return_"  # a check valve that never opens is no smaller law
 _BLOW_OFF = ("opening", "slope", "width", "lift", "port")
+# At its upper edge a port lets nothing through, and a blow-off that lifts further has no straight
+# part left: from there on only its slope over its lift says anything.
+_IDLE_ABOVE = ("port", "lift")
 # Friction at rest and the speed at which it has gone: two numbers of one part, but for a speed that
 # is lower than logs tell.
 _AT_REST = ("breakaway", "stribeck_speed")
@@ -67,7 +70,7 @@ def does_nothing(values: Values, name: str) -> bool:
     if part == "leak" and f"{stroke}_bleed" not in values.names:  # all that the bleed has
         return bool(is_above)
     if vanishes_below(one):
-        return bool(is_below or (is_above and part == "port"))  # a port that lets nothing through
+        return bool(is_below or (is_above and part in _IDLE_ABOVE))
     if name.startswith(_RETURN):
         return bool(is_below)
     if is_below:
@@ -169,6 +172,11 @@ def _sentence(values: Values, name: str) -> str:
         return (
             f"{one.label} ({one.symbol}): the logs do not determine one below "
             f"{1e3 * one.plausible[0]:g} mm/s, at which it is held here."
+        )
+    if name.endswith("_lift") and _is_above(values, name):
+        return (
+            f"{one.label} ({one.symbol}): the logs do not determine one above "
+            f"{1e5 * one.plausible[1]:g} 1/bar, at which it is held here."
         )
     return (
         f"{one.label} ({one.symbol}) does nothing here: it ran to the edge of its range, and the "

@@ -17,7 +17,7 @@ import numpy as np
 from damperfit.laws.choosing import NO_WORSE, judged
 from damperfit.laws.course import valve_damper
 from damperfit.laws.elsewhere import freed_of
-from damperfit.laws.variants import LAMINAR, of_kind
+from damperfit.laws.variants import LAMINAR, STROKES, of_kind
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -110,10 +110,7 @@ def _other_kinds(damper: ValveDamper) -> Iterator[tuple[str, str, ValveDamper]]:
     valves = {"rebound": damper.rebound, "compression": damper.compression}
     closed = [stroke for stroke, valve in valves.items() if valve.bleed == "none"]
     if closed:
-        where = "" if len(closed) == len(valves) else f" in {_STROKES[closed[0]]}"
+        where = "" if len(closed) == len(valves) else f" in {STROKES[closed[0]]}"
         own = {stroke: LAMINAR if stroke in closed else valves[stroke] for stroke in valves}
         model = dataclasses.replace(damper, rebound=own["rebound"], compression=own["compression"])
         yield f"with laminar bleeds for blow-offs{where}", "a preload", model
-
-
-_STROKES = {"rebound": "rebound", "compression": "bump"}

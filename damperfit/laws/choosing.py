@@ -3,7 +3,8 @@
 A law with more quantities fits better always. It is taken only where all of these hold::
 
     n_eff ln(MSE_a/MSE_b) > (k_b - k_a) ln n_eff      its gain is more than its quantities cost
-    MSE_a > 1.5 MSE_b                                 and worth having
+    MSE_a > 1.5 MSE_b                                 and worth having; or a force at a speed is, in
+                                                      place of the MSE, which must not rise then
     MSE_a > 0.02 %                                    the smaller law leaves something to explain,
                                                       or a force at a speed is off by more than 1 %,
                                                       or a held-out log by an MSE of 0.2 %
@@ -12,6 +13,12 @@ A law with more quantities fits better always. It is taken only where all of the
     not every new part has a quantity at an edge of its range; of a part that a law is asked to do
     without, at the edge at which it does nothing
     what was held out is predicted no worse
+
+A force at a speed is the mean that was measured over all compared cycles within a twelfth of the
+highest speed of its stroke, from a third of that on (`missed`). By it a part is worth having where
+the smaller law is off there by more than 1 % and its stroke by more than the cycles scatter, and
+where what matters most of what is left (MSE, force, held-out log, each over what is enough) falls
+by 1.5. A knee is a small force, of which the MSE of a setting knows as little as that of all.
 
 n_eff = 2 (sum p_h)^2/sum p_h^2 with p_h the power of the largest law's residual at the h-th
 harmonic, at least 20 a stretch: what a law leaves over is not white, and the number of samples
@@ -44,10 +51,7 @@ __all__ = [
     "Verdict",
     "are_alike",
     "effective_samples",
-    "is_told_as_one",
     "judged",
-    "layout_taken",
-    "said_of_layout",
     "times_worse",
 ]
 
@@ -61,8 +65,6 @@ ENOUGH_HELD_OUT_PERCENT = 0.2
 SEEN_APART = 1.5
 # The same where the worse of them leaves and mispredicts nothing that anyone would use: twice each.
 _NOTHING_APART = 4.0
-# Layouts, those that most dampers have first.
-_USUAL = ("monotube", "twin_tube", "through_flow")
 # A tenth of what is asked of a prediction: below it none predicts worse, and no verdict asks less.
 PREDICTED_PERCENT = 0.05
 _NOTHING_PREDICTED = 100.0  # per cent: a law that predicts nothing, or cannot be simulated there
@@ -107,6 +109,16 @@ class Tried:
         # NaN, of what was not looked at, is less than anything.
         known = [one for one in (*forces, *logs) if not math.isnan(one)]
         return max([self.mse_percent / ENOUGH_PERCENT, *known])
+
+    @property
+    def worst_force_percent(self) -> float:
+        """By how much the mean force at a speed is off, in the setting where it is off most."""
+        return max(one.worst_force_percent for one in self.fits)
+
+    @property
+    def surely_misses_a_force(self) -> bool:
+        """Whether a force at a speed is off by more than is enough beyond its noise."""
+        return any(one.sure_force_percent > ENOUGH_FORCE_PERCENT for one in self.fits)
 
     @property
     def leaves_something(self) -> bool:
@@ -170,9 +182,8 @@ class Verdict:
 class OfOneModel:
     """How one model of all settings is judged, beside a law at each setting by itself.
 
-    What it predicts with an MSE of less than 0.05 % it predicts, and a part is worth having too
-    where what matters most of what is left, the force at a speed, falls by as much as an MSE must,
-    for which it then stands: a small force is missed by per cents within the noise of all others.
+    What it predicts with an MSE of less than 0.05 % it predicts. A part is worth having by a force
+    at a speed whether or not its stroke scatters by as much: it must suit all settings.
 
     Attributes
     ----------
@@ -221,8 +232,9 @@ def judged(
     else:
         cost = of_one_model.n_more * math.log(n_eff)
         least_gain, least_held_out = of_one_model.least_gain, PREDICTED_PERCENT
-        if gain * NO_WORSE >= 1.0:
-            of_force = small.left_over / large.left_over
+    may_be_of_force = of_one_model is not None or small.surely_misses_a_force
+    if may_be_of_force and gain * NO_WORSE >= 1.0:
+        of_force = small.left_over / large.left_over
     is_of_force = of_force > GAIN
     worth = max(gain, of_force) if is_of_force else gain
     bic = n_eff * math.log(max(worth, 1e-300)) - cost
@@ -256,6 +268,9 @@ def judged(
         beside = (
             "" if not math.isfinite(held[0]) else f", held out {held[0]:.2g} to {held[1]:.2g} %"
         )
+        if gain < GAIN:
+            off = small.worst_force_percent, large.worst_force_percent
+            beside = f", force at a speed {off[0]:.2g} to {off[1]:.2g} %{beside}"
         reason = f"MSE {small.mse_percent:.2g} to {large.mse_percent:.2g} %{beside}"
         return Verdict(True, gain, bic, reason)
     return Verdict(False, gain, bic, reason)
@@ -287,62 +302,6 @@ def are_alike(best: Tried, other: Tried) -> bool:
     held = other.held_out_percent
     left = max(other.mse_percent, 0.0 if math.isnan(held) else held)
     return times_worse(best, other) < (SEEN_APART if left > ENOUGH_PERCENT else _NOTHING_APART)
-
-
-def layout_taken(law: Tried, others: Sequence[Tried]) -> Tried:
-    """Return which of the same parts in several layouts is taken.
-
-    The best, unless the one that the search went on with is alike. Where it cannot be told from
-    others at all, the most usual of them: forces do not say how a damper is built.
-
-    Parameters
-    ----------
-    law : Tried
-        What the search went on with.
-    others : sequence of Tried
-        The same parts in other layouts.
-    """
-    first = min((law, *others), key=lambda one: one.score)
-    untold = [one for one in (law, *others) if one is first or times_worse(first, one) < SEEN_APART]
-    if law not in untold and are_alike(first, law):
-        return law
-    return min(untold, key=lambda one: _USUAL.index(one.fits[0].model.name))
-
-
-def is_told_as_one(law: Tried, other: Tried) -> bool:
-    """Return whether one model of all settings tells another layout than that of the law.
-
-    It must be better and not alike; or leave nothing where the law leaves something, which would
-    be told as a part that the damper has not.
-
-    Parameters
-    ----------
-    law, other : Tried
-        The same parts in two layouts.
-    """
-    needs_no_more = law.leaves_something and not other.leaves_something
-    return other.score < law.score and (needs_no_more or not are_alike(other, law))
-
-
-def said_of_layout(best: Tried, one: Tried, *, is_alone: bool, is_near: bool) -> str:
-    """Return what is said of a layout beside the best.
-
-    Parameters
-    ----------
-    best, one : Tried
-        The same parts in two layouts, which may be one.
-    is_alone : bool
-        No other layout was tried.
-    is_near : bool
-        It does hardly worse than the best.
-    """
-    what = "fits" if math.isnan(best.held_out_percent) else "fits and predicts"
-    if is_alone:
-        return "the only layout that was tried"
-    if one is best:
-        return f"the layout that {what} best"
-    words = best.fits[0].model.name.replace("_", " ")
-    return f"{words} {what} {'hardly ' if is_near else ''}better"
 
 
 def _more(large: Tried, small: Tried) -> list[str]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from damperfit.damper.mounting import FIT, NONE
 from damperfit.damper.quantity import STIFFNESS
-from damperfit.laws.variants import LACKING, ONE_STROKE, PARTS, with_kind, with_part
+from damperfit.laws.variants import LACKING, ONE_STROKE, PARTS, STROKES, with_kind, with_part
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -30,7 +30,6 @@ __all__ = [
     "without_kinds",
 ]
 
-_STROKES = {"rebound": "rebound", "compression": "bump"}
 _BLOW_OFFS = {
     "rounded": "a blow-off that lifts gradually",
     "lifting": "a blow-off that lifts further the harder it is pressed",
@@ -97,7 +96,7 @@ def laminar_alone(damper: ValveDamper) -> Iterator[CommonPart]:
     damper : ValveDamper
         The law.
     """
-    for stroke, word in _STROKES.items():
+    for stroke, word in STROKES.items():
         if getattr(damper, stroke).bleed == "long":
             alone = partial(with_kind, stroke=stroke, part="bleed", kind="leak")
             yield CommonPart(f"a laminar bleed in {word}", alone)
@@ -115,7 +114,7 @@ def idle_parts(core: ValveDamper, damper: ValveDamper) -> Iterator[CommonPart]:
     damper : ValveDamper
         The law with them.
     """
-    for stroke, word in _STROKES.items():
+    for stroke, word in STROKES.items():
         had, has = getattr(core, stroke), getattr(damper, stroke)
         if NONE in {had.bleed, had.blow_off} and NONE not in {has.bleed, has.blow_off}:
             words = f"the {'blow-off' if had.bleed == NONE else 'bleed'} in {word}"
@@ -159,7 +158,7 @@ def other_parts(damper: ValveDamper, freed: Sequence[str]) -> Iterator[CommonPar
     freed : sequence of str
         What of it is fitted although it has a default.
     """
-    yield from map(_long, _STROKES)
+    yield from map(_long, STROKES)
     yield from map(_of_damper, _BESIDE)
     # Oil that is softer than assumed is told as friction where its own number is held.
     oil = [one.name for one in damper.quantities if one.role == STIFFNESS]
@@ -182,7 +181,7 @@ def without_kinds(damper: ValveDamper) -> tuple[ValveDamper, tuple[CommonPart, .
             own.append(_of_damper(name))
             less = replace(has, **dict.fromkeys(fields, NONE))
             damper = replace(damper, **{owner: less})
-    for stroke in _STROKES:
+    for stroke in STROKES:
         kind = getattr(damper, stroke).blow_off
         if kind in _BLOW_OFFS:
             own.append(_blow_off(stroke, kind))
@@ -251,12 +250,12 @@ def changed(own: Sequence[CommonPart], parts: Sequence[CommonPart]) -> str:
 
 
 def _blow_off(stroke: str, kind: str) -> CommonPart:
-    words = f"{_BLOW_OFFS[kind]} in {_STROKES[stroke]}"
+    words = f"{_BLOW_OFFS[kind]} in {STROKES[stroke]}"
     return CommonPart(words, partial(with_kind, stroke=stroke, part="blow_off", kind=kind))
 
 
 def _long(stroke: str) -> CommonPart:
-    words = f"a laminar part of the bleed in {_STROKES[stroke]}"
+    words = f"a laminar part of the bleed in {STROKES[stroke]}"
     return CommonPart(words, partial(with_kind, stroke=stroke, part="bleed", kind="long"))
 
 

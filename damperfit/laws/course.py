@@ -10,6 +10,7 @@ from damperfit.laws.choosing import ENOUGH_PERCENT, GAIN, Tried, Verdict, judged
 from damperfit.laws.elsewhere import freed_of, had_by, lent, needed_at
 from damperfit.laws.judged_laws import JudgedLaw
 from damperfit.laws.law_fit import fit_law, glimpsed
+from damperfit.laws.strokes import with_strokes_told
 from damperfit.laws.variants import (
     KINDS,
     LACKING,
@@ -41,7 +42,7 @@ _SOMETHING = 1.1
 
 # What a law without it has in a wrong valley, friction taken for a preload or for soft oil, so that
 # a few steps from there show nothing.
-_HIDDEN = ("port", "breakaway", "free_gas")
+_HIDDEN = ("lifting", "port", "breakaway", "free_gas")
 
 
 class Course:
@@ -205,7 +206,7 @@ class Course:
                     left.remove(name)
             if best is None:
                 return law
-            law = best
+            law = with_strokes_told(self, best, valve_damper(best))
         return law
 
     def back_from(self, law: Tried, larger: Sequence[Tried]) -> Tried:

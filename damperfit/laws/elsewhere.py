@@ -118,21 +118,25 @@ def worst_missed(
 def _fitted_beside(
     law: Tried, one: SettingLogs, known: Mapping[Setting, LawFit], solver: SolverOptions
 ) -> LawFit | None:
-    """The law at another setting, from what is the damper's or the rig's at the nearest."""
+    """The law at another setting, from what is the damper's or the rig's at the nearest.
+
+    Where that leaves something also without its valves, which may lead to a wrong valley.
+    """
     near = known[nearest_setting(one.setting, known) or one.setting].values
-    model = law.fits[0].model
-    try:
-        found = fit_law(
-            model,
-            from_another(one, near),
-            freed=freed_of(law),
-            near=near,
-            solver=solver,
-            is_whole=False,
-        )
-    except SimulationError:
-        return None
-    return lent(found, one, law.fits, solver)
+    logs, found = from_another(one, near), None
+    for start in (near, None):
+        try:
+            fit = fit_law(
+                law.fits[0].model, logs, freed=freed_of(law), near=start, solver=solver,
+                is_whole=False,
+            )  # fmt: skip
+        except SimulationError:
+            continue
+        if found is None or fit.mse_percent < found.mse_percent:
+            found = fit
+        if not Tried(law.title, (found,)).leaves_something:
+            return found
+    return None if found is None else lent(found, one, law.fits, solver)
 
 
 def lent(

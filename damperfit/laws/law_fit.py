@@ -113,6 +113,8 @@ class LawFit:
     worst_force_percent : float
         100 times the force by which the model is off at the speed where it is off most, over the
         force there or a fifth of half the range.
+    sure_force_percent : float
+        The same of strokes that are off by more than their cycles scatter; 0 where none is.
     """
 
     setting: Setting
@@ -130,6 +132,7 @@ class LawFit:
     absent: tuple[str, ...] = ()
     worst_stroke_percent: float = math.nan
     worst_force_percent: float = math.nan
+    sure_force_percent: float = 0.0
 
 
 def fit_law(  # noqa: PLR0913 - what a search may ask of it
@@ -236,15 +239,11 @@ def fit_at(
         free=free,
         at_bound=at_bound,
         absent=tuple(name for name in at_bound if getattr(values, name) == misfit.absent(name)),
-        mse_percent=missed.mse_percent,
-        stretches=missed.stretches,
         held_out_percent=held_out,
         held_out="" if math.isnan(held_out) else kind,
-        residuals=missed.residuals,
         evaluations=evaluations,
         undetermined=undetermined,
-        worst_stroke_percent=missed.worst_stroke_percent,
-        worst_force_percent=missed.worst_force_percent,
+        **missed._asdict(),
     )
 
 

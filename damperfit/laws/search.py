@@ -35,14 +35,14 @@ from damperfit.laws.choosing import (
     are_alike,
     effective_samples,
     judged,
-    layout_taken,
-    said_of_layout,
     times_worse,
 )
 from damperfit.laws.course import Course, valve_damper
 from damperfit.laws.elsewhere import freed_of, had_by, worst_missed
 from damperfit.laws.giving import with_what_gives_told
 from damperfit.laws.judged_laws import JudgedLaw, LawSearch
+from damperfit.laws.layout_choice import layout_taken, said_of_layout
+from damperfit.laws.strokes import with_strokes_told
 from damperfit.laws.variants import (
     BOTH,
     KINDS,
@@ -139,6 +139,7 @@ def search_laws(  # noqa: PLR0913 - what a user may ask of it
         course.record(simplest, "no other law can be simulated on these logs", is_taken=True)
         return course.ended(simplest)
     lean = course.lean(course.best_layout(course.ported(found)))
+    lean = with_strokes_told(course, lean, valve_damper(lean))
     of_oil = [one.name for one in lean.fits[0].model.quantities if one.role == STIFFNESS]
     rich = course.enriched(lean, (*of_oil, *_FURTHER))
     rich = course.grown(rich, (*of_oil, *_FURTHER))

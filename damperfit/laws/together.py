@@ -32,9 +32,7 @@ from damperfit.laws.choosing import (
     Verdict,
     are_alike,
     effective_samples,
-    is_told_as_one,
     judged,
-    said_of_layout,
 )
 from damperfit.laws.common_parts import (
     CommonPart,
@@ -62,6 +60,7 @@ from damperfit.laws.law_of_all import (
     values_of_less,
     values_of_more,
 )
+from damperfit.laws.layout_choice import is_told_as_one, said_of_layout
 from damperfit.laws.variants import laid_out_as
 from damperfit.parallel import executor
 
@@ -363,6 +362,8 @@ class _Course:
         """Whether the larger of two laws is taken: it must not lose what the smaller one tells."""
         price = OfOneModel(large.n_unknowns - small.n_unknowns, least_gain)
         verdict = judged(less, more, self.n_eff, of_one_model=price)
+        if price.n_more <= 0 and less.leaves_something and not more.leaves_something:
+            verdict = replace(verdict, takes_larger=True, reason="with no more nothing is left")
         lost = lost_with(less, more)
         if not verdict.takes_larger or not lost:
             return verdict

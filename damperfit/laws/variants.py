@@ -25,6 +25,7 @@ __all__ = [
     "ONE_STROKE",
     "PARTS",
     "SMALLER",
+    "STROKES",
     "VALVES",
     "everything",
     "in_words",
@@ -41,6 +42,8 @@ BLEED = Valve("orifice", "none")
 BLOW_OFF = Valve("none", "linear")
 BOTH = Valve("orifice", "linear")
 LAMINAR = Valve("leak", "none")
+# Of a damper's valves, and what they are called.
+STROKES = {"rebound": "rebound", "compression": "bump"}
 # kind: part of a valve that it takes the place of, what may have stood there, in words
 KINDS: dict[str, tuple[str, tuple[str, ...], str]] = {
     "rounded": ("blow_off", ("linear",), "blow-offs that lift gradually"),

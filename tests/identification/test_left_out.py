@@ -130,6 +130,23 @@ def test_a_port_that_lets_nothing_through_closes_its_blow_off(lean: Fit) -> None
     assert not does_nothing(values.replace({"rebound_port": 1e4}), "rebound_port")
 
 
+def test_a_blow_off_without_a_straight_part_is_held_there(lean: Fit) -> None:
+    """It opened in one setting by a hair, and its lift was at a bound there."""
+    model = replace(WITH_PLAY, rebound=Valve("orifice", "lifting"))
+    values = model.values({one.name: 1.0 for one in model.quantities})
+    low, high = model.quantity("rebound_lift").plausible
+    for edge, said in (
+        (low, "does nothing here"),
+        (high, "one above 100 1/bar, at which it is held"),
+    ):
+        at = values.replace({"rebound_lift": edge})
+        assert does_nothing(at, "rebound_lift")
+        assert said in left_out._sentence(at, "rebound_lift")
+        fit = replace(lean, parameters=at, status=dict.fromkeys(model.names, Status.FITTED))
+        assert left_out._part(fit, "rebound_lift") == ["rebound_lift"]
+    assert not does_nothing(values.replace({"rebound_lift": 0.999 * high}), "rebound_lift")
+
+
 @pytest.mark.parametrize(
     ("kind", "name", "side", "is_idle"),
     [

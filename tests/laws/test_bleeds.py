@@ -105,6 +105,7 @@ def fit(model, mse: float, *, friction: float = 20.0, k: int = 6, held: float = 
             ),
         ),
         mse_percent=mse, n_quantities=k, held_out_percent=held, leaves_something=False, at_bound=(),
+        surely_misses_a_force=False,
     )  # fmt: skip
 
 

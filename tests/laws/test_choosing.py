@@ -10,13 +10,8 @@ import pytest
 
 from damperfit.damper.valve_dampers import ThroughFlow
 from damperfit.laws import LawFit, SettingLogs, Tried, effective_samples, judged
-from damperfit.laws.choosing import (
-    OfOneModel,
-    are_alike,
-    is_told_as_one,
-    said_of_layout,
-    times_worse,
-)
+from damperfit.laws.choosing import OfOneModel, are_alike, times_worse
+from damperfit.laws.layout_choice import is_told_as_one, said_of_layout
 from damperfit.tested.setting import Setting
 from tests.fakes import trace
 
@@ -107,6 +102,40 @@ def test_what_is_taken_for_a_force_betters_it_or_what_is_predicted(force, held, 
     assert judged(small, large, 30.0, is_removed=True).takes_larger
     assert judged(small, large, 30.0, of_one_model=OfOneModel(1)).takes_larger
     assert judged(small, large, 30.0, left_percent=0.0201).takes_larger
+
+
+def missing(mse, k, *, force, sure=0.0, held=math.nan, kind=""):
+    fit = tried(mse, k, held=held).fits[0]
+    return Tried("law", (replace(
+        fit, worst_force_percent=force, sure_force_percent=sure, held_out=kind
+    ),))  # fmt: skip
+
+
+@pytest.mark.parametrize(("sure", "mse", "force", "is_taken"), [
+    (1.01, 0.009, 1.99, True),
+    (0.99, 0.009, 1.99, False),  # noise may be as much
+    (1.01, 0.009, 2.01, False),  # it falls by less than the factor
+    (1.01, 0.01099, 1.99, True),
+    (1.01, 0.01101, 1.99, False),  # the MSE rises
+])  # fmt: skip
+def test_a_part_is_worth_it_by_a_force_that_is_surely_off(sure, mse, force, is_taken) -> None:
+    small = missing(0.01, 4, force=3.0, sure=sure)
+    verdict = judged(small, missing(mse, 5, force=force), 60.0)
+    assert verdict.takes_larger is is_taken
+    if is_taken:
+        assert verdict.reason == f"MSE 0.01 to {mse:.2g} %, force at a speed 3 to 2 %"
+    # Without it the force would rise: it stays.
+    removed = judged(small, missing(mse, 5, force=force), 60.0, is_removed=True)
+    assert removed.takes_larger is is_taken
+
+
+def test_a_force_is_no_reason_where_a_held_out_log_is_missed_by_more() -> None:
+    """What matters most of what is left must fall."""
+    laws = (
+        missing(0.01, k, force=force, sure=2.0, held=0.8, kind="logs")
+        for k, force in ((4, 3.0), (5, 0.5))
+    )
+    assert not judged(*laws, 60.0).takes_larger
 
 
 def test_a_new_quantity_at_its_edge_is_none():

@@ -20,6 +20,7 @@ def fit(friction: float, mse: float, setting: Setting | None = None) -> SimpleNa
     return SimpleNamespace(
         model=MODEL, values=values, free=("rebound_bleed", "f_f", "f_0"), mse_percent=mse,
         held_out_percent=float("nan"), held_out="", worst_force_percent=0.5, setting=setting,
+        sure_force_percent=0.0,
     )  # fmt: skip
 
 

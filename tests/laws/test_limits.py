@@ -50,6 +50,7 @@ def test_a_part_that_gains_a_tenth_is_offered_again_beside_another(
     monkeypatch.setattr(steps, "rank", lambda *_: None)
     monkeypatch.setattr(steps, "back_from", lambda one, _: one)
     monkeypatch.setattr(steps, "record", lambda *_, **__: None)
+    monkeypatch.setattr(course, "with_strokes_told", lambda _, one, __: one)
     monkeypatch.setattr(
         steps, "offered",
         lambda one, name: None if name in one.parts else law(one.parts + name),

@@ -11,7 +11,7 @@ from damperfit.damper.mounting import NONE, Mounting
 from damperfit.damper.network import Valve
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube, ValveDamper
 from damperfit.laws import Tried, physics_seen
-from damperfit.laws.choosing import layout_taken
+from damperfit.laws.layout_choice import layout_taken
 from damperfit.laws.other_layouts import times_in
 from damperfit.simulation import SolverOptions, simulate
 from tests.laws.test_undecided import fit

@@ -264,6 +264,34 @@ def test_whole_valves_are_tried_from_starts_of_their_own_where_parts_lack(
     assert steps.with_whole_valves(PLAIN, whole) is whole
 
 
+@pytest.mark.parametrize(("more", "left", "is_taken"), [
+    (0, 0.99, True), (1, 0.99, False), (0, 1.01, False),
+])  # fmt: skip
+def test_a_law_of_as_many_numbers_is_taken_that_leaves_nothing(
+    monkeypatch, more, left, is_taken
+) -> None:
+    """One part was worth less than another that took its place: the MSE rose from 0.005 to 0.006 %.
+
+    A force at a speed fell from 2.7 to 0.7 %, and the law of single settings was kept.
+    """
+    steps = together._Course([], follows, SOLVER, 1, lambda _: None)
+    steps.n_eff = 60.0
+    before = law_of_all.LawOfAll(PLAIN, (), SimpleNamespace(unknowns=range(9)), None)
+    rubbing = replace(PLAIN, friction=Friction(seal_area=FIT))
+    _, parts = without_kinds(rubbing)
+    rich = law_of_all.LawOfAll(
+        rubbing, (), SimpleNamespace(unknowns=range(9 + more)), None, parts
+    )  # fmt: skip
+    monkeypatch.setattr(steps, "with_whole_valves", lambda *_: before)
+    monkeypatch.setattr(steps, "with_all", lambda *_: rich)
+    best, tried = law(0.006, force=left), law(0.005, force=2.7)
+    for step in ("thinned", "turned"):
+        monkeypatch.setattr(steps, step, lambda *_: (rich, best))
+    monkeypatch.setattr(steps, "without", lambda *_: None)  # asked where all cost too much
+    monkeypatch.setattr(steps, "tried", lambda _: best)
+    assert steps.enriched(before, tried) is (best if is_taken else tried)
+
+
 def test_a_part_laminar_bleed_may_be_laminar_alone() -> None:
     long = replace(PLAIN, rebound=Valve("long", "linear"))
     part, other = (one for one in other_parts(PLAIN, ()) if "laminar" in one.words)
