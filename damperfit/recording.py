@@ -7,7 +7,6 @@ rebound (rod out, tension). Readers make recordings, conditioning turns them int
 
 from __future__ import annotations
 
-import itertools
 import math
 import re
 from dataclasses import dataclass, field
@@ -347,8 +346,6 @@ class Trace:
     @property
     def fastest(self) -> Stretch:
         """The stretch with the largest speed, which stands for the log where one must."""
-        if len(self.stretches) == 1:
-            return self.stretches[0]
         return max(self.stretches, key=lambda stretch: stretch.peak_speed)
 
     @property
@@ -381,8 +378,8 @@ class Trace:
     @property
     def places(self) -> tuple[slice, ...]:
         """Where each stretch lies among the compared samples."""
-        ends = [*itertools.accumulate((one.n_samples for one in self.stretches), initial=0)]
-        return tuple(itertools.starmap(slice, itertools.pairwise(ends)))
+        ends = np.cumsum([stretch.n_samples for stretch in self.stretches]).tolist()
+        return tuple(map(slice, [0, *ends[:-1]], ends))
 
     def describe(self) -> dict[str, Any]:
         """Return the scalar facts of the trace, for tables and run.json."""

@@ -21,7 +21,6 @@ from damperfit.identification.model_versus_log import compare, normalised_mse
 from damperfit.identification.one_speed import ONE_SPEED, inseparable
 from damperfit.identification.outcome import Outcome, Status
 from damperfit.identification.solution import Solution
-from damperfit.statistics import variance_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -362,7 +361,7 @@ def describe_fit(setting: Setting, judged: Judged, misfit: Misfit) -> Fit:
         logs.append(LogFit(trace, mse, noise_floor(trace), alone, kept))
         seen.append((trace, comparison.response))
         misses.append(simulated - measured)
-        floors.append(logs[-1].noise_floor_percent / 100.0 * variance_of(measured) * len(measured))
+        floors.append(logs[-1].noise_floor_percent / 100.0 * np.var(measured) * len(measured))
     all_misses = np.concatenate(misses)
     total = misfit.deviation**2 * len(all_misses)
     return Fit(
