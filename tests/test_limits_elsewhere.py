@@ -285,7 +285,7 @@ def test_a_cycle_is_drawn_by_forty_four_characters() -> None:
     response = SimpleNamespace(
         time=time, displacement=time, force=time, pressures=np.stack([time] * 3)
     )
-    for line in cycle_sparklines(response, 1.0, levels="ab"):
+    for line in cycle_sparklines(response, 1.0, levels="ab", columns=120):
         assert sum(letter in "ab" for letter in line[13:57]) == 44
         assert line[57] == " "
 

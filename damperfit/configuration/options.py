@@ -273,7 +273,9 @@ class Configuration:
             names = [name for name in self.undeclared if name not in {*_OF_THE_LAW, *_HARMLESS}]
             if not names:
                 return ""
-            said = f"{' and '.join(names)} {'are' if len(names) > 1 else 'is'} not declared"
+            *others, last = names
+            listed = f"{', '.join(others)} and {last} are" if others else f"{last} is"
+            said = f"{listed} not declared"
         return f"{said}, and with the dimensions of {self.whose}"
 
     @property

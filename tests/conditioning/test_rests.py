@@ -50,9 +50,16 @@ def test_crests_of_sines_are_no_rests(frequency, noise, step):
     assert rests_of(x, 2e-4) == []
 
 
-@pytest.mark.parametrize(("milliseconds", "is_found"), [(28, True), (17, False)])
+@pytest.mark.parametrize(("milliseconds", "is_found"), [(20, True), (19, False)])
 def test_a_rest_has_20_ms(milliseconds, is_found):
-    """Looks begin at every tenth of them, so that of 30 one is whole."""
+    """Looks begin at every tenth of them, and so does the rest."""
+    x = np.concatenate([np.full(90, 0.01), np.zeros(milliseconds), np.full(110, -0.01)])
+    levels = [level for _, level in rests_of(x + np.linspace(0.0, 1e-12, len(x)), 1e-3)]
+    assert any(abs(level) < 1e-6 for level in levels) is is_found
+
+
+@pytest.mark.parametrize(("milliseconds", "is_found"), [(28, True), (17, False)])
+def test_a_dwell_of_28_ms_is_a_rest_and_one_of_17_is_none(milliseconds, is_found):
     x, _ = dwelling(dwell=1e-3 * milliseconds, width=1)
     assert bool(rests_of(x, 1e-3)) is is_found
 

@@ -279,3 +279,26 @@ def test_every_key_is_blamed_where_it_was_typed(tmp_path: Path, section: str, va
         is_fine = value.startswith('"') or key in ANY_NUMBER
         assert is_fine if not said else f"mine.toml:3: {section}.{key}" in said, key
         assert len(said.splitlines()) < 2
+
+
+@pytest.mark.parametrize(
+    ("undeclared", "said"),
+    [
+        (["gas_volume"], "gas_volume is not declared"),
+        (["gas_pressure", "gas_volume"], "gas_pressure and gas_volume are not declared"),
+        (
+            ["chamber_1_length", "gas_pressure", "gas_volume"],
+            "chamber_1_length, gas_pressure and gas_volume are not declared",
+        ),
+        ([], ""),
+    ],
+)
+def test_dimensions_that_nobody_declared_are_listed(undeclared, said, tmp_path) -> None:
+    every = {
+        "rod_diameter": "12mm", "piston_diameter": "30mm", "chamber_1_length": "80mm",
+        "chamber_2_length": "80mm", "gas_pressure": "12bara", "gas_volume": "30cm3",
+    }  # fmt: skip
+    declared = [f'{key} = "{value}"' for key, value in every.items() if key not in undeclared]
+    path = _write(tmp_path, "\n".join(["[damper]", 'model = "monotube"', *declared]))
+    end = ", and with the dimensions of a made-up damper"
+    assert load_configuration(path).assumed_dimensions == (f"{said}{end}" if said else "")

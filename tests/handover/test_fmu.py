@@ -9,6 +9,7 @@ import sys
 import time
 import zipfile
 from dataclasses import replace
+from types import SimpleNamespace
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -19,7 +20,7 @@ from damperfit.damper.rivals.linear import Linear
 from damperfit.errors import ConfigurationError
 from damperfit.handover import TARGETS, ExportOptions, HandedSetting
 from damperfit.handover.fmu import libraries
-from damperfit.handover.fmu.archive import missing_platforms
+from damperfit.handover.fmu.archive import _data, missing_platforms
 from damperfit.handover.fmu.documentation import documentation
 from damperfit.handover.fmu.exported_damper import exported_damper
 from damperfit.handover.fmu.libraries import source_files
@@ -548,3 +549,13 @@ def test_changed_numbers_in_model_exchange_move_the_states_and_say_so(unit) -> N
     assert info[3] == 1
     assert not np.array_equal(one.numbers("GetContinuousStates", 3), states)
     assert [one.get(f"pressure_{i}") for i in (1, 2)] == pytest.approx(before, abs=10.0)
+
+
+@pytest.mark.parametrize("length", [1, 399, 400, 401, 800, 801])
+def test_each_line_of_the_data_ends_in_c_as_it_does_in_the_text(length) -> None:
+    """Long lines are several strings in C: the last of them alone ends the line."""
+    text = f"{'x' * length}\nnext\n"
+    code = _data(SimpleNamespace(text=text)).decode()  # type: ignore[arg-type]
+    strings = re.findall(r'"(x*(?:next)?(?:\\n)?)"', code)
+    assert "".join(strings).replace("\\n", "\n") == text
+    assert max(map(len, strings)) <= 402

@@ -18,9 +18,9 @@ from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
 
-from tests.limits.finding import Limit, find_limits
+from tests.limits.finding import Limit
 from tests.limits.in_memory import Move, noticed_in_memory
-from tests.limits.table import HELD, Held, read_table
+from tests.limits.table import HELD, Held, limits_of, read_table
 from tests.mutations.__main__ import traced
 from tests.mutations.mutants import Mutant
 from tests.mutations.running import Result, Workspace, preload, run_mutants, run_tests
@@ -34,8 +34,8 @@ _SECONDS = 60.0  # that a test may take before it counts as hanging, a fourth
 
 def main(arguments: Sequence[str] | None = None) -> int:
     options = _options(arguments)
-    limits = find_limits(ROOT)
     table = read_table(HELD)
+    limits = limits_of(ROOT, table)
     chosen = {
         name: limit
         for name, limit in limits.items()

@@ -6,7 +6,9 @@ import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 
-__all__ = ["HELD", "Held", "Table", "read_table"]
+from tests.limits.finding import Limit, find_constants, find_limits
+
+__all__ = ["HELD", "Held", "Table", "limits_of", "read_table"]
 
 HELD = Path(__file__).with_name("held.toml")
 
@@ -48,3 +50,10 @@ def read_table(path: Path) -> Table:
                     }
                 )
     return Table(held, exempt)
+
+
+def limits_of(root: Path, table: Table) -> dict[str, Limit]:
+    """Return what is compared with something, and what the table says is held besides."""
+    constants = find_constants(root)
+    besides = {name: constants[name] for name in table.held if name in constants}
+    return {**find_limits(root), **besides}

@@ -108,6 +108,7 @@ def test_the_squares_fall_by_four_standard_errors(mean, is_certain):
     error = float(np.std(around, ddof=1)) / 4.0
     assert air_on_rod._is_certain((around + mean * error).tolist()) is is_certain
     assert not air_on_rod._is_certain([1.0])
+    assert air_on_rod._is_certain([1.0, 1.1])  # two cycles are enough where they agree
 
 
 def test_what_the_force_at_rest_is_compared_with_knows_the_air():

@@ -14,7 +14,8 @@ import pytest
 from damperfit.configuration.loading import load_configuration
 from damperfit.damper.model import values_type
 from damperfit.identification import Outcome, Sharing, Status
-from damperfit.recording import Finding, natural_order
+from damperfit.readers.tests_table import TestRow, TestsTable
+from damperfit.recording import Finding, Recording, natural_order
 from damperfit.report.failures_and_warnings import Failure
 from damperfit.run import hold_out, labelling
 from damperfit.run.dampers import _nameless
@@ -27,6 +28,8 @@ from damperfit.run.run_json import Judgement, _procedure, report_facts
 from damperfit.run.trust import _profile, unconfirmed_tares
 from damperfit.run.watching import Clock
 from damperfit.run.work import sha256_of
+from damperfit.tested.identity import Identity
+from damperfit.tested.setting import Setting
 from damperfit.uncertainty import Assessment, Objection, Uncertainty
 from damperfit.uncertainty.intervals import make_interval
 from tests.fakes import campaign, fit, trace
@@ -369,3 +372,15 @@ def test_of_tables_that_name_a_log_alike_the_nearest_speaks_in_any_order(tmp_pat
         labels = SimpleNamespace(is_beside=True, tables=tables)
         assert Labels.row(labels, log) == "repeated"
         assert Labels.row(labels, log.parents[1] / "a.csv") == "day1"
+
+
+@pytest.mark.parametrize(("adjusters", "setting"), [(("low", "high"), None), (("low",), "low 6")])
+def test_a_setting_of_the_log_does_not_stand_for_half_a_row_of_the_table(
+    adjusters, setting, tmp_path
+) -> None:
+    """The table says where one adjuster stands: the log's own number is no answer for both."""
+    row = TestRow(2, {"low": 6}, Identity(), {})
+    labels = Labels(adjusters, tables=(TestsTable(tmp_path / "tests.csv", {"a.csv": row}),))
+    log = Recording("a.csv", "", "", Setting.of(3), np.arange(3.0), np.zeros(3), np.zeros(3))
+    labelled, _ = labels.labelled(log, tmp_path / "a.csv")
+    assert labelled.setting == (None if setting is None else Setting((("low", 6),)))
