@@ -28,6 +28,7 @@ from damperfit.report.mse_report import escape
 from damperfit.report.page import templating
 from damperfit.report.page.log_section import log_section
 from damperfit.report.page.summary import setting_verdict, summary
+from damperfit.report.plots.all_settings import _named_speeds
 from damperfit.report.plots.colours import setting_colours
 from damperfit.report.plots.compared_runs import _points
 from damperfit.report.plots.one_log import setting_plots
@@ -39,6 +40,7 @@ from damperfit.report.sheets.mse_sheet import grade_counts
 from damperfit.report.sheets.rounding import number, percent, with_interval
 from damperfit.report.sheets.sheet import Sheet, sheet_width
 from damperfit.report.sheets.sparkline import differ
+from damperfit.simulation import SpeedForce
 from damperfit.tables import Results, grade, make_tables, read_results
 from damperfit.tested.setting import Setting
 from damperfit.units.shown_units import SI
@@ -243,6 +245,19 @@ def test_a_chamber_cavitates_at_zero_pressure(results, pressure, words):
     assert caption.startswith(words)
     # The table of cavitation has the lowest of all cycles.
     assert caption.endswith(f"Lowest pressure of this cycle {pressures.min() / 1e5:.3g} bar.")
+
+
+def test_a_log_that_does_not_reach_a_speed_hides_no_force_of_the_others(results):
+    """The picture was empty where one log of a setting was slower than the others."""
+    log = evaluated(results)
+    fast, slow = (
+        replace(log, measured=replace(log.measured, speed_forces=(SpeedForce(0.1, *pair),)))
+        for pair in ((200.0, -300.0), (math.nan, math.nan))
+    )
+    (plot,) = _named_speeds([fast, slow])
+    assert [line.y.tolist() for line in plot.panels[0].lines] == [[200.0], [-300.0]]
+    (plot,) = _named_speeds([slow])
+    assert all(np.isnan(line.y).all() for line in plot.panels[0].lines)
 
 
 # Parameters against setting.

@@ -51,6 +51,7 @@ _INTERRUPTED = 130
 _NEW_OBJECTS = 200_000
 # What stands for a file or folder in the help of an option.
 _TAKES_A_FILE = {"FILE", "DIR", "PATH", "LOG", "RESULTS"}
+_MAY_BE_OTHER = {"--start", "--tolerance"}  # than a file; they say themselves what they take
 _TELLS_OF_ALL = "help"
 _BUG = 70  # "internal software error" of sysexits.h; none of the documented codes
 
@@ -218,7 +219,7 @@ def _refuse_empty_names(argv: Sequence[str]) -> None:
     places = [k for k, word in enumerate(argv) if word == "" or re.fullmatch(r"--[\w-]+=", word)]
     if not places:
         return
-    files = _file_options(argv)
+    files = _file_options(argv) - _MAY_BE_OTHER
     for k in places:
         before = argv[k].rstrip("=") or argv[k - 1]
         if before in files or not before.startswith("-"):

@@ -225,7 +225,7 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
         parted.batch.failures,
         tuple(e.setting for e, one in zip(evidence, fits, strict=True) if one is None),
         rivals,
-        (*parted.batch.remarks, *assumed_gas(configuration)),
+        (*parted.batch.remarks, *assumed_gas(configuration, [one.tried for one in search.laws])),
         (*doubts, *undecided(search, found, evidence)),
         (*doubts, *interchangeable_parts(search, found, evidence)),
         (Monotube.name,) if is_open else (),

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from damperfit.configuration.options import Configuration
-    from damperfit.laws import LawFit, LawSearch
+    from damperfit.laws import LawFit, LawSearch, Tried
 
 __all__ = [
     "GAS_LENGTHS",
@@ -148,10 +148,11 @@ def _listed(words: Sequence[str]) -> str:
     return f"{', '.join(first)} and {last}" if first else last
 
 
-def assumed_gas(configuration: Configuration) -> tuple[str, ...]:
-    """What the layouts have of the gas that nobody has declared, in a sentence."""
+def assumed_gas(configuration: Configuration, tried: Sequence[Tried]) -> tuple[str, ...]:
+    """What the layouts that were tried have of the gas that nobody has declared, in a sentence."""
     damper = configuration.damper
-    if not isinstance(damper, Damper):
+    has_valves = any(isinstance(one.fits[0].model, ValveDamper) for one in tried)
+    if not has_valves or not isinstance(damper, Damper):
         return ()
     known = declared_dimensions(configuration, damper)
     missing = {name: getattr(ValveDamper(), name) for name in GAS if name not in known}

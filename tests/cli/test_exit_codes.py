@@ -19,6 +19,7 @@ CODES = {
     "ConditioningError": 1,
     "ContradictionError": 1,
     "ConfigurationError": 2,
+    "FitCancelledError": 130,
     "InstallationError": 2,
     "InternalError": 1,
     "LogError": 1,

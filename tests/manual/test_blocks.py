@@ -81,6 +81,7 @@ def _run(line: str, capsys, *, code: int = 0) -> None:
     seen = capsys.readouterr()
     assert ended == code, (line, seen.err)
     assert seen.out or seen.err, line
+    assert "no setting gives it" not in seen.out, line  # the pages promise a click
     if file:
         Path(file).write_text(seen.out, encoding="utf-8")
 

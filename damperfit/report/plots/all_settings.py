@@ -216,6 +216,13 @@ def _peaks(points: Sequence[PeakPoint], colours: Mapping[Setting, str]) -> Plot:
     return Plot("peak_force", "Peak force against peak velocity (PVP)", (panel,), caption, key)
 
 
+def _mean_of_known(pairs: Sequence[tuple[float, float]]) -> FloatArray:
+    """Mean force of each stroke over the logs that reach the speed; NaN where none does."""
+    forces = np.array(pairs)
+    n = np.isfinite(forces).sum(axis=0)
+    return np.asarray(np.where(n > 0, np.nansum(forces, axis=0) / np.maximum(n, 1), np.nan))
+
+
 def _named_speeds(views: Sequence[EvaluatedLog]) -> Iterator[Plot]:
     lines = []
     places = setting_places(view.signals.setting for view in views)
@@ -229,7 +236,7 @@ def _named_speeds(views: Sequence[EvaluatedLog]) -> Iterator[Plot]:
         if not found:
             continue
         at = np.array([places[setting] for setting in sorted(found)])
-        means = np.array([np.mean(found[setting], axis=0) for setting in sorted(found)])
+        means = np.array([_mean_of_known(found[setting]) for setting in sorted(found)])
         for k, (word, style) in enumerate((("rebound", "dot_line"), ("bump", "triangle_line"))):
             label = f"{word}, {speed:g} m/s"
             lines.append(Line(at, means[:, k], label, colour, None, style))
@@ -243,7 +250,8 @@ def _named_speeds(views: Sequence[EvaluatedLog]) -> Iterator[Plot]:
         )
         title = "Force against setting at named speeds"
         caption = (
-            "Mean of the opening and the closing branch, and of the logs of a setting. "
+            "Mean of the opening and the closing branch, and of those logs of a setting that reach "
+            "the speed. "
             "Dots: rebound, triangles: bump."
         )
         yield Plot("named_speeds", title, (panel,), caption)
