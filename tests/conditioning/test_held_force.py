@@ -56,3 +56,15 @@ def test_a_level_is_told_where_nothing_is_held(with_gas) -> None:
     level = force_level(trace, with_gas.gas)
     assert level.held == 0.0
     assert level.force == pytest.approx(level.expected, abs=15.0)
+
+
+@pytest.mark.parametrize(("rebound", "bump"), [(700.0, 100.0), (700.0, 30.0)])
+def test_a_right_log_of_unlike_preloads_is_not_turned_round(rebound, bump, with_gas) -> None:
+    """Their level is that of a gas force counted positive in bump, and was certain."""
+    x = sine(0.5, 0.04, 8)
+    trace = condition(logged(x, preloaded(rebound, bump, 1e-3), noise=(4e-6, 3.0)), with_gas)
+    assert not [one.name for one in trace.findings if one.is_correction]
+    level = force_level(trace, with_gas.gas)
+    assert -1.7 < level.ratio < -0.5
+    assert level.force > 2.0 * level.uncertainty
+    assert level.force < 2.0 * level.held

@@ -103,6 +103,22 @@ def test_no_valve_is_as_digressive_as_six_tenths(whole, is_certain) -> None:
     assert polarity._is_certain(one, ()) is is_certain
 
 
+@pytest.mark.parametrize(
+    ("hidden", "held", "is_certain"),
+    [(0.0, 49.0, True), (0.0, 51.0, False), (24.0, 0.0, True), (26.0, 0.0, False)],
+)
+def test_preloads_may_hide_a_level(hidden, held, is_certain) -> None:
+    """Both channels reversed: the level must be twice what preloads may make of it."""
+    one = replace(level(100.0, rebound=0.0, bump=0.1), hidden=hidden, held=held)
+    assert polarity._is_certain(one, ("displacement", "force")) is is_certain
+
+
+def test_of_one_reversed_channel_the_strokes_hide_nothing_that_is_known() -> None:
+    one = replace(level(100.0, rebound=-0.2, bump=-0.1), hidden=60.0)
+    assert polarity._is_certain(one, ("force",))
+    assert not polarity._is_certain(replace(one, held=51.0), ("force",))
+
+
 # Refusals
 
 

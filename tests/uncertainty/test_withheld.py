@@ -16,6 +16,7 @@ from damperfit.damper.rivals import Biviscous, RestoringForceSurface
 from damperfit.identification import Fit, Status
 from damperfit.identification.plausible import edge_of
 from damperfit.laws import ENOUGH_PERCENT
+from damperfit.recording import Finding
 from damperfit.uncertainty import Assessment, Diagnosis, objections
 from damperfit.uncertainty.flaws import Hint
 from damperfit.uncertainty.withheld import LIMITS, jump_ratio, offset_mismatch, what_spreads
@@ -103,6 +104,23 @@ def test_what_repeats_many_times_the_noise(
     assert (LIMITS.times_noise, LIMITS.misfit_percent) == (30.0, 0.2)
     found = kinds(fit(1), told(repeats + noise, noise))
     assert found == (["misfit"] if is_withheld else [])
+
+
+@pytest.mark.parametrize("channel", ["force", "displacement"])
+@pytest.mark.parametrize(("share", "is_withheld"), [(4.1, True), (3.9, False)])
+def test_a_log_of_which_much_is_clipped(channel: str, share: float, *, is_withheld: bool) -> None:
+    one = fit(1)
+    log = one.logs[0]
+    cut = Finding(f"{channel}_clipping", "warning", "is clipped", share, "%")
+    trace = replace(log.trace, name="cut.csv", findings=(*log.trace.findings, cut))
+    one = replace(one, logs=(replace(log, trace=trace),))
+    assert kinds(one, told(misses=False)) == (["clipping"] if is_withheld else [])
+    if is_withheld:
+        (reason,) = objections(campaign(one), Assessment())[one.setting]
+        assert reason.sentence == (
+            f"the {channel} of cut.csv is clipped at 4.1 % of its samples: the numbers lack "
+            "what was cut off"
+        )
 
 
 @pytest.mark.parametrize(("share", "is_withheld"), [(0.051, True), (0.049, False)])
