@@ -363,9 +363,7 @@ class _Course:
         price = OfOneModel(large.n_unknowns - small.n_unknowns, least_gain)
         verdict = judged(less, more, self.n_eff, of_one_model=price)
         if price.n_more <= 0 and less.leaves_something and not more.leaves_something:
-            verdict = replace(
-                verdict, takes_larger=True, reason="it leaves nothing with no more numbers"
-            )
+            verdict = replace(verdict, takes_larger=True, reason="no more numbers, nothing is left")
         lost = lost_with(less, more)
         if not verdict.takes_larger or not lost:
             return verdict
