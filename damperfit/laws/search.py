@@ -7,7 +7,8 @@
     3  of the best layout what is not needed is taken out again, the rig's parts and the valves'
        alike, by the rule of `choosing`: so no valve is invented for the rig, nor the reverse; an
        elastic mounting is held against a rigid one with oil that gives
-    4  what is left over is offered to further parts: soft oil, gas in it, returns, rounding, ports,
+    4  what is left over is offered to further parts, kinds of blow-offs to both strokes and then to
+       each by itself (`strokes`): soft oil, gas in it, returns, rounding, ports,
        friction that drags, builds up, turns within a speed, falls with it or grows with the
        pressure; to play and lag too, if a wrong valley had them taken out
     5  what is left is tried in the other layouts too: those that do as well cannot be told apart,

@@ -11,7 +11,7 @@ law is fitted once as one model, and where that leaves something it is offered w
     3  without what is not worth its numbers, the loosest first, by the rule of `choosing`, last the
        valves that it came with; what stays need not gain a factor of 1.5 by itself
     4  with friction that turns in another way, if that explains what is left beside these
-    5  all of it together must, and be worth its numbers: else the law stays as it was
+    5  all of it must, and be worth its numbers, or leave nothing with no more: else nothing changes
 
 At most 50 descents of ten evaluations and 50 to their end, on settled cycles, whatever the number
 of settings; four and three more for each other layout.
@@ -363,7 +363,7 @@ class _Course:
         price = OfOneModel(large.n_unknowns - small.n_unknowns, least_gain)
         verdict = judged(less, more, self.n_eff, of_one_model=price)
         if price.n_more <= 0 and less.leaves_something and not more.leaves_something:
-            verdict = replace(verdict, takes_larger=True, reason="with no more nothing is left")
+            verdict = replace(verdict, takes_larger=True, reason="no more numbers, nothing is left")
         lost = lost_with(less, more)
         if not verdict.takes_larger or not lost:
             return verdict
