@@ -44,7 +44,6 @@ GAS = ("gas_volume", "gas_pressure", "gas_exponent")
 _OF_THE_LAW = {"rebound", "compression", "mounting", "friction", "passages", "floating_piston"}
 _OUTSIDE = "ambient_pressure"  # nobody declares it, and it is told by itself
 _HARMLESS = {"oil_density", "gas_exponent", _OUTSIDE}
-
 _USUALLY_SHARED: tuple[list[str], ...] = ([], ["r_m3", "f_f"], ["detect"])  # by default
 
 # Of units that have a short name; parameters of other units are bare numbers in SI.
@@ -273,9 +272,8 @@ class Configuration:
             names = [name for name in self.undeclared if name not in {*_OF_THE_LAW, *_HARMLESS}]
             if not names:
                 return ""
-            *others, last = names
-            listed = f"{', '.join(others)} and {last} are" if others else f"{last} is"
-            said = f"{listed} not declared"
+            listed = " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))
+            said = f"{listed} {'are' if len(names) > 1 else 'is'} not declared"
         return f"{said}, and with the dimensions of {self.whose}"
 
     @property
