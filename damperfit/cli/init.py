@@ -83,7 +83,7 @@ def init(
     model = model or (_asked_model() if is_asked else _MODEL)
     check_damper(model, given)
     paths = expand(logs) if logs else ()
-    guessed = guess_from_logs(paths) if paths else Guessed({}, {})
+    guessed = guess_from_logs(paths, model, given) if paths else Guessed({}, {})
     if is_asked:
         given = _asked(model, given)
     text = first_configuration(model, given, guessed)

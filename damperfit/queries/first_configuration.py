@@ -6,6 +6,7 @@ import json
 import re
 from dataclasses import dataclass
 from itertools import product
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
+    from damperfit.conditioning import ConditionOptions
+    from damperfit.configuration.options import Configuration
     from damperfit.readers import ReadOptions
     from damperfit.recording import Recording
 
@@ -70,13 +73,19 @@ class Guessed:
     adjusters: tuple[str, ...] = ()
 
 
-def guess_from_logs(logs: Sequence[Path]) -> Guessed:
+def guess_from_logs(
+    logs: Sequence[Path], model: str, given: Mapping[str, str] = MappingProxyType({})
+) -> Guessed:
     """Return what can be seen in logs: units, setting, signs, whose they are.
 
     Parameters
     ----------
     logs : sequence of pathlib.Path
         Of one damper and one rig; a few are read.
+    model : str
+        Name of the model; the force of its gas tells whose counts a log has.
+    given : mapping of str to str
+        Keys of [damper] that are known, as text with units.
     """
     rig: dict[str, Any] = {}
     why: list[str] = []
@@ -111,7 +120,8 @@ def guess_from_logs(logs: Sequence[Path]) -> Guessed:
             "the logs do not say their setting: name them setting_10.csv, write '# setting: 10' "
             f"into them, or give a table tests.csv or rig.setting_pattern{offered}"
         )
-    signs = [_signs(one) for one in recordings]
+    conditioning = _load(model, given).conditioning
+    signs = [_signs(one, conditioning) for one in recordings]
     for channel in ("displacement", "force"):
         if signs and all(f"reverse_{channel}" in one for one in signs):
             rig[f"reverse_{channel}"] = True
@@ -160,10 +170,10 @@ def _unit_sentence(channel: str, unit: str, recording: Recording) -> str:
     return f"{channel} is read in {unit}: {seen[channel]}"
 
 
-def _signs(recording: Recording) -> dict[str, bool]:
+def _signs(recording: Recording, options: ConditionOptions) -> dict[str, bool]:
     """Return whether channels are reversed, where the loop itself tells."""
     try:
-        trace = condition(recording)
+        trace = condition(recording, options)
     except DamperfitError:
         return {}
     # A note is certain; where it is a warning the direction is not known.
@@ -333,6 +343,8 @@ def fault_of(model: str, key: str, text: str) -> str:
     return ""
 
 
-def _load(model: str, given: Mapping[str, str], options: Mapping[str, str]) -> None:
+def _load(
+    model: str, given: Mapping[str, str], options: Mapping[str, str] = MappingProxyType({})
+) -> Configuration:
     plain = {key: _plain(text) for key, text in given.items()}
-    load_configuration(overlay={"damper": {"model": model, **plain}}, options=dict(options))
+    return load_configuration(overlay={"damper": {"model": model, **plain}}, options=dict(options))
