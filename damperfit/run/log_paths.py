@@ -23,6 +23,7 @@ def expand(patterns: Iterable[str]) -> tuple[Path, ...]:
     """Return the files that paths and patterns name, each once, in natural order.
 
     A named file that does not exist is kept where others do: reading it fails, and costs it alone.
+    So is a folder without logs; one of results is passed over, for the shell's ``*`` names it too.
 
     Raises
     ------
@@ -34,7 +35,7 @@ def expand(patterns: Iterable[str]) -> tuple[Path, ...]:
     for pattern in patterns:
         for path in matches(pattern, keeps_missing=True):
             found.setdefault(os.path.realpath(path), path)
-    if not any(map(_is_there, found.values())):
+    if not any(_is_there(path) and not _is_folder(path) for path in found.values()):
         for pattern in patterns:
             matches(pattern)  # raises with what is missing, and where it was named
     return tuple(sorted(found.values(), key=_by_number))
@@ -56,7 +57,8 @@ def matches(pattern: str, *, keeps_missing: bool = False) -> list[Path]:
     pattern : str
         As given.
     keeps_missing : bool
-        Return a named file that does not exist as well, for the reader to report.
+        Return a named file that does not exist, or a folder without logs, as well, for the reader
+        to report; nothing of a folder of results.
 
     Raises
     ------
@@ -65,7 +67,7 @@ def matches(pattern: str, *, keeps_missing: bool = False) -> list[Path]:
     """
     path = Path(pattern)
     if _is_folder(path):
-        return _logs_in(path)
+        return _logs_in(path, keeps_missing=keeps_missing)
     if _is_there(path):
         return [path]
     if pattern.startswith("@"):
@@ -88,7 +90,7 @@ def matches(pattern: str, *, keeps_missing: bool = False) -> list[Path]:
     raise ConfigurationError(f"{pattern}: no such file")
 
 
-def _logs_in(folder: Path) -> list[Path]:
+def _logs_in(folder: Path, *, keeps_missing: bool) -> list[Path]:
     try:
         entries = sorted(folder.iterdir())
     except OSError as error:
@@ -96,10 +98,14 @@ def _logs_in(folder: Path) -> list[Path]:
     names = (one for one in entries if one.name[0] != "." and not _is_folder(one))
     found = [one for one in names if one.name.lower().endswith(LOG_SUFFIXES)]
     if found and all(map(is_own_table, found)):
+        if keeps_missing:
+            return []
         raise ConfigurationError(
             f"{folder}: contains only files that damperfit wrote; give the folder with the logs"
         )
     if not found:
+        if keeps_missing:
+            return [folder]
         raise ConfigurationError(
             f"{folder}: no log in this folder; expected files such as "
             f".csv, .txt, .xlsx, .mat or .tdms; for logs in its subfolders give {folder}/*/*.csv"

@@ -199,6 +199,22 @@ def test_a_pattern_of_folders_is_told_from_one_of_nothing(run, tmp_path) -> None
     assert "le*: the pattern matches only folders; for the logs in them give le*/*.csv" in ended.err
 
 
+def test_folders_that_a_star_names_too_cost_no_log(run, logs, tmp_path) -> None:
+    """The folder of an earlier run is passed over; one without logs fails alone."""
+    (tmp_path / "results").mkdir()
+    (tmp_path / "results" / "parameters.csv").write_bytes((logs / "truth.csv").read_bytes())
+    log = logs / "setting_01.csv"
+    ended = run("inspect", log, "results")
+    assert (ended.code, "results" in ended.out + ended.err) == (0, False)
+    (tmp_path / "empty").mkdir()
+    ended = run("inspect", log, "empty", "results")
+    assert ended.code == 1
+    assert "2 logs: 1 good, 1 refused" in ended.out
+    assert "empty: is a folder; name the logs in it" in ended.err
+    ended = run("inspect", "results", "empty")
+    assert (ended.code, "contains only files that damperfit wrote" in ended.err) == (2, True)
+
+
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
