@@ -36,7 +36,7 @@ from damperfit.uncertainty.profiles import (
     signed_root,
     unit_of,
     value_at,
-    variance_of,
+    squared_error,
 )
 
 if TYPE_CHECKING:
@@ -317,7 +317,7 @@ def profile_jointly(
     )
     best = fit_jointly(whole, start)
     held = replace(whole, held=frozenset({unknown}))
-    variance = variance_of(known, unknown.name)
+    variance = squared_error(known, unknown.name)
     curvature = shared_curvature(linearised, sharing)[sharing.unknowns.index(unknown)]
     walk = _JointWalk(held, unknown, best, curvature / variance)
     quantity = fits[0].parameters.quantity(unknown.name)

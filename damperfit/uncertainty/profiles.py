@@ -55,7 +55,7 @@ __all__ = [
     "signed_root",
     "unit_of",
     "value_at",
-    "variance_of",
+    "squared_error",
 ]
 
 # A rise this far below zero is another, better minimum.
@@ -381,7 +381,7 @@ def unit_of(quantity: Quantity) -> float:
     return 1.0 if quantity.is_logarithmic else quantity.size
 
 
-def variance_of(known: Uncertainty, name: str) -> float:
+def squared_error(known: Uncertainty, name: str) -> float:
     """Return what noise, misfit and what was supposed leave of ln y, of an offset itself."""
     one, place = known.intervals[name], known.names.index(name)
     noise = float(known.covariance[place, place])

@@ -16,7 +16,7 @@ from damperfit.errors import FitCancelledError, SimulationError
 from damperfit.identification.setting import NOT_FIT_TO_SHARE
 from damperfit.statistics import NORMAL_95
 from damperfit.uncertainty.profile_walk import profile_jointly
-from damperfit.uncertainty.profiles import Stride, variance_of
+from damperfit.uncertainty.profiles import Stride, squared_error
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -60,7 +60,7 @@ def shared_limits(
         if not having or not _is_lost(having[0], known, unknown.name):
             continue
         own = known[having[0].setting]
-        error = math.sqrt(variance_of(own, unknown.name))
+        error = math.sqrt(squared_error(own, unknown.name))
         # By as much of 1/y as an error of it: a value at its edge is far from where it matters.
         stride = Stride(_STEP, _REACH, budget, math.log1p(_STEP * error))
         with suppress(SimulationError, FitCancelledError):
