@@ -55,7 +55,8 @@ def shared_limits(
         Damper, solver, cancellation.
     """
     budget = int(_SHARE * sum(one.fit.evaluations for one in linearised))
-    for unknown in sharing.unknowns if sharing.jointly else ():
+    # The law of K_e has numbers of the gas, which are none of a setting.
+    for unknown in (one for one in sharing.unknowns if one.name in sharing.jointly):
         having = [one.fit for one in linearised if unknown.holds_at(one.fit.setting)]
         if not having or not _is_lost(having[0], known, unknown.name):
             continue
