@@ -232,7 +232,9 @@ def judged(
     else:
         cost = of_one_model.n_more * math.log(n_eff)
         least_gain, least_held_out = of_one_model.least_gain, PREDICTED_PERCENT
-    may_be_of_force = of_one_model is not None or small.surely_misses_a_force
+    # A preload that is none stands for friction of another form: it is not kept for a force.
+    is_sure = small.surely_misses_a_force and not is_removed
+    may_be_of_force = of_one_model is not None or is_sure
     if may_be_of_force and gain * NO_WORSE >= 1.0:
         of_force = small.left_over / large.left_over
     is_of_force = of_force > GAIN

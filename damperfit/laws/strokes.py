@@ -68,7 +68,7 @@ def _plain(
     one = None if model == damper else course.fitted(model, freed=freed_of(law), near=law)
     if one is None:
         return law, damper
-    verdict = judged(one, law, course.n_eff, left_percent=math.inf, is_removed=True)
+    verdict = judged(one, law, course.n_eff, left_percent=math.inf)
     is_taken = not verdict.takes_larger
     change = f"with a plain blow-off in {word}"
     course.record(one, verdict.reason, is_taken=is_taken, change=change, verdict=verdict)
