@@ -34,9 +34,9 @@ from damperfit.uncertainty.profiles import (
     plausible_edges,
     profile_lines,
     signed_root,
+    squared_error,
     unit_of,
     value_at,
-    squared_error,
 )
 
 if TYPE_CHECKING:

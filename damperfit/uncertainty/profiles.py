@@ -53,9 +53,9 @@ __all__ = [
     "plausible_edges",
     "profile_lines",
     "signed_root",
+    "squared_error",
     "unit_of",
     "value_at",
-    "squared_error",
 ]
 
 # A rise this far below zero is another, better minimum.
