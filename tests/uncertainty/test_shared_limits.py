@@ -70,4 +70,4 @@ def test_an_error_holds_the_misfit_too(misfit: float) -> None:
     known = Uncertainty(
         Setting.of(1), {"k_s": Interval(6.0, 0.0, 1.0, 1.0, misfit)}, ("k_s",), np.array([[0.04]])
     )
-    assert profiles.variance_of(known, "k_s") == pytest.approx(0.04 * (1 + (misfit / 6.0) ** 2))
+    assert profiles.squared_error(known, "k_s") == pytest.approx(0.04 * (1 + (misfit / 6.0) ** 2))
