@@ -75,10 +75,13 @@ class Sine:
     ----------
     amplitude, frequency : float
         m, Hz.
+    was_run : bool
+        It is a test's own motion; false where it stands for one that is no sine.
     """
 
     amplitude: float
     frequency: float
+    was_run: bool = True
 
     @property
     def peak_speed(self) -> float:
@@ -148,7 +151,7 @@ def fastest_sine(tested: Sequence[tuple[float, float, float]]) -> Sine:
     frequency = median(one[1] for one in near)
     by_speed = fastest / (2.0 * math.pi * amplitude)
     is_sine = abs(frequency / by_speed - 1.0) <= _SINE
-    return Sine(amplitude, frequency if is_sine else by_speed)
+    return Sine(amplitude, frequency if is_sine else by_speed, is_sine)
 
 
 def named_speeds(sine: Sine) -> tuple[float, ...]:

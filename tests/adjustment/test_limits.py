@@ -31,6 +31,7 @@ from damperfit.adjustment.selection import (
 )
 from damperfit.adjustment.trends import _usual_scatter
 from damperfit.errors import SimulationError
+from damperfit.queries.adjuster_results import _motion
 from damperfit.statistics import student_quantile
 from tests.adjustment import made_up_trends
 from tests.adjustment.test_wanted import forces_by_click
@@ -293,8 +294,12 @@ def test_motions_within_five_per_cent_of_the_fastest_are_as_fast(speed, is_near)
 @pytest.mark.parametrize(("off", "is_sine"), [(1.095, True), (1.105, False), (0.905, True)])
 def test_a_motion_is_a_sine_within_a_tenth_of_its_frequency(off, is_sine) -> None:
     frequency = 0.3 / (2.0 * np.pi * 0.032)
-    found = fastest_sine([(0.032, off * frequency, 0.3)]).frequency
-    assert found == pytest.approx(off * frequency if is_sine else frequency)
+    found = fastest_sine([(0.032, off * frequency, 0.3)])
+    assert found.frequency == pytest.approx(off * frequency if is_sine else frequency)
+    assert found.was_run is is_sine
+    whose = "the test's sine of 32 mm" if is_sine else "a sine of 32 mm"
+    assert _motion(found, None, None)[1].startswith(whose)
+    assert _motion(found, "20mm", None)[1].startswith("a sine of 20 mm")
 
 
 @pytest.mark.parametrize(("times", "is_jump"), [(7.8, False), (8.2, True), (-7.8, False)])
