@@ -199,6 +199,7 @@ SURFACE = {
         "credible_forces",
         "fastest_sine",
         "find_trends",
+        "has_lost_errors",
         "in_few_words",
         "levels",
         "named_speeds",

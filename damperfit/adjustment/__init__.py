@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     )
     from damperfit.adjustment.level import STROKES, Level, offset_sentence, said_offsets
     from damperfit.adjustment.measured import beside_measured, credible_forces
-    from damperfit.adjustment.stage import Stage, stage_of
+    from damperfit.adjustment.stage import Stage, has_lost_errors, stage_of
     from damperfit.adjustment.trend_words import in_few_words
     from damperfit.adjustment.trends import Outlier, Trend, TrendPoint, find_trends
     from damperfit.adjustment.wanted import Answer, Wanted, which_setting
@@ -43,6 +43,7 @@ __all__ = [
     "credible_forces",
     "fastest_sine",
     "find_trends",
+    "has_lost_errors",
     "in_few_words",
     "levels",
     "named_speeds",
@@ -71,6 +72,7 @@ _LATE = {
     "credible_forces": "measured",
     "fastest_sine": "forces",
     "find_trends": "trends",
+    "has_lost_errors": "stage",
     "in_few_words": "trend_words",
     "levels": "forces",
     "named_speeds": "forces",

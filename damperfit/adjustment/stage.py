@@ -18,6 +18,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
     from numpy.typing import NDArray
 
     from damperfit.damper.model import Values
@@ -27,10 +29,11 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["Parts", "Stage", "errors_parted", "split", "stage_of"]
+__all__ = ["Parts", "Stage", "errors_parted", "has_lost_errors", "split", "stage_of"]
 
 # Of the shared values' covariance, directions of less than this share are nothing but rounding.
 _NOTHING = 1e-15
+_FITTED = "fitted"  # `Status.FITTED`, which takes too long to import here
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,8 +87,25 @@ def stage_of(fit: Fit, known: Uncertainty | None) -> Stage:
     """Return a fit and its uncertainty as one stage of the adjuster."""
     if known is None:
         return Stage(fit.setting, fit.parameters)
+    if has_lost_errors(known.names, fit.status):
+        return Stage(fit.setting, fit.parameters)
     own = known.names[: len(known.names) - len(known.shared)]
     return Stage(fit.setting, fit.parameters, own, known.shared, known.covariance)
+
+
+def has_lost_errors(names: Sequence[str], status: Mapping[str, str]) -> bool:
+    """Return whether a value that was fitted has no error, as where a fit has met no minimum.
+
+    What is left, the errors of shared values, would be told as those of its forces.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Values with an error.
+    status : mapping of str to str
+        Of all values.
+    """
+    return any(one == _FITTED and name not in names for name, one in status.items())
 
 
 @dataclass(frozen=True, slots=True, eq=False)

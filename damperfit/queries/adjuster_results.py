@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from damperfit.adjustment import Sine, Stage
+from damperfit.adjustment import Sine, Stage, has_lost_errors
 from damperfit.damper.warmed import Warmed
 from damperfit.errors import ConfigurationError
 from damperfit.identification.sharing import of_settings
@@ -193,6 +193,8 @@ def _stage(
 ) -> Stage:
     """Return a stage with the covariance of ln y from standard errors and correlations."""
     names = tuple(str(name) for name in entry["parameters"])
+    if has_lost_errors(names, {name: row[f"{name}_status"] for name in parameters.names}):
+        return Stage(setting, parameters)
     # Older versions left it to the status, which tells of a shared value only that it is unsound.
     shared_names = entry.get(
         "shared", [name for name in names if row[f"{name}_status"] == "shared"]

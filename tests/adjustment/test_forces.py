@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from damperfit.simulation import (
     simulate,
     sine_motion,
 )
+from damperfit.tested.setting import Setting
 from damperfit.uncertainty import Uncertainty
 from tests import fakes
 
@@ -188,3 +190,25 @@ def test_shared_errors_cancel_whatever_rounding_does_to_their_directions() -> No
         found += levels([stage(setting, cov)], PURDY_DAMPER, SINE, speeds=(0.1,))
     for click in clicks(found, PURDY_DAMPER):
         assert click.high - click.change < 0.1 * 1.96 * found[0].error
+
+
+@pytest.mark.parametrize(
+    ("status", "has_errors"),
+    [
+        ({"r_m1": Status.FITTED, "k_e": Status.FITTED}, False),
+        ({"r_m1": Status.FIXED, "k_e": Status.FITTED}, True),
+        ({"r_m1": Status.AT_BOUND, "k_e": Status.FITTED}, True),
+    ],
+)
+def test_a_setting_without_a_minimum_has_no_error_from_shared_values_alone(
+    status, has_errors
+) -> None:
+    """Two of three triangle logs ended without a descent; "+30.12 +- 0.01 N" was said of a click."""
+    fit = SimpleNamespace(
+        setting=Setting.of(9), parameters=reference_parameters(9), status=status
+    )  # fmt: skip
+    known = SimpleNamespace(names=("k_e", "r_m3"), shared=("r_m3",), covariance=np.eye(2) * 1e-4)
+    found = stage_of(fit, known)
+    assert (found.covariance is not None) is has_errors
+    (level, *_) = levels([found], PURDY_DAMPER, SINE, speeds=(0.1,))
+    assert np.isfinite(level.error) == has_errors
