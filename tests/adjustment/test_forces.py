@@ -203,7 +203,7 @@ def test_shared_errors_cancel_whatever_rounding_does_to_their_directions() -> No
 def test_a_setting_without_a_minimum_has_no_error_from_shared_values_alone(
     status, has_errors
 ) -> None:
-    """Two of three triangle logs ended without a descent; "+30.12 +- 0.01 N" was said of a click."""
+    """Two of three triangle logs met no minimum; "+30.12 +- 0.01 N" was said of a click."""
     fit = SimpleNamespace(
         setting=Setting.of(9), parameters=reference_parameters(9), status=status
     )  # fmt: skip
