@@ -135,7 +135,7 @@ def adjuster_results_in(
         own = Sine(configuration.rig.amplitude, configuration.rig.frequency, was_run=False)
         remarks.append("the motion of the test is not known: the nominal one is used")
     elif own is not None and not own.was_run and not (amplitude or frequency):
-        remarks.append("no test was a sine: one of their stroke and highest speed stands for them")
+        remarks.append("no test was a sine: one of their stroke and highest speed is used")
     sine, source = _motion(own, amplitude, frequency)
     if isinstance(configuration.damper, Warmed):
         source += f", at {configuration.damper.oil_temperature:g} degC"
