@@ -254,7 +254,7 @@ def _levels_of(
     response: Response,
     sine: Sine,
     speeds: Sequence[float],
-    measured: Mapping[tuple[Setting, str], SpeedForces] | None = None,
+    measured: Mapping[tuple[Setting, str], SpeedForces] | None,
 ) -> list[Level]:
     holds_gas = damper.rest_force(0.0) is None  # the offset holds the gas force
     is_whole = measured is not None or holds_gas

@@ -387,11 +387,10 @@ def export(
         raise ConfigurationError(
             "damperfit.export: these results are in no folder of yours; give out=FOLDER"
         )
-    where, stem = (
-        (folder / "export", "damper")
-        if out is None
-        else target.place_of(path_of(out, "damperfit.export(out=...)", "the path of a folder"))
-    )
+    where, stem = folder / "export", "damper"
+    if out is not None:
+        asked = path_of(out, "damperfit.export(out=...)", "the path of a file or folder")
+        where, stem = target.place_of(asked)
     speed = None if extend is None else parse_quantity(extend, "velocity")
     files = target.write(hand_over(folder), ExportOptions(stem=stem, extend=speed))
     with file_set(where, spares_others=not overwrite) as drafts:

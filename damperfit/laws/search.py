@@ -158,7 +158,8 @@ def search_laws(  # noqa: PLR0913 - what a user may ask of it
 class _Search(Course):
     """The steps of a search, from the layout to the law that is taken."""
 
-    is_held_by_some, doubt = False, ""
+    is_held_by_some = False  # whether `held_share` is of some settings alone
+    doubt = ""
 
     def ported(self, found: Sequence[Tried]) -> list[Tried]:
         """The layouts with ports behind their blow-offs, where those tell much more; else as found.

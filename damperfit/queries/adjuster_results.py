@@ -132,10 +132,8 @@ def adjuster_results_in(
         )
     own = motion_of_tests(results.record, {stage.setting.cell for stage in stages})
     if own is None and not (amplitude and frequency):
-        own = Sine(configuration.rig.amplitude, configuration.rig.frequency, was_run=False)
+        own = Sine(configuration.rig.amplitude, configuration.rig.frequency)
         remarks.append("the motion of the test is not known: the nominal one is used")
-    elif own is not None and not own.was_run and not (amplitude or frequency):
-        remarks.append("no test was a sine: one of their stroke and highest speed is used")
     sine, source = _motion(own, amplitude, frequency)
     if isinstance(configuration.damper, Warmed):
         source += f", at {configuration.damper.oil_temperature:g} degC"
@@ -225,6 +223,9 @@ def _motion(own: Sine | None, amplitude: str | None, frequency: str | None) -> t
             raise ConfigurationError(f"{option} {value:g}: expected more than 0")
     a = size if size is not None else own.amplitude if own else math.nan
     f = rate if rate is not None else own.frequency if own else math.nan
-    is_own = size is None and rate is None and own is not None and own.was_run
-    whose = "the test's sine" if is_own else "a sine"
-    return Sine(a, f), f"{whose} of {1e3 * a:.4g} mm at {f:.4g} Hz"
+    sine = f"sine of {1e3 * a:.4g} mm at {f:.4g} Hz"
+    if size is not None or rate is not None:
+        return Sine(a, f), f"a {sine}"
+    if own is not None and not own.was_run:
+        return Sine(a, f), f"a {sine}, the stroke and highest speed of the test"
+    return Sine(a, f), f"the test's {sine}"

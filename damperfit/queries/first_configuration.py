@@ -73,9 +73,7 @@ class Guessed:
     adjusters: tuple[str, ...] = ()
 
 
-def guess_from_logs(
-    logs: Sequence[Path], model: str, given: Mapping[str, str] = MappingProxyType({})
-) -> Guessed:
+def guess_from_logs(logs: Sequence[Path], model: str, given: Mapping[str, str]) -> Guessed:
     """Return what can be seen in logs: units, setting, signs, whose they are.
 
     Parameters
@@ -83,7 +81,7 @@ def guess_from_logs(
     logs : sequence of pathlib.Path
         Of one damper and one rig; a few are read.
     model : str
-        Name of the model; the force of its gas tells whose counts a log has.
+        Name of the model; the force of its gas tells which way a log counts.
     given : mapping of str to str
         Keys of [damper] that are known, as text with units.
     """

@@ -65,6 +65,8 @@ def matches(pattern: str, *, keeps_missing: bool = False) -> list[Path]:
     ConfigurationError
         There is none.
     """
+    if pattern == "":  # as a path it would be the folder that one is in
+        raise ConfigurationError("'': expected a file or folder; '.' is this folder")
     path = Path(pattern)
     if _is_folder(path):
         return _logs_in(path, keeps_missing=keeps_missing)

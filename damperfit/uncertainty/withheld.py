@@ -67,8 +67,8 @@ class GradeLimits:
         An MSE that leaves nothing anyone would use, whatever repeats in it: such a fit knows the
         offset and the friction better than the level and the jumps of the log do.
     clipped_percent : float
-        Samples of a log at the end of a channel's range. With 4 % numbers are 1.5 % off; with 10 to
-        20 % friction and slopes are off by a fifth, at an MSE of 0.05 to 0.08 %.
+        Samples of a log at the end of a channel's range. With 4 % no number moves by half a per
+        cent; with 19 % a slope is 16 % off, at an MSE of 0.05 % (`tests.uncertainty.clipped_logs`).
     predicted_percent, predicted_times : float
         MSE of a test that was not fitted, in all and over the one expected, both at once.
     """

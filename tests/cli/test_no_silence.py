@@ -37,6 +37,7 @@ GIVEN = [
             "--free has no effect: with --model auto the logs choose what is fitted",
         ),
         (["identify", ""], "'': expected a file or folder; is a variable of the shell not set?"),
+        (["identify", "--quiet", ""], "'': expected a file or folder"),
         (["identify", "LOG", "--out", ""], "--out '': expected a file or folder"),
         (["identify", "LOG", "--out="], "--out '': expected a file or folder"),
         (["compare", "LOG", ""], "'': expected a file or folder"),

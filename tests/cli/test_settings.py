@@ -275,6 +275,35 @@ def test_one_setting_without_errors_costs_its_own_intervals_alone(run, folder) -
     assert missing == {2}
 
 
+def test_a_setting_without_a_minimum_has_no_interval_of_shared_values(run, folder) -> None:
+    """What is left of its errors are those of R_m3 and f_f, a hundredth of its own."""
+    entries = record(folder)["uncertainty"]
+    (lost,) = (entry for entry in entries if entry["setting"] == 2)
+    shared = [lost["parameters"].index(name) for name in lost["shared"]]
+    lost["correlation"] = [[lost["correlation"][i][k] for k in shared] for i in shared]
+    lost["parameters"] = lost["shared"]
+    rewrite(folder, uncertainty=entries)
+    ended = run("settings", folder, "--velocity", "0.2", "--json")
+    assert ended.code == 0
+    forces = json.loads(ended.out)["forces"]
+    assert {row["setting"] for row in forces if row["force_se_N"] is None} == {2}
+
+
+def test_a_sine_that_nobody_ran_is_not_the_tests(run, folder) -> None:
+    """Of a triangle or a sweep the peak speed is not that of a sine of its frequency."""
+    assert "the test's sine of 32 mm at 1.5 Hz" in run("settings", folder).out
+    inputs = record(folder)["inputs"]
+    for stretch in (one for log in inputs for one in log["stretches"]):
+        stretch["frequency_Hz"] *= 1.3
+    rewrite(folder, inputs=inputs)
+    ended = run("settings", folder)
+    assert ended.code == 0
+    words = "a sine of 32 mm at 1.501 Hz, the stroke and highest speed of the test"
+    assert f"force by setting, {words}\n" in ended.out
+    asked_for = run("settings", folder, "--amplitude", "20mm", "--frequency", "2Hz")
+    assert "force by setting, a sine of 20 mm at 2 Hz\n" in asked_for.out
+
+
 def test_no_parameters_at_all_is_code_2(run, folder) -> None:
     (folder / "parameters.parquet").unlink()
     (folder / "parameters.csv").write_text("setting,r_m1\n1,\n")

@@ -274,7 +274,7 @@ _WRONG = [
     ("identify(LOG, damper=damperfit.Damper)", "found the class Damper; expected a damper"),
     ("identify(LOG, damper=damperfit.Motion(1.0, [1], [0]))", "(damper=...): found Motion"),
     ("identify(LOG, config=3)", "(config=...): found int; expected the path of a TOML file"),
-    ("identify(LOG, out=3)", "(out=...): found int; expected the path of a folder"),
+    ("identify(LOG, out=3)", "(out=...): found int; expected the path of a file or folder"),
     ("identify(LOG, tests=3)", "(tests=...): found int; expected the path of a table"),
     ("identify(LOG, jobs=True)", "(jobs=...): found True; expected a whole number"),
     ("identify(LOG, setting=3j)", "setting=...: found complex; expected a setting"),

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
-from damperfit.conditioning import condition
 from damperfit.damper.friction import Friction
 from damperfit.damper.mounting import FIT, NONE, Mounting
 from damperfit.damper.network import Valve
@@ -15,12 +13,10 @@ from damperfit.damper.rivals import BoucWen
 from damperfit.identification import Campaign, Fit, FitOptions, identify, left_out
 from damperfit.identification.left_out import does_nothing, is_nothing
 from damperfit.identification.outcome import Outcome, Status
-from damperfit.recording import Recording, Trace
-from damperfit.simulation import simulate
-from damperfit.tested.setting import Setting
+from damperfit.recording import Trace
 from damperfit.uncertainty import assess
 from damperfit.uncertainty.withheld import objections
-from tests.laws.valve_logs import VALUES, damper, moved
+from tests.laws.valve_logs import VALUES, damper, moved, noisy_trace
 
 WITH_PLAY = replace(damper(), mounting=Mounting(FIT, FIT, NONE))
 
@@ -31,16 +27,7 @@ def log() -> Trace:
     truth = damper(has_play_and_lag=False)
     motion = moved((0.06, 0.2), cycles=3)
     known = {name: value for name, value in VALUES.items() if name in truth.names}
-    force = simulate(truth.values(known), truth, motion).force
-    noise, n = np.random.default_rng(1), len(force)
-    return condition(
-        Recording(
-            name="a.csv", path="", sha256="", setting=Setting.of(1),
-            time=motion.interval * np.arange(n),
-            displacement=motion.displacement + noise.normal(0.0, 3e-6, n),
-            force=force + noise.normal(0.0, 2.0, n),
-        )
-    )  # fmt: skip
+    return noisy_trace(truth, known, motion, seed=1, force_noise=2.0, jitter=3e-6)
 
 
 def fitted(log: Trace, *, is_leaving_out: bool) -> Fit:
@@ -223,16 +210,8 @@ def test_a_turn_at_an_edge_is_held_there_and_keeps_its_grade() -> None:
     """Back on a straight line, sigma = 1/2, and n = 1: what most publications take."""
     truth, motion = BoucWen(), moved((0.06, 0.2), cycles=4, rate=1000.0)
     numbers = {"alpha": 500.0, "rho": 1.5e3, "sigma": 0.5, "n": 1.0, "c_r": 900.0, "c_b": 900.0}
-    force = simulate(truth.values({**numbers, "k": 0.0, "f_0": 5.0}), truth, motion).force
-    noise, n = np.random.default_rng(2), len(force)
-    log = condition(
-        Recording(
-            name="a.csv", path="", sha256="", setting=Setting.of(1),
-            time=motion.interval * np.arange(n),
-            displacement=motion.displacement + noise.normal(0.0, 8e-6, n),
-            force=force + noise.normal(0.0, 4.0, n),
-        )
-    )  # fmt: skip
+    numbers |= {"k": 0.0, "f_0": 5.0}
+    log = noisy_trace(truth, numbers, motion, seed=2, force_noise=4.0, jitter=8e-6)
     campaign = identify([log], truth, FitOptions("plain", is_leaving_out=True))
     (fit,) = campaign.fits
     assert Status.FIXED in {fit.status["sigma"], fit.status["n"]}

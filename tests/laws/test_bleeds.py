@@ -9,7 +9,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from damperfit.conditioning import condition
 from damperfit.damper.mounting import FIT, Mounting
 from damperfit.damper.network import Valve
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
@@ -18,10 +17,9 @@ from damperfit.laws.bleeds import with_bleeds_told
 from damperfit.laws.choosing import effective_samples
 from damperfit.laws.search import _Search
 from damperfit.laws.variants import BLOW_OFF, BOTH, in_words, with_part
-from damperfit.recording import Recording
-from damperfit.simulation import SolverOptions, simulate
+from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting
-from tests.laws.valve_logs import VALUES, damper, moved
+from tests.laws.valve_logs import VALUES, damper, moved, noisy_trace
 
 GAPS = Valve("leak", "linear")
 
@@ -31,21 +29,8 @@ def logged(rebound: Valve, numbers: dict[str, float], seed: int = 3) -> SettingL
     model = replace(damper(), rebound=rebound, compression=rebound, mounting=Mounting(FIT))
     known = {k: v for k, v in (VALUES | numbers).items() if k in model.names}
     motion = moved((0.06, 0.24), cycles=3)
-    force = simulate(model.values(known), model, motion).force
-    noise, n = np.random.default_rng(seed), len(force)
-    return SettingLogs(
-        Setting.of(1),
-        (
-            condition(
-                Recording(
-                    name="a.csv", path="", sha256="", setting=Setting.of(1),
-                    time=motion.interval * np.arange(n),
-                    displacement=motion.displacement + noise.normal(0.0, 8e-6, n),
-                    force=force + noise.normal(0.0, 4.0, n),
-                )
-            ),
-        ),
-    )  # fmt: skip
+    log = noisy_trace(model, known, motion, seed=seed, force_noise=4.0, jitter=8e-6)
+    return SettingLogs(Setting.of(1), (log,))
 
 
 def searched(logs: SettingLogs):
