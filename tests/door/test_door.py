@@ -274,7 +274,7 @@ _WRONG = [
     ("identify(LOG, damper=damperfit.Damper)", "found the class Damper; expected a damper"),
     ("identify(LOG, damper=damperfit.Motion(1.0, [1], [0]))", "(damper=...): found Motion"),
     ("identify(LOG, config=3)", "(config=...): found int; expected the path of a TOML file"),
-    ("identify(LOG, out=3)", "(out=...): found int; expected the path of a file or folder"),
+    ("identify(LOG, out=3)", "(out=...): found int; expected the path of a folder"),
     ("identify(LOG, tests=3)", "(tests=...): found int; expected the path of a table"),
     ("identify(LOG, jobs=True)", "(jobs=...): found True; expected a whole number"),
     ("identify(LOG, setting=3j)", "setting=...: found complex; expected a setting"),
@@ -297,7 +297,7 @@ _WRONG = [
     ("compare(result, result, amplitude='5mm')", "amplitude= and frequency= make the sine"),
     ("export(result, to='fmu9')", "to=fmu9: expected one of csv, xlsx"),
     ("export(result, to=3)", "to=3: expected one of csv, xlsx"),
-    ("export(result, to='csv', out=3)", "(out=...): found int; expected the path of a folder"),
+    ("export(result, to='csv', out=3)", "(out=...): found int; expected the path of a file or folder"),
     (
         "export(result, 'csv', 'x', extend=[])",
         "or a text such as '1.5m/s' for a velocity, found []",
