@@ -297,7 +297,10 @@ _WRONG = [
     ("compare(result, result, amplitude='5mm')", "amplitude= and frequency= make the sine"),
     ("export(result, to='fmu9')", "to=fmu9: expected one of csv, xlsx"),
     ("export(result, to=3)", "to=3: expected one of csv, xlsx"),
-    ("export(result, to='csv', out=3)", "(out=...): found int; expected the path of a file or folder"),
+    (
+        "export(result, to='csv', out=3)",
+        "(out=...): found int; expected the path of a file or folder",
+    ),
     (
         "export(result, 'csv', 'x', extend=[])",
         "or a text such as '1.5m/s' for a velocity, found []",
