@@ -9,15 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from damperfit.adjustment.across_settings import Adjustment, compare_settings
-    from damperfit.adjustment.forces import (
-        Click,
-        Sine,
-        clicks,
-        fastest_sine,
-        levels,
-        named_speeds,
-        sine_of,
-    )
+    from damperfit.adjustment.click_changes import Click, clicks
+    from damperfit.adjustment.forces import Sine, fastest_sine, levels, named_speeds, sine_of
     from damperfit.adjustment.level import STROKES, Level, offset_sentence, said_offsets
     from damperfit.adjustment.measured import beside_measured, credible_forces
     from damperfit.adjustment.stage import Stage, has_lost_errors, stage_of
@@ -57,7 +50,7 @@ __all__ = [
 _LATE = {
     "Adjustment": "across_settings",
     "Answer": "wanted",
-    "Click": "forces",
+    "Click": "click_changes",
     "Level": "level",
     "Outlier": "trends",
     "STROKES": "level",
@@ -67,7 +60,7 @@ _LATE = {
     "TrendPoint": "trends",
     "Wanted": "wanted",
     "beside_measured": "measured",
-    "clicks": "forces",
+    "clicks": "click_changes",
     "compare_settings": "across_settings",
     "credible_forces": "measured",
     "fastest_sine": "forces",

@@ -5,14 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from damperfit.adjustment.forces import (
-    Click,
-    Sine,
-    clicks,
-    levels_coming,
-    named_speeds,
-    sine_of,
-)
+from damperfit.adjustment.click_changes import Click, clicks
+from damperfit.adjustment.forces import Sine, levels_coming, named_speeds, sine_of
 from damperfit.adjustment.level import Level, offset_sentence
 from damperfit.adjustment.measured import credible_forces
 from damperfit.adjustment.stage import stage_of

@@ -1,9 +1,9 @@
-"""Force at speeds by setting, with errors, and what one click changes.
+"""Force at speeds by setting, with errors.
 
 The motion is one sine for all settings. At given speeds the force is a function of the parameters
 alone; `stage` says how its errors follow from theirs. A rig is tared before each test: the offset
 of a setting is the rig's, and no part of the forces, nor of what a click does. Only where a model
-knows no gas the offset holds the gas force: it stays in the forces, and clicks are without it.
+knows no gas the offset holds the gas force: it stays in the forces.
 """
 
 from __future__ import annotations
@@ -31,8 +31,6 @@ from damperfit.simulation import (
     simulate,
     sine_motion,
 )
-from damperfit.statistics import NORMAL_95
-from damperfit.tested.setting import ADJUSTER, lines_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -48,9 +46,7 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.float64]
 
 __all__ = [
-    "Click",
     "Sine",
-    "clicks",
     "fastest_sine",
     "levels",
     "levels_coming",
@@ -87,41 +83,6 @@ class Sine:
     def peak_speed(self) -> float:
         """Largest speed, m/s."""
         return 2.0 * math.pi * self.frequency * self.amplitude
-
-
-@dataclass(frozen=True, slots=True)
-class Click:
-    """Change of force from one setting to the next one that was fitted.
-
-    Attributes
-    ----------
-    first, second : Setting
-        The two settings; more than one click apart where settings in between have no fit.
-    speed : float
-        m/s, positive.
-    stroke : str
-        "rebound" or "bump".
-    adjuster : str
-        Which was turned; the others are held.
-    change, low, high : float
-        Force of the second less that of the first with its 95 % interval, both without their
-        offset, N. Negative in bump means a harder bump.
-    percent, percent_low, percent_high : float
-        How much harder, in per cent of the first one's damping: of the force less the gas force
-        at mid-stroke and the offset. NaN where that is nothing.
-    """
-
-    first: Setting
-    second: Setting
-    speed: float
-    stroke: str
-    change: float
-    low: float
-    high: float
-    percent: float
-    percent_low: float
-    percent_high: float
-    adjuster: str = ADJUSTER
 
 
 def sine_of(traces: Sequence[Trace]) -> Sine:
@@ -227,7 +188,7 @@ def levels_coming(  # noqa: PLR0913 - as `levels`
     take = None if on_error is None else told_here(on_error)
     by_stroke = None if measured is None else {(one.setting, one.stroke): one for one in measured}
 
-    def one(stage: Stage) -> list[Level]:
+    def one(stage: Stage) -> _ReadOff | None:
         with sparing(stage.setting, take), suppress(SimulationError):
             response = simulate(
                 stage.parameters,
@@ -236,29 +197,34 @@ def levels_coming(  # noqa: PLR0913 - as `levels`
                 sensitivities=(*stage.own, *stage.shared),
                 options=solver,
             )
-            return _levels_of(stage, damper, response, sine, speeds, by_stroke)
-        return []
+            return _levels_of(stage, response, sine, speeds)
+        return None
+
+    def told(stages: Sequence[Stage], seen: Sequence[_ReadOff]) -> list[list[Level]]:
+        return _with_errors(stages, seen, damper, sine, speeds, by_stroke)
 
     with meanwhile(one, stages, jobs=jobs) as coming:
 
         def found() -> tuple[Level, ...]:
             few = apart(one, stages, jobs=jobs) if coming is None else coming
-            return tuple(itertools.chain.from_iterable(few))
+            pairs = [pair for pair in zip(stages, few, strict=True) if pair[1] is not None]
+            levels = _each(told, pairs, on_error)
+            return tuple(itertools.chain.from_iterable(levels))
 
         yield found
 
 
-def _levels_of(
-    stage: Stage,
-    damper: Model,
-    response: Response,
-    sine: Sine,
-    speeds: Sequence[float],
-    measured: Mapping[tuple[Setting, str], SpeedForces] | None,
-) -> list[Level]:
-    holds_gas = damper.rest_force(0.0) is None  # the offset holds the gas force
-    is_whole = measured is not None or holds_gas
-    of_strokes = [(measured or {}).get((stage.setting, stroke)) for stroke in STROKES]
+@dataclass(frozen=True, slots=True, eq=False)
+class _ReadOff:
+    """Force and its slopes by own and shared values, u, at the speeds: (m,) and (k, m)."""
+
+    forces: FloatArray
+    slopes: FloatArray
+    is_cavitating: bool
+
+
+def _levels_of(stage: Stage, response: Response, sine: Sine, speeds: Sequence[float]) -> _ReadOff:
+    """Read off what the levels of a setting are made of."""
     names = (*stage.own, *stage.shared)
     signals = np.stack([response.force, *(response.sensitivities[name] for name in names)])
     values = signals_at_speeds(response, sine.frequency, signals, speeds=speeds)
@@ -266,98 +232,77 @@ def _levels_of(
     values_of = stage.parameters
     scales = [getattr(values_of, n) if values_of.quantity(n).is_logarithmic else 1.0 for n in names]
     slopes = values[1:].reshape(len(names), 2 * len(speeds)) * np.array(scales)[:, None]
-    # The force without the offset has no slope by it.
-    offsets, offset, offset_error = stage.offsets, stage.offset, stage.offset_error
-    bare = np.array([0.0 if n in offsets else 1.0 for n in names])
-    parts = errors_parted(stage)
-    whole_errors = _sizes(*split(stage, parts, slopes)).tolist()
-    rests, carried = split(stage, parts, slopes * bare[:, None])
-    errors = whole_errors if is_whole else _sizes(rests, carried).tolist()
-    forces = values[0].ravel() if is_whole else values[0].ravel() - offset
     is_cavitating = bool(response.pressures[:, -_SAMPLES_PER_CYCLE:].min() <= 0.0)
-    at = itertools.product(speeds, zip(STROKES, of_strokes, strict=True))
-    each = zip(at, forces.tolist(), errors, rests.tolist(), carried, whole_errors, strict=True)
-    return [
-        Level(
-            stage.setting,
-            speed,
-            stroke,
-            force,
-            error,
-            rest,
-            of_shared,
-            is_cavitating,
-            tare=offset,
-            tare_error=offset_error,
-            whole_error=whole_error,
-            is_whole=is_whole,
-            holds_gas=holds_gas,
-            **({} if known is None else measured_at(known, speed, sine)),
-        )
-        for (speed, (stroke, known)), force, error, rest, of_shared, whole_error in each
-    ]
+    return _ReadOff(values[0].ravel(), slopes, is_cavitating)
+
+
+def _each(
+    told: Callable[[Sequence[Stage], Sequence[_ReadOff]], list[list[Level]]],
+    pairs: Sequence[tuple[Stage, _ReadOff]],
+    on_error: OnError | None,
+) -> Iterator[list[Level]]:
+    """Yield the levels of each setting: of all alike at once, one by one where that fails."""
+    for _, alike in itertools.groupby(pairs, lambda pair: pair[0].kind):
+        few = list(alike)
+        try:
+            yield from told(*zip(*few, strict=True))
+        except Exception:  # noqa: BLE001 - whose it is shows below
+            for stage, seen in few:
+                with sparing(stage.setting, on_error):
+                    yield from told((stage,), (seen,))
+
+
+def _with_errors(
+    stages: Sequence[Stage],
+    seen: Sequence[_ReadOff],
+    damper: Model,
+    sine: Sine,
+    speeds: Sequence[float],
+    measured: Mapping[tuple[Setting, str], SpeedForces] | None,
+) -> list[list[Level]]:
+    """Return the levels of settings of one kind."""
+    first, holds_gas = stages[0], damper.rest_force(0.0) is None  # the offset holds the gas force
+    is_whole = measured is not None or holds_gas
+    # The force without the offset has no slope by it.
+    offsets, tares = first.offsets, [stage.offset for stage in stages]
+    bare = np.array([0.0 if n in offsets else 1.0 for n in (*first.own, *first.shared)])
+    slopes, parts = np.stack([one.slopes for one in seen]), errors_parted(*stages)
+    whole_errors = _sizes(*split(first, parts, slopes))
+    rests, carried = split(first, parts, slopes * bare[:, None])
+    errors = whole_errors if is_whole else _sizes(rests, carried)
+    forces = np.stack([one.forces for one in seen])
+    if not is_whole:
+        forces = forces - np.array(tares)[:, None]
+    at = list(itertools.product(speeds, STROKES))
+    columns = (one.tolist() for one in (forces, errors, rests, whole_errors))
+    found = []
+    for stage, one, tare, of_all, *rows in zip(stages, seen, tares, carried, *columns, strict=True):
+        tare_error = stage.offset_error
+        levels = []
+        for (speed, stroke), of_shared, *row in zip(at, of_all, *rows, strict=True):
+            force, error, rest, whole_error = row
+            known = None if measured is None else measured.get((stage.setting, stroke))
+            levels.append(
+                Level(
+                    stage.setting,
+                    speed,
+                    stroke,
+                    force,
+                    error,
+                    rest,
+                    of_shared,
+                    one.is_cavitating,
+                    tare=tare,
+                    tare_error=tare_error,
+                    whole_error=whole_error,
+                    is_whole=is_whole,
+                    holds_gas=holds_gas,
+                    **({} if known is None else measured_at(known, speed, sine)),
+                )
+            )
+        found.append(levels)
+    return found
 
 
 def _sizes(rests: FloatArray, carried: FloatArray) -> FloatArray:
-    return np.asarray(np.sqrt(rests**2 + np.einsum("ij,ij->i", carried, carried)))
-
-
-def clicks(found: Sequence[Level], damper: Model) -> tuple[Click, ...]:
-    """Return the change of force between neighbouring settings, by speed and stroke.
-
-    Neighbours differ in one adjuster alone; words are no neighbours.
-
-    Parameters
-    ----------
-    found : sequence of Level
-        As `levels` returns them.
-    damper : Model
-        For the gas force.
-    """
-    rest = damper.rest_force(0.0)
-    gas = 0.0 if rest is None else float(rest)
-    lines = lines_of(level.setting for level in found)
-    levels_of = {
-        setting: sorted(few, key=lambda one: one.speed)
-        for setting, few in itertools.groupby(found, lambda one: one.setting)
-    }
-    return tuple(
-        _click(first, second, gas, line.adjuster)
-        for line in lines
-        for a, b in itertools.pairwise(line.settings)
-        for first, second in zip(levels_of[a], levels_of[b], strict=True)
-    )
-
-
-def _click(first: Level, second: Level, gas: float, adjuster: str) -> Click:
-    change = second.bare_force - first.bare_force
-    reach = NORMAL_95 * _spread(first, second)
-    damping = first.bare_force - gas
-    ratio = 1.0 + change / damping if damping else math.nan
-    percent = 100.0 * (ratio - 1.0)
-    # The first force is the denominator too: its error counts 1 + share times.
-    spread = _spread(first, second, ratio=ratio)
-    share = 100.0 * NORMAL_95 * spread / abs(damping) if damping else math.nan
-    return Click(
-        first=first.setting,
-        second=second.setting,
-        speed=first.speed,
-        stroke=first.stroke,
-        change=change,
-        low=change - reach,
-        high=change + reach,
-        percent=percent,
-        percent_low=percent - share,
-        percent_high=percent + share,
-        adjuster=adjuster,
-    )
-
-
-def _spread(first: Level, second: Level, *, ratio: float = 1.0) -> float:
-    """Return the standard error of second - ratio first; NaN where one of both is not known."""
-    if first.carried.shape != second.carried.shape:
-        return math.nan
-    apart = second.carried - ratio * first.carried
-    rest = second.rest**2 + (ratio * first.rest) ** 2
-    misfit = second.misfit**2 + (ratio * first.misfit) ** 2
-    return math.sqrt(rest + misfit + float(apart @ apart))
+    return np.asarray(np.sqrt(rests**2 + np.einsum("...ij,...ij->...i", carried, carried)))

@@ -64,6 +64,11 @@ class Stage:
         return tuple(one.name for one in self.parameters.quantities if one.is_offset)
 
     @property
+    def kind(self) -> tuple[tuple[str, ...], tuple[str, ...], bool]:
+        """What stages have in common whose errors are of one shape."""
+        return self.own, self.shared, self.covariance is None
+
+    @property
     def offset(self) -> float:
         """What the rig adds to the force, N."""
         return sum((float(getattr(self.parameters, name)) for name in self.offsets), 0.0)
@@ -110,30 +115,44 @@ def has_lost_errors(names: Sequence[str], status: Mapping[str, str]) -> bool:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Parts:
-    """The covariance of a stage parted: what is its alone, and how its own follow the shared."""
+    """The covariance of a stage parted: what is its alone, and how its own follow the shared.
+
+    Of several stages with the same own and shared values one below the other, (..., k, k).
+    """
 
     rest: FloatArray
     follow: FloatArray
     root: FloatArray
 
 
-def errors_parted(stage: Stage) -> Parts | None:
-    """Return the covariance of a stage parted; None where it has none."""
-    n = len(stage.own)
-    if stage.covariance is None:
+def errors_parted(*stages: Stage) -> Parts | None:
+    """Return the covariance of a stage parted; None where it has none.
+
+    Of several stages with the same own and shared values each has one more, first index.
+    """
+    first = stages[0]
+    if first.covariance is None:
         return None
+    if len(stages) == 1:
+        return _parted(first.covariance, len(first.own))
+    return _parted(np.stack([one.covariance for one in stages]), len(first.own))
+
+
+def _parted(covariance: FloatArray, n: int) -> Parts:
     own, cross, theta = (
-        stage.covariance[:n, :n],
-        stage.covariance[:n, n:],
-        stage.covariance[n:, n:],
+        covariance[..., :n, :n],
+        covariance[..., :n, n:],
+        covariance[..., n:, n:],
     )
     values, directions = np.linalg.eigh(theta)
-    is_known = np.abs(values) > _NOTHING * np.max(np.abs(values), initial=0.0)
+    sizes = np.abs(values)
+    is_known = sizes > _NOTHING * np.max(sizes, axis=-1, keepdims=True, initial=0.0)
     inverse = np.divide(1.0, values, out=np.zeros_like(values), where=is_known)
-    follow = cross @ (directions * inverse @ directions.T)
+    back = np.swapaxes(directions, -1, -2)
+    follow = cross @ (directions * inverse[..., None, :] @ back)
     # The symmetric root is unique; signs of directions, and like ones themselves, hang on rounding.
-    root = directions * np.sqrt(np.maximum(values, 0.0)) @ directions.T
-    return Parts(own - follow @ cross.T, follow, root)
+    root = directions * np.sqrt(np.maximum(values, 0.0))[..., None, :] @ back
+    return Parts(own - follow @ np.swapaxes(cross, -1, -2), follow, root)
 
 
 def split(stage: Stage, parts: Parts | None, slopes: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -142,24 +161,25 @@ def split(stage: Stage, parts: Parts | None, slopes: FloatArray) -> tuple[FloatA
     Parameters
     ----------
     stage : Stage
-        The setting.
+        The setting, or one of several with the same own and shared values.
     parts : Parts or None
-        Its covariance parted.
+        Its covariance parted, or theirs.
     slopes : numpy.ndarray
-        Shape (k, m): of m forces by own and shared values.
+        Shape (..., k, m): of m forces by own and shared values.
 
     Returns
     -------
     numpy.ndarray
-        Shape (m,); NaN where nothing is known.
+        Shape (..., m); NaN where nothing is known.
     numpy.ndarray
-        Shape (m, number of shared values).
+        Shape (..., m, number of shared values).
     """
     n = len(stage.own)
     if parts is None:
-        count = slopes.shape[1]
-        return np.full(count, math.nan), np.zeros((count, len(stage.shared)))
-    own, shared = slopes[:n].T, slopes[n:].T
+        shape = (*slopes.shape[:-2], slopes.shape[-1])
+        return np.full(shape, math.nan), np.zeros((*shape, len(stage.shared)))
+    turned = np.swapaxes(slopes, -1, -2)
+    own, shared = turned[..., :n], turned[..., n:]
     carried = (shared + own @ parts.follow) @ parts.root
-    rest = np.einsum("ij,ij->i", own @ parts.rest, own)
+    rest = np.einsum("...ij,...ij->...i", own @ parts.rest, own)
     return np.sqrt(np.maximum(rest, 0.0)), np.asarray(carried)

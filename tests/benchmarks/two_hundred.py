@@ -3,6 +3,7 @@
     python -m tests.benchmarks.two_hundred DIR                  # 200 logs of 10 s at 1 kHz
     python -m tests.benchmarks.two_hundred DIR --logs 20 --profile
     python -m tests.benchmarks.two_hundred DIR --logs 40 --reading  # reading, conditioning alone
+    python -m tests.benchmarks.two_hundred DIR --judging            # judging, writing alone
 
 The logs are of as many settings, whose parameters lie evenly between those of the reference set, so
 that no two are the same test. They are made in DIR where it holds none. With ``--profile`` what the
@@ -125,6 +126,51 @@ def _tell_reading(pattern: str, rounds: int) -> None:
     print(f"ms of processor a log, medians: reading {read:.2f}, conditioning {conditioned:.2f}")
 
 
+def _tell_judging(pattern: str, results: Path, rounds: int) -> None:
+    """Tell what judging the fits and writing the results take of a log once all is loaded."""
+    from damperfit.atomic import file_set
+    from damperfit.configuration.loading import load_configuration
+    from damperfit.run.hold_out import Parted, note_unpredicted
+    from damperfit.run.judging import assessed, judge
+    from damperfit.run.logs import read_batch
+    from damperfit.run.mishaps import Mishaps
+    from damperfit.run.result import Found
+    from damperfit.run.run_json import provenance
+    from damperfit.run.work import fitted
+    from damperfit.run.writing import write_results
+    from damperfit.uncertainty import Bench
+
+    configuration = load_configuration()
+    paths = sorted(Path(pattern).parent.glob(Path(pattern).name))
+    spent = []
+    for _ in range(1 + rounds):  # the first warms up; each anew, for logs and fits keep things
+        batch = read_batch(paths, configuration, jobs=1)
+        fits = fitted(
+            configuration, batch.traces, jobs=1, on_fit=lambda _: None, cancelled=lambda: False
+        )
+        parted, mishaps = Parted(batch), Mishaps(batch)
+        bench = Bench(configuration.damper, configuration.identification.solver)
+        times = [time.process_time()]
+        assessment = assessed(fits, bench, mishaps)
+        times.append(time.process_time())
+        campaign, judgement = judge(configuration, parted, fits, assessment, mishaps, jobs=1)
+        times.append(time.process_time())
+        told = note_unpredicted(parted, campaign, judgement.predictions, mishaps.failures)
+        origin = provenance(configuration, told, campaign, judgement.predictions)
+        found = Found(configuration, told, campaign, judgement, origin, is_interrupted=False)
+        with file_set(results) as files:
+            write_results(files, found, mishaps, jobs=1)
+        times.append(time.process_time())
+        spent.append(np.diff(times) * 1e3 / len(paths))
+        if mishaps.failures:
+            raise SystemExit(f"a setting was not judged: {mishaps.failures[0].message}")
+    assess_ms, judge_ms, write_ms = np.median(spent[1:], axis=0)
+    print(
+        f"ms of processor a log, medians of {rounds}: judging {assess_ms + judge_ms:.2f} "
+        f"(errors {assess_ms:.2f}, the rest {judge_ms:.2f}), writing {write_ms:.2f}"
+    )
+
+
 def main() -> None:
     """Run from the command line."""
     parser = argparse.ArgumentParser(description="Processor time of identify over many logs.")
@@ -133,6 +179,7 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--profile", action="store_true")
     parser.add_argument("--reading", action="store_true")
+    parser.add_argument("--judging", action="store_true")
     chosen = parser.parse_args()
     _keep_bytecode(chosen.folder.resolve())
     pattern = make_logs(chosen.folder.resolve(), chosen.logs)
@@ -140,6 +187,9 @@ def main() -> None:
         _tell_reading(pattern, chosen.rounds)
         return
     results = chosen.folder.resolve() / "results"
+    if chosen.judging:
+        _tell_judging(pattern, results, chosen.rounds)
+        return
     command = ["identify", pattern, "--out", str(results), "--quiet"]
     if chosen.profile:
         _profile(command)
