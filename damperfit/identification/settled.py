@@ -124,15 +124,17 @@ class SettledCycle:
     def slopes_over(
         self, stretch: Stretch, response: Response, places: NDArray[np.int64] | None = None
     ) -> FloatArray:
-        """Return the derivatives behind the filter at samples of the stretch, all or some, (k, n).
+        """Return the derivatives behind the filter at samples of the stretch, all or some, rising.
 
-        Each cycle has those of the mean one.
+        Shape (k, n); each cycle has those of the mean one.
         """
         rows = self._filtered(list(response.sensitivities.values()))
         n, starts = rows.shape[1], self.starts
         samples = stretch.first + (np.arange(stretch.n_samples) if places is None else places)
-        cycle = np.clip(np.searchsorted(starts, samples, side="right") - 1, 0, len(starts) - 2)
-        share = (samples - starts[cycle]) / (starts[cycle + 1] - starts[cycle])
+        # How many samples each cycle has; what lies before the first or behind the last is theirs.
+        ends = [0, *np.searchsorted(samples, starts[1:-1]).tolist(), len(samples)]
+        begins = np.repeat(np.stack([starts[:-1], np.diff(starts)]), np.diff(ends), axis=1)
+        share = (samples - begins[0]) / begins[1]
         around = np.concatenate([rows[:, -_MARGIN:], rows, rows[:, :_MARGIN]], axis=1)
         at = np.mod(n * share + self.turn, n) + _MARGIN
         return _interpolated(around, at[None])[:, 0]

@@ -284,15 +284,18 @@ def cycle_covariance(scores: Sequence[FloatArray], starts: Sequence[FloatArray])
 
 def _summed_up_to(scores: FloatArray, edges: FloatArray) -> FloatArray:
     """Sums of the scores (n, k) before each edge."""
-    sums = np.zeros((len(scores) + 1, scores.shape[1]))
-    np.cumsum(scores, axis=0, out=sums[1:])
-    at = np.clip(edges, 0.0, len(scores))
-    whole = np.minimum(at.astype(np.int64), len(scores) - 1)
-    return np.asarray(sums[whole] + (at - whole)[:, None] * (sums[whole + 1] - sums[whole]))
+    n = len(scores)
+    sums = np.zeros((scores.shape[1], n + 1))
+    np.cumsum(scores.T, axis=1, out=sums[:, 1:])  # slopes lie parameter by parameter
+    at = np.minimum(np.maximum(edges, 0.0), n)
+    whole = np.minimum(at.astype(np.int64), n - 1)
+    before = sums[:, whole].T.copy()
+    return np.asarray(before + (at - whole)[:, None] * (sums[:, whole + 1].T - before))
 
 
 def _is_positive(matrix: FloatArray) -> bool:
-    if not np.all(np.diag(matrix) > 0.0):
+    variances = matrix.diagonal()
+    if not min(variances.tolist()) > 0.0:
         return False
-    scale = np.sqrt(np.diag(matrix))
-    return bool(np.linalg.eigvalsh(matrix / np.outer(scale, scale))[0] > 0.0)
+    scale = np.sqrt(variances)
+    return bool(np.linalg.eigvalsh(matrix / (scale[:, None] * scale))[0] > 0.0)

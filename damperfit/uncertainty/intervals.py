@@ -28,12 +28,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.errors import SimulationError, sparing
-from damperfit.identification.outcome import Status
-from damperfit.identification.paper.gas_content import GAS_FOLLOWER, GAS_NAMES
 from damperfit.parallel import executor
 from damperfit.simulation import SolverOptions
 from damperfit.statistics import NORMAL_95
 from damperfit.uncertainty.linearisation import Linearisation, linearise_at_fit
+from damperfit.uncertainty.settings_alike import (
+    ROUNDED_OFF,
+    Errors,
+    Kind,
+    by_kind,
+    own_names,
+    shared_slopes,
+    solved,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -59,9 +66,6 @@ __all__ = [
     "solved",
     "uncertainties",
 ]
-
-# Of the largest eigenvalue, of matrices with a diagonal of ones: what is less is rounding.
-_ROUNDED_OFF = 1e-14
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,13 +183,29 @@ def uncertainties(
         for row, one in zip(rows, linearised, strict=True)
         if one.supposed is not None
     ]
-    found = []
     of_all = np.asarray(sum(supposed))
+    places = by_kind(linearised, sharing)
     bent_by_others = _sums_of_others(bent, nothing)
-    for one, row, rest, bent_rest in zip(linearised, rows, others, bent_by_others, strict=True):
-        with sparing(one.fit.setting, on_error):
-            found.append(_of_setting(one, sharing, row, (rest, bent_rest, of_all)))
-    return tuple(found)
+    found: dict[int, Uncertainty] = {}
+
+    def told(few: Sequence[int]) -> None:
+        together = Kind.of([linearised[k] for k in few], sharing, [rows[k] for k in few])
+        of_others = (np.stack([of[k] for k in few]) for of in (others, bent_by_others))
+        errors = together.errors(*of_others, of_all)
+        for k, own in zip(few, zip(*errors, strict=True), strict=True):
+            with sparing(linearised[k].fit.setting, on_error):
+                found[k] = _of_setting(linearised[k], together.names, together.common, own)
+
+    for alike in places:
+        try:
+            told(alike)
+        except Exception:
+            if on_error is None:
+                raise
+            for k in alike:  # whose it is shows one by one
+                with sparing(linearised[k].fit.setting, on_error):
+                    told([k])
+    return tuple(found[k] for k in sorted(found))
 
 
 def _sums_of_others(parts: Sequence[FloatArray], nothing: FloatArray) -> list[FloatArray]:
@@ -207,90 +227,26 @@ def shared_curvature(linearised: Sequence[Linearisation], sharing: Sharing) -> F
     return np.asarray(np.diag(_joint_rows(linearised, sharing)[0]))
 
 
-def shared_slopes(fit: Fit, sharing: Sharing) -> FloatArray:
-    """Return A = du/dtheta of a setting, shape (n, k): what its u move with the shared variables.
-
-    Parameters
-    ----------
-    fit : Fit
-        The setting's.
-    sharing : Sharing
-        What is shared, and the law of K_e if there is one.
-    """
-    names = fit.parameters.names
-    slopes = np.zeros((len(names), len(sharing.variables)))
-    for k, one in enumerate(sharing.unknowns):
-        if one.name in names and one.holds_at(fit.setting):
-            slopes[names.index(one.name), k] = 1.0
-    if sharing.gas is not None and fit.setting in sharing.gas.pressures:
-        share = sharing.gas.share(fit.setting)
-        slopes[names.index(GAS_FOLLOWER), -len(GAS_NAMES) :] = (-share, 1.0 - share)
-    return slopes
-
-
 def _of_setting(
-    linearised: Linearisation,
-    sharing: Sharing,
-    row: FloatArray,
-    others: tuple[FloatArray, FloatArray, FloatArray],
+    linearised: Linearisation, names: tuple[str, ...], common: tuple[str, ...], errors: Errors
 ) -> Uncertainty:
-    """One setting: its own scores (through own fit and shared rows), then the other settings'.
-
-    Those of noise first, then those of the misfit; last what all settings together do to the shared
-    ones where something is held at a wrong value: of one damper, it is wrong alike everywhere.
-    """
-    own, shared = own_names(linearised.fit, sharing), sharing.found_at(linearised.fit.setting)
-    common = tuple(name for name in shared if name in sharing.common)
-    shared = (*(name for name in shared if name not in common), *common)
-    slopes = shared_slopes(linearised.fit, sharing)
-    direct = solved(linearised, own)
-    carried = -direct @ linearised.information @ slopes
-    of_shared = slopes[linearised.places(shared)]
-    from_own = np.vstack([direct + carried @ row, of_shared @ row])
-    from_others = np.vstack([carried, of_shared])
-    noise, misfit = (from_others @ rest @ from_others.T for rest in others[:2])
-    covariance = from_own @ linearised.scores @ from_own.T + noise
-    if linearised.misfit is not None:
-        misfit = from_own @ linearised.misfit @ from_own.T + misfit
-    if linearised.supposed is not None:
-        shifts = np.vstack([direct, np.zeros((len(shared), direct.shape[1]))]) @ linearised.supposed
-        shifts = shifts + from_others @ others[2]
-        misfit = misfit + shifts @ shifts.T
-    names = (*own, *shared)
-    residual_part = np.diag(direct @ linearised.scores @ direct.T)
-    cycle_part = np.diag(direct @ linearised.cycle_scores @ direct.T)
-    ratios = np.full(len(names), math.nan)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        ratios[: len(own)] = np.sqrt(cycle_part / residual_part)
+    """Intervals of one setting from its covariance, variances of misfit, and ratios by cycles."""
+    covariance, misfit, ratios = errors
     # What no log tells has a variance of rounding alone: huge, and of either sign.
-    errors, bends = np.sqrt(np.abs(np.diag(covariance))), np.sqrt(np.maximum(np.diag(misfit), 0.0))
+    noise = np.sqrt(np.abs(covariance.diagonal())).tolist()
+    bends = np.sqrt(np.maximum(misfit, 0.0)).tolist()
     values = linearised.fit.parameters
     intervals = {
         name: make_interval(
             float(getattr(values, name)),
-            float(error),
-            float(ratio),
+            error,
+            ratio,
             is_logarithmic=values.quantity(name).is_logarithmic,
-            misfit=float(bend),
+            misfit=bend,
         )
-        for name, error, ratio, bend in zip(names, errors, ratios, bends, strict=True)
+        for name, error, ratio, bend in zip(names, noise, ratios.tolist(), bends, strict=True)
     }
     return Uncertainty(linearised.fit.setting, intervals, names, covariance, common)
-
-
-def own_names(fit: Fit, sharing: Sharing) -> tuple[str, ...]:
-    """Return the parameters that a setting's own fit found or sought, but for those at a bound.
-
-    None where that fit is no minimum, for nothing holds there.
-    """
-    if not fit.outcome.is_minimum:
-        return ()
-    shared = sharing.found_at(fit.setting)
-    return tuple(
-        name
-        for name in fit.parameters.names
-        if fit.status[name] in {Status.FITTED, Status.NOT_IDENTIFIABLE} and name not in shared
-    )
 
 
 def make_interval(
@@ -369,31 +325,9 @@ def _joint_rows(
         axis=0,
     )
     scale = 1.0 / np.sqrt(np.maximum(np.diag(complement), 1e-300))
-    inverse = np.linalg.pinv(complement * np.outer(scale, scale), rcond=_ROUNDED_OFF)
+    inverse = np.linalg.pinv(complement * np.outer(scale, scale), rcond=ROUNDED_OFF)
     return np.asarray(inverse * np.outer(scale, scale)), rows
 
 
 def _row(linearised: Linearisation, free: tuple[str, ...], name: str) -> FloatArray:
     return np.asarray(solved(linearised, free)[free.index(name)])
-
-
-def solved(linearised: Linearisation, names: Sequence[str]) -> FloatArray:
-    """Return H_ff^-1 E_f of some parameters, shape (k, n); a pseudo-inverse where H is singular.
-
-    Parameters
-    ----------
-    linearised : Linearisation
-        H, shape (n, n), and its order.
-    names : sequence of str
-        The parameters f.
-    """
-    places = linearised.places(names)
-    block = linearised.information[np.ix_(places, places)]
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(block), 1e-300))
-    values, vectors = np.linalg.eigh(block * np.outer(scale, scale))
-    sizes = np.abs(values)
-    is_seen = sizes > _ROUNDED_OFF * sizes.max(initial=0.0)
-    parts = scale[:, None] * vectors[:, is_seen]
-    result = np.zeros((len(places), len(linearised.names)))
-    result[:, places] = (parts / values[is_seen]) @ parts.T
-    return result

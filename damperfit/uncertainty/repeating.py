@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.statistics import fisher_chance
+from damperfit.statistics import fisher_chance, mean_of
 from damperfit.uncertainty.correlated_noise import autocorrelation
 
 if TYPE_CHECKING:
@@ -147,9 +147,8 @@ def residuals_by_stretch(linearised: Linearisation) -> Iterator[StretchResiduals
             interval = log.trace.interval
             if stretch.n_cycles >= 2:
                 folded = _fold(residuals, stretch)
-                yield StretchResiduals(
-                    stretch, interval, residuals, folded, folded - folded.mean(axis=0)
-                )
+                about = folded - np.add.reduce(folded) / len(folded)
+                yield StretchResiduals(stretch, interval, residuals, folded, about)
             else:
                 yield StretchResiduals(stretch, interval, residuals)
 
@@ -172,10 +171,13 @@ def residual_scatter(residuals: FloatArray, stretch: Stretch) -> float:
 def _fold(residuals: FloatArray, stretch: Stretch) -> FloatArray:
     """Residuals over cycles and phases, shape (cycles, phases)."""
     starts = stretch.cycle_starts - stretch.first
-    n_phases = max(8, round(float(np.mean(np.diff(starts)))))
-    positions = starts[:-1, None] + np.diff(starts)[:, None] * (np.arange(n_phases) / n_phases)
-    nearest = np.clip(np.rint(positions).astype(np.int64), 0, len(residuals) - 1)
-    return np.asarray(residuals[nearest])
+    lengths = np.diff(starts)
+    n_phases = max(8, round(mean_of(lengths)))
+    nearest = lengths[:, None] * (np.arange(n_phases) / n_phases)
+    nearest += starts[:-1, None]
+    np.rint(nearest, out=nearest)
+    # Beyond an end it is the last sample.
+    return residuals.take(nearest.astype(np.intp), mode="clip")
 
 
 def cycle_correlation(parts: Sequence[StretchResiduals]) -> float:
