@@ -60,5 +60,6 @@ def at_speeds(
         np.ascontiguousarray(velocity, dtype=np.float64),
         np.array(speeds, dtype=np.float64), rows, counts, means, squares, sign,
     )  # fmt: skip
-    means[counts == 0.0] = np.nan
+    if not counts.all():
+        means[counts == 0.0] = np.nan
     return counts, means, squares

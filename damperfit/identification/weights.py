@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["weights"]
+__all__ = ["all_alike", "weights"]
 
 # Noises within this factor of each other are one: a scatter of few cycles is no better known.
 _ALIKE = 1.25
@@ -72,6 +72,14 @@ def weights(traces: Sequence[Trace]) -> tuple[FloatArray | None, ...]:
     ]
     power = sum(float(one @ one) for one in both) / sum(len(one) for one in both)
     return tuple(one / math.sqrt(power) for one in both)
+
+
+@lru_cache(maxsize=16)
+def all_alike(n: int) -> FloatArray:
+    """Return weights of n samples that all count alike; nobody may change them."""
+    ones = np.ones(n)
+    ones.flags.writeable = False
+    return ones
 
 
 def _counted(trace: Trace) -> NDArray[np.bool_] | None:

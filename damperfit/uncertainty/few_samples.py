@@ -35,13 +35,20 @@ from damperfit.uncertainty.correlated_noise import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from numpy.typing import NDArray
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["ENOUGH", "ShortStretch", "filter_correlation", "is_enough", "widening"]
+__all__ = [
+    "ENOUGH",
+    "ShortStretch",
+    "filter_correlation",
+    "independent_samples",
+    "is_enough",
+    "widening",
+]
 
 # Independent samples a parameter; with more, errors are hardly short.
 ENOUGH = 50.0
@@ -78,17 +85,29 @@ def _independent(rho: FloatArray) -> float:
     return len(rho) / (2.0 * float(rho @ rho) - 1.0)
 
 
-def is_enough(correlations: Sequence[FloatArray], n_fitted: int) -> bool:
+def is_enough(independent: Iterable[float], n_fitted: int) -> bool:
     """Return whether stretches hold so much that errors are hardly short.
 
     Parameters
     ----------
-    correlations : sequence of numpy.ndarray
-        Of each stretch, shape (n,), autocorrelation of white noise behind the filter.
+    independent : iterable of float
+        Independent samples of each stretch.
     n_fitted : int
         Parameters that were fitted.
     """
-    return not n_fitted or sum(map(_independent, correlations)) > ENOUGH * n_fitted
+    return not n_fitted or sum(independent) > ENOUGH * n_fitted
+
+
+def independent_samples(design: FilterDesign, n: int) -> float:
+    """Return how many independent samples n of white noise behind a filter are worth."""
+    sections = np.ascontiguousarray(design.sections, dtype=np.float64)
+    return _worth(sections.tobytes(), n, is_zero_phase=design.is_zero_phase)
+
+
+@lru_cache(maxsize=64)
+def _worth(sections: bytes, n: int, *, is_zero_phase: bool) -> float:
+    longer = -(-n // _LIKE_LONG) * _LIKE_LONG
+    return _independent(_correlation(sections, longer, is_zero_phase=is_zero_phase)[:n])
 
 
 def filter_correlation(design: FilterDesign, n: int) -> FloatArray:
@@ -117,7 +136,7 @@ def widening(stretches: Sequence[ShortStretch]) -> float:
         All that were fitted together.
     """
     n_fitted = stretches[0].slopes.shape[1] if stretches else 0
-    if is_enough([one.correlation for one in stretches], n_fitted):
+    if is_enough((one.independent for one in stretches), n_fitted):
         return 1.0
     inverse = np.linalg.pinv(
         np.sum([one.slopes.T @ one.slopes for one in stretches], axis=0), hermitian=True

@@ -25,7 +25,7 @@ import numpy as np
 from damperfit.conditioning import apply_filter
 from damperfit.identification.model_versus_log import compare
 from damperfit.identification.outcome import Status
-from damperfit.identification.weights import weights
+from damperfit.identification.weights import all_alike, weights
 from damperfit.simulation import SolverOptions, simulate
 from damperfit.uncertainty.correlated_noise import (
     correlation_length,
@@ -37,6 +37,7 @@ from damperfit.uncertainty.correlated_noise import (
 from damperfit.uncertainty.few_samples import (
     ShortStretch,
     filter_correlation,
+    independent_samples,
     is_enough,
     widening,
 )
@@ -104,10 +105,11 @@ class LogLinearisation:
         """Return what belongs to the derivatives' rows of values at the compared samples."""
         if self.stride == 1:
             return values
-        taken = (middles(place.stop - place.start, self.stride)[0] for place in trace.places)
-        return np.concatenate(
-            [values[place][at] for place, at in zip(trace.places, taken, strict=True)]
-        )
+        taken = [
+            values[place].take(middles(place.stop - place.start, self.stride)[0])
+            for place in trace.places
+        ]
+        return taken[0] if len(taken) == 1 else np.concatenate(taken)
 
     def rows(self, trace: Trace) -> Iterator[slice]:
         """Yield where the rows of each stretch lie among those of the derivatives."""
@@ -209,7 +211,7 @@ def linearise_at_fit(
         logs.append(
             LogLinearisation(
                 residuals=trace.force[part] - force[part],
-                weights=np.ones(trace.n_samples) if weight is None else weight,
+                weights=all_alike(trace.n_samples) if weight is None else weight,
                 jacobian=rows[:n].T,
                 gas=rows[n:].T,
                 force=force[part],
@@ -340,12 +342,12 @@ def _sensitivities(trace: Trace, seen: SimulatedLog) -> FloatArray:
 
 def _is_long(fit: Fit, traces: Sequence[Trace]) -> bool:
     """Whether the logs have so many independent samples that errors are hardly short."""
-    correlations = [
-        filter_correlation(trace.model_filter, stretch.n_samples)
+    independent = (
+        independent_samples(trace.model_filter, stretch.n_samples)
         for trace in traces
         for stretch in trace.stretches
-    ]
-    return is_enough(correlations, len(_fitted(fit)))
+    )
+    return is_enough(independent, len(_fitted(fit)))
 
 
 def _fitted(fit: Fit) -> list[int]:

@@ -117,17 +117,20 @@ def speed_forces(linearised: Linearisation, *, is_structured: bool) -> tuple[Spe
         )
     )
     half_range = 0.5 * max(float(np.ptp(force)) for _, _, force, _ in parts)
+    amplitude = median(one.amplitude for one, *_ in parts)
+    frequency = median(one.frequency for one, *_ in parts)
     found = []
     for stroke, towards in (("rebound", 1.0), ("bump", -1.0)):
-        rows = np.mean([_at_speeds(part, towards, speeds) for part in parts], axis=0)
+        each = [_at_speeds(part, towards, speeds) for part in parts]
+        rows = each[0] if len(each) == 1 else np.mean(each, axis=0)
         misfit = [_misfit(parts, towards, speed) if is_structured else 0.0 for speed in speeds]
         errors = rows[1] / math.sqrt(len(parts))
         found.append(
             SpeedForces(
                 setting=linearised.fit.setting,
                 stroke=stroke,
-                amplitude=median(one.amplitude for one, *_ in parts),
-                frequency=median(one.frequency for one, *_ in parts),
+                amplitude=amplitude,
+                frequency=frequency,
                 half_range=half_range,
                 speeds=speeds,
                 measured=tuple(rows[0].tolist()),
@@ -167,8 +170,9 @@ def _at_speeds(
     # A mean of squares about the mean, of one less than there are.
     variances = np.full(counts.shape, math.nan)
     np.divide(squares[:, :, 1], counts - 1.0, out=variances, where=counts > 1.0)
-    errors = np.sqrt(np.sum(variances / np.maximum(counts, 1.0), axis=0))
-    force, missed = 0.5 * np.sum(means, axis=0).T
+    variances /= np.maximum(counts, 1.0)
+    errors = np.sqrt(variances[0] + variances[1])
+    force, missed = 0.5 * (means[0] + means[1]).T
     return force, 0.5 * errors, missed
 
 
