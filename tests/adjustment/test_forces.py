@@ -212,3 +212,36 @@ def test_a_setting_without_a_minimum_has_no_error_from_shared_values_alone(
     assert (found.covariance is not None) is has_errors
     (level, *_) = levels([found], PURDY_DAMPER, SINE, speeds=(0.1,))
     assert np.isfinite(level.error) == has_errors
+
+
+def test_levels_of_settings_together_are_those_of_each_alone() -> None:
+    stages = [stage(k, covariance(k)) for k in (8, 9)]
+    stages += [stage(10), replace(stage(11, covariance(11)[:3, :3]), shared=())]
+    together = levels(stages, PURDY_DAMPER, SINE, speeds=(0.1, 0.26))
+    alone = [one for s in stages for one in levels([s], PURDY_DAMPER, SINE, speeds=(0.1, 0.26))]
+    for one, other in zip(together, alone, strict=True):
+        assert (one.setting, one.speed, one.stroke) == (other.setting, other.speed, other.stroke)
+        figures = ("force", "error", "rest", "whole_error")
+        for a, b in ((getattr(x, name) for x in (one, other)) for name in figures):
+            assert a == pytest.approx(b, rel=1e-12, nan_ok=True)
+        assert one.carried == pytest.approx(other.carried, rel=1e-12)
+
+
+def test_a_covariance_that_breaks_costs_its_setting_alone() -> None:
+    told = []
+    stages = [stage(k, covariance(k)) for k in (8, 9, 10)]
+    stages[1] = replace(stages[1], covariance=covariance(9)[:4])
+    found = levels(
+        stages, PURDY_DAMPER, SINE, speeds=(0.1,), on_error=lambda *one: told.append(one[0])
+    )
+    assert told == [9]
+    assert [level.setting for level in found] == [8, 8, 10, 10]
+    with pytest.raises(ValueError, match="square"):
+        levels(stages, PURDY_DAMPER, SINE, speeds=(0.1,))
+
+
+def test_a_click_to_a_setting_with_other_shared_values_has_no_error() -> None:
+    stages = [stage(8, covariance(8)), replace(stage(9, covariance(9)[:3, :3]), shared=())]
+    found = clicks(levels(stages, PURDY_DAMPER, SINE, speeds=(0.1,)), PURDY_DAMPER)
+    assert all(np.isfinite(one.change) and np.isnan(one.low) for one in found)
+    assert len(found) == 2

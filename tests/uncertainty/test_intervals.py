@@ -331,3 +331,37 @@ def test_a_limit_beyond_the_plausible_range_is_none(lost: str, share: float) -> 
     fitted = replace(moved, status=fakes.fit(1).status)
     assert None not in assessment.plausible_limits(fitted, "r_m2")
     assert assessment.unlimited(fitted) == frozenset()
+
+
+def test_errors_of_settings_together_are_those_of_each_alone() -> None:
+    """Of other kinds too: one lacks a value of its own."""
+    free = FitOptions(procedure="plain", free=FREE, fixed=KNOWN)
+    campaign = identify(traces([3, 9, 15]), PURDY_DAMPER, free)
+    found = linearise_settings(campaign, PURDY_DAMPER)
+    fewer = identify(
+        traces([18]), PURDY_DAMPER, replace(free, free=FREE[:2], fixed=KNOWN | {"k_e": 4e8})
+    )
+    found += linearise_settings(fewer, PURDY_DAMPER)
+    together = uncertainties(found, campaign.sharing)
+    assert [len(one.names) for one in together] == [3, 3, 3, 2]
+    for mine, one in zip(found, together, strict=True):
+        (alone,) = uncertainties([mine], campaign.sharing)
+        assert one.setting == alone.setting == mine.fit.setting
+        assert one.covariance == pytest.approx(alone.covariance, rel=1e-12)
+        for name, interval in one.intervals.items():
+            own = alone.intervals[name]
+            assert (interval.low, interval.high) == pytest.approx((own.low, own.high), rel=1e-12)
+            assert interval.cycle_ratio == pytest.approx(own.cycle_ratio, rel=1e-12)
+
+
+def test_a_matrix_that_breaks_costs_its_setting_alone() -> None:
+    free = FitOptions(procedure="plain", free=FREE, fixed=KNOWN)
+    campaign = identify(traces([3, 9, 15]), PURDY_DAMPER, free)
+    found = list(linearise_settings(campaign, PURDY_DAMPER))
+    found[1] = replace(found[1], cycle_scores=found[1].cycle_scores[:2])
+    told = []
+    left = uncertainties(found, campaign.sharing, on_error=lambda setting, _: told.append(setting))
+    assert told == [9]
+    assert [one.setting for one in left] == [3, 15]
+    with pytest.raises(ValueError, match="shape"):
+        uncertainties(found, campaign.sharing)
