@@ -105,20 +105,18 @@ def _clicks(pairs: Sequence[tuple[Level, Level, str]], gas: float) -> tuple[Clic
     percents = 100.0 * (ratios - 1.0)
     # The first force is the denominator too: its error counts 1 + share times.
     shares = 100.0 * NORMAL_95 * _spreads(firsts, seconds, ratios) / np.abs(dampings)
-    figures = np.stack(
-        [
-            changes,
-            changes - reaches,
-            changes + reaches,
-            percents,
-            percents - shares,
-            percents + shares,
-        ],
-        axis=1,
+    columns = (
+        changes,
+        changes - reaches,
+        changes + reaches,
+        percents,
+        percents - shares,
+        percents + shares,
     )
+    rows = zip(pairs, *(column.tolist() for column in columns), strict=True)
     return tuple(
-        Click(first.setting, second.setting, first.speed, first.stroke, *row, adjuster)
-        for (first, second, adjuster), row in zip(pairs, figures.tolist(), strict=True)
+        Click(first.setting, second.setting, first.speed, first.stroke, a, b, c, d, e, f, adjuster)
+        for (first, second, adjuster), a, b, c, d, e, f in rows
     )
 
 
@@ -130,8 +128,9 @@ def _spreads(firsts: Sequence[Level], seconds: Sequence[Level], ratios: FloatArr
     apart = after[:, 2:] - before[:, 2:]
     rest, misfit = (after[:, :2] ** 2 + before[:, :2] ** 2).T
     spreads = np.sqrt(rest + misfit + np.einsum("ij,ij->i", apart, apart))
-    lengths = [[len(one.carried) for one in few] for few in (firsts, seconds)]
-    return np.where(np.equal(*lengths), spreads, math.nan)
+    pairs = zip(firsts, seconds, strict=True)
+    is_alike = [len(one.carried) == len(other.carried) for one, other in pairs]
+    return np.where(is_alike, spreads, math.nan)
 
 
 def _errors(levels: Sequence[Level], n: int) -> FloatArray:

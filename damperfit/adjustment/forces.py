@@ -13,7 +13,7 @@ import math
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from statistics import median
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -264,24 +264,29 @@ def _with_errors(
     first, holds_gas = stages[0], damper.rest_force(0.0) is None  # the offset holds the gas force
     is_whole = measured is not None or holds_gas
     # The force without the offset has no slope by it.
-    offsets, tares = first.offsets, [stage.offset for stage in stages]
-    bare = np.array([0.0 if n in offsets else 1.0 for n in (*first.own, *first.shared)])
+    bare = np.array([0.0 if n in first.offsets else 1.0 for n in (*first.own, *first.shared)])
     slopes, parts = np.stack([one.slopes for one in seen]), errors_parted(*stages)
     whole_errors = _sizes(*split(first, parts, slopes))
     rests, carried = split(first, parts, slopes * bare[:, None])
     errors = whole_errors if is_whole else _sizes(rests, carried)
     forces = np.stack([one.forces for one in seen])
     if not is_whole:
-        forces = forces - np.array(tares)[:, None]
+        forces = forces - np.array([stage.offset for stage in stages])[:, None]
     at = list(itertools.product(speeds, STROKES))
     columns = (one.tolist() for one in (forces, errors, rests, whole_errors))
     found = []
-    for stage, one, tare, of_all, *rows in zip(stages, seen, tares, carried, *columns, strict=True):
-        tare_error = stage.offset_error
+    for stage, one, of_all, *rows in zip(stages, seen, carried, *columns, strict=True):
+        facts: dict[str, Any] = {
+            "tare": stage.offset,
+            "tare_error": stage.offset_error,
+            "is_whole": is_whole,
+            "holds_gas": holds_gas,
+        }
         levels = []
         for (speed, stroke), of_shared, *row in zip(at, of_all, *rows, strict=True):
             force, error, rest, whole_error = row
             known = None if measured is None else measured.get((stage.setting, stroke))
+            beside = {} if known is None else measured_at(known, speed, sine)
             levels.append(
                 Level(
                     stage.setting,
@@ -292,12 +297,9 @@ def _with_errors(
                     rest,
                     of_shared,
                     one.is_cavitating,
-                    tare=tare,
-                    tare_error=tare_error,
                     whole_error=whole_error,
-                    is_whole=is_whole,
-                    holds_gas=holds_gas,
-                    **({} if known is None else measured_at(known, speed, sine)),
+                    **facts,
+                    **beside,
                 )
             )
         found.append(levels)

@@ -130,12 +130,10 @@ def errors_parted(*stages: Stage) -> Parts | None:
 
     Of several stages with the same own and shared values each has one more, first index.
     """
-    first = stages[0]
-    if first.covariance is None:
+    known = [one.covariance for one in stages if one.covariance is not None]
+    if not known:
         return None
-    if len(stages) == 1:
-        return _parted(first.covariance, len(first.own))
-    return _parted(np.stack([one.covariance for one in stages]), len(first.own))
+    return _parted(known[0] if len(known) == 1 else np.stack(known), len(stages[0].own))
 
 
 def _parted(covariance: FloatArray, n: int) -> Parts:

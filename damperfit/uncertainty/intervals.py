@@ -190,8 +190,8 @@ def uncertainties(
 
     def told(few: Sequence[int]) -> None:
         together = Kind.of([linearised[k] for k in few], sharing, [rows[k] for k in few])
-        of_others = (np.stack([of[k] for k in few]) for of in (others, bent_by_others))
-        errors = together.errors(*of_others, of_all)
+        noise, misfit = (np.stack([of[k] for k in few]) for of in (others, bent_by_others))
+        errors = together.errors(noise, misfit, of_all)
         for k, own in zip(few, zip(*errors, strict=True), strict=True):
             with sparing(linearised[k].fit.setting, on_error):
                 found[k] = _of_setting(linearised[k], together.names, together.common, own)
