@@ -399,6 +399,12 @@ SURFACE = {
         "behind_lag",
         "lag_slope",
     ],
+    "damperfit.damper.load_cell": [
+        "OF_LOAD_CELL",
+        "acceleration",
+        "as_read",
+        "before_load_cell",
+    ],
     "damperfit.damper.mounting": [
         "FIT",
         "Mounting",

@@ -68,6 +68,8 @@ DEFINITIONS = [
     ("velocity", "mm/s", 0.001),
     ("velocity", "cm/s", 0.01),
     ("velocity", "in/s", 0.0254),
+    ("mass", "kg", 1.0),
+    ("mass", "lb", 0.45359237),
     ("density", "kg/m3", 1.0),
     ("density", "g/cm3", 1000.0),
     ("area", "m2", 1.0),

@@ -57,6 +57,7 @@ __all__ = [
 # Forces at a speed move by less than 0.1 N from there to 4000 (`tests/test_told_figures.py`).
 _SAMPLES_PER_CYCLE = 1000
 _AS_FAST = 0.05  # rigs repeat a speed to 1 %
+_SAME_STROKE = 0.05  # and a stroke no worse
 _SINE = 0.1  # peak speed of a sine by its frequency against the one found; a triangle's is 36 % off
 # Ahead of the cycle that counts, cycles and s; a damper's slowest pressure, at 80 1/s, has settled
 # by then to 1e-8.
@@ -108,9 +109,11 @@ def fastest_sine(tested: Sequence[tuple[float, float, float]]) -> Sine:
     """
     fastest = max(speed for *_, speed in tested)
     near = [one for one in tested if one[2] >= (1.0 - _AS_FAST) * fastest]
-    amplitude = median(one[0] for one in near)
-    frequency = median(one[1] for one in near)
-    by_speed = fastest / (2.0 * math.pi * amplitude)
+    # Tests of one speed at several strokes have no motion in common: their means were never run.
+    middle = sorted(near)[(len(near) - 1) // 2][0]
+    alike = [one for one in near if abs(one[0] / middle - 1.0) <= _SAME_STROKE]
+    amplitude, frequency = (median(one[k] for one in alike) for k in (0, 1))
+    by_speed = max(speed for *_, speed in alike) / (2.0 * math.pi * amplitude)
     is_sine = abs(frequency / by_speed - 1.0) <= _SINE
     return Sine(amplitude, frequency if is_sine else by_speed, is_sine)
 

@@ -62,7 +62,7 @@ def expand_checks(names: Iterable[str], *, pointless: Iterable[str] = ()) -> tup
         if name not in CHECKS and name not in CHECK_LISTS:
             known = (*CHECKS, *CHECK_LISTS)
             raise ConfigurationError(
-                f"no check {name!r}; there are {', '.join(CHECKS)} and the lists "
+                f"no check {text!r}; there are {', '.join(CHECKS)} and the lists "
                 f"{', '.join(CHECK_LISTS)}.{did_you_mean(name, known)}"
             )
         members = CHECK_LISTS.get(name, (name,))

@@ -32,6 +32,7 @@ _INNER_DIMENSIONS = {
     "series_stiffness": "stiffness",
     "play": "length",
     "lag": "time",
+    "moving_mass": "mass",
     "presliding": "length",
     "breakaway": "force",
     "stribeck_speed": "velocity",

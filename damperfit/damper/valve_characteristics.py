@@ -1,17 +1,18 @@
 """A valve's characteristic, flow against pressure: as the loops show it, and as a law has it.
 
 What the loops show needs no law of the valve (`damperfit.damper.valve_curves`): friction, offset,
-the lag of the force channel and the drag of the seals are the fit's, the compliance that takes up
-oil while the pressure changes is read. Where the two part, the law is wrong.
+moving mass, the lag of the force channel and the drag of the seals are the fit's, the compliance
+that takes up oil while the pressure changes is read. Where the two part, the law is wrong.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from damperfit.damper.load_cell import OF_LOAD_CELL, before_load_cell
 from damperfit.damper.network import BLEEDS, BLOW_OFFS
 from damperfit.damper.valve_curves import Side, loop_of, read_valves
 from damperfit.damper.valve_starts import sides
@@ -76,8 +77,9 @@ def valve_characteristics(
         Its logs.
     """
     numbers = dict(zip(values.names, values.numbers, strict=True))
+    of_cell = {name: numbers[name] for name in OF_LOAD_CELL if name in numbers}
     loops = [
-        loop_of(_in_time(trace, numbers.get("lag", 0.0)), damper.rest_force(trace.displacement))
+        loop_of(before_load_cell(trace, **of_cell), damper.rest_force(trace.displacement))
         for trace in traces
     ]
     both = [Side(one.area, one.drag + numbers["drag"]) for one in sides(damper, numbers)]
@@ -91,13 +93,6 @@ def valve_characteristics(
         for stroke, valve, curve, area in found
         if curve.highest > 0.0
     )
-
-
-def _in_time(trace: Trace, lag: float) -> Trace:
-    """The log with its force as it was before a first-order lag."""
-    if lag == 0.0:
-        return trace
-    return replace(trace, force=trace.force + lag * np.gradient(trace.force, trace.interval))
 
 
 def _characteristic(

@@ -86,7 +86,7 @@ class ValveDamper(Cylinder, OilModel):
     rebound, compression : Valve
         What the valve of each stroke is made of.
     mounting : Mounting
-        Elasticity, play, lag.
+        Elasticity, play, moving mass, lag.
     friction : Friction
         What there is to it beside Coulomb's.
 
@@ -186,35 +186,26 @@ class ValveDamper(Cylinder, OilModel):
         sensitivities: Sequence[str],
         options: SolverOptions,
     ) -> Response:
-        """Integrate the network and its mounting; the force passes the lag of its channel."""
-        from damperfit.damper.force_channel import behind_lag, lag_slope
+        """Integrate the network and its mounting; the force passes load cell and channel."""
+        from damperfit.damper.load_cell import OF_LOAD_CELL, as_read
         from damperfit.damper.network_model import simulate_network
 
         numbers = {
             _CORE_NAMES.get(one, one): value
             for one, value in zip(values.names, values.numbers, strict=True)
-            if one != "lag"
+            if one not in OF_LOAD_CELL
         }
         filled = filling(motion, self.gas_pressure)
         numbers["gas_pressure"] *= filled
-        wanted = [_CORE_NAMES.get(one, one) for one in sensitivities if one != "lag"]
+        own = [one for one in sensitivities if one not in OF_LOAD_CELL]
+        wanted = [_CORE_NAMES.get(one, one) for one in own]
         response = simulate_network(
             self.network, numbers, self, motion, sensitivities=wanted, options=options
         )
         if "gas_pressure" in wanted:
             response.sensitivities["gas_pressure"] *= filled
-        if "lag" not in values.names:
-            slopes = [response.sensitivities[_CORE_NAMES.get(one, one)] for one in sensitivities]
-            named = dict(zip(sensitivities, slopes, strict=True))
-            return replace(response, sensitivities=named)
-        rows = np.stack([response.force, *response.sensitivities.values()])
-        late = behind_lag(rows, motion.interval, values.lag)
-        named = dict(zip((one for one in sensitivities if one != "lag"), late[1:], strict=True))
-        if "lag" in sensitivities:
-            read = late[0] if late is not rows else None
-            named["lag"] = lag_slope(response.force, motion.interval, values.lag, read=read)
-        ordered = {one: named[one] for one in sensitivities}
-        return replace(response, force=late[0], sensitivities=ordered)
+        slopes = dict(zip(own, (response.sensitivities[one] for one in wanted), strict=True))
+        return as_read(replace(response, sensitivities=slopes), motion, values, sensitivities)
 
     def start(self, traces: Sequence[Trace], fixed: Mapping[str, float]) -> tuple[Values, ...]:
         """Start from the valves as read off the loops: `damperfit.damper.valve_starts`."""

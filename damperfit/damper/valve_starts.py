@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from damperfit.damper.load_cell import before_load_cell
 from damperfit.damper.network import BLEEDS, BLOW_OFFS
 from damperfit.damper.valve_curves import Side, loop_of, read_valves
 
@@ -32,7 +33,7 @@ _LEAST = 0.1
 _BESIDE_A_PORT = 0.1
 # By how much more a blow-off that lifts further lets through at the highest pressure, in a guess.
 _LIFTED = 0.3
-_PLAY, _LAG, _DRAG, _FRICTION = 3e-4, 5e-3, 10.0, 0.01
+_PLAY, _LAG, _MASS, _DRAG, _FRICTION = 3e-4, 5e-3, 0.5, 10.0, 0.01
 # What few logs tell, where it is freed. A few steps from a turning speed of 1 mm/s do not show one
 # of 18 mm/s, for friction that turns so early hardly changes with it.
 _RARE = {
@@ -110,8 +111,13 @@ def read_strokes(
 
 
 def _loops(damper: ValveDamper, traces: Sequence[Trace]) -> list[Loop]:
+    mass = damper.mounting.moving_mass
+    known = 0.0 if isinstance(mass, str) else float(mass)
     return [
-        loop_of(trace, damper.filled_to(trace.gas_pressure).rest_force(trace.displacement))
+        loop_of(
+            before_load_cell(trace, moving_mass=known),
+            damper.filled_to(trace.gas_pressure).rest_force(trace.displacement),
+        )
         for trace in traces
     ]
 
@@ -144,6 +150,7 @@ def _general(
         "k_s": float(np.clip(stiffness, *_STIFFNESS)),
         "play": _PLAY,
         "lag": _LAG,
+        "moving_mass": _MASS,
         "drag": _DRAG,
         **_RARE,
     }

@@ -47,8 +47,8 @@ _SHORT = Stopping(cost_tolerance=1e-2, step_tolerance=1e-3, max_evaluations=8, r
 # Quantities that, beside friction, do nothing when they are small; stiffnesses and resistances do
 # when large.
 _VANISHING = (
-    "play", "lag", "drag", "_width", "_lift", "_port", "_leak", "free_gas", "presliding",
-    "breakaway", "seal_area", "turning_speed",
+    "play", "lag", "moving_mass", "drag", "_width", "_lift", "_port", "_leak", "free_gas",
+    "presliding", "breakaway", "seal_area", "turning_speed",
 )  # fmt: skip
 # Of the force's deviation: starts with offsets or frictions that are so far apart are two places.
 _APART = 0.1

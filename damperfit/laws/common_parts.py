@@ -36,7 +36,7 @@ _BLOW_OFFS = {
     "port": "a port behind the blow-off",
 }
 _TURNING = ("presliding", "turning_speed")
-_BESIDE = ("play", "lag", "breakaway", "seal_area")
+_BESIDE = ("play", "lag", "moving_mass", "breakaway", "seal_area")
 _FREED = ("return_slope", "drag", "free_gas")
 
 
@@ -168,7 +168,7 @@ def other_parts(damper: ValveDamper, freed: Sequence[str]) -> Iterator[CommonPar
 
 
 def without_kinds(damper: ValveDamper) -> tuple[ValveDamper, tuple[CommonPart, ...]]:
-    """Return a damper with plain blow-offs, Coulomb's friction and neither play nor lag.
+    """Return a damper with plain blow-offs, Coulomb's friction, without play, lag or moving mass.
 
     Beside it what these had beyond. Numbers that are declared stay: they are no parts that the
     logs may do without.

@@ -7,6 +7,9 @@ from collections import defaultdict
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from damperfit.damper.mounting import NONE
 from damperfit.damper.quantity import FRICTION, STIFFNESS
 from damperfit.damper.valve_dampers import ValveDamper
 from damperfit.identification.sharing import of_settings
@@ -17,12 +20,15 @@ if TYPE_CHECKING:
     from damperfit.damper.model import Model
     from damperfit.laws.judged_laws import LawSearch
     from damperfit.laws.law_fit import LawFit, SettingLogs
+    from damperfit.recording import Stretch
     from damperfit.tested.setting import Setting
 
 __all__ = ["interchangeable_parts", "undecided"]
 
 # Frequencies within this factor of each other are one.
 _ONE_FREQUENCY = 1.25
+# Of the force's deviation: what a kilogram must take at the ends of the strokes to be asked for.
+_FELT = 0.02
 # Of the damper's travel: as far as a test goes.
 _TRAVEL = 0.8
 
@@ -96,6 +102,7 @@ def interchangeable_parts(
         *_of_yielding(search, tests),
         *_of_layouts(search, tests),
         *_of_mounting(fits[0], tests),
+        *_of_moving_mass(fits[0], evidence),
     )
 
 
@@ -152,6 +159,37 @@ def _of_mounting(fit: LawFit, tests: _Tests) -> Iterator[str]:
             f"A second speed decides it, at {0.3 * tests.lowest_frequency:.2g} or "
             f"{3.0 * tests.highest_frequency:.3g} Hz beside the {tests.highest_frequency:.3g} Hz."
         )
+    if "moving_mass" in fit.free and tests.has_one_frequency:
+        yield (
+            "Whether a mass moves with the load cell or the gas spring is softer: at one frequency "
+            "they look alike. Weighing the mass decides it, or a second speed, at "
+            f"{0.3 * tests.lowest_frequency:.2g} Hz."
+        )
+
+
+def _of_moving_mass(fit: LawFit, evidence: Sequence[SettingLogs]) -> Iterator[str]:
+    if not isinstance(fit.model, ValveDamper) or fit.model.mounting.moving_mass != NONE:
+        return
+    felt = [
+        (_a_kilogram(part) / float(np.std(log.force[part.window])), part)
+        for one in evidence
+        for log in one.fitted
+        for part in log.stretches
+        if part.kind == "steady"
+    ]
+    share, part = max(felt, key=lambda one: one[0], default=(0.0, None))
+    if part is not None and share > _FELT:
+        yield (
+            f"Which mass moves between load cell and damper: at {part.frequency:.3g} Hz a kilogram "
+            f"takes {_a_kilogram(part):.2g} N at the ends of the stroke, and may pass for a lag, "
+            "friction or a blow-off. A pair of scales decides it (damper.mounting.moving_mass); "
+            "at the end that does not move there is none."
+        )
+
+
+def _a_kilogram(part: Stretch) -> float:
+    """What a kilogram takes at the ends of a stroke, N."""
+    return (2.0 * math.pi * part.frequency) ** 2 * part.amplitude
 
 
 def _of_quantities(fits: Sequence[LawFit], tests: _Tests) -> Iterator[str]:
@@ -188,6 +226,7 @@ def _asked(fit: LawFit, name: str, tests: _Tests) -> tuple[str, str] | None:
         "k_s": ("how much the mounting gives", bar),
         "play": ("how much play there is", bar),
         "lag": ("how late the force is", tests.faster),
+        "moving_mass": ("which mass moves with the load cell", tests.faster),
         "drag": ("the drag of the seals", tests.slower),
         "presliding": ("over which distance friction builds up", "a stroke of 1 mm at low speed"),
         "breakaway": ("how much larger friction is at rest", tests.slower),

@@ -10,7 +10,7 @@
     4  what is left over is offered to further parts, kinds of blow-offs to both strokes and then to
        each by itself (`strokes`): soft oil, gas in it, returns, rounding, ports,
        friction that drags, builds up, turns within a speed, falls with it or grows with the
-       pressure; to play and lag too, if a wrong valley had them taken out
+       pressure; a mass that moves; play and lag too, if a wrong valley had them taken out
     5  what is left is tried in the other layouts too: those that do as well cannot be told apart,
        and of those that nothing tells apart the most usual is taken
     6  where the logs yield before they slide, models that yield are held against the valves

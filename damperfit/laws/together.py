@@ -6,8 +6,8 @@ law is fitted once as one model, and where that leaves something it is offered w
 
     1  the law as one model; in the other layouts too, for one model tells them better
     2  with everything: a bleed and a blow-off in each stroke, of each blow-off the kind that
-       explains most, bleeds with a laminar part, play, lag, friction beyond Coulomb's, returns,
-       seals' drag, gas in the oil
+       explains most, bleeds with a laminar part, play, lag, moving mass, friction beyond
+       Coulomb's, returns, seals' drag, gas in the oil
     3  without what is not worth its numbers, the loosest first, by the rule of `choosing`, last the
        valves that it came with; what stays need not gain a factor of 1.5 by itself
     4  with friction that turns in another way, if that explains what is left beside these

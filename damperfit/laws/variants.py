@@ -62,19 +62,26 @@ LACKING = {
 PARTS = {
     "play": ("mounting", ("play",), "play"),
     "lag": ("mounting", ("lag",), "a lag of the force"),
+    "moving_mass": ("mounting", ("moving_mass",), "a mass that moves with the load cell"),
     "presliding": ("friction", ("presliding",), "friction that builds up over a distance"),
     "breakaway": ("friction", ("breakaway", "stribeck_speed"), "friction that is larger at rest"),
     "seal_area": ("friction", ("seal_area",), "friction by the pressure on the seal"),
     "turning_speed": ("friction", ("turning_speed",), "friction that turns within a speed"),
 }
+_NOT_AT_FIRST = {"moving_mass"}
 # Friction turns over a distance or within a speed.
 _TURNS = {"presliding": "turning_speed", "turning_speed": "presliding"}
 
 
 def everything(declared: Mounting) -> Mounting:
-    """All that a mounting may have is fitted; what was measured stays."""
-    wanted = {one.name: getattr(declared, one.name) for one in dataclasses.fields(declared)}
-    return Mounting(**{k: FIT if isinstance(v, str) else v for k, v in wanted.items()})
+    """All that a mounting may have is fitted; what was measured stays.
+
+    A moving mass is not: it is nothing at low frequencies, and a gas spring's likeness at one.
+    """
+    names = (one.name for one in dataclasses.fields(declared) if one.name not in _NOT_AT_FIRST)
+    known = {name: getattr(declared, name) for name in names}
+    fitted = {name: FIT for name, value in known.items() if isinstance(value, str)}
+    return dataclasses.replace(declared, **fitted)
 
 
 def with_parts(damper: ValveDamper, valve: Valve, mounting: Mounting) -> ValveDamper:
@@ -250,5 +257,6 @@ def _of_rig(mounting: Mounting) -> str:
         ("elastic mounting", mounting.series_stiffness),
         ("play", mounting.play),
         ("lag", mounting.lag),
+        ("moving mass", mounting.moving_mass),
     )
     return ", ".join(word for word, kind in parts if kind != NONE) or "rigid mounting"

@@ -52,6 +52,8 @@ class AdjusterResults:
         What was missing or damaged in the folder.
     forces : tuple of SpeedForces
         As measured, at the motion of the tests.
+    notes : tuple of str
+        What is so, and nothing to mend in the folder.
     """
 
     stages: tuple[Stage, ...]
@@ -61,6 +63,7 @@ class AdjusterResults:
     solver: SolverOptions
     remarks: tuple[str, ...]
     forces: tuple[SpeedForces, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 def read_adjuster_results(
@@ -124,7 +127,8 @@ def adjuster_results_in(
     configuration = warmed_to(
         configuration_of_run(folder, config, results.record, remarks), temperature
     )
-    stages = tuple(_stages(results, remarks))
+    notes: list[str] = []
+    stages = tuple(_stages(results, remarks, notes))
     if not stages:
         why = f" ({'; '.join(results.remarks)})" if results.remarks else ""
         raise ConfigurationError(
@@ -146,6 +150,7 @@ def adjuster_results_in(
         configuration.simulation.solver,
         tuple(remarks),
         tuple(_forces(results.record)),
+        tuple(notes),
     )
 
 
@@ -158,7 +163,7 @@ def _forces(record: Mapping[str, Any]) -> Iterator[SpeedForces]:
             yield one
 
 
-def _stages(results: Results, remarks: list[str]) -> Iterator[Stage]:
+def _stages(results: Results, remarks: list[str], notes: list[str]) -> Iterator[Stage]:
     rows, quantities = results.parameters, results.quantities
     entries = results.record.get("uncertainty")
     known = {
@@ -166,7 +171,7 @@ def _stages(results: Results, remarks: list[str]) -> Iterator[Stage]:
         for entry in (entries if isinstance(entries, list) else ())
         if isinstance(entry, dict) and "setting" in entry
     }
-    without = []
+    without, unsettled = [], []
     for row in sorted(rows, key=lambda row: Setting.of(row["setting"])):
         values = [one.default if row[one.name] is None else row[one.name] for one in quantities]
         numbers = [one for one in values if one is not None]
@@ -174,10 +179,17 @@ def _stages(results: Results, remarks: list[str]) -> Iterator[Stage]:
             continue
         setting, parameters = Setting.of(row["setting"]), values_from(quantities, numbers)
         try:
-            yield _stage(setting, parameters, row, known[setting.cell])
+            stage = _stage(setting, parameters, row, known[setting.cell])
         except (KeyError, TypeError, ValueError):
             without.append(setting)
-            yield Stage(setting, parameters)
+            stage = Stage(setting, parameters)
+        else:
+            unsettled += [setting] if stage.covariance is None else []
+        yield stage
+    if unsettled:
+        notes.append(
+            f"the fit met no minimum at {of_settings(unsettled)}: the forces there have no interval"
+        )
     if without:
         which = "all settings" if len(without) == len(rows) else of_settings(without)
         remarks.append(

@@ -179,6 +179,7 @@ def tabulate_forces(
         wanted = tuple(which_setting(mine, question.force, line=line) for line in lines)
     changes = clicks(credible, adjuster.damper)
     notes = (
+        *adjuster.notes,
         *notes_on_settings(adjuster.damper, adjuster.stages),
         *_cavitation_notes(adjuster, found),
         *_measured_notes(credible),

@@ -35,7 +35,7 @@ def notes_on_simulation(damper: Model, values: Values) -> Iterator[str]:
 
 
 def _mounting(values: Values) -> list[str]:
-    """Series stiffness, play and lag, as far as the model has them."""
+    """Series stiffness, play, lag and moving mass, as far as the model has them."""
     return [one.label for one in values.quantities if one.scope == RIG]
 
 

@@ -33,7 +33,12 @@ _DIMENSIONS = {
     "piston_diameter": "the bore",
     "gas_pressure": "the gas pressure",
 }
-_OF_RIG = {"k_s": "elasticity", "play": "play", "lag": "the lag of the force"}
+_OF_RIG = {
+    "k_s": "elasticity",
+    "play": "play",
+    "lag": "the lag of the force",
+    "moving_mass": "the moving mass",
+}
 
 
 def declared_dimensions(

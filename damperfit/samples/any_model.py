@@ -34,8 +34,8 @@ _OPENS, _THROUGH_BLEED = 0.4, 0.5  # of the highest pressure; of the flow there
 _OF_GAS = 0.6
 _BESIDE = {
     "k_e": 9e8, "f_f": 20.0, "f_0": -10.0, "k_s": 4e5, "play": 5e-4, "lag": 8e-3,
-    "presliding": 5e-5, "breakaway": 15.0, "stribeck_speed": 0.02, "seal_area": 3e-6,
-    "turning_speed": 2e-3,
+    "moving_mass": 0.5, "presliding": 5e-5, "breakaway": 15.0, "stribeck_speed": 0.02,
+    "seal_area": 3e-6, "turning_speed": 2e-3,
 }  # fmt: skip
 
 

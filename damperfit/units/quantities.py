@@ -140,6 +140,7 @@ _TABLE: dict[str, dict[str, float | tuple[float, float]]] = {
         "cm/s cm_per_s cm_s": 1e-2,
         "in/s in_per_s in_s": _INCH,
     },
+    "mass": {"kg": 1.0, "lb lbm": _POUND},
     "density": {"kg/m3 kg/m^3 kg/m³": 1.0, "g/cm3 g/cm^3 g/cm³": 1e3},
     "area": {"m2 m^2 m²": 1.0, "cm2 cm^2 cm²": 1e-4, "mm2 mm^2 mm²": 1e-6},
     "volume": {"m3 m^3 m³": 1.0, "l L": 1e-3, "cm3 cm^3 cm³ ml cc": 1e-6},
@@ -197,7 +198,7 @@ def find_unit(name: str, dimension: str) -> Unit:
         As in "mm" or "°C"; case matters.
     dimension : str
         "length", "force", "time", "pressure", "absolute pressure", "frequency", "temperature",
-        "velocity", "density", "volume", "stiffness" or "voltage".
+        "velocity", "mass", "density", "volume", "stiffness" or "voltage".
 
     Raises
     ------

@@ -291,6 +291,19 @@ def test_motions_within_five_per_cent_of_the_fastest_are_as_fast(speed, is_near)
     assert (fastest_sine(motions).amplitude == 0.016) is is_near
 
 
+@pytest.mark.parametrize(("stroke", "expected"), [(0.0209, 0.02045), (0.0211, 0.02)])
+def test_strokes_within_five_per_cent_are_one(stroke, expected) -> None:
+    motions = [(0.02, 2.4, 0.3), (stroke, 2.4, 0.3)]
+    assert fastest_sine(motions).amplitude == pytest.approx(expected)
+
+
+def test_of_tests_at_one_speed_and_several_strokes_one_that_was_run_stands_for_all() -> None:
+    """5.5 mm at 10 Hz beside 9 mm at 6 Hz were told as "the test's sine of 7.25 mm at 8 Hz"."""
+    run = [(0.0055, 10.0, 0.3456), (0.009, 6.0, 0.3393), (0.015, 3.0, 0.2827)]
+    found = fastest_sine(run)
+    assert (found.amplitude, found.frequency, found.was_run) == (0.0055, 10.0, True)
+
+
 @pytest.mark.parametrize(("off", "is_sine"), [(1.095, True), (1.105, False), (0.905, True)])
 def test_a_motion_is_a_sine_within_a_tenth_of_its_frequency(off, is_sine) -> None:
     frequency = 0.3 / (2.0 * np.pi * 0.032)

@@ -123,6 +123,7 @@ def test_a_mistake_in_a_file_is_told_with_its_line_also_where_values_meet(tmp_pa
     for text, says in (
         ("[identification]\nprocedure = 'papre'\n", "mine.toml:2: identification.procedure: no "),
         ("[output]\n\nchecks = ['nothing']\n", "mine.toml:3: output.checks: no check"),
+        ("[output]\n\nchecks = ['-nope']\n", "mine.toml:3: output.checks: no check '-nope'"),
         ("[damper]\npiston_diameter = '18mm'\n", "mine.toml:2: damper.rod_diameter: expected less"),
         (
             "[identification]\nfree = ['k_e']\nfix = {k_e = 1e9}\n",

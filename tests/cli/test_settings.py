@@ -285,6 +285,9 @@ def test_a_setting_without_a_minimum_has_no_interval_of_shared_values(run, folde
     rewrite(folder, uncertainty=entries)
     ended = run("settings", folder, "--velocity", "0.2", "--json")
     assert ended.code == 0
+    note = "the fit met no minimum at setting 2: the forces there have no interval"
+    assert f"note: {note}\n" in ended.err
+    assert note in json.loads(ended.out)["notes"]
     forces = json.loads(ended.out)["forces"]
     assert {row["setting"] for row in forces if row["force_se_N"] is None} == {2}
 

@@ -52,7 +52,7 @@ SPELLED = {
         True,
     ),
 }  # fmt: skip
-ALL = Mounting("fit", "fit", "fit")
+ALL = Mounting("fit", "fit", "fit", "fit")
 
 
 def both(name):

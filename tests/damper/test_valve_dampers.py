@@ -16,13 +16,13 @@ from damperfit.errors import ConfigurationError
 from damperfit.recording import Drive, FilterDesign, Stretch, Trace
 from damperfit.simulation import SolverOptions, simulate, sine_motion
 
-ALL = Mounting("fit", "fit", "fit")
+ALL = Mounting("fit", "fit", "fit", "fit")
 VALVES = {
     "rebound_bleed": 5e4, "rebound_opening": 4.5e5, "rebound_slope": 5e6,
     "compression_bleed": 4e4, "compression_opening": 3.6e5, "compression_slope": 4e6,
     "f_f": 20.0, "f_0": -12.0,
 }  # fmt: skip
-HELD = {"k_s": 4e5, "play": 4e-4, "lag": 6e-3}
+HELD = {"k_s": 4e5, "play": 4e-4, "lag": 6e-3, "moving_mass": 0.8}
 LAYOUTS = pytest.mark.parametrize("kind", [TwinTube, Monotube, ThroughFlow])
 
 
@@ -58,7 +58,9 @@ def test_the_quantities_are_those_of_the_valves_and_the_mounting():
     held = {one.name: one.default for one in ThroughFlow().quantities if one.default is not None}
     gas = {"gas_pressure": 5e5, "gas_volume": 3e-5, "gas_exponent": 1.3}
     assert held == {"return_slope": 2.5e5, **gas, "k_e": 1e9, "free_gas": 0.0, "drag": 0.0}
-    assert ThroughFlow(mounting=ALL).names[-5:] == ("drag", "k_s", "play", "lag", "f_0")
+    assert ThroughFlow(mounting=ALL).names[-6:] == (
+        "drag", "k_s", "play", "lag", "moving_mass", "f_0",
+    )  # fmt: skip
     bleeds = Valve("orifice", "none")
     assert TwinTube(rebound=bleeds, compression=bleeds).names[:3] == (
         "rebound_bleed", "compression_bleed", "return_slope",
@@ -72,7 +74,7 @@ def test_the_quantities_are_those_of_the_valves_and_the_mounting():
 
 @LAYOUTS
 def test_without_a_lag_it_is_the_network_and_with_it_the_force_is_late(kind):
-    model = damper(kind, ALL)
+    model = damper(kind, Mounting("fit", "fit", "fit"))
     numbers = {**VALVES, **HELD, "return_slope": 2e5, "k_e": 9e8}
     values = model.values({one: numbers[one] for one in numbers if one in model.names})
     core = {one: number for one, number in numbers.items() if one in model.network.numbers}

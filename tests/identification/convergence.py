@@ -172,13 +172,14 @@ def main() -> None:
     """Print a line for each topology."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--dampers", type=int, default=10, help="of each topology")
+    parser.add_argument("--first", type=int, default=0, help="the first of them")
     parser.add_argument("--starts", type=int, default=20, help="random starts a damper")
     parser.add_argument("--topology", choices=KINDS, action="append")
     parser.add_argument("--play", action="store_true", help="joints with play")
     given = parser.parse_args()
     for kind in given.topology or KINDS:
         outcomes = []
-        for seed in range(given.dampers):
+        for seed in range(given.first, given.first + given.dampers):
             one = run_damper(kind, seed, given.starts, has_play=given.play)
             outcomes.append(one)
             said = f"{kind} {seed}: identify {one.own:.4g} %, best {one.best:.4g} %"

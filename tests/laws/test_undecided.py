@@ -66,6 +66,41 @@ def test_lag_and_elasticity_ask_for_a_second_frequency(second: float, *, is_open
         assert "they look alike. A second speed decides it, at 0.3 or 3.72 Hz" in said[0]
 
 
+def test_a_moving_mass_and_a_softer_gas_spring_ask_for_a_second_frequency() -> None:
+    model = replace(MODEL, mounting=Mounting(NONE, NONE, NONE, FIT))
+    free = tuple(one.name for one in model.quantities if one.default is None)
+    values = model.values({one.name: one.default or 1e5 for one in model.quantities})
+    one = fit(model=model, values=values, free=free)
+    (said,) = told([one], 1.0, 1.24)
+    assert said.startswith("Whether a mass moves with the load cell or the gas spring is softer")
+    assert said.endswith("decides it, or a second speed, at 0.3 Hz.")
+    assert told([one], 1.0, 1.26) == ()
+
+
+def felt(share: float) -> Trace:
+    """A log in which a kilogram takes that share of the force's deviation at its 8 Hz."""
+    one = log(1.0, 8.0)
+    most = (2.0 * np.pi * 8.0) ** 2 * 0.02
+    return replace(one, force=one.force * most / share / np.std(one.force[one.compared]))
+
+
+def test_what_moves_with_the_load_cell_is_asked_for_where_a_kilogram_is_felt() -> None:
+    def asked(share: float, model: TwinTube = MODEL) -> tuple[str, ...]:
+        one = fit(model=model)
+        logs = [SettingLogs(one.setting, (felt(share),))]
+        return interchangeable_parts(LawSearch((), Tried("law", (one,)), 60.0), [one], logs)
+
+    assert asked(0.0199) == ()
+    (said,) = asked(0.0201)
+    assert said == (
+        "Which mass moves between load cell and damper: at 8 Hz a kilogram takes 51 N at the ends "
+        "of the stroke, and may pass for a lag, friction or a blow-off. A pair of scales decides "
+        "it (damper.mounting.moving_mass); at the end that does not move there is none."
+    )
+    weighed = replace(MODEL, mounting=Mounting(FIT, NONE, FIT, 1.2))
+    assert asked(0.5, weighed) == ()
+
+
 def test_an_unopened_blow_off_asks_for_a_faster_test_and_names_its_settings() -> None:
     fits = [fit(1), fit(2, undetermined=("compression_opening", "compression_slope"))]
     (said,) = told(fits, 1.0, 2.0)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
+from damperfit.damper.quantity import RIG
 from damperfit.handover.fmu.exported_damper import FRICTION_BAND
 from damperfit.report.text import printable
 
@@ -37,7 +38,7 @@ def documentation(handed: HandedOver, damper: ExportedDamper) -> bytes:
         tested=_tested(handed),
         mse={place: f"{value:.3g}" for place, value in mse.items() if not math.isnan(value)},
         has_tare=bool(tares),
-        has_rig=bool({"k_s", "play", "lag"} & set(handed.damper.names)),
+        has_rig=any(one.scope == RIG for one in handed.damper.quantities),
         band=f"{1e3 * FRICTION_BAND:g}",
     )
     return text.encode("utf-8", "backslashreplace")

@@ -1,0 +1,119 @@
+"""What moves with the load cell, and the lag behind it, against the laws of both."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from damperfit.damper.load_cell import acceleration, before_load_cell
+from damperfit.damper.mounting import FIT, NONE, Mounting
+from damperfit.damper.valve_dampers import TwinTube
+from damperfit.damper.valve_starts import valve_starts
+from damperfit.errors import ConfigurationError
+from damperfit.samples import any_model
+from damperfit.simulation import SolverOptions, sine_motion, triangle_motion
+from tests import fakes
+
+MOTION = sine_motion(0.009, 6.0, cycles=5, sample_rate=2000)
+BARE = TwinTube(mounting=Mounting(NONE))
+NUMBERS = {
+    "rebound_bleed": 4e4, "rebound_opening": 9e5, "rebound_slope": 1.5e7, "compression_bleed": 9e4,
+    "compression_opening": 1.1e6, "compression_slope": 3.2e7, "f_f": 24.0, "f_0": -12.0,
+}  # fmt: skip
+
+
+def response(mounting: Mounting, motion=MOTION, sensitivities=(), **numbers: float):
+    model = replace(BARE, mounting=mounting)
+    known = (
+        {one.name: 1e9 if one.default is None else one.default for one in model.quantities}
+        | NUMBERS
+        | numbers
+    )
+    values = model.values(known)
+    return model.simulate(values, motion, sensitivities=sensitivities, options=SolverOptions())
+
+
+def test_a_mass_takes_its_acceleration_and_changes_nothing_in_the_damper() -> None:
+    bare, loaded = response(Mounting(NONE)), response(Mounting(NONE, NONE, NONE, 2.0))
+    exact = -2.0 * (2 * np.pi * 6.0) ** 2 * MOTION.displacement
+    np.testing.assert_allclose(loaded.force - bare.force, exact, atol=2e-4 * np.max(exact))
+    np.testing.assert_array_equal(loaded.pressures, bare.pressures)
+
+
+def test_it_takes_no_work_over_a_cycle() -> None:
+    bare, loaded = response(Mounting(NONE)), response(Mounting(NONE, NONE, NONE, 2.0))
+    cycle = slice(-2000 // 6 * 3 - 1, None)
+    work = np.trapezoid((loaded.force - bare.force)[cycle], MOTION.displacement[cycle])
+    assert abs(work) < 1e-3 * np.trapezoid(bare.force[cycle], MOTION.displacement[cycle])
+
+
+def test_the_channel_reads_the_mass_late_too() -> None:
+    late = response(Mounting(NONE, NONE, 0.008, 2.0)).force
+    apart = response(Mounting(NONE, NONE, 0.008)).force
+    t, omega = MOTION.interval * np.arange(len(late)), 2 * np.pi * 6.0
+    lost = np.hypot(1.0, 0.008 * omega)
+    exact = -2.0 * omega**2 * 0.009 * np.sin(omega * t - np.arctan(0.008 * omega)) / lost
+    settled = slice(400, -1)
+    error = (late - apart - exact)[settled]
+    assert np.max(np.abs(error)) < 2e-3 * np.max(exact)
+
+
+def test_the_slopes_are_those_of_differences() -> None:
+    mounting = Mounting(4e5, NONE, FIT, FIT)
+    names = ("moving_mass", "lag", "rebound_bleed")
+    known = {"moving_mass": 1.5, "lag": 0.006, "k_s": 4e5}
+    found = response(mounting, sensitivities=names, **known).sensitivities
+    assert tuple(found) == names
+    for name, step in (("moving_mass", 1e-3), ("lag", 1e-6)):
+        high, low = (
+            response(mounting, **known | {name: known[name] + d}).force for d in (step, -step)
+        )
+        slope = (high - low) / (2 * step)
+        np.testing.assert_allclose(found[name], slope, atol=2e-5 * np.max(np.abs(slope)))
+
+
+def test_a_jump_of_the_speed_keeps_its_momentum() -> None:
+    motion = triangle_motion(0.02, 2.0, cycles=2, sample_rate=1000)
+    found = acceleration(motion.velocity, motion.interval)
+    jump = slice(120, 130)  # a quarter of a cycle is 125 samples
+    assert np.sum(found[jump]) * motion.interval == pytest.approx(-2 * 0.16, rel=1e-9)
+
+
+@pytest.mark.parametrize(("speeds", "expected"), [([0.3], [0.0]), ([0.0, 0.2], [2.0, 2.0])])
+def test_as_few_samples_as_a_motion_may_have(speeds, expected) -> None:
+    np.testing.assert_allclose(acceleration(np.array(speeds), 0.1), expected)
+
+
+def test_a_log_before_its_load_cell_is_what_the_damper_had() -> None:
+    log = fakes.trace(1)
+    assert before_load_cell(log) is log
+    loaded = replace(log, force=log.force + 1.5 * acceleration(log.velocity, log.interval))
+    np.testing.assert_allclose(
+        before_load_cell(loaded, moving_mass=1.5).force, log.force, atol=1e-9
+    )
+    early = before_load_cell(log, lag=0.01).force
+    np.testing.assert_allclose(early, log.force + 0.01 * np.gradient(log.force, log.interval))
+
+
+def test_a_mass_that_was_weighed_is_taken_off_before_valves_are_read() -> None:
+    log = fakes.trace(1)
+    loaded = replace(log, force=log.force + 3.0 * acceleration(log.velocity, log.interval))
+    weighed = replace(BARE, mounting=Mounting(NONE, NONE, NONE, 3.0))
+    for one, other in zip(
+        valve_starts(BARE, [log], {}), valve_starts(weighed, [loaded], {}), strict=True
+    ):
+        own = [getattr(other, name) for name in one.names]
+        np.testing.assert_allclose(own, one.numbers, rtol=1e-6)
+
+
+@pytest.mark.parametrize("wrong", [0.0, -1.0, float("nan"), True, "heavy"])
+def test_what_is_no_mass_is_refused(wrong) -> None:
+    with pytest.raises(ConfigurationError, match="moving_mass: found"):
+        Mounting(moving_mass=wrong)
+
+
+def test_made_up_logs_of_any_model_have_one() -> None:
+    model = TwinTube(mounting=Mounting(FIT, NONE, NONE, FIT))
+    assert any_model.made_up_values(model, 1, 1.0).moving_mass > 0.0
