@@ -249,10 +249,10 @@ static int run_plain(const job *t, const df_motion *motion, const cut *at, parts
 /* A number of the body, or of one passage that does no more than scale the flow; 0: neither. */
 static int carried_number(const df_network *q, int place, carried *one)
 {
-    const df_touch *touch = &q->plan.touches[q->plan.touched[place]];
     one->place = place;
-    if (place < DF_FIRST_PASSAGE_NUMBER)
+    if (place < DF_FIRST_PASSAGE_NUMBER || place >= q->n_numbers)
         return place == DF_NUMBER_K || place == DF_NUMBER_P_0 || place == DF_NUMBER_GAMMA;
+    const df_touch *touch = &q->plan.touches[q->plan.touched[place]];
     one->way = touch->way;
     for (int i = 0; i < 2; i++)
         one->rate[i] = q->plan.ways[touch->way].out[i] * touch->times;
