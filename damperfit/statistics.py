@@ -22,6 +22,7 @@ __all__ = [
     "chi_squared_quantile",
     "fisher_chance",
     "fisher_quantile",
+    "largest_of",
     "mean_of",
     "median",
     "percentiles",
@@ -41,6 +42,17 @@ _TINY = 1e-300
 _STEPS = 1000  # a unit of a logarithm each; ten are enough but for chances near none
 _STIRLING_FROM = 50.0  # its next term is below 1e-15
 _FOREVER = 100_000  # terms; a fraction of a million freedoms needs some thousand
+
+
+def largest_of(values: np.ndarray) -> float:
+    """Return the largest size of an array's values, 0 of none; NaN where one is no number.
+
+    Examples
+    --------
+    >>> largest_of(np.array([1.0, -3.0, 2.0]))
+    3.0
+    """
+    return float(np.maximum.reduce(np.abs(values), axis=None)) if values.size else 0.0
 
 
 def mean_of(values: np.ndarray) -> float:

@@ -669,6 +669,7 @@ SURFACE = {
         "chi_squared_quantile",
         "fisher_chance",
         "fisher_quantile",
+        "largest_of",
         "mean_of",
         "median",
         "percentiles",

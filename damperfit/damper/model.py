@@ -90,7 +90,7 @@ class Values:
     @property
     def numbers(self) -> tuple[float, ...]:
         """The numbers, in the same order."""
-        return tuple(getattr(self, one.name) for one in self.quantities)
+        return tuple([getattr(self, name) for name in self.names])
 
     def replace(self, changes: Mapping[str, float] = MappingProxyType({}), **more: float) -> Self:
         """Return the same with some numbers changed.

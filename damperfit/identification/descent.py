@@ -191,7 +191,8 @@ def _ended(misfit: Misfit, start: Values) -> Solution:
         there = _on_cycles(replace(misfit, max_evaluations=misfit.max_evaluations - 1), start)
     except SimulationError:
         return _to_the_end(misfit.whole, start)
-    left = replace(misfit.whole, max_evaluations=max(misfit.max_evaluations - there.evaluations, 1))
+    rest = max(misfit.max_evaluations - there.evaluations, 1)
+    left = replace(misfit, cycles=None, max_evaluations=rest)
     if misfit.cancelled():
         raise FitCancelledError("stopped while a fit was running.")
     ended = None

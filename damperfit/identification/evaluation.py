@@ -13,6 +13,7 @@ from damperfit.errors import SimulationError
 from damperfit.identification.minimiser import Transformation
 from damperfit.identification.model_versus_log import SETTLING
 from damperfit.simulation import motion_of, simulate
+from damperfit.statistics import largest_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -136,13 +137,13 @@ def _on_cycles(
             parameters, misfit.damper, one.motion, sensitivities=misfit.free, options=solver
         )
         rows = one.rows(response)
-        if not float(np.abs(rows).max()) < _WILD:  # "not <" catches NaN too
+        if not largest_of(rows) < _WILD:  # "not <" catches NaN too
             raise SimulationError(_BEYOND)
         last = first + len(one.force)
         np.multiply(rows, scale, out=whole[:, first:last])
         first = last
         oil = response.pressures[:2, -len(one.force) :]
-        if oil.min() <= 0.0:
+        if np.minimum.reduce(oil, axis=None) <= 0.0:
             is_cavitating |= bool(((oil <= 0.0).any(axis=0) & (one.factor > 0.0)).any())
     return whole[0], whole[1:].T, is_cavitating
 
@@ -168,7 +169,8 @@ def with_values(parameters: Values, names: tuple[str, ...], values: FloatArray) 
 
 def n_independent(residuals: FloatArray) -> float:
     """Return how many independent samples residuals are worth: twice their sign changes."""
-    return max(2.0 * float(np.count_nonzero(np.diff(np.signbit(residuals)))), 1.0)
+    signs = np.signbit(residuals)
+    return max(2.0 * float(np.count_nonzero(signs[1:] != signs[:-1])), 1.0)
 
 
 def _refuse_wild(response: Response) -> None:

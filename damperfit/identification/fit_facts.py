@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from damperfit.identification.one_speed import holds_one_speed
 from damperfit.identification.weights import weights
+from damperfit.statistics import variance_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -35,7 +37,8 @@ class FitFacts:
     @cached_property
     def deviation(self) -> float:
         """Standard deviation of all measured forces that are compared, N."""
-        return float(np.std(np.concatenate([one.force[one.compared] for one in self.traces])))
+        forces = [one.force[one.compared] for one in self.traces]
+        return math.sqrt(variance_of(forces[0] if len(forces) == 1 else np.concatenate(forces)))
 
     @cached_property
     def n_samples(self) -> int:

@@ -31,6 +31,7 @@ from damperfit.identification.minimiser import inverse_information
 from damperfit.identification.model_versus_log import compare
 from damperfit.identification.plausible import is_at_edge, is_within
 from damperfit.identification.solution import Solution
+from damperfit.statistics import largest_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -107,16 +108,14 @@ def last_step(misfit: Misfit, there: Solution, *, least_percent: float) -> Solut
     independent = n_independent(residuals)
     if not 100.0 * cost > least_percent:
         return None
-    if gain * independent > _AN_ERROR * cost or not np.max(np.abs(step)) <= _SMALL:
+    if gain * independent > _AN_ERROR * cost or not largest_of(step) <= _SMALL:
         return None
     parameters = with_values(near, free, variables.unpack(variables.pack(values) + step))
     if not is_within(parameters, free):
         return None
     rest = gradient + jacobian.T @ (jacobian @ step)
-    found = _ended(
-        (parameters, cost - gain, jacobian), rest, independent, is_cavitating=pulled.is_cavitating
-    )
-    return replace(found, apart=step)
+    found = (parameters, cost - gain, jacobian)
+    return _ended(found, rest, independent, is_cavitating=pulled.is_cavitating, apart=step)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -149,7 +148,9 @@ def _pulled(misfit: Misfit, parameters: Values) -> _Pulled:
 
 def _back_through(design: FilterDesign, signal: FloatArray) -> FloatArray:
     """Return what the transpose of a filter makes of a signal that is zero at its ends."""
-    if design.is_zero_phase:  # its own transpose, but for the samples that are bridged before it
+    if design.is_zero_phase and not design.bridged:  # its own transpose
+        return apply_filter(design, signal)
+    if design.is_zero_phase:  # but for the samples that are bridged before it
         back = apply_filter(replace(design, bridged=()), signal)
         at = np.array(design.bridged, dtype=np.int64)
         share = 0.5 * back[at]
@@ -261,7 +262,7 @@ def promised_step(
     step = there.promised
     moved = jacobian @ step
     gain, cost = float(moved @ moved), there.mse_percent / 100.0
-    largest, squared = float(np.abs(step).max()), gain * there.n_independent
+    largest, squared = largest_of(step), gain * there.n_independent
     if squared > most * cost or squared * largest**2 > leaves**2 * cost or not largest <= longest:
         return None
     variables = transformation(misfit, free)
@@ -270,13 +271,13 @@ def promised_step(
     if not is_within(parameters, free):
         return None
     rest = there.gradient + jacobian.T @ moved
-    lengths = np.sqrt(np.sum(jacobian**2, axis=0) * cost)
+    lengths = np.sqrt(np.add.reduce(jacobian**2) * cost)
     return replace(
         there,
         parameters=parameters,
         mse_percent=100.0 * (cost - gain),
         gradient=rest,
-        gradient_cosine=float(np.max(np.abs(rest) / np.maximum(lengths, 1e-300))),
+        gradient_cosine=largest_of(rest / np.maximum(lengths, 1e-300)),
     )
 
 
@@ -300,10 +301,11 @@ def _ended(
     independent: float,
     *,
     is_cavitating: bool,
+    apart: FloatArray | None = None,
 ) -> Solution:
     """What one look at the logs has found, with what is left of the gradient."""
     parameters, cost, jacobian = found
-    lengths = np.sqrt(np.sum(jacobian**2, axis=0) * cost)
+    lengths = np.sqrt(np.add.reduce(jacobian**2) * cost)
     return Solution(
         parameters=parameters,
         mse_percent=100.0 * cost,
@@ -311,9 +313,10 @@ def _ended(
         evaluations=1,
         failed_trials=0,
         status=_MET_COST,
-        gradient_cosine=float(np.max(np.abs(gradient) / np.maximum(lengths, 1e-300))),
+        gradient_cosine=largest_of(gradient / np.maximum(lengths, 1e-300)),
         n_independent=independent,
         is_cavitating=is_cavitating,
+        apart=apart,
     )
 
 

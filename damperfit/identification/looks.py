@@ -9,15 +9,16 @@ are looked at closely.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
-
-import numpy as np
 
 from damperfit.errors import FitCancelledError, SimulationError
 from damperfit.identification.evaluation import evaluate, transformation, with_values
 from damperfit.identification.plausible import is_within, kept_within
+from damperfit.statistics import largest_of
 
 if TYPE_CHECKING:
+    import numpy as np
     from numpy.typing import NDArray
 
     from damperfit.damper.model import Values
@@ -103,8 +104,12 @@ class Looks:
             return None
         here, last = self._variables.pack(values), self._last
         self._last = here
-        if last is None or not len(here) or not float(np.abs(here - last).max()) > _FAR:
+        if last is None or not largest_of(here - last) > _FAR:
             return None
+        return self._from_afar
+
+    @cached_property
+    def _from_afar(self) -> Misfit | None:
         cycles = self._misfit.cycles and self._misfit.cycles.from_afar
         if cycles is None:
             return None

@@ -15,6 +15,7 @@ import numpy as np
 from damperfit.errors import SimulationError
 from damperfit.identification.step_solvers import NO_LENGTH, DenseSystem
 from damperfit.identification.trust_region import Stopping, iterate
+from damperfit.statistics import largest_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -125,8 +126,7 @@ class Minimum(Generic[Extra]):
         """Largest cosine between the residuals and a column of the Jacobian; 0 at a minimum."""
         system = self.point.system
         lengths = system.lengths * math.sqrt(self.point.cost)
-        shares = np.abs(system.gradient) / np.maximum(lengths, 1e-300)
-        return float(shares.max()) if shares.size else 0.0
+        return largest_of(system.gradient / np.maximum(lengths, 1e-300))
 
 
 def minimise(
@@ -162,9 +162,10 @@ def minimise(
         with np.errstate(over="ignore", invalid="ignore"):
             cost = float(residuals @ residuals)
             jacobian = slopes * transformation.slopes(values)
-            if not math.isfinite(cost + float(jacobian.sum())):
+            system = DenseSystem(residuals, jacobian)
+            # A number that is none is in every sum after it.
+            if not math.isfinite(cost + float(np.add.reduce(system.triangle, axis=None))):
                 raise SimulationError(f"no finite residuals or derivatives at {values}.")
-        system = DenseSystem(residuals, jacobian)
         return system, DescentPoint(values, residuals, jacobian, cost, system, extra)
 
     ended = iterate(point_at, transformation.pack(start), stopping)

@@ -218,22 +218,18 @@ def _settled(
 ) -> tuple[SettledCycle, float]:
     """A stretch's settled cycle, and its scatter as a sum of weighed squares."""
     starts, n, period, is_aligned = _laid_out(trace, stretch, is_thinned=is_thinned)
-    positions = starts[:-1, None] + np.diff(starts)[:, None] * (np.arange(n) / n)
-    channels = np.stack([trace.drive.displacement, trace.drive.velocity, trace.force])
-    folded = _interpolated(channels, positions)
-    x, v, force = folded.mean(axis=1)
+    (x, v, force), beside = _folded(trace, starts, n)
     power = np.full(n, stretch.n_samples / n)
     if weight is not None:
+        positions = starts[:-1, None] + np.diff(starts)[:, None] * (np.arange(n) / n)
         at = np.clip(np.rint(positions).astype(np.int64) - stretch.first, 0, len(weight) - 1)
         power *= np.mean(weight[at] ** 2, axis=0)
-    beside = folded[2] - force
-    scatter = float(power @ np.einsum("ij,ij->j", beside, beside)) / len(beside)
-    turn = -int(np.argmax(np.abs(x - x.mean())))
-    turned = (np.arange(n) - turn) % n
-    x, v, force, power = x[turned], v[turned], force[turned], power[turned]
+    scatter = float(power @ beside) / stretch.n_cycles
+    turn = -int(np.abs(x - mean_of(x)).argmax())
+    force, power = (np.concatenate([one[-turn:], one[:-turn]]) for one in (force, power))
     interval = trace.interval * period / n
     lead = (n // 2) * math.ceil(SETTLING / (0.5 * n * interval))
-    before = np.arange(-lead, n) % n
+    before = np.arange(-turn - lead, n - turn) % n
     cycle = SettledCycle(
         Motion(
             interval,
@@ -253,6 +249,18 @@ def _settled(
     return cycle, scatter
 
 
+def _folded(trace: Trace, starts: FloatArray, n: int) -> tuple[FloatArray, FloatArray]:
+    """Mean displacement, velocity and force of n samples (3, n); squares of the force beside it."""
+    channels = (trace.drive.displacement, trace.drive.velocity, trace.force)
+    means, beside, room = np.empty((3, n)), np.empty(n), np.empty(len(starts) - 1)
+    compiled_core().fold(
+        *(np.ascontiguousarray(one, dtype=np.float64) for one in channels),
+        np.ascontiguousarray(starts, dtype=np.float64),
+        *(means, beside, room),
+    )
+    return means, beside
+
+
 def _laid_out(
     trace: Trace, stretch: Stretch, *, is_thinned: bool
 ) -> tuple[FloatArray, int, float, bool]:
@@ -263,7 +271,7 @@ def _laid_out(
     starts = stretch.cycle_starts
     counts = np.arange(len(starts)) - 0.5 * stretch.n_cycles
     period = float(counts @ starts) / float(counts @ counts)
-    line = float(starts.mean()) + period * counts
+    line = mean_of(starts) + period * counts
     own = round(period)
     is_aligned = abs(period - own) * stretch.n_cycles < _IN_STEP
     n = (
@@ -294,9 +302,9 @@ def _interpolated(channels: FloatArray, positions: FloatArray) -> FloatArray:
 
 def _crossed(velocity: FloatArray) -> float:
     """Half of what the velocity changes by in a sample at its reversals, on average, m/s."""
-    after = np.roll(velocity, -1)
-    reverses = np.signbit(velocity) != np.signbit(after)
-    return 0.5 * mean_of(np.abs((after - velocity)[reverses]))
+    after = np.append(velocity[1:], velocity[0])
+    at = np.flatnonzero(np.signbit(velocity) != np.signbit(after))
+    return 0.5 * mean_of(np.abs(after[at] - velocity[at]))
 
 
 def _samples(trace: Trace, period: float) -> int:
@@ -313,11 +321,9 @@ def _gain(trace: Trace, period: float, n: int) -> NDArray[np.complex128]:
     # What lies beyond the log's own highest frequency is not in it.
     turn = np.minimum(np.arange(n // 2 + 1) / period, 0.5)
     z = np.exp(-2j * np.pi * turn)
-    over, under = np.ones_like(z), np.ones_like(z)
-    for b0, b1, b2, a0, a1, a2 in design.sections.tolist():
-        over *= b0 + z * (b1 + z * b2)
-        under *= a0 + z * (a1 + z * a2)
-    one_pass = over / under
+    powers = np.array([np.ones_like(z), z, z * z])
+    over, under = np.split(design.sections, 2, axis=1)
+    one_pass = np.multiply.reduce(over @ powers) / np.multiply.reduce(under @ powers)
     return np.asarray(np.abs(one_pass) ** 2 + 0j if design.is_zero_phase else one_pass)
 
 

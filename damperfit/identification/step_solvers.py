@@ -16,10 +16,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cache
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
+
+from damperfit.compiled_core import compiled_core
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -42,8 +43,6 @@ __all__ = [
 NO_LENGTH = 1e-130
 # Singular value of columns of length 1 below which a bordered system takes the shortest step.
 _NOT_SEEN = 1e-10
-# Squares of lengths between these have lost no digit.
-_TINY, _HUGE = 1e-250, 1e250
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -133,7 +132,7 @@ class _DenseSteps:
         self._scale = scale
         self._full: Step | None = None
         self.is_full_rank = bool(
-            len(self._values) == len(scale) and (self._values > NO_LENGTH).all()
+            len(self._values) == len(scale) and (not len(scale) or self._values[-1] > NO_LENGTH)
         )
 
     def step(self, damping: float) -> Step:
@@ -266,19 +265,14 @@ def reduced(residuals: FloatArray, jacobian: FloatArray) -> FloatArray:
         Shape (k + 1, k + 1), of fewer rows where n is less.
     """
     n, k = jacobian.shape
-    rows = np.empty((n, k + 1), order="F")  # as LAPACK has it
-    rows[:, :k] = jacobian
-    rows[:, k] = residuals
+    columns = np.empty((k + 1, n))
+    columns[:k] = jacobian.T
+    columns[k] = residuals
     if n <= k:
-        return _triangle(rows)
-    # With LAPACK's reflections below the diagonal: NumPy's way to cut them off costs as much.
-    packed = np.linalg.qr(rows, mode="raw")[0]
-    return np.asarray(packed[:, : k + 1].T * _upper(k + 1), dtype=np.float64)
-
-
-@cache
-def _upper(n: int) -> FloatArray:
-    return np.triu(np.ones((n, n)))
+        return _triangle(columns.T)
+    triangle = np.empty((k + 1, k + 1))
+    compiled_core().triangle(columns, triangle, k + 1)
+    return triangle
 
 
 def _triangle(rows: FloatArray) -> FloatArray:
@@ -287,13 +281,8 @@ def _triangle(rows: FloatArray) -> FloatArray:
 
 
 def _lengths(rows: FloatArray) -> FloatArray:
-    """Lengths of columns, also where their squares overflow."""
-    squares = np.einsum("ij,ij->j", rows, rows)
-    if squares.size and float(squares.min()) > _TINY and float(squares.max()) < _HUGE:
-        return np.asarray(np.sqrt(squares))
-    largest = np.max(np.abs(rows), axis=0, initial=0.0)
-    largest = np.where(largest > 0.0, largest, 1.0)
-    return np.asarray(largest * np.sqrt(np.sum((rows / largest) ** 2, axis=0)))
+    """Lengths of columns of few rows, also where their squares overflow."""
+    return np.array([math.hypot(*column) for column in rows.T.tolist()])
 
 
 def _inverted(triangles: FloatArray, lengths: FloatArray) -> tuple[FloatArray, bool]:

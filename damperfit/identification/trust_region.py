@@ -18,6 +18,7 @@ import numpy as np
 
 from damperfit.errors import SimulationError
 from damperfit.identification.step_solvers import NO_LENGTH
+from damperfit.statistics import largest_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -41,6 +42,7 @@ _MAX_TRIALS = 10
 _LEAST_RATIO = 1e-4
 _TOO_HIGH = 100.0
 _DWARF = float(np.finfo(np.float64).tiny)
+_LAST_BIT = float(np.finfo(np.float64).eps)
 # How a descent ended, as `scipy.optimize.least_squares` has it.
 _LIMIT, _MET_GRADIENT, _MET_COST, _MET_STEP, _MET_BOTH = 0, 1, 2, 3, 4
 
@@ -185,7 +187,7 @@ class _Course(Generic[Extra]):
         least = max(stopping.least_gain, stopping.least_share * system.cost)
         if least > 0.0 or stopping.near > 0.0 or self.is_ending:
             full = self.steps.step(0.0)
-            if full.effect < least or float(np.abs(full.change).max()) < stopping.near:
+            if full.effect < least or largest_of(full.change) < stopping.near:
                 return _MET_COST
             if self.is_ending and full.length <= stopping.rest * self.size:
                 return _MET_COST
@@ -197,7 +199,7 @@ class _Course(Generic[Extra]):
         while self.evaluations < stopping.max_evaluations:
             pull = _length(self.system.gradient / self.scale)
             self.damping, step = _damped(self.steps, pull, self.radius, self.damping)
-            share = min(1.0, stopping.longest_step / max(float(np.abs(step.change).max()), 1e-300))
+            share = min(1.0, stopping.longest_step / max(largest_of(step.change), 1e-300))
             length = share * step.length
             if self.is_first:
                 self.radius = min(self.radius, length)
@@ -251,10 +253,9 @@ class _Course(Generic[Extra]):
         is_short = self.radius <= self.stopping.step_tolerance * self.size
         if is_flat or is_short:
             return _MET_BOTH if is_flat and is_short else _MET_COST if is_flat else _MET_STEP
-        tolerance = float(np.finfo(np.float64).eps)
-        if abs(fall) <= tolerance and foreseen <= tolerance and ratio <= 2.0:
+        if abs(fall) <= _LAST_BIT and foreseen <= _LAST_BIT and ratio <= 2.0:
             return _MET_COST
-        return _MET_STEP if self.radius <= tolerance * self.size else None
+        return _MET_STEP if self.radius <= _LAST_BIT * self.size else None
 
 
 def _length(vector: FloatArray) -> float:
@@ -270,8 +271,7 @@ def _shrunk(fall: float, slope: float) -> float:
 def _cosine(system: LinearSystem) -> float:
     """Largest cosine between the residuals and a column of the Jacobian."""
     lengths = np.maximum(system.lengths, 1e-300) * math.sqrt(system.cost)
-    shares = np.abs(system.gradient) / np.maximum(lengths, 1e-300)
-    return float(shares.max()) if shares.size else 0.0
+    return largest_of(system.gradient / np.maximum(lengths, 1e-300))
 
 
 def _damped(steps: StepSolver, slope: float, radius: float, damping: float) -> tuple[float, Step]:

@@ -100,14 +100,15 @@ def test_scipys_defaults_ask_for_less() -> None:
 
 
 def test_logarithms_solve_what_is_positive() -> None:
-    # The variables of a damper's fit. MGH09 from its first start runs away in them.
+    # The variables of a damper's fit. MGH09 from its first start runs away in them, and whether it
+    # comes back hangs on last digits.
     failed = []
     for problem in map(load, MODELS):
         for k, start in enumerate(problem.starts):
             if min(start.min(), problem.certified.min()) > 0.0:
                 found: Digits = judge(problem, by_damperfit(problem, start, is_log=True))
                 failed += [(problem.name, k + 1)] if found.parameters < SOLVED else []
-    assert failed == [("MGH09", 1)]
+    assert set(failed) <= {("MGH09", 1)}
 
 
 def test_digits_are_counted_as_nist_does() -> None:

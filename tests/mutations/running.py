@@ -122,7 +122,8 @@ def build_core(folder: Path) -> bool:
     compiler = (sysconfig.get_config_var("CC") or "cc").split()
     include = sysconfig.get_paths()["include"]
     command = [
-        *compiler, "-shared", "-fPIC", "-std=c99", "-O3", "-ffp-contract=off", f"-I{include}",
+        *compiler, "-shared", "-fPIC", "-std=c99", "-O3", "-ffp-contract=off", "-fno-math-errno",
+        f"-I{include}",
         *sources, "-o", str(target), "-lm",
     ]  # fmt: skip
     return subprocess.run(command, capture_output=True, check=False).returncode == 0

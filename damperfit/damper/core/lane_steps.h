@@ -24,7 +24,7 @@ typedef struct {
 } gas_points;
 
 typedef struct {
-    lanes P[3], own[2], gas, fill[2], F[2], J[2][2], D, w[DF_PAIRS], g[DF_PAIRS];
+    lanes P[3], own[2], gas, fill[2], F[2], D, w[DF_PAIRS], g[DF_PAIRS];
 } balances;
 
 typedef struct {
@@ -41,11 +41,19 @@ typedef struct {
     double t_mid, t_old, wish;
 } parts;
 
+/* A number whose slopes are carried: its place, and of a passage's the way, with what a flow there changes by. */
+typedef struct {
+    int place, way;
+    double rate[2];
+} carried;
+
 /* What does not change in a motion. */
 typedef struct {
     const df_network *q;
     const df_options *o;
-    int place[MOST_CARRIED], n_carried;
+    int place[MOST_CARRIED];
+    carried carried[MOST_CARRIED];
+    int n_carried;
 } job;
 
 DF_FOR_EACH_KIND lanes to_root(double S, double eps, lanes w)
@@ -67,10 +75,18 @@ DF_FOR_EACH_KIND int make_room(const df_network *q, lanes x, room *c)
 /* A check, open for D < 0. */
 DF_FOR_EACH_KIND void leak(lanes D, double inverse_R, double eps, lanes *w, lanes *g)
 {
-    const lanes zero = all_of(0.0), u = larger_of(-D, zero), inverse = 1.0 / root_of(u * u + eps * eps);
-    const lanes share = u * inverse, rounded = eps * inverse;
-    *w = -(u * share * inverse_R);
-    *g = share * (1.0 + rounded * rounded) * inverse_R;
+    const lanes u = larger_of(-D, all_of(0.0)), square = u * u + eps * eps, inverse_square = 1.0 / square;
+    const lanes inverse = root_of(square) * inverse_square, straight = u * inverse_R;
+    *w = -(u * straight) * inverse;
+    *g = straight * (1.0 + eps * eps * inverse_square) * inverse;
+}
+
+/* An orifice, open both ways. */
+DF_FOR_EACH_KIND void orifice(lanes D, double inverse_S, double eps, lanes *w, lanes *g)
+{
+    const lanes root = root_of(D * D + eps * eps), second = 1.0 / root, inverse = root_of(root) * second;
+    *w = D * inverse_S * inverse;
+    *g = (0.5 + 0.5 * eps * eps * (second * second)) * inverse_S * inverse;
 }
 
 DF_FOR_EACH_KIND void evaluate_all(const df_network *q, const room *c, const gas_points *gas, const lanes y[2],
@@ -88,20 +104,31 @@ DF_FOR_EACH_KIND void evaluate_all(const df_network *q, const room *c, const gas
         b->P[i] = larger_of(P, zero);
         b->own[i] = pick(P > zero, K * c->inverse[i], zero);
     }
-    const double inverse_S = q->plan.ways[0].inverse_S;
     b->D = b->P[0] - b->P[2];
-    const lanes u = size_of(b->D), inverse = 1.0 / root_of(root_of(u * u + eps * eps)), second = inverse * inverse;
-    b->w[DF_1_3] = with_sign(u * inverse * inverse_S, b->D);
-    b->g[DF_1_3] = inverse * (0.5 + 0.5 * eps * eps * (second * second)) * inverse_S;
+    orifice(b->D, q->plan.ways[0].inverse_S, eps, &b->w[DF_1_3], &b->g[DF_1_3]);
     leak(b->P[0] - b->P[1], q->plan.ways[1].inverse_R, eps, &b->w[DF_1_2], &b->g[DF_1_2]);
     leak(b->P[1] - b->P[2], q->plan.ways[2].inverse_R, eps, &b->w[DF_2_3], &b->g[DF_2_3]);
-    const lanes g13 = b->g[DF_1_3], g12 = b->g[DF_1_2], g23 = b->g[DF_2_3];
     b->F[0] = -(b->w[DF_1_3] + b->w[DF_1_2]);
     b->F[1] = b->w[DF_1_2] - b->w[DF_2_3];
-    b->J[0][0] = -g13 * (b->own[0] - b->gas) - g12 * b->own[0];
-    b->J[0][1] = g13 * b->gas + g12 * b->own[1];
-    b->J[1][0] = g12 * b->own[0] + g23 * b->gas;
-    b->J[1][1] = -g12 * b->own[1] - g23 * (b->own[1] - b->gas);
+}
+
+/* The step of Newton for what a stage leaves, r, by (I - hd J)^-1. The slope of the orifice is known last,
+ * and what waits for it is short. */
+DF_FOR_EACH_KIND void correct(double hd, const lanes r[2], solved *e, lanes by[2])
+{
+    const balances *b = &e->b;
+    const lanes own0 = b->own[0], own1 = b->own[1], gas = b->gas, beside = own0 - gas;
+    const lanes h12 = hd * b->g[DF_1_2], h23 = hd * b->g[DF_2_3], h13 = hd * b->g[DF_1_3];
+    const lanes held11 = 1.0 + h12 * own0, held12 = -(h12 * own1);
+    const lanes a21 = -(h12 * own0 + h23 * gas), a22 = 1.0 + (h12 * own1 + h23 * (own1 - gas));
+    const lanes a11 = held11 + h13 * beside, a12 = held12 - h13 * gas;
+    const lanes det = 1.0 / ((held11 * a22 - held12 * a21) + h13 * (beside * a22 + gas * a21));
+    by[0] = (a22 * r[0] - a12 * r[1]) * det;
+    by[1] = (a11 * r[1] - a21 * r[0]) * det;
+    e->inverse[0][0] = a22 * det;
+    e->inverse[0][1] = -a12 * det;
+    e->inverse[1][0] = -a21 * det;
+    e->inverse[1][1] = a11 * det;
 }
 
 /* y = known + hd F(y) by Newton along the root, each lane until it is done. */
@@ -116,16 +143,11 @@ DF_FOR_EACH_KIND int solve_all(const job *t, const gas_points *gas, double hd, c
     for (int k = 0; k < MOST_LOOKS; k++) {
         evaluate_all(q, &e->c, gas, e->y, b);
         work->newton += DF_LANES;
-        const lanes r0 = known[0] + hd * b->F[0] - e->y[0], r1 = known[1] + hd * b->F[1] - e->y[1];
-        const lanes a11 = 1.0 - hd * b->J[0][0], a12 = -hd * b->J[0][1];
-        const lanes a21 = -hd * b->J[1][0], a22 = 1.0 - hd * b->J[1][1];
-        const lanes det = 1.0 / (a11 * a22 - a12 * a21);
-        e->inverse[0][0] = a22 * det;
-        e->inverse[0][1] = -a12 * det;
-        e->inverse[1][0] = -a21 * det;
-        e->inverse[1][1] = a11 * det;
-        lanes e0 = e->inverse[0][0] * r0 + e->inverse[0][1] * r1;
-        const lanes e1 = e->inverse[1][0] * r0 + e->inverse[1][1] * r1;
+        const lanes r[2] = {known[0] + hd * b->F[0] - e->y[0], known[1] + hd * b->F[1] - e->y[1]};
+        lanes by[2];
+        correct(hd, r, e, by);
+        lanes e0 = by[0];
+        const lanes e1 = by[1];
         const lanes done = least + share * larger_of(size_of(b->D), all_of(q->rounding));
         const marks is_done = (K * e->c.inverse[0] * size_of(e0) <= done) & (K * e->c.inverse[1] * size_of(e1) <= done);
         if (any(~is_done)) {
@@ -178,16 +200,12 @@ DF_FOR_EACH_KIND lanes gas_by(const df_network *q, lanes P, int place)
 }
 
 /* What a number does to the balances, the masses held. */
-DF_FOR_EACH_KIND void by_number(const df_network *q, const balances *b, int place, lanes F[2])
+DF_FOR_EACH_KIND void by_number(const df_network *q, const balances *b, const carried *one, lanes F[2])
 {
-    F[0] = F[1] = all_of(0.0);
+    const int place = one->place;
     if (place >= DF_FIRST_PASSAGE_NUMBER) {
-        for (int k = q->plan.touched[place]; k < q->plan.touched[place + 1]; k++) {
-            const df_touch *touch = &q->plan.touches[k];
-            const lanes w = touch->times * b->w[touch->way];
-            F[0] += q->plan.ways[touch->way].out[0] * w;
-            F[1] += q->plan.ways[touch->way].out[1] * w;
-        }
+        for (int i = 0; i < 2; i++)
+            F[i] = one->rate[i] * b->w[one->way];
         return;
     }
     lanes P[2];
@@ -199,11 +217,11 @@ DF_FOR_EACH_KIND void by_number(const df_network *q, const balances *b, int plac
     F[1] = w12 - b->g[DF_2_3] * (P[1] - gas);
 }
 
-DF_FOR_EACH_KIND void carry_one(const df_network *q, const solved *e, double hd, int place, const lanes past[2],
+DF_FOR_EACH_KIND void carry_one(const df_network *q, const solved *e, double hd, const carried *one, const lanes past[2],
                                 lanes S[2], lanes G[2])
 {
     lanes F[2];
-    by_number(q, &e->b, place, F);
+    by_number(q, &e->b, one, F);
     const lanes r0 = past[0] + hd * F[0], r1 = past[1] + hd * F[1];
     S[0] = e->inverse[0][0] * r0 + e->inverse[0][1] * r1;
     S[1] = e->inverse[1][0] * r0 + e->inverse[1][1] * r1;
@@ -266,10 +284,10 @@ DF_FOR_EACH_KIND int step_all(const job *t, const way *m, double from, double h,
         lanes past[2], S[2], G[2], *mine = p->S[j], *rate = p->G[j];
         for (int i = 0; i < 2; i++)
             past[i] = mine[i] + h * DF_A[1][0] * rate[i];
-        carry_one(q, &mid, hd, t->place[j], past, S, G);
+        carry_one(q, &mid, hd, &t->carried[j], past, S, G);
         for (int i = 0; i < 2; i++)
             past[i] = mine[i] + h * DF_A[2][0] * rate[i] + h * DF_A[2][1] * G[i];
-        carry_one(q, &end, hd, t->place[j], past, mine, rate);
+        carry_one(q, &end, hd, &t->carried[j], past, mine, rate);
     }
     for (int i = 0; i < 2; i++) {
         p->old[i] = p->fill[i];

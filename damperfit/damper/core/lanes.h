@@ -43,22 +43,14 @@ DF_FOR_EACH_KIND lanes all_of(double a)
     return r;
 }
 
-/* Halves, for of four roots at once some compilers make calls. */
-#if defined(__SSE2__)
-#include <emmintrin.h>
+/* One instruction where the compiler need not set errno: -fno-math-errno. */
 DF_FOR_EACH_KIND lanes root_of(lanes a)
 {
-    const __m128d low = _mm_sqrt_pd((__m128d){a[0], a[1]}), high = _mm_sqrt_pd((__m128d){a[2], a[3]});
-    const lanes r = {low[0], low[1], high[0], high[1]};
+    lanes r;
+    for (int l = 0; l < DF_LANES; l++)
+        r[l] = sqrt(a[l]);
     return r;
 }
-#else
-DF_FOR_EACH_KIND lanes root_of(lanes a)
-{
-    const lanes r = {sqrt(a[0]), sqrt(a[1]), sqrt(a[2]), sqrt(a[3])};
-    return r;
-}
-#endif
 
 DF_FOR_EACH_KIND lanes larger_of(lanes a, lanes b)
 {

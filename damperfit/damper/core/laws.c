@@ -14,6 +14,6 @@ int df_gas_expand(const df_gas *gas, double s, df_gas_point *point)
     point->inverse_mass = 1.0 / (gas->rho_0 * gas->V_0 * ratio);
     point->series[0] = gas->P_0 * pow(ratio, -gas->gamma);
     for (int k = 1; k < DF_GAS_TERMS; k++)
-        point->series[k] = point->series[k - 1] * (-gas->gamma - (k - 1)) / k;
+        point->series[k] = point->series[k - 1] * ((-gas->gamma - (k - 1)) / k); /* quotients that wait for nothing */
     return 0;
 }

@@ -3,6 +3,7 @@
 #define Py_LIMITED_API 0x030B0000
 #include <Python.h>
 
+#include "fitting_module.h"
 #include "hysteresis.h"
 #include "network.h"
 #include "network_lanes.h"
@@ -266,6 +267,11 @@ static PyMethodDef METHODS[] = {
     {"sort", df_py_sort, METH_VARARGS, "sort(values, room)\nSorts finite values."},
     {"step", df_py_step, METH_VARARGS,
      "step(order, scratch, bar) -> the step between sorted values that a fiftieth is not above."},
+    {"fold", df_py_fold, METH_VARARGS,
+     "fold(x, v, f, starts, means, beside, room)\n"
+     "Fills the mean cycle of three channels, and squares of the force beside it."},
+    {"triangle", df_py_triangle, METH_VARARGS,
+     "triangle(columns, triangle, width)\nFills R of the columns, which are written over."},
     {"equal_runs", df_py_equal_runs, METH_VARARGS,
      "equal_runs(y, begins, ends, fewest) -> n. Fills runs of equal samples (64-bit integers)."},
     {"read_numbers", df_py_read_numbers, METH_VARARGS,

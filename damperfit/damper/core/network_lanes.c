@@ -101,38 +101,50 @@ DF_FOR_EACH_KIND int advance_all(const job *t, const way *m, parts *p, df_work *
 DF_FOR_EACH_KIND lanes slope_of_oil(const job *t, const parts *p, int j)
 {
     const df_network *q = t->q;
-    const lanes P_1 = p->own[0] * p->S[j][0] + oil_by(q, p->P[0], t->place[j]);
-    const lanes P_2 = p->own[1] * p->S[j][1] + oil_by(q, p->P[1], t->place[j]);
+    const lanes P_1 = p->own[0] * p->S[j][0] + oil_by(q, p->P[0], t->carried[j].place);
+    const lanes P_2 = p->own[1] * p->S[j][1] + oil_by(q, p->P[1], t->carried[j].place);
     return P_1 * q->a_1 - P_2 * q->a_2;
 }
 
-/* A sample of every part that has settled by then and does not go on beyond its own. */
-DF_FOR_EACH_KIND void write_all(const job *t, const df_motion *motion, const parts *p, const cut *at, size_t i,
+/* Friction as a share of f_f: df_friction_share. */
+DF_FOR_EACH_KIND lanes friction_share(lanes v, double band)
+{
+    return pick(size_of(v) >= band, with_sign(all_of(1.0), v), v / band);
+}
+
+/* Puts down sample i of every part, or of one. */
+DF_FOR_EACH_KIND void put(double *row, const cut *at, size_t i, int is_of_all, int one, lanes value)
+{
+    if (is_of_all)
+        for (int l = 0; l < DF_LANES; l++)
+            row[(size_t)l * at->stride + i] = value[l];
+    else
+        row[(size_t)one * at->stride + i] = value[one];
+}
+
+/* A sample of every part that has settled by then and does not go on beyond its own: before that it is the
+ * first part's, if it is asked for, and after that the last one's. */
+DF_FOR_EACH_KIND void write_all(const job *t, const parts *p, const cut *at, size_t i, lanes v, size_t n,
                                 const df_result *r)
 {
     const df_network *q = t->q;
     const double *numbers = q->numbers, band = larger(numbers[DF_NUMBER_TURNING], t->o->dead_band);
-    const lanes oil = p->P[0] * q->a_1 - p->P[1] * q->a_2 + q->rod_force;
-    lanes slopes[MOST_CARRIED];
-    for (int j = 0; j < t->n_carried; j++)
-        slopes[j] = slope_of_oil(t, p, j);
-    for (int l = 0; l < DF_LANES; l++) {
-        const size_t k = (size_t)l * at->stride + i, n = motion->n;
-        if (k < at->asked || (l > 0 && i < at->lead) || (l < DF_LANES - 1 && i >= at->lead + at->stride))
-            continue;
-        const double v = motion->v[k], share = df_friction_share(v, band);
-        r->force[k] = oil[l] + numbers[DF_NUMBER_FRICTION] * share + numbers[DF_NUMBER_DRAG] * v +
-                      numbers[DF_NUMBER_OFFSET];
-        for (int c = 0; c < 3; c++)
-            r->pressures[(size_t)c * n + k] = p->P[c][l];
-        for (int c = 0; c < 2; c++)
-            r->masses[(size_t)c * n + k] = p->y[c][l];
-        for (int j = 0, carried = 0; j < r->n_which; j++) {
-            const int place = r->which[j];
-            r->sensitivities[(size_t)j * n + k] = place == DF_NUMBER_OFFSET     ? 1.0
-                                                  : place == DF_NUMBER_FRICTION ? share
-                                                                                : slopes[carried++][l];
-        }
+    const int is_of_all = i >= at->lead && i < at->lead + at->stride, one = i < at->lead ? 0 : DF_LANES - 1;
+    if (i < at->asked)
+        return;
+    const lanes oil = p->P[0] * q->a_1 - p->P[1] * q->a_2 + q->rod_force, share = friction_share(v, band);
+    put(r->force, at, i, is_of_all, one,
+        oil + numbers[DF_NUMBER_FRICTION] * share + numbers[DF_NUMBER_DRAG] * v + numbers[DF_NUMBER_OFFSET]);
+    for (int c = 0; c < 3; c++)
+        put(r->pressures + (size_t)c * n, at, i, is_of_all, one, p->P[c]);
+    for (int c = 0; c < 2; c++)
+        put(r->masses + (size_t)c * n, at, i, is_of_all, one, p->y[c]);
+    for (int j = 0, carried = 0; j < r->n_which; j++) {
+        const int place = r->which[j];
+        put(r->sensitivities + (size_t)j * n, at, i, is_of_all, one,
+            place == DF_NUMBER_OFFSET     ? all_of(1.0)
+            : place == DF_NUMBER_FRICTION ? share
+                                          : slope_of_oil(t, p, carried++));
     }
 }
 
@@ -146,7 +158,7 @@ static int do_meet(const job *t, const parts *before, const parts *after)
                      fabs(q->a_2 * (after->P[1][l] - before->P[1][l + 1]));
         for (int j = 0; j < t->n_carried; j++) {
             const lanes one = slope_of_oil(t, after, j), other = slope_of_oil(t, before, j);
-            off = larger(off, fabs(q->numbers[t->place[j]] * (one[l] - other[l + 1])));
+            off = larger(off, fabs(q->numbers[t->carried[j].place] * (one[l] - other[l + 1])));
         }
         if (!(off <= least))
             return 0;
@@ -194,7 +206,7 @@ DF_FOR_EACH_KIND int run_parts(const job *t, const df_motion *motion, const cut 
     parts before = *p, after = *p;
     if (!settle_all(t, motion, at, p, work))
         return DF_NOT_IN_PARTS;
-    write_all(t, motion, p, at, at->rough, r);
+    write_all(t, p, at, at->rough, samples(motion->v, at, at->rough), motion->n, r);
     for (size_t i = at->rough + 1; i < at->length; i++) {
         const way m = {samples(motion->x, at, i - 1), samples(motion->x, at, i), samples(motion->v, at, i - 1),
                        samples(motion->v, at, i), motion->interval};
@@ -204,7 +216,7 @@ DF_FOR_EACH_KIND int run_parts(const job *t, const df_motion *motion, const cut 
             before = *p;
         if (i + 1 == at->lead + at->stride)
             after = *p;
-        write_all(t, motion, p, at, i, r);
+        write_all(t, p, at, i, m.v1, motion->n, r);
     }
     return do_meet(t, &before, &after) ? DF_OK : DF_NOT_IN_PARTS;
 }
@@ -234,6 +246,19 @@ static int run_plain(const job *t, const df_motion *motion, const cut *at, parts
     return run_parts(t, motion, at, p, r, work);
 }
 
+/* A number of the body, or of one passage that does no more than scale the flow; 0: neither. */
+static int carried_number(const df_network *q, int place, carried *one)
+{
+    one->place = place;
+    if (place < DF_FIRST_PASSAGE_NUMBER || place >= q->n_numbers)
+        return place == DF_NUMBER_K || place == DF_NUMBER_P_0 || place == DF_NUMBER_GAMMA;
+    const df_touch *touch = &q->plan.touches[q->plan.touched[place]];
+    one->way = touch->way;
+    for (int i = 0; i < 2; i++)
+        one->rate[i] = q->plan.ways[touch->way].out[i] * touch->times;
+    return q->plan.touched[place + 1] - q->plan.touched[place] == 1 && touch->term == DF_OF_FLOW;
+}
+
 /* The paper's passages without an opening, Coulomb's friction, and numbers whose slopes are here. */
 static int is_for_parts(const df_network *q, const df_result *r, job *t)
 {
@@ -249,9 +274,7 @@ static int is_for_parts(const df_network *q, const df_result *r, job *t)
         const int place = r->which[j];
         if (place == DF_NUMBER_OFFSET || place == DF_NUMBER_FRICTION)
             continue;
-        const int is_here = place == DF_NUMBER_K || place == DF_NUMBER_P_0 || place == DF_NUMBER_GAMMA ||
-                            place >= DF_FIRST_PASSAGE_NUMBER;
-        if (!is_here || t->n_carried == MOST_CARRIED)
+        if (t->n_carried == MOST_CARRIED || !carried_number(q, place, &t->carried[t->n_carried]))
             return 0;
         t->place[t->n_carried++] = place;
     }
@@ -314,7 +337,7 @@ int df_simulate_in_parts(df_network *q, const df_options *o, const df_motion *mo
 {
     df_network_state now;
     parts p = {0};
-    job t = {q, o, {0}, 0};
+    job t = {q, o, {0}, {{0, 0, {0.0}}}, 0};
     work->steps = work->rejected = work->newton = 0;
     work->failed_sample = motion->n;
     if (lead < 1 || motion->n_jumps || motion->n < FEWEST_LEADS * lead + DF_LANES || df_plan_network(q) != DF_OK ||

@@ -1,10 +1,11 @@
 /* Filters, spline slopes and interpolation. No allocation, no globals, re-entrant. */
 #include "signals.h"
+#include "taps.h"
 
 #include <math.h>
 
 /* USUAL: sections of a filter of fourth order. */
-enum { TAPS = 8, LAGGED = 4, USUAL = 2 };
+enum { LAGGED = 4, USUAL = 2 };
 
 /* A section with its state, which no signal can lie over in memory. With y = b0 x + z0, z0 = b1 x' - a1 y' + z1 of the sample before, only a product and a
    difference wait for the sample before: p = b1 x' + z1 needs no y'. */
@@ -175,28 +176,10 @@ void df_spline_slopes(size_t n, const double *y, double *slopes, double *scratch
 void df_between(size_t n, size_t n_rows, const double *y, size_t n_at, const double *at,
                 double *values)
 {
-    /* One over the products of the differences of the taps: Lagrange's denominators. */
-    static const double SHARE[TAPS] = {-1.0 / 5040.0, 1.0 / 720.0, -1.0 / 240.0, 1.0 / 144.0,
-                                       -1.0 / 144.0,  1.0 / 240.0, -1.0 / 720.0, 1.0 / 5040.0};
-    const double last = (double)(n - TAPS);
     for (size_t k = 0; k < n_at; k++) {
-        /* The comparisons are written so that a position that is no number ends inside too. */
-        double first = at[k] > TAPS / 2 - 1 ? at[k] - (TAPS / 2 - 1) : 0.0;
-        first = first < last ? (double)(size_t)first : last;
-        double before[TAPS], weight[TAPS], after = 1.0;
-        before[0] = 1.0;
-        for (int tap = 1; tap < TAPS; tap++)
-            before[tap] = before[tap - 1] * (at[k] - first - (tap - 1));
-        for (int tap = TAPS - 1; tap >= 0; tap--) {
-            weight[tap] = SHARE[tap] * before[tap] * after;
-            after *= at[k] - first - tap;
-        }
-        const double *from = y + (size_t)first;
-        for (size_t row = 0; row < n_rows; row++, from += n) {
-            double sum = 0.0;
-            for (int tap = TAPS - 1; tap >= 0; tap--)
-                sum += weight[tap] * from[tap];
-            values[row * n_at + k] = sum;
-        }
+        double weight[DF_TAPS];
+        const double *from = y + df_weigh_taps(n, at[k], weight);
+        for (size_t row = 0; row < n_rows; row++, from += n)
+            values[row * n_at + k] = df_weighed(weight, from);
     }
 }

@@ -56,8 +56,11 @@ _ROUNDING = 1.0
 
 _NETWORK = purdy()
 _PLACES = {name: place for place, name in enumerate(_NETWORK.numbers)}
-_PLACES_OF_VALUES = [_PLACES[one.name] for one in QUANTITIES]
-_PLACES_OF_GAS = [_PLACES[name] for name in ("gas_pressure", "gas_exponent", "gas_volume")]
+_PLACES_OF_ALL = [
+    *(_PLACES[one.name] for one in QUANTITIES),
+    *(_PLACES[name] for name in ("gas_pressure", "gas_exponent", "gas_volume")),
+]
+_NONE = array("d", [0.0] * len(_PLACES))
 _PASSAGES = np.array(
     [
         [p.start, p.end, *(_PLACES.get(name, -1) for name in p.numbers), p.is_two_way]
@@ -86,23 +89,19 @@ def integrate(
         When a state is not finite, a chamber has no volume left, or the step limit is met.
     """
     names = tuple(sensitivities)
-    for name in names:
-        if name not in SENSITIVITY_NAMES:
-            hint = did_you_mean(name, SENSITIVITY_NAMES)
-            known = ", ".join(SENSITIVITY_NAMES)
-            raise SimulationError(f"no sensitivity by {name!r}; there are {known}.{hint}")
+    which = _places_of(names)
     x = np.ascontiguousarray(motion.displacement, dtype=np.float64)
     v = np.ascontiguousarray(motion.velocity, dtype=np.float64)
     jumps = np.ascontiguousarray(motion.jumps, dtype=np.float64)
     n = len(x)
-    which = np.array([_PLACES[name] for name in names], dtype=np.intc)
     # One block: of many the C library gives each back to the system, and its pages come anew.
     block = np.empty((6 + len(names), n))
     pressures, masses, force, rows = block[:3], block[3:5], block[5], block[6:]
     filled = filling(motion, damper.gas_pressure)
-    numbers = np.zeros(len(_PLACES))
-    numbers[_PLACES_OF_VALUES] = values.numbers
-    numbers[_PLACES_OF_GAS] = filled * damper.gas_pressure, damper.gas_exponent, damper.gas_volume
+    numbers = array("d", _NONE)
+    gas = filled * damper.gas_pressure, damper.gas_exponent, damper.gas_volume
+    for place, number in zip(_PLACES_OF_ALL, (*values.numbers, *gas), strict=True):
+        numbers[place] = number
     code, steps, rejected, newton, sample = compiled_core().simulate_network(
         _body(damper), numbers, _PASSAGES, x, v, jumps, which, pressures, masses, force,
         rows, motion.interval, _ROUNDING, False, options.tolerance, options.dead_band,
@@ -113,8 +112,11 @@ def integrate(
         raise SimulationError(describe_ending(code, sample, motion, options))
     if "gas_pressure" in names:
         rows[names.index("gas_pressure")] *= filled
+    time = np.arange(n, dtype=np.float64)
+    time *= motion.interval
+    time += motion.start_time
     return Response(
-        time=motion.start_time + motion.interval * np.arange(n, dtype=np.float64),
+        time=time,
         displacement=x,
         velocity=v,
         force=force,
@@ -125,7 +127,18 @@ def integrate(
     )
 
 
-# A fit asks for it at every simulation.
+# A fit asks for both at every simulation.
+@lru_cache(maxsize=64)
+def _places_of(names: tuple[str, ...]) -> array[int]:
+    """Where the sensitivities' numbers are among the network's."""
+    for name in names:
+        if name not in SENSITIVITY_NAMES:
+            hint = did_you_mean(name, SENSITIVITY_NAMES)
+            known = ", ".join(SENSITIVITY_NAMES)
+            raise SimulationError(f"no sensitivity by {name!r}; there are {known}.{hint}")
+    return array("i", [_PLACES[name] for name in names])
+
+
 @lru_cache(maxsize=64)
 def _body(damper: Damper) -> bytes:
     """The order of `df_network` in network.h."""

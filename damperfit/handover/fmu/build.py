@@ -30,7 +30,10 @@ if TYPE_CHECKING:
 __all__ = ["build", "main"]
 
 # As the core itself is compiled: the same numbers on every machine.
-_OPTIONS = ("-std=c99", "-O3", "-ffp-contract=off", "-fvisibility=hidden", "-fPIC", "-shared")
+_OPTIONS = (
+    *("-std=c99", "-O3", "-ffp-contract=off", "-fno-math-errno"),
+    *("-fvisibility=hidden", "-fPIC", "-shared"),
+)
 # Zig tunes for the CPU at hand and traps undefined behaviour unless told otherwise.
 _ORDINARY = ("-mcpu=baseline", "-fno-sanitize=undefined", "-DNDEBUG", "-s")
 

@@ -1,0 +1,26 @@
+/* What a fit asks at every look: the mean cycle of a log, the triangle of a Jacobian. */
+#ifndef DAMPERFIT_FITTING_H
+#define DAMPERFIT_FITTING_H
+
+#include <stddef.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+enum { DF_FOLDED = 3 };
+
+/* Displacement, velocity and force, n >= 8 samples, at as many places of each cycle, laid over each other
+   through the eight samples around each. starts: n_cycles + 1, fractional samples. means: 3 x n_phases;
+   beside: squares of the force less its mean, summed over the cycles; room: n_cycles. */
+void df_fold(size_t n, const double *const y[DF_FOLDED], size_t n_cycles, const double *starts, size_t n_phases,
+             double *means, double *beside, double *room);
+
+/* R of columns of n >= width numbers each, by Householder's reflections, zeros below its diagonal.
+   columns: width x n, written over; triangle: width x width. */
+void df_triangle(size_t n, size_t width, double *columns, double *triangle);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,91 @@
+"""The mean cycle and the triangle of the compiled core beside slow twins."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from damperfit.compiled_core import compiled_core
+from damperfit.identification.step_solvers import reduced
+
+FloatArray = NDArray[np.float64]
+RANDOM = np.random.default_rng(20261126)
+
+
+def between(y: FloatArray, at: float) -> float:
+    """By the polynomial through the eight samples around a fractional one, by Lagrange."""
+    first = int(np.clip(np.floor(at) - 3, 0, len(y) - 8))
+    taps = range(first, first + 8)
+    return float(
+        sum(y[i] * np.prod([(at - j) / (i - j) for j in taps if j != i], dtype=float) for i in taps)
+    )
+
+
+@pytest.mark.parametrize("starts", [[0.0, 9.7], [1.3, 10.9, 20.0, 30.4], [-2.0, 12.0, 41.5]])
+def test_the_mean_cycle_is_that_of_the_cycles(starts: list[float]) -> None:
+    channels = RANDOM.normal(size=(3, 40))
+    n, n_cycles = 6, len(starts) - 1
+    means, beside = np.empty((3, n)), np.empty(n)
+    compiled_core().fold(*channels, np.array(starts), means, beside, np.empty(n_cycles))
+    places = [[a + (b - a) * k / n for k in range(n)] for a, b in pairwise(starts)]
+    folded = np.array([[[between(y, at) for at in row] for row in places] for y in channels])
+    assert means == pytest.approx(folded.mean(axis=1), rel=1e-11, abs=1e-11)
+    squares = np.sum((folded[2] - folded[2].mean(axis=0)) ** 2, axis=0)
+    assert beside == pytest.approx(squares, rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize("shape", [(2, 1), (9, 1), (8, 3), (721, 3), (400, 12)])
+def test_the_triangle_is_that_of_lapack(shape: tuple[int, int]) -> None:
+    residuals, jacobian = RANDOM.normal(size=shape[0]), RANDOM.normal(size=shape)
+    twin = np.linalg.qr(np.column_stack([jacobian, residuals]), mode="r")
+    assert reduced(residuals, jacobian) == pytest.approx(twin, rel=1e-12, abs=1e-13)
+
+
+@pytest.mark.parametrize("size", [1e-200, 1e-120, 1.0, 1e120, 1e200])
+def test_a_column_of_any_size_keeps_its_digits(size: float) -> None:
+    residuals, jacobian = RANDOM.normal(size=50), RANDOM.normal(size=(50, 3))
+    twin = reduced(residuals, jacobian)
+    found = reduced(residuals, jacobian * [1.0, size, 1.0])
+    assert found / [1.0, size, 1.0, 1.0] == pytest.approx(twin, rel=1e-12, abs=1e-13)
+
+
+def test_columns_that_nearly_agree_keep_their_difference() -> None:
+    first = RANDOM.normal(size=300)
+    jacobian = np.column_stack([first, first + 1e-9 * RANDOM.normal(size=300)])
+    triangle = reduced(np.zeros(300), jacobian)
+    beside = jacobian[:, 1] - first * (first @ jacobian[:, 1]) / (first @ first)
+    assert abs(triangle[1, 1]) == pytest.approx(np.linalg.norm(beside), rel=1e-6)
+
+
+def test_a_column_of_zeros_stays_one_and_what_is_no_number_is_seen() -> None:
+    jacobian = RANDOM.normal(size=(20, 2))
+    jacobian[:, 0] = 0.0
+    triangle = reduced(np.ones(20), jacobian)
+    assert np.all(triangle[:, 0] == 0.0)
+    assert abs(triangle[0, 1]) <= np.linalg.norm(jacobian[:, 1])
+    for bad in (np.nan, np.inf):
+        for place in (0, 1):
+            jacobian = RANDOM.normal(size=(20, 2))
+            jacobian[7, place] = bad
+            assert not np.isfinite(reduced(np.ones(20), jacobian)[:, :-1]).all()
+
+
+def test_buffers_of_wrong_sizes_are_refused() -> None:
+    core, y, room = compiled_core(), np.zeros(20), np.zeros(2)
+    starts, means, beside = np.array([0.0, 9.0, 18.0]), np.zeros((3, 5)), np.zeros(5)
+    core.fold(y, y, y, starts, means, beside, room)
+    for wrong in (
+        (y[:7], y[:7], y[:7], starts, means, beside, room),
+        (y, y[1:], y, starts, means, beside, room),
+        (y, y, y, starts[:1], means, beside, room[:0]),
+        (y, y, y, starts, means[:2].copy(), beside, room),
+        (y, y, y, starts, means, beside, room[1:]),
+    ):
+        with pytest.raises(ValueError, match="fold: channels of one length"):
+            core.fold(*wrong)
+    for columns, triangle, width in ((y, np.zeros(9), 3), (y[:3], np.zeros(4), 2), (y, room, 0)):
+        with pytest.raises(ValueError, match="triangle: columns of one length"):
+            core.triangle(columns, triangle, width)
