@@ -48,21 +48,16 @@ from damperfit.laws.common_parts import (
     turning_kinds,
     without_kinds,
 )
-from damperfit.laws.elsewhere import had_by
+from damperfit.laws.joint_descents import JointDescents
 from damperfit.laws.judged_laws import JudgedLaw, Together
-from damperfit.laws.law_fit import fit_law
 from damperfit.laws.law_of_all import (
     LawOfAll,
-    as_one_model,
     free_of,
     lost_with,
-    on_whole_logs,
     values_of_less,
-    values_of_more,
 )
 from damperfit.laws.layout_choice import is_told_as_one, said_of_layout
 from damperfit.laws.variants import laid_out_as
-from damperfit.parallel import executor
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -120,7 +115,7 @@ def told_together(  # noqa: PLR0913 - what a run knows of its settings
     return Together(tuple(course.judged), chosen, course.n_eff, course.alike)
 
 
-class _Course:
+class _Course(JointDescents):
     """What has been tried so far."""
 
     def __init__(
@@ -131,8 +126,8 @@ class _Course:
         jobs: int,
         on_law: Callable[[JudgedLaw], None],
     ) -> None:
-        self.evidence = {one.setting: one for one in evidence}
-        self.follows, self.solver, self.jobs, self.on_law = follows, solver, jobs, on_law
+        super().__init__(evidence, follows, solver, jobs)
+        self.on_law = on_law
         self.judged: list[JudgedLaw] = []
         self.n_eff, self.worth = math.nan, dict[str, float]()
         self.alike: tuple[str, ...] = ()
@@ -145,10 +140,6 @@ class _Course:
             JudgedLaw(tried, is_taken, reason, change=f"one model: {change}", **said)
         )
         self.on_law(self.judged[-1])
-
-    def first(self, fits: Sequence[LawFit]) -> LawOfAll:
-        """A law as one model, from its fits at single settings."""
-        return as_one_model(fits, self.evidence, self.follows, self.solver, self.jobs)
 
     def laid_out(self, law: LawOfAll, layouts: Sequence[ValveDamper]) -> LawOfAll:
         """The law in the layout that one model tells."""
@@ -173,20 +164,6 @@ class _Course:
         names = [(one, one.fits[0].model.name) for one in seen if one is not tried]
         self.alike = tuple(name for one, name in names if are_alike(tried, one))
         return best
-
-    def apart(self, damper: ValveDamper, law: LawOfAll) -> list[LawFit]:
-        """Another layout at each setting by itself."""
-        freed = had_by(damper, law.freed)
-
-        def fit(one: SettingLogs) -> LawFit:
-            return fit_law(damper, one, freed=freed, solver=self.solver, is_whole=False)
-
-        with executor(self.jobs) as pool:
-            return list(pool.map(fit, self.evidence.values()))
-
-    def tried(self, law: LawOfAll) -> Tried:
-        """The law at every setting, on the whole logs."""
-        return on_whole_logs(law, self.evidence, self.solver, self.jobs)
 
     def enriched(self, law: LawOfAll, tried: Tried) -> Tried:
         """The law with what one model needs."""
@@ -219,22 +196,6 @@ class _Course:
         )  # fmt: skip
         return best if verdict.takes_larger else tried
 
-    def with_whole_valves(self, core: ValveDamper, law: LawOfAll) -> LawOfAll:
-        """The law with a bleed and a blow-off in each stroke, from starts of its own too.
-
-        A law without them may have put a preload in the place of friction: nothing leads back.
-        """
-        lacking = lacking_parts(core)
-        if not lacking:
-            return law
-        parts = (*lacking, *law.parts)
-        begun = replace(self.begun(*made_of(core, law.freed, parts), law), parts=parts)
-        try:
-            other = replace(self.first(self.apart(begun.damper, law)), parts=parts)
-        except SimulationError:
-            return begun
-        return other if begun.one.cost(other.values) < begun.minimum.point.cost else begun
-
     def with_all(self, core: ValveDamper, law: LawOfAll) -> LawOfAll:
         """The law with all that it may have; of what excludes each other what explains most."""
         offered = lacking_parts(core)
@@ -243,45 +204,6 @@ class _Course:
             offered += self.best_part(core, law, beside, kinds)
         offered += other_parts(law.damper, law.freed)
         return self.with_more(core, law, offered)
-
-    def with_more(self, core: ValveDamper, law: LawOfAll, parts: Sequence[CommonPart]) -> LawOfAll:
-        """The law with some parts, from where it is."""
-        kept = beside_each_other(core, law.own_freed, parts)
-        looked = self.begun(*made_of(core, law.own_freed, kept), law)
-        return replace(looked, minimum=looked.one.descend(looked.values), parts=kept)
-
-    def best_part(
-        self,
-        core: ValveDamper,
-        law: LawOfAll,
-        beside: Sequence[CommonPart],
-        rivals: Sequence[CommonPart],
-    ) -> list[CommonPart]:
-        """That of some parts with which a few steps lead farthest; none where none can be had."""
-        found: list[tuple[float, int]] = []
-        for place, one in enumerate(rivals):
-            damper, freed = made_of(core, law.freed, [*beside, one])
-            if damper == made_of(core, law.freed, beside)[0]:
-                continue
-            try:
-                found.append((self.begun(damper, freed, law).minimum.point.cost, place))
-            except SimulationError:
-                continue
-        return [rivals[min(found)[1]]] if found else []
-
-    def begun(self, damper: ValveDamper, freed: tuple[str, ...], law: LawOfAll) -> LawOfAll:
-        """A few steps from a law, with its new numbers where they start, or small."""
-        free = free_of(damper, freed)
-        one = law.one.of(damper, free, self.follows(damper, free))
-        ends = []
-        for at in values_of_more(law, one, freed, self.evidence):
-            try:
-                ends.append(one.look(one.with_common(at)))
-            except SimulationError:
-                continue
-        if not ends:
-            raise SimulationError(f"{damper.name} cannot be simulated with more parts.")
-        return LawOfAll(damper, freed, one, min(ends, key=lambda end: end.point.cost))
 
     def thinned(
         self, core: ValveDamper, law: LawOfAll, rich: LawOfAll, best: Tried
