@@ -31,6 +31,7 @@ __all__ = [
     "LawOfAll",
     "as_one_model",
     "free_of",
+    "led_back",
     "lost_with",
     "on_whole_logs",
     "values_of_less",
@@ -260,6 +261,30 @@ def values_of_more(
         little = {n: math.sqrt(low * getattr(start, n)) for n, low in absent.items()}
         full[s], small[s] = start.replace(known), start.replace(known | little)
     return full, small
+
+
+def led_back(law: LawOfAll, larger: LawOfAll) -> LawOfAll:
+    """Return a law descended from where a larger one has led, or as it is where that costs less.
+
+    Parameters
+    ----------
+    law : LawOfAll
+        What a larger law was made of.
+    larger : LawOfAll
+        With parts more; what it has no more stays where it is.
+
+    Raises
+    ------
+    SimulationError
+        The law cannot be simulated there.
+    """
+    names = [name for name in law.one.free if name in larger.one.free]
+    at = {
+        setting: values.replace({name: getattr(larger.values[setting], name) for name in names})
+        for setting, values in law.values.items()
+    }
+    end = law.one.descend(law.one.with_common(at))
+    return replace(law, minimum=end) if end.point.cost < law.minimum.point.cost else law
 
 
 def lost_with(less: Tried, more: Tried) -> str:

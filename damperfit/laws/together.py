@@ -53,6 +53,7 @@ from damperfit.laws.judged_laws import JudgedLaw, Together
 from damperfit.laws.law_of_all import (
     LawOfAll,
     free_of,
+    led_back,
     lost_with,
     values_of_less,
 )
@@ -180,8 +181,14 @@ class _Course(JointDescents):
         gain = tried.mse_percent / max(best.mse_percent, 1e-300)
         reason = "what it does not need is taken out again"
         self.record(best, reason, is_taken=False, change="with everything", gain=gain)
+        law, tried = self.led_back(law, tried, rich)
+        if not tried.leaves_something:
+            return tried
         rich, best = self.thinned(core, whole, rich, best)
         rich, best = self.turned(core, whole, rich, best)
+        law, tried = self.led_back(law, tried, rich)
+        if not tried.leaves_something:
+            return tried
         rich, best = self.cheaper(core, law, tried, rich, best)
         change = changed(own, rich.parts)
         if not change:
@@ -195,6 +202,27 @@ class _Course(JointDescents):
             gain=verdict.gain, bic=verdict.bic,
         )  # fmt: skip
         return best if verdict.takes_larger else tried
+
+    def led_back(self, law: LawOfAll, tried: Tried, rich: LawOfAll) -> tuple[LawOfAll, Tried]:
+        """The law itself from where a larger one has led, if that alone leaves less.
+
+        What a larger law explains it does beyond this: else it is taken for its better start.
+        """
+        try:
+            again = led_back(law, rich)
+            if again.minimum.point.cost * _SOMETHING > law.minimum.point.cost:
+                return law, tried
+            one = self.tried(again)
+        except SimulationError:
+            return law, tried
+        gain = tried.mse_percent / max(one.mse_percent, 1e-300)
+        if gain < _SOMETHING or one.left_over > tried.left_over:
+            return law, tried
+        reason = f"MSE {tried.mse_percent:.2g} to {one.mse_percent:.2g} % from a better start"
+        self.record(
+            one, reason, is_taken=True, change="from where a larger law ended", gain=gain
+        )  # fmt: skip
+        return again, one
 
     def with_all(self, core: ValveDamper, law: LawOfAll) -> LawOfAll:
         """The law with all that it may have; of what excludes each other what explains most."""
@@ -210,10 +238,9 @@ class _Course(JointDescents):
     ) -> tuple[LawOfAll, Tried]:
         """Without what is not worth its numbers, the loosest part first."""
         # What single settings have told of is asked last: many others may stand for it together.
-        for part in sorted(rich.by_looseness(core), key=lambda one: one in law.parts):
-            if part in rich.parts:  # a laminar part goes with its bleed
-                found = self.without(core, law, rich, part)
-                rich, best = self.smaller_of(found, rich, best, "without", part)
+        parts = sorted(rich.by_looseness(core), key=lambda one: one in law.parts)
+        rich, best, again = self.without_idle(core, law, rich, best, parts)
+        rich, best, _ = self.without_idle(core, law, rich, best, again)
         for part in idle_parts(core, rich.damper):
             found = self.with_parts(core, law, rich, in_place(core, (), rich.parts, part))
             rich, best = self.smaller_of(found, rich, best, "without", part)
@@ -221,6 +248,28 @@ class _Course(JointDescents):
             found = self.with_parts(core, law, rich, in_place(core, (), rich.parts, part))
             rich, best = self.smaller_of(found, rich, best, "with", part)
         return rich, best
+
+    def without_idle(
+        self, core: ValveDamper, law: LawOfAll, rich: LawOfAll, best: Tried,
+        parts: Sequence[CommonPart],
+    ) -> tuple[LawOfAll, Tried, list[CommonPart]]:  # fmt: skip
+        """Without those of some parts that are not worth their numbers.
+
+        With it those that stayed beside another that went after them: they may have been needed
+        beside that alone.
+        """
+        stayed: list[CommonPart] = []
+        beside: list[CommonPart] = []
+        for part in parts:
+            if part in rich.parts:  # a laminar part goes with its bleed
+                found = self.without(core, law, rich, part)
+                less, tried = self.smaller_of(found, rich, best, "without", part)
+                if less is rich:
+                    stayed.append(part)
+                else:
+                    beside = list(stayed)
+                rich, best = less, tried
+        return rich, best, beside
 
     def turned(
         self, core: ValveDamper, law: LawOfAll, rich: LawOfAll, best: Tried
