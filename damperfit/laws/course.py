@@ -18,6 +18,7 @@ from damperfit.laws.variants import (
     PARTS,
     in_words,
     with_part,
+    without_part,
     words_of,
 )
 from damperfit.parallel import executor
@@ -60,6 +61,7 @@ class Course:
         self.evidence, self.solver, self.elsewhere = evidence, solver, elsewhere
         self.on_law, self.jobs = on_law, jobs
         self.laws: list[JudgedLaw] = []
+        self.more: list[str] = []  # parts that were taken, one after the other
         self.n_eff = math.nan
         self.alike: tuple[str, ...] = ()
         self.held_share, self.also = held_share, ""
@@ -161,13 +163,37 @@ class Course:
             return law
         law = self.no_worse(law, one)
         verdict = judged(one, law, self.n_eff, is_removed=True)
+        asked = self.elsewhere if change in ONE_STROKE else ()
+        return self.smaller_of(one, law, change, verdict, asked)
+
+    def smaller_of(
+        self, one: Tried, law: Tried, change: str, verdict: Verdict, asked: Sequence[SettingLogs]
+    ) -> Tried:
+        """The smaller of two laws where no setting, compared or not, needs the larger."""
         needed = "it lacks a part that is needed: " if verdict.takes_larger else ""
         is_taken, reason = not verdict.takes_larger, f"{needed}{verdict.reason}"
-        asked = self.elsewhere if is_taken and change in ONE_STROKE else ()
-        if why := needed_at(one, law, asked, self.solver):
+        if why := needed_at(one, law, asked if is_taken else (), self.solver):
             is_taken, reason = False, why
         self.record(one, reason, is_taken=is_taken, change=f"without {change}", verdict=verdict)
         return one if is_taken else law
+
+    def without_early(self, law: Tried) -> Tried:
+        """The law without parts that another, taken after them, stands for better.
+
+        A gas volume explains some of what a friction does that has not been offered yet.
+        """
+        for name in dict.fromkeys(self.more[:-1]):
+            damper, freed = valve_damper(law), freed_of(law)
+            model, left = without_part(damper, name), tuple(one for one in freed if one != name)
+            if (model, left) == (damper, freed):
+                continue
+            one = self.fitted(model, freed=left, near=law)
+            if one is None:
+                continue
+            law = self.no_worse(law, one)
+            verdict = judged(one, law, self.n_eff)
+            law = self.smaller_of(one, law, words_of(damper, name), verdict, self.elsewhere)
+        return law
 
     def no_worse(self, large: Tried, small: Tried) -> Tried:
         """The larger of two nested laws, which can fit no worse: if it does, from the smaller."""
@@ -202,6 +228,7 @@ class Course:
                 self.record(one, reason, is_taken=is_taken, change=change, verdict=verdict)
                 if is_taken:
                     best = one
+                    self.more.append(name)
                 elif verdict.gain < _SOMETHING:  # beside another part it may explain the rest
                     left.remove(name)
             if best is None:
