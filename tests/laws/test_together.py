@@ -34,7 +34,7 @@ from damperfit.laws.common_parts import (
 )
 from damperfit.laws.judged_laws import Together
 from damperfit.laws.law_fit import fit_at
-from damperfit.laws.law_of_all import lost_with
+from damperfit.laws.law_of_all import led_back, lost_with
 from damperfit.laws.one_model import OneModel
 from damperfit.laws.variants import BLOW_OFF, BOTH
 from damperfit.recording import Recording
@@ -223,6 +223,7 @@ def test_a_smaller_law_is_taken_that_leaves_no_more(monkeypatch, less, force, is
     best, tried = law(less, force=force), law(0.1, force=10.0)
     for step in ("thinned", "turned", "cheaper"):
         monkeypatch.setattr(steps, step, lambda *_: (rich, best))
+    monkeypatch.setattr(steps, "led_back", lambda *said: said[:2])
     monkeypatch.setattr(steps, "tried", lambda _: best)
     assert steps.enriched(before, tried) is (best if is_taken else tried)
     assert steps.judged[-1].change == "one model: without friction by the pressure on the seal"
@@ -288,6 +289,7 @@ def test_a_law_of_as_many_numbers_is_taken_that_leaves_nothing(
     for step in ("thinned", "turned"):
         monkeypatch.setattr(steps, step, lambda *_: (rich, best))
     monkeypatch.setattr(steps, "without", lambda *_: None)  # asked where all cost too much
+    monkeypatch.setattr(steps, "led_back", lambda *said: said[:2])
     monkeypatch.setattr(steps, "tried", lambda _: best)
     assert steps.enriched(before, tried) is (best if is_taken else tried)
 
@@ -497,6 +499,82 @@ def test_what_single_settings_have_told_of_is_asked_last(monkeypatch) -> None:
     monkeypatch.setattr(steps, "without", lambda *said: asked.append(said[-1].words))
     assert steps.thinned(PLAIN, SimpleNamespace(parts=(own,)), rich, None) == (rich, None)
     assert asked == ["a", "b", "own"]
+
+
+@pytest.mark.parametrize(("going", "asked"), [
+    ("b", ["a", "b", "c", "a"]), ("", ["a", "b", "c"]), ("a", ["a", "b", "c"]),
+    ("bc", ["a", "b", "c", "a"]), ("c", ["a", "b", "c", "a", "b"]),
+])  # fmt: skip
+def test_what_stayed_is_asked_again_without_what_went_after_it(monkeypatch, going, asked) -> None:
+    """A friction that was larger at rest stayed beside a drag of the seals that was not there."""
+    steps, found = together._Course([], follows, SOLVER, 1, lambda _: None), []
+    parts = tuple(SimpleNamespace(words=name, is_less=False) for name in "abc")
+    rich = SimpleNamespace(
+        parts=parts, by_looseness=lambda _: parts,
+        damper=SimpleNamespace(rebound=BOTH, compression=BOTH),
+    )  # fmt: skip
+
+    def without(_core, _law, rich, part):
+        found.append(part.words)
+        left = tuple(one for one in rich.parts if one is not part)
+        return SimpleNamespace(parts=left, damper=rich.damper), None
+
+    def smaller_of(less, rich, best, _word, part):
+        return less if part.words in going else (rich, best)
+
+    monkeypatch.setattr(steps, "without", without)
+    monkeypatch.setattr(steps, "smaller_of", smaller_of)
+    left, _ = steps.thinned(PLAIN, SimpleNamespace(parts=()), rich, None)
+    assert found == asked
+    assert [one.words for one in left.parts] == [one for one in "abc" if one not in going]
+
+
+@pytest.mark.parametrize(("cost", "mse", "force", "is_led"), [
+    (0.9, 0.09, 1.9, True), (0.92, 0.09, 1.9, False), (0.9, 0.092, 1.9, False),
+    (0.9, 0.09, 10.1, False),
+])  # fmt: skip
+def test_a_law_is_gone_on_with_from_where_a_larger_one_has_led(
+    monkeypatch, cost, mse, force, is_led
+) -> None:
+    """By a tenth of what it leaves, of the squares and of the whole logs, and no force is worse."""
+    steps = together._Course([], follows, SOLVER, 1, lambda _: None)
+    before, again = (
+        law_of_all.LawOfAll(PLAIN, (), None, SimpleNamespace(point=SimpleNamespace(cost=left)))
+        for left in (1.0, cost)
+    )
+    tried, one = law(0.1, force=10.0), law(mse, force=force)
+    monkeypatch.setattr(together, "led_back", lambda *_: again)
+    monkeypatch.setattr(steps, "tried", lambda _: one)
+    assert steps.led_back(before, tried, None) == ((again, one) if is_led else (before, tried))
+    assert [said.change for said in steps.judged] == [
+        "one model: from where a larger law ended"
+    ] * is_led
+
+
+def test_a_law_that_cannot_be_simulated_there_stays_where_it_is(monkeypatch) -> None:
+    def refused(*_):
+        raise SimulationError("no")
+
+    steps = together._Course([], follows, SOLVER, 1, lambda _: None)
+    monkeypatch.setattr(together, "led_back", refused)
+    before, tried = object(), law(0.1)
+    assert steps.led_back(before, tried, None) == (before, tried)
+
+
+def test_a_law_is_led_by_what_both_have_free() -> None:
+    """What the larger one has no more stays; what leads nowhere is left."""
+    logs = logs_of(PLAIN)
+    steps = together._Course(logs, follows, SOLVER, 1, lambda _: None)
+    begun = steps.first(apart(logs))
+    wrong = {
+        s: values.replace({"f_f": 80.0, "rebound_slope": 3.0 * values.rebound_slope})
+        for s, values in begun.values.items()
+    }
+    far = replace(begun, minimum=begun.one.look(begun.one.with_common(wrong)))
+    stuck = replace(far, minimum=replace(far.minimum, point=replace(far.minimum.point, cost=1e9)))
+    found = led_back(stuck, begun)
+    assert found.values[AT[0]].f_f == pytest.approx(20.0, rel=0.05)
+    assert led_back(begun, far).minimum.point.cost <= begun.minimum.point.cost
 
 
 def turned(monkeypatch, left: float, found: Tried) -> tuple[str, list[str]]:
