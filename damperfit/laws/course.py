@@ -211,7 +211,12 @@ class Course:
                 return law
             verdicts = {name: judged(law, one, self.n_eff) for name, one in offered}
             better = self.back_from(
-                law, [one for name, one in offered if verdicts[name].gain > GAIN]
+                law,
+                [
+                    one
+                    for name, one in offered
+                    if verdicts[name].gain > GAIN or verdicts[name].takes_larger
+                ],
             )
             if better is not law:
                 law = better
@@ -237,7 +242,10 @@ class Course:
         return law
 
     def back_from(self, law: Tried, larger: Sequence[Tried]) -> Tried:
-        """The law itself from where a larger one got: what it lacks may be a better start alone."""
+        """The law itself from where a larger one got: what it lacks may be a better start alone.
+
+        Of its MSE, or what matters most of what is left, the factor of a larger law must be gone.
+        """
         if not larger:
             return law
         best = min(larger, key=lambda one: one.mse_percent)
@@ -246,7 +254,7 @@ class Course:
             return law
         pairs = zip(law.fits, again.fits, strict=True)
         one = Tried(law.title, tuple(min(two, key=lambda fit: fit.mse_percent) for two in pairs))
-        if one.mse_percent * GAIN > law.mse_percent:
+        if max(law.mse_percent / one.mse_percent, law.left_over / one.left_over) < GAIN:
             return law
         reason = f"MSE {law.mse_percent:.2g} to {one.mse_percent:.2g} % from a better start"
         self.record(one, reason, is_taken=True, change="from where a larger law ended")

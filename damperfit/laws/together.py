@@ -61,7 +61,7 @@ from damperfit.laws.layout_choice import is_told_as_one, said_of_layout
 from damperfit.laws.variants import laid_out_as
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     from damperfit.damper.model import Model
     from damperfit.damper.valve_dampers import ValveDamper
@@ -170,7 +170,7 @@ class _Course(JointDescents):
         """The law with what one model needs."""
         if not tried.leaves_something:
             return tried
-        core, own = without_kinds(law.damper)
+        core, own = without_kinds(law.damper, law.freed)
         law = replace(law, parts=own)
         try:
             whole = self.with_whole_valves(core, law)
@@ -230,7 +230,8 @@ class _Course(JointDescents):
         for kinds in (blow_off_kinds("rebound"), blow_off_kinds("compression"), turning_kinds()):
             beside = [one for one in law.parts if one not in kinds]
             offered += self.best_part(core, law, beside, kinds)
-        offered += other_parts(law.damper, law.freed)
+        offered += other_parts(law.damper, law.own_freed)
+        offered += [one for one in law.parts if one not in offered and one.freed]
         return self.with_more(core, law, offered)
 
     def thinned(
@@ -241,12 +242,21 @@ class _Course(JointDescents):
         parts = sorted(rich.by_looseness(core), key=lambda one: one in law.parts)
         rich, best, again = self.without_idle(core, law, rich, best, parts)
         rich, best, _ = self.without_idle(core, law, rich, best, again)
-        for part in idle_parts(core, rich.damper):
+        rich, best = self.put_in(core, law, rich, best, "without", idle_parts(core, rich.damper))
+        had = rich.damper
+        rich, best = self.put_in(core, law, rich, best, "with", laminar_alone(had))
+        if rich.damper == had:
+            return rich, best
+        return self.put_in(core, law, rich, best, "without", idle_parts(had, rich.damper))
+
+    def put_in(
+        self, core: ValveDamper, law: LawOfAll, rich: LawOfAll, best: Tried, word: str,
+        parts: Iterable[CommonPart],
+    ) -> tuple[LawOfAll, Tried]:  # fmt: skip
+        """With parts in the place of others, where the law is not worse than it was."""
+        for part in parts:
             found = self.with_parts(core, law, rich, in_place(core, (), rich.parts, part))
-            rich, best = self.smaller_of(found, rich, best, "without", part)
-        for part in laminar_alone(rich.damper):
-            found = self.with_parts(core, law, rich, in_place(core, (), rich.parts, part))
-            rich, best = self.smaller_of(found, rich, best, "with", part)
+            rich, best = self.smaller_of(found, rich, best, word, part)
         return rich, best
 
     def without_idle(

@@ -315,13 +315,22 @@ def test_bleeds_of_both_strokes_become_laminar_one_after_the_other(monkeypatch) 
 
     def smaller(_core, _law, _rich, left):
         asked.append([one.words for one in left])
-        return SimpleNamespace(parts=tuple(left)), None
+        return SimpleNamespace(parts=tuple(left), damper=made_of(PLAIN, (), left)[0]), None
+
+    def smaller_of(found, rich, best, word, _part):
+        return found if word == "with" else (rich, best)
 
     monkeypatch.setattr(steps, "with_parts", smaller)
-    monkeypatch.setattr(steps, "smaller_of", lambda found, *_: found)
+    monkeypatch.setattr(steps, "smaller_of", smaller_of)
     steps.thinned(PLAIN, SimpleNamespace(parts=()), rich, None)
+    of_both = ["a laminar part of the bleed in rebound", "a laminar part of the bleed in bump"]
     alone = ["a laminar bleed in rebound", "a laminar bleed in bump"]
-    assert asked == [["a laminar part of the bleed in bump", alone[0]], alone]
+    gone = ["the blow-off in rebound", "the blow-off in bump"]
+    # Beside another kind of bleed a blow-off may be idle, and again beside a laminar one.
+    assert asked == [
+        [*of_both, gone[0]], [*of_both, gone[1]], [of_both[1], alone[0]], alone,
+        [*alone, gone[0]], [*alone, gone[1]],
+    ]  # fmt: skip
 
 
 def test_a_blow_off_may_go_whose_stroke_has_got_a_bleed() -> None:
@@ -330,8 +339,11 @@ def test_a_blow_off_may_go_whose_stroke_has_got_a_bleed() -> None:
     parts = [*lacking_parts(core), *blow_off_kinds("rebound")[:1], *other_parts(PLAIN, ())]
     damper, freed = made_of(core, (), parts)
     assert damper.rebound == Valve("long", "rounded")
-    [gone] = idle_parts(core, damper)
+    gone, in_bump = idle_parts(core, damper)
     assert gone.words == "the blow-off in rebound"
+    assert in_bump.words == "the blow-off in bump"  # whose bleed has become another
+    bled = replace(core, rebound=Valve("orifice", "none"))
+    assert [one.words for one in idle_parts(bled, PLAIN)] == ["the bleed in rebound"]
     left = in_place(core, (), parts, gone)
     assert made_of(core, (), left) == (replace(damper, rebound=Valve("long", "none")), freed)
     assert [one.words for one in parts if one not in left] == [
@@ -675,6 +687,63 @@ def test_a_law_that_cannot_be_simulated_at_all_settings_is_said_to_be_so(monkeyp
     monkeypatch.setattr(OneModel, "descend", refused)
     with pytest.raises(SimulationError, match="at all settings at once"):
         together.told_together(fits, logs, follows, solver=SOLVER, jobs=1)
+
+
+def test_what_single_settings_have_freed_is_asked_for_too() -> None:
+    """Free gas stood for oil that is softer than assumed."""
+    freed = ("free_gas", "gas_volume")
+    core, own = without_kinds(PLAIN, freed)
+    assert core == PLAIN
+    assert [one.freed for one in own] == [("free_gas",), ("gas_volume",)]
+    assert made_of(core, (), own) == (PLAIN, freed)
+    assert without_kinds(PLAIN, ("f_0",)) == (PLAIN, ())
+    steps = together._Course([], follows, SOLVER, 1, lambda _: None)
+    law = law_of_all.LawOfAll(PLAIN, freed, None, None, own)
+    assert law.own_freed == ()
+    steps.best_part = lambda *_: []
+    steps.with_more = lambda _core, _law, parts: parts
+    offered = [one.freed for one in steps.with_all(core, law) if one.freed]
+    assert offered == [("return_slope",), ("drag",), ("free_gas",), ("k_e",), ("gas_volume",)]
+
+
+@pytest.mark.parametrize(("share", "is_both"), [(0.049, True), (0.051, False), (0.5, False),
+    (0.949, False), (0.951, True), (0.0, True), (1.0, True)])  # fmt: skip
+def test_a_bleed_that_is_next_to_nothing_in_one_way_starts_from_both(share, is_both) -> None:
+    """What flows at 10 bar, where the blow-off opens, stays."""
+    flow, opening = 0.02, 1e6
+    long = replace(PLAIN, rebound=Valve("long", "linear"))
+    at = values_at(
+        long, AT[0], rebound_leak=share * opening / flow, rebound_opening=opening,
+        rebound_bleed=math.sqrt((1.0 - share) * opening) / flow,
+    )  # fmt: skip
+    found = law_of_all.with_both_ways(long, at)
+    if not is_both:
+        assert found == at
+        return
+    assert found.rebound_leak * flow == pytest.approx(0.5 * opening)
+    assert (found.rebound_bleed * flow) ** 2 == pytest.approx(0.5 * opening)
+    changed = {"rebound_leak", "rebound_bleed"}
+    assert all(getattr(found, one) == getattr(at, one) for one in {*at.names} - changed)
+    alone = replace(PLAIN, rebound=Valve("long", "none"))  # whose log tells both ways
+    free = alone.values({n: getattr(at, n) for n in alone.names})
+    assert law_of_all.with_both_ways(alone, free) == free
+
+
+def test_one_model_leaves_a_closed_bleed_that_has_lost_its_laminar_half() -> None:
+    """At nothing a number has no slope: no step led back from an orifice."""
+    long = replace(PLAIN, rebound=Valve("long", "linear"))
+    logs = logs_of(long, rebound_leak=1.2e9, rebound_bleed=2e5)
+    free = tuple(one.name for one in long.quantities if one.default is None)
+    fits = [
+        fit_at(
+            LawMisfit(long, one.fitted, free, SOLVER), one,
+            values_at(long, one.setting, rebound_leak=1e3, rebound_bleed=1.2e6), evaluations=1,
+        )
+        for one in logs
+    ]  # fmt: skip
+    steps = together._Course(logs, follows, SOLVER, 1, lambda _: None)
+    found = steps.first(fits).values[AT[0]]
+    assert found.rebound_leak == pytest.approx(1.2e9, rel=0.2)
 
 
 def test_the_returns_are_asked_first() -> None:
