@@ -4,17 +4,20 @@ A law is chosen setting by setting. With one value for all settings of what is t
 shows that hardly moves the MSE of one: what little it explains is the same in all of them. So the
 law is fitted once as one model, and where that leaves something it is offered what a law may have:
 
-    1  the law as one model; in the other layouts too, for one model tells them better
+    1  the law as one model, closed bleeds from both of their ways; in the other layouts too, for
+       one model tells them better
     2  with everything: a bleed and a blow-off in each stroke, of each blow-off the kind that
        explains most, bleeds with a laminar part, play, lag, friction beyond Coulomb's, returns,
        seals' drag, gas in the oil
-    3  without what is not worth its numbers, the loosest first, by the rule of `choosing`, last the
-       valves that it came with; what stays need not gain a factor of 1.5 by itself
+    3  without what is not worth its numbers, the loosest first, by the rule of `choosing`, last
+       what it came with; what stayed is asked again without what went after it, a blow-off beside
+       another kind of bleed; what stays need not gain a factor of 1.5 by itself
     4  with friction that turns in another way, if that explains what is left beside these
-    5  all of it must, and be worth its numbers, or leave nothing with no more: else nothing changes
+    5  all of it must, beyond what the law itself leaves from where these have led, and be worth its
+       numbers, or leave nothing with no more: else nothing changes
 
-At most 50 descents of ten evaluations and 50 to their end, on settled cycles, whatever the number
-of settings; four and three more for each other layout.
+Some 50 descents of ten evaluations and 50 to their end, at most twice as many, on settled cycles,
+whatever the number of settings; five and four more for each other layout.
 """
 
 from __future__ import annotations
