@@ -147,6 +147,12 @@ class Tried:
         """What no setting's logs determine."""
         return set.intersection(*({*one.at_bound, *one.undetermined} for one in self.fits))
 
+    def with_better(self, fits: Sequence[LawFit]) -> Tried:
+        """Return the law with those fits of some settings that leave less."""
+        known = {one.setting: one for one in fits}
+        pairs = ((one, known.get(one.setting, one)) for one in self.fits)
+        return Tried(self.title, tuple(min(two, key=lambda fit: fit.mse_percent) for two in pairs))
+
     @property
     def score(self) -> float:
         """How well it fits and predicts at once; lower is better."""

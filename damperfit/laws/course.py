@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, cast
 
+from damperfit.damper.quantity import STIFFNESS
 from damperfit.errors import SimulationError
 from damperfit.laws.choosing import ENOUGH_PERCENT, GAIN, Tried, Verdict, judged
 from damperfit.laws.elsewhere import freed_of, had_by, lent, needed_at
@@ -42,7 +43,8 @@ _LACKING = 20.0
 _SOMETHING = 1.1
 
 # What a law without it has in a wrong valley, friction taken for a preload or for soft oil, so that
-# a few steps from there show nothing.
+# a few steps from there show nothing. So has the oil's bulk modulus: gas in the oil stands for it
+# where that alone is fitted to its end.
 _HIDDEN = ("lifting", "port", "breakaway", "free_gas")
 
 
@@ -308,7 +310,7 @@ class Course:
             return None
         else:
             freed = (*freed, name)
-        if name in _HIDDEN:
+        if name in _HIDDEN or _is_oil(model, name):
             return self.fitted(model, freed=freed, near=law)
         try:
             seen = [
@@ -326,3 +328,7 @@ class Course:
 def valve_damper(law: Tried) -> ValveDamper:
     """Return the damper of a law that is one of valves."""
     return cast("ValveDamper", law.fits[0].model)
+
+
+def _is_oil(model: ValveDamper, name: str) -> bool:
+    return name in model.names and model.quantity(name).role == STIFFNESS

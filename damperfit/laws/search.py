@@ -230,7 +230,7 @@ class _Search(Course):
                 continue
             fitted = self.fitted(valve_damper(more), freed=freed_of(more), near=law)
             if fitted is not None:
-                law = fitted
+                law = self.crossed(fitted.with_better(more.fits))
                 reason = f"setting {one.setting} needs it"
                 self.record(law, reason, is_taken=True, change="for another setting")
         return law
