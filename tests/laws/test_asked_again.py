@@ -1,4 +1,4 @@
-"""Parts that were taken before another are asked for again beside it."""
+"""What a search has taken is asked for again beside what came after it; what it found is kept."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ import pytest
 
 from damperfit.damper.friction import Friction
 from damperfit.damper.mounting import FIT, Mounting
-from damperfit.laws import course
+from damperfit.laws import SettingLogs, Tried, course, search
 from damperfit.laws.variants import BOTH, without_part
 from damperfit.simulation import SolverOptions
+from damperfit.tested.setting import Setting
 from tests.laws.valve_logs import damper
 
 PLAIN = replace(damper(), rebound=BOTH, compression=BOTH, mounting=Mounting(FIT))
@@ -93,3 +94,47 @@ def test_a_part_that_is_declared_is_no_part_to_do_without() -> None:
     loose = replace(PLAIN, mounting=Mounting(FIT, FIT, FIT))
     assert without_part(loose, "play") == replace(PLAIN, mounting=Mounting(FIT, lag=FIT))
     assert without_part(PLAIN, "gas_volume") == PLAIN
+
+
+@pytest.mark.parametrize(("name", "is_fitted"), [("k_e", True), ("free_gas", True),
+    ("drag", False), ("gas_volume", False)])  # fmt: skip
+def test_oil_is_tried_as_far_as_gas_in_it(monkeypatch, name, is_fitted) -> None:
+    """In a few steps a bulk modulus 6 % lower showed nothing, and gas stood for it."""
+    steps = course.Course([SettingLogs(Setting.of(1), ())], SolverOptions(), lambda _: None, 1)
+    seen = []
+
+    def glimpsed(*_, freed, **__):
+        seen.append(freed)
+        return SimpleNamespace(mse_percent=1.0)
+
+    monkeypatch.setattr(course, "freed_of", lambda one: one.freed)
+    monkeypatch.setattr(course, "glimpsed", glimpsed)
+    monkeypatch.setattr(steps, "fitted", lambda model, **how: law(model, how["freed"]))
+    before = law(PLAIN, ())
+    before.fits[0].free = ()
+    found = steps.offered(before, name)
+    assert found is not None
+    assert seen == ([] if is_fitted else [(name,)])
+    assert not is_fitted or found.freed == (name,)
+
+
+def test_a_law_that_a_setting_needs_keeps_what_it_had_there(monkeypatch) -> None:
+    """From the valley of the smaller law it had ended in another, and the others borrow its own."""
+    one, two = Setting.of(1), Setting.of(2)
+
+    def fit(setting: Setting, mse: float) -> SimpleNamespace:
+        return SimpleNamespace(setting=setting, mse_percent=mse, model=PLAIN, free=())
+
+    logs = [SettingLogs(one, ()), SettingLogs(two, ())]
+    steps = search._Search(logs, SolverOptions(), lambda _: None, 1)
+    alone = Tried("more", (fit(two, 0.001),))
+    asked = [(logs[1], Tried("less", (fit(two, 0.5),))), None]
+    monkeypatch.setattr(search, "worst_missed", lambda *_: asked.pop(0))
+    monkeypatch.setattr(search, "effective_samples", lambda *_: 60.0)
+    monkeypatch.setattr(search._Search, "enriched", lambda *_: alone)
+    again = Tried("more", (fit(one, 0.1), fit(two, 0.4)))
+    monkeypatch.setattr(steps, "fitted", lambda *_, **__: again)
+    monkeypatch.setattr(steps, "crossed", lambda found: Tried("crossed", found.fits))
+    found = steps.grown(Tried("less", (fit(one, 0.6), fit(two, 0.5))), ["drag"])
+    assert found.title == "crossed"
+    assert found.fits == (again.fits[0], alone.fits[0])
