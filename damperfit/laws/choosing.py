@@ -10,7 +10,8 @@ A law with more quantities fits better always. It is taken only where all of the
                                                       or a held-out log by an MSE of 0.2 %
     at less than 0.02 %, for a force or a log alone   that is off by less with it, or what was held
                                                       out is predicted 1.5 times as well; a part of
-                                                      one model that lowers the MSE by 1.5 need not
+                                                      one model need not that lowers the MSE by 1.5,
+                                                      nor where the force is off beyond noise
     not every new part has a quantity at an edge of its range; of a part that a law is asked to do
     without, at the edge at which it does nothing
     what was held out is predicted no worse
@@ -257,7 +258,7 @@ def judged(
     elif (
         not is_removed
         and left <= ENOUGH_PERCENT
-        and (of_one_model is None or gain < GAIN)
+        and (of_one_model is None or (gain < GAIN and not small.surely_misses_a_force))
         and _in_vain(small, large)
     ):
         reason = (
