@@ -9,7 +9,9 @@ A law with more quantities fits better always. It is taken only where all of the
                                                       or a force at a speed is off by more than 1 %,
                                                       or a held-out log by an MSE of 0.2 %
     at less than 0.02 %, for a force or a log alone   that is off by less with it, or what was held
-                                                      out is predicted 1.5 times as well
+                                                      out is predicted 1.5 times as well; a part of
+                                                      one model need not that lowers the MSE by 1.5,
+                                                      nor where the force is off beyond noise
     not every new part has a quantity at an edge of its range; of a part that a law is asked to do
     without, at the edge at which it does nothing
     what was held out is predicted no worse
@@ -147,6 +149,12 @@ class Tried:
         """What no setting's logs determine."""
         return set.intersection(*({*one.at_bound, *one.undetermined} for one in self.fits))
 
+    def with_better(self, fits: Sequence[LawFit]) -> Tried:
+        """Return the law with those fits of some settings that leave less."""
+        known = {one.setting: one for one in fits}
+        pairs = ((one, known.get(one.setting, one)) for one in self.fits)
+        return Tried(self.title, tuple(min(two, key=lambda fit: fit.mse_percent) for two in pairs))
+
     @property
     def score(self) -> float:
         """How well it fits and predicts at once; lower is better."""
@@ -248,9 +256,9 @@ def judged(
             f"{ENOUGH_PERCENT:g} %)"
         )
     elif (
-        of_one_model is None
-        and not is_removed
+        not is_removed
         and left <= ENOUGH_PERCENT
+        and (of_one_model is None or (gain < GAIN and not small.surely_misses_a_force))
         and _in_vain(small, large)
     ):
         reason = (
@@ -285,7 +293,7 @@ def _in_vain(small: Tried, large: Tried) -> bool:
     neither the force at a speed nor what was held out confirms.
     """
     held = small.held_out_percent, large.held_out_percent
-    return large.left_over >= small.left_over and held[0] <= GAIN * held[1]
+    return large.left_over >= small.left_over and not held[0] > GAIN * held[1]  # NaN: none was
 
 
 def times_worse(best: Tried, other: Tried) -> float:

@@ -37,7 +37,7 @@ _BLOW_OFFS = {
 }
 _TURNING = ("presliding", "turning_speed")
 _BESIDE = ("play", "lag", "moving_mass", "breakaway", "seal_area")
-_FREED = ("return_slope", "drag", "free_gas")
+_FREED, _GAS = ("return_slope", "drag", "free_gas"), "gas_volume"
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +105,7 @@ def laminar_alone(damper: ValveDamper) -> Iterator[CommonPart]:
 def idle_parts(core: ValveDamper, damper: ValveDamper) -> Iterator[CommonPart]:
     """Yield what a stroke may do without that has got a bleed to its blow-off, or the reverse.
 
-    The one that it had may have stood for the other.
+    The one that it had may have stood for the other; so may a blow-off for another kind of bleed.
 
     Parameters
     ----------
@@ -116,8 +116,9 @@ def idle_parts(core: ValveDamper, damper: ValveDamper) -> Iterator[CommonPart]:
     """
     for stroke, word in STROKES.items():
         had, has = getattr(core, stroke), getattr(damper, stroke)
-        if NONE in {had.bleed, had.blow_off} and NONE not in {has.bleed, has.blow_off}:
-            words = f"the {'blow-off' if had.bleed == NONE else 'bleed'} in {word}"
+        is_another = had.bleed != has.bleed or had.blow_off == NONE
+        if is_another and NONE not in {has.bleed, has.blow_off}:
+            words = f"the {'bleed' if had.blow_off == NONE else 'blow-off'} in {word}"
             yield CommonPart(words, partial(_without, words=words), is_less=True)
 
 
@@ -160,18 +161,25 @@ def other_parts(damper: ValveDamper, freed: Sequence[str]) -> Iterator[CommonPar
     """
     yield from map(_long, STROKES)
     yield from map(_of_damper, _BESIDE)
-    # Oil that is softer than assumed is told as friction where its own number is held.
-    oil = [one.name for one in damper.quantities if one.role == STIFFNESS]
-    for name in (*_FREED, *oil):
-        if name in damper.names and name not in freed:
-            yield CommonPart(damper.quantity(name).label, _as_it_is, (name,))
+    for name in _may_be_freed(damper):
+        if name not in freed:
+            yield _freed(damper, name)
 
 
-def without_kinds(damper: ValveDamper) -> tuple[ValveDamper, tuple[CommonPart, ...]]:
+def without_kinds(
+    damper: ValveDamper, freed: Sequence[str] = ()
+) -> tuple[ValveDamper, tuple[CommonPart, ...]]:
     """Return a damper with plain blow-offs, Coulomb's friction, without play, lag or moving mass.
 
-    Beside it what these had beyond. Numbers that are declared stay: they are no parts that the
-    logs may do without.
+    Beside it what these had beyond, and what is fitted although it has a default. Numbers that are
+    declared stay: they are no parts that the logs may do without.
+
+    Parameters
+    ----------
+    damper : ValveDamper
+        The law.
+    freed : sequence of str
+        What of it is fitted although it has a default.
     """
     own: list[CommonPart] = []
     for name in (*_TURNING, *_BESIDE):
@@ -186,6 +194,7 @@ def without_kinds(damper: ValveDamper) -> tuple[ValveDamper, tuple[CommonPart, .
         if kind in _BLOW_OFFS:
             own.append(_blow_off(stroke, kind))
             damper = with_kind(damper, stroke, "blow_off", "linear")
+    own += [_freed(damper, name) for name in (*_may_be_freed(damper), _GAS) if name in freed]
     return damper, tuple(own)
 
 
@@ -257,6 +266,16 @@ def _blow_off(stroke: str, kind: str) -> CommonPart:
 def _long(stroke: str) -> CommonPart:
     words = f"a laminar part of the bleed in {STROKES[stroke]}"
     return CommonPart(words, partial(with_kind, stroke=stroke, part="bleed", kind="long"))
+
+
+def _may_be_freed(damper: ValveDamper) -> list[str]:
+    """Oil that is softer than assumed is told as friction where its own number is held."""
+    oil = [one.name for one in damper.quantities if one.role == STIFFNESS]
+    return [name for name in (*_FREED, *oil) if name in damper.names]
+
+
+def _freed(damper: ValveDamper, name: str) -> CommonPart:
+    return CommonPart(damper.quantity(name).label, _as_it_is, (name,))
 
 
 def _of_damper(name: str) -> CommonPart:

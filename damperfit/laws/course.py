@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, cast
 
+from damperfit.damper.quantity import STIFFNESS
 from damperfit.errors import SimulationError
 from damperfit.laws.choosing import ENOUGH_PERCENT, GAIN, Tried, Verdict, judged
 from damperfit.laws.elsewhere import freed_of, had_by, lent, needed_at
@@ -18,6 +19,7 @@ from damperfit.laws.variants import (
     PARTS,
     in_words,
     with_part,
+    without_part,
     words_of,
 )
 from damperfit.parallel import executor
@@ -41,7 +43,8 @@ _LACKING = 20.0
 _SOMETHING = 1.1
 
 # What a law without it has in a wrong valley, friction taken for a preload or for soft oil, so that
-# a few steps from there show nothing.
+# a few steps from there show nothing. So has the oil's bulk modulus: gas in the oil stands for it
+# where that alone is fitted to its end.
 _HIDDEN = ("lifting", "port", "breakaway", "free_gas")
 
 
@@ -60,6 +63,7 @@ class Course:
         self.evidence, self.solver, self.elsewhere = evidence, solver, elsewhere
         self.on_law, self.jobs = on_law, jobs
         self.laws: list[JudgedLaw] = []
+        self.more: list[str] = []  # parts that were taken, one after the other
         self.n_eff = math.nan
         self.alike: tuple[str, ...] = ()
         self.held_share, self.also = held_share, ""
@@ -161,13 +165,37 @@ class Course:
             return law
         law = self.no_worse(law, one)
         verdict = judged(one, law, self.n_eff, is_removed=True)
+        asked = self.elsewhere if change in ONE_STROKE else ()
+        return self.smaller_of(one, law, change, verdict, asked)
+
+    def smaller_of(
+        self, one: Tried, law: Tried, change: str, verdict: Verdict, asked: Sequence[SettingLogs]
+    ) -> Tried:
+        """The smaller of two laws where no setting, compared or not, needs the larger."""
         needed = "it lacks a part that is needed: " if verdict.takes_larger else ""
         is_taken, reason = not verdict.takes_larger, f"{needed}{verdict.reason}"
-        asked = self.elsewhere if is_taken and change in ONE_STROKE else ()
-        if why := needed_at(one, law, asked, self.solver):
+        if why := needed_at(one, law, asked if is_taken else (), self.solver):
             is_taken, reason = False, why
         self.record(one, reason, is_taken=is_taken, change=f"without {change}", verdict=verdict)
         return one if is_taken else law
+
+    def without_early(self, law: Tried) -> Tried:
+        """The law without parts that another, taken after them, stands for better.
+
+        A gas volume explains some of what a friction does that has not been offered yet.
+        """
+        for name in dict.fromkeys(self.more[:-1]):
+            damper, freed = valve_damper(law), freed_of(law)
+            model, left = without_part(damper, name), tuple(one for one in freed if one != name)
+            if (model, left) == (damper, freed):
+                continue
+            one = self.fitted(model, freed=left, near=law)
+            if one is None:
+                continue
+            law = self.no_worse(law, one)
+            verdict = judged(one, law, self.n_eff)
+            law = self.smaller_of(one, law, words_of(damper, name), verdict, self.elsewhere)
+        return law
 
     def no_worse(self, large: Tried, small: Tried) -> Tried:
         """The larger of two nested laws, which can fit no worse: if it does, from the smaller."""
@@ -185,7 +213,12 @@ class Course:
                 return law
             verdicts = {name: judged(law, one, self.n_eff) for name, one in offered}
             better = self.back_from(
-                law, [one for name, one in offered if verdicts[name].gain > GAIN]
+                law,
+                [
+                    one
+                    for name, one in offered
+                    if verdicts[name].gain > GAIN or verdicts[name].takes_larger
+                ],
             )
             if better is not law:
                 law = better
@@ -202,6 +235,7 @@ class Course:
                 self.record(one, reason, is_taken=is_taken, change=change, verdict=verdict)
                 if is_taken:
                     best = one
+                    self.more.append(name)
                 elif verdict.gain < _SOMETHING:  # beside another part it may explain the rest
                     left.remove(name)
             if best is None:
@@ -210,7 +244,10 @@ class Course:
         return law
 
     def back_from(self, law: Tried, larger: Sequence[Tried]) -> Tried:
-        """The law itself from where a larger one got: what it lacks may be a better start alone."""
+        """The law itself from where a larger one got: what it lacks may be a better start alone.
+
+        Of its MSE, or what matters most of what is left, the factor of a larger law must be gone.
+        """
         if not larger:
             return law
         best = min(larger, key=lambda one: one.mse_percent)
@@ -219,7 +256,7 @@ class Course:
             return law
         pairs = zip(law.fits, again.fits, strict=True)
         one = Tried(law.title, tuple(min(two, key=lambda fit: fit.mse_percent) for two in pairs))
-        if one.mse_percent * GAIN > law.mse_percent:
+        if max(law.mse_percent / one.mse_percent, law.left_over / one.left_over) < GAIN:
             return law
         reason = f"MSE {law.mse_percent:.2g} to {one.mse_percent:.2g} % from a better start"
         self.record(one, reason, is_taken=True, change="from where a larger law ended")
@@ -273,7 +310,7 @@ class Course:
             return None
         else:
             freed = (*freed, name)
-        if name in _HIDDEN:
+        if name in _HIDDEN or _is_oil(model, name):
             return self.fitted(model, freed=freed, near=law)
         try:
             seen = [
@@ -291,3 +328,7 @@ class Course:
 def valve_damper(law: Tried) -> ValveDamper:
     """Return the damper of a law that is one of valves."""
     return cast("ValveDamper", law.fits[0].model)
+
+
+def _is_oil(model: ValveDamper, name: str) -> bool:
+    return name in model.names and model.quantity(name).role == STIFFNESS

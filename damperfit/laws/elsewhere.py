@@ -55,7 +55,7 @@ def needed_at(
     for one in _some_of(elsewhere):
         try:
             less, more = (
-                Tried(law.title, (_fitted_at(law, one, freed_of(large), solver),))
+                Tried(law.title, (_fitted_at(law, one, freed_of(law), solver),))
                 for law in (small, large)
             )
         except SimulationError:

@@ -6,13 +6,14 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, cast
 
+from damperfit.damper.mounting import NONE
 from damperfit.identification.law_misfit import LawMisfit
 from damperfit.laws.choosing import ENOUGH_PERCENT, Tried
 from damperfit.laws.common_parts import made_of
 from damperfit.laws.elsewhere import freed_of
 from damperfit.laws.law_fit import UNDETERMINED, fit_at
 from damperfit.laws.one_model import OneModel
-from damperfit.laws.variants import in_words
+from damperfit.laws.variants import STROKES, in_words
 from damperfit.parallel import executor
 
 if TYPE_CHECKING:
@@ -31,10 +32,12 @@ __all__ = [
     "LawOfAll",
     "as_one_model",
     "free_of",
+    "led_back",
     "lost_with",
     "on_whole_logs",
     "values_of_less",
     "values_of_more",
+    "with_both_ways",
 ]
 
 _RETURNS = "return_slope"
@@ -46,6 +49,8 @@ _FAR = 10.0
 # Times what the larger of two laws leaves: the numbers of a smaller that leaves so much are those
 # of something else.
 _TELLS_ANOTHER = 3.0
+# Of the pressure at which the blow-off opens: what a bleed loses in one of its two ways.
+_NEXT_TO_NOTHING = 0.05
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -186,7 +191,38 @@ def as_one_model(
     if not any(strained):  # else the setting that is met worst would count least
         one = one.weighed_at(values)
         found = one.descend(values)
-    return LawOfAll(cast("ValveDamper", own.model), freed, one, found)
+    damper = cast("ValveDamper", own.model)
+    both = {setting: with_both_ways(damper, at) for setting, at in found.point.extra.items()}
+    if both != found.point.extra:
+        other = one.descend(one.with_common(both))
+        found = min(found, other, key=lambda end: end.point.cost)
+    return LawOfAll(damper, freed, one, found)
+
+
+def with_both_ways(damper: ValveDamper, at: Values) -> Values:
+    """Return values in which part-laminar bleeds are both, where one of the two is next to nothing.
+
+    A closed bleed may be either beside a friction of its own; from nothing no descent leads back.
+    What flows where the blow-off opens stays, half the pressure being lost in each way.
+
+    Parameters
+    ----------
+    damper : ValveDamper
+        The law.
+    at : Values
+        Of a setting.
+    """
+    for stroke in STROKES:
+        valve = getattr(damper, stroke)
+        if valve.bleed != "long" or valve.blow_off == NONE:
+            continue
+        names = leak, bleed, _ = [f"{stroke}_{part}" for part in ("leak", "bleed", "opening")]
+        r, s, opening = (float(getattr(at, name)) for name in names)
+        flow = 2.0 * opening / (r + math.sqrt(r * r + 4.0 * s * s * opening))
+        if not _NEXT_TO_NOTHING < r * flow / opening < 1.0 - _NEXT_TO_NOTHING:
+            half = 0.5 * opening
+            at = at.replace({leak: half / flow, bleed: math.sqrt(half) / flow})
+    return at
 
 
 def on_whole_logs(
@@ -260,6 +296,30 @@ def values_of_more(
         little = {n: math.sqrt(low * getattr(start, n)) for n, low in absent.items()}
         full[s], small[s] = start.replace(known), start.replace(known | little)
     return full, small
+
+
+def led_back(law: LawOfAll, larger: LawOfAll) -> LawOfAll:
+    """Return a law descended from where a larger one has led, or as it is where that costs less.
+
+    Parameters
+    ----------
+    law : LawOfAll
+        What a larger law was made of.
+    larger : LawOfAll
+        With parts more; what it has no more stays where it is.
+
+    Raises
+    ------
+    SimulationError
+        The law cannot be simulated there.
+    """
+    names = [name for name in law.one.free if name in larger.one.free]
+    at = {
+        setting: values.replace({name: getattr(larger.values[setting], name) for name in names})
+        for setting, values in law.values.items()
+    }
+    end = law.one.descend(law.one.with_common(at))
+    return replace(law, minimum=end) if end.point.cost < law.minimum.point.cost else law
 
 
 def lost_with(less: Tried, more: Tried) -> str:

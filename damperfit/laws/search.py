@@ -10,7 +10,8 @@
     4  what is left over is offered to further parts, kinds of blow-offs to both strokes and then to
        each by itself (`strokes`): soft oil, gas in it, returns, rounding, ports,
        friction that drags, builds up, turns within a speed, falls with it or grows with the
-       pressure; a mass that moves; play and lag too, if a wrong valley had them taken out
+       pressure; a mass that moves; play and lag too, if a wrong valley had them taken out; each
+       part that was taken is asked for again beside those taken after it
     5  what is left is tried in the other layouts too: those that do as well cannot be told apart,
        and of those that nothing tells apart the most usual is taken
     6  where the logs yield before they slide, models that yield are held against the valves
@@ -146,7 +147,7 @@ def search_laws(  # noqa: PLR0913 - what a user may ask of it
     rich = course.grown(rich, (*of_oil, *_FURTHER))
     if _bleeds_of(rich) != _bleeds_of(lean):  # a blow-off beside other bleeds may be idle now
         rich = course.lean(rich, VALVES)
-    rich = course.without_unseen(rich)
+    rich = course.without_early(course.without_unseen(rich))
     rich = course.laid_out(rich, layouts)
     settled = course.declared if has_valves else course.settled
     law = rich if simplest is None else settled(simplest, rich)
@@ -229,7 +230,7 @@ class _Search(Course):
                 continue
             fitted = self.fitted(valve_damper(more), freed=freed_of(more), near=law)
             if fitted is not None:
-                law = fitted
+                law = self.crossed(fitted.with_better(more.fits))
                 reason = f"setting {one.setting} needs it"
                 self.record(law, reason, is_taken=True, change="for another setting")
         return law

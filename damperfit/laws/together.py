@@ -4,17 +4,20 @@ A law is chosen setting by setting. With one value for all settings of what is t
 shows that hardly moves the MSE of one: what little it explains is the same in all of them. So the
 law is fitted once as one model, and where that leaves something it is offered what a law may have:
 
-    1  the law as one model; in the other layouts too, for one model tells them better
+    1  the law as one model, closed bleeds from both of their ways; in the other layouts too, for
+       one model tells them better
     2  with everything: a bleed and a blow-off in each stroke, of each blow-off the kind that
        explains most, bleeds with a laminar part, play, lag, moving mass, friction beyond
        Coulomb's, returns, seals' drag, gas in the oil
-    3  without what is not worth its numbers, the loosest first, by the rule of `choosing`, last the
-       valves that it came with; what stays need not gain a factor of 1.5 by itself
+    3  without what is not worth its numbers, the loosest first, by the rule of `choosing`, last
+       what it came with; what stayed is asked again without what went after it, a blow-off beside
+       another kind of bleed; what stays need not gain a factor of 1.5 by itself
     4  with friction that turns in another way, if that explains what is left beside these
-    5  all of it must, and be worth its numbers, or leave nothing with no more: else nothing changes
+    5  all of it must, beyond what the law itself leaves from where these have led, and be worth its
+       numbers, or leave nothing with no more: else nothing changes
 
-At most 50 descents of ten evaluations and 50 to their end, on settled cycles, whatever the number
-of settings; four and three more for each other layout.
+Some 50 descents of ten evaluations and 50 to their end, at most twice as many, on settled cycles,
+whatever the number of settings; five and four more for each other layout.
 """
 
 from __future__ import annotations
@@ -48,24 +51,20 @@ from damperfit.laws.common_parts import (
     turning_kinds,
     without_kinds,
 )
-from damperfit.laws.elsewhere import had_by
+from damperfit.laws.joint_descents import JointDescents
 from damperfit.laws.judged_laws import JudgedLaw, Together
-from damperfit.laws.law_fit import fit_law
 from damperfit.laws.law_of_all import (
     LawOfAll,
-    as_one_model,
     free_of,
+    led_back,
     lost_with,
-    on_whole_logs,
     values_of_less,
-    values_of_more,
 )
 from damperfit.laws.layout_choice import is_told_as_one, said_of_layout
 from damperfit.laws.variants import laid_out_as
-from damperfit.parallel import executor
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     from damperfit.damper.model import Model
     from damperfit.damper.valve_dampers import ValveDamper
@@ -120,7 +119,7 @@ def told_together(  # noqa: PLR0913 - what a run knows of its settings
     return Together(tuple(course.judged), chosen, course.n_eff, course.alike)
 
 
-class _Course:
+class _Course(JointDescents):
     """What has been tried so far."""
 
     def __init__(
@@ -131,8 +130,8 @@ class _Course:
         jobs: int,
         on_law: Callable[[JudgedLaw], None],
     ) -> None:
-        self.evidence = {one.setting: one for one in evidence}
-        self.follows, self.solver, self.jobs, self.on_law = follows, solver, jobs, on_law
+        super().__init__(evidence, follows, solver, jobs)
+        self.on_law = on_law
         self.judged: list[JudgedLaw] = []
         self.n_eff, self.worth = math.nan, dict[str, float]()
         self.alike: tuple[str, ...] = ()
@@ -145,10 +144,6 @@ class _Course:
             JudgedLaw(tried, is_taken, reason, change=f"one model: {change}", **said)
         )
         self.on_law(self.judged[-1])
-
-    def first(self, fits: Sequence[LawFit]) -> LawOfAll:
-        """A law as one model, from its fits at single settings."""
-        return as_one_model(fits, self.evidence, self.follows, self.solver, self.jobs)
 
     def laid_out(self, law: LawOfAll, layouts: Sequence[ValveDamper]) -> LawOfAll:
         """The law in the layout that one model tells."""
@@ -174,25 +169,11 @@ class _Course:
         self.alike = tuple(name for one, name in names if are_alike(tried, one))
         return best
 
-    def apart(self, damper: ValveDamper, law: LawOfAll) -> list[LawFit]:
-        """Another layout at each setting by itself."""
-        freed = had_by(damper, law.freed)
-
-        def fit(one: SettingLogs) -> LawFit:
-            return fit_law(damper, one, freed=freed, solver=self.solver, is_whole=False)
-
-        with executor(self.jobs) as pool:
-            return list(pool.map(fit, self.evidence.values()))
-
-    def tried(self, law: LawOfAll) -> Tried:
-        """The law at every setting, on the whole logs."""
-        return on_whole_logs(law, self.evidence, self.solver, self.jobs)
-
     def enriched(self, law: LawOfAll, tried: Tried) -> Tried:
         """The law with what one model needs."""
         if not tried.leaves_something:
             return tried
-        core, own = without_kinds(law.damper)
+        core, own = without_kinds(law.damper, law.freed)
         law = replace(law, parts=own)
         try:
             whole = self.with_whole_valves(core, law)
@@ -203,8 +184,14 @@ class _Course:
         gain = tried.mse_percent / max(best.mse_percent, 1e-300)
         reason = "what it does not need is taken out again"
         self.record(best, reason, is_taken=False, change="with everything", gain=gain)
+        law, tried = self.led_back(law, tried, rich)
+        if not tried.leaves_something:
+            return tried
         rich, best = self.thinned(core, whole, rich, best)
         rich, best = self.turned(core, whole, rich, best)
+        law, tried = self.led_back(law, tried, rich)
+        if not tried.leaves_something:
+            return tried
         rich, best = self.cheaper(core, law, tried, rich, best)
         change = changed(own, rich.parts)
         if not change:
@@ -219,21 +206,26 @@ class _Course:
         )  # fmt: skip
         return best if verdict.takes_larger else tried
 
-    def with_whole_valves(self, core: ValveDamper, law: LawOfAll) -> LawOfAll:
-        """The law with a bleed and a blow-off in each stroke, from starts of its own too.
+    def led_back(self, law: LawOfAll, tried: Tried, rich: LawOfAll) -> tuple[LawOfAll, Tried]:
+        """The law itself from where a larger one has led, if that alone leaves less.
 
-        A law without them may have put a preload in the place of friction: nothing leads back.
+        What a larger law explains it does beyond this: else it is taken for its better start.
         """
-        lacking = lacking_parts(core)
-        if not lacking:
-            return law
-        parts = (*lacking, *law.parts)
-        begun = replace(self.begun(*made_of(core, law.freed, parts), law), parts=parts)
         try:
-            other = replace(self.first(self.apart(begun.damper, law)), parts=parts)
+            again = led_back(law, rich)
+            if again.minimum.point.cost * _SOMETHING > law.minimum.point.cost:
+                return law, tried
+            one = self.tried(again)
         except SimulationError:
-            return begun
-        return other if begun.one.cost(other.values) < begun.minimum.point.cost else begun
+            return law, tried
+        gain = tried.mse_percent / max(one.mse_percent, 1e-300)
+        if gain < _SOMETHING or one.left_over > tried.left_over:
+            return law, tried
+        reason = f"MSE {tried.mse_percent:.2g} to {one.mse_percent:.2g} % from a better start"
+        self.record(
+            one, reason, is_taken=True, change="from where a larger law ended", gain=gain
+        )  # fmt: skip
+        return again, one
 
     def with_all(self, core: ValveDamper, law: LawOfAll) -> LawOfAll:
         """The law with all that it may have; of what excludes each other what explains most."""
@@ -241,64 +233,56 @@ class _Course:
         for kinds in (blow_off_kinds("rebound"), blow_off_kinds("compression"), turning_kinds()):
             beside = [one for one in law.parts if one not in kinds]
             offered += self.best_part(core, law, beside, kinds)
-        offered += other_parts(law.damper, law.freed)
+        offered += other_parts(law.damper, law.own_freed)
+        offered += [one for one in law.parts if one not in offered and one.freed]
         return self.with_more(core, law, offered)
-
-    def with_more(self, core: ValveDamper, law: LawOfAll, parts: Sequence[CommonPart]) -> LawOfAll:
-        """The law with some parts, from where it is."""
-        kept = beside_each_other(core, law.own_freed, parts)
-        looked = self.begun(*made_of(core, law.own_freed, kept), law)
-        return replace(looked, minimum=looked.one.descend(looked.values), parts=kept)
-
-    def best_part(
-        self,
-        core: ValveDamper,
-        law: LawOfAll,
-        beside: Sequence[CommonPart],
-        rivals: Sequence[CommonPart],
-    ) -> list[CommonPart]:
-        """That of some parts with which a few steps lead farthest; none where none can be had."""
-        found: list[tuple[float, int]] = []
-        for place, one in enumerate(rivals):
-            damper, freed = made_of(core, law.freed, [*beside, one])
-            if damper == made_of(core, law.freed, beside)[0]:
-                continue
-            try:
-                found.append((self.begun(damper, freed, law).minimum.point.cost, place))
-            except SimulationError:
-                continue
-        return [rivals[min(found)[1]]] if found else []
-
-    def begun(self, damper: ValveDamper, freed: tuple[str, ...], law: LawOfAll) -> LawOfAll:
-        """A few steps from a law, with its new numbers where they start, or small."""
-        free = free_of(damper, freed)
-        one = law.one.of(damper, free, self.follows(damper, free))
-        ends = []
-        for at in values_of_more(law, one, freed, self.evidence):
-            try:
-                ends.append(one.look(one.with_common(at)))
-            except SimulationError:
-                continue
-        if not ends:
-            raise SimulationError(f"{damper.name} cannot be simulated with more parts.")
-        return LawOfAll(damper, freed, one, min(ends, key=lambda end: end.point.cost))
 
     def thinned(
         self, core: ValveDamper, law: LawOfAll, rich: LawOfAll, best: Tried
     ) -> tuple[LawOfAll, Tried]:
         """Without what is not worth its numbers, the loosest part first."""
         # What single settings have told of is asked last: many others may stand for it together.
-        for part in sorted(rich.by_looseness(core), key=lambda one: one in law.parts):
+        parts = sorted(rich.by_looseness(core), key=lambda one: one in law.parts)
+        rich, best, again = self.without_idle(core, law, rich, best, parts)
+        rich, best, _ = self.without_idle(core, law, rich, best, again)
+        rich, best = self.put_in(core, law, rich, best, "without", idle_parts(core, rich.damper))
+        had = rich.damper
+        rich, best = self.put_in(core, law, rich, best, "with", laminar_alone(had))
+        if rich.damper == had:
+            return rich, best
+        return self.put_in(core, law, rich, best, "without", idle_parts(had, rich.damper))
+
+    def put_in(
+        self, core: ValveDamper, law: LawOfAll, rich: LawOfAll, best: Tried, word: str,
+        parts: Iterable[CommonPart],
+    ) -> tuple[LawOfAll, Tried]:  # fmt: skip
+        """With parts in the place of others, where the law is not worse than it was."""
+        for part in parts:
+            found = self.with_parts(core, law, rich, in_place(core, (), rich.parts, part))
+            rich, best = self.smaller_of(found, rich, best, word, part)
+        return rich, best
+
+    def without_idle(
+        self, core: ValveDamper, law: LawOfAll, rich: LawOfAll, best: Tried,
+        parts: Sequence[CommonPart],
+    ) -> tuple[LawOfAll, Tried, list[CommonPart]]:  # fmt: skip
+        """Without those of some parts that are not worth their numbers.
+
+        With it those that stayed beside another that went after them: they may have been needed
+        beside that alone.
+        """
+        stayed: list[CommonPart] = []
+        beside: list[CommonPart] = []
+        for part in parts:
             if part in rich.parts:  # a laminar part goes with its bleed
                 found = self.without(core, law, rich, part)
-                rich, best = self.smaller_of(found, rich, best, "without", part)
-        for part in idle_parts(core, rich.damper):
-            found = self.with_parts(core, law, rich, in_place(core, (), rich.parts, part))
-            rich, best = self.smaller_of(found, rich, best, "without", part)
-        for part in laminar_alone(rich.damper):
-            found = self.with_parts(core, law, rich, in_place(core, (), rich.parts, part))
-            rich, best = self.smaller_of(found, rich, best, "with", part)
-        return rich, best
+                less, tried = self.smaller_of(found, rich, best, "without", part)
+                if less is rich:
+                    stayed.append(part)
+                else:
+                    beside = list(stayed)
+                rich, best = less, tried
+        return rich, best, beside
 
     def turned(
         self, core: ValveDamper, law: LawOfAll, rich: LawOfAll, best: Tried

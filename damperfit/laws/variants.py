@@ -35,6 +35,7 @@ __all__ = [
     "with_part",
     "with_parts",
     "without",
+    "without_part",
     "words_of",
 ]
 
@@ -122,6 +123,14 @@ def with_part(damper: ValveDamper, name: str) -> ValveDamper:
     if is_loose or turns_already or not more:
         return damper
     return dataclasses.replace(damper, **{owner: dataclasses.replace(own, **more)})
+
+
+def without_part(damper: ValveDamper, name: str) -> ValveDamper:
+    """The damper without a part of rig or friction that is fitted; else as it is."""
+    owner, fields, _ = PARTS.get(name, ("mounting", (), ""))
+    own = getattr(damper, owner)
+    less = {one: NONE for one in fields if getattr(own, one) == FIT}
+    return dataclasses.replace(damper, **{owner: dataclasses.replace(own, **less)})
 
 
 def with_kind(damper: ValveDamper, stroke: str, part: str, kind: str) -> ValveDamper:

@@ -15,11 +15,13 @@ from damperfit.tested.setting import Setting
 MODEL = TwinTube()
 
 
-def fit(friction: float, mse: float, setting: Setting | None = None) -> SimpleNamespace:
+def fit(
+    friction: float, mse: float, setting: Setting | None = None, *, force: float = 0.5
+) -> SimpleNamespace:
     values = MODEL.values({one.name: 1.0 for one in MODEL.quantities}).replace({"f_f": friction})
     return SimpleNamespace(
         model=MODEL, values=values, free=("rebound_bleed", "f_f", "f_0"), mse_percent=mse,
-        held_out_percent=float("nan"), held_out="", worst_force_percent=0.5, setting=setting,
+        held_out_percent=float("nan"), held_out="", worst_force_percent=force, setting=setting,
         sure_force_percent=0.0,
     )  # fmt: skip
 
@@ -123,3 +125,12 @@ def test_a_law_starts_again_from_where_a_larger_one_got(monkeypatch, again, foun
         assert tuple(one.mse_percent for one in back.fits) == found
         assert [one.is_taken for one in steps.laws] == [True]
     assert steps.back_from(law, []) is law
+
+
+@pytest.mark.parametrize(("force", "is_taken"), [(1.34, False), (1.32, True)])
+def test_a_law_that_a_force_was_missed_by_starts_again_too(monkeypatch, force, is_taken) -> None:
+    """Free gas moved one setting to its valley: its MSE fell by a quarter, a force by a half."""
+    steps, law = two_settings(), Tried("law", (fit(20.0, 0.002, force=2.0),))
+    one = Tried("law", (fit(20.0, 0.0019, force=force),))
+    monkeypatch.setattr(steps, "fitted", lambda *_, **__: one)
+    assert (steps.back_from(law, [one]) is not law) is is_taken

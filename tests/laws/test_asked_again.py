@@ -1,0 +1,140 @@
+"""What a search has taken is asked for again beside what came after it; what it found is kept."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import pytest
+
+from damperfit.damper.friction import Friction
+from damperfit.damper.mounting import FIT, Mounting
+from damperfit.laws import SettingLogs, Tried, course, search
+from damperfit.laws.variants import BOTH, without_part
+from damperfit.simulation import SolverOptions
+from damperfit.tested.setting import Setting
+from tests.laws.valve_logs import damper
+
+PLAIN = replace(damper(), rebound=BOTH, compression=BOTH, mounting=Mounting(FIT))
+TURNING = replace(PLAIN, friction=Friction(presliding=FIT))
+
+
+def law(model, freed: tuple[str, ...], mse: float = 0.001) -> SimpleNamespace:
+    return SimpleNamespace(
+        model=model, freed=freed, mse_percent=mse, fits=(SimpleNamespace(model=model),)
+    )
+
+
+def asked(monkeypatch, more: list[str], needed: str = "", elsewhere: str = ""):
+    """What becomes of a law with a gas volume and friction that builds up, and what was said."""
+    said: list[tuple[str, bool, str]] = []
+    monkeypatch.setattr(course, "freed_of", lambda one: one.freed)
+
+    def judged(small, large, _n_eff):
+        gone = {*large.freed} - {*small.freed} or {"presliding"}
+        return SimpleNamespace(takes_larger=needed in gone, reason="as judged")
+
+    monkeypatch.setattr(course, "judged", judged)
+    monkeypatch.setattr(course, "needed_at", lambda *of: elsewhere if of[2] else "")
+    steps = course.Course([], SolverOptions(), lambda _: None, 1, elsewhere=["another"])
+    steps.more = more
+    monkeypatch.setattr(steps, "fitted", lambda model, **how: law(model, how["freed"]))
+    monkeypatch.setattr(
+        steps, "record", lambda _, why, **how: said.append((how["change"], how["is_taken"], why))
+    )
+    return steps.without_early(law(TURNING, ("gas_volume",))), said
+
+
+def test_a_gas_volume_goes_whose_place_a_friction_takes(monkeypatch) -> None:
+    """What was taken last is not asked for: it has been taken beside all else."""
+    found, said = asked(monkeypatch, ["gas_volume", "presliding"])
+    assert (found.model, found.freed) == (TURNING, ())
+    assert said == [("without gas volume", True, "as judged")]
+
+
+def test_a_friction_goes_whose_place_a_gas_volume_takes(monkeypatch) -> None:
+    found, said = asked(monkeypatch, ["presliding", "gas_volume"])
+    assert (found.model, found.freed) == (PLAIN, ("gas_volume",))
+    assert said == [("without friction that builds up over a distance", True, "as judged")]
+
+
+def test_what_is_needed_stays(monkeypatch) -> None:
+    found, said = asked(monkeypatch, ["gas_volume", "presliding"], needed="gas_volume")
+    assert found.freed == ("gas_volume",)
+    assert said == [("without gas volume", False, "it lacks a part that is needed: as judged")]
+
+
+def test_what_another_setting_needs_stays(monkeypatch) -> None:
+    why = "setting 3 needs it"
+    found, said = asked(monkeypatch, ["gas_volume", "presliding"], elsewhere=why)
+    assert found.freed == ("gas_volume",)
+    assert said == [("without gas volume", False, why)]
+
+
+@pytest.mark.parametrize("more", [[], ["gas_volume"], ["drag", "presliding"], ["port", "drag"]])
+def test_what_a_law_has_not_or_kinds_of_valves_are_not_asked_for(monkeypatch, more) -> None:
+    """Kinds are asked for stroke by stroke as soon as they are taken."""
+    _, said = asked(monkeypatch, more)
+    assert said == []
+
+
+def test_a_law_without_it_that_cannot_be_simulated_is_none(monkeypatch) -> None:
+    monkeypatch.setattr(course, "freed_of", lambda one: one.freed)
+    steps = course.Course([], SolverOptions(), lambda _: None, 1)
+    steps.more = ["gas_volume", "presliding"]
+    monkeypatch.setattr(steps, "fitted", lambda *_, **__: None)
+    before = law(TURNING, ("gas_volume",))
+    assert steps.without_early(before) is before
+
+
+def test_a_part_that_is_declared_is_no_part_to_do_without() -> None:
+    assert without_part(TURNING, "presliding") == PLAIN
+    known = replace(PLAIN, friction=Friction(presliding=2e-5))
+    assert without_part(known, "presliding") == known
+    loose = replace(PLAIN, mounting=Mounting(FIT, FIT, FIT))
+    assert without_part(loose, "play") == replace(PLAIN, mounting=Mounting(FIT, lag=FIT))
+    assert without_part(PLAIN, "gas_volume") == PLAIN
+
+
+@pytest.mark.parametrize(("name", "is_fitted"), [("k_e", True), ("free_gas", True),
+    ("drag", False), ("gas_volume", False)])  # fmt: skip
+def test_oil_is_tried_as_far_as_gas_in_it(monkeypatch, name, is_fitted) -> None:
+    """In a few steps a bulk modulus 6 % lower showed nothing, and gas stood for it."""
+    steps = course.Course([SettingLogs(Setting.of(1), ())], SolverOptions(), lambda _: None, 1)
+    seen = []
+
+    def glimpsed(*_, freed, **__):
+        seen.append(freed)
+        return SimpleNamespace(mse_percent=1.0)
+
+    monkeypatch.setattr(course, "freed_of", lambda one: one.freed)
+    monkeypatch.setattr(course, "glimpsed", glimpsed)
+    monkeypatch.setattr(steps, "fitted", lambda model, **how: law(model, how["freed"]))
+    before = law(PLAIN, ())
+    before.fits[0].free = ()
+    found = steps.offered(before, name)
+    assert found is not None
+    assert seen == ([] if is_fitted else [(name,)])
+    assert not is_fitted or found.freed == (name,)
+
+
+def test_a_law_that_a_setting_needs_keeps_what_it_had_there(monkeypatch) -> None:
+    """From the valley of the smaller law it had ended in another, and the others borrow its own."""
+    one, two = Setting.of(1), Setting.of(2)
+
+    def fit(setting: Setting, mse: float) -> SimpleNamespace:
+        return SimpleNamespace(setting=setting, mse_percent=mse, model=PLAIN, free=())
+
+    logs = [SettingLogs(one, ()), SettingLogs(two, ())]
+    steps = search._Search(logs, SolverOptions(), lambda _: None, 1)
+    alone = Tried("more", (fit(two, 0.001),))
+    asked = [(logs[1], Tried("less", (fit(two, 0.5),))), None]
+    monkeypatch.setattr(search, "worst_missed", lambda *_: asked.pop(0))
+    monkeypatch.setattr(search, "effective_samples", lambda *_: 60.0)
+    monkeypatch.setattr(search._Search, "enriched", lambda *_: alone)
+    again = Tried("more", (fit(one, 0.1), fit(two, 0.4)))
+    monkeypatch.setattr(steps, "fitted", lambda *_, **__: again)
+    monkeypatch.setattr(steps, "crossed", lambda found: Tried("crossed", found.fits))
+    found = steps.grown(Tried("less", (fit(one, 0.6), fit(two, 0.5))), ["drag"])
+    assert found.title == "crossed"
+    assert found.fits == (again.fits[0], alone.fits[0])
