@@ -387,8 +387,10 @@ def _undetermined(
     """
     lengths = np.sqrt(np.sum(point.jacobian**2, axis=0))
     columns = point.jacobian / np.maximum(lengths, 1e-300)
-    spread = np.linalg.inv(columns.T @ columns + 1e-12 * np.eye(len(free)))
-    variance = np.diag(spread) * point.cost / (FEWEST_SAMPLES * n_stretches)
+    # Of quantities that do the same rounding may make an inverse negative; this is never less than 0.
+    sizes, ways = np.linalg.eigh(columns.T @ columns)
+    spread = np.sum(ways**2 / (np.maximum(sizes, 0.0) + 1e-12), axis=1)
+    variance = spread * point.cost / (FEWEST_SAMPLES * n_stretches)
     errors = np.sqrt(variance) / np.maximum(lengths, 1e-300)
     return tuple(
         name

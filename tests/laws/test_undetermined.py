@@ -53,6 +53,15 @@ def test_a_column_of_zeros_is_undetermined_and_an_offset_never() -> None:
     assert _undetermined(flat, MODEL, ("rebound_opening", "f_0"), 3) == ("rebound_opening",)
 
 
+def test_of_quantities_that_do_the_same_none_is_determined_and_another_is() -> None:
+    chance = np.random.default_rng(3)
+    one = chance.normal(size=200)
+    jacobian = np.stack([one, 2.0 * one, one + chance.normal(size=200)], axis=1)
+    known = replace(point(0.1), jacobian=jacobian)
+    names = ("rebound_opening", "rebound_slope", "rebound_bleed")
+    assert _undetermined(known, MODEL, names, 3) == names[:2]
+
+
 def found(setting: int, opening: float, undetermined: tuple[str, ...] = ()) -> LawFit:
     numbers = {one.name: one.default or 1e5 for one in MODEL.quantities}
     values = MODEL.values(numbers | {"rebound_opening": opening})
