@@ -151,8 +151,7 @@ def search_laws(  # noqa: PLR0913 - what a user may ask of it
     rich = course.laid_out(rich, layouts)
     settled = course.declared if has_valves else course.settled
     law = rich if simplest is None else settled(simplest, rich)
-    if math.isnan(held_share) and (law.leaves_something or unbelievable(law)):
-        course.held_share, course.is_held_by_some = held_by_some, True
+    course.open_to(law, held_by_some)
     return course.ended(course.yielding(law))
 
 
@@ -298,6 +297,12 @@ class _Search(Course):
             declared, verdict.reason, is_taken=is_taken, change="as declared", verdict=verdict
         )
         return better
+
+    def open_to(self, law: Tried, share: float) -> None:
+        """Ask for what yields where some settings alone do, and valves leave something."""
+        is_unasked = math.isnan(self.held_share) and not math.isnan(share)
+        if is_unasked and (law.leaves_something or unbelievable(law)):
+            self.held_share, self.is_held_by_some = share, True
 
     def yielding(self, law: Tried) -> Tried:
         """What yields before it slides, where the logs do and valves tell them less well."""

@@ -190,11 +190,12 @@ def test_clearly_better_valves_that_no_damper_has_are_not_named() -> None:
     assert seen_again(kept, fakes.campaign(fakes.fit(1)), law.fits[0].model) == kept
 
 
-@pytest.mark.parametrize(("leaves", "k_e", "is_asked"), [
-    (True, 1e9, True), (False, 1e9, False), (False, 4e9, True),
+@pytest.mark.parametrize(("leaves", "k_e", "some", "is_asked"), [
+    (True, 1e9, 0.5, True), (False, 1e9, 0.5, False), (False, 4e9, 0.5, True),
+    (True, 4e9, math.nan, False),
 ])  # fmt: skip
 def test_what_yields_is_asked_where_some_settings_do_and_valves_leave_something(
-    monkeypatch, leaves, k_e, is_asked
+    monkeypatch, leaves, k_e, some, is_asked
 ) -> None:
     """A magneto-rheological damper without current does not yield."""
     law = bent(k_e)
@@ -209,7 +210,7 @@ def test_what_yields_is_asked_where_some_settings_do_and_valves_leave_something(
     monkeypatch.setattr(
         search._Search, "yielding", lambda self, one: asked.append(self.held_share) or one
     )
-    found = search_laws(PURDY_DAMPER, [ThroughFlow()], [], held_by_some=0.5)
+    found = search_laws(PURDY_DAMPER, [ThroughFlow()], [], held_by_some=some)
     assert found.is_held_by_some is is_asked
     assert asked == pytest.approx([0.5 if is_asked else math.nan], nan_ok=True)
 
