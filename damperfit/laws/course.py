@@ -254,9 +254,8 @@ class Course:
         again = self.fitted(valve_damper(law), freed=freed_of(law), near=best)
         if again is None:
             return law
-        pairs = zip(law.fits, again.fits, strict=True)
-        one = Tried(law.title, tuple(min(two, key=lambda fit: fit.mse_percent) for two in pairs))
-        if max(law.mse_percent / one.mse_percent, law.left_over / one.left_over) < GAIN:
+        one = law.with_better(again.fits)
+        if law.mse_percent < GAIN * one.mse_percent and law.left_over < GAIN * one.left_over:
             return law
         reason = f"MSE {law.mse_percent:.2g} to {one.mse_percent:.2g} % from a better start"
         self.record(one, reason, is_taken=True, change="from where a larger law ended")

@@ -103,16 +103,20 @@ def test_of_parts_worth_having_that_is_best_which_needs_one_friction(monkeypatch
     ((0.05, 0.02), (0.05, 0.02)),  # each setting keeps what is better
     ((0.05, 0.3), (0.05, 0.1)),
     ((0.1, 0.1), None),  # hardly better
+    ((0.0, 0.0), (0.0, 0.0)),  # made-up logs without noise
     (None, None),
 ])  # fmt: skip
 def test_a_law_starts_again_from_where_a_larger_one_got(monkeypatch, again, found) -> None:
     steps = two_settings()
-    law = Tried("law", (fit(20.0, 0.2), fit(240.0, 0.1)))
+    first, second = (Setting.of(k) for k in (1, 2))
+    law = Tried("law", (fit(20.0, 0.2, first), fit(240.0, 0.1, second)))
     near = []
 
     def fitted(*_, **how):
         near.append(how["near"])
-        return None if again is None else Tried("law", tuple(fit(20.0, mse) for mse in again))
+        if again is None:
+            return None
+        return Tried("law", (fit(20.0, again[0], first), fit(20.0, again[1], second)))
 
     monkeypatch.setattr(steps, "fitted", fitted)
     larger = [Tried(str(mse), (fit(20.0, mse), fit(20.0, mse))) for mse in (0.03, 0.01)]
