@@ -295,7 +295,7 @@ def _summed_up_to(scores: FloatArray, edges: FloatArray) -> FloatArray:
 
 def _is_positive(matrix: FloatArray) -> bool:
     variances = matrix.diagonal()
-    if not min(variances.tolist()) > 0.0:
+    if not all(one > 0.0 for one in variances.tolist()):  # NaN is not
         return False
     scale = np.sqrt(variances)
     return bool(np.linalg.eigvalsh(matrix / (scale[:, None] * scale))[0] > 0.0)

@@ -421,6 +421,7 @@ def test_two_cycles_are_enough_to_scatter_and_one_is_not() -> None:
         ([[1.0, 0.5], [0.5, 1.0]], True),
         ([[1.0, 1.5], [1.5, 1.0]], False),
         ([[0.0, 0.0], [0.0, 1.0]], False),
+        ([[1.0, math.nan], [math.nan, math.nan]], False),
     ],
 )
 def test_a_covariance_is_positive(rows, *, is_positive) -> None:
