@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, cast
 
 from damperfit.damper.mounting import NONE
+from damperfit.errors import SimulationError
 from damperfit.identification.law_misfit import LawMisfit
 from damperfit.laws.choosing import ENOUGH_PERCENT, Tried
 from damperfit.laws.common_parts import made_of
@@ -194,8 +196,9 @@ def as_one_model(
     damper = cast("ValveDamper", own.model)
     both = {setting: with_both_ways(damper, at) for setting, at in found.point.extra.items()}
     if both != found.point.extra:
-        other = one.descend(one.with_common(both))
-        found = min(found, other, key=lambda end: end.point.cost)
+        with suppress(SimulationError):  # what was found stays
+            other = one.descend(one.with_common(both))
+            found = min(found, other, key=lambda end: end.point.cost)
     return LawOfAll(damper, freed, one, found)
 
 
