@@ -98,7 +98,7 @@ def sine_of(traces: Sequence[Trace]) -> Sine:
 
 
 def fastest_sine(tested: Sequence[tuple[float, float, float]]) -> Sine:
-    """Return the sine of the fastest motion, the middle one of those as fast.
+    """Return the sine of the fastest motion; of several as fast, that of the middle stroke.
 
     A motion that is no sine (a triangle, a road) stands for the sine of its stroke and speed.
 
@@ -200,7 +200,7 @@ def levels_coming(  # noqa: PLR0913 - as `levels`
                 sensitivities=(*stage.own, *stage.shared),
                 options=solver,
             )
-            return _levels_of(stage, response, sine, speeds)
+            return _read_off(stage, response, sine, speeds)
         return None
 
     def told(stages: Sequence[Stage], seen: Sequence[_ReadOff]) -> list[list[Level]]:
@@ -226,7 +226,7 @@ class _ReadOff:
     is_cavitating: bool
 
 
-def _levels_of(stage: Stage, response: Response, sine: Sine, speeds: Sequence[float]) -> _ReadOff:
+def _read_off(stage: Stage, response: Response, sine: Sine, speeds: Sequence[float]) -> _ReadOff:
     """Read off what the levels of a setting are made of."""
     names = (*stage.own, *stage.shared)
     signals = np.stack([response.force, *(response.sensitivities[name] for name in names)])
@@ -275,36 +275,28 @@ def _with_errors(
     forces = np.stack([one.forces for one in seen])
     if not is_whole:
         forces = forces - np.array([stage.offset for stage in stages])[:, None]
-    at = list(itertools.product(speeds, STROKES))
     columns = (one.tolist() for one in (forces, errors, rests, whole_errors))
     found = []
     for stage, one, of_all, *rows in zip(stages, seen, carried, *columns, strict=True):
         facts: dict[str, Any] = {
+            "is_cavitating": one.is_cavitating,
             "tare": stage.offset,
             "tare_error": stage.offset_error,
             "is_whole": is_whole,
             "holds_gas": holds_gas,
         }
+        at = itertools.product(speeds, STROKES)
         levels = []
         for (speed, stroke), of_shared, *row in zip(at, of_all, *rows, strict=True):
             force, error, rest, whole_error = row
             known = None if measured is None else measured.get((stage.setting, stroke))
-            beside = {} if known is None else measured_at(known, speed, sine)
+            beside = facts if known is None else facts | measured_at(known, speed, sine)
             levels.append(
                 Level(
-                    stage.setting,
-                    speed,
-                    stroke,
-                    force,
-                    error,
-                    rest,
-                    of_shared,
-                    one.is_cavitating,
-                    whole_error=whole_error,
-                    **facts,
-                    **beside,
+                    stage.setting, speed, stroke, force, error, rest, of_shared,
+                    whole_error=whole_error, **beside,
                 )
-            )
+            )  # fmt: skip
         found.append(levels)
     return found
 
