@@ -171,19 +171,19 @@ def _of_moving_mass(fit: LawFit, evidence: Sequence[SettingLogs]) -> Iterator[st
     if not isinstance(fit.model, ValveDamper) or fit.model.mounting.moving_mass != NONE:
         return
     felt = [
-        (_a_kilogram(part) / float(np.std(log.force[part.window])), part)
+        (_a_kilogram(part) / deviation, part)
         for one in evidence
         for log in one.fitted
         for part in log.stretches
-        if part.kind == "steady"
+        if part.kind == "steady" and (deviation := float(np.std(log.force[part.window]))) > 0.0
     ]
     share, part = max(felt, key=lambda one: one[0], default=(0.0, None))
     if part is not None and share > _FELT:
         yield (
             f"Which mass moves between load cell and damper: at {part.frequency:.3g} Hz a kilogram "
             f"takes {_a_kilogram(part):.2g} N at the ends of the stroke, and may pass for a lag, "
-            "friction or a blow-off. A pair of scales decides it (damper.mounting.moving_mass); "
-            "at the end that does not move there is none."
+            "friction or a blow-off. Weighing it decides it (damper.mounting.moving_mass); a load "
+            "cell at the fixed end reads none of it."
         )
 
 

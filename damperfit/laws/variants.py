@@ -77,7 +77,8 @@ _TURNS = {"presliding": "turning_speed", "turning_speed": "presliding"}
 def everything(declared: Mounting) -> Mounting:
     """All that a mounting may have is fitted; what was measured stays.
 
-    A moving mass is not: it is nothing at low frequencies, and a gas spring's likeness at one.
+    A moving mass is not: at low frequencies it does nothing, and at a single one it looks like a
+    softer gas spring.
     """
     names = (one.name for one in dataclasses.fields(declared) if one.name not in _NOT_AT_FIRST)
     known = {name: getattr(declared, name) for name in names}

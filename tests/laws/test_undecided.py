@@ -94,9 +94,12 @@ def test_what_moves_with_the_load_cell_is_asked_for_where_a_kilogram_is_felt() -
     (said,) = asked(0.0201)
     assert said == (
         "Which mass moves between load cell and damper: at 8 Hz a kilogram takes 51 N at the ends "
-        "of the stroke, and may pass for a lag, friction or a blow-off. A pair of scales decides "
-        "it (damper.mounting.moving_mass); at the end that does not move there is none."
+        "of the stroke, and may pass for a lag, friction or a blow-off. Weighing it decides it "
+        "(damper.mounting.moving_mass); a load cell at the fixed end reads none of it."
     )
+    still = replace(felt(0.5), force=np.zeros_like(felt(0.5).force))  # a channel that was not on
+    logs = [SettingLogs(fit().setting, (still,))]
+    assert interchangeable_parts(LawSearch((), Tried("law", (fit(),)), 60.0), [fit()], logs) == ()
     weighed = replace(MODEL, mounting=Mounting(FIT, NONE, FIT, 1.2))
     assert asked(0.5, weighed) == ()
 
