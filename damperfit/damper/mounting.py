@@ -3,10 +3,10 @@
 Rod ends, frame and load cell give by 1/k_s in series with the damper (125 to 1900 N/mm are found on
 rigs), joints have play (0.3 to 2 mm), and the force channel may be late (a first-order filter of 8
 to 14 ms is found). Without them soft oil, friction and even a blow-off are invented to take their
-place. At one frequency a lag and an elasticity look alike; several speeds part them. Where the load
-cell moves, or the damper hangs on it by what moves, it reads what it takes to move that mass too: 8
-N a kilogram at 3 Hz and 22 mm, 21 N at 10 Hz and 5.4 mm. At one frequency that looks like a softer
-gas spring.
+place. At one frequency a lag and an elasticity look alike; several speeds part them. A load cell at
+the end that moves also reads what it takes to move the mass between it and the damper: 8 N a
+kilogram at 3 Hz and 22 mm, 21 N at 10 Hz and 5.4 mm. At one frequency that looks like a softer gas
+spring.
 """
 
 from __future__ import annotations

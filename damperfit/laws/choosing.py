@@ -9,9 +9,9 @@ A law with more quantities fits better always. It is taken only where all of the
                                                       or a force at a speed is off by more than 1 %,
                                                       or a held-out log by an MSE of 0.2 %
     at less than 0.02 %, for a force or a log alone   that is off by less with it, or what was held
-                                                      out is predicted 1.5 times as well; a part of
-                                                      one model need not that lowers the MSE by 1.5,
-                                                      nor where the force is off beyond noise
+                                                      out is predicted 1.5 times as well; of one
+                                                      model where the MSE falls by less than 1.5
+                                                      and noise may have the force off
     not every new part has a quantity at an edge of its range; of a part that a law is asked to do
     without, at the edge at which it does nothing
     what was held out is predicted no worse
