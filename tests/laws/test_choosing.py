@@ -84,18 +84,22 @@ def test_a_small_mse_may_leave_a_force_or_another_speed(force, held, kind, leave
     assert judged(small, tried(1e-3, 5, held=held), 30.0).takes_larger is leaves
 
 
-@pytest.mark.parametrize(("force", "held", "is_taken"), [
-    (1.99, 0.01, True),
-    (2.01, 0.01, False),
-    (2.01, 0.01 / 1.49, False),
-    (2.01, 0.01 / 1.51, True),
+@pytest.mark.parametrize(("force", "before", "held", "is_taken"), [
+    (1.99, 0.01, 0.01, True),
+    (2.01, 0.01, 0.01, False),
+    (2.01, 0.01, 0.01 / 1.49, False),
+    (2.01, 0.01, 0.01 / 1.51, True),
+    (1.99, math.nan, math.nan, True),  # nothing was held out
+    (2.01, math.nan, math.nan, False),
 ])  # fmt: skip
-def test_what_is_taken_for_a_force_betters_it_or_what_is_predicted(force, held, is_taken) -> None:
+def test_what_is_taken_for_a_force_betters_it_or_what_is_predicted(
+    force, before, held, is_taken
+) -> None:
     """Friction that is larger at rest was fitted better as one that turns within a speed."""
     small, large = (
         Tried(name, (replace(tried(mse, k, held=out).fits[0], worst_force_percent=off),))
         for name, mse, k, out, off in (
-            ("small", 0.0199, 4, 0.01, 2.0), ("large", 0.001, 5, held, force)
+            ("small", 0.0199, 4, before, 2.0), ("large", 0.001, 5, held, force)
         )
     )  # fmt: skip
     assert judged(small, large, 30.0).takes_larger is is_taken
