@@ -106,15 +106,18 @@ def independent_samples(design: FilterDesign, n: int) -> float:
 
 @lru_cache(maxsize=64)
 def _worth(sections: bytes, n: int, *, is_zero_phase: bool) -> float:
-    longer = -(-n // _LIKE_LONG) * _LIKE_LONG
-    return _independent(_correlation(sections, longer, is_zero_phase=is_zero_phase)[:n])
+    return _independent(_correlation(sections, _rounded_up(n), is_zero_phase=is_zero_phase)[:n])
 
 
 def filter_correlation(design: FilterDesign, n: int) -> FloatArray:
     """Return the autocorrelation of white noise behind a filter at lags 0 to n - 1, shape (n,)."""
     sections = np.ascontiguousarray(design.sections, dtype=np.float64)
-    longer = -(-n // _LIKE_LONG) * _LIKE_LONG
+    longer = _rounded_up(n)
     return _correlation(sections.tobytes(), longer, is_zero_phase=design.is_zero_phase)[:n]
+
+
+def _rounded_up(n: int) -> int:
+    return -(-n // _LIKE_LONG) * _LIKE_LONG
 
 
 @lru_cache(maxsize=16)  # logs of one rig have one filter, and are as long to a few cycles
