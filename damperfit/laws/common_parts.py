@@ -37,7 +37,8 @@ _BLOW_OFFS = {
 }
 _TURNING = ("presliding", "turning_speed")
 _BESIDE = ("play", "lag", "moving_mass", "breakaway", "seal_area")
-_FREED, _GAS = ("return_slope", "drag", "free_gas"), "gas_volume"
+_FREED = ("return_slope", "drag", "free_gas")
+_GAS = "gas_volume"
 
 
 @dataclass(frozen=True, slots=True)
@@ -269,7 +270,7 @@ def _long(stroke: str) -> CommonPart:
 
 
 def _may_be_freed(damper: ValveDamper) -> list[str]:
-    """Oil that is softer than assumed is told as friction where its own number is held."""
+    """What may be fitted although it has a default: held, soft oil is told as friction."""
     oil = [one.name for one in damper.quantities if one.role == STIFFNESS]
     return [name for name in (*_FREED, *oil) if name in damper.names]
 

@@ -184,7 +184,8 @@ def _stages(results: Results, remarks: list[str], notes: list[str]) -> Iterator[
             without.append(setting)
             stage = Stage(setting, parameters)
         else:
-            unsettled += [setting] if stage.covariance is None else []
+            if stage.covariance is None:
+                unsettled.append(setting)
         yield stage
     if unsettled:
         notes.append(

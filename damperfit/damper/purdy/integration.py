@@ -60,7 +60,7 @@ _PLACES_OF_ALL = [
     *(_PLACES[one.name] for one in QUANTITIES),
     *(_PLACES[name] for name in ("gas_pressure", "gas_exponent", "gas_volume")),
 ]
-_NONE = array("d", [0.0] * len(_PLACES))
+_ZEROS = array("d", [0.0] * len(_PLACES))
 _PASSAGES = np.array(
     [
         [p.start, p.end, *(_PLACES.get(name, -1) for name in p.numbers), p.is_two_way]
@@ -98,7 +98,7 @@ def integrate(
     block = np.empty((6 + len(names), n))
     pressures, masses, force, rows = block[:3], block[3:5], block[5], block[6:]
     filled = filling(motion, damper.gas_pressure)
-    numbers = array("d", _NONE)
+    numbers = array("d", _ZEROS)
     gas = filled * damper.gas_pressure, damper.gas_exponent, damper.gas_volume
     for place, number in zip(_PLACES_OF_ALL, (*values.numbers, *gas), strict=True):
         numbers[place] = number
