@@ -21,7 +21,7 @@ void df_fold(size_t n, const double *const y[DF_FOLDED], size_t n_cycles, const 
         for (size_t cycle = 0; cycle < n_cycles; cycle++) {
             const size_t first = df_weigh_taps(n, starts[cycle] + (starts[cycle + 1] - starts[cycle]) * share, weight);
             for (size_t row = 0; row < DF_FOLDED; row++)
-                sums[row] += room[cycle] = df_weighed(weight, y[row] + first); /* the force stays */
+                sums[row] += room[cycle] = df_weighed(weight, y[row] + first); /* the last row's, the force, stays */
         }
         for (size_t row = 0; row < DF_FOLDED; row++)
             means[row * n_phases + phase] = sums[row] / (double)n_cycles;

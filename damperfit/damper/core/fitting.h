@@ -10,9 +10,9 @@ extern "C" {
 
 enum { DF_FOLDED = 3 };
 
-/* Displacement, velocity and force, n >= 8 samples, at as many places of each cycle, laid over each other
-   through the eight samples around each. starts: n_cycles + 1, fractional samples. means: 3 x n_phases;
-   beside: squares of the force less its mean, summed over the cycles; room: n_cycles. */
+/* The mean cycle of displacement, velocity and force, n >= 8 samples each, at n_phases places of a cycle, by
+   the polynomial through the eight samples around each place. starts: n_cycles + 1, fractional samples.
+   means: 3 x n_phases; beside: squares of the force less its mean, summed over the cycles; room: n_cycles. */
 void df_fold(size_t n, const double *const y[DF_FOLDED], size_t n_cycles, const double *starts, size_t n_phases,
              double *means, double *beside, double *room);
 

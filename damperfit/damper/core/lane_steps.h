@@ -41,7 +41,8 @@ typedef struct {
     double t_mid, t_old, wish;
 } parts;
 
-/* A number whose slopes are carried: its place, and of a passage's the way, with what a flow there changes by. */
+/* A number whose slopes are carried: its place; of a passage's number also the way, and how much the balances of
+ * both chambers change with the number, for a flow of 1 on that way. */
 typedef struct {
     int place, way;
     double rate[2];

@@ -252,11 +252,14 @@ static int carried_number(const df_network *q, int place, carried *one)
     one->place = place;
     if (place < DF_FIRST_PASSAGE_NUMBER || place >= q->n_numbers)
         return place == DF_NUMBER_K || place == DF_NUMBER_P_0 || place == DF_NUMBER_GAMMA;
-    const df_touch *touch = &q->plan.touches[q->plan.touched[place]];
+    const int first = q->plan.touched[place];
+    if (q->plan.touched[place + 1] != first + 1)
+        return 0;
+    const df_touch *touch = &q->plan.touches[first];
     one->way = touch->way;
     for (int i = 0; i < 2; i++)
         one->rate[i] = q->plan.ways[touch->way].out[i] * touch->times;
-    return q->plan.touched[place + 1] - q->plan.touched[place] == 1 && touch->term == DF_OF_FLOW;
+    return touch->term == DF_OF_FLOW;
 }
 
 /* The paper's passages without an opening, Coulomb's friction, and numbers whose slopes are here. */
