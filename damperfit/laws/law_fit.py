@@ -387,7 +387,7 @@ def _undetermined(
     """
     lengths = np.sqrt(np.sum(point.jacobian**2, axis=0))
     columns = point.jacobian / np.maximum(lengths, 1e-300)
-    # Of quantities that do the same rounding may make an inverse negative; this is never less than 0.
+    # Of quantities that do the same an inverse may be negative by rounding; this is never below 0.
     sizes, ways = np.linalg.eigh(columns.T @ columns)
     spread = np.sum(ways**2 / (np.maximum(sizes, 0.0) + 1e-12), axis=1)
     variance = spread * point.cost / (FEWEST_SAMPLES * n_stretches)
