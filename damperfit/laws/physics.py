@@ -143,7 +143,7 @@ def physics_seen(fits: Sequence[LawFit | SeenAt], layouts: Sequence[str] = ()) -
         ("k_s", 1e-3, "{} N/mm of elasticity in series with the damper"),
         ("play", 1e3, "{} mm of play at the joints"),
         ("lag", 1e3, "the force is read {} ms late"),
-        ("moving_mass", 1.0, "{} kg move between load cell and damper"),
+        ("moving_mass", 1.0, "a mass of {} kg moves between load cell and damper"),
         *((one.name, 1.0, "{} N of friction") for one in model.quantities if one.is_friction),
         ("presliding", 1e6, "friction builds up over {} um"),
         ("breakaway", 1.0, "friction at rest is {} N above that of sliding"),

@@ -78,6 +78,19 @@ def test_oil_that_the_logs_told_is_said_and_oil_that_was_held_is_not() -> None:
     assert "The seals drag with 12 N s/m." in said
 
 
+def test_a_mass_between_load_cell_and_damper_is_said() -> None:
+    model = TwinTube(mounting=Mounting(NONE, NONE, NONE, "fit"))
+    numbers = {one.name: one.default or 1e5 for one in model.quantities} | {"moving_mass": 1.5}
+    seen = replace(
+        fit(), model=model, values=model.values(numbers),
+        free=tuple(one.name for one in model.quantities if one.default is None),
+    )  # fmt: skip
+    assert "A mass of 1.5 kg moves between load cell and damper." in physics_seen([seen])
+    heavy = replace(seen, values=model.values(numbers | {"moving_mass": 2.5}))
+    said = physics_seen([seen, heavy])
+    assert "A mass of 1.5 to 2.5 kg moves between load cell and damper." in said
+
+
 def test_numbers_stand_beside_those_of_layouts_that_are_alike() -> None:
     model = Monotube(**GEOMETRY)
     numbers = {one.name: one.default or 1e5 for one in model.quantities}
