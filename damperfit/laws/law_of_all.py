@@ -205,8 +205,9 @@ def as_one_model(
 def with_both_ways(damper: ValveDamper, at: Values) -> Values:
     """Return values in which part-laminar bleeds are both, where one of the two is next to nothing.
 
-    A closed bleed may be either beside a friction of its own; from nothing no descent leads back.
-    What flows where the blow-off opens stays, half the pressure being lost in each way.
+    A nearly closed bleed fits as either beside a friction, and what is nothing has no slope: no
+    descent leads back. What flows where the blow-off opens stays, half the pressure being lost in
+    each way.
 
     Parameters
     ----------

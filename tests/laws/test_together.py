@@ -604,7 +604,8 @@ def test_a_law_is_led_by_what_both_have_free() -> None:
     stuck = replace(far, minimum=replace(far.minimum, point=replace(far.minimum.point, cost=1e9)))
     found = led_back(stuck, begun)
     assert found.values[AT[0]].f_f == pytest.approx(20.0, rel=0.05)
-    assert led_back(begun, far).minimum.point.cost <= begun.minimum.point.cost
+    best = replace(begun, minimum=replace(far.minimum, point=replace(far.minimum.point, cost=0.0)))
+    assert led_back(best, far) is best
 
 
 def turned(monkeypatch, left: float, found: Tried) -> tuple[str, list[str]]:
