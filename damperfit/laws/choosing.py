@@ -4,8 +4,9 @@ A law with more quantities fits better always. It is taken only where all of the
 
     n_eff ln(MSE_a/MSE_b) > (k_b - k_a) ln n_eff      its gain is more than its quantities cost
     MSE_a > 1.5 MSE_b                                 and worth having; or a force at a speed is, in
-                                                      place of the MSE, which must not rise then;
-                                                      where noise may have it off, it falls by a tenth
+                                                      place of the MSE, which must not rise then
+                                                      and, where noise may have the force off,
+                                                      fall by a tenth
     MSE_a > 0.02 %                                    the smaller law leaves something to explain,
                                                       or a force at a speed is off by more than 1 %,
                                                       or a held-out log by an MSE of 0.2 %
