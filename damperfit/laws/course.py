@@ -184,7 +184,11 @@ class Course:
 
         A gas volume explains some of what a friction does that has not been offered yet.
         """
-        for name in dict.fromkeys(self.more[:-1]):
+        return self.asked_again(law, self.more[:-1])
+
+    def asked_again(self, law: Tried, parts: Sequence[str]) -> Tried:
+        """The law without those of some parts that it does not need as it is now."""
+        for name in dict.fromkeys(parts):
             damper, freed = valve_damper(law), freed_of(law)
             model, left = without_part(damper, name), tuple(one for one in freed if one != name)
             if (model, left) == (damper, freed):

@@ -13,7 +13,8 @@
        pressure; a mass that moves; play and lag too, if a wrong valley had them taken out; each
        part that was taken is asked for again beside those taken after it
     5  what is left is tried in the other layouts too: those that do as well cannot be told apart,
-       and of those that nothing tells apart the most usual is taken
+       and of those that nothing tells apart the most usual is taken; in another than the first each
+       part is asked for again
     6  where the logs yield before they slide, models that yield are held against the valves
 
 Laws are compared on settled cycles; the law that is taken ends on the whole logs.
@@ -148,7 +149,7 @@ def search_laws(  # noqa: PLR0913 - what a user may ask of it
     if _bleeds_of(rich) != _bleeds_of(lean):  # a blow-off beside other bleeds may be idle now
         rich = course.lean(rich, VALVES)
     rich = course.without_early(course.without_unseen(rich))
-    rich = course.laid_out(rich, layouts)
+    rich = course.in_its_layout(rich, layouts)
     settled = course.declared if has_valves else course.settled
     law = rich if simplest is None else settled(simplest, rich)
     course.open_to(law, held_by_some)
@@ -229,10 +230,18 @@ class _Search(Course):
                 continue
             fitted = self.fitted(valve_damper(more), freed=freed_of(more), near=law)
             if fitted is not None:
+                self.more += seen.more
                 law = self.crossed(fitted.with_better(more.fits))
                 reason = f"setting {one.setting} needs it"
                 self.record(law, reason, is_taken=True, change="for another setting")
         return law
+
+    def in_its_layout(self, law: Tried, layouts: Sequence[ValveDamper]) -> Tried:
+        """The law in the layout that is taken, without parts that stood for that."""
+        best = self.laid_out(law, layouts)
+        if valve_damper(best).name == valve_damper(law).name:
+            return best
+        return self.asked_again(best, self.more)
 
     def laid_out(self, law: Tried, layouts: Sequence[ValveDamper]) -> Tried:
         """The law in the layout that is taken; which others do as well is kept."""

@@ -9,6 +9,7 @@ import pytest
 
 from damperfit.damper.friction import Friction
 from damperfit.damper.mounting import FIT, Mounting
+from damperfit.damper.valve_dampers import Monotube, TwinTube
 from damperfit.laws import SettingLogs, Tried, course, search
 from damperfit.laws.variants import BOTH, without_part
 from damperfit.simulation import SolverOptions
@@ -85,6 +86,18 @@ def test_a_law_without_it_that_cannot_be_simulated_is_none(monkeypatch) -> None:
     monkeypatch.setattr(steps, "fitted", lambda *_, **__: None)
     before = law(TURNING, ("gas_volume",))
     assert steps.without_early(before) is before
+
+
+@pytest.mark.parametrize(("kind", "is_asked"), [(Monotube, True), (TwinTube, False)])
+def test_in_another_layout_every_part_is_asked_for_again(monkeypatch, kind, is_asked) -> None:
+    """A friction at rest that one setting needed in the wrong layout stayed in the right one."""
+    steps = search._Search([], SolverOptions(), lambda _: None, 1)
+    steps.more = ["breakaway"]
+    taken = law(kind(), ())
+    monkeypatch.setattr(steps, "laid_out", lambda *_: taken)
+    monkeypatch.setattr(steps, "asked_again", lambda one, parts: (one, tuple(parts)))
+    found = steps.in_its_layout(law(TwinTube(), ()), [])
+    assert found == ((taken, ("breakaway",)) if is_asked else taken)
 
 
 def test_a_part_that_is_declared_is_no_part_to_do_without() -> None:
