@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from damperfit.laws.law_fit import LawFit, SettingLogs
     from damperfit.simulation import SolverOptions
 
-__all__ = ["Course", "valve_damper"]
+__all__ = ["Course", "hopeless_beside", "valve_damper"]
 
 # A larger law that fits worse by more than this has ended in a wrong valley.
 _WORSE = 1.02
@@ -159,8 +159,9 @@ class Course:
         model = smaller(valve_damper(law))
         if model is None:
             return law
-        hopeless = _LACKING * max(law.mse_percent, ENOUGH_PERCENT)
-        one = self.fitted(model, freed=freed_of(law), near=law, hopeless_percent=hopeless)
+        one = self.fitted(
+            model, freed=freed_of(law), near=law, hopeless_percent=hopeless_beside(law)
+        )
         if one is None:
             return law
         law = self.no_worse(law, one)
@@ -326,6 +327,11 @@ class Course:
         if len(hardly) == len(seen):
             return Tried(in_words(model, freed), hardly)
         return self.fitted(model, freed=freed, near=law)
+
+
+def hopeless_beside(law: Tried) -> float:
+    """What a law in place of another leaves after a few steps where it lacks what is needed, %."""
+    return _LACKING * max(law.mse_percent, ENOUGH_PERCENT)
 
 
 def valve_damper(law: Tried) -> ValveDamper:

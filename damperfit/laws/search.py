@@ -45,6 +45,7 @@ from damperfit.laws.elsewhere import freed_of, had_by, worst_missed
 from damperfit.laws.giving import with_what_gives_told
 from damperfit.laws.judged_laws import JudgedLaw, LawSearch
 from damperfit.laws.layout_choice import layout_taken, said_of_layout
+from damperfit.laws.seals import with_turning_told
 from damperfit.laws.strokes import with_strokes_told
 from damperfit.laws.variants import (
     BOTH,
@@ -150,6 +151,8 @@ def search_laws(  # noqa: PLR0913 - what a user may ask of it
         rich = course.lean(rich, VALVES)
     rich = course.without_early(course.without_unseen(rich))
     rich = course.in_its_layout(rich, layouts)
+    turning = with_turning_told(course, rich, course.as_well)
+    rich = rich if turning is rich else course.in_its_layout(turning, layouts)
     settled = course.declared if has_valves else course.settled
     law = rich if simplest is None else settled(simplest, rich)
     course.open_to(law, held_by_some)
@@ -161,6 +164,7 @@ class _Search(Course):
 
     is_held_by_some = False  # whether `held_share` is of some settings alone
     doubt = ""
+    as_well: tuple[Tried, ...] = ()  # the law in layouts that nobody would choose it by
 
     def ported(self, found: Sequence[Tried]) -> list[Tried]:
         """The layouts with ports behind their blow-offs, where those tell much more; else as found.
@@ -256,7 +260,7 @@ class _Search(Course):
         for one in others:
             reason = said_of_layout(best, one, is_alone=False, is_near=one in alike)
             self.record(one, reason, is_taken=one is best, change="layout")
-        self.alike = tuple(one.fits[0].model.name for one in alike)
+        self.alike, self.as_well = tuple(one.fits[0].model.name for one in alike), tuple(alike)
         return best
 
     def known_worse(self, law: Tried, model: ValveDamper) -> Tried | None:

@@ -39,7 +39,7 @@ from damperfit.tested.setting import Setting
 from tests.laws.valve_logs import moved
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterator, Mapping
 
     from damperfit.damper.model import Model
     from damperfit.laws import LawSearch, Tried
@@ -277,29 +277,30 @@ def main() -> None:
     parser.add_argument("--dampers", type=int, default=36, help="in a law of the library's")
     parser.add_argument("--disturbed", type=int, default=12, help="in a law of another form")
     parser.add_argument("--turning", type=int, default=0, help="friction turns within a speed")
+    parser.add_argument("--first", type=int, default=0, help="place that each round begins at")
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
-    seed = options.seed
+    seed, first = options.seed, options.first
     rounds = {
-        "laws of the library's": [draw(k, seed) for k in range(options.dampers)],
-        "laws of another form": [
-            draw(k, seed, DISTURBANCES[k % 2]) for k in range(options.disturbed)
-        ],
-        "friction that turns within a speed": [
-            draw(k, seed, TURNING) for k in range(options.turning)
-        ],
+        "laws of the library's": (options.dampers, lambda k: draw(k, seed)),
+        "laws of another form": (options.disturbed, lambda k: draw(k, seed, DISTURBANCES[k % 2])),
+        "friction that turns within a speed": (options.turning, lambda k: draw(k, seed, TURNING)),
     }
     begin = time.process_time()
-    lines = [_counted(title, drawn, seed) for title, drawn in rounds.items() if drawn]
+    lines = [
+        _counted(title, {k: drawn(k) for k in range(first, first + n)}, seed)
+        for title, (n, drawn) in rounds.items()
+        if n
+    ]
     print("\n".join(lines))
-    n_dampers = max(sum(map(len, rounds.values())), 1)
+    n_dampers = max(sum(n for n, _ in rounds.values()), 1)
     print(f"{(time.process_time() - begin) / n_dampers:.1f} s of the processor each")
 
 
-def _counted(title: str, drawn: Sequence[Drawn], seed: int) -> str:
+def _counted(title: str, drawn: Mapping[int, Drawn], seed: int) -> str:
     """Say of each wrong choice what it was, and return the counts."""
     n: Counter[str] = Counter()
-    for place, one in enumerate(drawn):
+    for place, one in drawn.items():
         search = searched(one, 1000 * seed + 2 * place)
         law, wrong = search.chosen, verdict_on(one, search)
         n.update(wrong)
