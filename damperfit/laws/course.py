@@ -241,7 +241,7 @@ class Course:
                 if is_taken:
                     best = one
                     self.more.append(name)
-                elif verdict.gain < _SOMETHING:  # beside another part it may explain the rest
+                if is_taken or verdict.gain < _SOMETHING:  # else it may explain the rest later
                     left.remove(name)
             if best is None:
                 return law

@@ -38,8 +38,9 @@ def with_strokes_told(course: Course, law: Tried, damper: ValveDamper) -> Tried:
     """
     if {damper.rebound.blow_off, damper.compression.blow_off}.isdisjoint(_KINDS):
         return law
+    whole = law
     for stroke, word in STROKES.items():
-        law, damper = _plain(course, law, damper, stroke, word)
+        law, damper = _plain(course, (whole, law), damper, stroke, word)
         best, model = law, damper
         for kind in _KINDS if law.leaves_something else ():
             other = with_kind(damper, stroke, "blow_off", kind)
@@ -58,17 +59,19 @@ def with_strokes_told(course: Course, law: Tried, damper: ValveDamper) -> Tried:
 
 
 def _plain(
-    course: Course, law: Tried, damper: ValveDamper, stroke: str, word: str
+    course: Course, laws: tuple[Tried, Tried], damper: ValveDamper, stroke: str, word: str
 ) -> tuple[Tried, ValveDamper]:
     """The law with a plain blow-off in a stroke that does not need more.
 
-    However little is left: else friction that the damper has not takes the place of a port.
+    However little is left: else friction that the damper has not takes the place of a port. It is
+    held against the law that both strokes began with: a kind was taken for what it does in both.
     """
+    whole, law = laws
     model = with_kind(damper, stroke, "blow_off", _PLAIN)
     one = None if model == damper else course.fitted(model, freed=freed_of(law), near=law)
     if one is None:
         return law, damper
-    verdict = judged(one, law, course.n_eff, left_percent=math.inf)
+    verdict = judged(one, whole, course.n_eff, left_percent=math.inf)
     is_taken = not verdict.takes_larger
     change = f"with a plain blow-off in {word}"
     course.record(one, verdict.reason, is_taken=is_taken, change=change, verdict=verdict)

@@ -88,6 +88,23 @@ def test_a_law_without_it_that_cannot_be_simulated_is_none(monkeypatch) -> None:
     assert steps.without_early(before) is before
 
 
+def test_a_part_that_its_strokes_give_up_again_is_not_offered_for_ever(monkeypatch) -> None:
+    """A port was worth having in both strokes and in neither alone: the search went round."""
+    steps, asked = course.Course([], SolverOptions(), lambda _: None, 1), []
+    before = SimpleNamespace(
+        model=PLAIN, leaves_something=True, fits=(SimpleNamespace(model=PLAIN),)
+    )
+    verdict = SimpleNamespace(takes_larger=True, gain=2.0, reason="as judged")
+    monkeypatch.setattr(course, "judged", lambda *_: verdict)
+    monkeypatch.setattr(course, "with_strokes_told", lambda *_: before)
+    monkeypatch.setattr(steps, "offered", lambda one, name: asked.append(name) or one)
+    for name, does in (("back_from", lambda one, _: one), ("rank", lambda *_: None)):
+        monkeypatch.setattr(steps, name, does)
+    monkeypatch.setattr(steps, "record", lambda *_, **__: None)
+    assert steps.enriched(before, ["port"]) is before
+    assert asked == ["port"]
+
+
 @pytest.mark.parametrize(("kind", "is_asked"), [(Monotube, True), (TwinTube, False)])
 def test_in_another_layout_every_part_is_asked_for_again(monkeypatch, kind, is_asked) -> None:
     """A friction at rest that one setting needed in the wrong layout stayed in the right one."""

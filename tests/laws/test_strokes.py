@@ -54,6 +54,16 @@ def test_a_stroke_that_needs_no_kind_has_a_plain_blow_off() -> None:
     assert asked == [("linear", "port"), ("port", "linear")]  # nothing is left for other kinds
 
 
+@pytest.mark.parametrize(("both", "bump"), [(0.0149, "linear"), (0.0151, "port")])
+def test_a_kind_stays_in_a_stroke_where_neither_needs_it_but_both_do(both, bump) -> None:
+    """1.45 times in one and 1.2 in the other: it went from both, was offered again, and so on."""
+    left = {
+        ("port", "port"): (0.01, 0.5), ("linear", "port"): (0.0125, 0.5),
+        ("linear", "linear"): (both, 0.5),
+    }  # fmt: skip
+    assert told(left, ("port", "port"))[0] == ("linear", bump)
+
+
 @pytest.mark.parametrize(("mse", "bump"), [(0.00149, "linear"), (0.00151, "port")])
 def test_a_kind_that_lowers_the_mse_by_the_factor_stays_however_little_is_left(mse, bump) -> None:
     """Without a port friction that turns within a speed was taken, and another layout."""
