@@ -40,7 +40,7 @@ def with_strokes_told(course: Course, law: Tried, damper: ValveDamper) -> Tried:
         return law
     whole = law
     for stroke, word in STROKES.items():
-        law, damper = _plain(course, (whole, law), damper, stroke, word)
+        law, damper = _plain(course, law, damper, stroke, whole)
         best, model = law, damper
         for kind in _KINDS if law.leaves_something else ():
             other = with_kind(damper, stroke, "blow_off", kind)
@@ -54,25 +54,25 @@ def with_strokes_told(course: Course, law: Tried, damper: ValveDamper) -> Tried:
             change = f"with a {kind} blow-off in {word}"
             course.record(one, verdict.reason, is_taken=is_taken, change=change, verdict=verdict)
             best, model = (one, other) if is_taken else (best, model)
+        whole = whole if best is law else best
         law, damper = best, model
     return law
 
 
 def _plain(
-    course: Course, laws: tuple[Tried, Tried], damper: ValveDamper, stroke: str, word: str
+    course: Course, law: Tried, damper: ValveDamper, stroke: str, whole: Tried
 ) -> tuple[Tried, ValveDamper]:
     """The law with a plain blow-off in a stroke that does not need more.
 
     However little is left: else friction that the damper has not takes the place of a port. It is
-    held against the law that both strokes began with: a kind was taken for what it does in both.
+    held against the last law to which a kind was given: it was taken for what it does in both.
     """
-    whole, law = laws
     model = with_kind(damper, stroke, "blow_off", _PLAIN)
     one = None if model == damper else course.fitted(model, freed=freed_of(law), near=law)
     if one is None:
         return law, damper
     verdict = judged(one, whole, course.n_eff, left_percent=math.inf)
     is_taken = not verdict.takes_larger
-    change = f"with a plain blow-off in {word}"
+    change = f"with a plain blow-off in {STROKES[stroke]}"
     course.record(one, verdict.reason, is_taken=is_taken, change=change, verdict=verdict)
     return (one, model) if is_taken else (law, damper)

@@ -64,6 +64,16 @@ def test_a_kind_stays_in_a_stroke_where_neither_needs_it_but_both_do(both, bump)
     assert told(left, ("port", "port"))[0] == ("linear", bump)
 
 
+@pytest.mark.parametrize(("plain", "bump"), [(0.0149, "linear"), (0.0151, "port")])
+def test_a_stroke_is_held_against_the_other_kind_that_its_fellow_got(plain, bump) -> None:
+    """A plain blow-off that leaves less than both ports did may leave more than what came next."""
+    left = {
+        ("port", "port"): (0.1, 5.0), ("linear", "port"): (0.1, 5.0),
+        ("lifting", "port"): (0.01, 0.5), ("lifting", "linear"): (plain, 0.5),
+    }  # fmt: skip
+    assert told(left, ("port", "port"))[0] == ("lifting", bump)
+
+
 @pytest.mark.parametrize(("mse", "bump"), [(0.00149, "linear"), (0.00151, "port")])
 def test_a_kind_that_lowers_the_mse_by_the_factor_stays_however_little_is_left(mse, bump) -> None:
     """Without a port friction that turns within a speed was taken, and another layout."""
