@@ -77,8 +77,10 @@ def as_read(
     """
     force, slopes = response.force, dict(response.sensitivities)
     if "moving_mass" in values.names:
-        slopes["moving_mass"] = acceleration(motion.velocity, motion.interval)
-        force = force + values.moving_mass * slopes["moving_mass"]
+        by_mass = acceleration(motion.velocity, motion.interval)
+        force = force + values.moving_mass * by_mass
+        if "moving_mass" in sensitivities:
+            slopes["moving_mass"] = by_mass
     if "lag" in values.names:
         before, rows = force, np.stack([force, *slopes.values()])
         late = behind_lag(rows, motion.interval, values.lag)

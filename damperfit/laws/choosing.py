@@ -247,7 +247,7 @@ def judged(
     is_sure = small.surely_misses_a_force and not is_removed
     may_be_of_force = of_one_model is not None or is_sure
     # Of all settings' forces noise has one off: a part that does not fit better explains none.
-    least_fall = 1.0 / NO_WORSE if small.surely_misses_a_force else NO_WORSE
+    least_fall = 1.0 / NO_WORSE if is_sure else NO_WORSE
     if may_be_of_force and gain >= least_fall:
         of_force = small.left_over / large.left_over
     is_of_force = of_force > GAIN

@@ -161,10 +161,16 @@ def test_a_law_that_a_setting_needs_keeps_what_it_had_there(monkeypatch) -> None
     asked = [(logs[1], Tried("less", (fit(two, 0.5),))), None]
     monkeypatch.setattr(search, "worst_missed", lambda *_: asked.pop(0))
     monkeypatch.setattr(search, "effective_samples", lambda *_: 60.0)
-    monkeypatch.setattr(search._Search, "enriched", lambda *_: alone)
+
+    def enriched(seen, *_):
+        seen.more.append("drag")
+        return alone
+
+    monkeypatch.setattr(search._Search, "enriched", enriched)
     again = Tried("more", (fit(one, 0.1), fit(two, 0.4)))
     monkeypatch.setattr(steps, "fitted", lambda *_, **__: again)
     monkeypatch.setattr(steps, "crossed", lambda found: Tried("crossed", found.fits))
     found = steps.grown(Tried("less", (fit(one, 0.6), fit(two, 0.5))), ["drag"])
     assert found.title == "crossed"
+    assert steps.more == ["drag"]  # asked for again beside what comes after it, as any part
     assert found.fits == (again.fits[0], alone.fits[0])
