@@ -14,18 +14,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.laws.choosing import NO_WORSE, judged
+from damperfit.damper.mounting import NONE
+from damperfit.laws.choosing import NO_WORSE, Tried, judged
 from damperfit.laws.course import valve_damper
 from damperfit.laws.elsewhere import freed_of
+from damperfit.laws.law_of_all import bled_flow
 from damperfit.laws.variants import LAMINAR, STROKES, of_kind
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from damperfit.damper.valve_dampers import ValveDamper
-    from damperfit.laws.choosing import Tried, Verdict
+    from damperfit.laws.choosing import Verdict
     from damperfit.laws.course import Course
-    from damperfit.laws.law_fit import SettingLogs
+    from damperfit.laws.law_fit import LawFit, SettingLogs
 
 __all__ = ["fits_better", "with_bleeds_told"]
 
@@ -46,7 +48,7 @@ def with_bleeds_told(course: Course, law: Tried) -> Tried:
         A law of valves.
     """
     for change, spared, model in _other_kinds(valve_damper(law)):
-        one = course.fitted(model, freed=freed_of(law), near=law)
+        one = course.fitted(model, freed=freed_of(law), near=_in_layers(law))
         if one is None:
             continue
         if one.n_quantities < law.n_quantities:
@@ -59,6 +61,24 @@ def with_bleeds_told(course: Course, law: Tried) -> Tried:
         if is_taken:
             law = one
     return law
+
+
+def _in_layers(law: Tried) -> Tried:
+    """The law to start from without its orifices: what its bleeds pass at the opening stays.
+
+    With the laminar share alone the bleed would be too wide, and the descent end elsewhere.
+    """
+    valves = {stroke: getattr(valve_damper(law), stroke) for stroke in STROKES}
+    both = [one for one, v in valves.items() if v.bleed == "long" and v.blow_off != NONE]
+
+    def at(fit: LawFit) -> LawFit:
+        found = {
+            f"{one}_leak": getattr(fit.values, f"{one}_opening") / bled_flow(fit.values, one)
+            for one in both
+        }
+        return dataclasses.replace(fit, values=fit.values.replace(found))
+
+    return Tried(law.title, tuple(map(at, law.fits))) if both else law
 
 
 def _is_enough(

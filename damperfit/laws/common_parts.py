@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 __all__ = [
     "CommonPart",
     "beside_each_other",
+    "bleeds_beside",
     "blow_off_kinds",
     "changed",
     "idle_parts",
@@ -106,7 +107,8 @@ def laminar_alone(damper: ValveDamper) -> Iterator[CommonPart]:
 def idle_parts(core: ValveDamper, damper: ValveDamper) -> Iterator[CommonPart]:
     """Yield what a stroke may do without that has got a bleed to its blow-off, or the reverse.
 
-    The one that it had may have stood for the other; so may a blow-off for another kind of bleed.
+    The one that it had may have stood for the other; so may a blow-off for another kind of bleed,
+    and a bleed for another kind of blow-off.
 
     Parameters
     ----------
@@ -117,10 +119,26 @@ def idle_parts(core: ValveDamper, damper: ValveDamper) -> Iterator[CommonPart]:
     """
     for stroke, word in STROKES.items():
         had, has = getattr(core, stroke), getattr(damper, stroke)
-        is_another = had.bleed != has.bleed or had.blow_off == NONE
-        if is_another and NONE not in {has.bleed, has.blow_off}:
-            words = f"the {'bleed' if had.blow_off == NONE else 'blow-off'} in {word}"
-            yield CommonPart(words, partial(_without, words=words), is_less=True)
+        if NONE in {has.bleed, has.blow_off}:
+            continue
+        if had.bleed != has.bleed and had.blow_off != NONE:
+            yield _taken_out(f"the blow-off in {word}")
+        if had.blow_off != has.blow_off:
+            yield _taken_out(f"the bleed in {word}")
+
+
+def bleeds_beside(damper: ValveDamper) -> Iterator[CommonPart]:
+    """Yield the bleeds that stand beside blow-offs, to be taken out.
+
+    Parameters
+    ----------
+    damper : ValveDamper
+        The law.
+    """
+    for stroke, word in STROKES.items():
+        valve = getattr(damper, stroke)
+        if NONE not in {valve.bleed, valve.blow_off}:
+            yield _taken_out(f"the bleed in {word}")
 
 
 def in_place(
@@ -281,6 +299,10 @@ def _freed(damper: ValveDamper, name: str) -> CommonPart:
 
 def _of_damper(name: str) -> CommonPart:
     return CommonPart(PARTS[name][2], partial(with_part, name=name))
+
+
+def _taken_out(words: str) -> CommonPart:
+    return CommonPart(words, partial(_without, words=words), is_less=True)
 
 
 def _as_it_is(damper: ValveDamper) -> ValveDamper:

@@ -39,6 +39,8 @@ _WORSE = 1.02
 # A law without a part that leaves so many times as much after a few steps lacks what is needed: it
 # is left there, before its descents.
 _LACKING = 20.0
+# What the rig has, which is told before what valves and oil have is offered.
+_OF_RIG = ("lag", "play")
 # A part that lowers the MSE by less is not offered again once another part has been taken.
 _SOMETHING = 1.1
 
@@ -183,9 +185,10 @@ class Course:
     def without_early(self, law: Tried) -> Tried:
         """The law without parts that another, taken after them, stands for better.
 
-        A gas volume explains some of what a friction does that has not been offered yet.
+        A gas volume explains some of what a friction does that has not been offered yet, and a lag
+        of what softer oil does.
         """
-        return self.asked_again(law, self.more[:-1])
+        return self.asked_again(law, (*self.more[:-1], *_OF_RIG) if self.more else ())
 
     def asked_again(self, law: Tried, parts: Sequence[str]) -> Tried:
         """The law without those of some parts that it does not need as it is now."""
@@ -194,7 +197,7 @@ class Course:
             model, left = without_part(damper, name), tuple(one for one in freed if one != name)
             if (model, left) == (damper, freed):
                 continue
-            one = self.fitted(model, freed=left, near=law)
+            one = self.fitted(model, freed=left, near=law, hopeless_percent=hopeless_beside(law))
             if one is None:
                 continue
             law = self.no_worse(law, one)

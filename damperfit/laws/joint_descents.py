@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from damperfit.errors import SimulationError
+from damperfit.laws.choosing import GAIN
 from damperfit.laws.common_parts import beside_each_other, lacking_parts, made_of
 from damperfit.laws.elsewhere import had_by
 from damperfit.laws.law_fit import fit_law
@@ -14,6 +15,7 @@ from damperfit.laws.law_of_all import (
     as_one_model,
     free_of,
     on_whole_logs,
+    values_of_less,
     values_of_more,
 )
 from damperfit.parallel import executor
@@ -129,3 +131,31 @@ class JointDescents:
         except SimulationError:
             return begun
         return other if begun.one.cost(other.values) < begun.minimum.point.cost else begun
+
+    def without(
+        self, core: ValveDamper, law: LawOfAll, rich: LawOfAll, part: CommonPart
+    ) -> tuple[LawOfAll, Tried] | None:
+        """The law without a part."""
+        others = [one for one in rich.parts if one is not part]
+        return self.with_parts(core, law, rich, others)
+
+    def with_parts(
+        self, core: ValveDamper, law: LawOfAll, rich: LawOfAll, parts: Sequence[CommonPart]
+    ) -> tuple[LawOfAll, Tried] | None:
+        """The law with fewer, from where it is and, where that seems to lack some, from afar."""
+        left = beside_each_other(core, rich.own_freed, parts)
+        damper, freed = made_of(core, rich.own_freed, left)
+        if not {*damper.names} <= {*rich.damper.names}:  # the blow-off is back without its bleed
+            return None
+        free = free_of(damper, freed)
+        one = rich.one.of(damper, free, self.follows(damper, free))
+        at = {s: values_of_less(damper, free, values) for s, values in rich.values.items()}
+        try:
+            end = one.descend(one.with_common(at))
+            if end.point.cost > GAIN * rich.minimum.point.cost and law is not rich:
+                other = one.descend(self.begun(damper, freed, law).values)
+                end = min(end, other, key=lambda end: end.point.cost)
+            small = LawOfAll(damper, freed, one, end, left)
+            return small, self.tried(small)
+        except SimulationError:
+            return None

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 __all__ = [
     "LawOfAll",
     "as_one_model",
+    "bled_flow",
     "free_of",
     "led_back",
     "lost_with",
@@ -220,13 +221,28 @@ def with_both_ways(damper: ValveDamper, at: Values) -> Values:
         valve = getattr(damper, stroke)
         if valve.bleed != "long" or valve.blow_off == NONE:
             continue
-        names = leak, bleed, _ = [f"{stroke}_{part}" for part in ("leak", "bleed", "opening")]
-        r, s, opening = (float(getattr(at, name)) for name in names)
-        flow = 2.0 * opening / (r + math.sqrt(r * r + 4.0 * s * s * opening))
-        if not _NEXT_TO_NOTHING < r * flow / opening < 1.0 - _NEXT_TO_NOTHING:
+        opening, leak = (float(getattr(at, f"{stroke}_{part}")) for part in ("opening", "leak"))
+        flow = bled_flow(at, stroke)
+        if not _NEXT_TO_NOTHING < leak * flow / opening < 1.0 - _NEXT_TO_NOTHING:
             half = 0.5 * opening
-            at = at.replace({leak: half / flow, bleed: math.sqrt(half) / flow})
+            both = {"leak": half / flow, "bleed": math.sqrt(half) / flow}
+            at = at.replace({f"{stroke}_{part}": number for part, number in both.items()})
     return at
+
+
+def bled_flow(at: Values, stroke: str) -> float:
+    """Return what flows through a part-laminar bleed where the blow-off beside it opens, kg/s.
+
+    Parameters
+    ----------
+    at : Values
+        Of a setting.
+    stroke : str
+        "rebound" or "compression".
+    """
+    parts = ("leak", "bleed", "opening")
+    r, s, opening = (float(getattr(at, f"{stroke}_{part}")) for part in parts)
+    return 2.0 * opening / (r + math.sqrt(r * r + 4.0 * s * s * opening))
 
 
 def on_whole_logs(

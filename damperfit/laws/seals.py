@@ -69,7 +69,25 @@ def with_turning_told(course: Course, law: Tried, alike: Sequence[Tried]) -> Tri
             said = f"with {words_of(model, _TURNING)} for {change}"
             course.record(one, reason, is_taken=is_taken, change=said)
             best = one if is_taken else best
-    return best
+    return best if best is law else _without_it(course, best)
+
+
+def _without_it(course: Course, law: Tried) -> Tried:
+    """The law without it, where the logs do not tell it either.
+
+    What it took the place of may have been there for a wrong valley, out of which it has led.
+    """
+    damper = valve_damper(law)
+    one = course.fitted(without_part(damper, _TURNING), freed=freed_of(law), near=law)
+    if one is None:
+        return law
+    verdict = judged(one, law, course.n_eff)
+    change = words_of(damper, _TURNING)
+    if verdict.takes_larger or verdict.bic <= 0.0:
+        return course.smaller_of(one, law, change, verdict, course.elsewhere)
+    reason = f"the logs tell it: MSE {one.mse_percent:.2g} to {law.mse_percent:.2g} %"
+    course.record(one, reason, is_taken=False, change=f"without {change}", verdict=verdict)
+    return law
 
 
 def _of_two(course: Course, best: Tried, one: Tried) -> Tried:

@@ -212,11 +212,12 @@ class _Search(Course):
 
         Last, for what is not seen beside a part that lacks may be seen beside that.
         """
-        unseen = law.unseen | ({"k_s"} if _is_as_rigid(law) else set())
+        unseen, had = law.unseen | ({"k_s"} if _is_as_rigid(law) else set()), _bleeds_of(law)
         for change, (names, smaller) in ONE_STROKE.items():
             if set(names) & unseen:
                 law = self.without(law, change, smaller)
-        return law
+        # A blow-off with next to no preload, beside which there was a bleed, is a laminar one.
+        return law if _bleeds_of(law) == had else with_bleeds_told(self, law)
 
     def grown(self, law: Tried, names: Sequence[str]) -> Tried:
         """What single settings need that those compared do not tell together, the worst first."""

@@ -15,9 +15,11 @@ law is fitted once as one model, and where that leaves something it is offered w
     4  with friction that turns in another way, if that explains what is left beside these
     5  all of it must, beyond what the law itself leaves from where these have led, and be worth its
        numbers, or leave nothing with no more: else nothing changes
+    6  at last, and where the law leaves nothing, without each part that explains nothing
 
-Some 50 descents of ten evaluations and 50 to their end, at most twice as many, on settled cycles,
-whatever the number of settings; five and four more for each other layout.
+Some 50 descents of ten evaluations and 60 to their end, at most twice as many, on settled cycles,
+whatever the number of settings; five and four more for each other layout. Where the law leaves
+nothing one for each of its parts.
 """
 
 from __future__ import annotations
@@ -30,6 +32,8 @@ from damperfit.errors import SimulationError
 from damperfit.identification.blas_threads import one_blas_thread
 from damperfit.laws.choosing import (
     GAIN,
+    NO_WORSE,
+    PREDICTED_PERCENT,
     OfOneModel,
     Tried,
     Verdict,
@@ -39,14 +43,13 @@ from damperfit.laws.choosing import (
 )
 from damperfit.laws.common_parts import (
     CommonPart,
-    beside_each_other,
+    bleeds_beside,
     blow_off_kinds,
     changed,
     idle_parts,
     in_place,
     lacking_parts,
     laminar_alone,
-    made_of,
     other_parts,
     turning_kinds,
     without_kinds,
@@ -55,10 +58,8 @@ from damperfit.laws.joint_descents import JointDescents
 from damperfit.laws.judged_laws import JudgedLaw, Together
 from damperfit.laws.law_of_all import (
     LawOfAll,
-    free_of,
     led_back,
     lost_with,
-    values_of_less,
 )
 from damperfit.laws.layout_choice import is_told_as_one, said_of_layout
 from damperfit.laws.variants import laid_out_as
@@ -115,7 +116,8 @@ def told_together(  # noqa: PLR0913 - what a run knows of its settings
     """
     course = _Course(evidence, follows, solver, jobs, on_law)
     law = course.laid_out(course.first(fits), layouts)
-    chosen = course.enriched(law, course.judged[-1].tried)
+    law, chosen = course.enriched(law, course.judged[-1].tried)
+    chosen = course.bare(law, chosen)
     return Together(tuple(course.judged), chosen, course.n_eff, course.alike)
 
 
@@ -169,33 +171,32 @@ class _Course(JointDescents):
         self.alike = tuple(name for one, name in names if are_alike(tried, one))
         return best
 
-    def enriched(self, law: LawOfAll, tried: Tried) -> Tried:
+    def enriched(self, law: LawOfAll, tried: Tried) -> tuple[LawOfAll, Tried]:
         """The law with what one model needs."""
         if not tried.leaves_something:
-            return tried
-        core, own = without_kinds(law.damper, law.freed)
-        law = replace(law, parts=own)
+            return law, tried
+        core, law = _in_parts(law)
         try:
             whole = self.with_whole_valves(core, law)
             rich = self.with_all(core, whole)
         except SimulationError:
-            return tried
+            return law, tried
         best = self.tried(rich)
         gain = tried.mse_percent / max(best.mse_percent, 1e-300)
         reason = "what it does not need is taken out again"
         self.record(best, reason, is_taken=False, change="with everything", gain=gain)
         law, tried = self.led_back(law, tried, rich)
         if not tried.leaves_something:
-            return tried
+            return law, tried
         rich, best = self.thinned(core, whole, rich, best)
         rich, best = self.turned(core, whole, rich, best)
         law, tried = self.led_back(law, tried, rich)
         if not tried.leaves_something:
-            return tried
+            return law, tried
         rich, best = self.cheaper(core, law, tried, rich, best)
-        change = changed(own, rich.parts)
+        change = changed(law.parts, rich.parts)
         if not change:
-            return tried
+            return law, tried
         verdict = self.held_against(law, tried, rich, best, least_gain=GAIN)
         is_smaller = rich.n_unknowns < law.n_unknowns and best.left_over <= GAIN * tried.left_over
         if is_smaller and best.mse_percent < _SOMETHING * tried.mse_percent:
@@ -204,7 +205,37 @@ class _Course(JointDescents):
             best, verdict.reason, is_taken=verdict.takes_larger, change=change,
             gain=verdict.gain, bic=verdict.bic,
         )  # fmt: skip
-        return best if verdict.takes_larger else tried
+        return (rich, best) if verdict.takes_larger else (law, tried)
+
+    def bare(self, law: LawOfAll, tried: Tried) -> Tried:
+        """The law without what explains nothing as one model, whatever a single setting made of it.
+
+        In a wrong valley of one setting a part stands for what all of them have moved since.
+        """
+        core, law = _in_parts(law)
+        for part in law.by_looseness(core):
+            found = self.without(core, law, law, part)
+            law, tried = self.bare_of(found, law, tried, f"without {part.words}")
+        for part in (*laminar_alone(law.damper), *bleeds_beside(law.damper)):
+            found = self.with_parts(core, law, law, in_place(core, (), law.parts, part))
+            word = "without" if part.is_less else "with"
+            law, tried = self.bare_of(found, law, tried, f"{word} {part.words}")
+        return tried
+
+    def bare_of(
+        self, found: tuple[LawOfAll, Tried] | None, law: LawOfAll, tried: Tried, change: str
+    ) -> tuple[LawOfAll, Tried]:
+        """A smaller law where the larger explains no more than its numbers do anywhere."""
+        if found is None:
+            return law, tried
+        less = found[1]
+        verdict = self.held_against(*found, law, tried, least_gain=_SOMETHING)
+        known = max(tried.held_out_percent, PREDICTED_PERCENT)
+        if verdict.takes_larger or verdict.bic > 0.0 or less.held_out_percent > NO_WORSE * known:
+            return law, tried
+        said = {"gain": verdict.gain, "bic": verdict.bic}
+        self.record(less, verdict.reason, is_taken=True, change=change, **said)
+        return found
 
     def led_back(self, law: LawOfAll, tried: Tried, rich: LawOfAll) -> tuple[LawOfAll, Tried]:
         """The law itself from where a larger one has led, if that alone leaves less.
@@ -355,30 +386,8 @@ class _Course(JointDescents):
             verdict, takes_larger=False, reason=f"with it the logs no longer determine {lost}"
         )
 
-    def without(
-        self, core: ValveDamper, law: LawOfAll, rich: LawOfAll, part: CommonPart
-    ) -> tuple[LawOfAll, Tried] | None:
-        """The law without a part."""
-        others = [one for one in rich.parts if one is not part]
-        return self.with_parts(core, law, rich, others)
 
-    def with_parts(
-        self, core: ValveDamper, law: LawOfAll, rich: LawOfAll, parts: Sequence[CommonPart]
-    ) -> tuple[LawOfAll, Tried] | None:
-        """The law with fewer, from where it is and, where that seems to lack some, from afar."""
-        left = beside_each_other(core, rich.own_freed, parts)
-        damper, freed = made_of(core, rich.own_freed, left)
-        if not {*damper.names} <= {*rich.damper.names}:  # the blow-off is back without its bleed
-            return None
-        free = free_of(damper, freed)
-        one = rich.one.of(damper, free, self.follows(damper, free))
-        at = {s: values_of_less(damper, free, values) for s, values in rich.values.items()}
-        try:
-            end = one.descend(one.with_common(at))
-            if end.point.cost > GAIN * rich.minimum.point.cost:
-                other = one.descend(self.begun(damper, freed, law).values)
-                end = min(end, other, key=lambda end: end.point.cost)
-            small = LawOfAll(damper, freed, one, end, left)
-            return small, self.tried(small)
-        except SimulationError:
-            return None
+def _in_parts(law: LawOfAll) -> tuple[ValveDamper, LawOfAll]:
+    """A law's damper without its parts, and the law with them."""
+    core, own = without_kinds(law.damper, law.freed)
+    return core, replace(law, parts=own)

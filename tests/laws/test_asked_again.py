@@ -11,7 +11,7 @@ from damperfit.damper.friction import Friction
 from damperfit.damper.mounting import FIT, Mounting
 from damperfit.damper.valve_dampers import Monotube, TwinTube
 from damperfit.laws import SettingLogs, Tried, course, search
-from damperfit.laws.variants import BOTH, without_part
+from damperfit.laws.variants import BLOW_OFF, BOTH, without_part
 from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting
 from tests.laws.valve_logs import damper
@@ -70,6 +70,24 @@ def test_what_another_setting_needs_stays(monkeypatch) -> None:
     found, said = asked(monkeypatch, ["gas_volume", "presliding"], elsewhere=why)
     assert found.freed == ("gas_volume",)
     assert said == [("without gas volume", False, why)]
+
+
+@pytest.mark.parametrize(("more", "goes"), [([], False), (["k_e"], True)])
+def test_a_lag_goes_that_softer_oil_has_made_needless(monkeypatch, more, goes) -> None:
+    """It was told before the oil's bulk modulus was offered: `joint_rates`, place 187."""
+    monkeypatch.setattr(course, "freed_of", lambda one: one.freed)
+    monkeypatch.setattr(
+        course, "judged", lambda *_: SimpleNamespace(takes_larger=False, reason="as judged")
+    )
+    monkeypatch.setattr(course, "needed_at", lambda *_: "")
+    steps, said = course.Course([], SolverOptions(), lambda _: None, 1), []
+    steps.more = more
+    monkeypatch.setattr(steps, "fitted", lambda model, **how: law(model, how["freed"]))
+    monkeypatch.setattr(steps, "record", lambda *_, **how: said.append(how["change"]))
+    late = replace(PLAIN, mounting=Mounting(FIT, play=FIT, lag=FIT))
+    found = steps.without_early(law(late, ("k_e",)))
+    assert found.model == (replace(PLAIN, mounting=Mounting(FIT)) if goes else late)
+    assert said == (["without a lag of the force", "without play"] if goes else [])
 
 
 @pytest.mark.parametrize("more", [[], ["gas_volume"], ["drag", "presliding"], ["port", "drag"]])
@@ -174,3 +192,20 @@ def test_a_law_that_a_setting_needs_keeps_what_it_had_there(monkeypatch) -> None
     assert found.title == "crossed"
     assert steps.more == ["drag"]  # asked for again beside what comes after it, as any part
     assert found.fits == (again.fits[0], alone.fits[0])
+
+
+@pytest.mark.parametrize("is_unseen", [True, False])
+def test_a_blow_off_that_has_lost_its_bleed_may_be_a_laminar_one(monkeypatch, is_unseen) -> None:
+    """With next to no preload it was told so beside the bleed alone: `joint_rates`, place 155."""
+    steps, asked = search._Search([], SolverOptions(), lambda _: None, 1), []
+    before = law(PLAIN, ())
+    before.unseen = {"compression_bleed"} if is_unseen else set()
+    monkeypatch.setattr(search, "_is_as_rigid", lambda _: False)
+    monkeypatch.setattr(steps, "without", lambda one, _change, less: law(less(one.model), ()))
+    monkeypatch.setattr(search, "with_bleeds_told", lambda _, one: asked.append(one) or "told")
+    found = steps.without_unseen(before)
+    if not is_unseen:
+        assert (found, asked) == (before, [])
+        return
+    assert found == "told"
+    assert [one.model.compression for one in asked] == [BLOW_OFF]

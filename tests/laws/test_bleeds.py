@@ -15,8 +15,9 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.laws import SettingLogs, Tried, bleeds, physics_seen, search_laws
 from damperfit.laws.bleeds import with_bleeds_told
 from damperfit.laws.choosing import effective_samples
+from damperfit.laws.law_fit import LawFit
 from damperfit.laws.search import _Search
-from damperfit.laws.variants import BLOW_OFF, BOTH, in_words, with_part
+from damperfit.laws.variants import BLEED, BLOW_OFF, BOTH, in_words, with_part
 from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting
 from tests.laws.valve_logs import VALUES, damper, moved, noisy_trace
@@ -157,3 +158,21 @@ def test_what_a_stroke_lacks_is_offered_to_it() -> None:
     assert with_part(model, "a bleed in bump").compression == BOTH
     assert with_part(model, "a blow-off in bump") == model
     assert with_part(model, "a bleed in rebound") == model
+
+
+def test_a_laminar_bleed_starts_with_what_both_of_its_ways_let_through() -> None:
+    """With the laminar share alone it was too wide, and the descent ended elsewhere."""
+    long = Valve("long", "linear")
+    model = replace(damper(), rebound=long, compression=BLEED)
+    numbers = VALUES | {"rebound_leak": 4e7, "rebound_bleed": 6e4, "rebound_opening": 5e5}
+    values = model.values({n: numbers[n] for n in model.names if n in numbers})
+    fit = LawFit(
+        setting=Setting.of(1), model=model, values=values, free=(), at_bound=(), mse_percent=1.0,
+        stretches=(), held_out_percent=math.nan, held_out="", residuals=(), evaluations=1,
+    )  # fmt: skip
+    [found] = bleeds._in_layers(Tried("", (fit,))).fits
+    flow = 5e5 / found.values.rebound_leak
+    assert 4e7 * flow + (6e4 * flow) ** 2 == pytest.approx(5e5)
+    assert found.values.replace({"rebound_leak": 4e7}) == values
+    plain = Tried("", (replace(fit, model=replace(model, rebound=Valve("long", "none"))),))
+    assert bleeds._in_layers(plain) is plain  # no blow-off says at which flow

@@ -225,7 +225,7 @@ def test_a_smaller_law_is_taken_that_leaves_no_more(monkeypatch, less, force, is
         monkeypatch.setattr(steps, step, lambda *_: (rich, best))
     monkeypatch.setattr(steps, "led_back", lambda *said: said[:2])
     monkeypatch.setattr(steps, "tried", lambda _: best)
-    assert steps.enriched(before, tried) is (best if is_taken else tried)
+    assert steps.enriched(before, tried)[1] is (best if is_taken else tried)
     assert steps.judged[-1].change == "one model: without friction by the pressure on the seal"
 
 
@@ -291,7 +291,7 @@ def test_a_law_of_as_many_numbers_is_taken_that_leaves_nothing(
     monkeypatch.setattr(steps, "without", lambda *_: None)  # asked where all cost too much
     monkeypatch.setattr(steps, "led_back", lambda *said: said[:2])
     monkeypatch.setattr(steps, "tried", lambda _: best)
-    assert steps.enriched(before, tried) is (best if is_taken else tried)
+    assert steps.enriched(before, tried)[1] is (best if is_taken else tried)
 
 
 def test_a_part_laminar_bleed_may_be_laminar_alone() -> None:
@@ -339,8 +339,9 @@ def test_a_blow_off_may_go_whose_stroke_has_got_a_bleed() -> None:
     parts = [*lacking_parts(core), *blow_off_kinds("rebound")[:1], *other_parts(PLAIN, ())]
     damper, freed = made_of(core, (), parts)
     assert damper.rebound == Valve("long", "rounded")
-    gone, in_bump = idle_parts(core, damper)
+    gone, bleed, in_bump = idle_parts(core, damper)
     assert gone.words == "the blow-off in rebound"
+    assert bleed.words == "the bleed in rebound"  # whose blow-off has become another
     assert in_bump.words == "the blow-off in bump"  # whose bleed has become another
     bled = replace(core, rebound=Valve("orifice", "none"))
     assert [one.words for one in idle_parts(bled, PLAIN)] == ["the bleed in rebound"]
@@ -352,6 +353,7 @@ def test_a_blow_off_may_go_whose_stroke_has_got_a_bleed() -> None:
     assert made_of(core, (), left[1:])[0].rebound == BLOW_OFF  # which has nothing else then
     assert not list(idle_parts(core, core))
     assert not list(idle_parts(PLAIN, PLAIN))
+    assert [one.words for one in idle_parts(PLAIN, PORT)] == ["the bleed in rebound"]
 
 
 def test_friction_that_is_declared_is_no_part_of_the_logs() -> None:
