@@ -202,10 +202,14 @@ class OfOneModel:
         Numbers that the larger has more at all settings together.
     least_gain : float
         MSE of the smaller over that of the larger from which on this is worth having.
+    is_less : bool
+        Whether the smaller law was made of the larger: a part at the far edge of its range, without
+        which 1.5 times as much is left, is not absent.
     """
 
     n_more: int
     least_gain: float = GAIN
+    is_less: bool = False
 
 
 def judged(
@@ -253,7 +257,9 @@ def judged(
     is_of_force = of_force > GAIN
     worth = max(gain, of_force) if is_of_force else gain
     bic = n_eff * math.log(max(worth, 1e-300)) - cost
-    new = _missing(large.absent if is_removed else large.at_bound, _more(large, small))
+    # A law that needs a part 1.5 times has it, wherever in its range it has ended.
+    is_had = of_one_model is not None and of_one_model.is_less and gain > GAIN
+    new = _missing(large.absent if is_removed or is_had else large.at_bound, _more(large, small))
     held = small.held_out_percent, large.held_out_percent
     if left <= ENOUGH_PERCENT and not small.leaves_something:
         reason = (

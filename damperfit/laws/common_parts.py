@@ -27,6 +27,7 @@ __all__ = [
     "laminar_alone",
     "made_of",
     "other_parts",
+    "stand_ins",
     "turning_kinds",
     "without_kinds",
 ]
@@ -37,8 +38,9 @@ _BLOW_OFFS = {
     "port": "a port behind the blow-off",
 }
 _TURNING = ("presliding", "turning_speed")
-_BESIDE = ("play", "lag", "moving_mass", "breakaway", "seal_area")
-_FREED = ("return_slope", "drag", "free_gas")
+_AT_REST, _RETURNS = "breakaway", "return_slope"
+_BESIDE = ("play", "lag", "moving_mass", _AT_REST, "seal_area")
+_FREED = (_RETURNS, "drag", "free_gas")
 _GAS = "gas_volume"
 
 
@@ -168,6 +170,36 @@ def turning_kinds() -> list[CommonPart]:
     return [_of_damper(name) for name in _TURNING]
 
 
+def stand_ins(
+    core: ValveDamper, freed: Sequence[str], parts: Sequence[CommonPart]
+) -> list[tuple[CommonPart, list[CommonPart], bool]]:
+    """Return parts that may stand for others, these others, and whether they need fewer numbers.
+
+    A kind of blow-off stands for another, friction that is larger at rest for what is supposed of
+    oil and returns.
+
+    Parameters
+    ----------
+    core : ValveDamper
+        The law without its parts.
+    freed : sequence of str
+        What of it is fitted although it has a default.
+    parts : sequence of CommonPart
+        What it has.
+    """
+    has = made_of(core, freed, parts)[1]
+    supposed = [one for one in (_RETURNS, *_oil(core)) if one in core.names and one not in has]
+    found = [
+        (one, [_freed(core, name) for name in supposed], True)
+        for one in parts
+        if one == _of_damper(_AT_REST)
+    ]
+    for stroke in STROKES:
+        kinds = blow_off_kinds(stroke)
+        found += [(one, [k for k in kinds if k != one], False) for one in parts if one in kinds]
+    return found
+
+
 def other_parts(damper: ValveDamper, freed: Sequence[str]) -> Iterator[CommonPart]:
     """Yield what may stand beside all else.
 
@@ -289,8 +321,11 @@ def _long(stroke: str) -> CommonPart:
 
 def _may_be_freed(damper: ValveDamper) -> list[str]:
     """What may be fitted although it has a default: held, soft oil is told as friction."""
-    oil = [one.name for one in damper.quantities if one.role == STIFFNESS]
-    return [name for name in (*_FREED, *oil) if name in damper.names]
+    return [name for name in (*_FREED, *_oil(damper)) if name in damper.names]
+
+
+def _oil(damper: ValveDamper) -> list[str]:
+    return [one.name for one in damper.quantities if one.role == STIFFNESS]
 
 
 def _freed(damper: ValveDamper, name: str) -> CommonPart:

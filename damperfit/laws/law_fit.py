@@ -18,6 +18,7 @@ from damperfit.conditioning import TRANSIENTS, transients
 from damperfit.errors import SimulationError
 from damperfit.identification.effective_samples import FEWEST_SAMPLES
 from damperfit.identification.law_misfit import COMPARING, LawMisfit, best_of_starts
+from damperfit.laws.friction_at_rest import with_whole_friction
 from damperfit.laws.missed import misses
 from damperfit.simulation import SolverOptions
 
@@ -327,10 +328,9 @@ def _misfit(
 
 
 def _beside(misfit: LawMisfit, near: Values) -> tuple[dict[str, float], dict[str, float]]:
-    """What a law has of one fitted before, and the rest of it at next to nothing.
-
-    What stands at nothing there was held: from there no descent would find it.
-    """
+    """What a law has of one fitted before, and the rest of it at next to nothing."""
+    near = with_whole_friction(near, misfit.model)
+    # What stands at nothing there was held: from there no descent would find it.
     known = {name: one for name, one in zip(near.names, near.numbers, strict=True) if one}
     shared = {name: known[name] for name in misfit.free if name in known}
     return shared, {name: misfit.absent(name) for name in misfit.free if name not in known}

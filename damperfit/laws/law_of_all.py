@@ -8,11 +8,13 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, cast
 
 from damperfit.damper.mounting import NONE
+from damperfit.damper.quantity import STIFFNESS
 from damperfit.errors import SimulationError
 from damperfit.identification.law_misfit import LawMisfit
 from damperfit.laws.choosing import ENOUGH_PERCENT, Tried
 from damperfit.laws.common_parts import made_of
 from damperfit.laws.elsewhere import freed_of
+from damperfit.laws.friction_at_rest import with_whole_friction
 from damperfit.laws.law_fit import UNDETERMINED, fit_at
 from damperfit.laws.one_model import OneModel
 from damperfit.laws.variants import STROKES, in_words
@@ -99,6 +101,8 @@ class LawOfAll:
         """Return its parts, that first of which the best known number is known worst.
 
         Before them the returns: freed they run along valleys, and take the place of what is there.
+        Behind them the oil's bulk modulus: it is there, and what is held at a value that it has not
+        is told as friction that is larger at rest.
 
         Parameters
         ----------
@@ -112,7 +116,12 @@ class LawOfAll:
             mine = {*part.freed, *self.damper.names} - ({*left.names} - {*part.freed})
             return min((e for u, e in errors.items() if u.name in mine), default=math.inf)
 
-        return sorted(self.parts, key=lambda one: (_RETURNS in one.freed, error(one)), reverse=True)
+        oil = {one.name for one in self.damper.quantities if one.role == STIFFNESS}
+
+        def order(part: CommonPart) -> tuple[bool, bool, float]:
+            return _RETURNS in part.freed, oil.isdisjoint(part.freed), error(part)
+
+        return sorted(self.parts, key=order, reverse=True)
 
 
 def free_of(damper: ValveDamper, freed: Sequence[str]) -> tuple[str, ...]:
@@ -140,6 +149,7 @@ def values_of_less(damper: ValveDamper, free: Sequence[str], values: Values) -> 
     values : Values
         Of the law with more.
     """
+    values = with_whole_friction(values, damper)
     numbers = {
         q.name: getattr(values, q.name) if q.name in free or q.default is None else q.default
         for q in damper.quantities
@@ -306,7 +316,8 @@ def values_of_more(
     quantities = one.model.quantities
     held = {q.name: q.default for q in quantities if q.default is not None and q.name not in freed}
     full, small = {}, {}
-    for s, near in law.values.items():
+    for s, own in law.values.items():
+        near = with_whole_friction(own, one.model)
         start = one.model.start(evidence[s].fitted, held)[0]
         known = {n: getattr(near, n) for n in near.names if n in one.model.names}
         # What stands at nothing was held: from there no descent would find it.

@@ -12,7 +12,8 @@ law is fitted once as one model, and where that leaves something it is offered w
     3  without what is not worth its numbers, the loosest first, by the rule of `choosing`, last
        what it came with; what stayed is asked again without what went after it, a blow-off beside
        another kind of bleed; what stays need not gain a factor of 1.5 by itself
-    4  with friction that turns in another way, if that explains what is left beside these
+    4  with friction that turns in another way, if that explains what is left beside these; with
+       another kind of blow-off, or what is supposed of oil and returns, for what stood for it
     5  all of it must, beyond what the law itself leaves from where these have led, and be worth its
        numbers, or leave nothing with no more: else nothing changes
     6  at last, and where the law leaves nothing, without each part that explains nothing
@@ -34,19 +35,14 @@ from damperfit.laws.choosing import (
     GAIN,
     NO_WORSE,
     PREDICTED_PERCENT,
-    OfOneModel,
     Tried,
-    Verdict,
     are_alike,
     effective_samples,
-    judged,
 )
 from damperfit.laws.common_parts import (
-    CommonPart,
     bleeds_beside,
     blow_off_kinds,
     changed,
-    idle_parts,
     in_place,
     lacking_parts,
     laminar_alone,
@@ -54,18 +50,14 @@ from damperfit.laws.common_parts import (
     turning_kinds,
     without_kinds,
 )
-from damperfit.laws.joint_descents import JointDescents
 from damperfit.laws.judged_laws import JudgedLaw, Together
-from damperfit.laws.law_of_all import (
-    LawOfAll,
-    led_back,
-    lost_with,
-)
+from damperfit.laws.law_of_all import LawOfAll, led_back
 from damperfit.laws.layout_choice import is_told_as_one, said_of_layout
+from damperfit.laws.thinning import SOMETHING, Thinning
 from damperfit.laws.variants import laid_out_as
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Callable, Sequence
 
     from damperfit.damper.model import Model
     from damperfit.damper.valve_dampers import ValveDamper
@@ -74,9 +66,6 @@ if TYPE_CHECKING:
     from damperfit.simulation import SolverOptions
 
 __all__ = ["told_together"]
-
-# By what a part must lower the MSE of one model to stay in it, beside what its numbers cost.
-_SOMETHING = 1.1
 
 
 @one_blas_thread()
@@ -121,31 +110,8 @@ def told_together(  # noqa: PLR0913 - what a run knows of its settings
     return Together(tuple(course.judged), chosen, course.n_eff, course.alike)
 
 
-class _Course(JointDescents):
+class _Course(Thinning):
     """What has been tried so far."""
-
-    def __init__(
-        self,
-        evidence: Sequence[SettingLogs],
-        follows: Callable[[Model, Sequence[str]], Follows],
-        solver: SolverOptions,
-        jobs: int,
-        on_law: Callable[[JudgedLaw], None],
-    ) -> None:
-        super().__init__(evidence, follows, solver, jobs)
-        self.on_law = on_law
-        self.judged: list[JudgedLaw] = []
-        self.n_eff, self.worth = math.nan, dict[str, float]()
-        self.alike: tuple[str, ...] = ()
-
-    def record(
-        self, tried: Tried, reason: str, *, is_taken: bool, change: str, **said: float
-    ) -> None:
-        """Keep a law that was judged, and say it to who waits for it."""
-        self.judged.append(
-            JudgedLaw(tried, is_taken, reason, change=f"one model: {change}", **said)
-        )
-        self.on_law(self.judged[-1])
 
     def laid_out(self, law: LawOfAll, layouts: Sequence[ValveDamper]) -> LawOfAll:
         """The law in the layout that one model tells."""
@@ -190,6 +156,7 @@ class _Course(JointDescents):
             return law, tried
         rich, best = self.thinned(core, whole, rich, best)
         rich, best = self.turned(core, whole, rich, best)
+        rich, best = self.swapped(core, rich, best)
         law, tried = self.led_back(law, tried, rich)
         if not tried.leaves_something:
             return law, tried
@@ -199,7 +166,7 @@ class _Course(JointDescents):
             return law, tried
         verdict = self.held_against(law, tried, rich, best, least_gain=GAIN)
         is_smaller = rich.n_unknowns < law.n_unknowns and best.left_over <= GAIN * tried.left_over
-        if is_smaller and best.mse_percent < _SOMETHING * tried.mse_percent:
+        if is_smaller and best.mse_percent < SOMETHING * tried.mse_percent:
             verdict = replace(verdict, takes_larger=True, reason="as good with fewer numbers")
         self.record(
             best, verdict.reason, is_taken=verdict.takes_larger, change=change,
@@ -229,7 +196,7 @@ class _Course(JointDescents):
         if found is None:
             return law, tried
         less = found[1]
-        verdict = self.held_against(*found, law, tried, least_gain=_SOMETHING)
+        verdict = self.held_against(*found, law, tried, least_gain=SOMETHING, is_less=True)
         known = max(tried.held_out_percent, PREDICTED_PERCENT)
         if verdict.takes_larger or verdict.bic > 0.0 or less.held_out_percent > NO_WORSE * known:
             return law, tried
@@ -244,13 +211,13 @@ class _Course(JointDescents):
         """
         try:
             again = led_back(law, rich)
-            if again.minimum.point.cost * _SOMETHING > law.minimum.point.cost:
+            if again.minimum.point.cost * SOMETHING > law.minimum.point.cost:
                 return law, tried
             one = self.tried(again)
         except SimulationError:
             return law, tried
         gain = tried.mse_percent / max(one.mse_percent, 1e-300)
-        if gain < _SOMETHING or one.left_over > tried.left_over:
+        if gain < SOMETHING or one.left_over > tried.left_over:
             return law, tried
         reason = f"MSE {tried.mse_percent:.2g} to {one.mse_percent:.2g} % from a better start"
         self.record(
@@ -267,91 +234,6 @@ class _Course(JointDescents):
         offered += other_parts(law.damper, law.own_freed)
         offered += [one for one in law.parts if one not in offered and one.freed]
         return self.with_more(core, law, offered)
-
-    def thinned(
-        self, core: ValveDamper, law: LawOfAll, rich: LawOfAll, best: Tried
-    ) -> tuple[LawOfAll, Tried]:
-        """Without what is not worth its numbers, the loosest part first."""
-        # What single settings have told of is asked last: many others may stand for it together.
-        parts = sorted(rich.by_looseness(core), key=lambda one: one in law.parts)
-        rich, best, again = self.without_idle(core, law, rich, best, parts)
-        rich, best, _ = self.without_idle(core, law, rich, best, again)
-        rich, best = self.put_in(core, law, rich, best, "without", idle_parts(core, rich.damper))
-        had = rich.damper
-        rich, best = self.put_in(core, law, rich, best, "with", laminar_alone(had))
-        if rich.damper == had:
-            return rich, best
-        return self.put_in(core, law, rich, best, "without", idle_parts(had, rich.damper))
-
-    def put_in(
-        self, core: ValveDamper, law: LawOfAll, rich: LawOfAll, best: Tried, word: str,
-        parts: Iterable[CommonPart],
-    ) -> tuple[LawOfAll, Tried]:  # fmt: skip
-        """With parts in the place of others, where the law is not worse than it was."""
-        for part in parts:
-            found = self.with_parts(core, law, rich, in_place(core, (), rich.parts, part))
-            rich, best = self.smaller_of(found, rich, best, word, part)
-        return rich, best
-
-    def without_idle(
-        self, core: ValveDamper, law: LawOfAll, rich: LawOfAll, best: Tried,
-        parts: Sequence[CommonPart],
-    ) -> tuple[LawOfAll, Tried, list[CommonPart]]:  # fmt: skip
-        """Without those of some parts that are not worth their numbers.
-
-        With it those that stayed beside another that went after them: they may have been needed
-        beside that alone.
-        """
-        stayed: list[CommonPart] = []
-        beside: list[CommonPart] = []
-        for part in parts:
-            if part in rich.parts:  # a laminar part goes with its bleed
-                found = self.without(core, law, rich, part)
-                less, tried = self.smaller_of(found, rich, best, "without", part)
-                if less is rich:
-                    stayed.append(part)
-                else:
-                    beside = list(stayed)
-                rich, best = less, tried
-        return rich, best, beside
-
-    def turned(
-        self, core: ValveDamper, law: LawOfAll, rich: LawOfAll, best: Tried
-    ) -> tuple[LawOfAll, Tried]:
-        """With friction that turns in another way, where that explains what is left.
-
-        Beside parts that stood for it, or valves that had too many, a few steps did not show it.
-        """
-        kinds = turning_kinds()
-        others = [one for one in rich.parts if one not in kinds]
-        rivals = [one for one in kinds if one not in rich.parts]
-        found = self.best_part(core, rich, others, rivals) if best.leaves_something else []
-        if not found:
-            return rich, best
-        try:
-            more = self.with_more(core, rich, [*others, *found])
-            one = self.tried(more)
-        except SimulationError:
-            return rich, best
-        verdict = self.held_against(rich, best, more, one, least_gain=GAIN)
-        self.record(
-            one, verdict.reason, is_taken=False, change=f"with {found[0].words}",
-            gain=verdict.gain, bic=verdict.bic,
-        )  # fmt: skip
-        return self.thinned(core, law, more, one) if verdict.takes_larger else (rich, best)
-
-    def smaller_of(
-        self, found: tuple[LawOfAll, Tried] | None, rich: LawOfAll, best: Tried, word: str,
-        part: CommonPart,
-    ) -> tuple[LawOfAll, Tried]:  # fmt: skip
-        """A smaller law where the larger is not worth its numbers."""
-        if found is None:
-            return rich, best
-        verdict = self.held_against(*found, rich, best, least_gain=_SOMETHING)
-        change, said = f"{word} {part.words}", {"gain": verdict.gain, "bic": verdict.bic}
-        self.record(found[1], verdict.reason, is_taken=False, change=change, **said)
-        self.worth[part.words] = verdict.bic
-        return (rich, best) if verdict.takes_larger else found
 
     def cheaper(
         self, core: ValveDamper, law: LawOfAll, tried: Tried, rich: LawOfAll, best: Tried
@@ -370,21 +252,6 @@ class _Course(JointDescents):
                 break
             rich, best = found
         return rich, best
-
-    def held_against(
-        self, small: LawOfAll, less: Tried, large: LawOfAll, more: Tried, *, least_gain: float
-    ) -> Verdict:
-        """Whether the larger of two laws is taken: it must not lose what the smaller one tells."""
-        price = OfOneModel(large.n_unknowns - small.n_unknowns, least_gain)
-        verdict = judged(less, more, self.n_eff, of_one_model=price)
-        if price.n_more <= 0 and less.leaves_something and not more.leaves_something:
-            verdict = replace(verdict, takes_larger=True, reason="no more numbers, nothing is left")
-        lost = lost_with(less, more)
-        if not verdict.takes_larger or not lost:
-            return verdict
-        return replace(
-            verdict, takes_larger=False, reason=f"with it the logs no longer determine {lost}"
-        )
 
 
 def _in_parts(law: LawOfAll) -> tuple[ValveDamper, LawOfAll]:
