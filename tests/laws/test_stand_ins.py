@@ -48,9 +48,8 @@ def test_a_law_with_another_part_for_it_starts_with_the_whole_friction(monkeypat
 def test_what_may_stand_for_what() -> None:
     """Kinds of blow-offs for each other; friction at rest for what oil and returns are held at."""
     core, own = without_kinds(replace(LIFTING, friction=RUBBING.friction), ("drag",))
-    found = {
-        part.words: [one.words for one in rivals] for part, rivals, _ in stand_ins(core, (), own)
-    }
+    told = stand_ins(core, (), own)
+    found = {part.words: [one.words for one in rivals] for part, rivals, _ in told}
     assert list(found) == [
         "friction that is larger at rest",
         "a blow-off that lifts further the harder it is pressed in rebound",
