@@ -77,7 +77,7 @@ def describe_level(level: ForceLevel | None, options: ConditionOptions) -> tuple
     missing = level.force - level.expected
     size = -level.expected
     severity = "note" if options.offset.is_known else "warning"
-    unsure = level.uncertainty + level.hidden
+    unsure = level.uncertainty + max(level.hidden, level.preloads)
     numbers = (
         f"at zero velocity the force is {level.force:.0f} +- {unsure:.0f} N; the gas "
         f"force alone is {level.expected:.0f} N"

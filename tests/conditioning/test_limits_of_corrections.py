@@ -49,6 +49,35 @@ def test_a_filter_that_passes_twenty_harmonics_takes_nothing_off_the_turns(
     assert gas_force._lost_at_turns(trace, corner) == pytest.approx(lost, rel=0.05, abs=1e-12)
 
 
+@pytest.mark.parametrize(("corner", "turn"), [
+    (30.0, 0.0), (15.0, 2.0 * math.pi * 1.5 * 0.1 / 15.0 - 0.05), (1.89, 0.4486), (1.5, 0.45),
+    (math.inf, 0.0),
+])  # fmt: skip
+def test_what_a_filter_does_not_show_of_a_turn_may_be_preloads(corner, turn) -> None:
+    """Of a force of 1000 N in step with the speed: a twentieth of that is a friction's, at most."""
+    trace = cycles(4)
+    v = trace.velocity
+    found = gas_force._preloads(trace, v, 1000.0 * v / v.max(), corner)
+    assert found == pytest.approx(700.0 * turn, rel=0.01, abs=1e-9)
+
+
+def test_a_motion_that_never_turns_has_no_preloads() -> None:
+    trace = cycles(4)
+    v = np.abs(trace.velocity) + 0.1
+    assert gas_force._preloads(trace, v, 1000.0 * v, 15.0) == 0.0
+
+
+@pytest.mark.parametrize(("preloads", "hidden", "said"), [
+    (14.0, 0.0, "gas force present"), (16.0, 0.0, "cannot"),
+    (16.0, 14.0, "cannot"), (14.0, 14.0, "gas force present"), (0.0, 16.0, "cannot"),
+])  # fmt: skip
+def test_preloads_and_what_opens_early_are_one_doubt(preloads, hidden, said) -> None:
+    """The larger of the two, beside an uncertainty of 20 N: 35 N are a third of the gas force."""
+    seen = replace(level(-100.0, 20.0), preloads=preloads, hidden=hidden)
+    (found,) = corrections.describe_level(seen, OPTIONS)
+    assert found.sentence.startswith(said)
+
+
 @pytest.mark.parametrize(("uncertainty", "said"), [(34.0, "gas force present"), (36.0, "cannot")])
 def test_nothing_is_said_of_a_tare_beyond_a_third_of_the_gas_force(uncertainty, said) -> None:
     (found,) = corrections.describe_level(level(-100.0, uncertainty), OPTIONS)

@@ -2,10 +2,12 @@
 
     python -m tests.conditioning.unlike_preloads              # 1500 dampers, a minute
     python -m tests.conditioning.unlike_preloads --without
+    python -m tests.conditioning.unlike_preloads --tares --dampers 400
 
 Preloads of 10 to 1000 N in either stroke lift the force at the reversals, as a gas force that is
 counted the other way does. ``--without`` tells what would be without doubt of such levels: without
 `_OF_HIDDEN` of `conditioning/polarity.py` and what `conditioning/gas_force.py` has as held.
+``--tares`` tells how often logs are said to be tared: right ones, and such without a gas force.
 """
 
 from __future__ import annotations
@@ -54,12 +56,22 @@ def is_turned(x, force, options) -> bool:
     return any(one.is_correction for one in trace.findings)
 
 
+def warns_of_tare(x, force, options) -> bool:
+    """Whether a log is said to lack its gas force, or to have another."""
+    try:
+        trace = condition(recording(np.arange(len(x)) / RATE, x, force), options)
+    except ConditioningError:
+        return False
+    return any(one.name == "tare" and one.severity == "warning" for one in trace.findings)
+
+
 def main() -> None:
     """Print how many of the right logs are turned round, and how many reversed ones put right."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--dampers", type=int, default=1500)
     parser.add_argument("--seed", type=int, default=3)
     parser.add_argument("--without", action="store_true", help="no doubt of preloads")
+    parser.add_argument("--tares", action="store_true", help="count warnings of a tare instead")
     options = parser.parse_args()
     random, declared = np.random.default_rng(options.seed), load_configuration().conditioning
     right = wrong = 0
@@ -71,8 +83,18 @@ def main() -> None:
             x, force, known = drawn(random, declared)
             x = x + random.normal(0.0, 4e-6, len(x))
             force = force + random.normal(0.0, 3.0, len(x))
+            if options.tares:
+                gas = known.gas
+                right += warns_of_tare(x, force, known)
+                tared = force + gas.rod_area * (gas.pressure - ATMOSPHERE)
+                wrong += warns_of_tare(x, tared, known)
+                continue
             right += is_turned(x, force, known)
             wrong += is_turned(-x, -force, known)
+    if options.tares:
+        print(f"of {options.dampers} right logs {right} are told to be tared; of as many without "
+              f"their gas force {wrong}")  # fmt: skip
+        return
     print(f"of {options.dampers} right logs {right} are turned round; of as many reversed ones "
           f"{wrong} are put right")  # fmt: skip
 
