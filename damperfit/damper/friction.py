@@ -74,8 +74,8 @@ class Friction:
 
     def __post_init__(self) -> None:
         """Refuse what is no friction."""
-        for name in ("presliding", "breakaway", "stribeck_speed", "seal_area", "turning_speed"):
-            check_part(name, getattr(self, name))
+        for one in _QUANTITIES:
+            check_part(one.name, getattr(self, one.name), one)
         if NONE not in {self.presliding, self.turning_speed}:
             raise ConfigurationError(
                 "turning_speed: found beside presliding; friction turns over a distance or within "

@@ -47,21 +47,34 @@ _QUANTITIES = (
 )  # fmt: skip
 
 
-def check_part(name: str, found: str | float) -> None:
-    """Refuse what is neither "none", "fit" nor a number above 0.
+def check_part(name: str, found: str | float, one: Quantity) -> None:
+    """Refuse what is neither "none", "fit" nor a number that the part may have.
+
+    Parameters
+    ----------
+    name : str
+        Under which it is declared.
+    found : str or float
+        What is declared.
+    one : Quantity
+        Of the part, with its range.
 
     Raises
     ------
     ConfigurationError
         With what was found and expected.
     """
-    is_number = isinstance(found, float | int) and not isinstance(found, bool)
-    if is_number and not (float(found) > 0.0 and math.isfinite(float(found))):
+    if isinstance(found, bool) or not isinstance(found, float | int):
+        if found not in (NONE, FIT):
+            message = f"{name}: found {found!r}; expected a number, {NONE!r} or {FIT!r}"
+            raise ConfigurationError(message)
+        return
+    low, high = one.plausible
+    if not low <= float(found) <= high:
+        expected = "a number above 0" if not float(found) > 0.0 else f"{low:g} to {high:g}"
         raise ConfigurationError(
-            f"{name}: found {float(found):g}; expected a number above 0, {NONE!r} or {FIT!r}"
+            f"{name}: found {float(found):g}; expected {expected} {one.unit}, {NONE!r} or {FIT!r}"
         )
-    if not is_number and found not in (NONE, FIT):
-        raise ConfigurationError(f"{name}: found {found!r}; expected a number, {NONE!r} or {FIT!r}")
 
 
 def declared_quantities(
@@ -101,8 +114,9 @@ class Mounting:
 
     def __post_init__(self) -> None:
         """Refuse what no mounting is."""
-        for name in ("series_stiffness", "play", "lag", "moving_mass"):
-            check_part(name, getattr(self, name))
+        names = ("series_stiffness", "play", "lag", "moving_mass")
+        for name, one in zip(names, _QUANTITIES, strict=True):
+            check_part(name, getattr(self, name), one)
         if self.play != NONE and self.series_stiffness == NONE:
             raise ConfigurationError(
                 "play needs a series stiffness that takes the force once the gap is closed: "

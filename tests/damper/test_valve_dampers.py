@@ -165,11 +165,20 @@ def test_every_kind_of_valve_has_a_start_for_all_its_numbers():
         ({"lag": "some"}, "lag: found 'some'; expected a number, 'none' or 'fit'"),
         ({"lag": -0.01}, "lag: found -0.01; expected a number above 0"),
         ({"series_stiffness": True}, "series_stiffness: found True"),
+        ({"series_stiffness": 300.0}, "series_stiffness: found 300; expected 1000 to 1e.10 N"),
+        ({"lag": 8.0}, "lag: found 8; expected 1e-05 to 0.05 s, 'none' or 'fit'"),
+        ({"moving_mass": 1001.0}, "moving_mass: found 1001; expected 0.0001 to 1000 kg"),
+        ({"lag": math.nan}, "lag: found nan; expected a number above 0"),
     ],
 )
 def test_no_mounting_is_refused_in_a_sentence(parts, said):
     with pytest.raises(ConfigurationError, match=said):
         Mounting(**parts)
+
+
+def test_a_part_of_the_mounting_may_be_at_the_end_of_its_range():
+    ends = Mounting(1e3, 1e-2, 5e-2, 1e3)
+    assert [one.default for one in ends.quantities] == [1e3, 1e-2, 5e-2, 1e3]
 
 
 def test_no_damper_is_refused_in_a_sentence():
