@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from damperfit.laws.law_fit import LawFit, SettingLogs
 
 __all__ = [
+    "AS_GOOD",
     "ENOUGH_PERCENT",
     "GAIN",
     "NO_WORSE",
@@ -74,6 +75,8 @@ PREDICTED_PERCENT = 0.05
 _NOTHING_PREDICTED = 100.0  # per cent: a law that predicts nothing, or cannot be simulated there
 # Two predictions this near each other differ by noise.
 NO_WORSE = 1.1
+# A law with fewer numbers that leaves so many times as much is as good.
+AS_GOOD = 1.02
 # Numbers without which a valve's part is none.
 _LEADING = ("_bleed", "_opening", "_slope")
 

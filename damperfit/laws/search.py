@@ -47,6 +47,7 @@ from damperfit.laws.judged_laws import JudgedLaw, LawSearch
 from damperfit.laws.layout_choice import layout_taken, said_of_layout
 from damperfit.laws.seals import with_turning_told
 from damperfit.laws.strokes import with_strokes_told
+from damperfit.laws.supposed import with_supposed_told
 from damperfit.laws.variants import (
     BOTH,
     KINDS,
@@ -153,6 +154,7 @@ def search_laws(  # noqa: PLR0913 - what a user may ask of it
     rich = course.in_its_layout(rich, layouts)
     turning = with_turning_told(course, rich, course.as_well)
     rich = rich if turning is rich else course.in_its_layout(turning, layouts)
+    rich = with_supposed_told(course, rich)
     settled = course.declared if has_valves else course.settled
     law = rich if simplest is None else settled(simplest, rich)
     course.open_to(law, held_by_some)

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from damperfit.errors import SimulationError
-from damperfit.laws.choosing import GAIN, OfOneModel, Tried, Verdict, judged
+from damperfit.laws.choosing import AS_GOOD, GAIN, OfOneModel, Tried, Verdict, judged
 from damperfit.laws.common_parts import (
     idle_parts,
     in_place,
@@ -30,12 +30,10 @@ if TYPE_CHECKING:
     from damperfit.laws.law_of_all import LawOfAll
     from damperfit.simulation import SolverOptions
 
-__all__ = ["AS_GOOD", "SOMETHING", "Thinning"]
+__all__ = ["SOMETHING", "Thinning"]
 
 # By what a part must lower the MSE of one model to stay in it, beside what its numbers cost.
 SOMETHING = 1.1
-# A law that leaves so many times as much, with fewer numbers, is as good.
-AS_GOOD = 1.02
 
 
 class Thinning(JointDescents):
