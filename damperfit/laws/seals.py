@@ -85,7 +85,7 @@ def _without_it(course: Course, law: Tried) -> Tried:
     change = words_of(damper, _TURNING)
     if verdict.takes_larger or verdict.bic <= 0.0:
         return course.smaller_of(one, law, change, verdict, course.elsewhere)
-    reason = f"the logs tell it: MSE {one.mse_percent:.2g} to {law.mse_percent:.2g} %"
+    reason = f"the logs determine it: MSE {one.mse_percent:.2g} to {law.mse_percent:.2g} %"
     course.record(one, reason, is_taken=False, change=f"without {change}", verdict=verdict)
     return law
 
