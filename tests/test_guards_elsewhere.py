@@ -128,7 +128,7 @@ def test_a_layout_is_the_only_one_where_one_was_tried(n, is_alone, monkeypatch) 
 
 def test_a_kind_of_bleed_that_cannot_be_fitted_leaves_the_others(monkeypatch) -> None:
     monkeypatch.setattr(bleeds, "_other_kinds", lambda _: (("a", "b", "no"), ("c", "d", "yes")))
-    monkeypatch.setattr(bleeds, "_in_layers", lambda law: law)
+    monkeypatch.setattr(bleeds, "_in_layers", lambda law, _: law)
     monkeypatch.setattr(bleeds, "valve_damper", lambda _: None)
     monkeypatch.setattr(bleeds, "freed_of", lambda _: ())
     monkeypatch.setattr(bleeds, "fits_better", lambda *_: (True, "better"))

@@ -71,9 +71,9 @@ def check_part(name: str, found: str | float, one: Quantity) -> None:
         return
     low, high = one.plausible
     if not low <= float(found) <= high:
-        expected = "a number above 0" if not float(found) > 0.0 else f"{low:g} to {high:g}"
         raise ConfigurationError(
-            f"{name}: found {float(found):g}; expected {expected} {one.unit}, {NONE!r} or {FIT!r}"
+            f"{name}: found {float(found):g}; expected {low:g} to {high:g} {one.unit}, {NONE!r} or "
+            f"{FIT!r}"
         )
 
 

@@ -48,7 +48,7 @@ def with_bleeds_told(course: Course, law: Tried) -> Tried:
         A law of valves.
     """
     for change, spared, model in _other_kinds(valve_damper(law)):
-        one = course.fitted(model, freed=freed_of(law), near=_in_layers(law))
+        one = course.fitted(model, freed=freed_of(law), near=_in_layers(law, model))
         if one is None:
             continue
         if one.n_quantities < law.n_quantities:
@@ -63,13 +63,17 @@ def with_bleeds_told(course: Course, law: Tried) -> Tried:
     return law
 
 
-def _in_layers(law: Tried) -> Tried:
-    """The law to start from without its orifices: what its bleeds pass at the opening stays.
+def _in_layers(law: Tried, model: ValveDamper) -> Tried:
+    """The law to start another from without orifices: what a bleed passes at the opening stays.
 
     With the laminar share alone the bleed would be too wide, and the descent end elsewhere.
     """
     valves = {stroke: getattr(valve_damper(law), stroke) for stroke in STROKES}
-    both = [one for one, v in valves.items() if v.bleed == "long" and v.blow_off != NONE]
+    both = [
+        one
+        for one, valve in valves.items()
+        if (valve.bleed, getattr(model, one).bleed) == ("long", "leak") and valve.blow_off != NONE
+    ]
 
     def at(fit: LawFit) -> LawFit:
         found = {

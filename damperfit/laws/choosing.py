@@ -15,7 +15,8 @@ A law with more quantities fits better always. It is taken only where all of the
                                                       model where the MSE falls by less than 1.5
                                                       and noise may have the force off
     not every new part has a quantity at an edge of its range; of a part that a law is asked to do
-    without, at the edge at which it does nothing
+    without (of one model: without which 1.5 times as much is left), at the edge at which it does
+    nothing
     what was held out is predicted no worse
 
 A force at a speed is the mean that was measured over all compared cycles within a twelfth of the

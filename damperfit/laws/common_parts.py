@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING
 
-from damperfit.damper.mounting import FIT, NONE
+from damperfit.damper.mounting import NONE
 from damperfit.damper.quantity import STIFFNESS
-from damperfit.laws.variants import LACKING, ONE_STROKE, PARTS, STROKES, with_kind, with_part
+from damperfit.laws.variants import (
+    LACKING,
+    ONE_STROKE,
+    PARTS,
+    STROKES,
+    with_kind,
+    with_part,
+    without_part,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -234,12 +242,10 @@ def without_kinds(
     """
     own: list[CommonPart] = []
     for name in (*_TURNING, *_BESIDE):
-        owner, fields, _ = PARTS[name]
-        has = getattr(damper, owner)
-        if FIT in {getattr(has, one) for one in fields}:
+        less = without_part(damper, name)
+        if less != damper:
             own.append(_of_damper(name))
-            less = replace(has, **dict.fromkeys(fields, NONE))
-            damper = replace(damper, **{owner: less})
+            damper = less
     for stroke in STROKES:
         kind = getattr(damper, stroke).blow_off
         if kind in _BLOW_OFFS:
@@ -325,7 +331,8 @@ def _may_be_freed(damper: ValveDamper) -> list[str]:
 
 
 def _oil(damper: ValveDamper) -> list[str]:
-    return [one.name for one in damper.quantities if one.role == STIFFNESS]
+    known = [one for one in damper.quantities if one.default is not None]
+    return [one.name for one in known if one.role == STIFFNESS]
 
 
 def _freed(damper: ValveDamper, name: str) -> CommonPart:

@@ -186,7 +186,7 @@ class Course:
         """The law without parts that another, taken after them, stands for better.
 
         A gas volume explains some of what a friction does that has not been offered yet, and a lag
-        of what softer oil does.
+        of what softer oil does: lag and play are asked for as soon as any part was taken.
         """
         return self.asked_again(law, (*self.more[:-1], *_OF_RIG) if self.more else ())
 
@@ -199,6 +199,11 @@ class Course:
                 continue
             one = self.fitted(model, freed=left, near=law, hopeless_percent=hopeless_beside(law))
             if one is None:
+                continue
+            if one.mse_percent > hopeless_beside(law):  # it was left there, before its descents
+                reason = f"it lacks a part that is needed: MSE {one.mse_percent:.2g} %"
+                change = f"without {words_of(damper, name)}"
+                self.record(one, reason, is_taken=False, change=change)
                 continue
             law = self.no_worse(law, one)
             verdict = judged(one, law, self.n_eff)

@@ -147,6 +147,8 @@ class JointDescents:
         damper, freed = made_of(core, rich.own_freed, left)
         if not {*damper.names} <= {*rich.damper.names}:  # the blow-off is back without its bleed
             return None
+        if (damper, {*freed}) == (rich.damper, {*rich.freed}):  # it has no such part any more
+            return None
         free = free_of(damper, freed)
         one = rich.one.of(damper, free, self.follows(damper, free))
         at = {s: values_of_less(damper, free, values) for s, values in rich.values.items()}

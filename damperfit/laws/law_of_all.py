@@ -345,8 +345,9 @@ def led_back(law: LawOfAll, larger: LawOfAll) -> LawOfAll:
         The law cannot be simulated there.
     """
     names = [name for name in law.one.free if name in larger.one.free]
+    led = {s: with_whole_friction(at, law.damper) for s, at in larger.values.items()}
     at = {
-        setting: values.replace({name: getattr(larger.values[setting], name) for name in names})
+        setting: values.replace({name: getattr(led[setting], name) for name in names})
         for setting, values in law.values.items()
     }
     end = law.one.descend(law.one.with_common(at))

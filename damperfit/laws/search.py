@@ -11,10 +11,11 @@
        each by itself (`strokes`): soft oil, gas in it, returns, rounding, ports,
        friction that drags, builds up, turns within a speed, falls with it or grows with the
        pressure; a mass that moves; play and lag too, if a wrong valley had them taken out; each
-       part that was taken is asked for again beside those taken after it
+       part that was taken is asked for again beside those taken after it, and play and lag are
     5  what is left is tried in the other layouts too: those that do as well cannot be told apart,
        and of those that nothing tells apart the most usual is taken; in another than the first each
-       part is asked for again
+       part is asked for again; friction that is larger at rest gives way to what is supposed of
+       oil and returns where that is as good
     6  where the logs yield before they slide, models that yield are held against the valves
 
 Laws are compared on settled cycles; the law that is taken ends on the whole logs.

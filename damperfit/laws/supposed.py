@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from damperfit.damper.quantity import STIFFNESS
-from damperfit.laws.choosing import AS_GOOD
+from damperfit.laws.choosing import AS_GOOD, NO_WORSE
 from damperfit.laws.course import valve_damper
 from damperfit.laws.elsewhere import freed_of, needed_at
 from damperfit.laws.variants import without_part, words_of
@@ -47,10 +47,11 @@ def with_supposed_told(course: Course, law: Tried) -> Tried:
         if one is None:
             continue
         is_taken, reason = _is_as_good(course, law, one)
+        if is_taken and best is not law and one.score >= best.score:
+            is_taken, reason = False, "another quantity does so too, and fits better"
         change = f"with {less.quantity(name).label} for {words_of(damper, _AT_REST)}"
         course.record(one, reason, is_taken=is_taken, change=change)
-        if is_taken and (best is law or one.score < best.score):
-            best = one
+        best = one if is_taken else best
     # Beside it what was taken before may be idle: free gas stands for oil that is softer.
     return law if best is law else course.asked_again(best, course.more)
 
@@ -63,6 +64,11 @@ def _is_as_good(course: Course, law: Tried, one: Tried) -> tuple[bool, str]:
         return False, (
             f"it leaves more than the law: {one.left_over:.2g} times what is enough after "
             f"{law.left_over:.2g}"
+        )
+    if one.held_out_percent > NO_WORSE * law.held_out_percent:
+        return False, (
+            f"what was held out is predicted worse, {one.held_out_percent:.2g} % after "
+            f"{law.held_out_percent:.2g} %"
         )
     if why := needed_at(one, law, course.elsewhere, course.solver):
         return False, why

@@ -7,7 +7,16 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from damperfit.errors import SimulationError
-from damperfit.laws.choosing import AS_GOOD, GAIN, OfOneModel, Tried, Verdict, judged
+from damperfit.laws.choosing import (
+    AS_GOOD,
+    GAIN,
+    NO_WORSE,
+    PREDICTED_PERCENT,
+    OfOneModel,
+    Tried,
+    Verdict,
+    judged,
+)
 from damperfit.laws.common_parts import (
     idle_parts,
     in_place,
@@ -204,9 +213,18 @@ def _times(best: Tried, one: Tried) -> float:
 
 def _is_better(best: Tried, one: Tried, *, is_fewer: bool) -> tuple[bool, str]:
     """Whether a law fits better, or with fewer numbers as well, and leaves no more; and why."""
-    least = 1.0 / AS_GOOD if is_fewer else SOMETHING
-    is_better = _times(best, one) > least and one.left_over <= AS_GOOD * best.left_over
-    return is_better, (
-        f"MSE {best.mse_percent:.2g} to {one.mse_percent:.2g} %, what matters most of what is left "
-        f"{best.left_over:.2g} to {one.left_over:.2g} times what is enough"
-    )
+    known = max(best.held_out_percent, PREDICTED_PERCENT)
+    if one.held_out_percent > NO_WORSE * known:
+        return False, (
+            f"what was held out is predicted worse, {one.held_out_percent:.2g} % after "
+            f"{best.held_out_percent:.2g} %"
+        )
+    may_leave = is_fewer and not one.leaves_something
+    if not may_leave and one.left_over > AS_GOOD * best.left_over:
+        return False, (
+            f"it leaves more: {one.left_over:.3g} times what is enough after {best.left_over:.3g}"
+        )
+    if _times(best, one) <= (1.0 / AS_GOOD if is_fewer else SOMETHING):
+        return False, f"it fits no better, {one.mse_percent:.3g} after {best.mse_percent:.3g} %"
+    beside = "with fewer numbers" if is_fewer else "with as many numbers"
+    return True, f"MSE {best.mse_percent:.3g} to {one.mse_percent:.3g} % {beside}"

@@ -20,7 +20,7 @@ law is fitted once as one model, and where that leaves something it is offered w
 
 Some 50 descents of ten evaluations and 60 to their end, at most twice as many, on settled cycles,
 whatever the number of settings; five and four more for each other layout. Where the law leaves
-nothing one for each of its parts.
+nothing one for each of its parts, and for each bleed that another kind or none may stand for.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ from damperfit.laws.judged_laws import JudgedLaw, Together
 from damperfit.laws.law_of_all import LawOfAll, led_back
 from damperfit.laws.layout_choice import is_told_as_one, said_of_layout
 from damperfit.laws.thinning import SOMETHING, Thinning
-from damperfit.laws.variants import laid_out_as
+from damperfit.laws.variants import has_kinds_of_valves, laid_out_as
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -96,7 +96,7 @@ def told_together(  # noqa: PLR0913 - what a run knows of its settings
     jobs : int
         Threads.
     on_law : callable
-        Called with every law that was judged.
+        Called with every law that was judged, but for those that need a part that they had.
 
     Raises
     ------
@@ -105,9 +105,12 @@ def told_together(  # noqa: PLR0913 - what a run knows of its settings
     """
     course = _Course(evidence, follows, solver, jobs, on_law)
     law = course.laid_out(course.first(fits), layouts)
-    law, chosen = course.enriched(law, course.judged[-1].tried)
-    chosen = course.bare(law, chosen)
-    return Together(tuple(course.judged), chosen, course.n_eff, course.alike)
+    chosen = course.judged[-1].tried
+    if has_kinds_of_valves(law.damper):
+        chosen = course.bare(*course.enriched(law, chosen))
+    last = max(place for place, one in enumerate(course.judged) if one.tried is chosen)
+    laws = tuple(replace(one, is_taken=k == last) for k, one in enumerate(course.judged))
+    return Together(laws, chosen, course.n_eff, course.alike)
 
 
 class _Course(Thinning):
@@ -198,7 +201,9 @@ class _Course(Thinning):
         less = found[1]
         verdict = self.held_against(*found, law, tried, least_gain=SOMETHING, is_less=True)
         known = max(tried.held_out_percent, PREDICTED_PERCENT)
-        if verdict.takes_larger or verdict.bic > 0.0 or less.held_out_percent > NO_WORSE * known:
+        is_told = verdict.takes_larger or verdict.bic > 0.0
+        is_worse = less.leaves_something and not tried.leaves_something
+        if is_told or is_worse or less.held_out_percent > NO_WORSE * known:
             return law, tried
         said = {"gain": verdict.gain, "bic": verdict.bic}
         self.record(less, verdict.reason, is_taken=True, change=change, **said)

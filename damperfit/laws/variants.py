@@ -126,12 +126,27 @@ def with_part(damper: ValveDamper, name: str) -> ValveDamper:
     return dataclasses.replace(damper, **{owner: dataclasses.replace(own, **more)})
 
 
-def without_part(damper: ValveDamper, name: str) -> ValveDamper:
-    """The damper without a part of rig or friction that is fitted; else as it is."""
+def has_kinds_of_valves(damper: ValveDamper) -> bool:
+    """Whether its valves may be of other kinds: those of a declared network are its passages."""
+    return all(one.init for one in dataclasses.fields(damper) if one.name in STROKES)
+
+
+def is_fitted(damper: ValveDamper, name: str) -> bool:
+    """Whether a damper has a part of rig or friction of which all numbers are fitted."""
     owner, fields, _ = PARTS.get(name, ("mounting", (), ""))
-    own = getattr(damper, owner)
-    less = {one: NONE for one in fields if getattr(own, one) == FIT}
-    return dataclasses.replace(damper, **{owner: dataclasses.replace(own, **less)})
+    return bool(fields) and all(getattr(getattr(damper, owner), one) == FIT for one in fields)
+
+
+def without_part(damper: ValveDamper, name: str) -> ValveDamper:
+    """The damper without a part of rig or friction that is fitted; else as it is.
+
+    What is declared of a part is there: a part with one number declared stays.
+    """
+    if not is_fitted(damper, name):
+        return damper
+    owner, fields, _ = PARTS[name]
+    less = dataclasses.replace(getattr(damper, owner), **dict.fromkeys(fields, NONE))
+    return dataclasses.replace(damper, **{owner: less})
 
 
 def with_kind(damper: ValveDamper, stroke: str, part: str, kind: str) -> ValveDamper:

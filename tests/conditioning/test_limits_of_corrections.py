@@ -61,6 +61,12 @@ def test_what_a_filter_does_not_show_of_a_turn_may_be_preloads(corner, turn) -> 
     assert found == pytest.approx(700.0 * turn, rel=0.01, abs=1e-9)
 
 
+def test_without_a_filter_a_turn_is_looked_at_a_sample_beside_it() -> None:
+    trace = cycles(4)
+    found = gas_force._preloads(trace, trace.velocity, 1000.0 * np.sign(trace.velocity), math.inf)
+    assert found == pytest.approx(700.0 * 0.95, rel=0.01)
+
+
 def test_a_motion_that_never_turns_has_no_preloads() -> None:
     trace = cycles(4)
     v = np.abs(trace.velocity) + 0.1

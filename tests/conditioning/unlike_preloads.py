@@ -79,6 +79,7 @@ def main() -> None:
         if options.without:
             doubts.enter_context(patch.object(polarity, "_OF_HIDDEN", 0.0))
             doubts.enter_context(patch.object(gas_force, "_held", lambda _: 0.0))
+            doubts.enter_context(patch.object(gas_force, "_preloads", lambda *_: 0.0))
         for _ in range(options.dampers):
             x, force, known = drawn(random, declared)
             x = x + random.normal(0.0, 4e-6, len(x))

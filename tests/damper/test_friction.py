@@ -257,7 +257,7 @@ def test_what_is_known_is_held_and_what_is_none_is_no_quantity():
     ("declared", "said"),
     [
         ({"presliding": "some"}, "presliding: found 'some'; expected a number, 'none' or 'fit'"),
-        ({"presliding": 0.0}, "presliding: found 0; expected a number above 0"),
+        ({"presliding": 0.0}, "presliding: found 0; expected 1e-07 to 0.01 m"),
         ({"presliding": 20.0}, "presliding: found 20; expected 1e-07 to 0.01 m"),
         (
             {"breakaway": "fit"},

@@ -163,12 +163,12 @@ def test_every_kind_of_valve_has_a_start_for_all_its_numbers():
     [
         ({"series_stiffness": "none", "play": "fit"}, "play needs a series stiffness"),
         ({"lag": "some"}, "lag: found 'some'; expected a number, 'none' or 'fit'"),
-        ({"lag": -0.01}, "lag: found -0.01; expected a number above 0"),
+        ({"lag": -0.01}, "lag: found -0.01; expected 1e-05 to 0.05 s"),
         ({"series_stiffness": True}, "series_stiffness: found True"),
         ({"series_stiffness": 300.0}, "series_stiffness: found 300; expected 1000 to 1e.10 N"),
         ({"lag": 8.0}, "lag: found 8; expected 1e-05 to 0.05 s, 'none' or 'fit'"),
         ({"moving_mass": 1001.0}, "moving_mass: found 1001; expected 0.0001 to 1000 kg"),
-        ({"lag": math.nan}, "lag: found nan; expected a number above 0"),
+        ({"lag": math.nan}, "lag: found nan; expected 1e-05 to 0.05 s"),
     ],
 )
 def test_no_mounting_is_refused_in_a_sentence(parts, said):

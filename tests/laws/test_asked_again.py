@@ -97,6 +97,33 @@ def test_what_a_law_has_not_or_kinds_of_valves_are_not_asked_for(monkeypatch, mo
     assert said == []
 
 
+@pytest.mark.parametrize(("mse", "goes"), [(0.39, True), (0.41, False)])
+def test_what_is_hopeless_without_a_part_is_not_taken_for_it(monkeypatch, mse, goes) -> None:
+    """Twenty times 0.02 %: it was left before its descents, and counts as absent at an edge."""
+    monkeypatch.setattr(course, "freed_of", lambda one: one.freed)
+    monkeypatch.setattr(
+        course, "judged", lambda *_: SimpleNamespace(takes_larger=False, reason="it is absent")
+    )
+    monkeypatch.setattr(course, "needed_at", lambda *_: "")
+    steps, said, asked = course.Course([], SolverOptions(), lambda _: None, 1), [], []
+    monkeypatch.setattr(steps, "no_worse", lambda large, _: large)
+
+    def fitted(model, *, freed, hopeless_percent, **_):
+        asked.append(hopeless_percent)
+        return law(model, freed, mse)
+
+    monkeypatch.setattr(steps, "fitted", fitted)
+    monkeypatch.setattr(
+        steps, "record", lambda _, why, **how: said.append((how["change"], how["is_taken"], why))
+    )
+    late = replace(PLAIN, mounting=Mounting(FIT, lag=FIT))
+    found = steps.asked_again(law(late, ()), ["lag"])
+    assert (found.model == PLAIN) is goes
+    assert asked == [pytest.approx(0.4)]
+    why = "it is absent" if goes else "it lacks a part that is needed: MSE 0.41 %"
+    assert said == [("without a lag of the force", goes, why)]
+
+
 def test_a_law_without_it_that_cannot_be_simulated_is_none(monkeypatch) -> None:
     monkeypatch.setattr(course, "freed_of", lambda one: one.freed)
     steps = course.Course([], SolverOptions(), lambda _: None, 1)

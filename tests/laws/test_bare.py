@@ -6,8 +6,11 @@ import math
 from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
+from damperfit.conditioning import condition
+from damperfit.damper.declared_network import DeclaredNetwork
 from damperfit.damper.friction import Friction
 from damperfit.damper.mounting import FIT, Mounting
 from damperfit.damper.network import Valve
@@ -16,9 +19,11 @@ from damperfit.laws import seals, together
 from damperfit.laws.choosing import Verdict
 from damperfit.laws.common_parts import bleeds_beside
 from damperfit.laws.law_fit import LawFit, SettingLogs, fit_at
-from damperfit.laws.variants import BLEED, BLOW_OFF
-from damperfit.simulation import SolverOptions
-from tests.laws.test_together import PLAIN, PORT, follows, logs_of, values_at
+from damperfit.laws.variants import BLEED, BLOW_OFF, has_kinds_of_valves
+from damperfit.recording import Recording
+from damperfit.simulation import SolverOptions, simulate
+from tests.laws.test_together import AT, PLAIN, PORT, follows, logs_of, values_at
+from tests.laws.valve_logs import moved
 
 SOLVER = SolverOptions(tolerance=0.01)
 
@@ -69,8 +74,8 @@ def test_what_is_there_stays(more, numbers) -> None:
     assert found.chosen.fits[0].model == model
 
 
-def law(mse: float, *, held: float = math.nan):
-    return SimpleNamespace(mse_percent=mse, held_out_percent=held)
+def law(mse: float, *, held: float = math.nan, leaves: bool = False):
+    return SimpleNamespace(mse_percent=mse, held_out_percent=held, leaves_something=leaves)
 
 
 @pytest.mark.parametrize(("takes", "bic", "held", "goes"), [
@@ -91,6 +96,56 @@ def test_only_what_explains_nothing_goes(monkeypatch, takes, bic, held, goes) ->
     assert steps.bare_of(None, large, tried, "without play") == (large, tried)
 
 
+@pytest.mark.parametrize(("before", "after", "goes"), [
+    (False, False, True), (False, True, False), (True, True, True), (True, False, True),
+])  # fmt: skip
+def test_no_law_without_a_part_leaves_something_where_nothing_was_left(
+    monkeypatch, before, after, goes
+) -> None:
+    steps = together._Course([], follows, SOLVER, 1, lambda _: None)
+    monkeypatch.setattr(steps, "held_against", lambda *_, **__: Verdict(False, 1.0, -5.0, "so"))
+    monkeypatch.setattr(steps, "record", lambda *_, **__: None)
+    large, small = object(), object()
+    tried, less = law(0.001, leaves=before), law(0.001, leaves=after)
+    found = steps.bare_of((small, less), large, tried, "without play")
+    assert found == ((small, less) if goes else (large, tried))
+
+
+def test_a_bleed_that_is_none_goes() -> None:
+    """Beside a blow-off at next to no flow: one model asks for each bleed."""
+    true = replace(PLAIN, compression=BLOW_OFF)
+    found = told(PLAIN, logs_of(true), compression_bleed=5e6)
+    assert found.chosen.fits[0].model == true
+    assert found.laws[-1].change == "one model: without the bleed in bump"
+
+
+def test_a_declared_network_is_told_as_it_is() -> None:
+    """Its valves are its passages, of which there are no other kinds: replacing them raised."""
+    network = DeclaredNetwork(mounting=Mounting(FIT))
+    assert not has_kinds_of_valves(network)
+    assert has_kinds_of_valves(PLAIN)
+    known = values_at(PLAIN, AT[0])
+    start = network.values({name: getattr(known, name) for name in network.names})
+    free = tuple(one.name for one in network.quantities if one.default is None)
+    logs = []
+    for number, setting in enumerate(AT):
+        motion = moved((0.14,), cycles=3)
+        force = simulate(start, network, motion).force
+        noise = np.random.default_rng(number).normal(0.0, 1.0, len(force))
+        time = motion.interval * np.arange(len(force))
+        log = Recording(f"{number}.csv", "", "", setting, time, motion.displacement, force + noise)
+        logs.append(SettingLogs(setting, (condition(log),)))
+    fits = [
+        fit_at(LawMisfit(network, one.fitted, free, SOLVER), one, start, evaluations=1)
+        for one in logs
+    ]
+    found = together.told_together(
+        fits, logs, lambda _, free: dict.fromkeys(free, ("l", "h")), solver=SOLVER, jobs=1
+    )
+    assert [one.change for one in found.laws] == ["one model: as it was chosen"]
+    assert found.chosen.fits[0].model == network
+
+
 def test_bleeds_are_asked_about_beside_blow_offs_alone() -> None:
     assert [one.words for one in bleeds_beside(PORT)] == [
         "the bleed in rebound", "the bleed in bump",
@@ -99,6 +154,21 @@ def test_bleeds_are_asked_about_beside_blow_offs_alone() -> None:
     assert not list(bleeds_beside(alone))
     [gone] = bleeds_beside(replace(PLAIN, compression=BLOW_OFF))
     assert gone.put_into(PLAIN).rebound == BLOW_OFF
+
+
+def test_friction_that_took_a_place_is_asked_about(monkeypatch) -> None:
+    turning, asked = SimpleNamespace(n_quantities=3, mse_percent=0.1), []
+    monkeypatch.setattr(seals, "valve_damper", lambda _: PLAIN)
+    monkeypatch.setattr(seals, "freed_of", lambda _: ())
+    monkeypatch.setattr(seals, "_told", lambda *_: (True, "so"))
+    monkeypatch.setattr(seals, "_of_two", lambda _course, best, _one: best)
+    monkeypatch.setattr(seals, "_without_it", lambda _, one: asked.append(one) or "less")
+    course = SimpleNamespace(fitted=lambda *_, **__: turning, record=lambda *_, **__: None)
+    law = SimpleNamespace(mse_percent=0.1)
+    assert seals.with_turning_told(course, law, ()) == "less"
+    assert asked == [turning]
+    monkeypatch.setattr(seals, "_told", lambda *_: (False, "so"))
+    assert seals.with_turning_told(course, law, ()) is law
 
 
 @pytest.mark.parametrize(("takes", "bic", "goes"), [

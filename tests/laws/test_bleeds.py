@@ -12,7 +12,7 @@ import pytest
 from damperfit.damper.mounting import FIT, Mounting
 from damperfit.damper.network import Valve
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.laws import SettingLogs, Tried, bleeds, physics_seen, search_laws
+from damperfit.laws import SettingLogs, Tried, bleeds, physics_seen, search, search_laws
 from damperfit.laws.bleeds import with_bleeds_told
 from damperfit.laws.choosing import effective_samples
 from damperfit.laws.law_fit import LawFit
@@ -72,8 +72,11 @@ def test_a_laminar_bleed_beside_a_blow_off_is_no_orifice() -> None:
     assert found.fits[0].values.f_f == pytest.approx(20.0, abs=2.0)
 
 
-def test_an_orifice_beside_a_blow_off_is_no_laminar_bleed() -> None:
+def test_an_orifice_beside_a_blow_off_is_no_laminar_bleed(monkeypatch) -> None:
+    asked = []
+    monkeypatch.setattr(search, "with_supposed_told", lambda _, law: asked.append(law) or law)
     found = searched(logged(BOTH, {})).chosen
+    assert [one.fits[0].model for one in asked] == [found.fits[0].model]
     assert found.title.startswith("through flow: bleed and blow-off; elastic mounting")
 
 
@@ -170,9 +173,12 @@ def test_a_laminar_bleed_starts_with_what_both_of_its_ways_let_through() -> None
         setting=Setting.of(1), model=model, values=values, free=(), at_bound=(), mse_percent=1.0,
         stretches=(), held_out_percent=math.nan, held_out="", residuals=(), evaluations=1,
     )  # fmt: skip
-    [found] = bleeds._in_layers(Tried("", (fit,))).fits
+    gaps = replace(model, rebound=GAPS)
+    [found] = bleeds._in_layers(Tried("", (fit,)), gaps).fits
     flow = 5e5 / found.values.rebound_leak
     assert 4e7 * flow + (6e4 * flow) ** 2 == pytest.approx(5e5)
     assert found.values.replace({"rebound_leak": 4e7}) == values
+    both = Tried("", (fit,))
+    assert bleeds._in_layers(both, replace(model, compression=GAPS)) is both  # it stays both
     plain = Tried("", (replace(fit, model=replace(model, rebound=Valve("long", "none"))),))
-    assert bleeds._in_layers(plain) is plain  # no blow-off says at which flow
+    assert bleeds._in_layers(plain, gaps) is plain  # no blow-off says at which flow

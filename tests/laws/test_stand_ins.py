@@ -9,13 +9,21 @@ from types import SimpleNamespace
 import pytest
 
 from damperfit.damper.friction import Friction
-from damperfit.damper.mounting import FIT
+from damperfit.damper.mounting import FIT, Mounting
 from damperfit.errors import SimulationError
-from damperfit.laws import thinning, together
+from damperfit.identification.unknowns import Unknown
+from damperfit.laws import law_fit, thinning, together
 from damperfit.laws.choosing import OfOneModel, judged
-from damperfit.laws.common_parts import blow_off_kinds, other_parts, stand_ins, without_kinds
+from damperfit.laws.common_parts import (
+    blow_off_kinds,
+    made_of,
+    other_parts,
+    stand_ins,
+    without_kinds,
+)
 from damperfit.laws.friction_at_rest import with_whole_friction
-from damperfit.laws.law_of_all import LawOfAll, values_of_less, values_of_more
+from damperfit.laws.law_of_all import LawOfAll, led_back, values_of_less, values_of_more
+from damperfit.laws.variants import without_part
 from tests.laws.test_together import AT, LIFTING, PLAIN, PORT, SOLVER, follows, law, values_at
 
 RUBBING = replace(PLAIN, friction=Friction(breakaway=FIT, stribeck_speed=FIT))
@@ -117,6 +125,73 @@ def test_what_was_supposed_needs_fewer_numbers_and_fit_as_well(
     ends = {"return checks": (mse, force)}
     becomes = swapped(monkeypatch, [part], left, ends)
     assert becomes == ("return checks" if goes else part.words)
+
+
+@pytest.mark.parametrize(("held", "goes"), [(0.0549, True), (0.0551, False)])
+def test_what_stands_in_predicts_what_was_held_out_no_worse(held, goes) -> None:
+    best, one = law(0.01, held=0.01), law(0.005, held=held)
+    assert thinning._is_better(best, one, is_fewer=True)[0] is goes
+    assert thinning._is_better(best, one, is_fewer=False)[0] is goes
+
+
+def test_friction_at_rest_is_whole_where_a_law_starts_from_another() -> None:
+    """Log by log, and where a larger law has led one of all settings."""
+    near = values_at(RUBBING, AT[0], f_f=1e-3, breakaway=20.0, stribeck_speed=0.2)
+    misfit = SimpleNamespace(model=PLAIN, free=("f_f",), absent=lambda _: 0.0)
+    assert law_fit._beside(misfit, near)[0]["f_f"] == pytest.approx(20.001)
+    led = []
+    one = SimpleNamespace(
+        free=("f_f",), with_common=lambda at: led.append(at[AT[0]].f_f),
+        descend=lambda _: SimpleNamespace(point=SimpleNamespace(cost=2.0)),
+    )  # fmt: skip
+    small = LawOfAll(PLAIN, (), one, SimpleNamespace(point=SimpleNamespace(
+        cost=1.0, extra={AT[0]: values_at(PLAIN, AT[0], f_f=12.0)}
+    )))  # fmt: skip
+    large = LawOfAll(RUBBING, (), one, SimpleNamespace(point=SimpleNamespace(extra={AT[0]: near})))
+    assert led_back(small, large) is small
+    assert led == [pytest.approx(20.001)]
+
+
+def test_the_bulk_modulus_is_asked_last() -> None:
+    core, _ = without_kinds(PLAIN)
+    offered = list(other_parts(PLAIN, ()))
+    model, freed = made_of(core, (), offered)
+    errors = {Unknown(name): 9.0 if name == "k_e" else 0.1 for name in model.names}
+    one = SimpleNamespace(errors=lambda _: errors)
+    found = LawOfAll(model, freed, one, None, tuple(offered)).by_looseness(core)
+    assert found[-1].freed == ("k_e",)
+
+
+def test_a_rigid_damper_has_its_bulk_modulus_fitted_already() -> None:
+    rigid = replace(RUBBING, mounting=Mounting("none"))
+    core, own = without_kinds(rigid)
+    [(_, rivals, _)] = stand_ins(core, (), own)
+    assert [one.words for one in rivals] == ["return checks"]
+    assert all(one.freed != ("k_e",) for one in other_parts(rigid, ()))
+
+
+def test_friction_at_rest_of_which_a_number_is_declared_is_no_part_of_the_logs() -> None:
+    """Without the part it was refused: a Stribeck speed belongs to friction at rest."""
+    half = replace(PLAIN, friction=Friction(breakaway=FIT, stribeck_speed=0.05))
+    assert without_part(half, "breakaway") is half
+    assert without_part(RUBBING, "breakaway") == PLAIN
+    assert without_kinds(half) == (half, ())
+    assert stand_ins(half, (), ()) == []
+
+
+def test_steps_of_a_search_are_taken(monkeypatch) -> None:
+    """What stands in for another part is looked for once the law has been thinned out."""
+    steps, done = together._Course([], follows, SOLVER, 1, lambda _: None), []
+    rich, best = LawOfAll(PORT, (), SimpleNamespace(unknowns=range(9)), None), law(0.1)
+    for name in ("with_whole_valves", "with_all"):
+        monkeypatch.setattr(steps, name, lambda *_: rich)
+    for name in ("thinned", "turned", "swapped", "cheaper"):
+        monkeypatch.setattr(steps, name, lambda *_, name=name: done.append(name) or (rich, best))
+    monkeypatch.setattr(steps, "led_back", lambda *said: said[:2])
+    monkeypatch.setattr(steps, "tried", lambda _: best)
+    steps.n_eff = 60.0
+    steps.enriched(rich, law(0.2))
+    assert done == ["thinned", "turned", "swapped", "cheaper"]
 
 
 @pytest.mark.parametrize(("small", "is_less", "takes"), [

@@ -23,9 +23,10 @@ PLAIN = replace(damper(), rebound=BLEED, compression=BLEED, mounting=Mounting(FI
 RUBBING = replace(PLAIN, friction=Friction(breakaway=FIT, stribeck_speed=FIT))
 
 
-def fit(mse: float, left: float = 0.5, model=RUBBING, free: tuple[str, ...] = ()):
+def fit(mse: float, left: float = 0.5, model=RUBBING, free=(), held: float = math.nan):
     return SimpleNamespace(
         fits=(SimpleNamespace(model=model, free=free),), mse_percent=mse, left_over=left,
+        held_out_percent=held,
         leaves_something=left > 1.0, score=math.log(mse),
     )  # fmt: skip
 
@@ -38,6 +39,13 @@ def test_with_fewer_numbers_it_must_be_as_good(monkeypatch, mse, before, left, g
     monkeypatch.setattr(supposed, "needed_at", lambda *_: "")
     course = SimpleNamespace(elsewhere=(), solver=None)
     assert supposed._is_as_good(course, fit(1.0, before), fit(mse, left))[0] is goes
+
+
+@pytest.mark.parametrize(("held", "goes"), [(1.09, True), (1.11, False), (math.nan, True)])
+def test_what_was_held_out_is_predicted_no_worse(monkeypatch, held, goes) -> None:
+    monkeypatch.setattr(supposed, "needed_at", lambda *_: "")
+    course = SimpleNamespace(elsewhere=(), solver=None)
+    assert supposed._is_as_good(course, fit(1.0, held=1.0), fit(1.0, held=held))[0] is goes
 
 
 def test_what_another_setting_needs_stays(monkeypatch) -> None:
@@ -65,6 +73,7 @@ def test_the_better_of_both_is_taken_and_the_rest_is_asked_again(monkeypatch) ->
     ]
     ends["k_e"] = 0.95
     assert with_supposed_told(course, law)[0] == 0.9
+    assert [is_taken for _, is_taken in said[2:]] == [True, False]  # the first does so better
     both = fit(1.0, free=("return_slope", "k_e"))
     assert with_supposed_told(course, both) is both
     course.fitted = lambda *_, **__: None
