@@ -5,6 +5,8 @@ A law with more quantities fits better always. It is taken only where all of the
     n_eff ln(MSE_a/MSE_b) > (k_b - k_a) ln n_eff      its gain is more than its quantities cost
     MSE_a > 1.5 MSE_b                                 and worth having; or a force at a speed is, in
                                                       place of the MSE, which must not rise then
+                                                      (of a setting by itself what of it is off
+                                                      beyond noise must fall by 1.5 too)
                                                       and, where noise may have the force off,
                                                       fall by a tenth
     MSE_a > 0.02 %                                    the smaller law leaves something to explain,
@@ -126,7 +128,12 @@ class Tried:
     @property
     def surely_misses_a_force(self) -> bool:
         """Whether a force at a speed is off by more than is enough beyond its noise."""
-        return any(one.sure_force_percent > ENOUGH_FORCE_PERCENT for one in self.fits)
+        return self.sure_force_percent > ENOUGH_FORCE_PERCENT
+
+    @property
+    def sure_force_percent(self) -> float:
+        """The same of forces that are off beyond their noise; 0 where none is."""
+        return max(one.sure_force_percent for one in self.fits)
 
     @property
     def leaves_something(self) -> bool:
@@ -253,7 +260,9 @@ def judged(
         least_gain, least_held_out = of_one_model.least_gain, PREDICTED_PERCENT
     # A preload that is none stands for friction of another form: it is not kept for a force.
     is_sure = small.surely_misses_a_force and not is_removed
-    may_be_of_force = of_one_model is not None or is_sure
+    # Of a setting by itself the force that is surely off must be the one that is better.
+    falls = small.sure_force_percent > GAIN * large.sure_force_percent
+    may_be_of_force = of_one_model is not None or (is_sure and falls)
     # Of all settings' forces noise has one off: a part that does not fit better explains none.
     least_fall = 1.0 / NO_WORSE if is_sure else NO_WORSE
     if may_be_of_force and gain >= least_fall:

@@ -94,7 +94,7 @@ def fit(model, mse: float, *, friction: float = 20.0, k: int = 6, held: float = 
             ),
         ),
         mse_percent=mse, n_quantities=k, held_out_percent=held, leaves_something=False, at_bound=(),
-        surely_misses_a_force=False,
+        surely_misses_a_force=False, sure_force_percent=0.0,
     )  # fmt: skip
 
 

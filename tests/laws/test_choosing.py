@@ -115,6 +115,15 @@ def missing(mse, k, *, force, sure=0.0, held=math.nan, kind=""):
     ),))  # fmt: skip
 
 
+@pytest.mark.parametrize(("sure", "is_taken"), [(1.01, True), (1.03, False), (0.0, True)])
+def test_the_force_that_is_surely_off_is_the_one_that_is_better(sure, is_taken) -> None:
+    """Noise had one 1.9 and 1.2 % off, and what was off beyond it stayed as it was."""
+    small = missing(0.01, 4, force=3.0, sure=1.53)
+    large = missing(0.0098, 5, force=1.9, sure=sure)
+    assert judged(small, large, 60.0).takes_larger is is_taken
+    assert judged(small, large, 60.0, of_one_model=OfOneModel(1, 1.01)).takes_larger
+
+
 @pytest.mark.parametrize(("sure", "mse", "force", "is_taken"), [
     (1.01, 0.009, 1.99, True),
     (0.99, 0.009, 1.99, False),  # noise may be as much
