@@ -61,11 +61,11 @@ _OF_GAS = 0.03
 _OF_DIGRESSION = 0.1
 _OF_HARMONICS = 0.15
 _ENOUGH_HARMONICS = 20.0
-# What turns within a share of the filter's period is a preload or a friction. Of half the range, a
-# friction makes no more than the first; of the rest the second may be one stroke's more than the
-# other's. Of right logs with preloads of 10 to 1000 N in either stroke 7 % are reported as tared,
-# 26 % without this; of tared ones 44 %, 64 % without
-# (`python -m tests.conditioning.unlike_preloads --tares --dampers 400`).
+# Preloads that are unlike in both strokes. What the force jumps by at a turn, within `_TURN` of the
+# filter's period, is friction, up to `_OF_FRICTION` of half the range, and preloads; of these
+# `_OF_PRELOADS` may look like a level. Of right logs with preloads of 10 to 1000 N in either stroke
+# 7 % are reported as tared, 26 % without this; of tared ones 44 %, 64 % without
+# (`python -m tests.conditioning.unlike_preloads --tares --dampers 400`, and with `--without`).
 _TURN = 0.1
 _WIDEST_TURN = 0.5  # of the highest speed
 _OF_FRICTION = 0.05

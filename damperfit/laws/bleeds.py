@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.damper.mounting import NONE
-from damperfit.laws.choosing import NO_WORSE, Tried, judged
+from damperfit.laws.choosing import Tried, judged, predicted_worse
 from damperfit.laws.course import valve_damper
 from damperfit.laws.elsewhere import freed_of
 from damperfit.laws.law_of_all import bled_flow
@@ -118,11 +118,8 @@ def fits_better(law: Tried, one: Tried, n_eff: float) -> tuple[bool, str]:
     is_told = gain > _FITS_BETTER and n_eff * math.log(gain) > math.log(n_eff)
     if not is_told:
         return False, f"it fits no better, {one.mse_percent:.2g} after {law.mse_percent:.2g} %"
-    if one.held_out_percent > NO_WORSE * law.held_out_percent:
-        return False, (
-            f"what was held out is predicted worse, {one.held_out_percent:.2g} % after "
-            f"{law.held_out_percent:.2g} %"
-        )
+    if worse := predicted_worse(law, one):
+        return False, worse
     return True, f"MSE {law.mse_percent:.2g} to {one.mse_percent:.2g} % with as many quantities"
 
 

@@ -5,10 +5,9 @@ A law with more quantities fits better always. It is taken only where all of the
     n_eff ln(MSE_a/MSE_b) > (k_b - k_a) ln n_eff      its gain is more than its quantities cost
     MSE_a > 1.5 MSE_b                                 and worth having; or a force at a speed is, in
                                                       place of the MSE, which must not rise then
-                                                      (of a setting by itself what of it is off
-                                                      beyond noise must fall by 1.5 too)
                                                       and, where noise may have the force off,
-                                                      fall by a tenth
+                                                      fall by a tenth; at a setting by itself what
+                                                      is off beyond noise must fall by 1.5 too
     MSE_a > 0.02 %                                    the smaller law leaves something to explain,
                                                       or a force at a speed is off by more than 1 %,
                                                       or a held-out log by an MSE of 0.2 %
@@ -60,6 +59,7 @@ __all__ = [
     "are_alike",
     "effective_samples",
     "judged",
+    "predicted_worse",
     "times_worse",
 ]
 
@@ -214,8 +214,7 @@ class OfOneModel:
     least_gain : float
         MSE of the smaller over that of the larger from which on this is worth having.
     is_less : bool
-        Whether the smaller law was made of the larger: a part at the far edge of its range, without
-        which 1.5 times as much is left, is not absent.
+        Whether the smaller law was made of the larger.
     """
 
     n_more: int
@@ -296,8 +295,8 @@ def judged(
         reason = f"its parameters cost more than the lower MSE is worth (BIC {bic:+.0f})"
     elif new:
         reason = f"{', '.join(new)} runs to the end of its range: it is absent"
-    elif held[1] > NO_WORSE * max(held[0], least_held_out):
-        reason = f"what was held out is predicted worse, {held[1]:.2g} % after {held[0]:.2g} %"
+    elif worse := predicted_worse(small, large, least=least_held_out):
+        reason = worse
     else:
         beside = (
             "" if not math.isfinite(held[0]) else f", held out {held[0]:.2g} to {held[1]:.2g} %"
@@ -318,6 +317,14 @@ def _in_vain(small: Tried, large: Tried) -> bool:
     """
     held = small.held_out_percent, large.held_out_percent
     return large.left_over >= small.left_over and not held[0] > GAIN * held[1]  # NaN: none was
+
+
+def predicted_worse(before: Tried, after: Tried, *, least: float = 0.0) -> str:
+    """Say that a law predicts worse than before, and than least, per cent; else nothing."""
+    held = before.held_out_percent, after.held_out_percent
+    if not held[1] > NO_WORSE * max(held[0], least):  # NaN: none was
+        return ""
+    return f"what was held out is predicted worse, {held[1]:.2g} % after {held[0]:.2g} %"
 
 
 def times_worse(best: Tried, other: Tried) -> float:

@@ -7,12 +7,14 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from damperfit.damper.mounting import NONE
-from damperfit.damper.quantity import STIFFNESS
+from damperfit.laws.friction_at_rest import AT_REST
 from damperfit.laws.variants import (
     LACKING,
     ONE_STROKE,
     PARTS,
+    RETURNS,
     STROKES,
+    of_oil,
     with_kind,
     with_part,
     without_part,
@@ -46,9 +48,8 @@ _BLOW_OFFS = {
     "port": "a port behind the blow-off",
 }
 _TURNING = ("presliding", "turning_speed")
-_AT_REST, _RETURNS = "breakaway", "return_slope"
-_BESIDE = ("play", "lag", "moving_mass", _AT_REST, "seal_area")
-_FREED = (_RETURNS, "drag", "free_gas")
+_BESIDE = ("play", "lag", "moving_mass", AT_REST, "seal_area")
+_FREED = (RETURNS, "drag", "free_gas")
 _GAS = "gas_volume"
 
 
@@ -196,11 +197,11 @@ def stand_ins(
         What it has.
     """
     has = made_of(core, freed, parts)[1]
-    supposed = [one for one in (_RETURNS, *_oil(core)) if one in core.names and one not in has]
+    supposed = [one for one in (RETURNS, *_oil(core)) if one in core.names and one not in has]
     found = [
         (one, [_freed(core, name) for name in supposed], True)
         for one in parts
-        if one == _of_damper(_AT_REST)
+        if one == _of_damper(AT_REST)
     ]
     for stroke in STROKES:
         kinds = blow_off_kinds(stroke)
@@ -331,8 +332,7 @@ def _may_be_freed(damper: ValveDamper) -> list[str]:
 
 
 def _oil(damper: ValveDamper) -> list[str]:
-    known = [one for one in damper.quantities if one.default is not None]
-    return [one.name for one in known if one.role == STIFFNESS]
+    return [name for name in of_oil(damper) if damper.quantity(name).default is not None]
 
 
 def _freed(damper: ValveDamper, name: str) -> CommonPart:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, cast
 
-from damperfit.damper.quantity import STIFFNESS
 from damperfit.errors import SimulationError
 from damperfit.laws.choosing import ENOUGH_PERCENT, GAIN, Tried, Verdict, judged
 from damperfit.laws.elsewhere import freed_of, had_by, lent, needed_at
@@ -18,6 +17,7 @@ from damperfit.laws.variants import (
     ONE_STROKE,
     PARTS,
     in_words,
+    of_oil,
     with_part,
     without_part,
     words_of,
@@ -322,7 +322,7 @@ class Course:
             return None
         else:
             freed = (*freed, name)
-        if name in _HIDDEN or _is_oil(model, name):
+        if name in _HIDDEN or name in of_oil(model):
             return self.fitted(model, freed=freed, near=law)
         try:
             seen = [
@@ -345,7 +345,3 @@ def hopeless_beside(law: Tried) -> float:
 def valve_damper(law: Tried) -> ValveDamper:
     """Return the damper of a law that is one of valves."""
     return cast("ValveDamper", law.fits[0].model)
-
-
-def _is_oil(model: ValveDamper, name: str) -> bool:
-    return name in model.names and model.quantity(name).role == STIFFNESS

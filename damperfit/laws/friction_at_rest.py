@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from damperfit.damper.model import Model, Values
 
-__all__ = ["with_whole_friction"]
+__all__ = ["AT_REST", "with_whole_friction"]
 
-_AT_REST = "breakaway"
+AT_REST = "breakaway"
 
 
 def with_whole_friction(near: Values, model: Model) -> Values:
@@ -25,7 +25,7 @@ def with_whole_friction(near: Values, model: Model) -> Values:
     model : Model
         The law.
     """
-    if _AT_REST not in near.names or _AT_REST in model.names:
+    if AT_REST not in near.names or AT_REST in model.names:
         return near
     name = next(one.name for one in near.quantities if one.is_friction)
-    return near.replace({name: getattr(near, name) + getattr(near, _AT_REST)})
+    return near.replace({name: getattr(near, name) + getattr(near, AT_REST)})

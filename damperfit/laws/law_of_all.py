@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, cast
 
 from damperfit.damper.mounting import NONE
-from damperfit.damper.quantity import STIFFNESS
 from damperfit.errors import SimulationError
 from damperfit.identification.law_misfit import LawMisfit
 from damperfit.laws.choosing import ENOUGH_PERCENT, Tried
@@ -17,7 +16,7 @@ from damperfit.laws.elsewhere import freed_of
 from damperfit.laws.friction_at_rest import with_whole_friction
 from damperfit.laws.law_fit import UNDETERMINED, fit_at
 from damperfit.laws.one_model import OneModel
-from damperfit.laws.variants import STROKES, in_words
+from damperfit.laws.variants import RETURNS, STROKES, in_words, of_oil
 from damperfit.parallel import executor
 
 if TYPE_CHECKING:
@@ -45,7 +44,6 @@ __all__ = [
     "with_both_ways",
 ]
 
-_RETURNS = "return_slope"
 # Times the misfit of its own fit, or what matters to nobody: a setting that one model meets worse
 # lies in another valley.
 _STRAINED, _ENOUGH = 4.0, ENOUGH_PERCENT / 100.0
@@ -116,10 +114,10 @@ class LawOfAll:
             mine = {*part.freed, *self.damper.names} - ({*left.names} - {*part.freed})
             return min((e for u, e in errors.items() if u.name in mine), default=math.inf)
 
-        oil = {one.name for one in self.damper.quantities if one.role == STIFFNESS}
+        oil = {*of_oil(self.damper)}
 
         def order(part: CommonPart) -> tuple[bool, bool, float]:
-            return _RETURNS in part.freed, oil.isdisjoint(part.freed), error(part)
+            return RETURNS in part.freed, oil.isdisjoint(part.freed), error(part)
 
         return sorted(self.parts, key=order, reverse=True)
 

@@ -11,10 +11,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from damperfit.damper.mounting import NONE
+from damperfit.laws.as_good import does_as_well, leaves_more
 from damperfit.laws.bleeds import fits_better
-from damperfit.laws.choosing import NO_WORSE, judged
+from damperfit.laws.choosing import judged
 from damperfit.laws.course import hopeless_beside, valve_damper
-from damperfit.laws.elsewhere import freed_of, needed_at
+from damperfit.laws.elsewhere import freed_of
 from damperfit.laws.variants import (
     ONE_STROKE,
     SMALLER,
@@ -100,23 +101,11 @@ def _of_two(course: Course, best: Tried, one: Tried) -> Tried:
 
 def _told(course: Course, law: Tried, one: Tried) -> tuple[bool, str]:
     """Whether a law with as many quantities or fewer is better, and why."""
-    if one.leaves_something and one.left_over > law.left_over:
-        return False, (
-            f"it leaves more than the law: {one.left_over:.2g} times what is enough after "
-            f"{law.left_over:.2g}"
-        )
-    if one.n_quantities >= law.n_quantities:
-        return fits_better(law, one, course.n_eff)
-    if one.mse_percent > law.mse_percent:
-        return False, f"it fits no better, {one.mse_percent:.2g} after {law.mse_percent:.2g} %"
-    if one.held_out_percent > NO_WORSE * law.held_out_percent:
-        return False, (
-            f"what was held out is predicted worse, {one.held_out_percent:.2g} % after "
-            f"{law.held_out_percent:.2g} %"
-        )
-    if why := needed_at(one, law, course.elsewhere, course.solver):
-        return False, why
-    return True, f"MSE {law.mse_percent:.2g} to {one.mse_percent:.2g} % with fewer quantities"
+    if one.n_quantities < law.n_quantities:
+        return does_as_well(course, law, one)
+    if more := leaves_more(law, one):
+        return False, more
+    return fits_better(law, one, course.n_eff)
 
 
 def _in_place_of_parts(

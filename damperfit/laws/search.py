@@ -27,7 +27,6 @@ import dataclasses
 import math
 from typing import TYPE_CHECKING
 
-from damperfit.damper.quantity import STIFFNESS
 from damperfit.damper.valve_dampers import ValveDamper
 from damperfit.errors import SimulationError
 from damperfit.identification.blas_threads import one_blas_thread
@@ -55,10 +54,12 @@ from damperfit.laws.variants import (
     LACKING,
     ONE_STROKE,
     PARTS,
+    RETURNS,
     SMALLER,
     VALVES,
     everything,
     laid_out_as,
+    of_oil,
     with_part,
     with_parts,
 )
@@ -76,7 +77,7 @@ __all__ = ["search_laws"]
 # What is offered to what is left over, one after the other: quantities, and kinds of valves' parts.
 _DECLARED = ("gas_volume",)
 _FURTHER = (
-    "return_slope",
+    RETURNS,
     "drag",
     *KINDS,
     *PARTS,
@@ -146,9 +147,8 @@ def search_laws(  # noqa: PLR0913 - what a user may ask of it
         return course.ended(simplest)
     lean = course.lean(course.best_layout(course.ported(found)))
     lean = with_strokes_told(course, lean, valve_damper(lean))
-    of_oil = [one.name for one in lean.fits[0].model.quantities if one.role == STIFFNESS]
-    rich = course.enriched(lean, (*of_oil, *_FURTHER))
-    rich = course.grown(rich, (*of_oil, *_FURTHER))
+    offered = (*of_oil(valve_damper(lean)), *_FURTHER)
+    rich = course.grown(course.enriched(lean, offered), offered)
     if _bleeds_of(rich) != _bleeds_of(lean):  # a blow-off beside other bleeds may be idle now
         rich = course.lean(rich, VALVES)
     rich = course.without_early(course.without_unseen(rich))
@@ -368,5 +368,5 @@ def _is_as_rigid(law: Tried) -> bool:
     if "k_s" not in law.fits[0].free:
         return False
     softest = min(one.annulus_area / one.chamber_1_length, one.piston_area / one.chamber_2_length)
-    oil = next(quantity.name for quantity in one.quantities if quantity.role == STIFFNESS)
+    oil = of_oil(one)[0]
     return all(fit.values.k_s > _AS_RIGID * getattr(fit.values, oil) * softest for fit in law.fits)

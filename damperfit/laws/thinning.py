@@ -7,15 +7,16 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from damperfit.errors import SimulationError
+from damperfit.laws.as_good import leaves_more
 from damperfit.laws.choosing import (
     AS_GOOD,
     GAIN,
-    NO_WORSE,
     PREDICTED_PERCENT,
     OfOneModel,
     Tried,
     Verdict,
     judged,
+    predicted_worse,
 )
 from damperfit.laws.common_parts import (
     idle_parts,
@@ -131,11 +132,10 @@ class Thinning(JointDescents):
         found = self.best_part(core, rich, others, rivals) if best.leaves_something else []
         if not found:
             return rich, best
-        try:
-            more = self.with_more(core, rich, [*others, *found])
-            one = self.tried(more)
-        except SimulationError:
+        turning = self.in_its_place(core, rich, [*others, *found])
+        if turning is None:
             return rich, best
+        more, one = turning
         verdict = self.held_against(rich, best, more, one, least_gain=GAIN)
         self.record(
             one, verdict.reason, is_taken=False, change=f"with {found[0].words}",
@@ -213,17 +213,10 @@ def _times(best: Tried, one: Tried) -> float:
 
 def _is_better(best: Tried, one: Tried, *, is_fewer: bool) -> tuple[bool, str]:
     """Whether a law fits better, or with fewer numbers as well, and leaves no more; and why."""
-    known = max(best.held_out_percent, PREDICTED_PERCENT)
-    if one.held_out_percent > NO_WORSE * known:
-        return False, (
-            f"what was held out is predicted worse, {one.held_out_percent:.2g} % after "
-            f"{best.held_out_percent:.2g} %"
-        )
-    may_leave = is_fewer and not one.leaves_something
-    if not may_leave and one.left_over > AS_GOOD * best.left_over:
-        return False, (
-            f"it leaves more: {one.left_over:.3g} times what is enough after {best.left_over:.3g}"
-        )
+    if worse := predicted_worse(best, one, least=PREDICTED_PERCENT):
+        return False, worse
+    if more := leaves_more(best, one, factor=AS_GOOD):
+        return False, more
     if _times(best, one) <= (1.0 / AS_GOOD if is_fewer else SOMETHING):
         return False, f"it fits no better, {one.mse_percent:.3g} after {best.mse_percent:.3g} %"
     beside = "with fewer numbers" if is_fewer else "with as many numbers"

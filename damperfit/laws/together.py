@@ -33,11 +33,11 @@ from damperfit.errors import SimulationError
 from damperfit.identification.blas_threads import one_blas_thread
 from damperfit.laws.choosing import (
     GAIN,
-    NO_WORSE,
     PREDICTED_PERCENT,
     Tried,
     are_alike,
     effective_samples,
+    predicted_worse,
 )
 from damperfit.laws.common_parts import (
     bleeds_beside,
@@ -200,10 +200,9 @@ class _Course(Thinning):
             return law, tried
         less = found[1]
         verdict = self.held_against(*found, law, tried, least_gain=SOMETHING, is_less=True)
-        known = max(tried.held_out_percent, PREDICTED_PERCENT)
         is_told = verdict.takes_larger or verdict.bic > 0.0
         is_worse = less.leaves_something and not tried.leaves_something
-        if is_told or is_worse or less.held_out_percent > NO_WORSE * known:
+        if is_told or is_worse or predicted_worse(tried, less, least=PREDICTED_PERCENT):
             return law, tried
         said = {"gain": verdict.gain, "bic": verdict.bic}
         self.record(less, verdict.reason, is_taken=True, change=change, **said)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, cast
 
 from damperfit.damper.mounting import FIT, NONE, Mounting
 from damperfit.damper.network import Valve
+from damperfit.damper.quantity import STIFFNESS
 from damperfit.damper.rivals import Rival
 
 if TYPE_CHECKING:
@@ -24,13 +25,16 @@ __all__ = [
     "LAMINAR",
     "ONE_STROKE",
     "PARTS",
+    "RETURNS",
     "SMALLER",
     "STROKES",
     "VALVES",
     "everything",
+    "has_kinds_of_valves",
     "in_words",
     "laid_out_as",
     "of_kind",
+    "of_oil",
     "with_kind",
     "with_part",
     "with_parts",
@@ -39,6 +43,7 @@ __all__ = [
     "words_of",
 ]
 
+RETURNS = "return_slope"
 BLEED = Valve("orifice", "none")
 BLOW_OFF = Valve("none", "linear")
 BOTH = Valve("orifice", "linear")
@@ -131,10 +136,9 @@ def has_kinds_of_valves(damper: ValveDamper) -> bool:
     return all(one.init for one in dataclasses.fields(damper) if one.name in STROKES)
 
 
-def is_fitted(damper: ValveDamper, name: str) -> bool:
-    """Whether a damper has a part of rig or friction of which all numbers are fitted."""
-    owner, fields, _ = PARTS.get(name, ("mounting", (), ""))
-    return bool(fields) and all(getattr(getattr(damper, owner), one) == FIT for one in fields)
+def of_oil(model: Model) -> list[str]:
+    """The quantities of a model that say how stiff its oil is."""
+    return [one.name for one in model.quantities if one.role == STIFFNESS]
 
 
 def without_part(damper: ValveDamper, name: str) -> ValveDamper:
@@ -142,10 +146,11 @@ def without_part(damper: ValveDamper, name: str) -> ValveDamper:
 
     What is declared of a part is there: a part with one number declared stays.
     """
-    if not is_fitted(damper, name):
+    owner, fields, _ = PARTS.get(name, ("mounting", (), ""))
+    own = getattr(damper, owner)
+    if {getattr(own, one) for one in fields} != {FIT}:
         return damper
-    owner, fields, _ = PARTS[name]
-    less = dataclasses.replace(getattr(damper, owner), **dict.fromkeys(fields, NONE))
+    less = dataclasses.replace(own, **dict.fromkeys(fields, NONE))
     return dataclasses.replace(damper, **{owner: less})
 
 

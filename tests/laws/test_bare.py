@@ -17,8 +17,9 @@ from damperfit.damper.network import Valve
 from damperfit.identification.law_misfit import LawMisfit
 from damperfit.laws import seals, together
 from damperfit.laws.choosing import Verdict
-from damperfit.laws.common_parts import bleeds_beside
+from damperfit.laws.common_parts import bleeds_beside, without_kinds
 from damperfit.laws.law_fit import LawFit, SettingLogs, fit_at
+from damperfit.laws.law_of_all import LawOfAll
 from damperfit.laws.variants import BLEED, BLOW_OFF, has_kinds_of_valves
 from damperfit.recording import Recording
 from damperfit.simulation import SolverOptions, simulate
@@ -72,6 +73,22 @@ def test_what_is_there_stays(more, numbers) -> None:
     model = replace(PLAIN, **more)
     found = told(model, logs_of(model, **numbers), **numbers)
     assert found.chosen.fits[0].model == model
+
+
+@pytest.mark.parametrize(("is_itself", "descents"), [(True, 1), (False, 2)])
+def test_from_afar_is_from_another_law(monkeypatch, is_itself, descents) -> None:
+    """A law that is made of itself alone has no other place to begin at."""
+    steps, done = together._Course([], follows, SOLVER, 1, lambda _: None), []
+    end = SimpleNamespace(point=SimpleNamespace(cost=9.0, extra={}))
+    one = SimpleNamespace(with_common=dict, descend=lambda at: done.append(at) or end)
+    one.of = lambda *_: one
+    core, parts = without_kinds(PORT)
+    first = SimpleNamespace(point=SimpleNamespace(cost=1.0, extra={}))
+    rich = LawOfAll(PORT, (), one, first, parts)
+    monkeypatch.setattr(steps, "begun", lambda *_: LawOfAll(PLAIN, (), one, first))
+    monkeypatch.setattr(steps, "tried", lambda _: "tried")
+    steps.without(core, rich if is_itself else replace(rich), rich, parts[0])
+    assert len(done) == descents
 
 
 def law(mse: float, *, held: float = math.nan, leaves: bool = False):

@@ -11,7 +11,7 @@ import pytest
 from damperfit.damper.friction import Friction
 from damperfit.damper.mounting import FIT, Mounting
 from damperfit.damper.network import Valve
-from damperfit.laws import SettingLogs, seals
+from damperfit.laws import SettingLogs, as_good, seals
 from damperfit.laws.choosing import effective_samples
 from damperfit.laws.seals import _in_place_of_parts, with_turning_told
 from damperfit.laws.search import _Search
@@ -83,13 +83,13 @@ def fit(mse: float, *, k: int = 8, held: float = math.nan, left: float = 0.5):
 ])  # fmt: skip
 def test_fewer_fit_no_worse_and_as_many_better(monkeypatch, mse, k, held, left, is_taken) -> None:
     law, one = fit(1.0, held=1.0), fit(mse, k=k, held=held, left=left)
-    monkeypatch.setattr(seals, "needed_at", lambda *_: "")
+    monkeypatch.setattr(as_good, "needed_at", lambda *_: "")
     course = SimpleNamespace(n_eff=60.0, elsewhere=(), solver=None)
     assert seals._told(course, law, one)[0] is is_taken
 
 
 def test_what_another_setting_needs_stays(monkeypatch) -> None:
-    monkeypatch.setattr(seals, "needed_at", lambda *_: "setting 4 needs it")
+    monkeypatch.setattr(as_good, "needed_at", lambda *_: "setting 4 needs it")
     course = SimpleNamespace(n_eff=60.0, elsewhere=(1,), solver=None)
     assert seals._told(course, fit(1.0), fit(0.5, k=7)) == (False, "setting 4 needs it")
 
@@ -120,7 +120,9 @@ def test_friction_that_turns_within_a_speed_already_takes_no_place() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("place", [0, 3, 5, 18, 19, 36, 41])
+@pytest.mark.parametrize("place", [0, 3, 5, 18, 19, 36, 41, pytest.param(
+    21, marks=pytest.mark.xfail(reason="too little is left to ask for it, on some machines")
+)])  # fmt: skip
 def test_dampers_of_rates_are_told_as_they_are(place: int) -> None:
     one = draw(place, 1, TURNING)
     search = searched(one, 1000 + 2 * place)

@@ -10,7 +10,9 @@ import pytest
 
 from damperfit.damper.friction import Friction
 from damperfit.damper.mounting import FIT, Mounting
-from damperfit.laws import search_laws, supposed
+from damperfit.laws import as_good, search_laws, supposed
+from damperfit.laws.as_good import does_as_well
+from damperfit.laws.choosing import AS_GOOD
 from damperfit.laws.supposed import with_supposed_told
 from damperfit.laws.variants import BLEED
 from damperfit.run.law_choice import _softest_and_stiffest
@@ -36,26 +38,26 @@ def fit(mse: float, left: float = 0.5, model=RUBBING, free=(), held: float = mat
     (1.0, 2.0, 2.03, True), (1.0, 2.0, 2.05, False), (1.0, 0.5, 1.01, False),
 ])  # fmt: skip
 def test_with_fewer_numbers_it_must_be_as_good(monkeypatch, mse, before, left, goes) -> None:
-    monkeypatch.setattr(supposed, "needed_at", lambda *_: "")
+    monkeypatch.setattr(as_good, "needed_at", lambda *_: "")
     course = SimpleNamespace(elsewhere=(), solver=None)
-    assert supposed._is_as_good(course, fit(1.0, before), fit(mse, left))[0] is goes
+    assert does_as_well(course, fit(1.0, before), fit(mse, left), factor=AS_GOOD)[0] is goes
 
 
 @pytest.mark.parametrize(("held", "goes"), [(1.09, True), (1.11, False), (math.nan, True)])
 def test_what_was_held_out_is_predicted_no_worse(monkeypatch, held, goes) -> None:
-    monkeypatch.setattr(supposed, "needed_at", lambda *_: "")
+    monkeypatch.setattr(as_good, "needed_at", lambda *_: "")
     course = SimpleNamespace(elsewhere=(), solver=None)
-    assert supposed._is_as_good(course, fit(1.0, held=1.0), fit(1.0, held=held))[0] is goes
+    assert does_as_well(course, fit(1.0, held=1.0), fit(1.0, held=held))[0] is goes
 
 
 def test_what_another_setting_needs_stays(monkeypatch) -> None:
-    monkeypatch.setattr(supposed, "needed_at", lambda *_: "setting 4 needs it")
+    monkeypatch.setattr(as_good, "needed_at", lambda *_: "setting 4 needs it")
     course = SimpleNamespace(elsewhere=(1,), solver=None)
-    assert supposed._is_as_good(course, fit(1.0), fit(0.5)) == (False, "setting 4 needs it")
+    assert does_as_well(course, fit(1.0), fit(0.5)) == (False, "setting 4 needs it")
 
 
 def test_the_better_of_both_is_taken_and_the_rest_is_asked_again(monkeypatch) -> None:
-    monkeypatch.setattr(supposed, "needed_at", lambda *_: "")
+    monkeypatch.setattr(as_good, "needed_at", lambda *_: "")
     monkeypatch.setattr(supposed, "freed_of", lambda _: ("free_gas",))
     ends = {"return_slope": 0.9, "k_e": 0.8}
     said, law = [], fit(1.0)
