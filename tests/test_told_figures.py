@@ -18,7 +18,7 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, identify
 from damperfit.identification.descent import Misfit, linearise
-from damperfit.identification.settled import _interpolated
+from damperfit.identification.settled import between_samples
 from damperfit.recording import Recording
 from damperfit.samples.steady import steady_cycle
 from damperfit.simulation import (
@@ -84,7 +84,7 @@ def test_values_between_samples_are_those_of_a_wave() -> None:
     at = np.arange(100.0)
     wave = np.sin(0.2 * np.pi * at)
     between = np.linspace(20.0, 80.0, 601)
-    off = _interpolated(wave[np.newaxis], between)[0] - np.sin(0.2 * np.pi * between)
+    off = between_samples(wave[np.newaxis], between)[0] - np.sin(0.2 * np.pi * between)
     assert np.max(np.abs(off)) == pytest.approx(2e-5, rel=0.3)
 
 

@@ -119,6 +119,15 @@ def fold(
     /,
 ) -> None: ...
 def triangle(columns: Buffer, triangle: Buffer, width: int, /) -> None: ...
+def cycle_products(
+    residuals: Buffer,
+    slopes: Buffer,
+    kernel: Buffer,
+    products: Buffer,
+    room: Buffer,
+    n_cycles: int,
+    /,
+) -> None: ...
 def read_numbers(
     text: Buffer,
     wanted: Buffer,

@@ -98,6 +98,14 @@ class LogFit:
     stretch_mse_percent: tuple[float, ...] = ()
     seen: SeenLog | None = None
 
+    def cycles_of(
+        self, parameters: Values, damper: Model, solver: SolverOptions
+    ) -> tuple[SettledCycle, ...]:
+        """Return the mean cycles that the fit went down on; none where it ended at other values."""
+        kept = self.seen
+        is_kept = kept is not None and kept.is_of(parameters, self.trace, damper, solver)
+        return kept.cycles if kept is not None and is_kept else ()
+
     def compared(self, parameters: Values, damper: Model, solver: SolverOptions) -> SimulatedLog:
         """Return the log beside the model, as the fit has left it or simulated anew.
 

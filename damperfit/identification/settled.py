@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["SettledCycle", "SettledLogs", "fast_length", "settled"]
+__all__ = ["SettledCycle", "SettledLogs", "between_samples", "fast_length", "settled"]
 
 # Samples of a cycle: at least these, and so many for each harmonic that the filter passes by half.
 _FEWEST = 256
@@ -121,33 +121,46 @@ class SettledCycle:
         rows *= self.factor
         return rows
 
-    def slopes_over(
-        self, stretch: Stretch, response: Response, places: NDArray[np.int64] | None = None
-    ) -> FloatArray:
-        """Return the derivatives behind the filter at samples of the stretch, all or some, rising.
+    def over(self, stretch: Stretch, signals: Sequence[FloatArray]) -> FloatArray:
+        """Return signals of a response, behind the filter, at the samples of the stretch: (k, n).
 
-        Shape (k, n); each cycle has those of the mean one.
+        Each cycle has those of the mean one.
         """
-        rows = self._filtered(list(response.sensitivities.values()))
+        rows = self._filtered(signals)
         n, starts = rows.shape[1], self.starts
-        samples = stretch.first + (np.arange(stretch.n_samples) if places is None else places)
+        samples = stretch.first + np.arange(stretch.n_samples)
         # How many samples each cycle has; what lies before the first or behind the last is theirs.
         ends = [0, *np.searchsorted(samples, starts[1:-1]).tolist(), len(samples)]
         begins = np.repeat(np.stack([starts[:-1], np.diff(starts)]), np.diff(ends), axis=1)
         share = (samples - begins[0]) / begins[1]
         around = np.concatenate([rows[:, -_MARGIN:], rows, rows[:, :_MARGIN]], axis=1)
         at = np.mod(n * share + self.turn, n) + _MARGIN
-        return _interpolated(around, at[None])[:, 0]
+        return between_samples(around, at[None])[:, 0]
 
-    def _filtered(self, rows: list[FloatArray]) -> FloatArray:
+    def at_phases(self, signals: Sequence[FloatArray], n: int) -> FloatArray:
+        """Return signals of a response, behind the filter, at n phases of the cycle: (k, n).
+
+        In the middle of as many parts of it, from its beginning on; no more than it has samples.
+        What so few cannot hold is lost.
+        """
+        whole, lines = len(self.force), np.arange(n // 2 + 1)
+        middles = np.exp(2j * np.pi * (0.5 / n + self.turn / whole) * lines)
+        found = self._lines(signals)[:, : len(lines)] * middles
+        return np.asarray(np.fft.irfft(found, n) * (n / whole))
+
+    def _filtered(self, signals: Sequence[FloatArray]) -> FloatArray:
         """Return the compared cycle of signals behind the filter."""
+        return np.asarray(np.fft.irfft(self._lines(signals), len(self.force)))
+
+    def _lines(self, signals: Sequence[FloatArray]) -> NDArray[np.complex128]:
+        """Return the spectra of the compared cycle of signals behind the filter."""
         n = len(self.force)
-        last = np.empty((len(rows), n))
-        for k, row in enumerate(rows):
-            last[k] = row[-n:]
+        last = np.empty((len(signals), n))
+        for k, signal in enumerate(signals):
+            last[k] = signal[-n:]
         lines = np.fft.rfft(last)
         lines *= self.gain
-        return np.asarray(np.fft.irfft(lines, n, out=last))
+        return np.asarray(lines)
 
 
 @dataclass(frozen=True, eq=False)
@@ -289,7 +302,7 @@ def _laid_out(
     return np.asarray(line), n, period, is_aligned
 
 
-def _interpolated(channels: FloatArray, positions: FloatArray) -> FloatArray:
+def between_samples(channels: FloatArray, positions: FloatArray) -> FloatArray:
     """Return channels (c, n) at fractional samples, through the eight samples around each.
 
     At a tenth of the sample rate a polynomial through so many errs by 2e-5.

@@ -18,6 +18,10 @@ autocovariance c over the whole stretch knows better how strong the noise is::
     M' = sum over lags l of  w(l) c(l) sum_t J_t J_{t+l}^T
 
 It takes the noise to be alike everywhere; `larger` of both, direction by direction, errs least.
+
+Of cycles that repeat J is one cycle's: products of residuals of the same phase are summed over the
+cycles first. Where scores are known at every few lags alone, the lags between them are what a
+windowed sinc makes of the known ones: of a band so narrow the products themselves.
 """
 
 from __future__ import annotations
@@ -28,10 +32,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from damperfit.compiled_core import compiled_core
 from damperfit.identification.settled import fast_length
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
@@ -45,9 +50,11 @@ __all__ = [
     "lagged_products",
     "larger",
     "lost_share",
+    "repeated_covariance",
     "score_covariance",
     "smoothed",
     "stationary_covariance",
+    "sums_by_cycle",
 ]
 
 # A sample autocorrelation within this many of its standard errors counts as none.
@@ -68,7 +75,7 @@ def autocorrelation(residuals: FloatArray, n_lags: int) -> FloatArray:
     return np.asarray(sums / sums[0])
 
 
-def correlation_length(residuals: FloatArray, *, longest: int) -> int:
+def correlation_length(residuals: FloatArray, *, longest: int, spacing: float = 1.0) -> int:
     """Return the lag, in samples, beyond which the residuals are not correlated.
 
     Parameters
@@ -78,11 +85,18 @@ def correlation_length(residuals: FloatArray, *, longest: int) -> int:
     longest : int
         What to return when the correlation does not end before: a misfit that repeats with every
         cycle never does.
+    spacing : float
+        Samples from one residual to the next, so few that nothing is lost.
     """
-    longest = max(1, min(longest, len(residuals) // 4))
-    rho = autocorrelation(residuals, longest)
+    n = spacing * len(residuals)
+    longest = max(1, min(longest, int(n) // 4))
+    if spacing == 1.0:
+        rho = autocorrelation(residuals, longest)
+    else:
+        between = _between_lags(longest + 1, _rounded(spacing))
+        rho = autocorrelation(residuals, len(between) - 1) @ between
     # Bartlett: var(rho at a lag beyond m) is (1 + 2 sum of rho^2 up to m)/n.
-    bars = _NO_CORRELATION * np.sqrt((2.0 * np.cumsum(rho * rho) - 1.0) / len(residuals))
+    bars = _NO_CORRELATION * np.sqrt((2.0 * np.cumsum(rho * rho) - 1.0) / n)
     loud = np.flatnonzero(~(np.abs(rho[1:]) < bars[:-1])) + 1
     begins, ends = np.concatenate([[0], loud]), np.concatenate([loud, [longest + 1]])
     # Quiet for as long as the correlation itself lasted, and for five lags at least.
@@ -90,7 +104,7 @@ def correlation_length(residuals: FloatArray, *, longest: int) -> int:
     return int(begins[np.argmax(is_quiet)]) if is_quiet.any() else longest
 
 
-def score_covariance(scores: FloatArray, lag: int, *, stride: int = 1) -> FloatArray:
+def score_covariance(scores: FloatArray, lag: int) -> FloatArray:
     """Return the covariance of the sum of scores that are correlated up to a lag.
 
     Parameters
@@ -99,20 +113,62 @@ def score_covariance(scores: FloatArray, lag: int, *, stride: int = 1) -> FloatA
         Shape (n, k), one log's.
     lag : int
         Correlation length, samples of the log.
-    stride : int
-        Samples of the log that each score is the sum of, so few that nothing is lost.
 
     Returns
     -------
     numpy.ndarray
         Shape (k, k), positive semi-definite.
     """
-    n = stride * len(scores)
-    window = flat_topped(lag, n)
-    total = _windowed(scores, window, stride)
+    return _covariance(lambda kernel: lagged_products(scores, kernel), lag, len(scores))
+
+
+def repeated_covariance(
+    residuals: FloatArray, slopes: FloatArray, lag: int, *, spacing: float
+) -> FloatArray:
+    """Return the covariance of the sum of scores whose slopes are the same in every cycle.
+
+    Parameters
+    ----------
+    residuals : numpy.ndarray
+        Shape (cycles, m).
+    slopes : numpy.ndarray
+        Shape (m, k); a score is its residual times these, for each of the samples it stands for.
+    lag : int
+        Correlation length, samples of the log.
+    spacing : float
+        Samples from one residual to the next, so few that nothing is lost.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (k, k), positive semi-definite.
+    """
+    rows, columns = np.ascontiguousarray(residuals), np.ascontiguousarray(slopes)
+
+    def products(window: FloatArray) -> FloatArray:
+        kernel = _thinned(window.tobytes(), _rounded(spacing))[: rows.size]
+        found = np.empty((columns.shape[1],) * 2)
+        room = np.empty(len(kernel) * len(columns) + len(found))
+        compiled_core().cycle_products(rows, columns, kernel, found, room, len(rows))
+        return spacing * found
+
+    return _covariance(products, lag, round(spacing * rows.size))
+
+
+def _covariance(
+    products: Callable[[FloatArray], FloatArray], lag: int, n_samples: int
+) -> FloatArray:
+    """The covariance of a sum from what a window of lags makes of the products of its terms."""
+
+    def windowed(window: FloatArray) -> FloatArray:
+        total = products(window)
+        return np.asarray(0.5 * (total + total.T) / (1.0 - lost_share(window, n_samples)))
+
+    window = flat_topped(lag, n_samples)
+    total = windowed(window)
     if lag and not _is_positive(total):
         # A misfit that repeats with the cycle can do that; a triangle never gives a negative sum.
-        total = _windowed(scores, 1.0 - np.arange(len(window)) / (2.0 * lag + 1.0), stride)
+        total = windowed(1.0 - np.arange(len(window)) / (2.0 * lag + 1.0))
     return total
 
 
@@ -234,52 +290,69 @@ def larger(one: FloatArray, other: FloatArray) -> FloatArray:
     return np.asarray(one + unit * more)
 
 
-def _windowed(scores: FloatArray, window: FloatArray, stride: int) -> FloatArray:
-    """Sum over lags of window times lagged products; the window holds the samples' lags from 0."""
-    kernel = window if stride == 1 else _thinned(window.tobytes(), stride)
-    total = lagged_products(scores, kernel[: len(scores)]) / stride
-    lost = lost_share(window, stride * len(scores))
-    return np.asarray(0.5 * (total + total.T) / (1.0 - lost))
+def _rounded(spacing: float) -> float:
+    """To three digits, far less than the shortest wave of the band, so that logs alike are one."""
+    return float(f"{spacing:.3g}")
 
 
 @lru_cache(maxsize=64)  # logs alike have a few lengths of correlation
-def _thinned(taps: bytes, stride: int) -> FloatArray:
-    """Return what a window of lags becomes where products are known at every few lags alone.
-
-    Between them they are what a windowed sinc makes of the known ones: of a band so narrow the
-    products themselves.
-    """
+def _thinned(taps: bytes, spacing: float) -> FloatArray:
+    """Return what a window of lags becomes where products are known at every few lags alone."""
     window = np.frombuffer(taps)
     lags = np.arange(1 - len(window), len(window))
-    reach = len(window) // stride + _SINC
-    apart = lags / stride - np.arange(reach + 1)[:, None]
+    known = _known_at(lags, spacing)
+    return np.asarray(known[len(known) // 2 :] @ window[np.abs(lags)])
+
+
+@lru_cache(maxsize=64)
+def _between_lags(n_lags: int, spacing: float) -> FloatArray:
+    """Return what known lags count for each of so many: (known from 0 on, all from 0 on)."""
+    known = _known_at(np.arange(n_lags), spacing)
+    found = known[len(known) // 2 :].copy()
+    found[1:] += known[len(known) // 2 - 1 :: -1]  # what lies before lag 0 is what lies behind it
+    return found
+
+
+def _known_at(lags: NDArray[np.int64], spacing: float) -> FloatArray:
+    """What known lags, as many before 0 as behind it, count for others: (known, others)."""
+    reach = int(lags[-1] / spacing) + _SINC
+    apart = lags / spacing - np.arange(-reach, reach + 1)[:, None]
     taper = np.cos(0.5 * np.pi * np.clip(apart / _SINC, -1.0, 1.0)) ** 2
-    return np.asarray((np.sinc(apart) * taper) @ window[np.abs(lags)])
+    found = np.sinc(apart) * taper
+    return np.asarray(found / found.sum(axis=0))
 
 
-def cycle_covariance(scores: Sequence[FloatArray], starts: Sequence[FloatArray]) -> FloatArray:
+def cycle_covariance(sums: Sequence[FloatArray]) -> FloatArray:
     """Return the same from sums over whole cycles: the jackknife over cycles, linearised.
 
     Leaving one cycle out moves the fit by the sum of its scores, to first order.
 
     Parameters
     ----------
-    scores : sequence of numpy.ndarray
-        One array (n_i, k) per log.
-    starts : sequence of numpy.ndarray
-        Boundaries of the cycles, in scores; one may be cut.
+    sums : sequence of numpy.ndarray
+        Sums of the scores over each cycle, (cycles, k) for each stretch; none where none is whole.
     """
-    sums = [
-        np.diff(_summed_up_to(part, edges), axis=0)
-        for part, edges in zip(scores, starts, strict=True)
-        if len(edges) > 1
-    ]
-    table = np.concatenate(sums) if sums else np.empty((0, scores[0].shape[1]))
+    table = np.concatenate(sums)
     n = len(table)
     if n < 2:
-        return np.full((scores[0].shape[1],) * 2, math.nan)
+        return np.full((table.shape[1],) * 2, math.nan)
     table -= table.mean(axis=0)
     return np.asarray(table.T @ table * (n / (n - 1.0)))
+
+
+def sums_by_cycle(scores: FloatArray, edges: FloatArray) -> FloatArray:
+    """Return the sums of scores (n, k) over cycles, one of which may be cut: (cycles, k).
+
+    Parameters
+    ----------
+    scores : numpy.ndarray
+        Of a stretch.
+    edges : numpy.ndarray
+        Boundaries of its cycles, in scores; one alone, or none, where it has no cycle.
+    """
+    if len(edges) < 2:
+        return np.empty((0, scores.shape[1]))
+    return np.diff(_summed_up_to(scores, edges), axis=0)
 
 
 def _summed_up_to(scores: FloatArray, edges: FloatArray) -> FloatArray:

@@ -171,7 +171,7 @@ def _signatures(
     conditions = {name: [seen.gas[:, k]] for k, name in enumerate(linearised.conditions)}
     ones = [np.ones(len(seen.force))] if stiff else ()
     found = {
-        name: [seen.thinned(trace, one) for one in columns]
+        name: [seen.read(one) for one in columns]
         for name, columns in signatures(trace, seen.force, ones).items()
         if name in linearised.flaws
     }
@@ -206,9 +206,9 @@ def seek_flaws(
     """
     # Beside a jump of the speed nothing counts.
     logs = list(zip(linearised.fit.logs, linearised.logs, strict=True))
-    counts = np.concatenate([seen.thinned(log.trace, seen.weights) > 0.0 for log, seen in logs])
+    counts = np.concatenate([seen.read(seen.weights) > 0.0 for _, seen in logs])
     residuals = counts * np.concatenate(
-        [seen.thinned(log.trace, seen.residuals) for log, seen in logs]
+        [of.residuals.ravel() for _, seen in logs for of in seen.slopes]
     )
     doubted = tuple(name for name in doubted if linearised.fit.status[name] == Status.SHARED)
     alone: set[str] = {Status.FITTED, Status.NOT_IDENTIFIABLE}

@@ -10,8 +10,7 @@ alike)::
 A fit of any subset of the parameters has, to first order, the error H_ff^-1 (sum g)_f.
 
 All of it lies behind the filter, whose band takes a few samples of a log that is sampled at 1 kHz:
-where cycles repeat, sums are those over the middle ones of every few
-(`damperfit.uncertainty.thinning`).
+where cycles repeat, sums are those over some phases of each (`damperfit.uncertainty.rows`).
 """
 
 from __future__ import annotations
@@ -27,13 +26,7 @@ from damperfit.identification.model_versus_log import compare
 from damperfit.identification.outcome import Status
 from damperfit.identification.weights import all_alike, weights
 from damperfit.simulation import SolverOptions, simulate
-from damperfit.uncertainty.correlated_noise import (
-    correlation_length,
-    cycle_covariance,
-    larger,
-    score_covariance,
-    stationary_covariance,
-)
+from damperfit.uncertainty.correlated_noise import cycle_covariance
 from damperfit.uncertainty.few_samples import (
     ShortStretch,
     filter_correlation,
@@ -41,27 +34,25 @@ from damperfit.uncertainty.few_samples import (
     is_enough,
     widening,
 )
+from damperfit.uncertainty.rows import EverySample, Phases, phases_of
+from damperfit.uncertainty.score_sums import ScoreSums, Slopes
 from damperfit.uncertainty.suppositions import ignorance, other_frictions
-from damperfit.uncertainty.thinning import middles, stride_of
 from damperfit.uncertainty.unopened import pressed_on
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
     from damperfit.damper.model import Model, Values
     from damperfit.identification import Fit, LogFit, SimulatedLog
+    from damperfit.identification.settled import SettledCycle
     from damperfit.recording import Trace
 
     FloatArray = NDArray[np.float64]
 
 __all__ = ["Linearisation", "LogLinearisation", "linearise_at_fit"]
 
-# Residuals still correlated after this share of a cycle repeat with the cycle: a misfit, no noise.
-_LONGEST_CORRELATION = 0.25
-# s; where nothing repeats, a chamber that cavitates remembers noise for as long as it is empty.
-_LONGEST_MOVING = 1.0
 # Samples in which a chamber that was empty is full again.
 _REFILLING = 2
 # Of that, the share of the information that counts: with all or half of it too few intervals of
@@ -80,47 +71,33 @@ class LogLinearisation:
         Shape (n,), measured minus modelled force, N.
     weights : numpy.ndarray
         Shape (n,), what the fit multiplied them by.
-    jacobian : numpy.ndarray
-        Shape (m, k): derivative of the modelled force by u, in the order of the model, at the
-        middle one of every ``stride`` samples of each stretch.
-    gas : numpy.ndarray
-        Shape (m, c): derivative by the logarithms of the model's conditions, such as gas pressure.
+    slopes : tuple of Slopes
+        Of each stretch.
     force : numpy.ndarray
         Shape (n,), modelled force behind the filter, N.
     pressures : numpy.ndarray
         Shape (3,), lowest absolute pressure of each chamber, Pa.
-    stride : int
-        Samples for each row of the derivatives.
     """
 
     residuals: FloatArray
     weights: FloatArray
-    jacobian: FloatArray
-    gas: FloatArray
+    slopes: tuple[Slopes, ...]
     force: FloatArray
     pressures: FloatArray
-    stride: int = 1
 
-    def thinned(self, trace: Trace, values: FloatArray) -> FloatArray:
-        """Return what belongs to the derivatives' rows of values at the compared samples."""
-        if self.stride == 1:
-            return values
-        taken = [
-            values[place].take(middles(place.stop - place.start, self.stride)[0])
-            for place in trace.places
-        ]
-        return taken[0] if len(taken) == 1 else np.concatenate(taken)
+    @property
+    def jacobian(self) -> FloatArray:
+        """Shape (m, k): derivatives by u, a row for each of all rows of all cycles."""
+        return np.vstack([np.tile(one.by, (one.rows.n_cycles, 1)) for one in self.slopes])
 
-    def rows(self, trace: Trace) -> Iterator[slice]:
-        """Yield where the rows of each stretch lie among those of the derivatives."""
-        end = 0
-        for stretch in trace.stretches:
-            first, end = end, end - (-stretch.n_samples // self.stride)
-            yield slice(first, end)
+    @property
+    def gas(self) -> FloatArray:
+        """Shape (m, c): those by the conditions."""
+        return np.vstack([np.tile(one.gas, (one.rows.n_cycles, 1)) for one in self.slopes])
 
-    def counts(self, trace: Trace) -> FloatArray:
-        """Return for how many samples each row stands."""
-        return np.concatenate([middles(one.n_samples, self.stride)[1] for one in trace.stretches])
+    def read(self, values: FloatArray) -> FloatArray:
+        """Return what belongs to the rows of `jacobian` of values at the compared samples."""
+        return np.concatenate([one.read(values).ravel() for one in self.slopes])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -191,46 +168,48 @@ def linearise_at_fit(
     """
     values = fit.parameters
     own = [getattr(values, one.name) if one.is_logarithmic else 1.0 for one in values.quantities]
-    slopes = np.array([*own, *(getattr(damper, name) for name in damper.conditions)])
+    scales = np.array([*own, *(getattr(damper, name) for name in damper.conditions)])
     n = len(own)
     errors = ignorance(fit)
     traces = [log.trace for log in fit.logs]
     is_short = not _is_long(fit, traces)
-    found = _Sums()
+    sums = ScoreSums()
     logs: list[LogLinearisation] = []
     pressed: list[dict[str, float]] = []
     for log, weight in zip(fit.logs, weights(traces), strict=True):
         trace, part = log.trace, log.trace.compared
-        stride = 1 if is_short else stride_of(trace, weight)
-        force, pressures, rows = _seen(log, fit.parameters, damper, solver, stride=stride)
-        taken = [middles(one.n_samples, stride)[0] for one in trace.stretches]
-        others = other_frictions(log, fit, damper, solver=solver, places=taken, slopes=rows[:n])
-        known = _supposed(errors, rows[:n], others)
+        cycles = log.cycles_of(values, damper, solver)
+        rows = _rows(trace, weight, () if is_short else cycles)
+        force, pressures, seen = _seen(log, rows, values, damper, solver)
+        others = other_frictions(log, values, damper, solver=solver, rows=rows, slopes=seen)
         pressed.append(pressed_on(damper, pressures[:, part]))
-        rows *= slopes[:, None]
+        residuals, slopes = trace.force[part] - force[part], []
+        places = zip(rows, trace.places, seen, strict=True)
+        for where, place, of in places:
+            scaled = np.ascontiguousarray((of * scales[:, None]).T)
+            by = np.ascontiguousarray(scaled[:, :n])
+            slopes.append(Slopes(where, place, by, scaled[:, n:], where.read(residuals[place])))
+        for one, of, other in zip(slopes, seen, others, strict=True):
+            sums.add(trace, one, weight, _supposed(errors, of[:n], other))
         logs.append(
             LogLinearisation(
-                residuals=trace.force[part] - force[part],
+                residuals=residuals,
                 weights=all_alike(trace.n_samples) if weight is None else weight,
-                jacobian=rows[:n].T,
-                gas=rows[n:].T,
+                slopes=tuple(slopes),
                 force=force[part],
                 pressures=pressures[:, part].min(axis=1).astype(np.float64),
-                stride=stride,
             )
         )
-        counts = None if weight is None else logs[-1].thinned(trace, weight)
-        found.add(trace, logs[-1], counts, known)
-    wider = widening(_short_stretches(fit, logs, found.lags)) if is_short else 1.0
+    wider = widening(_short_stretches(fit, logs, sums.lags)) if is_short else 1.0
     return Linearisation(
         fit=fit,
-        information=np.asarray(sum(found.information)),
-        scores=np.asarray(wider * sum(found.covariances)),
-        cycle_scores=wider * cycle_covariance(found.pieces, found.edges),
-        gradient=np.asarray(sum(part.sum(axis=0) for part in found.pieces)),
+        information=np.asarray(sum(sums.information)),
+        scores=np.asarray(wider * sum(sums.covariances)),
+        cycle_scores=wider * cycle_covariance(sums.cycles),
+        gradient=np.asarray(sum(sums.gradients)),
         logs=tuple(logs),
         conditions=damper.conditions,
-        supposed=np.asarray(sum(found.pulls)) if found.pulls else None,
+        supposed=np.asarray(sum(sums.pulls)) if sums.pulls else None,
         flaws=damper.flaws,
         precision=_precision(logs),
         pressed={name: max(one[name] for one in pressed) for name in pressed[0]},
@@ -249,59 +228,35 @@ def _precision(logs: Sequence[LogLinearisation]) -> float:
     return sum(len(log.residuals) for log in logs) / max(squares, 1e-300)
 
 
-@dataclass(slots=True, eq=False)
-class _Sums:
-    """What is summed over the logs of a setting, stretch by stretch."""
-
-    information: list[FloatArray] = field(default_factory=list)
-    pulls: list[FloatArray] = field(default_factory=list)
-    covariances: list[FloatArray] = field(default_factory=list)
-    lags: list[int] = field(default_factory=list)
-    pieces: list[FloatArray] = field(default_factory=list)
-    edges: list[FloatArray] = field(default_factory=list)
-
-    def add(
-        self,
-        trace: Trace,
-        log: LogLinearisation,
-        weight: FloatArray | None,
-        supposed: FloatArray | None,
-    ) -> None:
-        """Add a log with the weights of its rows; each row counts for as many samples.
-
-        With the force, (k, m), that a standard error of what is merely supposed makes.
-        """
-        jacobian, stride = log.jacobian, log.stride
-        residuals = log.thinned(trace, log.residuals)
-        if weight is not None:
-            jacobian, residuals = jacobian * weight[:, None], residuals * weight
-        # Each row summed over the samples that it stands for.
-        summed = jacobian if stride == 1 else jacobian * log.counts(trace)[:, None]
-        self.information.append(summed.T @ jacobian)
-        if supposed is not None:
-            self.pulls.append(summed.T @ (supposed if weight is None else supposed * weight).T)
-        scores = summed * residuals[:, None]
-        for lag, covariance in _covariances(trace, log, jacobian, scores):
-            self.lags.append(lag)
-            self.covariances.append(covariance)
-        for stretch, place in zip(trace.stretches, log.rows(trace), strict=True):
-            self.pieces.append(scores[place])
-            self.edges.append((stretch.cycle_starts - stretch.first) / stride)
+def _rows(
+    trace: Trace, weight: FloatArray | None, cycles: Sequence[SettledCycle]
+) -> list[EverySample | Phases]:
+    """Where the derivatives of each stretch of a log are taken."""
+    if not cycles:
+        return [EverySample(stretch) for stretch in trace.stretches]
+    return [
+        phases_of(trace, stretch, cycle, None if weight is None else weight[place])
+        for cycle, stretch, place in zip(cycles, trace.stretches, trace.places, strict=True)
+    ]
 
 
 def _seen(
-    log: LogFit, parameters: Values, damper: Model, solver: SolverOptions, *, stride: int
-) -> tuple[FloatArray, NDArray[np.floating[Any]], FloatArray]:
-    """The model's force and pressures, and the sensitivities at every few compared samples, (k, m).
+    log: LogFit,
+    rows: Sequence[EverySample | Phases],
+    parameters: Values,
+    damper: Model,
+    solver: SolverOptions,
+) -> tuple[FloatArray, NDArray[np.floating[Any]], list[FloatArray]]:
+    """The model's force and pressures, and the sensitivities at the rows of each stretch, (k, m).
 
     What repeats has the mean cycle's sensitivities: they differ from those of the log by what the
     noise of the displacement does, and cost far less.
     """
     names = (*damper.names, *damper.conditions)
     trace, kept = log.trace, log.seen
-    if kept is not None and kept.cycles and kept.is_of(parameters, trace, damper, solver):
+    if kept is not None and (cycles := log.cycles_of(parameters, damper, solver)):
         parts = []
-        for cycle, stretch in zip(kept.cycles, trace.stretches, strict=True):
+        for cycle, where in zip(cycles, rows, strict=True):
             response = simulate(
                 parameters,
                 damper,
@@ -309,14 +264,12 @@ def _seen(
                 sensitivities=names,
                 options=cycle.solver(solver),
             )
-            parts.append(
-                cycle.slopes_over(stretch, response, middles(stretch.n_samples, stride)[0])
-            )
-        return kept.force, kept.pressures, parts[0] if len(parts) == 1 else np.hstack(parts)
+            parts.append(where.seen(cycle, list(response.sensitivities.values())))
+        return kept.force, kept.pressures, parts
     seen = compare(parameters, trace, damper, sensitivities=names, solver=solver)
     whole = _sensitivities(trace, seen)
-    taken = [one.first + middles(one.n_samples, stride)[0] for one in trace.stretches]
-    return seen.force, seen.response.pressures, whole[:, np.concatenate(taken)]
+    parts = [whole[:, stretch.window] for stretch in trace.stretches]
+    return seen.force, seen.response.pressures, parts
 
 
 def _sensitivities(trace: Trace, seen: SimulatedLog) -> FloatArray:
@@ -361,37 +314,16 @@ def _short_stretches(
 ) -> list[ShortStretch]:
     """Return what each stretch gives to the parameters that the fit found."""
     columns = _fitted(fit)
-    places = [
-        (log.trace, seen, place)
+    stretches = [
+        (log.trace, seen, slopes)
         for log, seen in zip(fit.logs, logs, strict=True)
-        for place in log.trace.places
+        for slopes in seen.slopes
     ]
     return [
         ShortStretch(
-            seen.jacobian[place][:, columns] * seen.weights[place, None],
-            filter_correlation(trace.model_filter, place.stop - place.start),
+            slopes.by[:, columns] * seen.weights[slopes.place, None],
+            filter_correlation(trace.model_filter, slopes.rows.stretch.n_samples),
             lag,
         )
-        for (trace, seen, place), lag in zip(places, lags, strict=True)
+        for (trace, seen, slopes), lag in zip(stretches, lags, strict=True)
     ]
-
-
-def _covariances(
-    trace: Trace, seen: LogLinearisation, weighted: FloatArray, scores: FloatArray
-) -> Iterator[tuple[int, FloatArray]]:
-    """Correlation length and covariance of the summed scores of each stretch.
-
-    Nothing is correlated across a gap.
-    """
-    places = zip(trace.stretches, trace.places, seen.rows(trace), strict=True)
-    for stretch, place, rows in places:
-        period = 1.0 / stretch.frequency
-        longest = _LONGEST_CORRELATION * period if stretch.n_cycles else _LONGEST_MOVING
-        longest = round(longest / trace.interval)
-        lag = correlation_length(seen.residuals[place], longest=longest)
-        found = score_covariance(scores[rows], lag, stride=seen.stride)
-        if not stretch.n_cycles:
-            # Cycles repeat what a few samples tell; elsewhere those few may be all there is.
-            residuals = seen.residuals[place] * seen.weights[place]
-            found = larger(found, stationary_covariance(weighted[rows], residuals, lag))
-        yield lag, found

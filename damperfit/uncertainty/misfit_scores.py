@@ -16,20 +16,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.uncertainty.thinning import middles
+from damperfit.uncertainty.rows import BLOCKS, Phases
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from damperfit.recording import Stretch
     from damperfit.uncertainty.linearisation import Linearisation
+    from damperfit.uncertainty.rows import EverySample
 
     FloatArray = NDArray[np.float64]
 
 __all__ = ["misfit_scores"]
-
-# Blocks of a cycle. Misfits behind a 30 Hz filter at 1.5 Hz have some 20 independent values.
-_BLOCKS = 16
 
 
 def misfit_scores(linearised: Linearisation) -> FloatArray:
@@ -42,31 +39,30 @@ def misfit_scores(linearised: Linearisation) -> FloatArray:
     """
     n_free = len(linearised.names)
     pulls: list[FloatArray] = []
-    for log, seen in zip(linearised.fit.logs, linearised.logs, strict=True):
-        trace, stride = log.trace, seen.stride
-        for stretch, place, rows in zip(
-            trace.stretches, trace.places, seen.rows(trace), strict=True
-        ):
-            block, repeating = _blocks(stretch, seen.residuals[place])
-            middle, counts = middles(stretch.n_samples, stride)
-            pulled = counts * (seen.weights[place] ** 2 * repeating)[middle]
-            scores = seen.jacobian[rows] * pulled[:, None]
-            pulls.extend(scores[block[middle] == k].sum(axis=0) for k in range(_BLOCKS))
+    for seen in linearised.logs:
+        for slopes in seen.slopes:
+            block, repeating = _blocks(slopes.rows, slopes.residuals)
+            weight = slopes.read(seen.weights)[0]
+            times = slopes.rows.spacing * slopes.rows.n_cycles
+            scores = slopes.by * (times * weight**2 * repeating)[:, None]
+            pulls.extend(scores[block == k].sum(axis=0) for k in range(BLOCKS))
     table = np.array(pulls)
     few = len(table) / max(len(table) - n_free, 1)
     return np.asarray(few * table.T @ table)
 
 
-def _blocks(stretch: Stretch, residuals: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
-    """Return the block of each sample, and the residual without what differs between cycles."""
-    n = len(residuals)
-    if stretch.n_cycles < 2:
-        return np.arange(n) * _BLOCKS // n, residuals
+def _blocks(
+    rows: EverySample | Phases, residuals: FloatArray
+) -> tuple[NDArray[np.int64], FloatArray]:
+    """Return the block of each row, and the residual without what differs between cycles: (m,)."""
+    stretch, n = rows.stretch, residuals.shape[1]
+    if isinstance(rows, Phases) or stretch.n_cycles < 2:
+        return np.arange(n) * BLOCKS // n, residuals.mean(axis=0)
     starts = stretch.cycle_starts - stretch.first
     cycles = np.interp(np.arange(n), starts, np.arange(len(starts)))
     phase = cycles % 1.0
-    n_bins = max(_BLOCKS, round(float(np.mean(np.diff(starts)))))
+    n_bins = max(BLOCKS, round(float(np.mean(np.diff(starts)))))
     bins = np.minimum((phase * n_bins).astype(np.int64), n_bins - 1)
     counts = np.maximum(np.bincount(bins, minlength=n_bins), 1)
-    mean = np.bincount(bins, weights=residuals, minlength=n_bins) / counts
-    return bins * _BLOCKS // n_bins, mean[bins]
+    mean = np.bincount(bins, weights=residuals[0], minlength=n_bins) / counts
+    return bins * BLOCKS // n_bins, mean[bins]

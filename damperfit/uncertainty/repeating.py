@@ -17,6 +17,7 @@ import numpy as np
 
 from damperfit.statistics import fisher_chance, mean_of
 from damperfit.uncertainty.correlated_noise import autocorrelation
+from damperfit.uncertainty.rows import Phases
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -140,17 +141,18 @@ def independent_phases(scatter: FloatArray) -> float:
 def residuals_by_stretch(linearised: Linearisation) -> Iterator[StretchResiduals]:
     """Yield the residuals of each stretch."""
     for log, seen in zip(linearised.fit.logs, linearised.logs, strict=True):
-        for stretch, place in zip(log.trace.stretches, log.trace.places, strict=True):
-            counts = seen.weights[place] > 0.0
-            residuals = seen.residuals[place]
+        for slopes in seen.slopes:
+            stretch, interval = slopes.rows.stretch, log.trace.interval
+            counts = seen.weights[slopes.place] > 0.0
+            residuals = seen.residuals[slopes.place]
             residuals = residuals if counts.all() else np.where(counts, residuals, 0.0)
-            interval = log.trace.interval
-            if stretch.n_cycles >= 2:
-                folded = _fold(residuals, stretch)
-                about = folded - np.add.reduce(folded) / len(folded)
-                yield StretchResiduals(stretch, interval, residuals, folded, about)
-            else:
+            if stretch.n_cycles < 2:
                 yield StretchResiduals(stretch, interval, residuals)
+                continue
+            is_folded = isinstance(slopes.rows, Phases)
+            folded = slopes.residuals if is_folded else _fold(residuals, stretch)
+            about = folded - np.add.reduce(folded) / len(folded)
+            yield StretchResiduals(stretch, interval, residuals, folded, about)
 
 
 def residual_scatter(residuals: FloatArray, stretch: Stretch) -> float:

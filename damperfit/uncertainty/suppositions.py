@@ -6,7 +6,6 @@ pressure on the seal adds to it.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,7 +23,10 @@ if TYPE_CHECKING:
 
     from damperfit.damper.model import Model, Values
     from damperfit.identification import Fit, LogFit
+    from damperfit.identification.settled import SettledCycle
+    from damperfit.recording import Trace
     from damperfit.simulation import SolverOptions
+    from damperfit.uncertainty.rows import EverySample, Phases
 
     FloatArray = NDArray[np.float64]
 
@@ -44,13 +46,13 @@ def ignorance(fit: Fit) -> FloatArray:
 
 def other_frictions(
     log: LogFit,
-    fit: Fit,
+    values: Values,
     damper: Model,
     *,
     solver: SolverOptions,
-    places: Sequence[NDArray[np.int64]],
-    slopes: FloatArray,
-) -> FloatArray | None:
+    rows: Sequence[EverySample | Phases],
+    slopes: Sequence[FloatArray],
+) -> list[FloatArray | None]:
     """Return what the force would be more with a friction of another form, one form a row.
 
     One that turns otherwise; one that the pressure on the seal adds to. Friction is then what it is
@@ -60,61 +62,66 @@ def other_frictions(
     ----------
     log : LogFit
         The log.
-    fit : Fit
-        Its fit.
+    values : Values
+        What its fit has found.
     damper : Model
         The damper.
     solver : SolverOptions
         How exactly to integrate.
-    places : sequence of numpy.ndarray
-        Which samples of each stretch, counted from its first.
-    slopes : numpy.ndarray
-        Shape (k, m): of the force at those samples one after another, by each of the k quantities.
+    rows : sequence of EverySample or Phases
+        Where each stretch is looked at, m rows.
+    slopes : sequence of numpy.ndarray
+        Shape (k, m) each: of the force there by each of the k quantities.
 
     Returns
     -------
-    numpy.ndarray or None
-        Shape (2, m), N: the same rows at every setting of a damper, zeros where a form is none of
-        its own. None for a damper of which no other form is doubted.
+    list of numpy.ndarray or None
+        Shape (2, m), N, of each stretch: the same rows at every setting of a damper, zeros where a
+        form is none of its own. None for a damper of which no other form is doubted.
 
     Raises
     ------
     SimulationError
         When the model cannot be integrated.
     """
-    values = fit.parameters
     turns, pressed = other_turns(damper, values), with_pressed_seal(damper, values)
     if not turns and pressed is None:
-        return None
-    here = _force(log, (damper, values), fit, solver, places)
-    found = np.zeros((2, len(here)))
+        return [None] * len(rows)
+    cycles = log.cycles_of(values, damper, solver)
+
+    def force(law: Model, at: Values) -> list[FloatArray]:
+        return _force(log.trace, law, at, solver, cycles, rows)
+
+    here = force(damper, values)
+    found = [np.zeros((2, len(of))) for of in here]
+    for weight, one, at in turns:
+        for into, there in zip(found, force(one, at), strict=True):
+            into[0] += weight * there
     if turns:
-        there = (w * _force(log, (one, at), fit, solver, places) for w, one, at in turns)
-        found[0] = sum(there) - here
+        for into, now in zip(found, here, strict=True):
+            into[0] -= now
     if pressed is not None:
         own = next(place for place, one in enumerate(values.quantities) if one.is_friction)
         at_rest = pressed[1].seal_area * values.gas_pressure
-        found[1] = _force(log, pressed, fit, solver, places) - here - at_rest * slopes[own]
-    return found
+        for into, there, now, by in zip(found, force(*pressed), here, slopes, strict=True):
+            into[1] = there - now - at_rest * by[own]
+    return list(found)
 
 
 def _force(
-    log: LogFit,
-    law: tuple[Model, Values],
-    fit: Fit,
+    trace: Trace,
+    damper: Model,
+    values: Values,
     solver: SolverOptions,
-    places: Sequence[NDArray[np.int64]],
-) -> FloatArray:
+    cycles: Sequence[SettledCycle],
+    rows: Sequence[EverySample | Phases],
+) -> list[FloatArray]:
     """The force of a law, on mean cycles where the fit has them: noise of the motion is no form."""
-    trace, kept = log.trace, log.seen
-    damper, values = law
-    if kept is None or not kept.cycles or kept.parameters != fit.parameters:
+    if not cycles:
         force = compare(values, trace, damper, solver=solver).force
-        stretches = zip(trace.stretches, places, strict=True)
-        return np.concatenate([force[one.first + taken] for one, taken in stretches])
+        return [force[stretch.window] for stretch in trace.stretches]
     found = []
-    for cycle, stretch, taken in zip(kept.cycles, trace.stretches, places, strict=True):
+    for cycle, where in zip(cycles, rows, strict=True):
         response = simulate(values, damper, cycle.motion, options=cycle.solver(solver))
-        as_slope = replace(response, sensitivities={"force": response.force})
-        found.append(cycle.slopes_over(stretch, as_slope, taken)[0])
-    return np.concatenate(found)
+        found.append(where.seen(cycle, [response.force])[0])
+    return found

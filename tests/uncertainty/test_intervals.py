@@ -29,6 +29,7 @@ from damperfit.uncertainty.correlated_noise import (
     score_covariance,
     smoothed,
     stationary_covariance,
+    sums_by_cycle,
 )
 from damperfit.uncertainty.intervals import make_interval
 from damperfit.uncertainty.verdicts import doubts, verdicts
@@ -169,10 +170,10 @@ def test_the_jackknife_over_cycles_is_that_of_the_cycle_sums() -> None:
     rng = np.random.default_rng(13)
     scores = rng.standard_normal((1200, 2))
     edges = np.arange(0.0, 1201.0, 100.0)
-    found = cycle_covariance([scores], [edges])
+    found = cycle_covariance([sums_by_cycle(scores, edges)])
     sums = scores.reshape(12, 100, 2).sum(axis=1)
     assert found == pytest.approx(12 * np.cov(sums.T), rel=1e-12)
-    assert np.isnan(cycle_covariance([scores], [np.array([0.0, 1200.0])])).all()
+    assert np.isnan(cycle_covariance([sums_by_cycle(scores, np.array([0.0, 1200.0]))])).all()
 
 
 def test_errors_of_white_residuals_are_those_of_the_textbook() -> None:
@@ -192,7 +193,7 @@ def test_errors_of_white_residuals_are_those_of_the_textbook() -> None:
     # Behind the filter the honest error is more than twice what the textbook makes of it.
     found = uncertainties(linearised, campaign.sharing)[0].intervals
     residual = float(np.std(linearised[0].logs[0].residuals))
-    naive = residual / 4.0 * textbook / math.sqrt(linearised[0].logs[0].stride)
+    naive = residual / 4.0 * textbook / math.sqrt(linearised[0].logs[0].slopes[0].rows.spacing)
     for name, small in zip(FREE, naive, strict=True):
         relative = found[name].error / getattr(campaign.fits[0].parameters, name)
         assert relative > 2.0 * small

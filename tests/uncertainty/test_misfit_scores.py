@@ -7,7 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from damperfit.uncertainty.misfit_scores import _BLOCKS, _blocks
+from damperfit.uncertainty.misfit_scores import _blocks
+from damperfit.uncertainty.rows import BLOCKS, EverySample
 
 PERIOD = 160
 
@@ -21,6 +22,7 @@ def stretch(n_cycles: int) -> SimpleNamespace:
 def test_what_changes_from_cycle_to_cycle_is_taken_off_from_two_cycles_on(n_cycles, kept) -> None:
     shape = np.sin(2.0 * np.pi * np.arange(PERIOD) / PERIOD)
     signs = [(-1.0) ** k for k in range(n_cycles)]
-    block, repeating = _blocks(stretch(n_cycles), np.concatenate([s * shape for s in signs]))
+    rows = EverySample(stretch(n_cycles))
+    block, repeating = _blocks(rows, np.concatenate([s * shape for s in signs])[None, :])
     assert repeating == pytest.approx(kept * np.tile(shape, n_cycles), abs=1e-12)
-    assert sorted(set(block.tolist())) == list(range(_BLOCKS))
+    assert sorted(set(block.tolist())) == list(range(BLOCKS))

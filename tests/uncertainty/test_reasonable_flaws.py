@@ -82,10 +82,12 @@ def test_a_fall_of_the_friction_is_held_against_what_was_found(friction, words) 
     (seen,) = one.logs
     values = replace(one.fit.parameters, f_f=friction)
     (column,) = signatures(log, seen.force)["friction_with_speed"][:1]
+    residuals = -20.0 * column
+    slopes = tuple(replace(of, residuals=of.read(residuals)) for of in seen.slopes)
     missed = replace(
         one,
         fit=replace(one.fit, parameters=values),
-        logs=(replace(seen, residuals=-20.0 * column),),
+        logs=(replace(seen, residuals=residuals, slopes=slopes),),
     )
     hints = seek_flaws(missed, float(np.mean((20.0 * column) ** 2)))
     assert words in {one.words for one in hints}

@@ -26,7 +26,11 @@ from damperfit.uncertainty import (
     predict,
     reconsider,
 )
-from damperfit.uncertainty.correlated_noise import _is_positive, cycle_covariance
+from damperfit.uncertainty.correlated_noise import (
+    _is_positive,
+    cycle_covariance,
+    sums_by_cycle,
+)
 from damperfit.uncertainty.gas import GasContent
 from damperfit.uncertainty.intervals import make_interval
 from damperfit.uncertainty.last_word import _is_unfit
@@ -405,7 +409,7 @@ def test_a_tare_that_the_fit_does_not_need_is_told_of_its_settings() -> None:
 def test_two_cycles_are_enough_to_scatter_and_one_is_not() -> None:
     rng = np.random.default_rng(2)
     scores = rng.standard_normal((400, 2))
-    found = cycle_covariance([scores], [np.array([0.0, 200.0, 400.0])])
+    found = cycle_covariance([sums_by_cycle(scores, np.array([0.0, 200.0, 400.0]))])
     sums = scores.reshape(2, 200, 2).sum(axis=1)
     assert found == pytest.approx(2.0 * np.cov(sums.T))
     one = fakes.trace(1).fastest

@@ -87,3 +87,44 @@ void df_triangle(size_t n, size_t width, double *columns, double *triangle)
         }
     }
 }
+
+/* Sums over the cycles of residuals at each phase times those a lag later, which may be in the next cycle. */
+static void lagged(size_t n_cycles, size_t n_phases, size_t lag, const double *residuals, double *sums)
+{
+    const size_t n = n_cycles * n_phases;
+    for (size_t phase = 0; phase < n_phases; phase++)
+        sums[phase] = 0.0;
+    for (size_t first = 0; first + lag < n; first += n_phases) {
+        const size_t left = n - lag - first, few = left < n_phases ? left : n_phases;
+        const double *now = residuals + first, *later = now + lag;
+        for (size_t phase = 0; phase < few; phase++)
+            sums[phase] += now[phase] * later[phase];
+    }
+}
+
+void df_cycle_products(size_t n_cycles, size_t n_phases, size_t width, size_t n_lags, const double *residuals,
+                       const double *slopes, const double *kernel, double *products, double *room)
+{
+    double *ahead = room + n_lags * n_phases; /* slopes of what follows a phase, weighed */
+    for (size_t lag = 0; lag < n_lags; lag++)
+        lagged(n_cycles, n_phases, lag, residuals, room + lag * n_phases);
+    for (size_t k = 0; k < width * width; k++)
+        products[k] = 0.0;
+    for (size_t phase = 0; phase < n_phases; phase++) {
+        for (size_t b = 0; b < width; b++)
+            ahead[b] = 0.0;
+        for (size_t lag = 0, then = phase; lag < n_lags; lag++) {
+            const double share = (lag ? 1.0 : 0.5) * kernel[lag] * room[lag * n_phases + phase];
+            const double *slope = slopes + then * width;
+            for (size_t b = 0; b < width; b++)
+                ahead[b] += share * slope[b];
+            then = then + 1 < n_phases ? then + 1 : 0;
+        }
+        for (size_t a = 0; a < width; a++)
+            for (size_t b = 0; b < width; b++)
+                products[a * width + b] += slopes[phase * width + a] * ahead[b];
+    }
+    for (size_t a = 0; a < width; a++) /* the same backwards */
+        for (size_t b = 0; b <= a; b++)
+            products[a * width + b] = products[b * width + a] = products[a * width + b] + products[b * width + a];
+}

@@ -52,3 +52,28 @@ PyObject *df_py_triangle(PyObject *self, PyObject *args)
     Py_END_ALLOW_THREADS
     return df_done(&b);
 }
+
+PyObject *df_py_cycle_products(PyObject *self, PyObject *args)
+{
+    (void)self;
+    enum { RESIDUALS, SLOPES, KERNEL, PRODUCTS, ROOM, N };
+    PyObject *o[N];
+    Py_ssize_t n_cycles;
+    if (!PyArg_ParseTuple(args, "OOOOOn:cycle_products", &o[RESIDUALS], &o[SLOPES], &o[KERNEL], &o[PRODUCTS],
+                          &o[ROOM], &n_cycles))
+        return NULL;
+    df_buffers b;
+    if (!df_borrow(&b, o, N, PRODUCTS))
+        return NULL;
+    const Py_buffer *v = b.view;
+    const Py_ssize_t n_phases = n_cycles > 0 ? df_count(&v[RESIDUALS]) / n_cycles : 0, n_lags = df_count(&v[KERNEL]);
+    const Py_ssize_t width = n_phases > 0 ? df_count(&v[SLOPES]) / n_phases : 0;
+    if (width < 1 || df_count(&v[RESIDUALS]) != n_cycles * n_phases || df_count(&v[SLOPES]) != n_phases * width ||
+        df_count(&v[PRODUCTS]) != width * width || df_count(&v[ROOM]) != n_lags * n_phases + width)
+        return df_refused(&b, "cycle_products: residuals of whole cycles, slopes of each phase, and room for both");
+    Py_BEGIN_ALLOW_THREADS
+    df_cycle_products((size_t)n_cycles, (size_t)n_phases, (size_t)width, (size_t)n_lags, v[RESIDUALS].buf,
+                      v[SLOPES].buf, v[KERNEL].buf, v[PRODUCTS].buf, v[ROOM].buf);
+    Py_END_ALLOW_THREADS
+    return df_done(&b);
+}

@@ -6,5 +6,6 @@
 
 PyObject *df_py_fold(PyObject *self, PyObject *args);
 PyObject *df_py_triangle(PyObject *self, PyObject *args);
+PyObject *df_py_cycle_products(PyObject *self, PyObject *args);
 
 #endif

@@ -272,6 +272,9 @@ static PyMethodDef METHODS[] = {
      "Fills the mean cycle of three channels, and squares of the force beside it."},
     {"triangle", df_py_triangle, METH_VARARGS,
      "triangle(columns, triangle, width)\nFills R of the columns, which are written over."},
+    {"cycle_products", df_py_cycle_products, METH_VARARGS,
+     "cycle_products(residuals, slopes, kernel, products, room, n_cycles)\n"
+     "Fills weighed sums of products of residual times slopes, some phases apart."},
     {"equal_runs", df_py_equal_runs, METH_VARARGS,
      "equal_runs(y, begins, ends, fewest) -> n. Fills runs of equal samples (64-bit integers)."},
     {"read_numbers", df_py_read_numbers, METH_VARARGS,

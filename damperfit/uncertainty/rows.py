@@ -1,0 +1,164 @@
+"""Where in a steady stretch derivatives are taken, and sums over its samples with them.
+
+Compared signals lie behind a low-pass. A cycle at 1.5 Hz has 39 harmonics up to where one of 30 Hz
+passes a hundredth, and 208 phases in place of the 667 samples at 1 kHz are enough for sums of four
+signals of that band (scores beside scores of another moment). The mean cycle's derivatives are
+those of every cycle: a stretch has them once at each of its `Phases`, beside the residuals that
+each cycle has there. What has corners of its own, such as weights beside a jump of the speed, takes
+`EverySample`, and so does what does not repeat or has no more samples than it needs.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from damperfit.conditioning.filters import gain_at
+from damperfit.identification.settled import between_samples
+from damperfit.recording import FilterDesign
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from damperfit.identification.settled import SettledCycle
+    from damperfit.recording import Stretch, Trace
+
+    FloatArray = NDArray[np.float64]
+
+__all__ = ["BLOCKS", "EverySample", "Phases", "phases_of"]
+
+# Blocks of a cycle, which `misfit_scores` takes for independent. Misfits behind a 30 Hz filter at
+# 1.5 Hz have some 20 independent values.
+BLOCKS = 16
+
+# The band ends where the filter passes so little; behind 30 Hz that is at 59 Hz.
+_PASSED = 1e-2
+# Phases in a period of the band's end. Errors move by four thousandths at most, by what lies at the
+# ends of a stretch (`tests/uncertainty/test_rows.py`).
+_IN_A_PERIOD = 5
+# Phases of a cycle, as many in each of its blocks.
+_FEWEST = 128
+_HALVINGS = 40  # of the frequencies among which the end is looked for
+# Samples by which whole cycles may be longer or shorter than the stretch.
+_LEFT_OVER = 1.5
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EverySample:
+    """Every sample of a stretch.
+
+    Attributes
+    ----------
+    stretch : Stretch
+        Which.
+    """
+
+    stretch: Stretch
+
+    @property
+    def n_cycles(self) -> int:
+        """How often the rows are those of the stretch."""
+        return 1
+
+    @property
+    def spacing(self) -> float:
+        """How many samples a row stands for."""
+        return 1.0
+
+    def seen(self, cycle: SettledCycle, signals: Sequence[FloatArray]) -> FloatArray:
+        """Return signals of a settled cycle behind the filter, (k, m)."""
+        return cycle.over(self.stretch, signals)
+
+    def read(self, values: FloatArray) -> FloatArray:
+        """Return values at the samples of the stretch, (n,), at the rows: (cycles, m)."""
+        return values[None, :]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Phases:
+    """Some phases of each cycle of a stretch.
+
+    Attributes
+    ----------
+    stretch : Stretch
+        Which.
+    at : numpy.ndarray
+        Shape (cycles, m), samples from the stretch's first, rising.
+    """
+
+    stretch: Stretch
+    at: FloatArray
+
+    @property
+    def n_cycles(self) -> int:
+        """How often the rows are those of the stretch."""
+        return len(self.at)
+
+    @property
+    def spacing(self) -> float:
+        """How many samples a row stands for."""
+        return self.stretch.n_samples / self.at.size
+
+    def seen(self, cycle: SettledCycle, signals: Sequence[FloatArray]) -> FloatArray:
+        """Return signals of a settled cycle behind the filter, (k, m)."""
+        return cycle.at_phases(signals, self.at.shape[1])
+
+    def read(self, values: FloatArray) -> FloatArray:
+        """Return values at the samples of the stretch, (n,), at the rows: (cycles, m)."""
+        return np.asarray(between_samples(values[None, :], self.at)[0])
+
+
+def phases_of(
+    trace: Trace, stretch: Stretch, cycle: SettledCycle, weight: FloatArray | None
+) -> Phases | EverySample:
+    """Return the phases at which the sums over a stretch are taken, or every sample.
+
+    Parameters
+    ----------
+    trace : Trace
+        The log.
+    stretch : Stretch
+        Of steady cycles.
+    cycle : SettledCycle
+        Its mean one.
+    weight : numpy.ndarray or None
+        What the compared samples of the log count; None where all count alike.
+    """
+    starts = cycle.starts - stretch.first
+    ends = (abs(float(starts[0])), abs(float(starts[-1]) - stretch.n_samples))
+    if max(ends) > _LEFT_OVER or not (weight is None or weight.all()):
+        return EverySample(stretch)
+    period = stretch.n_samples / stretch.n_cycles
+    n = _phases(trace, period)
+    if n >= period:
+        return EverySample(stretch)
+    n = min(n, BLOCKS * (len(cycle.force) // BLOCKS))
+    middles = (np.arange(n) + 0.5) / n
+    return Phases(stretch, starts[:-1, None] + np.diff(starts)[:, None] * middles)
+
+
+def _phases(trace: Trace, period: float) -> int:
+    """How many phases a period in samples needs."""
+    sections = np.ascontiguousarray(trace.model_filter.sections, dtype=np.float64)
+    end = _band_end(sections.tobytes(), is_zero_phase=trace.model_filter.is_zero_phase)
+    return max(_FEWEST, BLOCKS * math.ceil(_IN_A_PERIOD * end * period / BLOCKS))
+
+
+@lru_cache(maxsize=64)
+def _band_end(sections: bytes, *, is_zero_phase: bool) -> float:
+    """Where the filter passes little, in turns of a sample."""
+    design = FilterDesign(np.frombuffer(sections).reshape(-1, 6), is_zero_phase, "")
+    low, high = 0.0, 0.5
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        if gain_at(design, middle, sample_rate=1.0) < _PASSED:
+            high = middle
+        else:
+            low = middle
+    return high
