@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["at_speeds"]
+__all__ = ["at_speeds", "in_both_strokes"]
 
 
 def at_speeds(
@@ -53,13 +53,39 @@ def at_speeds(
     >>> counts.tolist(), means.tolist()
     ([[1.0], [1.0]], [[[2.0]], [[5.0]]])
     """
+    counts, means, squares = _passed(velocity, signals, speeds, (sign,))
+    return counts[0], means[0], squares[0]
+
+
+def in_both_strokes(
+    velocity: FloatArray, signals: FloatArray, speeds: Sequence[float]
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return what `at_speeds` does, of rebound and then of bump: one more first index of each.
+
+    Parameters
+    ----------
+    velocity, signals, speeds
+        As there.
+
+    Examples
+    --------
+    >>> up_and_down, force = np.array([0.0, 2.0, -2.0, 0.0]), np.array([[0.0, 4.0, -8.0, 0.0]])
+    >>> in_both_strokes(up_and_down, force, [1.0])[1].tolist()
+    [[[[2.0]], [[1.0]]], [[[-5.0]], [[-4.0]]]]
+    """
+    return _passed(velocity, signals, speeds, (1.0, -1.0))
+
+
+def _passed(
+    velocity: FloatArray, signals: FloatArray, speeds: Sequence[float], signs: tuple[float, ...]
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     rows = np.ascontiguousarray(signals, dtype=np.float64)
-    counts = np.empty((2, len(speeds)))
-    means, squares = np.empty((2, 2, len(speeds), len(rows)))
-    compiled_core().at_speeds(
-        np.ascontiguousarray(velocity, dtype=np.float64),
-        np.array(speeds, dtype=np.float64), rows, counts, means, squares, sign,
-    )  # fmt: skip
+    along = np.ascontiguousarray(velocity, dtype=np.float64)
+    asked = np.array(speeds, dtype=np.float64)
+    counts = np.empty((len(signs), 2, len(asked)))
+    means, squares = np.empty((2, len(signs), 2, len(asked), len(rows)))
+    for k, sign in enumerate(signs):
+        compiled_core().at_speeds(along, asked, rows, counts[k], means[k], squares[k], sign)
     if not counts.all():
         means[counts == 0.0] = np.nan
     return counts, means, squares

@@ -875,7 +875,7 @@ SURFACE = {
         "write_table",
     ],
     "damperfit.compiled_core": ["compiled_core"],
-    "damperfit.passed_speeds": ["at_speeds"],
+    "damperfit.passed_speeds": ["at_speeds", "in_both_strokes"],
     "damperfit.comparison": [
         "Band",
         "Circumstance",

@@ -34,7 +34,7 @@ import numpy as np
 
 from damperfit.compiled_core import compiled_core
 from damperfit.conditioning.held_force import YIELDS, held_share
-from damperfit.passed_speeds import at_speeds
+from damperfit.passed_speeds import in_both_strokes
 from damperfit.statistics import mean_of
 
 if TYPE_CHECKING:
@@ -168,7 +168,7 @@ def _preloads(trace: Trace, v: FloatArray, f: FloatArray, corner: float) -> floa
     top = min(float(v.max()), -float(v.min()))
     turn = 2.0 * math.pi * _frequency(trace) * max(_TURN / corner, trace.interval)
     speed = (min(turn, _WIDEST_TURN) * top,)
-    out, into = (at_speeds(v, f[None], speed, sign=sign)[1][:, 0, 0] for sign in (1.0, -1.0))
+    out, into = in_both_strokes(v, f[None], speed)[1][:, :, 0, 0]
     jump = 0.5 * abs(float(np.mean(out) - np.mean(into)))
     if not math.isfinite(jump):
         return 0.0

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.passed_speeds import at_speeds
+from damperfit.passed_speeds import in_both_strokes
 from damperfit.statistics import median
 
 if TYPE_CHECKING:
@@ -63,5 +63,5 @@ def held_shares(trace: Trace, forces: FloatArray) -> tuple[float, ...]:
 
 def _shares(v: FloatArray, forces: FloatArray) -> FloatArray:
     slow = (_SLOW * float(max(v.max(), -v.min())),)
-    out, into = (at_speeds(v, forces, slow, sign=sign)[1][1, 0] for sign in (1.0, -1.0))
+    out, into = in_both_strokes(v, forces, slow)[1][:, 1, 0]
     return np.asarray((out - into) / np.maximum(np.ptp(forces, axis=1), 1e-300))

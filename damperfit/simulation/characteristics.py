@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from damperfit.errors import SimulationError
-from damperfit.passed_speeds import at_speeds
+from damperfit.passed_speeds import in_both_strokes
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -222,13 +222,10 @@ def signals_at_speeds(
     share = (begin - response.time[before]) / step if step > 0.0 else 0.0
     cycle = rows[:, before:].copy() if first else np.hstack([rows[:, :1], rows])
     cycle[:, 0] += share * (rows[:, first] - rows[:, before])
-    found = np.empty((len(signals), len(speeds), 2))
     rising = sorted(speeds)
     order = [rising.index(speed) for speed in speeds]
-    for k, towards in enumerate((1.0, -1.0)):
-        _, means, _ = at_speeds(cycle[0], cycle[1:], rising, sign=towards)
-        found[:, :, k] = 0.5 * (means[0] + means[1])[order].T
-    return found
+    _, means, _ = in_both_strokes(cycle[0], cycle[1:], rising)
+    return 0.5 * (means[:, 0] + means[:, 1])[:, order].T
 
 
 @dataclass(frozen=True, slots=True, eq=False)

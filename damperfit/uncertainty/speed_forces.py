@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.passed_speeds import at_speeds
+from damperfit.passed_speeds import in_both_strokes
 from damperfit.simulation import NAMED_SPEEDS
 from damperfit.uncertainty.repeating import residual_scatter
 
@@ -120,9 +120,9 @@ def speed_forces(linearised: Linearisation, *, is_structured: bool) -> tuple[Spe
     amplitude = median(one.amplitude for one, *_ in parts)
     frequency = median(one.frequency for one, *_ in parts)
     found = []
-    for stroke, towards in (("rebound", 1.0), ("bump", -1.0)):
-        each = [_at_speeds(part, towards, speeds) for part in parts]
-        rows = each[0] if len(each) == 1 else np.mean(each, axis=0)
+    each = [_at_speeds(part, speeds) for part in parts]
+    both = each[0] if len(each) == 1 else np.mean(each, axis=0)
+    for stroke, towards, rows in zip(("rebound", "bump"), (1.0, -1.0), both, strict=True):
         misfit = [_misfit(parts, towards, speed) if is_structured else 0.0 for speed in speeds]
         errors = rows[1] / math.sqrt(len(parts))
         found.append(
@@ -161,19 +161,21 @@ def _fastest(linearised: Linearisation) -> Iterator[_Part]:
             yield one, trace.velocity[one.window], trace.force[one.window], residuals
 
 
-def _at_speeds(
-    part: _Part, towards: float, speeds: Sequence[float]
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return mean force of both branches, standard error of its mean, and mean residual: (k,)."""
+def _at_speeds(part: _Part, speeds: Sequence[float]) -> FloatArray:
+    """Return mean force of both branches, standard error of its mean, mean residual: (2, 3, k).
+
+    In rebound and in bump.
+    """
     _, velocity, force, residuals = part
-    counts, means, squares = at_speeds(velocity, np.stack([force, residuals]), speeds, sign=towards)
+    counts, means, squares = in_both_strokes(velocity, np.stack([force, residuals]), speeds)
     # A mean of squares about the mean, of one less than there are.
     variances = np.full(counts.shape, math.nan)
-    np.divide(squares[:, :, 1], counts - 1.0, out=variances, where=counts > 1.0)
+    np.divide(squares[..., 1], counts - 1.0, out=variances, where=counts > 1.0)
     variances /= np.maximum(counts, 1.0)
-    errors = np.sqrt(variances[0] + variances[1])
-    force, missed = 0.5 * (means[0] + means[1]).T
-    return force, 0.5 * errors, missed
+    found = np.empty((2, 3, len(speeds)))
+    found[:, ::2] = 0.5 * np.swapaxes(means[:, 0] + means[:, 1], 1, 2)
+    found[:, 1] = 0.5 * np.sqrt(variances[:, 0] + variances[:, 1])
+    return found
 
 
 def _misfit(parts: Sequence[_Part], towards: float, speed: float) -> float:

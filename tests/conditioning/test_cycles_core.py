@@ -16,7 +16,7 @@ from damperfit.conditioning.passages import cycles_of, turning_points
 from damperfit.conditioning.repeatability import _cycle_means
 from damperfit.conditioning.scatter import _scatter
 from damperfit.conditioning.skew import _REACH, _in_order, _scan, _without_smooth
-from damperfit.passed_speeds import at_speeds
+from damperfit.passed_speeds import at_speeds, in_both_strokes
 from tests.oracles import cycles as slow
 
 RANDOM = np.random.default_rng(14)
@@ -253,6 +253,16 @@ def test_signals_side_by_side_are_filtered_as_each_alone(rows: int) -> None:
     signals = RANDOM.standard_normal((rows, 400))
     alone = np.stack([apply_filter(design, one) for one in signals])
     assert np.array_equal(apply_filter(design, signals), alone)
+
+
+@pytest.mark.parametrize("of", MOTIONS)
+def test_both_strokes_are_those_of_each(of) -> None:
+    signal, v = motion(*of)
+    both, speeds = np.stack([signal, signal**2]), (0.0, 0.1, 9.0)
+    found = in_both_strokes(v, both, speeds)
+    for k, sign in enumerate((1.0, -1.0)):
+        for one, other in zip(found, at_speeds(v, both, speeds, sign=sign), strict=True):
+            np.testing.assert_array_equal(one[k], other)
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])

@@ -303,14 +303,14 @@ def test_of_a_law_that_does_not_fit_no_held_value_is_the_cause(mse: float, *, is
 def test_a_tenth_of_the_speed_is_that_of_the_faster_stroke(sign, monkeypatch) -> None:
     asked = []
 
-    def passed(_, __, speeds, *, sign):
-        asked.append((sign, speeds))
-        return None, np.full((2, 1, 1), sign * 30.0), None
+    def passed(_, __, speeds):
+        asked.append(speeds)
+        return None, 30.0 * np.array([1.0, -1.0]).reshape(2, 1, 1, 1) * np.ones((2, 2, 1, 1)), None
 
-    monkeypatch.setattr("damperfit.conditioning.held_force.at_speeds", passed)
+    monkeypatch.setattr("damperfit.conditioning.held_force.in_both_strokes", passed)
     velocity = sign * np.array([-0.1, 0.0, 0.4])
     assert _shares(velocity, np.array([[0.0, 50.0, 120.0]])) == pytest.approx(0.5)
-    assert asked == [(1.0, (pytest.approx(0.04),)), (-1.0, (pytest.approx(0.04),))]
+    assert asked == [(pytest.approx(0.04),)]
 
 
 @pytest.mark.parametrize(

@@ -121,7 +121,7 @@ def test_the_error_at_a_speed_is_that_of_the_mean_of_both_branches() -> None:
     velocity = np.array([-1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
     missed = np.array([0.0, 2.0, 2.0, -4.0, 0.0, 2.0, 2.0, -4.0, 0.0])  # 1, 2, -1, -2 twice
     part: Any = (None, velocity, 100.0 + missed, missed)
-    at_rest, never = np.transpose(_at_speeds(part, 1.0, (0.0, 3.0)))
+    at_rest, never = np.transpose(_at_speeds(part, (0.0, 3.0))[0])
     error = 0.5 * math.sqrt((4.0 / 3.0 + 16.0 / 3.0) / 4.0)
     assert at_rest.tolist() == pytest.approx([100.0, error, 0.0])
     assert np.isnan(never).all()
