@@ -204,9 +204,11 @@ def seek_flaws(
     has_yielded : bool
         The damper yields before it slides: nothing of valves, oil or gas is named.
     """
-    # Beside a jump of the speed nothing counts.
+    # Beside a jump of the speed nothing counts; squares are summed over samples, not over rows.
     logs = list(zip(linearised.fit.logs, linearised.logs, strict=True))
-    counts = np.concatenate([seen.read(seen.weights) > 0.0 for _, seen in logs])
+    stands_for = np.concatenate([seen.samples for _, seen in logs])
+    counts = np.sqrt(stands_for)
+    counts[np.concatenate([seen.read(seen.weights) <= 0.0 for _, seen in logs])] = 0.0
     residuals = counts * np.concatenate(
         [of.residuals.ravel() for _, seen in logs for of in seen.slopes]
     )
@@ -226,7 +228,7 @@ def seek_flaws(
     for name in (*held, *doubted):
         place = linearised.names.index(name)
         columns[name] = [np.concatenate([seen.jacobian[:, place] for seen in linearised.logs])]
-    power = repeats * len(residuals)
+    power = repeats * float(np.sum(stands_for))
     # Values that the other settings hold back absorb nothing of what one setting lacks.
     own = _absorbed(linearised, alone, counts) if doubted else absorbed
     found = []
@@ -316,9 +318,7 @@ def _held_flaw(name: str, *, is_shared: bool) -> _Flaw:
     )
 
 
-def _absorbed(
-    linearised: Linearisation, statuses: set[str], counts: NDArray[np.bool_]
-) -> FloatArray:
+def _absorbed(linearised: Linearisation, statuses: set[str], counts: FloatArray) -> FloatArray:
     """Orthonormal basis of what parameters of these statuses could absorb where samples count."""
     status = linearised.fit.status
     places = [j for j, name in enumerate(linearised.names) if status[name] in statuses]

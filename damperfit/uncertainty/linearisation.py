@@ -95,6 +95,13 @@ class LogLinearisation:
         """Shape (m, c): those by the conditions."""
         return np.vstack([np.tile(one.gas, (one.rows.n_cycles, 1)) for one in self.slopes])
 
+    @property
+    def samples(self) -> FloatArray:
+        """Shape (m,): how many samples each row stands for."""
+        return np.concatenate(
+            [np.full(one.residuals.size, one.rows.spacing) for one in self.slopes]
+        )
+
     def read(self, values: FloatArray) -> FloatArray:
         """Return what belongs to the rows of `jacobian` of values at the compared samples."""
         return np.concatenate([one.read(values).ravel() for one in self.slopes])

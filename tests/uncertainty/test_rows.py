@@ -23,6 +23,8 @@ from damperfit.uncertainty.correlated_noise import (
     repeated_covariance,
     score_covariance,
 )
+from damperfit.uncertainty.intervals import linearise_settings
+from damperfit.uncertainty.residuals import diagnose
 from damperfit.uncertainty.rows import EverySample, Phases, phases_of
 from tests.identification.rig import recording
 from tests.identification.rig import trace as rig_trace
@@ -70,6 +72,27 @@ def test_flaws_are_told_alike(monkeypatch: pytest.MonkeyPatch) -> None:
     for name, one in whole.uncertainties[0].intervals.items():
         other = few.uncertainties[0].intervals[name]
         assert (other.error, other.misfit) == pytest.approx((one.error, one.misfit), rel=4e-3)
+
+
+def test_a_flaw_explains_as_much_where_one_log_takes_every_sample(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A cycle of a log of 250 Hz has fewer samples than it would have phases."""
+    fast, slow = recording(10, noise=1.0), recording(10, noise=1.0, amplitude=0.02, rate=250.0)
+    late = [
+        condition(replace(log, force=np.roll(log.force, by)))
+        for log, by in ((fast, 4), (replace(slow, name="slow.csv"), 1))
+    ]
+    held = FitOptions("plain", ("r_m1", "r_m2", "k_e"), {"r_m3": 2.597e6, "f_f": 50.0})
+    found = identify(late, PURDY_DAMPER, held)
+    (few,) = linearise_settings(found, PURDY_DAMPER, solver=SOLVER)
+    kinds = [type(one.rows) for log in few.logs for one in log.slopes]
+    assert kinds == [Phases, EverySample]
+    monkeypatch.setattr(linearisation, "phases_of", every_sample)
+    (whole,) = linearise_settings(found, PURDY_DAMPER, solver=SOLVER)
+    first, second = (diagnose(one).hints[0] for one in (few, whole))
+    assert first.name == second.name
+    assert (first.share, first.amount) == pytest.approx((second.share, second.amount), rel=5e-3)
 
 
 def rows_of(
