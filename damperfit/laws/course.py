@@ -47,7 +47,7 @@ _SOMETHING = 1.1
 # What a law without it has in a wrong valley, friction taken for a preload or for soft oil, so that
 # a few steps from there show nothing. So has the oil's bulk modulus: gas in the oil stands for it
 # where that alone is fitted to its end.
-_HIDDEN = ("lifting", "port", "breakaway", "free_gas")
+_HIDDEN = ("lifting", "port", "long", "breakaway", "free_gas")
 
 
 class Course:
@@ -66,6 +66,7 @@ class Course:
         self.on_law, self.jobs = on_law, jobs
         self.laws: list[JudgedLaw] = []
         self.more: list[str] = []  # parts that were taken, one after the other
+        self.of_one: list[str] = []  # of these, what a setting by itself has asked for
         self.n_eff = math.nan
         self.alike: tuple[str, ...] = ()
         self.held_share, self.also = held_share, ""
@@ -186,9 +187,10 @@ class Course:
         """The law without parts that another, taken after them, stands for better.
 
         A gas volume explains some of what a friction does that has not been offered yet, and a lag
-        of what softer oil does: lag and play are asked for as soon as any part was taken.
+        of what softer oil does: lag and play are asked for as soon as any part was taken. What a
+        setting by itself has asked for may have led others to where none of them needs it.
         """
-        return self.asked_again(law, (*self.more[:-1], *_OF_RIG) if self.more else ())
+        return self.asked_again(law, (*self.more[:-1], *self.of_one, *_OF_RIG) if self.more else ())
 
     def asked_again(self, law: Tried, parts: Sequence[str]) -> Tried:
         """The law without those of some parts that it does not need as it is now."""
