@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, cast
 
+from damperfit.damper.mounting import NONE
 from damperfit.errors import SimulationError
 from damperfit.laws.choosing import ENOUGH_PERCENT, GAIN, Tried, Verdict, judged
 from damperfit.laws.elsewhere import freed_of, had_by, lent, needed_at
@@ -47,7 +48,9 @@ _SOMETHING = 1.1
 # What a law without it has in a wrong valley, friction taken for a preload or for soft oil, so that
 # a few steps from there show nothing. So has the oil's bulk modulus: gas in the oil stands for it
 # where that alone is fitted to its end.
-_HIDDEN = ("lifting", "port", "long", "breakaway", "free_gas")
+_HIDDEN = ("lifting", "port", "breakaway", "free_gas")
+# Likewise, but beside a blow-off alone: without one the loops tell both ways of a bleed.
+_HIDDEN_BESIDE_BLOW_OFFS = "long"
 
 
 class Course:
@@ -324,7 +327,7 @@ class Course:
             return None
         else:
             freed = (*freed, name)
-        if name in _HIDDEN or name in of_oil(model):
+        if _is_hidden(name, model):
             return self.fitted(model, freed=freed, near=law)
         try:
             seen = [
@@ -337,6 +340,14 @@ class Course:
         if len(hardly) == len(seen):
             return Tried(in_words(model, freed), hardly)
         return self.fitted(model, freed=freed, near=law)
+
+
+def _is_hidden(name: str, model: ValveDamper) -> bool:
+    """Whether a few steps from a law may not show a part, of the law with it."""
+    if name == _HIDDEN_BESIDE_BLOW_OFFS:
+        valves = (model.rebound, model.compression)
+        return any(one.bleed == name and one.blow_off != NONE for one in valves)
+    return name in _HIDDEN or name in of_oil(model)
 
 
 def hopeless_beside(law: Tried) -> float:
