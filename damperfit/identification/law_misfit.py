@@ -22,7 +22,7 @@ from damperfit.identification.weights import weights
 from damperfit.simulation.motion import motion_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Collection, Sequence
 
     from numpy.typing import NDArray
 
@@ -34,7 +34,14 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["COMPARING", "LawMisfit", "best_fitting", "best_of_starts", "vanishes_below"]
+__all__ = [
+    "COMPARING",
+    "LawMisfit",
+    "best_fitting",
+    "best_of_starts",
+    "is_as_expected",
+    "vanishes_below",
+]
 
 # Laws are compared by factors of their MSE: a fall of a few in ten thousand changes nothing.
 COMPARING = Stopping(
@@ -56,6 +63,8 @@ _APART = 0.1
 _AS_EXPECTED = 2.0
 
 _OF_VALVES = ("_bleed", "_opening", "_slope")
+# Shares of a bleed's pressure: through an orifice, and through a gap in layers.
+_BLEED, _LEAK = "bleed", "leak"
 
 # Of the force's deviation: what a step may err by while laws are compared on settled cycles. It
 # moves no quantity by a third of its error.
@@ -121,7 +130,27 @@ class LawMisfit:
         """Return the value at which a part does next to nothing, of a part that may be absent."""
         one = self.model.quantity(name)
         low, high = one.plausible
-        return low if vanishes_below(one) else high
+        stroke, _, part = name.rpartition("_")
+        is_all = part == _LEAK and f"{stroke}_{_BLEED}" not in self.model.names
+        return low if vanishes_below(one) and not is_all else high
+
+    def absent_beside(self, known: Collection[str]) -> dict[str, float]:
+        """Return values of what a law has beside some quantities at which it does nothing to them.
+
+        A bleed that has its laminar share does without an orifice where that is wide, and not where
+        it is closed.
+
+        Parameters
+        ----------
+        known : collection of str
+            What there is without it.
+        """
+        found = {name: self.absent(name) for name in self.free if name not in known}
+        for name in found:
+            stroke, _, part = name.rpartition("_")
+            if part == _BLEED and f"{stroke}_{_LEAK}" in known:
+                found[name] = self.model.quantity(name).plausible[0]
+        return found
 
     def cost(self, values: Values) -> float:
         """Return the sum of squares at a point, without derivatives.
@@ -217,6 +246,19 @@ def vanishes_below(one: Quantity) -> bool:
     return one.is_friction or one.name.endswith(_VANISHING)
 
 
+def is_as_expected(misfit: LawMisfit, ended: Minimum[Values]) -> bool:
+    """Whether a descent has left about what differs by cycle, and needs no other start.
+
+    Parameters
+    ----------
+    misfit : LawMisfit
+        What is fitted.
+    ended : Minimum
+        Where it has ended.
+    """
+    return ended.point.cost <= _AS_EXPECTED * misfit.scatter
+
+
 def best_of_starts(
     misfit: LawMisfit,
     starts: Sequence[Values],
@@ -258,7 +300,7 @@ def best_of_starts(
         spent += short.evaluations
         if best is None or short.point.cost < best.point.cost:
             best = short
-        if best.point.cost <= _AS_EXPECTED * misfit.scatter:
+        if is_as_expected(misfit, best):
             break
     if best is None:
         raise SimulationError(f"{misfit.model.name} cannot be simulated from any of its starts.")
@@ -301,7 +343,7 @@ def _lost_a_valve(misfit: LawMisfit, ended: Minimum[Values]) -> bool:
 
     The starts that fit best may share what is wrong in them, an offset that hides a blow-off.
     """
-    if ended.point.cost <= _AS_EXPECTED * misfit.scatter:
+    if is_as_expected(misfit, ended):
         return False
     return any(
         name.endswith(_OF_VALVES) and misfit.is_at_edge(ended.point.extra, name)

@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.damper.mounting import NONE
+from damperfit.laws.both_ways import bled_flow
 from damperfit.laws.choosing import Tried, judged, predicted_worse
 from damperfit.laws.course import valve_damper
 from damperfit.laws.elsewhere import freed_of
-from damperfit.laws.law_of_all import bled_flow
 from damperfit.laws.variants import LAMINAR, STROKES, of_kind
 
 if TYPE_CHECKING:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, cast
 
+from damperfit.damper.mounting import NONE
 from damperfit.errors import SimulationError
 from damperfit.laws.choosing import ENOUGH_PERCENT, GAIN, Tried, Verdict, judged
 from damperfit.laws.elsewhere import freed_of, had_by, lent, needed_at
@@ -48,6 +49,8 @@ _SOMETHING = 1.1
 # a few steps from there show nothing. So has the oil's bulk modulus: gas in the oil stands for it
 # where that alone is fitted to its end.
 _HIDDEN = ("lifting", "port", "breakaway", "free_gas")
+# Likewise, but beside a blow-off alone: without one the loops tell both ways of a bleed.
+_HIDDEN_BESIDE_BLOW_OFFS = "long"
 
 
 class Course:
@@ -66,6 +69,7 @@ class Course:
         self.on_law, self.jobs = on_law, jobs
         self.laws: list[JudgedLaw] = []
         self.more: list[str] = []  # parts that were taken, one after the other
+        self.of_one: list[str] = []  # of these, what a setting by itself has asked for
         self.n_eff = math.nan
         self.alike: tuple[str, ...] = ()
         self.held_share, self.also = held_share, ""
@@ -186,9 +190,10 @@ class Course:
         """The law without parts that another, taken after them, stands for better.
 
         A gas volume explains some of what a friction does that has not been offered yet, and a lag
-        of what softer oil does: lag and play are asked for as soon as any part was taken.
+        of what softer oil does: lag and play are asked for as soon as any part was taken. What a
+        setting by itself has asked for may have led others to where none of them needs it.
         """
-        return self.asked_again(law, (*self.more[:-1], *_OF_RIG) if self.more else ())
+        return self.asked_again(law, (*self.more[:-1], *self.of_one, *_OF_RIG) if self.more else ())
 
     def asked_again(self, law: Tried, parts: Sequence[str]) -> Tried:
         """The law without those of some parts that it does not need as it is now."""
@@ -322,7 +327,7 @@ class Course:
             return None
         else:
             freed = (*freed, name)
-        if name in _HIDDEN or name in of_oil(model):
+        if _is_hidden(name, model):
             return self.fitted(model, freed=freed, near=law)
         try:
             seen = [
@@ -335,6 +340,14 @@ class Course:
         if len(hardly) == len(seen):
             return Tried(in_words(model, freed), hardly)
         return self.fitted(model, freed=freed, near=law)
+
+
+def _is_hidden(name: str, model: ValveDamper) -> bool:
+    """Whether a few steps from a law may not show a part, of the law with it."""
+    if name == _HIDDEN_BESIDE_BLOW_OFFS:
+        valves = (model.rebound, model.compression)
+        return any(one.bleed == name and one.blow_off != NONE for one in valves)
+    return name in _HIDDEN or name in of_oil(model)
 
 
 def hopeless_beside(law: Tried) -> float:

@@ -8,13 +8,14 @@ the damper and its rig: a fit that needs others than the rest lies in a wrong va
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from damperfit.damper.quantity import DAMPER, RIG
 from damperfit.errors import SimulationError
 from damperfit.laws.choosing import Tried, effective_samples, judged
-from damperfit.laws.law_fit import fit_law
+from damperfit.laws.law_fit import UNDETERMINED, fit_law
 from damperfit.tested.setting import nearest_setting
 
 if TYPE_CHECKING:
@@ -149,6 +150,8 @@ def lent(
 ) -> LawFit:
     """Return a fit that leaves something, or a better one from what other settings have found.
 
+    So is one that leaves nothing with friction, oil or mounting unlike another that leaves nothing.
+
     What is the damper's or the rig's is held where another has it until the valves are found beside
     it, and then freed: all at once, a preload may be taken for a friction again.
 
@@ -165,10 +168,10 @@ def lent(
     is_whole : bool
         As of `fit_law`.
     """
-    if not Tried("", (own,)).leaves_something:
-        return own
-    freed = freed_of(Tried("", (own,)))
     lending = [one for one in others if one.setting != own.setting]
+    if not _leaves_something(own):
+        lending = [o for o in lending if _is_unlike(own, o) and not _leaves_something(o)]
+    freed = freed_of(Tried("", (own,)))
     best = own
     for other in sorted(lending, key=lambda one: Tried("", (one,)).left_over)[:_LENDING]:
         known = _shared(other.values, own.free)
@@ -183,6 +186,22 @@ def lent(
             continue
         best = min(best, again, key=lambda one: one.mse_percent)
     return best
+
+
+def _leaves_something(fit: LawFit) -> bool:
+    return Tried("", (fit,)).leaves_something
+
+
+def _is_unlike(own: LawFit, other: LawFit) -> bool:
+    """Whether two settings tell unlike numbers of what is the damper's or the rig's."""
+    known = [_shared(one.values, one.free) for one in (own, other)]
+    untold = {*own.undetermined, *own.at_bound, *other.undetermined, *other.at_bound}
+    factor = math.log(UNDETERMINED)
+    return any(
+        abs(math.log(known[0][name] / known[1][name])) > factor
+        for name in known[0].keys() & known[1].keys() - untold
+        if own.values.quantity(name).is_logarithmic
+    )
 
 
 def _shared(values: Values, names: Sequence[str]) -> dict[str, float]:

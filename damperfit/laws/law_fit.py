@@ -18,6 +18,7 @@ from damperfit.conditioning import TRANSIENTS, transients
 from damperfit.errors import SimulationError
 from damperfit.identification.effective_samples import FEWEST_SAMPLES
 from damperfit.identification.law_misfit import COMPARING, LawMisfit, best_of_starts
+from damperfit.laws.both_ways import from_both_ways
 from damperfit.laws.friction_at_rest import with_whole_friction
 from damperfit.laws.missed import misses
 from damperfit.simulation import SolverOptions
@@ -176,8 +177,8 @@ def fit_law(  # noqa: PLR0913 - what a search may ask of it
     """
     held, misfit = _misfit(model, evidence, freed, solver, fixed)
     free, coarse = misfit.free, misfit.on_cycles()
-    hopeless = hopeless_percent / 100.0
-    ended, spent = _descended(coarse, near, held, evidence.more_start, hopeless)
+    ended, spent = _descended(coarse, near, held, evidence.more_start, hopeless_percent / 100.0)
+    ended, spent = from_both_ways(coarse, ended, spent, hopeless=hopeless_percent / 100.0)
     if is_whole:
         ended = misfit.descend(ended.point.extra, COMPARING)
         spent += ended.evaluations
@@ -333,7 +334,7 @@ def _beside(misfit: LawMisfit, near: Values) -> tuple[dict[str, float], dict[str
     # What stands at nothing there was held: from there no descent would find it.
     known = {name: one for name, one in zip(near.names, near.numbers, strict=True) if one}
     shared = {name: known[name] for name in misfit.free if name in known}
-    return shared, {name: misfit.absent(name) for name in misfit.free if name not in known}
+    return shared, misfit.absent_beside(shared)
 
 
 def _descended(

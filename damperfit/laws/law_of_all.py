@@ -7,16 +7,16 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, cast
 
-from damperfit.damper.mounting import NONE
 from damperfit.errors import SimulationError
 from damperfit.identification.law_misfit import LawMisfit
+from damperfit.laws.both_ways import with_both_ways
 from damperfit.laws.choosing import ENOUGH_PERCENT, Tried
 from damperfit.laws.common_parts import made_of
 from damperfit.laws.elsewhere import freed_of
 from damperfit.laws.friction_at_rest import with_whole_friction
 from damperfit.laws.law_fit import UNDETERMINED, fit_at
 from damperfit.laws.one_model import OneModel
-from damperfit.laws.variants import RETURNS, STROKES, in_words, of_oil
+from damperfit.laws.variants import RETURNS, in_words, of_oil
 from damperfit.parallel import executor
 
 if TYPE_CHECKING:
@@ -34,14 +34,12 @@ if TYPE_CHECKING:
 __all__ = [
     "LawOfAll",
     "as_one_model",
-    "bled_flow",
     "free_of",
     "led_back",
     "lost_with",
     "on_whole_logs",
     "values_of_less",
     "values_of_more",
-    "with_both_ways",
 ]
 
 # Times the misfit of its own fit, or what matters to nobody: a setting that one model meets worse
@@ -52,8 +50,6 @@ _FAR = 10.0
 # Times what the larger of two laws leaves: the numbers of a smaller that leaves so much are those
 # of something else.
 _TELLS_ANOTHER = 3.0
-# Of the pressure at which the blow-off opens: what a bleed loses in one of its two ways.
-_NEXT_TO_NOTHING = 0.05
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -211,48 +207,6 @@ def as_one_model(
     return LawOfAll(damper, freed, one, found)
 
 
-def with_both_ways(damper: ValveDamper, at: Values) -> Values:
-    """Return values in which part-laminar bleeds are both, where one of the two is next to nothing.
-
-    A nearly closed bleed fits as either beside a friction, and what is nothing has no slope: no
-    descent leads back. What flows where the blow-off opens stays, half the pressure being lost in
-    each way.
-
-    Parameters
-    ----------
-    damper : ValveDamper
-        The law.
-    at : Values
-        Of a setting.
-    """
-    for stroke in STROKES:
-        valve = getattr(damper, stroke)
-        if valve.bleed != "long" or valve.blow_off == NONE:
-            continue
-        opening, leak = (float(getattr(at, f"{stroke}_{part}")) for part in ("opening", "leak"))
-        flow = bled_flow(at, stroke)
-        if not _NEXT_TO_NOTHING < leak * flow / opening < 1.0 - _NEXT_TO_NOTHING:
-            half = 0.5 * opening
-            both = {"leak": half / flow, "bleed": math.sqrt(half) / flow}
-            at = at.replace({f"{stroke}_{part}": number for part, number in both.items()})
-    return at
-
-
-def bled_flow(at: Values, stroke: str) -> float:
-    """Return what flows through a part-laminar bleed where the blow-off beside it opens, kg/s.
-
-    Parameters
-    ----------
-    at : Values
-        Of a setting.
-    stroke : str
-        "rebound" or "compression".
-    """
-    parts = ("leak", "bleed", "opening")
-    r, s, opening = (float(getattr(at, f"{stroke}_{part}")) for part in parts)
-    return 2.0 * opening / (r + math.sqrt(r * r + 4.0 * s * s * opening))
-
-
 def on_whole_logs(
     law: LawOfAll, evidence: Mapping[Setting, SettingLogs], solver: SolverOptions, jobs: int
 ) -> Tried:
@@ -320,8 +274,8 @@ def values_of_more(
         known = {n: getattr(near, n) for n in near.names if n in one.model.names}
         # What stands at nothing was held: from there no descent would find it.
         new = [n for n in one.free if not known.get(n)]
-        absent = {n: one.misfits[s].absent(n) for n in new}
-        known = {n: x for n, x in known.items() if n not in absent}
+        known = {n: x for n, x in known.items() if n not in new}
+        absent = one.misfits[s].absent_beside(known)
         little = {n: math.sqrt(low * getattr(start, n)) for n, low in absent.items()}
         full[s], small[s] = start.replace(known), start.replace(known | little)
     return full, small

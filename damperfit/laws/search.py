@@ -11,7 +11,9 @@
        each by itself (`strokes`): soft oil, gas in it, returns, rounding, ports,
        friction that drags, builds up, turns within a speed, falls with it or grows with the
        pressure; a mass that moves; play and lag too, if a wrong valley had them taken out; each
-       part that was taken is asked for again beside those taken after it, and play and lag are
+       part that was taken is asked for again beside those taken after it, and play and lag are;
+       what a setting by itself has asked for is asked for again at all of them, once each has
+       borrowed friction, oil and mounting that another tells unlike its own
     5  what is left is tried in the other layouts too: those that do as well cannot be told apart,
        and of those that nothing tells apart the most usual is taken; in another than the first each
        part is asked for again; friction that is larger at rest gives way to what is supposed of
@@ -148,10 +150,10 @@ def search_laws(  # noqa: PLR0913 - what a user may ask of it
     lean = course.lean(course.best_layout(course.ported(found)))
     lean = with_strokes_told(course, lean, valve_damper(lean))
     offered = (*of_oil(valve_damper(lean)), *_FURTHER)
-    rich = course.grown(course.enriched(lean, offered), offered)
+    rich = course.needed_by_some(course.enriched(lean, offered), offered)
     if _bleeds_of(rich) != _bleeds_of(lean):  # a blow-off beside other bleeds may be idle now
         rich = course.lean(rich, VALVES)
-    rich = course.without_early(course.without_unseen(rich))
+    rich = course.without_early(course.without_unseen(course.crossed(rich)))
     rich = course.in_its_layout(rich, layouts)
     turning = with_turning_told(course, rich, course.as_well)
     rich = rich if turning is rich else course.in_its_layout(turning, layouts)
@@ -222,6 +224,14 @@ class _Search(Course):
         # A blow-off with next to no preload, beside which there was a bleed, is a laminar one.
         return law if _bleeds_of(law) == had else with_bleeds_told(self, law)
 
+    def needed_by_some(self, law: Tried, names: Sequence[str]) -> Tried:
+        """What single settings need, with the kinds of blow-offs that all of them need.
+
+        Another kind than theirs is idle where a part that came after it has led all of them on.
+        """
+        more = self.grown(law, names)
+        return law if more is law else with_strokes_told(self, more, valve_damper(more))
+
     def grown(self, law: Tried, names: Sequence[str]) -> Tried:
         """What single settings need that those compared do not tell together, the worst first."""
         asked = [*self.elsewhere, *(self.evidence if len(self.evidence) > 1 else ())]
@@ -239,6 +249,7 @@ class _Search(Course):
             fitted = self.fitted(valve_damper(more), freed=freed_of(more), near=law)
             if fitted is not None:
                 self.more += seen.more
+                self.of_one += seen.more
                 law = self.crossed(fitted.with_better(more.fits))
                 reason = f"setting {one.setting} needs it"
                 self.record(law, reason, is_taken=True, change="for another setting")

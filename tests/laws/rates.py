@@ -8,9 +8,11 @@ that is none of the library's: friction that rises by a third below 10 mm/s with
 stack of shims that opens by a power of the pressure. They may be told as friction that is larger at
 rest, and as a blow-off that lifts gradually, or further, or has a port; nothing else must be
 invented to take their place. What a law holds at another value than the truth's (the oil's bulk
-modulus, the returns) may be freed. Another layout is counted apart:
-forces alone do not always tell it. `--turning` dampers have friction that turns within a speed. Of
-what is missed it is said where the law leaves too little for the rule to ask for more.
+modulus, the returns) may be freed. A plain blow-off for one that lifts gradually, or a bleed that
+is a gap or an orifice for one that is both, lacks a number: it is missed, and nothing is larger.
+Another layout is counted apart: forces alone do not always tell it. `--turning` dampers have
+friction that turns within a speed. Of what is missed it is said where the law leaves too little for
+the rule to ask for more.
 """
 
 from __future__ import annotations
@@ -65,6 +67,12 @@ FORCE_NOISE, DISPLACEMENT_NOISE = 4.0, 8e-6
 # Of a stack of shims: w grows by this power of the pressure beyond the preload.
 POWER = 1.6
 STEPS = 5
+# Kinds of a valve's part that others are with a number less: a part missed, and none too many.
+PLAINER = {
+    "linear": ("rounded", "port", "lifting"),
+    "orifice": ("long",),
+    "leak": ("long",),
+}
 ALONE = Setting.of(1)
 
 
@@ -248,6 +256,12 @@ def _may_be_freed(one: Drawn) -> set[str]:
     }
 
 
+def _plainer_of(part: str) -> set[str]:
+    """The parts that a valve's part is, without one of their numbers."""
+    stroke, _, kind = part.rpartition(" ")
+    return {f"{stroke} {more}" for more in PLAINER.get(kind, ())} if stroke else set()
+
+
 def verdict_on(one: Drawn, search: LawSearch) -> tuple[str, ...]:
     """Return what is wrong with a choice, of "larger", "missed", "layout" and "told alike"."""
     law = search.chosen
@@ -262,7 +276,7 @@ def verdict_on(one: Drawn, search: LawSearch) -> tuple[str, ...]:
     elif one.disturbance == "stribeck":  # whose friction is larger at rest
         found -= {"breakaway", "stribeck_speed"}
     wrong = []
-    if found - true:
+    if any(not _plainer_of(part) & true for part in found - true):
         wrong.append("larger")
     if true - found:
         wrong.append("missed")

@@ -11,7 +11,7 @@ from damperfit.damper.friction import Friction
 from damperfit.damper.mounting import FIT, Mounting
 from damperfit.damper.valve_dampers import Monotube, TwinTube
 from damperfit.laws import SettingLogs, Tried, course, search
-from damperfit.laws.variants import BLOW_OFF, BOTH, without_part
+from damperfit.laws.variants import BLEED, BLOW_OFF, BOTH, without_part
 from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting
 from tests.laws.valve_logs import damper
@@ -26,7 +26,7 @@ def law(model, freed: tuple[str, ...], mse: float = 0.001) -> SimpleNamespace:
     )
 
 
-def asked(monkeypatch, more: list[str], needed: str = "", elsewhere: str = ""):
+def asked(monkeypatch, more: list[str], needed: str = "", elsewhere: str = "", of_one=()):
     """What becomes of a law with a gas volume and friction that builds up, and what was said."""
     said: list[tuple[str, bool, str]] = []
     monkeypatch.setattr(course, "freed_of", lambda one: one.freed)
@@ -38,7 +38,7 @@ def asked(monkeypatch, more: list[str], needed: str = "", elsewhere: str = ""):
     monkeypatch.setattr(course, "judged", judged)
     monkeypatch.setattr(course, "needed_at", lambda *of: elsewhere if of[2] else "")
     steps = course.Course([], SolverOptions(), lambda _: None, 1, elsewhere=["another"])
-    steps.more = more
+    steps.more, steps.of_one = more, [*of_one]
     monkeypatch.setattr(steps, "fitted", lambda model, **how: law(model, how["freed"]))
     monkeypatch.setattr(
         steps, "record", lambda _, why, **how: said.append((how["change"], how["is_taken"], why))
@@ -57,6 +57,14 @@ def test_a_friction_goes_whose_place_a_gas_volume_takes(monkeypatch) -> None:
     found, said = asked(monkeypatch, ["presliding", "gas_volume"])
     assert (found.model, found.freed) == (PLAIN, ("gas_volume",))
     assert said == [("without friction that builds up over a distance", True, "as judged")]
+
+
+@pytest.mark.parametrize(("of_one", "goes"), [(["gas_volume"], True), ([], False)])
+def test_what_one_setting_asked_for_last_is_asked_at_all(monkeypatch, of_one, goes) -> None:
+    """Free gas led another setting to where neither needs it: `joint_rates`, place 166."""
+    found, said = asked(monkeypatch, ["gas_volume"], of_one=of_one)
+    assert found.freed == (() if goes else ("gas_volume",))
+    assert said == ([("without gas volume", True, "as judged")] if goes else [])
 
 
 def test_what_is_needed_stays(monkeypatch) -> None:
@@ -193,6 +201,30 @@ def test_oil_is_tried_as_far_as_gas_in_it(monkeypatch, name, is_fitted) -> None:
     assert not is_fitted or found.freed == (name,)
 
 
+@pytest.mark.parametrize(("name", "valves", "is_fitted"), [
+    ("long", (BOTH, BOTH), True), ("long", (BLEED, BOTH), True), ("long", (BOTH, BLOW_OFF), True),
+    ("long", (BLEED, BLEED), False), ("long", (BLEED, BLOW_OFF), False),
+    ("rounded", (BOTH, BOTH), False),
+])  # fmt: skip
+def test_a_laminar_part_that_a_wrong_valley_hides_is_fitted_to_its_end(
+    monkeypatch, name, valves, is_fitted
+) -> None:
+    """A friction a third too low hid it for a few steps: `joint_rates`, place 286.
+
+    Bleeds alone hide none: with a seal's drag one was told that none has, place 2 of the disturbed.
+    """
+    steps = course.Course([SimpleNamespace()], SolverOptions(), lambda _: None, 1)
+    seen: list[str] = []
+    few = SimpleNamespace(mse_percent=1.0)
+    monkeypatch.setattr(course, "freed_of", lambda one: one.freed)
+    monkeypatch.setattr(course, "glimpsed", lambda *_, **__: seen.append(name) or few)
+    monkeypatch.setattr(steps, "fitted", lambda model, **how: law(model, how["freed"]))
+    before = law(replace(PLAIN, rebound=valves[0], compression=valves[1]), ())
+    before.fits[0].free = ()
+    assert steps.offered(before, name) is not None
+    assert seen == ([] if is_fitted else [name])
+
+
 def test_a_law_that_a_setting_needs_keeps_what_it_had_there(monkeypatch) -> None:
     """From the valley of the smaller law it had ended in another, and the others borrow its own."""
     one, two = Setting.of(1), Setting.of(2)
@@ -218,7 +250,20 @@ def test_a_law_that_a_setting_needs_keeps_what_it_had_there(monkeypatch) -> None
     found = steps.grown(Tried("less", (fit(one, 0.6), fit(two, 0.5))), ["drag"])
     assert found.title == "crossed"
     assert steps.more == ["drag"]  # asked for again beside what comes after it, as any part
+    assert steps.of_one == ["drag"]  # and at all settings, whatever comes after it
     assert found.fits == (again.fits[0], alone.fits[0])
+
+
+@pytest.mark.parametrize("is_more", [True, False])
+def test_kinds_that_one_setting_asked_for_are_asked_at_all(monkeypatch, is_more) -> None:
+    """Shims that lift further were left beside bleeds that had ended elsewhere: place 214."""
+    steps, told = search._Search([], SolverOptions(), lambda _: None, 1), []
+    before, more = law(PLAIN, ()), law(TURNING, ())
+    monkeypatch.setattr(steps, "grown", lambda one, _: more if is_more else one)
+    monkeypatch.setattr(search, "with_strokes_told", lambda *of: told.append(of) or "told")
+    found = steps.needed_by_some(before, ["lifting"])
+    assert found == ("told" if is_more else before)
+    assert told == ([(steps, more, TURNING)] if is_more else [])
 
 
 @pytest.mark.parametrize("is_unseen", [True, False])

@@ -22,7 +22,7 @@ def fit(
     return SimpleNamespace(
         model=MODEL, values=values, free=("rebound_bleed", "f_f", "f_0"), mse_percent=mse,
         held_out_percent=float("nan"), held_out="", worst_force_percent=force, setting=setting,
-        sure_force_percent=0.0,
+        sure_force_percent=0.0, undetermined=(), at_bound=(),
     )  # fmt: skip
 
 
@@ -71,6 +71,31 @@ def test_those_two_lend_that_leave_least(monkeypatch) -> None:
     logs = SettingLogs(Setting.of(9), ())
     elsewhere.lent(own, logs, [own, *others], SolverOptions())
     assert lent_by == [2, 4]
+
+
+@pytest.mark.parametrize(("friction", "untold", "n_lend"), [
+    (33.1, "", 1), (32.9, "", 0), (12.1, "", 1), (12.2, "", 0),
+    (248.0, "own", 0), (248.0, "other", 0), (248.0, "edge", 0), (248.0, "misses", 0),
+])  # fmt: skip
+def test_a_setting_with_another_friction_borrows_though_it_leaves_nothing(
+    monkeypatch, friction, untold, n_lend
+) -> None:
+    """248 N beside 39 were a preload, and a bleed that none has was told: `joint_rates`, 238."""
+    lent_by = []
+
+    def fitted(_, __, *, fixed=None, **___):
+        lent_by.extend([] if fixed is None else [fixed["f_f"]])
+        return fit(20.0, 0.001)
+
+    monkeypatch.setattr(elsewhere, "fit_law", fitted)
+    own, other = fit(friction, 0.002, Setting.of(1)), fit(20.0, 0.001, Setting.of(2))
+    own.undetermined = ("f_f",) if untold == "own" else ()
+    other.undetermined = ("f_f",) if untold == "other" else ()
+    own.at_bound = ("f_f",) if untold == "edge" else ()
+    other.worst_force_percent = 1.01 if untold == "misses" else 0.99
+    found = elsewhere.lent(own, SettingLogs(Setting.of(1), ()), [own, other], SolverOptions())
+    assert lent_by == [20.0] * n_lend
+    assert found.mse_percent == (0.001 if n_lend else 0.002)
 
 
 def test_of_parts_worth_having_that_is_best_which_needs_one_friction(monkeypatch) -> None:

@@ -47,7 +47,8 @@ def test_a_law_with_another_part_for_it_starts_with_the_whole_friction(monkeypat
         quantities=PLAIN.quantities, names=PLAIN.names,
         start=lambda *_: [values_at(PLAIN, AT[0], f_f=3.0)],
     )  # fmt: skip
-    one = SimpleNamespace(model=model, free=("f_f", "k_s"), misfits={AT[0]: None})
+    misfits = {AT[0]: SimpleNamespace(absent_beside=lambda _: {})}
+    one = SimpleNamespace(model=model, free=("f_f", "k_s"), misfits=misfits)
     evidence = {AT[0]: SimpleNamespace(fitted=())}
     for at in values_of_more(before, one, (), evidence):
         assert at[AT[0]].f_f == pytest.approx(20.001)
@@ -137,7 +138,7 @@ def test_what_stands_in_predicts_what_was_held_out_no_worse(held, goes) -> None:
 def test_friction_at_rest_is_whole_where_a_law_starts_from_another() -> None:
     """Log by log, and where a larger law has led one of all settings."""
     near = values_at(RUBBING, AT[0], f_f=1e-3, breakaway=20.0, stribeck_speed=0.2)
-    misfit = SimpleNamespace(model=PLAIN, free=("f_f",), absent=lambda _: 0.0)
+    misfit = SimpleNamespace(model=PLAIN, free=("f_f",), absent_beside=lambda _: {})
     assert law_fit._beside(misfit, near)[0]["f_f"] == pytest.approx(20.001)
     led = []
     one = SimpleNamespace(

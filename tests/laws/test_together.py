@@ -730,29 +730,6 @@ def test_what_single_settings_have_freed_is_asked_for_too() -> None:
     assert offered == [("return_slope",), ("drag",), ("free_gas",), ("k_e",), ("gas_volume",)]
 
 
-@pytest.mark.parametrize(("share", "is_both"), [(0.049, True), (0.051, False), (0.5, False),
-    (0.949, False), (0.951, True), (0.0, True), (1.0, True)])  # fmt: skip
-def test_a_bleed_that_is_next_to_nothing_in_one_way_starts_from_both(share, is_both) -> None:
-    """What flows at 10 bar, where the blow-off opens, stays."""
-    flow, opening = 0.02, 1e6
-    long = replace(PLAIN, rebound=Valve("long", "linear"))
-    at = values_at(
-        long, AT[0], rebound_leak=share * opening / flow, rebound_opening=opening,
-        rebound_bleed=math.sqrt((1.0 - share) * opening) / flow,
-    )  # fmt: skip
-    found = law_of_all.with_both_ways(long, at)
-    if not is_both:
-        assert found == at
-        return
-    assert found.rebound_leak * flow == pytest.approx(0.5 * opening)
-    assert (found.rebound_bleed * flow) ** 2 == pytest.approx(0.5 * opening)
-    changed = {"rebound_leak", "rebound_bleed"}
-    assert all(getattr(found, one) == getattr(at, one) for one in {*at.names} - changed)
-    alone = replace(PLAIN, rebound=Valve("long", "none"))  # whose log tells both ways
-    free = alone.values({n: getattr(at, n) for n in alone.names})
-    assert law_of_all.with_both_ways(alone, free) == free
-
-
 @pytest.mark.parametrize("is_refused", [False, True])
 def test_one_model_leaves_a_closed_bleed_that_has_lost_its_laminar_half(
     monkeypatch, is_refused

@@ -201,7 +201,8 @@ def test_what_yields_is_asked_where_some_settings_do_and_valves_leave_something(
     law = bent(k_e)
     asked = []
     monkeypatch.setattr(Tried, "leaves_something", leaves)
-    for step in ("best_layout", "lean", "enriched", "grown", "without_unseen", "laid_out"):
+    steps = ("best_layout", "lean", "enriched", "grown", "crossed", "without_unseen", "laid_out")
+    for step in steps:
         monkeypatch.setattr(search._Search, step, lambda *_: law)
     monkeypatch.setattr(search._Search, "fitted", lambda *_, **__: None)
     monkeypatch.setattr(search._Search, "all_fitted", lambda *_: [law])
