@@ -406,7 +406,7 @@ def test_a_model_may_miss_a_force_by_share_range_and_noise(
 def test_an_offset_is_apart_beyond_a_quarter_of_the_gas_force(
     uncertainty, gas, held, off, is_apart, monkeypatch
 ) -> None:
-    seen = SimpleNamespace(force=0.0, expected=0.0, uncertainty=uncertainty, held=held)
+    seen = SimpleNamespace(force=0.0, expected=0.0, uncertainty=uncertainty, held=held, doubt=0.0)
     monkeypatch.setattr(withheld, "force_level", lambda *_: seen)
     log = SimpleNamespace(trace=SimpleNamespace(n_cycles=3))
     fit = SimpleNamespace(parameters=SimpleNamespace(f_0=off), logs=(log,))
@@ -419,7 +419,7 @@ def test_the_log_that_is_farthest_tells_how_far_an_offset_is(monkeypatch) -> Non
     monkeypatch.setattr(
         withheld, "force_level",
         lambda trace, _: SimpleNamespace(
-            force=trace.force, expected=0.0, uncertainty=0.0, held=0.0
+            force=trace.force, expected=0.0, uncertainty=0.0, held=0.0, doubt=20.0
         ),
     )  # fmt: skip
     logs = [
@@ -431,6 +431,21 @@ def test_the_log_that_is_farthest_tells_how_far_an_offset_is(monkeypatch) -> Non
     assert found == (2.0, 50.0)  # 50 N are two quarters of the gas force
     fit.logs = logs[:1]
     assert withheld.offset_mismatch(fit, "f_0", SimpleNamespace(inside=100.0)) is None
+
+
+@pytest.mark.parametrize(("doubt", "is_looked_at"), [(29.0, True), (31.0, False)])
+def test_a_log_that_hides_the_level_half_again_as_much_does_not_tell_it(
+    doubt, is_looked_at, monkeypatch
+) -> None:
+    monkeypatch.setattr(withheld, "force_level", lambda trace, _: trace.level)
+    levels = [
+        SimpleNamespace(force=force, expected=0.0, uncertainty=0.0, held=0.0, doubt=unsure)
+        for force, unsure in ((0.0, 20.0), (90.0, doubt))
+    ]
+    logs = [SimpleNamespace(trace=SimpleNamespace(n_cycles=3, level=one)) for one in levels]
+    fit = SimpleNamespace(parameters=SimpleNamespace(f_0=0.0), logs=logs)
+    ratio, _ = withheld.offset_mismatch(fit, "f_0", SimpleNamespace(inside=100.0))
+    assert (ratio > withheld.LIMITS.offset) == is_looked_at
 
 
 @pytest.mark.parametrize(("apart", "is_reported"), [(9.6, False), (10.4, True)])

@@ -2,7 +2,8 @@
 
 One steady run goes cycle by cycle: a cycle of run-in and the filter's edges are left out. Where
 that leaves fewer than three cycles, and where a short run stands at an end of the log, the log is
-continued by its own cycles (`damperfit.conditioning.continuation`).
+continued by its own cycles (`damperfit.conditioning.continuation`); one between two rests is
+compared from break to break, where that is more.
 """
 
 from __future__ import annotations
@@ -84,16 +85,19 @@ def choose_compared(name: str, log: UniformLog, options: ConditionOptions) -> Co
     except ConditioningError as error:
         raise ConditioningError(f"{name}: {error}") from None
     cycles = _cycles(seen, options)
-    if _is_one_run(seen, options) and (one := _one_run(name, seen, cycles, options)):
+    one = _one_run(name, seen, cycles, options) if _is_one_run(seen, options) else None
+    if one and _n_cycles(one.found) >= MIN_CYCLES:
         return one
     found, n_found = _several(seen, _edges(seen), options)
-    if found and found[0].stretch.kind == "moving":
-        return _kept(seen, found, n_found, None)
-    if len(found) > 1:
-        return _continued(name, seen, found, n_found, None, options) or _kept(
-            seen, found, n_found, None
-        )
-    if one := _one_run(name, seen, cycles, options):
+    if one is None:
+        if found and found[0].stretch.kind == "moving":
+            return _kept(seen, found, n_found, None)
+        if len(found) > 1:
+            return _continued(name, seen, found, n_found, None, options) or _kept(
+                seen, found, n_found, None
+            )
+        one = _one_run(name, seen, cycles, options)
+    if one and not _is_longer_run(found, n_found, one):
         return one
     # A short run in the middle of a log needs no run-in and no edges of the filter.
     of_run = None if n_found < MIN_CYCLES else found
@@ -104,6 +108,17 @@ def choose_compared(name: str, log: UniformLog, options: ConditionOptions) -> Co
     if not of_run:
         _window(name, log, cycles, _edge(seen))  # says why there is none
     return _kept(seen, found, n_found, None)
+
+
+def _n_cycles(found: tuple[FoundStretch, ...]) -> int:
+    return sum(one.stretch.n_cycles for one in found)
+
+
+def _is_longer_run(found: tuple[FoundStretch, ...], n_found: int, one: ComparedPart) -> bool:
+    """Whether the run between its breaks has more cycles than behind a run-in and edges."""
+    if len(found) != 1 or found[0].stretch.kind == "moving" or n_found < MIN_CYCLES:
+        return False
+    return _n_cycles(found) > _n_cycles(one.found)
 
 
 def _is_one_run(seen: FilteredLog, options: ConditionOptions) -> bool:

@@ -27,7 +27,7 @@ turns faster than the filter shows, beyond a friction, says how large they may b
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -111,6 +111,11 @@ class ForceLevel:
         return 0.5 * (self.branches + self.reversals)
 
     @property
+    def doubt(self) -> float:
+        """By how much the level may be wrong, with all that may hide in it, N."""
+        return self.uncertainty + max(self.hidden, self.preloads) + self.held
+
+    @property
     def ratio(self) -> float:
         """Level over what the gas gives: 1 as expected, 0 tared or no gas, -1 counted reversed."""
         return self.force / self.expected if self.expected else 0.0
@@ -126,6 +131,9 @@ def gas_force(gas: GasFacts, displacement: FloatArray) -> FloatArray:
 def force_level(trace: Trace, gas: GasFacts, *, corner: float = math.inf) -> ForceLevel:
     """Return the force level of what is compared of a trace.
 
+    Of several motions the one that hides it least tells the level: valves that open below a tenth
+    of the highest speed look like a level there. The curvature is that of all of them.
+
     Parameters
     ----------
     trace : Trace
@@ -135,6 +143,19 @@ def force_level(trace: Trace, gas: GasFacts, *, corner: float = math.inf) -> For
     corner : float
         Of the filter that the force has passed, Hz.
     """
+    whole = _level_of(trace, gas, corner)
+    if len(trace.stretches) < 2:
+        return whole
+    alone = (replace(trace, stretches=(one,)) for one in trace.stretches)
+    clearest = min((_level_of(one, gas, corner) for one in alone), key=lambda level: level.doubt)
+    return replace(
+        clearest,
+        rebound_curvature=whole.rebound_curvature,
+        bump_curvature=whole.bump_curvature,
+    )
+
+
+def _level_of(trace: Trace, gas: GasFacts, corner: float) -> ForceLevel:
     channels = trace.displacement, trace.velocity, trace.force
     x, v, f = (channel[trace.compared] for channel in channels)
     half_range = max(0.5 * float(np.ptp(f)), 1e-300)

@@ -42,10 +42,12 @@ class _Tests:
     lowest_frequency: float
     highest_frequency: float
     amplitude: float
+    repeats: bool
 
     @property
     def has_one_frequency(self) -> bool:
-        return self.highest_frequency <= _ONE_FREQUENCY * self.lowest_frequency
+        # What does not repeat has many, of which a stretch tells the mean.
+        return self.repeats and self.highest_frequency <= _ONE_FREQUENCY * self.lowest_frequency
 
     @property
     def faster(self) -> str:
@@ -113,7 +115,8 @@ def _tests(evidence: Sequence[SettingLogs]) -> _Tests | None:
     speeds = [one.peak_speed for one in stretches]
     frequencies = [one.frequency for one in stretches]
     longest = max(one.amplitude for one in stretches)
-    return _Tests(min(speeds), max(speeds), min(frequencies), max(frequencies), longest)
+    repeats = not any(one.kind == "moving" for one in stretches)
+    return _Tests(min(speeds), max(speeds), min(frequencies), max(frequencies), longest, repeats)
 
 
 def _of_layouts(search: LawSearch, tests: _Tests) -> Iterator[str]:

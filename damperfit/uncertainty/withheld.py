@@ -89,6 +89,7 @@ LIMITS = GradeLimits()
 
 # What the level of the force may be wrong by, in its own uncertainty and in gas forces.
 _OF_UNCERTAINTY, _OF_GAS = 1.5, 0.25
+_AS_CLEAR = 1.5  # times the least doubt of a log: valves that open early look like an offset
 _CLIPPINGS = ("force_clipping", "displacement_clipping")
 # s; a 30 Hz filter spreads a jump over so much to both sides.
 _REVERSAL = 0.02
@@ -319,14 +320,13 @@ def _offset(fit: Fit, gas: GasFacts | None) -> Iterator[Objection]:
 def offset_mismatch(fit: Fit, name: str, gas: GasFacts) -> tuple[float, float] | None:
     """Return how far an offset is from the logs', over what that may be wrong by, and that, N.
 
-    Of the log that is farthest; None where no log tells.
+    Of the log that is farthest, of those that hide it least; None where no log tells.
     """
     value = getattr(fit.parameters, name)
     found = []
-    for log in fit.logs:
-        if not log.trace.n_cycles:
-            continue
-        level = force_level(log.trace, gas)
+    levels = [force_level(log.trace, gas) for log in fit.logs if log.trace.n_cycles]
+    most = _AS_CLEAR * min((one.doubt for one in levels), default=0.0)
+    for level in (one for one in levels if one.doubt <= most):
         seen = level.force - level.expected
         allowed = _OF_UNCERTAINTY * level.uncertainty + level.held + _OF_GAS * gas.inside
         if math.isfinite(seen) and allowed > 0.0:

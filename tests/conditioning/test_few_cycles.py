@@ -175,3 +175,16 @@ def test_thirteen_speeds_without_a_pause_are_thirteen_stretches(cycles, blend):
                 force, abs=0.02 * force + 5.0
             )
     assert not trace.warnings
+
+
+@pytest.mark.parametrize("speed", [0.13, 0.18])
+def test_five_cycles_between_rests_are_compared_but_for_their_run_in(speed):
+    """A window behind run-in and the filter's edges held one cycle at 0.13 m/s, four at 0.18."""
+    line = np.arange(1, round(RATE * 0.02 / speed) + 1) * speed / RATE
+    once = np.concatenate([line, line[::-1], -line, -line[::-1]])
+    rest = np.zeros(round(0.4 * RATE))
+    x = np.concatenate([rest, np.tile(once, 5), rest])
+    v = np.gradient(x, 1.0 / RATE)
+    trace = condition(noisy(recording(np.arange(len(x)) / RATE, x, static_force(v))))
+    assert trace.n_cycles >= 4
+    assert "cycles" not in names(trace)

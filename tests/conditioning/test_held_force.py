@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,7 +12,7 @@ from damperfit.conditioning import condition
 from damperfit.conditioning.gas_force import force_level
 from damperfit.configuration.loading import load_configuration
 from damperfit.uncertainty.withheld import LIMITS, offset_mismatch
-from tests.conditioning.test_false_alarms import logged, sine
+from tests.conditioning.test_false_alarms import RATE, logged, sine
 
 
 @pytest.fixture(scope="module")
@@ -68,3 +69,33 @@ def test_a_right_log_of_unlike_preloads_is_not_turned_round(rebound, bump, with_
     assert -1.7 < level.ratio < -0.5
     assert level.force > 2.0 * level.uncertainty
     assert level.force < 2.0 * level.held
+
+
+SPEEDS, STROKE = (0.05, 0.13, 0.3, 0.6, 1.0), 0.04
+
+
+def early(_, v):
+    """Valves that open below a tenth of the highest speed, and 48 N of gas."""
+    knee, slope, friction = np.where(v > 0.0, 330.0, 37.0), np.where(v > 0.0, 1100.0, 90.0), 25.0
+    opened = knee * np.tanh((v / 0.06) ** 2) * np.sign(v) + slope * v
+    return opened + friction * np.tanh(v / 2e-3) - 130.4
+
+
+def speeds_of(frequencies, cycles=5):
+    """One speed after the other."""
+    rate = np.concatenate([np.full(round(cycles / f * RATE), f) for f in frequencies])
+    return STROKE * np.sin(2.0 * np.pi * np.cumsum(rate) / RATE)
+
+
+def test_the_slowest_of_several_speeds_tells_the_level(with_gas) -> None:
+    """The fast ones of valves that open early showed another offset, and another direction."""
+    x = speeds_of([speed / (2.0 * np.pi * STROKE) for speed in SPEEDS])
+    trace = condition(logged(x, early), with_gas)
+    assert len(trace.stretches) == len(SPEEDS)
+    level = force_level(trace, with_gas.gas)
+    assert level.force == pytest.approx(level.expected, abs=20.0)
+    alone = (replace(trace, stretches=(one,)) for one in trace.stretches)
+    levels = [force_level(one, with_gas.gas) for one in alone]
+    assert level.doubt == min(one.doubt for one in levels)
+    assert levels[-1].force - level.expected > 60.0
+    assert not [one.name for one in trace.findings if one.name == "direction"]

@@ -66,6 +66,14 @@ def test_lag_and_elasticity_ask_for_a_second_frequency(second: float, *, is_open
         assert "they look alike. A second speed decides it, at 0.3 or 3.72 Hz" in said[0]
 
 
+def test_motion_that_does_not_repeat_has_more_than_one_frequency() -> None:
+    """A log of three speeds, a cycle and a half of each, was said to have the mean of them."""
+    (stretch,) = log(1.0).stretches
+    moving = replace(log(1.0), stretches=(replace(stretch, kind="moving"),))
+    logs = [SettingLogs(fit().setting, (moving,))]
+    assert undecided(LawSearch((), Tried("law", (fit(),)), 60.0), [fit()], logs) == ()
+
+
 def test_a_moving_mass_and_a_softer_gas_spring_ask_for_a_second_frequency() -> None:
     model = replace(MODEL, mounting=Mounting(NONE, NONE, NONE, FIT))
     free = tuple(one.name for one in model.quantities if one.default is None)
