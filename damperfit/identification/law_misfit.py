@@ -8,6 +8,7 @@ who wants their word.
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -265,6 +266,7 @@ def best_of_starts(
     *,
     known: int = 0,
     hopeless: float = math.inf,
+    is_thorough: bool = False,
 ) -> Minimum[Values]:
     """Return where the best of some starts leads.
 
@@ -282,6 +284,9 @@ def best_of_starts(
         So many of the first starts are followed however badly they fit.
     hopeless : float
         Where the few evaluations leave more than this, nothing is followed to its end.
+    is_thorough : bool
+        Whether the others are followed to their ends too, until one leaves about what differs by
+        cycle: after a few evaluations a wrong valley may look better than the right one.
 
     Raises
     ------
@@ -289,31 +294,34 @@ def best_of_starts(
         The law cannot be simulated at any of them.
     """
     ranked = [*starts[:known], *_in_turn(misfit, best_fitting(misfit, starts[known:]))]
-    best: Minimum[Values] | None = None
-    spent = 0
+    looks: list[Minimum[Values]] = []
     many = known + 1 if known else _TRIED
     for start in ranked[:many]:
-        try:
-            short = misfit.descend(start, _SHORT)
-        except SimulationError:
-            continue
-        spent += short.evaluations
-        if best is None or short.point.cost < best.point.cost:
-            best = short
-        if is_as_expected(misfit, best):
-            break
-    if best is None:
+        with suppress(SimulationError):
+            looks.append(misfit.descend(start, _SHORT))
+            if is_as_expected(misfit, looks[-1]):
+                break
+    if not looks:
         raise SimulationError(f"{misfit.model.name} cannot be simulated from any of its starts.")
+    spent = sum(one.evaluations for one in looks)
+    best, *others = sorted(looks, key=lambda one: one.point.cost)
     if best.point.cost > hopeless:
         return replace(best, evaluations=spent)
     ended = misfit.descend(best.point.extra, COMPARING)
     spent += ended.evaluations
-    left = ranked[many:]
-    if left and _lost_a_valve(misfit, ended):
-        other = _descended(misfit, left[0])
-        if other is not None:
+    for look in others if is_thorough else ():
+        if is_as_expected(misfit, ended):
+            break
+        with suppress(SimulationError):
+            other = misfit.descend(look.point.extra, COMPARING)
             spent += other.evaluations
             ended = min(ended, other, key=lambda one: one.point.cost)
+    left = ranked[many:]
+    if left and _lost_a_valve(misfit, ended):
+        last = _descended(misfit, left[0])
+        if last is not None:
+            spent += last.evaluations
+            ended = min(ended, last, key=lambda one: one.point.cost)
     return replace(ended, evaluations=spent)
 
 

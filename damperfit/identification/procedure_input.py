@@ -97,7 +97,7 @@ def _best(misfit: Misfit, starts: Sequence[Values]) -> Values:
     try:
         law = law.on_cycles() if misfit.damper.kinks else law
         if law.cycles is not None:
-            return best_of_starts(law, starts).point.extra
+            return best_of_starts(law, starts, is_thorough=True).point.extra
     except SimulationError:
         return starts[0]
     ranked = best_fitting(replace(law, traces=misfit.traces[:1]), starts)

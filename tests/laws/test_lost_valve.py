@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import pytest
 
 from damperfit.errors import SimulationError
-from damperfit.identification.law_misfit import best_of_starts
+from damperfit.identification.law_misfit import COMPARING, best_of_starts
 
 
 @dataclass(frozen=True)
@@ -118,3 +118,29 @@ def test_the_best_start_with_another_offset_is_followed_too(other, ends_at):
     starts = [Offset(one) for one in (199.0, 199.5, other, 200.0)]
     ended = best_of_starts(ByOffset({}), starts)
     assert ended.point.extra == Offset(ends_at)
+
+
+@dataclass(frozen=True)
+class Deceptive(Valleys):
+    """After a few evaluations b looks worse than a; at its end it leaves less."""
+
+    at_edge: frozenset[str] = frozenset()
+    at_its_end: float = 0.3
+
+    def descend(self, start, stopping):
+        costs = {"a": (0.4, self.at_its_end), "b": (0.5, 0.1), "e": (0.6, 0.6)}[start]
+        return Ended(start, costs[stopping is COMPARING])
+
+
+def test_a_start_that_looks_worse_is_followed_to_its_end_on_request():
+    assert best_of_starts(Deceptive({}), list("abe")).point.extra == "a"
+    ended = best_of_starts(Deceptive({}), list("abe"), is_thorough=True)
+    assert (ended.point.extra, ended.point.cost, ended.evaluations) == ("b", 0.1, 3 + 3)
+
+
+@pytest.mark.parametrize(("at_its_end", "descents"), [(0.019, 1), (0.021, 3)])
+def test_none_is_followed_beside_an_end_that_leaves_what_differs_by_cycle(at_its_end, descents):
+    """Twice 0.01."""
+    misfit = Deceptive({}, at_its_end=at_its_end)
+    ended = best_of_starts(misfit, list("abe"), is_thorough=True)
+    assert (ended.point.extra, ended.evaluations) == ("a", 3 + descents)
