@@ -298,7 +298,7 @@ def larger(one: FloatArray, other: FloatArray) -> FloatArray:
 
 
 def _rounded(spacing: float) -> float:
-    """To three digits, far less than the shortest wave of the band, so that logs alike are one."""
+    """To three digits, so that logs alike are one: lags are off by half a hundredth at most."""
     return float(f"{spacing:.3g}")
 
 
