@@ -60,10 +60,8 @@ class Finding:
         "refusal": the log cannot be used (only in what `inspect` tells; a trace has none).
     sentence : str
         One plain sentence with what was found, where, and what to do; without the log's name.
-    value : float or None
-        The number behind it, for scripts; None where there is none.
-    unit : str
-        Unit of `value`; empty for counts and shares.
+    value, unit : float or None, str
+        The number behind it, for scripts, or None; its unit, empty for counts and shares.
     is_correction : bool
         The data were changed for it.
     """
@@ -310,14 +308,15 @@ class Trace:
         Whole cycles in the log, run-in included.
     model_filter : FilterDesign
         What a simulated force (and its sensitivities) must pass before it is compared.
-    temperature : float or None
-        Mean over the stretches, degrees Celsius.
     notes, findings : tuple of str, tuple of Finding
         What conditioning assumed; what the data show of the log's quality, and what was corrected.
-    gas_pressure : float or None
-        What the damper was filled to for this test, Pa absolute; None: as it is declared.
+    temperature, gas_pressure : float or None
+        Mean over the stretches, degrees Celsius; what the damper was filled to for this test, Pa
+        absolute, None: as it is declared.
     whole : Trace or None
         The same with all that was logged, where a run-up or coast-down is cut off.
+    is_filtered_by_rig : bool
+        Nothing was filtered since: the force has what came behind the rig's filter, such as steps.
     """
 
     name: str
@@ -337,6 +336,7 @@ class Trace:
     findings: tuple[Finding, ...] = ()
     gas_pressure: float | None = None
     whole: Trace | None = None
+    is_filtered_by_rig: bool = False
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -157,6 +157,7 @@ def _trace(recording: Recording, options: ConditionOptions, delay: float) -> _Tr
         model_filter=_moved_filter(seen.model_filter, keep),
         temperature=_mean_temperature(recording, seen.log, stretches),
         notes=_notes(options),
+        is_filtered_by_rig=options.rig_filter == "zero_phase",
     )
     is_ours = options.rig_filter == "none" and options.filter != "none"
     rest = (seen.log.force - seen.force)[keep] if is_ours else np.empty(0)

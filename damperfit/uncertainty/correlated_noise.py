@@ -61,6 +61,9 @@ __all__ = [
 _NO_CORRELATION = 2.5
 # Known lags on each side that a value between them is made of.
 _SINC = 6
+# Lags up to which sums one by one are quicker than a transform of all scores: of slow cycles there
+# are many times as many.
+_FAR = 128
 # Directions of less variance than this share of the largest are nothing but rounding.
 _NOTHING = 1e-14
 
@@ -93,8 +96,9 @@ def correlation_length(residuals: FloatArray, *, longest: int, spacing: float = 
     if spacing == 1.0:
         rho = autocorrelation(residuals, longest)
     else:
-        between = _between_lags(longest + 1, _rounded(spacing))
-        rho = autocorrelation(residuals, len(between) - 1) @ between
+        at, counts = _between_lags(longest + 1, _rounded(spacing))
+        known = autocorrelation(residuals, int(at[-1, -1]))
+        rho = np.einsum("ij,ij->j", counts, known[at])
     # Bartlett: var(rho at a lag beyond m) is (1 + 2 sum of rho^2 up to m)/n.
     bars = _NO_CORRELATION * np.sqrt((2.0 * np.cumsum(rho * rho) - 1.0) / n)
     loud = np.flatnonzero(~(np.abs(rho[1:]) < bars[:-1])) + 1
@@ -147,6 +151,9 @@ def repeated_covariance(
 
     def products(window: FloatArray) -> FloatArray:
         kernel = _thinned(window.tobytes(), _rounded(spacing))[: rows.size]
+        if len(kernel) > _FAR:
+            scores = (rows[:, :, None] * columns).reshape(rows.size, -1)
+            return spacing * lagged_products(scores, kernel)
         found = np.empty((columns.shape[1],) * 2)
         room = np.empty(len(kernel) * len(columns) + len(found))
         compiled_core().cycle_products(rows, columns, kernel, found, room, len(rows))
@@ -291,35 +298,39 @@ def larger(one: FloatArray, other: FloatArray) -> FloatArray:
 
 
 def _rounded(spacing: float) -> float:
-    """To three digits, far less than the shortest wave of the band, so that logs alike are one."""
+    """To three digits, so that logs alike are one: lags are off by half a hundredth at most."""
     return float(f"{spacing:.3g}")
 
 
-@lru_cache(maxsize=64)  # logs alike have a few lengths of correlation
+@lru_cache(maxsize=16)  # logs alike have a few lengths of correlation
 def _thinned(taps: bytes, spacing: float) -> FloatArray:
     """Return what a window of lags becomes where products are known at every few lags alone."""
     window = np.frombuffer(taps)
-    lags = np.arange(1 - len(window), len(window))
-    known = _known_at(lags, spacing)
-    return np.asarray(known[len(known) // 2 :] @ window[np.abs(lags)])
+    at, counts = _known_around(np.arange(1 - len(window), len(window)), spacing)
+    counts *= np.concatenate([window[:0:-1], window])
+    first = int(at[0, 0])  # as far before lag 0 as the last one behind it
+    kernel = np.bincount((at - first).ravel(), weights=counts.ravel())[-first:]
+    kernel.flags.writeable = False
+    return np.asarray(kernel, dtype=np.float64)
 
 
-@lru_cache(maxsize=64)
-def _between_lags(n_lags: int, spacing: float) -> FloatArray:
-    """Return what known lags count for each of so many: (known from 0 on, all from 0 on)."""
-    known = _known_at(np.arange(n_lags), spacing)
-    found = known[len(known) // 2 :].copy()
-    found[1:] += known[len(known) // 2 - 1 :: -1]  # what lies before lag 0 is what lies behind it
-    return found
+@lru_cache(maxsize=8)  # logs alike have one; of cycles of a minute it is some 20 MB
+def _between_lags(n_lags: int, spacing: float) -> tuple[NDArray[np.int64], FloatArray]:
+    """Return the known lags, none below 0, that each of so many is made of, and what they count."""
+    at, counts = _known_around(np.arange(n_lags), spacing)
+    at = np.abs(at)
+    at.flags.writeable = counts.flags.writeable = False
+    return at, counts
 
 
-def _known_at(lags: NDArray[np.int64], spacing: float) -> FloatArray:
-    """What known lags, as many before 0 as behind it, count for others: (known, others)."""
-    reach = int(lags[-1] / spacing) + _SINC
-    apart = lags / spacing - np.arange(-reach, reach + 1)[:, None]
-    taper = np.cos(0.5 * np.pi * np.clip(apart / _SINC, -1.0, 1.0)) ** 2
-    found = np.sinc(apart) * taper
-    return np.asarray(found / found.sum(axis=0))
+def _known_around(lags: NDArray[np.int64], spacing: float) -> tuple[NDArray[np.int64], FloatArray]:
+    """The known lags on both sides of others, and what they count for each: (known, others)."""
+    apart = lags / spacing
+    at = np.floor(apart).astype(np.int64) + np.arange(1 - _SINC, _SINC + 1)[:, None]
+    apart = apart - at
+    counts = np.sinc(apart) * np.cos(0.5 * np.pi / _SINC * apart) ** 2
+    counts /= counts.sum(axis=0)
+    return at, counts
 
 
 def cycle_covariance(sums: Sequence[FloatArray]) -> FloatArray:

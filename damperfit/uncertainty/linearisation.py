@@ -186,7 +186,7 @@ def linearise_at_fit(
     for log, weight in zip(fit.logs, weights(traces), strict=True):
         trace, part = log.trace, log.trace.compared
         cycles = log.cycles_of(values, damper, solver)
-        rows = _rows(trace, weight, () if is_short else cycles)
+        rows = _rows(log, weight, () if is_short else cycles)
         force, pressures, seen = _seen(log, rows, values, damper, solver)
         others = other_frictions(log, values, damper, solver=solver, rows=rows, slopes=seen)
         pressed.append(pressed_on(damper, pressures[:, part]))
@@ -236,13 +236,20 @@ def _precision(logs: Sequence[LogLinearisation]) -> float:
 
 
 def _rows(
-    trace: Trace, weight: FloatArray | None, cycles: Sequence[SettledCycle]
+    log: LogFit, weight: FloatArray | None, cycles: Sequence[SettledCycle]
 ) -> list[EverySample | Phases]:
     """Where the derivatives of each stretch of a log are taken."""
-    if not cycles:
+    trace, kept = log.trace, log.seen
+    if kept is None or not cycles:
         return [EverySample(stretch) for stretch in trace.stretches]
     return [
-        phases_of(trace, stretch, cycle, None if weight is None else weight[place])
+        phases_of(
+            trace,
+            stretch,
+            cycle,
+            weight=None if weight is None else weight[place],
+            residuals=trace.force[stretch.window] - kept.force[stretch.window],
+        )
         for cycle, stretch, place in zip(cycles, trace.stretches, trace.places, strict=True)
     ]
 

@@ -5,7 +5,9 @@ passes a hundredth, and 208 phases in place of the 667 samples at 1 kHz are enou
 signals of that band (scores beside scores of another moment). The mean cycle's derivatives are
 those of every cycle: a stretch has them once at each of its `Phases`, beside the residuals that
 each cycle has there. What has corners of its own, such as weights beside a jump of the speed, takes
-`EverySample`, and so does what does not repeat or has no more samples than it needs.
+`EverySample`, and so does what does not repeat or has no more samples than it needs. So do
+residuals that no low-pass has smoothed: a log that the rig has filtered forward and backward is
+compared as it is, with the steps in which it was written.
 """
 
 from __future__ import annotations
@@ -18,7 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.conditioning.filters import gain_at
-from damperfit.identification.settled import between_samples
+from damperfit.identification.settled import between_samples, fast_length
 from damperfit.recording import FilterDesign
 
 if TYPE_CHECKING:
@@ -42,6 +44,9 @@ _PASSED = 1e-2
 # Phases in a period of the band's end. Errors move by four thousandths at most, by what lies at the
 # ends of a stretch (`tests/uncertainty/test_rows.py`).
 _IN_A_PERIOD = 5
+# Share of the residuals' power that may lie beyond the band: errors by phases are too large by a
+# third of it.
+_BEYOND = 0.01
 # Phases of a cycle, as many in each of its blocks.
 _FEWEST = 128
 _HALVINGS = 40  # of the frequencies among which the end is looked for
@@ -115,7 +120,12 @@ class Phases:
 
 
 def phases_of(
-    trace: Trace, stretch: Stretch, cycle: SettledCycle, weight: FloatArray | None
+    trace: Trace,
+    stretch: Stretch,
+    cycle: SettledCycle,
+    *,
+    weight: FloatArray | None,
+    residuals: FloatArray,
 ) -> Phases | EverySample:
     """Return the phases at which the sums over a stretch are taken, or every sample.
 
@@ -128,31 +138,45 @@ def phases_of(
     cycle : SettledCycle
         Its mean one.
     weight : numpy.ndarray or None
-        What the compared samples of the log count; None where all count alike.
+        What the samples of the stretch count; None where all count alike.
+    residuals : numpy.ndarray
+        Shape (n,), measured minus modelled force at the samples of the stretch.
     """
     starts = cycle.starts - stretch.first
     ends = (abs(float(starts[0])), abs(float(starts[-1]) - stretch.n_samples))
     if max(ends) > _LEFT_OVER or not (weight is None or weight.all()):
         return EverySample(stretch)
     period = stretch.n_samples / stretch.n_cycles
-    n = _phases(trace, period)
+    end = _end_of(trace.model_filter)
+    n = max(_FEWEST, BLOCKS * math.ceil(_IN_A_PERIOD * end * period / BLOCKS))
     if n >= period:
+        return EverySample(stretch)
+    if trace.is_filtered_by_rig and _share_beyond(residuals, end) > _BEYOND:
         return EverySample(stretch)
     n = min(n, BLOCKS * (len(cycle.force) // BLOCKS))
     middles = (np.arange(n) + 0.5) / n
     return Phases(stretch, starts[:-1, None] + np.diff(starts)[:, None] * middles)
 
 
-def _phases(trace: Trace, period: float) -> int:
-    """How many phases a period in samples needs."""
-    sections = np.ascontiguousarray(trace.model_filter.sections, dtype=np.float64)
-    end = _band_end(sections.tobytes(), is_zero_phase=trace.model_filter.is_zero_phase)
-    return max(_FEWEST, BLOCKS * math.ceil(_IN_A_PERIOD * end * period / BLOCKS))
+def _share_beyond(residuals: FloatArray, end: float) -> float:
+    """Share of their power that lies beyond a frequency, in turns of a sample."""
+    n = len(residuals)
+    length = fast_length(n)
+    # Without a step from the last to the first, which has all frequencies.
+    lines = np.fft.rfft(residuals - np.linspace(residuals[0], residuals[-1], n), length)
+    beyond = lines[math.ceil(end * length) :]
+    power = 0.5 * length * n * float(np.var(residuals))
+    return float(np.vdot(beyond, beyond).real) / max(power, 1e-300)
+
+
+def _end_of(design: FilterDesign) -> float:
+    """Where the filter passes little, in turns of a sample."""
+    sections = np.ascontiguousarray(design.sections, dtype=np.float64)
+    return _band_end(sections.tobytes(), is_zero_phase=design.is_zero_phase)
 
 
 @lru_cache(maxsize=64)
 def _band_end(sections: bytes, *, is_zero_phase: bool) -> float:
-    """Where the filter passes little, in turns of a sample."""
     design = FilterDesign(np.frombuffer(sections).reshape(-1, 6), is_zero_phase, "")
     low, high = 0.0, 0.5
     for _ in range(_HALVINGS):

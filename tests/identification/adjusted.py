@@ -58,11 +58,12 @@ def log(
     seed: int = 1,
     noise: float = 1.5,
     speeds: tuple[float, ...] = (0.05, 0.2),
+    cycles: int = 2,
     damper: ThroughFlow = DAMPER,
     **other: float,
 ) -> Trace:
     """The conditioned log of a setting; two speeds, noise in N, and none of the displacement."""
-    motion = moved(speeds, cycles=2)
+    motion = moved(speeds, cycles=cycles)
     values = damper.values(numbers(setting, follows) | other)
     force = simulate(values, damper, motion, options=SolverOptions(tolerance=1e-4)).force
     n = len(force)

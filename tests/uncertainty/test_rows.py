@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import tracemalloc
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -28,13 +30,13 @@ from damperfit.uncertainty.residuals import diagnose
 from damperfit.uncertainty.rows import EverySample, Phases, phases_of
 from tests.identification.rig import recording
 from tests.identification.rig import trace as rig_trace
-from tests.identification.test_mean_cycle import LOGS
+from tests.identification.test_mean_cycle import LOGS, filtered_in_the_rig
 
 ALL = ("r_m1", "r_m2", "r_m3", "k_e", "f_f")
 SOLVER = FitOptions().solver
 
 
-def every_sample(_: Any, stretch: Any, *more: Any) -> EverySample:
+def every_sample(_: Any, stretch: Any, __: Any, **more: Any) -> EverySample:
     del more
     return EverySample(stretch)
 
@@ -96,16 +98,28 @@ def test_a_flaw_explains_as_much_where_one_log_takes_every_sample(
 
 
 def rows_of(
-    rate: float, *, period: float = 1.0 / 1.5, corner: float | None = 30.0, weight: Any = None
+    rate: float,
+    *,
+    period: float = 1.0 / 1.5,
+    corner: float | None = 30.0,
+    weight: Any = None,
+    beyond: float = 0.0,
+    is_filtered_by_rig: bool = True,
 ) -> EverySample | Phases:
-    """Where sums are taken over three cycles of a log."""
+    """Where sums are taken over three cycles of a log, with a share of residuals beyond 59 Hz."""
     wanted = "none" if corner is None else "zero_phase"
-    log: Any = SimpleNamespace(model_filter=design_filter(wanted, corner or 30.0, sample_rate=rate))
+    log: Any = SimpleNamespace(
+        model_filter=design_filter(wanted, corner or 30.0, sample_rate=rate),
+        is_filtered_by_rig=is_filtered_by_rig,
+    )
     samples = period * rate
     stretch: Any = SimpleNamespace(n_samples=round(3 * samples), n_cycles=3, first=7)
     starts = 7.0 + samples * np.arange(4.0)
     cycle: Any = SimpleNamespace(force=np.empty(2 * round(0.5 * samples)), starts=starts)
-    return phases_of(log, stretch, cycle, weight)
+    time = np.arange(stretch.n_samples) / rate
+    low, high = (np.sin(2.0 * np.pi * hertz * time) for hertz in (6.0, 72.0))
+    residuals = math.sqrt(1.0 - beyond) * low + math.sqrt(beyond) * high
+    return phases_of(log, stretch, cycle, weight=weight, residuals=residuals)
 
 
 @pytest.mark.parametrize(
@@ -144,6 +158,28 @@ def test_what_has_corners_of_its_own_takes_every_sample() -> None:
     assert isinstance(rows_of(1e3, weight=np.array([1.0, 0.0, 2.0])), EverySample)
 
 
+@pytest.mark.parametrize(("beyond", "kind"), [(0.0095, Phases), (0.0105, EverySample)])
+def test_residuals_with_a_hundredth_beyond_the_band_take_every_sample(
+    beyond: float, kind: type
+) -> None:
+    assert isinstance(rows_of(1e3, beyond=beyond), kind)
+    # What our own filter has passed need not be looked at.
+    assert isinstance(rows_of(1e3, beyond=beyond, is_filtered_by_rig=False), Phases)
+
+
+@pytest.mark.parametrize(("after", "kind"), [(0.0, Phases), (2.0, EverySample)])
+def test_a_log_with_noise_behind_the_filter_of_the_rig_takes_every_sample(
+    after: float, kind: type
+) -> None:
+    """Its errors were too large by up to a third, as those of what is missed between phases."""
+    log = filtered_in_the_rig("zero_phase")
+    noise = after * np.random.default_rng(5).standard_normal(len(log.force))
+    held = FitOptions(procedure="plain", free=ALL)
+    found = identify([replace(log, force=log.force + noise)], PURDY_DAMPER, held)
+    (told,) = linearise_settings(found, PURDY_DAMPER, solver=SOLVER)
+    assert isinstance(told.logs[0].slopes[0].rows, kind)
+
+
 @pytest.mark.parametrize(("share", "n"), [(0.995, 208), (1.005, 224)])
 def test_the_band_ends_where_a_hundredth_passes(share: float, n: int) -> None:
     """Of two passes of 4th order, which together have 3 dB at 30 Hz; five phases a period."""
@@ -156,12 +192,15 @@ def test_the_band_ends_where_a_hundredth_passes(share: float, n: int) -> None:
 @pytest.mark.parametrize(("cut", "kind"), [(1.4, Phases), (1.6, EverySample)])
 @pytest.mark.parametrize("end", ["first", "last"])
 def test_cycles_that_are_cut_take_every_sample(cut: float, kind: type, end: str) -> None:
-    log: Any = SimpleNamespace(model_filter=design_filter("zero_phase", 30.0, sample_rate=1e3))
+    log: Any = SimpleNamespace(
+        model_filter=design_filter("zero_phase", 30.0, sample_rate=1e3), is_filtered_by_rig=False
+    )
     stretch: Any = SimpleNamespace(n_samples=1998, n_cycles=3, first=0)
     starts = 666.0 * np.arange(4.0)
     starts[0 if end == "first" else -1] += -cut if end == "first" else cut
     cycle: Any = SimpleNamespace(force=np.empty(666), starts=starts)
-    assert isinstance(phases_of(log, stretch, cycle, None), kind)
+    found = phases_of(log, stretch, cycle, weight=None, residuals=np.zeros(1998))
+    assert isinstance(found, kind)
 
 
 @pytest.mark.parametrize("name", ["whole cycles", "setting 10"])
@@ -196,7 +235,7 @@ def banded(n: int, columns: int, *, period: int | None = None, seed: int = 7) ->
     return np.stack([random.standard_normal(len(tones)) @ tones for _ in range(columns)], axis=1)
 
 
-@pytest.mark.parametrize("lag", [0, 9, 20, 40])
+@pytest.mark.parametrize("lag", [0, 9, 20, 40, 150, 300])
 def test_the_covariance_of_repeated_slopes_is_that_of_all_scores(lag: int) -> None:
     """Every third sample of cycles of 600, beside all of them."""
     slopes, residuals = banded(600, 3, period=600), banded(7200, 1, seed=8)[:, 0]
@@ -204,6 +243,22 @@ def test_the_covariance_of_repeated_slopes_is_that_of_all_scores(lag: int) -> No
     few = repeated_covariance(residuals[1::3].reshape(12, 200), slopes[1::3], lag, spacing=3.0)
     size = np.sqrt(np.outer(np.diag(whole), np.diag(whole)))
     assert np.all(np.abs(few - whole) < 2e-3 * size)
+
+
+def test_long_correlation_of_slow_cycles_takes_little_memory() -> None:
+    """Cycles of 10 s at 10 kHz: 25 000 lags, a thirtieth of them known, were a table of 150 MB.
+
+    It was made of gigabytes; of a misfit that repeats, whose correlation has no end, more yet.
+    """
+    residuals = np.tile(banded(2960, 1)[:, 0], (3, 1))
+    tracemalloc.start()
+    lag = correlation_length(residuals.ravel(), longest=25_000, spacing=33.8)
+    found = repeated_covariance(residuals, np.ones((2960, 1)), lag, spacing=33.8)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert lag == 25_000
+    assert found > 0.0
+    assert peak < 1e8
 
 
 @pytest.mark.parametrize("n_lags", [1, 2, 7, 30, 60])
