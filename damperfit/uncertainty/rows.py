@@ -1,13 +1,13 @@
 """Where in a steady stretch derivatives are taken, and sums over its samples with them.
 
-Compared signals lie behind a low-pass. A cycle at 1.5 Hz has 39 harmonics up to where one of 30 Hz
-passes a hundredth, and 208 phases in place of the 667 samples at 1 kHz are enough for sums of four
-signals of that band (scores beside scores of another moment). The mean cycle's derivatives are
-those of every cycle: a stretch has them once at each of its `Phases`, beside the residuals that
-each cycle has there. What has corners of its own, such as weights beside a jump of the speed, takes
-`EverySample`, and so does what does not repeat or has no more samples than it needs. So do
-residuals that no low-pass has smoothed: a log that the rig has filtered forward and backward is
-compared as it is, with the steps in which it was written.
+The compared signals have passed a low-pass filter. One of 30 Hz passes a hundredth at 59 Hz, the
+39th harmonic of a cycle at 1.5 Hz, and 208 phases of that cycle, in place of its 667 samples at
+1 kHz, are enough for sums of four such signals (scores beside scores of another moment). The mean
+cycle's derivatives are those of every cycle: a stretch has them once at each of its `Phases`,
+beside the residuals that each cycle has there. `EverySample` is taken where a signal has corners of
+its own, such as weights beside a jump of the speed, where nothing repeats, where a cycle has no
+more samples than it needs phases, and where no low-pass has smoothed the residuals: a log that the
+rig has filtered forward and backward is compared as it is, with the steps in which it was written.
 """
 
 from __future__ import annotations
