@@ -171,6 +171,8 @@ def main() -> int:
     parser.add_argument("--changed", type=int, default=100)
     parser.add_argument("--displacement-noise", type=float, default=0.0)
     given = parser.parse_args()
+    if given.pairs < 2:
+        parser.error("--pairs: at least 2, each campaign is left out in turn")
     first = rig(displacement_noise=given.displacement_noise)
     n = 2 * given.pairs
     among = compared_among(first, n)

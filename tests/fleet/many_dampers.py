@@ -134,6 +134,8 @@ def main() -> None:
     parser.add_argument("--only-make", action="store_true")
     parser.add_argument("--in-process", action="store_true")
     chosen = parser.parse_args()
+    if chosen.in_process and chosen.dampers < 2:
+        parser.error("--in-process needs two dampers: the second tells what a log costs")
     settings = tuple(range(1, chosen.settings + 1))
     logs = chosen.folder / "logs"
     act = partial(make_damper, folder=logs, settings=settings, cycles=chosen.cycles)

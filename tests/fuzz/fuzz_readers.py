@@ -227,6 +227,11 @@ def main() -> int:
     parser.add_argument("--engine", choices=("random", "atheris"), default="random")
     parser.add_argument("--keep", type=Path, default=Path("fuzz_findings"))
     chosen = parser.parse_args()
+    if chosen.engine == "atheris":  # which ends the process when it is through
+        if len(chosen.format or ()) != 1:
+            parser.error("--engine atheris takes one --format at a time")
+        if importlib.util.find_spec("atheris") is None:
+            parser.error("--engine atheris: it is no part of the extra test; pip install atheris")
     with tempfile.TemporaryDirectory() as folder:
         for name in chosen.format or seeds():
             runs = max(1, chosen.runs // (100 if name in APART else 1))

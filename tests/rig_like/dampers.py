@@ -12,8 +12,8 @@ free gas, a force channel 10 ms late, warming oil, a cell zeroed before mounting
 
 from __future__ import annotations
 
+import argparse
 import math
-import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -169,7 +169,11 @@ def _of_second_rig() -> Iterator[Logged]:
 
 def main() -> None:
     """Write everything."""
-    folder = Path(sys.argv[1])
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("folder", type=Path)
+    folder = parser.parse_args().folder
     written_adjustable(folder / "adjustable")
     written_second_rig(folder / "second_rig")
     rheological = folder / "magneto_rheological"

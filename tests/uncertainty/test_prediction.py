@@ -63,7 +63,9 @@ def test_a_right_model_predicts_another_amplitude(monkeypatch, seed: int) -> Non
 @pytest.mark.parametrize("settings", [(1,), pytest.param((1, 20), marks=pytest.mark.slow)])
 def test_a_wrong_gas_fits_one_amplitude_and_predicts_no_other(settings: tuple[int, ...]) -> None:
     fitted = [log(setting, damper=WRONG_GAS) for setting in settings]
-    others = [log(setting, damper=WRONG_GAS, amplitude=0.016) for setting in settings]
+    # Of the forces of setting 20 gas is a small part: at 16 mm they are as good as met (below).
+    strokes = {1: 0.016, 20: 0.010}
+    others = [log(setting, damper=WRONG_GAS, amplitude=strokes[setting]) for setting in settings]
     found = predicted(fitted, others)
     assert [one.setting for one in found] == [*settings]
     for one in found:
@@ -77,6 +79,24 @@ def test_a_wrong_gas_fits_one_amplitude_and_predicts_no_other(settings: tuple[in
     for one in predicted([rest for rest, _ in same], [last for _, last in same]):
         assert one.is_part
         assert not one.is_failed
+
+
+@pytest.mark.parametrize(("amplitude", "percent"), [(0.016, 0.086), (0.014, 0.149)])
+def test_a_wrong_gas_is_told_from_twice_what_matters_on(amplitude: float, percent: float) -> None:
+    fitted = [log(setting, damper=WRONG_GAS) for setting in (1, 20)]
+    (one,) = predicted(fitted, [log(20, damper=WRONG_GAS, amplitude=amplitude)])
+    assert one.mse_percent == pytest.approx(percent, abs=0.004)
+    assert one.expected_mse_percent == PREDICTED_PERCENT
+    assert one.is_failed is (percent > 2.0 * PREDICTED_PERCENT)
+
+
+def test_the_true_law_at_a_small_stroke_is_predicted() -> None:
+    """Noise alone costs 0.05 % there, more than the cycles of the log show of it."""
+    fitted = [log(setting) for setting in (1, 20)]
+    held = [log(1, seed=seed, amplitude=0.004) for seed in range(51, 59)]
+    found = predicted(fitted, held)
+    assert max(one.mse_percent for one in found) > 0.9 * PREDICTED_PERCENT
+    assert not any(one.is_failed for one in found)
 
 
 def test_a_log_that_drifts_shows_in_its_last_cycles() -> None:
