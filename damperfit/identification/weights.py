@@ -34,8 +34,8 @@ _ALIKE = 1.25
 # No stretch counts more than this against the middle one, as a fit has other errors than noise.
 _FARTHEST = 5.0
 _OTHER_ERRORS = 1e-3  # of the force's deviation
-# Of the peak speed: what the compared filter takes off the drive's velocity at a jump of it. Rounded
-# over 4 to 8 ms a corner has 0.2 to 0.5, a sine of 20 Hz 0.016.
+# Of the peak speed: what the compared filter takes off the drive's velocity at a jump of it.
+# A corner that is rounded over 4 to 8 ms has 0.2 to 0.5, a sine of 20 Hz 0.016.
 _JUMP = 0.2
 # Before and after it nothing counts for so many widths of the filter's answer to an impulse, which
 # at 30 Hz are 10 and 20 ms.
