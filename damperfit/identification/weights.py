@@ -35,8 +35,7 @@ _ALIKE = 1.25
 _FARTHEST = 5.0
 _OTHER_ERRORS = 1e-3  # of the force's deviation
 # Of the peak speed: what the compared filter takes off the drive's velocity at a jump of it.
-# A corner that is rounded over 4 to 8 ms has 0.2 to 0.5, a sine of 20 Hz 0.016.
-_JUMP = 0.2
+_JUMP = 0.5
 # Before and after it nothing counts for so many widths of the filter's answer to an impulse, which
 # at 30 Hz are 10 and 20 ms.
 _BEFORE, _AFTER = 0.6, 1.2

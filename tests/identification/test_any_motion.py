@@ -159,8 +159,8 @@ def jumping(share, *, every=333):
     return replace(plain, drive=Drive(plain.displacement, velocity, 100.0), model_filter=design)
 
 
-@pytest.mark.parametrize(("share", "counts"), [(0.195, True), (0.205, False), (-0.205, False)])
-def test_beside_a_jump_of_a_fifth_of_the_speed_nothing_counts(share, counts):
+@pytest.mark.parametrize(("share", "counts"), [(0.49, True), (0.51, False), (-0.51, False)])
+def test_beside_a_jump_of_half_the_speed_nothing_counts(share, counts):
     (weight,) = weights([jumping(share)])
     if counts:
         assert weight is None
