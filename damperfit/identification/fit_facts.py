@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.identification.one_speed import holds_one_speed
+from damperfit.identification.one_speed import holds_one_speed, n_speeds
 from damperfit.identification.weights import weights
 from damperfit.statistics import variance_of
 
@@ -54,3 +54,8 @@ class FitFacts:
     def holds_one_speed(self) -> bool:
         """Whether nearly all samples are at one speed."""
         return holds_one_speed(self.traces)
+
+    @cached_property
+    def n_speeds(self) -> int | None:
+        """How many speeds the stretches hold; None where one holds none."""
+        return n_speeds(self.traces)

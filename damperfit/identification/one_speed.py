@@ -1,8 +1,10 @@
-"""Logs that hold one speed: what a triangle wave alone cannot tell.
+"""Logs that hold one speed, or a few: what triangle waves cannot tell.
 
 At constant speed a stroke shows one level of force, and two levels cannot tell R_m1, R_m2, R_m3 and
 f_f. What is left are the corners, a few milliseconds in which the elasticity of the oil settles; a
-descent finds a minimum there that is several of its errors away from the truth.
+descent finds a minimum there that is several of its errors away from the truth. Six levels, of
+three speeds, do not tell the eight numbers of two valves, a friction and an offset either: above
+the knee of both curves a friction and a preload make one level.
 """
 
 from __future__ import annotations
@@ -11,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.damper.quantity import STIFFNESS
+from damperfit.damper.quantity import GAS_AMOUNT, RIG, STIFFNESS
 from damperfit.statistics import mean_of, median
 
 if TYPE_CHECKING:
@@ -21,14 +23,20 @@ if TYPE_CHECKING:
     from damperfit.identification.fit_facts import FitFacts
     from damperfit.recording import Trace
 
-__all__ = ["ONE_SPEED", "holds_one_speed", "inseparable"]
+__all__ = ["holds_one_speed", "inseparable", "n_speeds", "said_of_speeds"]
 
-ONE_SPEED = (
+_ONE_SPEED = (
     "the logs hold one speed, so that the valves and friction cannot be separated: "
     "add a log or a stretch at another speed, or hold one valve and the friction (--fix)."
 )
 
-_LEVELS = 2  # one in rebound, one in bump
+_FEW_SPEEDS = (
+    "the logs hold {} speeds: their {} levels of force do not determine {} numbers of valves, "
+    "friction and offset, and only the corners separate a friction from a preload: add a test at "
+    "another speed, below the knee of the force."
+)
+
+_LEVELS = 2  # of a speed, one in rebound, one in bump
 _NEAR = 0.1  # of the speed
 # Of the samples. A triangle has 0.96 and more, a sine 0.29; beside 10 % of another speed 0.9.
 _SHARE = 0.9
@@ -65,3 +73,47 @@ def holds_one_speed(traces: Sequence[Trace]) -> bool:
         return False
     usual = median(speed)
     return mean_of(np.abs(speed - usual) <= _NEAR * usual) > _SHARE
+
+
+def n_speeds(traces: Sequence[Trace]) -> int | None:
+    """Return how many speeds the stretches of logs hold; None where one holds none."""
+    speeds: list[float] = []
+    for trace in traces:
+        for stretch in trace.stretches:
+            along = np.abs(trace.drive.velocity[stretch.window])
+            usual = median(along)
+            if not mean_of(np.abs(along - usual) <= _NEAR * usual) > _SHARE:
+                return None
+            if all(abs(usual / other - 1.0) > _NEAR for other in speeds):
+                speeds.append(usual)
+    return len(speeds)
+
+
+def said_of_speeds(
+    facts: FitFacts, free: Sequence[str], quantities: Sequence[Quantity]
+) -> tuple[str, ...]:
+    """Return what is to be said of logs that hold one speed, or too few for what is fitted.
+
+    Parameters
+    ----------
+    facts : FitFacts
+        Of the logs of a setting.
+    free : sequence of str
+        What is fitted.
+    quantities : sequence of Quantity
+        Of the model. Stiffness, gas and mounting show in the corners and along the stroke.
+    """
+    if inseparable(facts, free, quantities):
+        return (_ONE_SPEED,)
+    unknown = [
+        one
+        for one in quantities
+        if one.name in free
+        and (one.is_offset or one.scope != RIG)
+        and one.role not in {STIFFNESS, GAS_AMOUNT}
+    ]
+    if len(unknown) <= 2 * _LEVELS or (facts.n_speeds or 0) < 2:
+        return ()
+    levels = _LEVELS * (facts.n_speeds or 0)
+    said = _FEW_SPEEDS.format(facts.n_speeds, levels, len(unknown))
+    return (said,) if levels < len(unknown) else ()

@@ -18,7 +18,7 @@ from damperfit.identification.descent import (
 from damperfit.identification.log_fit import LogFit, SeenLog
 from damperfit.identification.minimiser import inverse_information
 from damperfit.identification.model_versus_log import compare, normalised_mse
-from damperfit.identification.one_speed import ONE_SPEED, inseparable
+from damperfit.identification.one_speed import inseparable, said_of_speeds
 from damperfit.identification.outcome import Outcome, Status
 from damperfit.identification.solution import Solution
 
@@ -379,11 +379,7 @@ def describe_fit(setting: Setting, judged: Judged, misfit: Misfit) -> Fit:
         warnings=(
             *_warnings(judged.solution),
             *judged.said,
-            *(
-                (ONE_SPEED,)
-                if inseparable(misfit.facts, misfit.free, misfit.damper.quantities)
-                else ()
-            ),
+            *said_of_speeds(misfit.facts, misfit.free, misfit.damper.quantities),
         ),
     )
 
