@@ -122,6 +122,9 @@ def speed_forces(linearised: Linearisation, *, is_structured: bool) -> tuple[Spe
     found = []
     each = [_at_speeds(part, speeds) for part in parts]
     both = each[0] if len(each) == 1 else np.mean(each, axis=0)
+    # The highest may be passed by the first sample alone, and so on no branch.
+    passed = np.flatnonzero(np.isfinite(both[:, 0]).all(axis=0))
+    both, speeds = both[:, :, passed], tuple(speeds[k] for k in passed)
     for stroke, towards, rows in zip(("rebound", "bump"), (1.0, -1.0), both, strict=True):
         misfit = [_misfit(parts, towards, speed) if is_structured else 0.0 for speed in speeds]
         errors = rows[1] / math.sqrt(len(parts))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -26,7 +27,7 @@ from damperfit.recording import Recording
 from damperfit.simulation import Motion, simulate
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty import SpeedForces, assess
-from damperfit.uncertainty.speed_forces import _at_speeds
+from damperfit.uncertainty.speed_forces import _at_speeds, speed_forces
 from tests.identification.rig import AMPLITUDE, FREQUENCY, TIGHT, recording
 from tests.uncertainty.drag_coverage import NAMES, SHARP, TRUTH
 from tests.uncertainty.flaws import speed
@@ -125,6 +126,22 @@ def test_the_error_at_a_speed_is_that_of_the_mean_of_both_branches() -> None:
     error = 0.5 * math.sqrt((4.0 / 3.0 + 16.0 / 3.0) / 4.0)
     assert at_rest.tolist() == pytest.approx([100.0, error, 0.0])
     assert np.isnan(never).all()
+
+
+@pytest.mark.parametrize(("first", "top"), [(0.2599, 0.2469), (0.26002, 0.247019)])
+def test_a_speed_that_the_first_sample_alone_has_is_none(monkeypatch, first, top) -> None:
+    """0.26 m/s is passed in bump, and in rebound before the first sample only."""
+    turn = np.cos(np.linspace(0.0, 12.0 * np.pi, 2000, endpoint=False))
+    velocity = np.where(turn > 0.0, 0.2599, 0.2603) * turn
+    velocity[0] = first
+    stretch = SimpleNamespace(amplitude=0.02, frequency=2.0)
+    part = (stretch, velocity, 1000.0 * velocity, np.zeros(2000))
+    monkeypatch.setattr("damperfit.uncertainty.speed_forces._fastest", lambda _: iter([part]))
+    fit = SimpleNamespace(setting=Setting.of(1))
+    for one in speed_forces(SimpleNamespace(fit=fit), is_structured=False):
+        assert one.speeds[-1] == pytest.approx(top, abs=1e-4)
+        assert np.isfinite(one.measured).all()
+        assert len(one.speeds) == len(one.measured) == len(one.difference) == len(one.misfit)
 
 
 @pytest.mark.parametrize("speed", [0.1, 0.13, 0.2, 0.3])
