@@ -19,9 +19,13 @@ from damperfit.statistics import mean_of, median
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from numpy.typing import NDArray
+
     from damperfit.damper.quantity import Quantity
     from damperfit.identification.fit_facts import FitFacts
     from damperfit.recording import Trace
+
+    FloatArray = NDArray[np.float64]
 
 __all__ = ["holds_one_speed", "inseparable", "n_speeds", "said_of_speeds"]
 
@@ -71,8 +75,14 @@ def holds_one_speed(traces: Sequence[Trace]) -> bool:
     parts = speed < mean * ((1.0 - _NEAR) / (1.0 + _NEAR)) ** 2, speed > mean
     if min(map(np.count_nonzero, parts)) > (1.0 - _SHARE) * len(speed) + 1.0:
         return False
+    return _speed_held(speed) is not None
+
+
+def _speed_held(speed: FloatArray) -> float | None:
+    """Return the speed at which nearly all samples are; None where there is none."""
     usual = median(speed)
-    return mean_of(np.abs(speed - usual) <= _NEAR * usual) > _SHARE
+    is_held = mean_of(np.abs(speed - usual) <= _NEAR * usual) > _SHARE
+    return usual if is_held else None
 
 
 def n_speeds(traces: Sequence[Trace]) -> int | None:
@@ -80,12 +90,11 @@ def n_speeds(traces: Sequence[Trace]) -> int | None:
     speeds: list[float] = []
     for trace in traces:
         for stretch in trace.stretches:
-            along = np.abs(trace.drive.velocity[stretch.window])
-            usual = median(along)
-            if not mean_of(np.abs(along - usual) <= _NEAR * usual) > _SHARE:
+            held = _speed_held(np.abs(trace.drive.velocity[stretch.window]))
+            if held is None:
                 return None
-            if all(abs(usual / other - 1.0) > _NEAR for other in speeds):
-                speeds.append(usual)
+            if all(abs(held / other - 1.0) > _NEAR for other in speeds):
+                speeds.append(held)
     return len(speeds)
 
 
@@ -112,8 +121,9 @@ def said_of_speeds(
         and (one.is_offset or one.scope != RIG)
         and one.role not in {STIFFNESS, GAS_AMOUNT}
     ]
-    if len(unknown) <= 2 * _LEVELS or (facts.n_speeds or 0) < 2:
+    if len(unknown) <= 2 * _LEVELS:  # two speeds determine them, and one was asked for above
         return ()
-    levels = _LEVELS * (facts.n_speeds or 0)
-    said = _FEW_SPEEDS.format(facts.n_speeds, levels, len(unknown))
-    return (said,) if levels < len(unknown) else ()
+    n = facts.n_speeds
+    if n is None or _LEVELS * n >= len(unknown):
+        return ()
+    return (_FEW_SPEEDS.format(n, _LEVELS * n, len(unknown)),)

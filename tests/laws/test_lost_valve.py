@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import pytest
 
 from damperfit.errors import SimulationError
+from damperfit.identification import procedure_input
 from damperfit.identification.law_misfit import COMPARING, best_of_starts
 
 
@@ -144,3 +145,19 @@ def test_none_is_followed_beside_an_end_that_leaves_what_differs_by_cycle(at_its
     misfit = Deceptive({}, at_its_end=at_its_end)
     ended = best_of_starts(misfit, list("abe"), is_thorough=True)
     assert (ended.point.extra, ended.evaluations) == ("a", 3 + descents)
+
+
+def test_a_declared_law_has_its_other_starts_followed(monkeypatch):
+    asked = []
+
+    def best(_, starts, **how):
+        asked.append((starts, how))
+        return Ended("b", 0.1)
+
+    law = SimpleNamespace(cycles=object())
+    monkeypatch.setattr(procedure_input, "LawMisfit", lambda *_, **__: law)
+    monkeypatch.setattr(procedure_input, "best_of_starts", best)
+    damper = SimpleNamespace(kinks=0)
+    misfit = SimpleNamespace(damper=damper, traces=(), free=(), solver=None, cancelled=None)
+    assert procedure_input._best(misfit, ["a", "b"]) == "b"
+    assert asked == [(["a", "b"], {"is_thorough": True})]
