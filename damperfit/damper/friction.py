@@ -21,7 +21,7 @@ _QUANTITIES = (
     Quantity(
         "presliding", "s_f", "presliding", "distance over which friction builds up", "m",
         (1e-7, 1e-2), scope=DAMPER, power=-6, shown_unit="µm", believable=(0.0, 1e-3),
-        belief="seals slide after 5 to 500 µm",
+        belief="seals slide after 5 to 500 µm", ideal=0.0,
     ),
     Quantity(
         "breakaway", "f_b", "breakaway", "friction at rest above that of sliding", "N",

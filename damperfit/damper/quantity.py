@@ -15,6 +15,7 @@ __all__ = [
     "LOG",
     "OFFSET",
     "RIG",
+    "RIGID",
     "SETTING",
     "STIFFNESS",
     "VISCOUS",
@@ -34,6 +35,9 @@ FRICTION = "friction"  # a force that turns with the sign of the velocity
 STIFFNESS = "stiffness"  # of the oil with its chambers
 GAS_AMOUNT = "gas"  # how much gas there is
 VISCOUS = "viscous"  # a resistance or damping that goes with the oil's viscosity
+
+# Pa or N/m: what oil or spring still give is less than the integrator's tolerance.
+RIGID = 1e13
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +87,9 @@ class Quantity:
         may vanish.
     is_absolute : bool
         A pressure that counts from vacuum, so that people say bara or barg, psia or psig.
+    ideal : float or None
+        Its value in a damper that neither yields nor lags: rigid oil and mounting, no play, no
+        moving mass; None: as it is. `damperfit.damper.quasi_static` puts it there.
     role : str
         `OFFSET`, `FRICTION`, `STIFFNESS`, `GAS_AMOUNT` or `VISCOUS`; "": none of these.
     """
@@ -108,6 +115,7 @@ class Quantity:
     belief: str = ""
     ignorance: float = 0.0
     is_absolute: bool = False
+    ideal: float | None = None
     role: str = ""
 
     @property

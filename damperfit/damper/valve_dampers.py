@@ -347,12 +347,13 @@ def _quantities(damper: ValveDamper) -> tuple[Quantity, ...]:
             "effective bulk modulus of oil, air and tube", "Pa", (1e6, 1e11),
             scope=DAMPER, default=None if is_rigid else _OIL, power=6, shown_unit="MPa",
             believable=OIL, belief=OF_OIL, ignorance=_OIL_IGNORANCE,
-            role=roles.STIFFNESS,
+            role=roles.STIFFNESS, ideal=roles.RIGID,
         ),
         Quantity(
             "free_gas", "phi", "free gas", "share of the oil's volume that is gas at rest", "1",
             (1e-6, 0.3), scope=DAMPER, default=0.0, may_vanish=True, power=-2, shown_unit="%",
             believable=(0.0, 0.05), belief="oil that was filled with care holds less than 5 %",
+            ideal=0.0,
         ),
         Quantity(
             "f_f", "f_f", "friction", "Coulomb friction of seals and bearings", "N", (1e-3, 1e4),

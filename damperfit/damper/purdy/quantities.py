@@ -8,7 +8,15 @@ from __future__ import annotations
 
 from math import inf
 
-from damperfit.damper.quantity import DAMPER, FRICTION, OFFSET, STIFFNESS, VISCOUS, Quantity
+from damperfit.damper.quantity import (
+    DAMPER,
+    FRICTION,
+    OFFSET,
+    RIGID,
+    STIFFNESS,
+    VISCOUS,
+    Quantity,
+)
 
 __all__ = ["OF_OIL", "OIL", "QUANTITIES"]
 
@@ -36,7 +44,7 @@ QUANTITIES = (
         "k_e", "K_e", "bulk modulus of oil and chamber",
         "effective bulk modulus of oil, air and tube", "Pa", (1e6, 1e11), power=6,
         shown_unit="MPa", is_open=True, trend_degree=2, believable=OIL, belief=OF_OIL,
-        role=STIFFNESS,
+        role=STIFFNESS, ideal=RIGID,
     ),
     Quantity(
         "f_f", "f_f", "friction", "Coulomb friction of seals and bearings", "N", (1e-3, 1e4),

@@ -29,6 +29,9 @@ if TYPE_CHECKING:
 __all__ = ["BoucWen"]
 
 
+_AT_ONCE = 1e10  # 1/m
+
+
 def _to_its_edges(quantity: Quantity) -> Quantity:
     """Return a number that dampers have at its edges too: back on a straight line, a sharp turn."""
     return replace(quantity, has_own_edges=True)
@@ -47,7 +50,10 @@ class BoucWen(Rival):
         """Return alpha, rho, sigma - 1/2, n - 1, c of both directions, k and f_0."""
         return (
             positive("alpha", "alpha", "height of the hysteresis", "N", (1e-2, 1e6)),
-            positive("rho", "rho", "1/rho is the stroke it takes to turn", "1/m", (1.0, 1e6)),
+            replace(
+                positive("rho", "rho", "1/rho is the stroke it takes to turn", "1/m", (1.0, 1e6)),
+                ideal=_AT_ONCE,
+            ),
             _to_its_edges(positive("sigma", "sigma", "shape of the turn", "1", (0.5, 1e2))),
             _to_its_edges(positive("n", "n", "sharpness of the turn", "1", (1.0, 2e1))),
             positive("c_r", "c_r", "viscous damping in rebound", "N s/m", (1e-3, 1e7)),

@@ -24,11 +24,12 @@ where these do not say how a part enters, it is as above.
 from __future__ import annotations
 
 from abc import abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from damperfit.damper.quantity import RIGID
 from damperfit.damper.rivals.following import follow
 from damperfit.damper.rivals.rival import (
     FRICTION,
@@ -52,8 +53,10 @@ if TYPE_CHECKING:
 
 __all__ = ["BesingerCebonCole", "HagedornWallaschek", "KaradayiMasada", "SuraceWordenTomlinson"]
 
-_STIFFNESS = positive("k_s", "k_s", "stiffness in series with the dashpot", "N/m", (1e2, 1e10))
-_PLAY = positive("play", "play", "play of the joints", "m", (1e-7, 1e-1))
+_STIFFNESS = replace(
+    positive("k_s", "k_s", "stiffness in series with the dashpot", "N/m", (1e2, 1e10)), ideal=RIGID
+)
+_PLAY = replace(positive("play", "play", "play of the joints", "m", (1e-7, 1e-1)), ideal=0.0)
 _SPRING = signed("k", "k", "stiffness of the gas beside", "N/m", 1e3)
 _BESIDE = {"k", "f_f", "f_0"}  # the spring in series
 _WAYS = (("r", "rebound"), ("b", "bump"))
