@@ -9,13 +9,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from damperfit.report.page.templating import asset
-from damperfit.report.plots.colours import (
+from damperfit.report.figures import (
     CHAMBER_COLOURS,
     CHAMBER_STYLES,
     SPEED_COLOURS,
     setting_colours,
 )
+from damperfit.report.page import asset
 
 SIGHTS = {
     "all cones": np.eye(3),

@@ -25,8 +25,9 @@ from damperfit.errors import ConfigurationError
 from damperfit.identification import Campaign, FitOptions, Status, compare, identify
 from damperfit.identification.signatures import signatures
 from damperfit.recording import Recording
-from damperfit.report import html_report, markdown_report, report_plots
-from damperfit.report.mse_report import escape
+from damperfit.report.markdown import escape, markdown_report
+from damperfit.report.page import html_report
+from damperfit.report.settings_figures import report_plots
 from damperfit.simulation import Motion, SolverOptions, simulate
 from damperfit.tables import (
     Tables,

@@ -25,10 +25,16 @@ from matplotlib.testing.compare import calculate_rms
 from matplotlib.text import Text
 from PIL import Image
 
-from damperfit.report import report_plots
-from damperfit.report.plots.colours import CHAMBER_COLOURS, setting_colours
-from damperfit.report.plots.description import Line, Panel, Plot, setting_axis
-from damperfit.report.plots.figure_files import compose, fixed_style
+from damperfit.report.drawing import compose, fixed_style
+from damperfit.report.figures import (
+    CHAMBER_COLOURS,
+    Line,
+    Panel,
+    Plot,
+    setting_axis,
+    setting_colours,
+)
+from damperfit.report.settings_figures import report_plots
 from damperfit.tables import read_results
 from tests.report_folder import make_results
 
@@ -166,7 +172,8 @@ def test_every_style_is_drawn_as_agreed(tmp_path):
 _DRAW = """
 import sys
 from pathlib import Path
-from damperfit.report import draw_plot, report_plots
+from damperfit.report.drawing import draw_plot
+from damperfit.report.settings_figures import report_plots
 from damperfit.tables import read_results
 plots = {p.name: p for p in report_plots(read_results(Path(sys.argv[1]))).plots}
 for kind in ("png", "svg", "pdf"):

@@ -18,8 +18,8 @@ from damperfit.handover.handed_over import _numbers
 from damperfit.laws import bleeds, search
 from damperfit.readers.dialect import _MAX_COLUMNS, find_dialect
 from damperfit.readers.options import ReadOptions
-from damperfit.report.comparison_records import tolerance_rows
-from damperfit.report.sheets import identify_summary_sheet
+from damperfit.report import tables as identify_summary_sheet
+from damperfit.report.compared import tolerance_rows
 from damperfit.run import law_choice, rod_area
 from damperfit.uncertainty import profile_walk
 from damperfit.uncertainty.correlated_noise import autocorrelation, stationary_covariance

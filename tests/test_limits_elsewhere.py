@@ -34,16 +34,14 @@ from damperfit.handover.provenance import _mse
 from damperfit.identification import Status
 from damperfit.queries.one_simulation import SimulatedTest
 from damperfit.readers import write_buffers
-from damperfit.report.evaluated_log import _stretch
-from damperfit.report.plots.description import Line, Panel, Plot, setting_axis
-from damperfit.report.plots.figure_files import compose, fixed_style
-from damperfit.report.plots.one_log import _force_time
-from damperfit.report.sheets.comparison_sheet import tolerance_sheet
-from damperfit.report.sheets.cycle_sheet import cycle_sparklines
-from damperfit.report.sheets.parameter_sheet import Scale
-from damperfit.report.sheets.sheet import Sheet
-from damperfit.report.sheets.sparkline import setting_sparklines
-from damperfit.report.terminal_table import terminal_table
+from damperfit.report.compared import tolerance_sheet
+from damperfit.report.drawing import compose, fixed_style
+from damperfit.report.figures import Line, Panel, Plot, setting_axis
+from damperfit.report.forces import cycle_sparklines
+from damperfit.report.log_figures import _force_time
+from damperfit.report.logs import _stretch
+from damperfit.report.sheet import Sheet, terminal_table
+from damperfit.report.tables import Scale, setting_sparklines
 from damperfit.run import like_speeds, rod_area
 from damperfit.run.law_choice import _softest_and_stiffest
 from damperfit.samples.logs import _is_sample

@@ -23,7 +23,8 @@ from matplotlib.testing.compare import calculate_rms
 from PIL import Image
 
 from damperfit.cli import main
-from damperfit.report import draw_plot, report_plots
+from damperfit.report.drawing import draw_plot
+from damperfit.report.settings_figures import report_plots
 from damperfit.samples import SampleOptions, make_samples
 from damperfit.tables import read_results
 

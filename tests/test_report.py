@@ -19,18 +19,11 @@ from markdown_it import MarkdownIt
 from rich.console import Console
 
 from damperfit.identification import Outcome
-from damperfit.report import (
-    ASCII_LEVELS,
-    Failure,
-    ReportFacts,
-    markdown_report,
-    parameter_sheet,
-    sparkline,
-    summary_sheet,
-    terminal_table,
-)
-from damperfit.report.mse_report import escape
-from damperfit.report.sheets.rounding import number, percent, with_error
+from damperfit.report.facts import Failure, ReportFacts
+from damperfit.report.markdown import escape, markdown_report
+from damperfit.report.rounding import number, percent, with_error
+from damperfit.report.sheet import terminal_table
+from damperfit.report.tables import ASCII_LEVELS, parameter_sheet, sparkline, summary_sheet
 from damperfit.tables import make_tables
 from tests.fakes import campaign, fit
 

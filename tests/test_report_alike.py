@@ -4,16 +4,22 @@ from __future__ import annotations
 
 import pytest
 
-from damperfit.report import (
+from damperfit.report.facts import (
     Failure,
+    by_words,
     failure_lines,
+    listed_names,
+    shape_of,
+    short_listing,
+    summarised,
+    with_ranges,
+)
+from damperfit.report.inspection import (
+    MANY_ROWS,
     finding_lines,
     inspection_sheet,
-    short_listing,
     stretch_sheet,
 )
-from damperfit.report.alike import by_words, listed_names, shape_of, summarised, with_ranges
-from damperfit.report.sheets.inspection_sheet import MANY_ROWS
 
 CAUSES = (
     "empty file (0 bytes)",

@@ -10,7 +10,8 @@ import time
 import pytest
 
 from damperfit.comparison import ComparisonOptions, compare_runs
-from damperfit.report import comparison_page, html_report, report_plots
+from damperfit.report.page import comparison_page, html_report
+from damperfit.report.settings_figures import report_plots
 from damperfit.tables import read_results
 from tests.comparison.runs import measured, run
 from tests.report_folder import make_results

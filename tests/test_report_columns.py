@@ -19,20 +19,19 @@ from damperfit.adjustment import Click
 from damperfit.checks import Check
 from damperfit.damper.cavitation import Cavitation
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.report import (
-    ReportFacts,
+from damperfit.report.facts import ReportFacts
+from damperfit.report.forces import (
+    click_sheet,
     cycle_force_sheet,
     cycle_pressure_sheet,
     force_by_setting_sheet,
     force_by_speed_sheet,
-    html_report,
-    inspection_sheet,
-    markdown_report,
-    report_plots,
-    summary_sheet,
 )
-from damperfit.report.sheets.click_sheet import click_sheet
-from damperfit.report.sheets.notes_below import over_several_clicks
+from damperfit.report.inspection import inspection_sheet
+from damperfit.report.markdown import markdown_report
+from damperfit.report.page import html_report
+from damperfit.report.settings_figures import report_plots
+from damperfit.report.tables import over_several_clicks, summary_sheet
 from damperfit.simulation import Characteristics, SpeedForce
 from damperfit.tables import Tables, make_tables, read_results, table_schema
 from damperfit.tested.setting import Setting
@@ -548,7 +547,7 @@ AXES = {
 
 @pytest.mark.parametrize("name", PURDY_DAMPER.names)
 def test_a_parameter_is_drawn_in_the_unit_of_its_axis(name):
-    from damperfit.report.plots.parameters import parameter_plots
+    from damperfit.report.settings_figures import parameter_plots
 
     plots = {plot.name: plot for plot in parameter_plots([parameter_row()], {7: "#000000"})}
     (panel,) = plots[f"parameter_{name}"].panels

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from damperfit.report import held_out_sheet
+from damperfit.report.tables import held_out_sheet
 from tests import fakes
 
 

@@ -12,18 +12,20 @@ from hypothesis import strategies as st
 from damperfit.adjustment import Click, Outlier, Trend, TrendPoint
 from damperfit.checks import Check
 from damperfit.recording import Finding
-from damperfit.report import Failure, read_back, to_record
-from damperfit.report.json_records import (
+from damperfit.report.facts import Failure
+from damperfit.report.page import summary
+from damperfit.report.records import (
     checks_in,
     clicks_in,
     failures_in,
     findings_in,
     held_out_in,
     number_in,
+    read_back,
     sentences_in,
+    to_record,
     trends_in,
 )
-from damperfit.report.page.summary import summary
 from damperfit.tables import Results
 from damperfit.tested.setting import Setting
 

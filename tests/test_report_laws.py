@@ -7,7 +7,7 @@ import json
 import pytest
 
 from damperfit.cli import main
-from damperfit.report import law_sentences, rival_sheet, tried_laws_sheet
+from damperfit.report.laws import law_sentences, rival_sheet, tried_laws_sheet
 
 LAW = {
     "law": "through flow: bleed; elastic mounting",

@@ -14,32 +14,19 @@ import pytest
 from damperfit.adjustment import Outlier, Trend, TrendPoint
 from damperfit.damper.mounting import Mounting
 from damperfit.identification import Outcome
-from damperfit.report import (
-    finding_lines,
-    html_report,
-    markdown_report,
-    parameter_sheet,
-    report_plots,
-    sparkline,
-    summary_sheet,
-)
-from damperfit.report.evaluated_log import evaluate_logs
-from damperfit.report.mse_report import escape
-from damperfit.report.page import templating
-from damperfit.report.page.log_section import log_section
-from damperfit.report.page.summary import setting_verdict, summary
-from damperfit.report.plots.all_settings import _named_speeds
-from damperfit.report.plots.colours import setting_colours
-from damperfit.report.plots.compared_runs import _points
-from damperfit.report.plots.one_log import setting_plots
-from damperfit.report.plots.parameters import parameter_plots
-from damperfit.report.sheets import comparison_sheet
-from damperfit.report.sheets.comparison_sheet import NOTHING, _change
-from damperfit.report.sheets.inspection_sheet import _note_lines
-from damperfit.report.sheets.mse_sheet import grade_counts
-from damperfit.report.sheets.rounding import number, percent, with_interval
-from damperfit.report.sheets.sheet import Sheet, sheet_width
-from damperfit.report.sheets.sparkline import differ
+from damperfit.report import compared as comparison_sheet
+from damperfit.report import page as templating
+from damperfit.report.compared import NOTHING, _change
+from damperfit.report.figures import setting_colours
+from damperfit.report.inspection import _note_lines, finding_lines
+from damperfit.report.log_figures import setting_plots
+from damperfit.report.logs import evaluate_logs
+from damperfit.report.markdown import escape, markdown_report
+from damperfit.report.page import html_report, log_section, setting_verdict, summary
+from damperfit.report.rounding import number, percent, with_interval
+from damperfit.report.settings_figures import _named_speeds, _points, parameter_plots, report_plots
+from damperfit.report.sheet import Sheet, sheet_width
+from damperfit.report.tables import differ, grade_counts, parameter_sheet, sparkline, summary_sheet
 from damperfit.simulation import SpeedForce
 from damperfit.tables import Results, grade, make_tables, read_results
 from damperfit.tested.setting import Setting

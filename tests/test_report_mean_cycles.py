@@ -9,7 +9,7 @@ import pytest
 
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.valve_dampers import TwinTube
-from damperfit.report.evaluated_log import evaluate_logs
+from damperfit.report.logs import evaluate_logs
 from damperfit.run.trust import other_model_advice
 from damperfit.simulation import characterise, mean_figures, simulate, sine_motion
 from damperfit.tables import LogSignals, Results

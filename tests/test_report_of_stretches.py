@@ -7,13 +7,12 @@ import math
 import numpy as np
 import pytest
 
-from damperfit.report import evaluated_log
-from damperfit.report.evaluated_log import _evaluate, _stretches
-from damperfit.report.page.log_section import log_section
-from damperfit.report.plots.all_settings import campaign_plots
-from damperfit.report.plots.branches import mean_branches, mean_strokes
-from damperfit.report.plots.one_log import setting_plots
-from damperfit.report.sheets.stretch_sheet import measured_stretch_sheet
+from damperfit.report import logs as evaluated_log
+from damperfit.report.forces import measured_stretch_sheet
+from damperfit.report.log_figures import mean_branches, mean_strokes, setting_plots
+from damperfit.report.logs import _evaluate, _stretches
+from damperfit.report.page import log_section
+from damperfit.report.settings_figures import campaign_plots
 from damperfit.tables import LogSignals
 from damperfit.tested.setting import Setting
 

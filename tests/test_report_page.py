@@ -20,14 +20,13 @@ from hypothesis.extra.numpy import arrays
 
 import damperfit
 from damperfit.errors import ConfigurationError
-from damperfit.report import draw_plot, html_report, report_plots
-from damperfit.report.evaluated_log import evaluate_logs
-from damperfit.report.page.plot_data import PlotData
-from damperfit.report.plots.colours import setting_colours
-from damperfit.report.plots.description import setting_axis, thin
-from damperfit.report.plots.figure_files import FIXED_METADATA
-from damperfit.report.plots.one_log import setting_plots
-from damperfit.report.sheets.cavitation_sheet import cavitation_sheet
+from damperfit.report.drawing import FIXED_METADATA, draw_plot
+from damperfit.report.figures import setting_axis, setting_colours, thin
+from damperfit.report.log_figures import setting_plots
+from damperfit.report.logs import evaluate_logs
+from damperfit.report.page import PlotData, html_report
+from damperfit.report.settings_figures import report_plots
+from damperfit.report.tables import cavitation_sheet
 from damperfit.tables import read_results
 from tests.report_folder import EVIL, damage_row_group, make_results
 
@@ -485,10 +484,10 @@ def test_a_file_of_another_run_is_named(copy):
 def test_what_the_page_is_made_of_is_shipped():
     root = Path(damperfit.__file__).parents[1]
     known = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))
-    patterns = known["tool"]["setuptools"]["package-data"]["damperfit.report.page"]
-    room = root / "damperfit" / "report" / "page"
+    patterns = known["tool"]["setuptools"]["package-data"]["damperfit.report"]
+    room = root / "damperfit" / "report"
     parts = {p.relative_to(room).as_posix() for p in room.rglob("*.*") if "py" not in p.suffix}
-    assert {"page.css", "page.js", "templates/page.html"} <= parts
+    assert {"assets/page.css", "assets/page.js", "assets/page.html"} <= parts
     assert {p for p in parts if not any(fnmatch(p, pattern) for pattern in patterns)} == set()
 
 

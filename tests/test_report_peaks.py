@@ -8,16 +8,12 @@ import pytest
 
 from damperfit.adjustment import Click
 from damperfit.recording import StretchFigures
-from damperfit.report import html_report, report_plots
-from damperfit.report.evaluated_log import evaluate_logs, has_several_speeds
-from damperfit.report.log_in_units import log_in_units
-from damperfit.report.page.page import _anchors
-from damperfit.report.page.summary import identity_of_test
-from damperfit.report.page.tables import page_tables
-from damperfit.report.plots.all_settings import _peaks
-from damperfit.report.sheets.in_units import clicks_in_units, rows_in_units, sheet_in_units
-from damperfit.report.sheets.parameter_sheet import parameter_sheet, shared_sentence
-from damperfit.report.sheets.peak_sheet import PeakPoint, peak_sheet
+from damperfit.report.forces import PeakPoint, peak_sheet
+from damperfit.report.logs import evaluate_logs, has_several_speeds
+from damperfit.report.page import _anchors, html_report, identity_of_test, page_tables
+from damperfit.report.settings_figures import _peaks, report_plots
+from damperfit.report.tables import parameter_sheet, shared_sentence
+from damperfit.report.units import clicks_in_units, log_in_units, rows_in_units, sheet_in_units
 from damperfit.tables import PAPER_QUANTITIES, make_tables
 from damperfit.tested.setting import Setting
 from damperfit.units.shown_units import parse_units

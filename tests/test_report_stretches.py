@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from damperfit.report.sheets.inspection_sheet import stretch_sheet
+from damperfit.report.inspection import stretch_sheet
 
 STEADY: dict[str, Any] = {
     "kind": "steady",

@@ -9,15 +9,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from damperfit.report import finding_lines, sweep_plot
-from damperfit.report.evaluated_log import EvaluatedLog, evaluate_logs
-from damperfit.report.page.plot_data import PlotData
-from damperfit.report.plots.all_settings import campaign_plots
-from damperfit.report.plots.colours import setting_colours
-from damperfit.report.plots.description import Line, Panel, Plot, thin
-from damperfit.report.plots.figure_files import compose, fixed_style
-from damperfit.report.plots.parameters import parameter_plots
-from damperfit.report.sheets.parameter_sheet import parameter_line
+from damperfit.report.drawing import compose, fixed_style
+from damperfit.report.figures import Line, Panel, Plot, setting_colours, thin
+from damperfit.report.inspection import finding_lines
+from damperfit.report.log_figures import sweep_plot
+from damperfit.report.logs import EvaluatedLog, evaluate_logs
+from damperfit.report.page import PlotData
+from damperfit.report.settings_figures import campaign_plots, parameter_plots
+from damperfit.report.tables import parameter_line
 from damperfit.tables import make_tables, read_results
 from tests.fakes import campaign, fit
 from tests.report_folder import make_results
@@ -104,7 +103,7 @@ def test_the_page_is_told_the_sides_of_an_interval_that_are_known(sides) -> None
 def test_the_member_of_a_sweep_that_changes_nothing_has_the_colour_of_the_text(
     monkeypatch,
 ) -> None:
-    monkeypatch.setattr("damperfit.report.plots.sweep.sweep_sentence", lambda *_: "")
+    monkeypatch.setattr("damperfit.report.log_figures.sweep_sentence", lambda *_: "")
     time = np.arange(100) / 100.0
     response = SimpleNamespace(time=time, velocity=time, force=time)
     members = [

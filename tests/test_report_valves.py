@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from damperfit.damper.valve_characteristics import ValveCharacteristic
-from damperfit.report import draw_plot, report_plots
-from damperfit.report.plots.valves import valve_plots
+from damperfit.report.drawing import draw_plot
+from damperfit.report.log_figures import valve_plots
+from damperfit.report.settings_figures import report_plots
 from damperfit.tables import Results, lay_out, read_results, valve_rows, write_table
 from damperfit.tested.setting import Setting
 from tests.report_folder import make_results

@@ -7,20 +7,20 @@ from dataclasses import replace
 import pytest
 
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.report import (
-    ReportFacts,
+from damperfit.report.facts import ReportFacts
+from damperfit.report.forces import (
     force_by_setting_sheet,
     force_by_speed_sheet,
-    markdown_report,
     measured_force_sheet,
 )
-from damperfit.report.page.summary import setting_verdict
-from damperfit.report.sheets.identify_summary_sheet import summary_sheet
-from damperfit.report.sheets.mse_sheet import grade_counts
-from damperfit.report.sheets.parameter_sheet import (
+from damperfit.report.markdown import markdown_report
+from damperfit.report.page import setting_verdict
+from damperfit.report.tables import (
+    grade_counts,
     limit_text,
     parameter_line,
     parameter_sheet,
+    summary_sheet,
     total_error,
 )
 from damperfit.tables import make_tables

@@ -8,8 +8,7 @@ import random
 import pytest
 from rich.console import Console
 
-from damperfit.report import Sheet, terminal_table
-from damperfit.report.terminal_table import fitting_columns
+from damperfit.report.sheet import Sheet, fitting_columns, terminal_table
 
 SHEET = Sheet(
     headings=("log", "samples", "force", "change", "verdict"),

@@ -188,7 +188,8 @@ def _write(
 ) -> None:
     """Write what was asked for as files."""
     from damperfit.atomic import file_set
-    from damperfit.report import comparison_markdown, comparison_page, junit_report
+    from damperfit.report.compared import comparison_markdown, junit_report
+    from damperfit.report.page import comparison_page
 
     found_rows = (found.comparisons, found.points)
     if out is not None:
@@ -209,7 +210,7 @@ def _write(
 
 
 def _write_tables(found: Compared, files: FileSet) -> None:
-    from damperfit.report import (
+    from damperfit.report.compared import (
         comparison_rows,
         comparison_table,
         tolerance_rows,
@@ -238,7 +239,8 @@ def _show(found: Compared, source: str | None, *, is_quiet: bool) -> None:
     for one in found.comparisons:
         _show_pair(one, is_quiet=is_quiet)
     if found.points:
-        from damperfit.report import terminal_table, tolerance_outcome, tolerance_sheet
+        from damperfit.report.compared import tolerance_outcome, tolerance_sheet
+        from damperfit.report.sheet import terminal_table
 
         print_lines([f"tolerance {source}: {tolerance_outcome(found.points)}", ""])
         if not is_quiet:
@@ -246,12 +248,12 @@ def _show(found: Compared, source: str | None, *, is_quiet: bool) -> None:
 
 
 def _show_pair(comparison: RunComparison, *, is_quiet: bool) -> None:
-    from damperfit.report import (
+    from damperfit.report.compared import (
         comparison_figure_sheet,
         comparison_force_sheet,
         comparison_parameter_sheet,
-        terminal_table,
     )
+    from damperfit.report.sheet import terminal_table
 
     lines = [f"A: {comparison.first.place}", f"B: {comparison.second.place}"]
     if comparison.repeats:
@@ -276,7 +278,7 @@ def _show_pair(comparison: RunComparison, *, is_quiet: bool) -> None:
 
 
 def _document(found: Compared, tolerance: str | None) -> dict[str, Any]:
-    from damperfit.report import comparison_record, tolerance_rows
+    from damperfit.report.compared import comparison_record, tolerance_rows
 
     return {
         "comparisons": [comparison_record(one) for one in found.comparisons],

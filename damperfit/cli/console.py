@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from rich.console import RenderableType
 
-    from damperfit.report import Failure
+    from damperfit.report.facts import Failure
 
 __all__ = [
     "one_line",
@@ -68,7 +68,7 @@ def say(text: str, level: int = logging.INFO) -> None:
 
 def say_failures(failures: Sequence[Failure], *, is_debug: bool) -> None:
     """Write a line for each failure to stderr; where it happened too, if that is asked for."""
-    from damperfit.report import failure_lines
+    from damperfit.report.facts import failure_lines
 
     for line in failure_lines(failures):
         say(f"damperfit: {line}", logging.ERROR)
@@ -135,7 +135,7 @@ def screen_columns() -> int:
 
 def spark_levels() -> str:
     """Return the characters of a sparkline that whoever reads stdout can show."""
-    from damperfit.report import ASCII_LEVELS, BLOCK_LEVELS
+    from damperfit.report.tables import ASCII_LEVELS, BLOCK_LEVELS
 
     # A pipe is given UTF-8 by `shield_streams`, so what was asked for is looked at first.
     asked = os.environ.get("PYTHONIOENCODING", "").partition(":")[0]

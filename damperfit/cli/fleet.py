@@ -290,7 +290,7 @@ def _summary(done: Sequence[Done], n_tasks: int) -> list[str]:
 def _document(
     done: Sequence[Done], n_tasks: int, held: HeldFleet | None, *, is_stopped: bool
 ) -> dict[str, Any]:
-    from damperfit.report import tolerance_rows
+    from damperfit.report.compared import tolerance_rows
 
     return {
         "dampers": n_tasks,

@@ -235,7 +235,7 @@ def identify(
         if result.campaign.fits and (report or figures) and is_written:
             write_report(folder, folder, page=report, figures=figures)
         if summary is not None:
-            from damperfit.report import markdown_report
+            from damperfit.report.markdown import markdown_report
 
             append_summary(summary, markdown_report(result.tables, result.facts), instead=_TOO_LONG)
         if not json and result.campaign.fits:
@@ -274,13 +274,9 @@ def _worst(endings: Sequence[Ending]) -> int:
 
 
 def _show(result: RunResult, configuration: Configuration, *, owner: str) -> None:
-    from damperfit.report import (
-        check_lines,
-        held_out_sheet,
-        parameters_in_units,
-        summary_sheet,
-        terminal_table,
-    )
+    from damperfit.report.sheet import terminal_table
+    from damperfit.report.tables import check_lines, held_out_sheet, summary_sheet
+    from damperfit.report.units import parameters_in_units
 
     if owner:
         print_lines([f"damper {owner}", ""])
@@ -309,7 +305,7 @@ def _tell_people(
     is_quiet: bool,
     is_written: bool,
 ) -> None:
-    from damperfit.report import short_listing
+    from damperfit.report.facts import short_listing
     from damperfit.run.remarks import corrections
 
     for gate in result.facts.gates:

@@ -98,14 +98,14 @@ def inspect(
 
 
 def _show(batch: LogBatch, *, has_notes: bool) -> None:
-    from damperfit.report import (
+    from damperfit.report.forces import curve_sheet
+    from damperfit.report.inspection import (
         VERDICT_COLOURS,
-        curve_sheet,
         finding_lines,
         inspection_sheet,
         stretch_sheet,
-        terminal_table,
     )
+    from damperfit.report.sheet import terminal_table
 
     facts = [log.facts for log in batch.logs]
     if not facts:

@@ -110,7 +110,8 @@ def models(
 
 
 def _show(choice: LawChoice) -> None:
-    from damperfit.report import chosen_sheet, rival_sheet, terminal_table, tried_laws_sheet
+    from damperfit.report.laws import chosen_sheet, rival_sheet, tried_laws_sheet
+    from damperfit.report.sheet import terminal_table
 
     width, document = screen_columns(), choice.document()
     print_renderable(terminal_table(tried_laws_sheet(document, is_narrow=True)))

@@ -22,7 +22,7 @@ from damperfit.cli.options import (
 from damperfit.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from damperfit.report import ReportPlots
+    from damperfit.report.settings_figures import ReportPlots
 
 __all__ = ["FIGURE_KINDS", "check_kind", "report", "write_report"]
 
@@ -101,7 +101,8 @@ def write_report(
     """
     from damperfit.atomic import file_set
     from damperfit.queries.fleet_part import results_in, title_of
-    from damperfit.report import html_report, report_plots
+    from damperfit.report.page import html_report
+    from damperfit.report.settings_figures import report_plots
     from damperfit.units.shown_units import parse_units
 
     found = results_in(results)
@@ -119,7 +120,7 @@ def write_report(
 
 def _write_figures(shown: ReportPlots, folder: Path, *, kind: str) -> list[Path]:
     from damperfit.atomic import file_set
-    from damperfit.report import draw_plot
+    from damperfit.report.drawing import draw_plot
 
     with file_set(folder) as files:
         for plot in shown.plots:

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from damperfit.queries.adjuster_results import AdjusterResults
     from damperfit.queries.force_by_setting import ForcesBySetting, Question
     from damperfit.readers import ReadOptions
-    from damperfit.report import Sheet
+    from damperfit.report.sheet import Sheet
     from damperfit.units.shown_units import ShownUnits
 
 __all__ = ["settings"]
@@ -153,7 +153,9 @@ def _curves(
 ) -> int:
     """Answer from curves that were measured without time."""
     from damperfit.queries.measured_forces import measured_forces
-    from damperfit.report import curve_forces_sheet, terminal_table, to_record
+    from damperfit.report.forces import curve_forces_sheet
+    from damperfit.report.records import to_record
+    from damperfit.report.sheet import terminal_table
     from damperfit.run.ending import json_values
 
     found = measured_forces(paths, question, reading=reading)
@@ -186,14 +188,13 @@ def _show(
     units: ShownUnits,
     is_quiet: bool,
 ) -> None:
-    from damperfit.report import (
+    from damperfit.report.forces import (
         force_by_setting_sheet,
         force_by_speed_sheet,
         measured_force_sheet,
-        rows_in_units,
-        sheet_in_units,
-        terminal_table,
     )
+    from damperfit.report.sheet import terminal_table
+    from damperfit.report.units import rows_in_units, sheet_in_units
     from damperfit.tables import adjustment_rows
 
     def shown(sheet: Sheet) -> RenderableType:
@@ -227,7 +228,7 @@ def _show(
 
 
 def _answer(wanted: Wanted, answer: Answer) -> dict[str, Any]:
-    from damperfit.report import to_record
+    from damperfit.report.records import to_record
 
     along = {"adjuster": wanted.adjuster, "held": wanted.held} if wanted.held else {}
     record: dict[str, Any] = to_record(answer)
@@ -237,7 +238,7 @@ def _answer(wanted: Wanted, answer: Answer) -> dict[str, Any]:
 def _document(
     adjuster: AdjusterResults, question: Question, forces: ForcesBySetting, remarks: tuple[str, ...]
 ) -> dict[str, Any]:
-    from damperfit.report import to_record
+    from damperfit.report.records import to_record
     from damperfit.run.ending import json_values
     from damperfit.tables import adjustment_rows
 

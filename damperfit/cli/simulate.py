@@ -160,7 +160,7 @@ def _write(
             path = sets[-1].path(out.name)
             write_table(path, time_series_table(simulated.response), suffix=out.suffix)
         if plot is not None:
-            from damperfit.report import draw_loops
+            from damperfit.report.drawing import draw_loops
 
             sets.append(stack.enter_context(file_set(plot.parent, spares_others=spares_others)))
             path, kind = sets[-1].path(plot.name), plot.suffix[1:].lower()
@@ -177,12 +177,12 @@ def _title(simulated: SimulatedTest) -> str:
 
 
 def _show(simulated: SimulatedTest) -> None:
-    from damperfit.report import (
+    from damperfit.report.forces import (
         cycle_force_sheet,
         cycle_pressure_sheet,
         cycle_sparklines,
-        terminal_table,
     )
+    from damperfit.report.sheet import terminal_table
 
     print_lines([_title(simulated), ""])
     print_renderable(terminal_table(cycle_force_sheet(simulated.characteristics)))

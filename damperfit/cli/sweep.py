@@ -32,7 +32,8 @@ if TYPE_CHECKING:
     from damperfit.configuration.options import Configuration
     from damperfit.queries.chosen_parameters import ChosenParameters
     from damperfit.queries.sweep import Variation
-    from damperfit.report import Plot, SweepMember
+    from damperfit.report.figures import Plot
+    from damperfit.report.forces import SweepMember
 
 __all__ = ["sweep"]
 
@@ -125,7 +126,7 @@ def _members(
     choice: ChosenParameters, configuration: Configuration, variation: Variation
 ) -> tuple[SweepMember, ...]:
     from damperfit.queries.sweep import run_sweep
-    from damperfit.report import SweepMember
+    from damperfit.report.forces import SweepMember
 
     return tuple(
         SweepMember(
@@ -145,7 +146,7 @@ def _peak_speed(member: SweepMember) -> float:
 
 
 def _sentence(variation: Variation, members: Sequence[SweepMember]) -> str:
-    from damperfit.report import sweep_sentence
+    from damperfit.report.forces import sweep_sentence
 
     return sweep_sentence(variation.name, members)
 
@@ -154,7 +155,8 @@ def _lay_out(
     sweeps: Sequence[tuple[Variation, Sequence[SweepMember], bool]],
 ) -> tuple[list[dict[str, Any]], list[Plot]]:
     from damperfit.damper.purdy.figures import FAMILIES
-    from damperfit.report import sweep_plot, sweep_pressure_plot, sweep_records
+    from damperfit.report.forces import sweep_records
+    from damperfit.report.log_figures import sweep_plot, sweep_pressure_plot
 
     records: list[dict[str, Any]] = []
     plots = []
@@ -187,7 +189,7 @@ def _write(
     import csv
 
     from damperfit.atomic import file_set
-    from damperfit.report import draw_plot
+    from damperfit.report.drawing import draw_plot
 
     with file_set(folder, spares_others=spares_others) as files:
         for plot in plots:
@@ -202,7 +204,8 @@ def _show(
     variation: Variation, members: Sequence[SweepMember], configuration: Configuration
 ) -> None:
     from damperfit.queries.sweep import swept_units
-    from damperfit.report import sweep_sheet, terminal_table
+    from damperfit.report.forces import sweep_sheet
+    from damperfit.report.sheet import terminal_table
 
     sheet = sweep_sheet(variation.name, swept_units(configuration.damper)[variation.name], members)
     print_renderable(terminal_table(sheet))

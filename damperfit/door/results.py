@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from damperfit.door.simulations import Simulation
-    from damperfit.report import Sheet
+    from damperfit.report.sheet import Sheet
     from damperfit.tables import Results
     from damperfit.tested.setting import Setting
 
@@ -162,8 +162,8 @@ class Result:
         ConfigurationError
             There is no figure of that name.
         """
-        from damperfit.report import report_plots
-        from damperfit.report.plots.figure_files import compose, fixed_style
+        from damperfit.report.drawing import compose, fixed_style
+        from damperfit.report.settings_figures import report_plots
 
         plots = {one.name: one for one in report_plots(read_results(self.folder)).plots}
         meant = _FAN if name is None else str(name)
@@ -176,7 +176,8 @@ class Result:
 
     def report(self, path: str | Path = "report.html") -> Path:
         """Write the page and return where it is."""
-        from damperfit.report import html_report, report_plots
+        from damperfit.report.page import html_report
+        from damperfit.report.settings_figures import report_plots
 
         text = html_report(report_plots(read_results(self.folder)), title=self._title)
         whole = path_of(path, "result.report", "the path of a page")
@@ -223,7 +224,7 @@ class Result:
         return str(test.get("serial") or test.get("damper") or "damperfit")
 
     def _sheet(self) -> Sheet:
-        from damperfit.report import summary_sheet
+        from damperfit.report.tables import summary_sheet
 
         found = self._read
         return summary_sheet(found.parameters, columns=WIDTH, quantities=found.quantities)

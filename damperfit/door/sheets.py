@@ -6,7 +6,7 @@ from html import escape
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from damperfit.report import Sheet
+    from damperfit.report.sheet import Sheet
 
 __all__ = ["WIDTH", "html_table", "text_table"]
 
@@ -19,7 +19,7 @@ def text_table(sheet: Sheet) -> str:
 
     from rich.console import Console
 
-    from damperfit.report import terminal_table
+    from damperfit.report.sheet import terminal_table
 
     lines = StringIO()
     # Rich would draw in the cell where it sees a notebook, and set bold where FORCE_COLOR asks.

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from damperfit.queries.comparisons import Compared
-    from damperfit.report import Sheet
+    from damperfit.report.sheet import Sheet
     from damperfit.run.logs import LogBatch
 
 __all__ = ["Comparison", "Inspection"]
@@ -37,7 +37,7 @@ class Inspection:
     @property
     def findings(self) -> tuple[str, ...]:
         """What their data show, a sentence each."""
-        from damperfit.report import finding_lines
+        from damperfit.report.inspection import finding_lines
 
         return tuple(finding_lines([log.facts for log in self.batch.logs], has_notes=True))
 
@@ -56,7 +56,7 @@ class Inspection:
         return pd.DataFrame(rows)
 
     def _sheet(self) -> Sheet:
-        from damperfit.report import inspection_sheet
+        from damperfit.report.inspection import inspection_sheet
 
         return inspection_sheet([log.facts for log in self.batch.logs])
 
@@ -95,14 +95,14 @@ class Comparison:
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a difference: values of both, interval of the difference, verdict."""
-        from damperfit.report import comparison_rows, comparison_table
+        from damperfit.report.compared import comparison_rows, comparison_table
 
         rows = [row for one in self.compared.comparisons for row in comparison_rows(one)]
         frame: pd.DataFrame = comparison_table(rows).to_pandas()
         return frame
 
     def _sheets(self) -> list[Sheet]:
-        from damperfit.report import comparison_force_sheet
+        from damperfit.report.compared import comparison_force_sheet
 
         return [comparison_force_sheet(one) for one in self.compared.comparisons]
 

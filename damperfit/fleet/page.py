@@ -16,12 +16,10 @@ from damperfit.atomic import file_set
 from damperfit.fleet.parts import COLLECTED
 from damperfit.fleet.survey import FAR_OFF, LEAST_DAMPERS
 from damperfit.fleet.survey_plots import series_plots, trend_plots
-from damperfit.report import tolerance_rows, tolerance_table
-from damperfit.report.page.plot_data import PlotData, plotly_script
-from damperfit.report.page.templating import asset, draw
-from damperfit.report.sheets.comparison_sheet import tolerance_sheet
-from damperfit.report.sheets.rounding import NOTHING, number
-from damperfit.report.sheets.sheet import Sheet
+from damperfit.report.compared import tolerance_rows, tolerance_sheet, tolerance_table
+from damperfit.report.page import PlotData, asset, draw, plotly_script
+from damperfit.report.rounding import NOTHING, number
+from damperfit.report.sheet import Sheet
 from damperfit.tables import write_table
 
 if TYPE_CHECKING:

@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.fleet.survey import LEAST_DAMPERS
-from damperfit.report.plots.compared_runs import RUN_COLOURS
-from damperfit.report.plots.description import (
+from damperfit.report.figures import (
     Line,
     Panel,
     Plot,
@@ -23,6 +22,7 @@ from damperfit.report.plots.description import (
     setting_names,
     setting_places,
 )
+from damperfit.report.settings_figures import RUN_COLOURS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -14,7 +14,7 @@ from damperfit.errors import ConfigurationError
 from damperfit.identification.sharing import of_settings
 from damperfit.queries.fleet_part import results_in
 from damperfit.queries.origin import configuration_of_run, motion_of_tests, warmed_to
-from damperfit.report.json_records import listed_in, read_back
+from damperfit.report.records import listed_in, read_back
 from damperfit.simulation import refuse_amplitude
 from damperfit.tables import values_from
 from damperfit.tested.setting import Setting

@@ -14,7 +14,7 @@ from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.identification import unlimited_in, values_from_others
 from damperfit.queries.fleet_part import is_part, part_in
 from damperfit.queries.origin import origin_of
-from damperfit.report.alike import listed_names
+from damperfit.report.facts import listed_names
 from damperfit.tables import read_parameters, read_unlimited, table_quantities
 from damperfit.tested.setting import ADJUSTER, Setting, parse_setting
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from damperfit.configuration.options import Configuration
     from damperfit.readers import ForceCurve
     from damperfit.recording import Trace
-    from damperfit.report import Failure
+    from damperfit.report.facts import Failure
     from damperfit.run.logs import LogBatch
 
 __all__ = ["NoUsableLogError", "folders_of_logs", "holds_logs", "is_several_logs", "read_log_runs"]

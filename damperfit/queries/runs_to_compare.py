@@ -20,7 +20,7 @@ from damperfit.queries.logs_to_compare import (
     read_log_runs,
 )
 from damperfit.recording import natural_order
-from damperfit.report.json_records import listed_in, number_in
+from damperfit.report.records import listed_in, number_in
 from damperfit.tables import Results, read_results
 from damperfit.tested.setting import Setting
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from damperfit.errors import ConfigurationError, LogError
 from damperfit.recording import natural_order
-from damperfit.report import Failure
+from damperfit.report.facts import Failure
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

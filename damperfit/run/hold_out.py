@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from damperfit.identification import Campaign
     from damperfit.recording import Trace
-    from damperfit.report import Failure
+    from damperfit.report.facts import Failure
     from damperfit.uncertainty import HoldOutOptions, Prediction
 
 __all__ = ["Parted", "fitting", "named_files", "note_unpredicted", "part", "with_transients"]

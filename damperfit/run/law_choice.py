@@ -27,7 +27,8 @@ from damperfit.laws import (
 )
 from damperfit.laws.other_layouts import LAYOUTS
 from damperfit.parallel import available_cores
-from damperfit.report import chosen_records, failure_lines, rival_records, tried_law_records
+from damperfit.report.facts import failure_lines
+from damperfit.report.laws import chosen_records, rival_records, tried_law_records
 from damperfit.run.dampers import of_one_damper
 from damperfit.run.hold_out import named_files, part, with_transients
 from damperfit.run.log_paths import expand
@@ -49,7 +50,7 @@ if TYPE_CHECKING:
     from damperfit.configuration.options import Configuration
     from damperfit.damper.model import Model
     from damperfit.laws import JudgedLaw, LawFit, LawSearch, Tried
-    from damperfit.report import Failure
+    from damperfit.report.facts import Failure
     from damperfit.run.hold_out import Parted
     from damperfit.tested.setting import Setting
 

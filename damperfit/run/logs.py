@@ -28,7 +28,7 @@ from damperfit.identification.blas_threads import one_blas_thread
 from damperfit.parallel import apart
 from damperfit.readers import is_tests_table, read_curves, read_logs
 from damperfit.recording import Finding
-from damperfit.report import Failure
+from damperfit.report.facts import Failure
 from damperfit.run.labelling import FROM_NAME, GUESSED, labels_for
 from damperfit.run.own_tables import is_own_table
 from damperfit.run.tested_at import conditioned_as_tested, facts_of

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from damperfit.errors import Mishap, OnError
     from damperfit.recording import Trace
-    from damperfit.report import Failure
+    from damperfit.report.facts import Failure
     from damperfit.run.logs import LogBatch
     from damperfit.tested.setting import Setting
 

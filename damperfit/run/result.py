@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from damperfit.configuration.options import Configuration
     from damperfit.identification import Campaign
-    from damperfit.report import Failure, ReportFacts
+    from damperfit.report.facts import Failure, ReportFacts
     from damperfit.run.ending import Ending
     from damperfit.run.logs import LogBatch
     from damperfit.run.run_json import Judgement

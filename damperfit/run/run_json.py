@@ -14,7 +14,8 @@ from damperfit.adjustment import Adjustment
 from damperfit.checks import Check, missed_gates
 from damperfit.damper.cavitation import describe_cavitation
 from damperfit.identification import Outcome, Status, describe_searches
-from damperfit.report import Failure, ReportFacts, to_record
+from damperfit.report.facts import Failure, ReportFacts
+from damperfit.report.records import to_record
 from damperfit.run.ending import Ending, json_values, log_input
 from damperfit.run.remarks import corrections, gates_not_met, missing_logs, run_warnings
 from damperfit.run.trust import (

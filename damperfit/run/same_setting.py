@@ -16,8 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.errors import ContradictionError
-from damperfit.report import Failure
-from damperfit.report.alike import listed_names
+from damperfit.report.facts import Failure, listed_names
 from damperfit.run.warmth import are_unlike
 
 if TYPE_CHECKING:

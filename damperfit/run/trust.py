@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from damperfit.identification import Status
 from damperfit.identification.sharing import of_settings
-from damperfit.report import to_record
+from damperfit.report.records import to_record
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

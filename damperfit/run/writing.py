@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from damperfit.parallel import meanwhile, release_memory
-from damperfit.report import markdown_report
+from damperfit.report.markdown import markdown_report
 from damperfit.run.earlier import PAGE
 from damperfit.run.readings import Readings
 from damperfit.run.work import comparisons, sha256_of

@@ -83,7 +83,7 @@ def run(capsys, monkeypatch, tmp_path):
 @pytest.fixture
 def undrawn(monkeypatch):
     """Figures by name alone: a second each, and how they look is held by test_figures.py."""
-    monkeypatch.setattr("damperfit.report.draw_plot", lambda path, *_, **__: path.touch())
+    monkeypatch.setattr("damperfit.report.drawing.draw_plot", lambda path, *_, **__: path.touch())
 
 
 @pytest.fixture

@@ -7,10 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from damperfit import report
-from damperfit.report import to_record
-from damperfit.report.json_records import checks_in, clicks_in, findings_in, trends_in
-from damperfit.report.sheets.cavitation_sheet import cavitation_sheet
+from damperfit.report import drawing
+from damperfit.report.records import checks_in, clicks_in, findings_in, to_record, trends_in
+from damperfit.report.tables import cavitation_sheet
 from damperfit.tables import read_results
 from tests.report_folder import make_results
 
@@ -61,12 +60,12 @@ def test_wrong_usage_is_one_line(run, results, arguments, words):
 
 
 def test_identify_does_it_in_one_go(run, logs, monkeypatch):
-    draw = report.draw_plot  # one figure is looked at; the others are those of test_figures.py
+    draw = drawing.draw_plot  # one figure is looked at; the others are those of test_figures.py
 
     def only_the_fan(path, plot, **how):
         draw(path, plot, **how) if plot.name == "fan" else path.touch()
 
-    monkeypatch.setattr("damperfit.report.draw_plot", only_the_fan)
+    monkeypatch.setattr("damperfit.report.drawing.draw_plot", only_the_fan)
     ended = run("identify", logs / "setting_01.csv", "--report", "--plots", "png")
     assert ended.code == 0, ended.err
     assert Path("results/report.html").stat().st_size < 8e6

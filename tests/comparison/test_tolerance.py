@@ -19,7 +19,7 @@ from damperfit.comparison import (
 )
 from damperfit.errors import ConfigurationError
 from damperfit.queries.comparisons import parse_bands
-from damperfit.report import junit_report, tolerance_outcome, tolerance_sheet
+from damperfit.report.compared import junit_report, tolerance_outcome, tolerance_sheet
 from tests.comparison.runs import DAMPING, GAS, measured, run
 
 MEASURED = ComparisonOptions(speeds=(0.13,), is_measured=True)

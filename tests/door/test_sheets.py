@@ -5,7 +5,7 @@ from __future__ import annotations
 import builtins
 
 from damperfit.door.sheets import text_table
-from damperfit.report.sheets.sheet import Sheet
+from damperfit.report.sheet import Sheet
 
 SHEET = Sheet(("set", "f_f"), ("", "N"), (("1", "50"),), is_number=(False, True))
 PLAIN = "set  f_f\n       N\n1     50"

@@ -11,7 +11,7 @@ import pytest
 from damperfit.errors import ConfigurationError
 from damperfit.identification import Campaign, Status
 from damperfit.queries.chosen_parameters import ChosenParameters, choose_parameters
-from damperfit.report import markdown_report
+from damperfit.report.markdown import markdown_report
 from damperfit.tables import make_tables, read_unlimited, write_table
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty import Prediction

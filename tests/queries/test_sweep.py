@@ -15,14 +15,9 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.errors import ConfigurationError
 from damperfit.queries.chosen_parameters import choose_parameters
 from damperfit.queries.sweep import PAPER_SWEEPS, parse_variation, run_sweep, swept_units
-from damperfit.report import (
-    SweepMember,
-    sweep_plot,
-    sweep_pressure_plot,
-    sweep_sentence,
-    sweep_sheet,
-    terminal_table,
-)
+from damperfit.report.forces import SweepMember, sweep_sentence, sweep_sheet
+from damperfit.report.log_figures import sweep_plot, sweep_pressure_plot
+from damperfit.report.sheet import terminal_table
 
 
 @pytest.fixture(scope="module")

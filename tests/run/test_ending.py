@@ -9,7 +9,7 @@ import pytest
 
 from damperfit.configuration.loading import load_configuration
 from damperfit.identification import Outcome
-from damperfit.report.failures_and_warnings import Failure, ReportFacts
+from damperfit.report.facts import Failure, ReportFacts
 from damperfit.run.ending import Ending, json_pieces, reading_ending
 from damperfit.run.logs import LogBatch
 from damperfit.run.remarks import gates_not_met

@@ -9,7 +9,7 @@ import pytest
 
 from damperfit.configuration.loading import load_configuration
 from damperfit.identification import Outcome
-from damperfit.report import Failure, failure_lines
+from damperfit.report.facts import Failure, failure_lines
 from damperfit.run import judging
 from damperfit.run.hold_out import Parted
 from damperfit.run.logs import LogBatch
@@ -44,7 +44,7 @@ def test_a_gap_of_900_000_settings_is_one_range_everywhere() -> None:
 
 
 def test_gaps_stand_in_report_and_page_whoever_wrote_them() -> None:
-    from damperfit.report.json_records import gaps_in
+    from damperfit.report.records import gaps_in
 
     assert gaps_in({"gaps": [{"first": 6, "last": 899_999}]}) == ((6, 899_999),)
     assert gaps_in({"gaps": [4, 7]}) == ((4, 4), (7, 7))  # an earlier version

@@ -16,7 +16,7 @@ from damperfit.damper.model import values_type
 from damperfit.identification import Outcome, Sharing, Status
 from damperfit.readers.tests_table import TestRow, TestsTable
 from damperfit.recording import Finding, Recording, natural_order
-from damperfit.report.failures_and_warnings import Failure
+from damperfit.report.facts import Failure
 from damperfit.run import hold_out, labelling
 from damperfit.run.dampers import _nameless
 from damperfit.run.ending import json_values

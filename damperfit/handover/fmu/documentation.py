@@ -11,7 +11,7 @@ from markupsafe import Markup, escape
 
 from damperfit.damper.quantity import RIG
 from damperfit.handover.fmu.exported_damper import FRICTION_BAND
-from damperfit.report.text import printable
+from damperfit.report.sheet import printable
 
 if TYPE_CHECKING:
     from damperfit.handover.fmu.exported_damper import ExportedDamper

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from xml.etree import ElementTree as ET
 
 from damperfit.handover.fmu.variables import UNITS, unknowns, variables
-from damperfit.report.text import printable
+from damperfit.report.sheet import printable
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence

@@ -1,0 +1,284 @@
+"""Figures as files, by matplotlib; equal tables give equal bytes."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+from damperfit.errors import InstallationError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from matplotlib.figure import Figure
+
+    from damperfit.report.figures import Line, Panel, Plot
+    from damperfit.simulation import Response
+
+__all__ = [
+    "FIXED_METADATA",
+    "compose",
+    "draw_loops",
+    "draw_plot",
+    "fixed_style",
+]
+
+
+# Plots as files for a report or a paper, by matplotlib; equal tables give equal bytes.
+
+_COLOURS = {"ink": "#000000", "muted": "#7d8796"}
+_STYLES: dict[str, dict[str, Any]] = {
+    "solid": {"linewidth": 1.6},
+    "wide": {"linewidth": 3.0, "alpha": 0.6},
+    "thin": {"linewidth": 0.7},
+    "dashed": {"linewidth": 1.2, "linestyle": "--"},
+    "dotted": {"linewidth": 1.6, "linestyle": ":"},
+    "points": {"linestyle": "none", "marker": "o"},
+    "triangles": {"linestyle": "none", "marker": "^", "markerfacecolor": "none"},
+    "rings": {"linestyle": "none", "marker": "o", "markerfacecolor": "none", "markersize": 11.0},
+    "above": {"linestyle": "none", "marker": "^", "markersize": 8.0},
+    "below": {"linestyle": "none", "marker": "v", "markersize": 8.0},
+    "dot_line": {"linewidth": 0.8, "marker": "o", "markersize": 4.0},
+    "triangle_line": {
+        "linewidth": 0.8,
+        "linestyle": "--",
+        "marker": "^",
+        "markersize": 7.0,
+        "markerfacecolor": "none",
+    },
+}
+# Nothing of the time or the machine in the files; text stays text in SVG and PDF.
+_FIXED: Any = {
+    "svg.hashsalt": "damperfit",
+    "svg.fonttype": "none",
+    "pdf.fonttype": 42,
+    "font.family": "DejaVu Sans",
+    "font.size": 9.0,
+    "path.simplify": False,
+    "text.usetex": False,
+    "text.parse_math": False,  # a log may be called $x_1$
+}
+FIXED_METADATA: dict[str, dict[str, Any]] = {
+    # Who made it, so that a later run may know and replace it; no date, no version.
+    "png": {"Software": "damperfit"},
+    "svg": {"Date": None, "Creator": "damperfit"},
+    "pdf": {"CreationDate": None, "Creator": "damperfit", "Producer": None},
+}
+_MANY = 60  # points: beyond it they are drawn small
+_BESIDE = 6  # entries of a legend: more stand beside the axes
+_KEY_ROWS = 20
+
+
+@contextmanager
+def fixed_style() -> Iterator[None]:
+    """Draw alike everywhere: a reader's own matplotlibrc must not change the bytes."""
+    import matplotlib as mpl
+
+    with mpl.rc_context():
+        mpl.rcdefaults()
+        mpl.rcParams.update(_FIXED)
+        yield
+
+
+def draw_plot(path: Path, plot: Plot, *, kind: str, dpi: float = 160.0) -> None:
+    """Draw one plot into a file.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        Where to write.
+    plot : Plot
+        What to draw.
+    kind : str
+        "png", "svg" or "pdf".
+    dpi : float
+        Dots per inch of a PNG.
+    """
+    with fixed_style():
+        figure = compose(plot, dpi=dpi)
+        figure.savefig(path, format=kind, dpi=dpi, metadata=FIXED_METADATA[kind])
+
+
+def compose(plot: Plot, *, dpi: float = 160.0) -> Figure:
+    """Return the figure of a plot, not yet drawn; to be called and drawn inside `fixed_style`."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    n = len(plot.panels)
+    entries = max(sum(line.in_legend for line in panel.lines) for panel in plot.panels)
+    is_wide = bool(plot.key) or entries > _BESIDE
+    size = 6.4 if is_wide else 5.4, 3.8 if n == 1 else 4.8  # inch
+    figure = Figure(figsize=size, dpi=dpi, layout="constrained")
+    FigureCanvasAgg(figure)
+    heights = [2.0, *(1.0 for _ in range(n - 1))]
+    rows = figure.subplots(n, 1, sharex=True, squeeze=False, height_ratios=heights)
+    for axes, panel in zip(rows[:, 0], plot.panels, strict=True):
+        _draw_panel(axes, panel)
+    rows[-1, 0].set_xlabel(_label(plot.panels[-1].x_label, plot.panels[-1].x_unit))
+    top = rows[0, 0]
+    if plot.key:
+        _draw_key(top, plot)
+    else:
+        _draw_legend(top, plot.panels[0])
+    # Above a legend that stands on the axes.
+    is_above = not plot.key and 1 < entries <= _BESIDE
+    top.set_title(plot.title, fontsize=10, loc="left", pad=20.0 if is_above else 6.0)
+    figure.align_ylabels()
+    return figure
+
+
+def _label(name: str, unit: str) -> str:
+    return f"{name}, {unit}" if unit else name
+
+
+def _draw_panel(axes: Any, panel: Panel) -> None:
+    if panel.is_log:
+        from matplotlib.ticker import FormatStrFormatter
+
+        axes.set_yscale("log")
+        axes.yaxis.set_major_formatter(FormatStrFormatter("%g"))
+    for begin, end in panel.bands:
+        axes.axvspan(begin, end, color="#d55e00", alpha=0.2, linewidth=0.0)
+    for line in panel.lines:
+        _draw_line(axes, line)
+    for value, word in panel.rules:
+        axes.axhline(value, color=_COLOURS["muted"], linewidth=0.8, linestyle=":")
+        if word:
+            place = axes.get_yaxis_transform()
+            axes.text(0.99, value, word, transform=place, ha="right", va="bottom", fontsize=7)
+    axes.set_ylabel(_label(panel.y_label, panel.y_unit))
+    axes.grid(visible=True, color="#e3e7ed", linewidth=0.6)
+    axes.set_axisbelow(True)
+    if panel.ticks:
+        axes.set_xticks(panel.ticks, panel.tick_labels)
+    if panel.x_range:
+        axes.set_xlim(panel.x_range)
+    if panel.y_range:
+        axes.set_ylim(panel.y_range)
+    if panel.x_unit == "s" or panel.x_label == "absolute velocity":
+        axes.margins(x=0.02)
+
+
+def _draw_legend(axes: Any, panel: Panel) -> None:
+    """Draw a legend where it hides nothing: above a few lines, beside many."""
+    entries = sum(line.in_legend for line in panel.lines)
+    if entries > _BESIDE:
+        axes.legend(
+            loc="upper left",
+            bbox_to_anchor=(1.01, 1.0),
+            fontsize=7,
+            frameon=False,
+            labelspacing=0.3,
+        )
+    elif entries > 1:
+        axes.legend(
+            loc="lower left",
+            bbox_to_anchor=(-0.01, 0.99),
+            ncols=3,
+            fontsize=7,
+            frameon=False,
+            borderaxespad=0.1,
+        )
+
+
+def _draw_key(axes: Any, plot: Plot) -> None:
+    """Draw what the colours are: the settings, in their order; and what the styles are."""
+    from matplotlib.lines import Line2D
+
+    lines = [line for panel in plot.panels for line in panel.lines]
+    colours = {
+        line.setting: line.colour
+        for line in lines
+        if line.setting is not None and line.colour not in _COLOURS
+    }
+    settings = sorted(colours)
+    handles = [Line2D([], [], color=colours[s], linewidth=4.0, label=str(s)) for s in settings]
+    key = axes.legend(
+        handles=handles,
+        title="setting",
+        loc="upper left",
+        bbox_to_anchor=(1.01, 1.02),
+        ncols=1 + (len(settings) - 1) // _KEY_ROWS,
+        fontsize=7,
+        title_fontsize=7,
+        frameon=False,
+        labelspacing=0.25,
+        handlelength=1.4,
+        columnspacing=1.0,
+    )
+    axes.add_artist(key)
+    key.set_clip_on(False)  # it stands outside of the axes
+    styles = [
+        Line2D([], [], color=_COLOURS["ink"], label=word, **_STYLES[style])
+        for word, style in plot.key
+    ]
+    axes.legend(
+        handles=styles, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, fontsize=7,
+        frameon=False, borderaxespad=0.1,
+    )  # fmt: skip
+
+
+def _draw_line(axes: Any, line: Line) -> None:
+    colour = _COLOURS.get(line.colour, line.colour)
+    style = dict(_STYLES[line.style])
+    if "marker" in style:
+        style.setdefault("markersize", 5.0 if len(line.x) <= _MANY else 1.0)
+    label = line.label if line.in_legend else "_" + line.label
+    if line.low is None or line.high is None:
+        axes.plot(line.x, line.y, color=colour, label=label, **style)
+    elif "marker" not in style:
+        axes.plot(line.x, line.y, color=colour, label=label, **style)
+        axes.fill_between(line.x, line.low, line.high, color=colour, alpha=0.2, linewidth=0.0)
+    else:
+        reach = [line.y - line.low, line.high - line.y]
+        axes.errorbar(line.x, line.y, yerr=reach, color=colour, capsize=2.5, label=label, **style)
+
+
+# The two loops of a simulated cycle as one figure, drawn by matplotlib.
+
+
+def draw_loops(
+    path: Path, response: Response, frequency: float, *, kind: str, title: str = ""
+) -> None:
+    """Draw force against displacement and against velocity over the last cycle.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        Where to write.
+    response : Response
+        Signals, at least one cycle.
+    frequency : float
+        Hz.
+    kind : str
+        "png", "svg" or "pdf".
+    title : str
+        Above both.
+
+    Raises
+    ------
+    InstallationError
+        matplotlib is not installed.
+    """
+    try:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise InstallationError(
+            "--plot needs matplotlib; install it with: pip install matplotlib"
+        ) from error
+    with fixed_style():
+        figure = Figure(figsize=(10.0, 4.5), layout="constrained")
+        FigureCanvasAgg(figure)
+        left, right = figure.subplots(1, 2, sharey=True)
+        last = response.time >= response.time[-1] - (1.0 + 1e-9) / frequency
+        figure.suptitle(title, parse_math=False)
+        left.plot(1e3 * response.displacement[last], response.force[last])
+        left.set_xlabel("displacement, mm (positive: rebound)")
+        left.set_ylabel("force, N (positive: rebound)")
+        right.plot(response.velocity[last], response.force[last])
+        right.set_xlabel("velocity, m/s (positive: rebound)")
+        for axes in (left, right):
+            axes.grid(visible=True, alpha=0.3)
+        figure.savefig(path, format=kind, metadata=FIXED_METADATA[kind])

@@ -1,0 +1,279 @@
+"""What is drawn, before anything draws it; colours."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from damperfit.tested.setting import Setting
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from numpy.typing import NDArray
+
+    from damperfit.tested.setting import Place
+
+    FloatArray = NDArray[np.float64]
+    from collections.abc import Mapping
+
+__all__ = [
+    "CHAMBER_COLOURS",
+    "CHAMBER_STYLES",
+    "SPEED_COLOURS",
+    "Line",
+    "Panel",
+    "Plot",
+    "setting_axis",
+    "setting_colours",
+    "setting_names",
+    "setting_places",
+    "thin",
+]
+
+
+# What is drawn, before anything draws it: plots as plain descriptions, and how to thin traces.
+#
+# A `Plot` has one or more `Panel` under one another, a panel has `Line`. The web page and the
+# static
+# figures draw the same descriptions, so a number cannot differ between them.
+
+_MOST_TICKS = 20
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Line:
+    """One trace.
+
+    Attributes
+    ----------
+    x, y : numpy.ndarray
+        Shape (n,), in the panel's units.
+    label : str
+        For the legend and the hover text; plain text, not yet escaped.
+    colour : str
+        "#rrggbb", "ink" or "muted".
+    setting : Setting or None
+        Adjuster setting whose trace it is; None belongs to all.
+    style : str
+        "solid", "wide", "thin", "dashed", "dotted"; "points", "triangles", "rings" and, off the
+        scale, "above" and "below"; "dot_line" and "triangle_line" join their marks.
+    in_legend : bool
+        The legend names it.
+    low, high : numpy.ndarray or None
+        Interval around y, same shape: bars at marks, a band along a line.
+    """
+
+    x: FloatArray
+    y: FloatArray
+    label: str
+    colour: str
+    setting: Setting | None = None
+    style: str = "solid"
+    in_legend: bool = True
+    low: FloatArray | None = None
+    high: FloatArray | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Panel:
+    """One pair of axes.
+
+    Attributes
+    ----------
+    x_label, x_unit, y_label, y_unit : str
+        What the axes show.
+    lines : tuple of Line
+        Traces, the last one on top.
+    rules : tuple of (float, str)
+        Horizontal lines with a word at each.
+    bands : tuple of (float, float)
+        Ranges of x that are shaded.
+    is_log : bool
+        The y axis is logarithmic.
+    ticks : tuple of float
+        Where x is numbered; left to the renderer when empty.
+    names : tuple of str
+        What stands at x = 1, 2, ... where these are no numbers.
+    x_range, y_range : (float, float) or None
+        What is shown; everything when None.
+    """
+
+    x_label: str
+    x_unit: str
+    y_label: str
+    y_unit: str
+    lines: tuple[Line, ...]
+    rules: tuple[tuple[float, str], ...] = ()
+    bands: tuple[tuple[float, float], ...] = ()
+    is_log: bool = False
+    ticks: tuple[float, ...] = ()
+    names: tuple[str, ...] = ()
+    x_range: tuple[float, float] | None = None
+    y_range: tuple[float, float] | None = None
+
+    @property
+    def tick_labels(self) -> tuple[str, ...]:
+        """What stands at each tick."""
+        if not self.names:
+            return tuple(f"{tick:g}" for tick in self.ticks)
+        return tuple(self.names[round(tick) - 1] for tick in self.ticks)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Plot:
+    """A figure with a name.
+
+    Attributes
+    ----------
+    name : str
+        File name without suffix, unique in a report.
+    title : str
+        One line.
+    panels : tuple of Panel
+        From top to bottom, sharing x.
+    caption : str
+        What to see in it; may be empty.
+    key : tuple of (str, str)
+        Words and styles of a plot whose colours are the settings; the page has a key of the
+        settings at its top, a static figure gets one of its own. Then `Line.in_legend` is not
+        heeded.
+    """
+
+    name: str
+    title: str
+    panels: tuple[Panel, ...]
+    caption: str = ""
+    key: tuple[tuple[str, str], ...] = ()
+
+
+def setting_places(settings: Iterable[Setting | Place]) -> dict[Setting, float]:
+    """Return where each setting stands on an axis: at its number, or one after the other.
+
+    Examples
+    --------
+    >>> setting_places([3, 1]), list(setting_places(["soft", "hard"]).values())
+    ({Setting(places=(('setting', 1),)): 1.0, Setting(places=(('setting', 3),)): 3.0}, [1.0, 2.0])
+    """
+    known = sorted(map(Setting.of, settings))
+    numbers = [(one, one.number()) for one in known]
+    places = {one: number for one, number in numbers if number is not None}
+    if len(places) == len(numbers):
+        return places
+    return {one: 1.0 + k for k, one in enumerate(dict.fromkeys(known))}
+
+
+def setting_names(settings: Iterable[Setting | Place]) -> tuple[str, ...]:
+    """Return what stands at 1, 2, ... of an axis whose settings are no numbers; else nothing."""
+    places = setting_places(settings)
+    is_numbered = all(one.number() is not None for one in places)
+    return () if is_numbered else tuple(one.label for one in places)
+
+
+def setting_axis(
+    settings: Iterable[Setting | Place],
+) -> tuple[tuple[float, ...], tuple[float, float] | None]:
+    """Return where an axis of settings is numbered, and what it shows.
+
+    Numbers stand at settings only, not at all where they would touch.
+
+    Examples
+    --------
+    >>> setting_axis([3, 1, 2])
+    ((1.0, 2.0, 3.0), (0.4, 3.6))
+    >>> setting_axis([0, 25, 26, 100])[0]
+    (0.0, 25.0, 100.0)
+    """
+    known = sorted(setting_places(settings).values())
+    if not known:
+        return (), None
+    span = known[-1] - known[0]
+    ticks = known[:1]
+    for setting in known[1:]:
+        if setting - ticks[-1] >= span / _MOST_TICKS:
+            ticks.append(setting)
+    edge = max(0.6, 0.04 * span)
+    return tuple(ticks), (known[0] - edge, known[-1] + edge)
+
+
+def thin(n_buckets: int, *signals: FloatArray) -> NDArray[np.intp]:
+    """Return the indices of samples that keep every peak of every signal.
+
+    The samples are cut into ``n_buckets`` runs of equal length. From each run the samples with the
+    lowest and the highest value of each signal are kept, and the first and last sample of all.
+    No extreme value is lost, unlike in taking every n-th sample.
+
+    Parameters
+    ----------
+    n_buckets : int
+        Runs; at most ``2 n_buckets len(signals) + 2`` indices are returned.
+    *signals : numpy.ndarray
+        Shape (n,) each, all of one length. NaN is passed over.
+
+    Examples
+    --------
+    >>> spike = np.zeros(1000); spike[777] = 5.0
+    >>> 777 in thin(10, spike)
+    True
+    """
+    n = len(signals[0])
+    if n <= 2 * n_buckets * len(signals) + 2:
+        return np.arange(n)
+    edges = np.linspace(0, n, n_buckets + 1).astype(np.intp)
+    kept = {0, n - 1}
+    for signal in signals:
+        low = np.where(np.isnan(signal), np.inf, signal)
+        high = np.where(np.isnan(signal), -np.inf, signal)
+        for start, stop in pairwise(edges):
+            kept.add(int(start + np.argmin(low[start:stop])))
+            kept.add(int(start + np.argmax(high[start:stop])))
+    return np.array(sorted(kept), dtype=np.intp)
+
+
+# Colours of settings, chambers and speeds.
+#
+# Every adjuster setting has one colour everywhere, on a ramp from blue (lowest) over purple to red
+# (highest). The ramp was laid by equal steps of the smallest difference that readers with full
+# sight
+# and the three kinds of dichromats see, gets darker all the way, and stands out 3 to 1 on white and
+# on the dark page; `tests/test_colours.py` computes this. "ink" and "muted" stand for the text
+# colour
+# and a grey of the theme.
+
+CHAMBER_COLOURS = ("#0072b2", "#d55e00", "#009e73")  # Okabe and Ito (2008)
+# Blue and green come close for a reader without blue cones: the gas chamber is dashed as well.
+CHAMBER_STYLES = ("solid", "solid", "dashed")
+_RAMP = (
+    (104, 113, 251),
+    (119, 110, 218),
+    (132, 108, 189),
+    (145, 105, 161),
+    (157, 97, 132),
+    (169, 89, 104),
+    (180, 80, 77),
+    (188, 67, 48),
+    (199, 51, 14),
+)
+# Okabe and Ito (2008), readable on white and on black.
+SPEED_COLOURS = ("#56b4e9", "#0072b2", "#009e73", "#e69f00", "#d55e00", "#cc79a7", "ink")
+
+
+def setting_colours(settings: Iterable[Setting | Place]) -> Mapping[Setting, str]:
+    """Return a colour for each setting, along the ramp in the order of the settings.
+
+    Examples
+    --------
+    >>> list(setting_colours([1, 20]).values())
+    ['#6871fb', '#c7330e']
+    """
+    known = sorted(set(map(Setting.of, settings)))
+    ramp = np.array(_RAMP, dtype=float)
+    places = np.linspace(0.0, len(ramp) - 1.0, len(known))
+    channels = [np.interp(places, np.arange(len(ramp)), ramp[:, i]) for i in range(3)]
+    return {
+        setting: "#" + "".join(f"{round(float(channel[k])):02x}" for channel in channels)
+        for k, setting in enumerate(known)
+    }

@@ -1,0 +1,263 @@
+"""What is in the logs, for people: one row a log with its verdict, and the findings below.
+
+The facts are those of `damperfit.run.logs.LogFacts`: JSON values, also of logs that were refused.
+"""
+
+from __future__ import annotations
+
+from textwrap import wrap
+from typing import TYPE_CHECKING, Any
+
+from damperfit.report.facts import (
+    FEW,
+    MANY_KINDS,
+    by_words,
+    listed_names,
+    shape_of,
+    with_ranges,
+)
+from damperfit.report.rounding import NOTHING, number
+from damperfit.report.sheet import Sheet
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+__all__ = ["MANY_ROWS", "VERDICT_COLOURS", "finding_lines", "inspection_sheet", "stretch_sheet"]
+
+VERDICT_COLOURS = {"good": "green", "warnings": "yellow", "curves": "cyan", "refused": "red"}
+_NOISE_NOTE = "* read above the filter's band; otherwise from the scatter between cycles"
+_WIDTH = 80
+MANY_ROWS = 60  # of a table; two screens
+_ROWS_OF_REFUSED = 5  # where none of many logs can be used
+_KINDS = 5  # kinds of notes of one name that are shown
+_EACH = 3  # sentences of one kind of finding that are listed one by one
+_HEADINGS = {"refusal": "Refused", "warning": "Warnings: usable, but read them"}
+
+
+def inspection_sheet(logs: Iterable[Mapping[str, Any]]) -> Sheet:
+    """Return one row per log: what was found in it, and whether it can be used."""
+    rows = []
+    shown, notes = _shown(list(logs))
+    for log in shown:
+        amplitude = log.get("amplitude_m")
+        used, found = log.get("cycles_used"), log.get("cycles_found")
+        n_read = log.get("n_samples_read")
+        rows.append(
+            (
+                str(log["name"]),
+                NOTHING if log.get("setting") is None else str(log["setting"]),
+                NOTHING if n_read is None else str(n_read),
+                number(log.get("sample_rate_Hz"), digits=4),
+                NOTHING if used is None else f"{used} of {found}",
+                number(log.get("frequency_Hz"), digits=4),
+                number(None if amplitude is None else 1e3 * amplitude, digits=4),
+                number(log.get("temperature_degC"), digits=3),
+                str(log.get("verdict", NOTHING)),
+            )
+        )
+    return Sheet(
+        headings=("log", "set", "samples", "rate", "cycles", "freq.", "ampl.", "temp.", "verdict"),
+        units=("", "", "", "Hz", "used", "Hz", "mm", "degC", ""),
+        rows=tuple(rows),
+        is_number=(False, *(True,) * 7, False),
+        notes=notes,
+    )
+
+
+def _shown(logs: Sequence[Mapping[str, Any]]) -> tuple[list[Mapping[str, Any]], tuple[str, ...]]:
+    """Return the logs that have a row: all, or of many the first that can be used."""
+    if len(logs) <= MANY_ROWS:
+        return list(logs), ()
+    usable = [log for log in logs if log.get("verdict") != "refused"]
+    shown = usable[:MANY_ROWS] or logs[:_ROWS_OF_REFUSED]
+    left_out = len(logs) - len(shown)
+    return list(shown), (f"{left_out} of {len(logs)} logs have no row here; --json lists them all",)
+
+
+def stretch_sheet(logs: Iterable[Mapping[str, Any]]) -> Sheet:
+    """Return one row per stretch of the logs that are no single steady run; no rows without."""
+    rows: list[tuple[str, ...]] = []
+    for log in logs:
+        stretches = log.get("stretches", [])
+        if len(stretches) == 1 and stretches[0]["kind"] == "steady":
+            continue
+        names = [str(log["name"]), *("" for _ in stretches[1:])]
+        rows += [_stretch_row(name, one) for name, one in zip(names, stretches, strict=False)]
+    notes = [_NOISE_NOTE] if any("*" in row[-1] for row in rows) else []
+    if len(rows) > MANY_ROWS:
+        notes.append(
+            f"{len(rows) - MANY_ROWS} more stretches have no row here; --json lists them all"
+        )
+    return Sheet(
+        headings=(
+            "stretches",
+            "from",
+            "cycles",
+            "freq.",
+            "ampl.",
+            "speed",
+            "rebound",
+            "bump",
+            "energy",
+            "noise",
+        ),
+        units=("", "s", "", "Hz", "mm", "m/s", "N", "N", "J", "N"),
+        rows=tuple(rows[:MANY_ROWS]),
+        is_number=(False, *(True,) * 9),
+        notes=tuple(notes),
+    )
+
+
+def _stretch_row(name: str, one: Mapping[str, Any]) -> tuple[str, ...]:
+    is_spectral = one["noise_source"] == "above the filter"
+    return (
+        name,
+        number(one["start_s"], digits=4),
+        str(one["cycles"]) if one["cycles"] else "moving",
+        number(one["frequency_Hz"], digits=3),
+        number(1e3 * one["amplitude_m"], digits=3),
+        number(one["peak_speed_m_per_s"], digits=3),
+        number(one.get("peak_force_rebound_N"), digits=4),
+        number(one.get("peak_force_bump_N"), digits=4),
+        number(one.get("energy_J"), digits=3),
+        number(one["noise_N"], digits=2) + "*" * is_spectral,
+    )
+
+
+def finding_lines(
+    logs: Sequence[Mapping[str, Any]], *, has_notes: bool = True, columns: int = _WIDTH
+) -> Iterator[str]:
+    """Yield the findings of all logs as lines of at most so many columns, the worst first.
+
+    A sentence that is true of several logs is shown once. Notes of several logs are shown as the
+    range of their numbers, as each sentence differs; ``has_notes`` False leaves notes out.
+    """
+    for line in _finding_lines(logs, has_notes=has_notes):
+        yield from _wrapped(line, columns)
+
+
+def _finding_lines(logs: Sequence[Mapping[str, Any]], *, has_notes: bool) -> Iterator[str]:
+    yield _verdicts(logs)
+    for severity, heading in _HEADINGS.items():
+        found = _logs_by_finding(logs, severity)
+        if found:
+            yield from ("", heading)
+        for text in _grouped(found):
+            yield _indented(text)
+    if has_notes:
+        yield from _note_lines(logs)
+        yield from _reading_lines(logs)
+
+
+def _verdicts(logs: Sequence[Mapping[str, Any]]) -> str:
+    counts = dict.fromkeys(VERDICT_COLOURS, 0)
+    for log in logs:
+        counts[log.get("verdict", "good")] += 1
+    words = {
+        "good": "good",
+        "warnings": "usable with warnings",
+        "curves": "curves without time, which cannot be fitted",
+        "refused": "refused",
+    }
+    parts = [f"{count} {words[verdict]}" for verdict, count in counts.items() if count]
+    return f"{len(logs)} log{'s' * (len(logs) != 1)}: {', '.join(parts)}"
+
+
+def _findings(log: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    found: list[Mapping[str, Any]] = log.get("findings", [])
+    return found
+
+
+def _logs_by_finding(
+    logs: Sequence[Mapping[str, Any]], severity: str
+) -> dict[tuple[str, str], list[str]]:
+    """Return, by name and sentence, the logs that it is true of."""
+    found: dict[tuple[str, str], list[str]] = {}
+    for log in logs:
+        for one in _findings(log):
+            if one["severity"] == severity:
+                found.setdefault((one["name"], one["sentence"]), []).append(log["name"])
+    return found
+
+
+def _grouped(by_finding: Mapping[tuple[str, str], list[str]]) -> Iterator[str]:
+    """Yield a line for each sentence; one for each kind where it differs from log to log.
+
+    Refusals share a few names; what tells their causes apart is the sentence without its numbers.
+    """
+    kinds: dict[tuple[str, str], list[tuple[str, list[str]]]] = {}
+    for (name, sentence), names in by_finding.items():
+        kinds.setdefault((name, shape_of(sentence)), []).append((sentence, names))
+    for (name, _), found in list(kinds.items())[:MANY_KINDS]:
+        if len(found) <= _EACH:
+            yield from (f"{_named(names)}: {name}: {sentence}" for sentence, names in found)
+            continue
+        sentence, (first, *_) = found[0]
+        others = dict.fromkeys(log for _, names in found for log in names)
+        del others[first]
+        listed = listed_names(list(others), few=FEW)
+        yield f"{first}: {name}: {sentence}. With other numbers in {listed}"
+    if len(kinds) > MANY_KINDS:
+        yield f"and {len(kinds) - MANY_KINDS} more kinds; --json lists them all"
+
+
+def _note_lines(logs: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    if not _logs_by_finding(logs, "note"):
+        return
+    yield from ("", "Notes")
+    by_name: dict[str, list[Mapping[str, Any]]] = {}
+    for log in logs:
+        for one in _findings(log):
+            if one["severity"] == "note":
+                by_name.setdefault(one["name"], []).append(one)
+    for name, found in by_name.items():
+        kinds = by_words(one["sentence"] for one in found)
+        for alike in kinds[:_KINDS]:
+            count = f" ({len(alike)} of {len(logs)} logs)" if len(logs) > 1 else ""
+            yield _indented(f"{name}: {with_ranges(alike)}{count}")
+        if len(kinds) > _KINDS:
+            n = sum(map(len, kinds[_KINDS:]))
+            yield _indented(f"{name}: other notes on {n} of {len(logs)} logs; --json has them all")
+
+
+def _reading_lines(logs: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """Yield what was assumed in reading, each assumption once."""
+    found: dict[str, dict[str, list[str]]] = {}
+    for log in logs:
+        sentences = {one["sentence"] for one in _findings(log)}
+        for note in log.get("notes", ()):
+            if note not in sentences:
+                found.setdefault(shape_of(note), {}).setdefault(note, []).append(log["name"])
+    if found:
+        yield from ("", "Read as")
+    for alike in found.values():
+        if len(alike) > _EACH:
+            n, first = sum(map(len, alike.values())), next(iter(alike))
+            yield _indented(f"{first} ({n} of {len(logs)} logs, with other names or numbers)")
+            continue
+        for note, names in alike.items():
+            who = f" ({len(names)} of {len(logs)} logs)" if len(logs) > 1 else ""
+            yield _indented(f"{note}{who}")
+
+
+def _named(names: Sequence[str]) -> str:
+    others = len(set(names)) - 1
+    return f"{names[0]} and {others} other log{'s' * (others > 1)}" if others else names[0]
+
+
+def _indented(text: str) -> str:
+    return "  " + " ".join(text.split())
+
+
+def _wrapped(line: str, columns: int) -> list[str]:
+    """Wrap what is indented; headings are short."""
+    if not line.startswith("  "):
+        return [line]
+    return wrap(
+        line.strip(),
+        columns,
+        initial_indent="  ",
+        subsequent_indent="    ",
+        break_long_words=False,
+        break_on_hyphens=False,
+    )

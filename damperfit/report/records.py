@@ -1,0 +1,329 @@
+"""Checks, trends, clicks and findings on their way into run.json and back: one class for both.
+
+Folders of other versions and damaged ones come here too, so nothing is taken on trust. What an
+entry lacks or has of another kind reads as not known: NaN, None, an empty text. An entry that lacks
+what it cannot do without is left out.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import fields, is_dataclass, replace
+from functools import cache
+from types import NoneType, UnionType
+from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_origin, get_type_hints
+
+from damperfit.adjustment import Click, Outlier, Trend, TrendPoint
+from damperfit.checks import Check
+from damperfit.recording import Finding
+from damperfit.report.facts import Failure
+from damperfit.tested.setting import Place, Setting, parse_place
+from damperfit.units.quantities import QuantityError
+from damperfit.units.shown_units import SI, ShownUnits, parse_units
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+__all__ = [
+    "checks_in",
+    "clicks_in",
+    "failures_in",
+    "findings_in",
+    "gaps_in",
+    "held_out_in",
+    "law_in",
+    "listed_in",
+    "number_in",
+    "read_back",
+    "sentences_in",
+    "to_record",
+    "trends_in",
+    "units_in",
+]
+
+_T = TypeVar("_T")
+
+# Names in run.json where they are not those of the fields.
+_KEYS: dict[type, dict[str, str]] = {
+    Click: {
+        "first": "from",
+        "second": "to",
+        "speed": "speed_m_per_s",
+        "change": "change_N",
+        "low": "low_N",
+        "high": "high_N",
+    },
+}
+# Fields without which an entry says nothing.
+_NEEDED: dict[type, frozenset[str]] = {
+    Check: frozenset({"name"}),
+    Click: frozenset({"first", "second", "speed"}),
+    Failure: frozenset({"message"}),
+    Finding: frozenset({"sentence"}),
+    Outlier: frozenset({"setting"}),
+    Trend: frozenset({"parameter"}),
+    TrendPoint: frozenset({"setting", "value"}),
+}
+
+_PLAIN = frozenset({float, int, str, bool, type(None)})
+
+
+class _UnreadableError(Exception):
+    """A value is not of its kind, and its kind has none that says so."""
+
+
+def to_record(one: Any) -> Any:
+    """Return a check, trend, click, finding or failure as what run.json holds.
+
+    Examples
+    --------
+    >>> to_record(Check("no_cavitation", True, "no chamber"))
+    {'name': 'no_cavitation', 'passed': True, 'reason': 'no chamber'}
+    """
+    if type(one) in _PLAIN:  # nearly all there is: asked for first
+        return one
+    if isinstance(one, Setting):
+        return one.cell
+    if is_dataclass(one):
+        kind: Any = type(one)
+        record = {}
+        for name, key in _keys_of(kind):
+            value = getattr(one, name)
+            record[key] = value if type(value) in _PLAIN else to_record(value)
+        return record
+    if isinstance(one, tuple):
+        return [item if type(item) in _PLAIN else to_record(item) for item in one]
+    if isinstance(one, dict):
+        return {str(key): to_record(item) for key, item in one.items()}
+    return one
+
+
+@cache
+def _keys_of(kind: Any) -> tuple[tuple[str, str], ...]:
+    """Return the name of each field, and the key that stands for it in run.json."""
+    keys = _KEYS.get(kind, {})
+    return tuple((one.name, keys.get(one.name, one.name)) for one in fields(kind))
+
+
+def read_back(kind: type[_T], entry: object) -> _T | None:
+    """Return what `to_record` was given, or None where too much of it is missing.
+
+    Parameters
+    ----------
+    kind : type
+        Check, Trend, Click, Finding or Failure.
+    entry : object
+        As it stands in run.json; anything at all.
+
+    Examples
+    --------
+    >>> read_back(Check, {"name": "no_cavitation", "passed": "yes"})
+    Check(name='no_cavitation', passed=None, reason='')
+    >>> read_back(Check, {"reason": "of what?"}) is None
+    True
+    """
+    try:
+        found: _T = _read_class(kind, entry)
+    except _UnreadableError:
+        return None
+    return found
+
+
+def checks_in(record: Mapping[str, Any]) -> tuple[Check, ...]:
+    """Return the checks in the order of the record."""
+    return _all(Check, record, "checks")
+
+
+def trends_in(record: Mapping[str, Any]) -> tuple[Trend, ...]:
+    """Return the trends by parameter, their points by setting."""
+    return tuple(
+        replace(trend, points=tuple(sorted(trend.points, key=lambda point: point.setting)))
+        for trend in _all(Trend, record, "trends")
+    )
+
+
+def clicks_in(record: Mapping[str, Any]) -> tuple[Click, ...]:
+    """Return the changes of force by click."""
+    return _all(Click, record, "clicks")
+
+
+def units_in(record: Mapping[str, Any]) -> ShownUnits:
+    """Return the units in which the run was shown; SI where it does not say."""
+    found: Any = record.get("configuration")
+    for key in ("output", "units"):
+        found = found.get(key) if isinstance(found, dict) else None
+    try:
+        return parse_units(found) if isinstance(found, str) else SI
+    except QuantityError:
+        return SI
+
+
+def findings_in(log: Mapping[str, Any]) -> tuple[Finding, ...]:
+    """Return the findings of one entry of ``inputs``, the gravest first."""
+    order = {"refusal": 0, "warning": 1}
+    found = _all(Finding, log, "findings")
+    return tuple(sorted(found, key=lambda finding: order.get(finding.severity, 2)))
+
+
+def failures_in(record: Mapping[str, Any]) -> tuple[Failure, ...]:
+    """Return the logs and settings that have no result."""
+    return _all(Failure, record, "failures")
+
+
+def gaps_in(record: Mapping[str, Any]) -> tuple[tuple[int, int], ...]:
+    """Return the runs of settings without a result, first and last of each."""
+    gaps = listed_in(record, "gaps")
+    ends = [(one.get("first"), one.get("last")) for one in gaps if isinstance(one, dict)]
+    # Before 0.2 every setting was listed.
+    ends += [(one, one) for one in gaps]
+    return tuple(
+        (first, last)
+        for first, last in ends
+        if type(first) is int and type(last) is int and first <= last
+    )
+
+
+def sentences_in(record: Mapping[str, Any], about: str) -> list[str]:
+    """Return what the run said of a subject, such as "identifiability"; older runs said nothing."""
+    sentences = record.get("sentences")
+    return [str(one) for one in listed_in(sentences, about)] if isinstance(sentences, dict) else []
+
+
+def held_out_in(record: Mapping[str, Any]) -> list[str]:
+    """Return one sentence for each log that was predicted and not fitted."""
+    return [
+        f"setting {entry.get('setting')}, {_text(entry.get('log'))}, "
+        f"{_cycles(_text(entry.get('cycles')))}: MSE {_number(entry.get('mse_percent')):.3g} % "
+        f"({_number(entry.get('expected_mse_percent')):.3g} % expected), "
+        f"{_text(entry.get('verdict'))}"
+        for entry in listed_in(record, "held_out")
+        if isinstance(entry, dict)
+    ]
+
+
+def _cycles(held_out: str) -> str:
+    if held_out == "transients":
+        return "run-up, coast-down and changes of speed"
+    return f"{held_out} cycles"
+
+
+def law_in(record: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return what the logs tell of the damper's law; empty where they were not asked."""
+    choice = record.get("law_choice")
+    return choice if isinstance(choice, dict) else {}
+
+
+def listed_in(record: Mapping[str, Any], key: str) -> list[Any]:
+    """Return a list of the record, empty where there is none."""
+    value = record.get(key)
+    return value if isinstance(value, list) else []
+
+
+def number_in(record: Mapping[str, Any], key: str) -> float | None:
+    """Return a finite number of the record, None where there is none."""
+    number = _number(record.get(key))
+    return number if math.isfinite(number) else None
+
+
+def _all(kind: type[_T], record: Mapping[str, Any], key: str) -> tuple[_T, ...]:
+    found = (read_back(kind, entry) for entry in listed_in(record, key))
+    return tuple(one for one in found if one is not None)
+
+
+@cache
+def _hints(kind: Any) -> dict[str, Any]:
+    return get_type_hints(kind, localns={"Setting": Setting})
+
+
+def _read_class(kind: Any, entry: object) -> Any:
+    if not isinstance(entry, dict):
+        raise _UnreadableError
+    keys, needed = _KEYS.get(kind, {}), _NEEDED.get(kind, frozenset())
+    values = {}
+    for name, hint in _hints(kind).items():
+        value = _read(hint, entry.get(keys.get(name, name)))
+        if name in needed and (value == "" or value != value):  # noqa: PLR0124 - NaN alone does
+            raise _UnreadableError
+        values[name] = value
+    return kind(**values)
+
+
+def _read(hint: Any, value: object) -> Any:
+    """Return a value as its kind, or what stands for an unknown one."""
+    if isinstance(hint, UnionType):
+        kinds = [kind for kind in get_args(hint) if kind is not NoneType]
+        like = next((kind for kind in kinds if _is_like(kind, value)), None)
+        if like is None and len(kinds) == len(get_args(hint)):
+            raise _UnreadableError
+        return None if like is None else _read(like, value)
+    if get_origin(hint) is tuple:
+        return _read_tuple(get_args(hint), value)
+    if hint is Setting:
+        return _setting(value)
+    if isinstance(hint, type) and is_dataclass(hint):
+        return _read_class(hint, value)
+    return {str: _text, float: _number, int: _whole, bool: _is_true}[hint](value)
+
+
+def _read_tuple(kinds: tuple[Any, ...], value: object) -> tuple[Any, ...]:
+    items = value if isinstance(value, list) else []
+    if Ellipsis not in kinds:
+        if len(items) != len(kinds):
+            raise _UnreadableError
+        return tuple(_read(kind, item) for kind, item in zip(kinds, items, strict=True))
+    found = []
+    for item in items:
+        try:
+            found.append(_read(kinds[0], item))
+        except _UnreadableError:
+            continue
+    return tuple(found)
+
+
+def _is_like(kind: type, value: object) -> bool:
+    """Whether a value that may be unknown is known."""
+    if kind is Setting:
+        is_label = isinstance(value, str) and isinstance(_place(value), str | float)
+        return is_label or _is_like(int, value)
+    if kind in {int, float}:
+        return math.isfinite(_number(value)) and (kind is float or type(value) is int)
+    return type(value) is kind
+
+
+def _number(value: object) -> float:
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    try:
+        return float(value) if is_number else math.nan  # type: ignore[arg-type]
+    except OverflowError:  # JSON knows whole numbers of any length
+        return math.nan
+
+
+def _whole(value: object) -> int:
+    number = _number(value)
+    if not number.is_integer():  # NaN and infinity are none either
+        raise _UnreadableError
+    return int(number)
+
+
+def _setting(value: object) -> Setting:
+    if not isinstance(value, str):
+        return Setting.of(_whole(value))
+    place = _place(value)
+    if place is None or isinstance(place, int):
+        raise _UnreadableError
+    return Setting.of(place)
+
+
+def _place(text: str) -> Place | None:
+    try:
+        return parse_place(text)
+    except ValueError:
+        return None
+
+
+def _is_true(value: object) -> bool:
+    return value is True
+
+
+def _text(value: object) -> str:
+    return value if isinstance(value, str) else "" if value is None else str(value)
