@@ -37,10 +37,10 @@ from damperfit.cli.options import (
 from damperfit.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from damperfit.atomic import FileSet
     from damperfit.comparison import ComparisonOptions, RunComparison
     from damperfit.configuration.options import Configuration
     from damperfit.queries.comparisons import Compared
+    from damperfit.store import FileSet
 
 __all__ = ["compare"]
 
@@ -168,9 +168,9 @@ def _save(
     reading: Configuration | None,
     is_quiet: bool,
 ) -> None:
-    from damperfit.atomic import write_text
     from damperfit.queries.baseline import baseline_text
     from damperfit.queries.comparisons import one_run
+    from damperfit.store import write_text
 
     run = one_run(place, options, config=config, reading=reading)
     write_text(path, baseline_text(run))
@@ -187,9 +187,9 @@ def _write(
     summary: Path | None,
 ) -> None:
     """Write what was asked for as files."""
-    from damperfit.atomic import file_set
     from damperfit.report.compared import comparison_markdown, junit_report
     from damperfit.report.page import comparison_page
+    from damperfit.store import file_set
 
     found_rows = (found.comparisons, found.points)
     if out is not None:

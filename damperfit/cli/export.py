@@ -149,7 +149,7 @@ def _destination(results: Path, out: Path | None, target: Target) -> tuple[Path,
 
 
 def _write(folder: Path, files: dict[str, bytes], *, spares_others: bool) -> list[Path]:
-    from damperfit.atomic import file_set
+    from damperfit.store import file_set
 
     with file_set(folder, spares_others=spares_others) as drafts:
         for name, content in files.items():

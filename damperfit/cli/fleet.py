@@ -89,12 +89,12 @@ def fleet(
 
     Example: damperfit fleet runs --out fleet --collect
     """
-    from damperfit.atomic import check_writable
     from damperfit.cli.interrupt import stop_on_signal
     from damperfit.cli.progress import fleet_progress
     from damperfit.fleet.damper_tasks import share_of
     from damperfit.fleet.whole_fleet import planned
     from damperfit.queries.comparisons import parse_bands
+    from damperfit.store import check_writable
 
     asked = [
         option

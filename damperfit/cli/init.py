@@ -62,7 +62,6 @@ def init(
 
     Example: damperfit init runs/*.csv --model monotube --set rod_diameter=12mm
     """
-    from damperfit.atomic import write_text
     from damperfit.queries.first_configuration import (
         Guessed,
         check_damper,
@@ -70,6 +69,7 @@ def init(
         guess_from_logs,
     )
     from damperfit.run.log_paths import expand
+    from damperfit.store import write_text
 
     is_printed = str(out) == _STDOUT
     if not is_printed:

@@ -330,9 +330,9 @@ def check_places(*folders: Path | None) -> None:
     Raises
     ------
     ConfigurationError, OutputError
-        As of `damperfit.atomic.check_writable`.
+        As of `damperfit.store.check_writable`.
     """
-    from damperfit.atomic import check_writable
+    from damperfit.store import check_writable
 
     for folder in folders:
         if folder is not None:

@@ -99,10 +99,10 @@ def write_report(
     files : tuple of pathlib.Path
         What was written.
     """
-    from damperfit.atomic import file_set
     from damperfit.queries.fleet_part import results_in, title_of
     from damperfit.report.page import html_report
     from damperfit.report.settings_figures import report_plots
+    from damperfit.store import file_set
     from damperfit.units.shown_units import parse_units
 
     found = results_in(results)
@@ -119,8 +119,8 @@ def write_report(
 
 
 def _write_figures(shown: ReportPlots, folder: Path, *, kind: str) -> list[Path]:
-    from damperfit.atomic import file_set
     from damperfit.report.drawing import draw_plot
+    from damperfit.store import file_set
 
     with file_set(folder) as files:
         for plot in shown.plots:

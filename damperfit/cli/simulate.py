@@ -149,7 +149,7 @@ def _check_suffix(option: str, path: Path | None, known: tuple[str, ...]) -> Non
 def _write(
     simulated: SimulatedTest, *, out: Path | None, plot: Path | None, spares_others: bool
 ) -> None:
-    from damperfit.atomic import file_set
+    from damperfit.store import file_set
 
     with ExitStack() as stack:
         sets = []

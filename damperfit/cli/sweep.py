@@ -188,8 +188,8 @@ def _write(
 ) -> None:
     import csv
 
-    from damperfit.atomic import file_set
     from damperfit.report.drawing import draw_plot
+    from damperfit.store import file_set
 
     with file_set(folder, spares_others=spares_others) as files:
         for plot in plots:

@@ -372,8 +372,8 @@ def export(
     tuple of pathlib.Path
         What was written.
     """
-    from damperfit.atomic import file_set
     from damperfit.handover import ExportOptions, find_target, hand_over
+    from damperfit.store import file_set
     from damperfit.units.quantities import parse_quantity
 
     if to is None:

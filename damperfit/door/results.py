@@ -10,11 +10,11 @@ from shutil import rmtree
 from tempfile import mkdtemp
 from typing import TYPE_CHECKING, Any
 
-from damperfit.atomic import file_set
 from damperfit.door.asked import known_as_setting
 from damperfit.door.sheets import WIDTH, html_table, text_table
 from damperfit.door.wrong_calls import answers_wrong_calls, path_of
 from damperfit.errors import ConfigurationError, OutputError, did_you_mean
+from damperfit.store import file_set
 from damperfit.tables import read_results
 
 if TYPE_CHECKING:

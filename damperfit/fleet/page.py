@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 import pyarrow as pa
 
 from damperfit import __version__
-from damperfit.atomic import file_set
 from damperfit.fleet.parts import COLLECTED
 from damperfit.fleet.survey import FAR_OFF, LEAST_DAMPERS
 from damperfit.fleet.survey_plots import series_plots, trend_plots
@@ -20,6 +19,7 @@ from damperfit.report.compared import tolerance_rows, tolerance_sheet, tolerance
 from damperfit.report.page import PlotData, asset, draw, plotly_script
 from damperfit.report.rounding import NOTHING, number
 from damperfit.report.sheet import Sheet
+from damperfit.store import file_set
 from damperfit.tables import write_table
 
 if TYPE_CHECKING:

@@ -12,7 +12,6 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import time
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote, unquote
@@ -20,11 +19,10 @@ from urllib.parse import quote, unquote
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from damperfit.atomic import file_set
-from damperfit.atomic.owner import new_owner, owner_of
 from damperfit.errors import ConfigurationError, OutputError
 from damperfit.queries.fleet_part import RECORD
 from damperfit.recording import natural_order
+from damperfit.store import file_set, remove_abandoned, replaced
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -106,18 +104,11 @@ def write_part(
     text = json.dumps(facts, sort_keys=True).encode()
     of_run = json.dumps(record or {}, sort_keys=True).encode()
     table = table.replace_schema_metadata({_FACTS: text, RECORD: of_run})
-    beside = path.parent / f".{new_owner().text}.damperfit-new"
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with beside.open("wb") as file:
+        with replaced(path) as file:
             pq.write_table(table, file, write_page_checksum=True)
-            file.flush()
-            os.fsync(file.fileno())
-        beside.replace(path)
-        _flush_folder(path.parent)
     except OSError as error:
-        with suppress(OSError):
-            beside.unlink()
         raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from error
 
 
@@ -153,15 +144,6 @@ def touch(path: Path) -> None:
         os.utime(path)
 
 
-def _flush_folder(folder: Path) -> None:
-    if os.name == "posix":
-        number = os.open(folder, os.O_RDONLY)
-        try:
-            os.fsync(number)
-        finally:
-            os.close(number)
-
-
 def read_facts_of(path: Path) -> dict[str, Any]:
     """Return what a part tells besides its rows; nothing where it is damaged."""
     try:
@@ -190,15 +172,8 @@ def renew_facts(path: Path, **changed: Any) -> None:
 
 def tidy(folder: Path) -> None:
     """Remove what killed workers left; the files of those that may be at work stay."""
-    for path in folder.glob(f"{SERIAL}=*/.*.damperfit-new"):
-        owner = owner_of(path.name)
-        with suppress(OSError):
-            if owner is not None and not owner.may_live(_age(path)):
-                path.unlink()
-
-
-def _age(path: Path) -> float:
-    return time.time() - path.stat().st_mtime
+    for damper in folder.glob(f"{SERIAL}=*"):
+        remove_abandoned(damper)
 
 
 def _tables(folder: Path) -> Iterator[pa.Table]:

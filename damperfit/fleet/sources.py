@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import tempfile
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
@@ -16,12 +17,12 @@ from damperfit.fleet.stores import (
     fetched,
     is_address,
     listed,
-    temporary_folder,
 )
 from damperfit.readers.formats import LOG_SUFFIXES
 from damperfit.recording import natural_order
 from damperfit.run.log_paths import matches
 from damperfit.run.own_tables import is_own_table
+from damperfit.store import remove_abandoned, temporary_folder
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
 __all__ = ["Brought", "FleetLog", "KnownObject", "brought_here", "find_sources", "head_of"]
 
 _SHOWN = ".csv, .txt, .xlsx, .mat, .tdms"
+_FETCHED = "damperfit-logs-"  # prefix of temporary folders
 _HEAD = 4096  # bytes of a log in which its preamble is looked for
 
 
@@ -216,7 +218,9 @@ def brought_here(sources: Sequence[FleetLog]) -> Iterator[Brought]:
         yield Brought(paths, {})
         return
     stamps: dict[FleetLog, str] = {}
-    with temporary_folder() as folder:
+    place = Path(tempfile.gettempdir())
+    remove_abandoned(place, _FETCHED)
+    with temporary_folder(_FETCHED, place) as folder:
         for source in sources:
             if source.is_remote:
                 paths[source] = folder.joinpath(*source.fetched_to.parts)

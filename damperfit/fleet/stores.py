@@ -9,20 +9,16 @@ from __future__ import annotations
 import fnmatch
 import queue
 import re
-import shutil
-import tempfile
 import threading
 import time
-from contextlib import contextmanager, suppress
 from functools import lru_cache
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any
 
-from damperfit.atomic.owner import new_owner, owner_of
 from damperfit.errors import ConfigurationError, DamperfitError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable
 
 __all__ = [
     "UnreachableError",
@@ -31,7 +27,6 @@ __all__ = [
     "is_address",
     "listed",
     "stamp_of",
-    "temporary_folder",
 ]
 
 _ADDRESS = re.compile(r"[a-z][a-z0-9+.-]+://")
@@ -42,7 +37,6 @@ _ANSWERED = 30.0  # s in which an answer of S3 may stand still
 _DEADLINE = 60.0  # s for one answer of any store
 _LISTED = 1800.0  # s for a whole list; a store gives a thousand objects an answer
 _PIECE = 1 << 22  # bytes asked for at once; in the deadline that is 70 kB/s
-_PREFIX = "damperfit-logs"
 
 
 class UnreachableError(DamperfitError):
@@ -269,26 +263,3 @@ def _in_time(act: Callable[[], Any], deadline: float | None = None) -> Any:
     if error is not None:
         raise error
     return found
-
-
-@contextmanager
-def temporary_folder() -> Iterator[Path]:
-    """Yield a folder that goes when the work is done; one that a killed worker left goes now."""
-    _remove_abandoned(tempfile.gettempdir())
-    owner = new_owner().text
-    folder = tempfile.mkdtemp(prefix=f"{_PREFIX}.{owner}.damperfit-new.")
-    try:
-        yield Path(folder)
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
-
-
-@lru_cache(maxsize=1)
-def _remove_abandoned(place: str) -> None:
-    """Remove folders of workers that are dead; those of others that may be at work stay."""
-    for folder in Path(place).glob(f"{_PREFIX}.*.damperfit-new.*"):
-        owner = owner_of(folder.name.removeprefix(_PREFIX).rpartition(".")[0])
-        with suppress(OSError):
-            age = time.time() - folder.lstat().st_mtime
-            if owner is not None and not owner.may_live(age):
-                shutil.rmtree(folder, ignore_errors=True)

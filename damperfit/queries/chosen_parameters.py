@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from damperfit.atomic import settle
 from damperfit.configuration.options import parameter_value
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import REFERENCE_SOURCE, reference_parameters
@@ -15,6 +14,7 @@ from damperfit.identification import unlimited_in, values_from_others
 from damperfit.queries.fleet_part import is_part, part_in
 from damperfit.queries.origin import origin_of
 from damperfit.report.facts import listed_names
+from damperfit.store import settle
 from damperfit.tables import read_parameters, read_unlimited, table_quantities
 from damperfit.tested.setting import ADJUSTER, Setting, parse_setting
 

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 
 # Not used here, and long to load.
 import damperfit.run.like_speeds  # noqa: F401
-from damperfit.atomic import file_set
 from damperfit.errors import OutputError
 from damperfit.run.earlier import BESIDE, forget_figures, holds_fits
 from damperfit.run.ending import json_pieces
@@ -22,6 +21,7 @@ from damperfit.run.run_json import provenance
 from damperfit.run.unwritten import UnwrittenError
 from damperfit.run.work import fitted
 from damperfit.run.writing import write_results
+from damperfit.store import file_set
 from damperfit.uncertainty import Bench
 
 if TYPE_CHECKING:

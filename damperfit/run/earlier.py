@@ -11,7 +11,7 @@ import re
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from damperfit.atomic import file_set
+from damperfit.store import file_set
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -13,7 +13,6 @@ from importlib import import_module
 from itertools import chain
 from typing import TYPE_CHECKING
 
-from damperfit.atomic import check_writable, reserved
 from damperfit.configuration.what_is_tested import unmatched
 from damperfit.damper.warmed import Warmed
 from damperfit.errors import ConfigurationError
@@ -35,6 +34,7 @@ from damperfit.run.same_setting import once_each, without_contradictions, withou
 from damperfit.run.unwritten import UnwrittenError
 from damperfit.run.warmth import check_temperatures, with_reference
 from damperfit.run.watching import Clock, Watch
+from damperfit.store import check_writable, reserved
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

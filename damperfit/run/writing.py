@@ -21,11 +21,11 @@ if TYPE_CHECKING:
 
     import pyarrow as pa
 
-    from damperfit.atomic import FileSet
     from damperfit.configuration.options import Configuration
     from damperfit.identification import SimulatedLog
     from damperfit.run.mishaps import Mishaps
     from damperfit.run.result import Found, RunResult
+    from damperfit.store import FileSet
 
 __all__ = ["write_results"]
 

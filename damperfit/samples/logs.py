@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from damperfit.atomic import file_set
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper
 from damperfit.damper.purdy.reference import REFERENCE_SETTINGS, reference_parameters
 from damperfit.errors import ConfigurationError
 from damperfit.samples.any_model import made_up_values, simulated_cycle
 from damperfit.samples.steady import RTOL, steady_cycle
+from damperfit.store import file_set
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

@@ -1,7 +1,7 @@
 """Tables to files and back: Parquet with page checksums, CSV that spreadsheets read safely.
 
 What is written depends on the results alone, never on the clock, the machine or the number of
-workers, so equal inputs give equal bytes. `damperfit.atomic` makes files appear whole or not at
+workers, so equal inputs give equal bytes. `damperfit.store` makes files appear whole or not at
 all; the functions here write to whatever path they are given.
 """
 
@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from damperfit.atomic import settle
 from damperfit.errors import ConfigurationError
 from damperfit.identification.outcome import Status
+from damperfit.store import settle
 from damperfit.tables.arrays import float_array, repeated
 from damperfit.tables.columns import adjusters_in, read_setting, setting_cells, table_schema
 from damperfit.tables.quantities import PAPER_QUANTITIES, quantities_in, values_from
@@ -136,7 +136,7 @@ def write_table(path: Path, table: pa.Table, *, suffix: str | None = None) -> No
     Parameters
     ----------
     path : pathlib.Path
-        Where to write; see `damperfit.atomic` for writing whole or not at all.
+        Where to write; see `damperfit.store` for writing whole or not at all.
     table : pyarrow.Table
         The table.
     suffix : str, optional

@@ -18,9 +18,9 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from damperfit.atomic import settle
 from damperfit.errors import ConfigurationError
 from damperfit.recording import natural_order
+from damperfit.store import settle
 from damperfit.tables.columns import (
     adjusters_in,
     column_kinds,

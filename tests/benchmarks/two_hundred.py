@@ -128,7 +128,6 @@ def _tell_reading(pattern: str, rounds: int) -> None:
 
 def _tell_judging(pattern: str, results: Path, rounds: int) -> None:
     """Tell what judging the fits and writing the results take of a log once all is loaded."""
-    from damperfit.atomic import file_set
     from damperfit.configuration.loading import load_configuration
     from damperfit.run.hold_out import Parted, note_unpredicted
     from damperfit.run.judging import assessed, judge
@@ -138,6 +137,7 @@ def _tell_judging(pattern: str, results: Path, rounds: int) -> None:
     from damperfit.run.run_json import provenance
     from damperfit.run.work import fitted
     from damperfit.run.writing import write_results
+    from damperfit.store import file_set
     from damperfit.uncertainty import Bench
 
     configuration = load_configuration()

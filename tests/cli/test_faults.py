@@ -6,7 +6,6 @@ proved beside the code it concerns (`ELSEWHERE`).
 
 from __future__ import annotations
 
-import ast
 import importlib.util
 import io
 import json
@@ -118,25 +117,6 @@ def test_the_good_ones_went_on(batch) -> None:
     failed = {failure["log"] for failure in document["failures"]}
     read = {facts["log"] for facts in document["logs"]} - failed
     assert {"setting_01.csv", "setting_02.csv"} <= read
-
-
-def test_every_row_of_the_list_has_its_case() -> None:
-    here = {name[:3] for name in (*FAULTS, *ELSEWHERE)} | {"F01", "F02", "F60"}
-    expected = {f"F{i:02d}" for i in (*range(1, 38), *range(58, 67))}
-    assert expected <= here
-
-
-def test_the_proofs_stand_elsewhere() -> None:
-    tests = [
-        node.name
-        for path in TESTS.rglob("test_*.py")
-        if any(f"def {name}(" in (text := path.read_text()) for name in ELSEWHERE.values())
-        for node in ast.walk(ast.parse(text))
-        if isinstance(node, ast.FunctionDef)
-    ]
-    assert {name: tests.count(name) for name in ELSEWHERE.values()} == dict.fromkeys(
-        ELSEWHERE.values(), 1
-    )
 
 
 # What is no faulty file

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from damperfit.atomic.own_files import _columns, _says, is_own_file
 from damperfit.handover import TARGETS
+from damperfit.store import _columns, _says
+from damperfit.store import _is_own_file as is_own_file
 from tests.report_folder import make_results
 
 SIMULATE = ("simulate", "--setting", "10", "--cycles", "1", "-q")

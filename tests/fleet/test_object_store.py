@@ -5,14 +5,12 @@ from __future__ import annotations
 import logging
 import os
 import threading
-import time
 from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
 
-from damperfit.atomic.owner import ABANDONED, new_owner
 from damperfit.configuration.loading import load_configuration
 from damperfit.errors import ConfigurationError
 from damperfit.fleet import sources, stores
@@ -20,6 +18,7 @@ from damperfit.fleet.one_damper import State
 from damperfit.fleet.parts import collect, parts_in, read_facts_of, renew_facts
 from damperfit.fleet.sources import find_sources
 from damperfit.fleet.whole_fleet import planned, run_fleet
+from damperfit.store import temporary_folder
 from tests.fleet.test_fleet_command import Here
 
 CONFIGURATION = load_configuration(None)
@@ -328,34 +327,21 @@ class TestASlowStore:
 
 @pytest.mark.skipif(os.name != "posix", reason="processes are looked for")
 def test_what_a_killed_worker_had_fetched_goes_with_the_next_run_and_no_other_s(
-    tmp_path, monkeypatch
+    tmp_path, monkeypatch, store, texts
 ):
-    monkeypatch.setattr(stores.tempfile, "gettempdir", lambda: str(tmp_path))
-    monkeypatch.setattr(stores.tempfile, "tempdir", str(tmp_path))
-    stores._remove_abandoned.cache_clear()
-    host, pid, start, serial = new_owner().text.split("-")
-    left = {
-        "killed": f"{host}-999999999-{start}-{serial}",
-        "at work": f"{host}-{pid}-{start}-{serial}",
-        "of another host": f"{'0' * 12}-1-1-1",
-        "of another host, days ago": f"{'1' * 12}-1-1-1",
-    }
-    folders = {}
-    for who, text in left.items():
-        folders[who] = tmp_path / f"damperfit-logs.{text}.damperfit-new.abc"
-        (folders[who] / "D1").mkdir(parents=True)
-        (folders[who] / "D1" / "log.csv").write_text("a log")
-    days_ago = time.time() - 1.1 * ABANDONED
-    os.utime(folders["of another host, days ago"], (days_ago, days_ago))
-    strange = tmp_path / "damperfit-logs.mine.damperfit-new.abc"
-    strange.mkdir()
-    with stores.temporary_folder() as folder:
-        assert folder.parent == tmp_path
-        kept = {who for who, one in folders.items() if one.exists()}
-        assert kept == {"at work", "of another host"}
-        assert strange.exists()
-    assert not folder.exists()
-    stores._remove_abandoned.cache_clear()
+    monkeypatch.setattr(sources.tempfile, "gettempdir", lambda: str(tmp_path))
+    killed = tmp_path / "damperfit-logs-killed"
+    killed.mkdir()
+    (killed / ".alive").touch()
+    (killed / "log.csv").write_text("a log")
+    (tmp_path / "of somebody else").mkdir()
+    store.put("alone/log.csv", "".join(next(iter(texts.values()))))
+    with temporary_folder("damperfit-logs-", tmp_path) as at_work:
+        with sources.brought_here(find_sources([store.address("alone")])) as here:
+            (fetched,) = here.paths.values()
+            assert tmp_path in fetched.parents
+        assert at_work.exists()
+    assert [path.name for path in tmp_path.iterdir()] == ["of somebody else"]
 
 
 def test_logs_of_one_name_in_two_folders_stay_apart(store, texts):

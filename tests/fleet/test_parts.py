@@ -10,7 +10,6 @@ import pyarrow.dataset as ds
 import pyarrow.parquet as pq
 import pytest
 
-from damperfit.atomic.owner import new_owner
 from damperfit.errors import ConfigurationError, OutputError
 from damperfit.fleet.parts import (
     collect,
@@ -21,6 +20,7 @@ from damperfit.fleet.parts import (
     tidy,
     write_part,
 )
+from damperfit.store import replaced
 
 
 def facts(*hashes: str, places: tuple[str, ...] = ()) -> dict:
@@ -145,19 +145,14 @@ def test_parts_of_different_columns_make_one_table(tmp_path):
     assert table["rebound_bleed"].to_pylist() == [None, 2e-6]
 
 
-@pytest.mark.skipif(os.name != "posix", reason="processes are looked for")
 def test_what_a_killed_worker_left_goes_and_what_a_living_one_writes_stays(tmp_path):
     folder = tmp_path / "serial=D1"
     folder.mkdir()
-    living = new_owner().text
-    host, _pid, start, serial = living.split("-")
-    dead = f"{host}-999999999-{start}-{serial}"
-    another_host = f"{'0' * 12}-1-1-1"
-    for text in (living, dead, another_host):
-        (folder / f".{text}.damperfit-new").write_bytes(b"half")
-    tidy(tmp_path)
-    left = {path.name for path in folder.iterdir()}
-    assert left == {f".{living}.damperfit-new", f".{another_host}.damperfit-new"}
+    (folder / ".damperfit-new-killed").write_bytes(b"half")
+    with replaced(folder / "part-a.parquet") as file:
+        tidy(tmp_path)
+        file.write(b"whole")
+    assert [path.name for path in folder.iterdir()] == ["part-a.parquet"]
 
 
 def test_a_part_carries_its_page_checksums(tmp_path):

@@ -1,0 +1,556 @@
+"""Files that appear whole or not at all, whatever ends the run and whoever else writes.
+
+A set of files is written into a staging folder inside its target folder and flushed to disk. One
+rename of the staging folder to `_COMMITTED` commits the set; then its files are moved over their
+targets. Whoever finds a committed set that was not moved to the end moves the rest: each step may
+be repeated, and `settle` does it before results are read. The folder itself is never exchanged,
+for it may be a working folder or a mount, and it may hold other people's files.
+
+Writers are kept apart by locks of the operating system, which end with their process. On a file
+system without locks nothing keeps two writers of one folder apart.
+"""
+
+from __future__ import annotations
+
+import errno
+import json
+import logging
+import os
+import re
+import secrets
+import shutil
+import tempfile
+import time
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, BinaryIO
+
+from damperfit.errors import ConfigurationError, OutputError
+from damperfit.units.quantities import units_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+__all__ = [
+    "FileSet",
+    "check_writable",
+    "file_set",
+    "remove_abandoned",
+    "replaced",
+    "reserved",
+    "settle",
+    "temporary_folder",
+    "write_text",
+]
+
+_LOGGER = logging.getLogger(__name__)
+
+_STAGING = ".damperfit-new-"  # prefix of staging folders and files
+_COMMITTED = ".damperfit-committed"
+_EXCHANGE = ".damperfit-lock"  # while files are exchanged
+_RUN = ".damperfit-run"  # while a run is at work whose results go there
+_REMOVED = ".removed"  # in a staging folder: names that go when the set appears
+_ALIVE = ".alive"  # in a staging folder: locked as long as its writer lives
+_RESULTS = ("run.json", "parameters.csv", "parameters.parquet")
+_PATIENCE = 30.0  # s; an exchange takes some milliseconds
+_RUN_PATIENCE = 1.0  # s; `settle` of another command may hold the lock of a run for a moment
+_PAUSE = 0.02  # s
+_ABANDONED = 24.0 * 3600.0  # s; where there are no locks, what is older has no writer
+_HELD = {errno.EAGAIN, errno.EACCES, errno.EDEADLK}
+
+
+@dataclass
+class FileSet:
+    """Files of one folder that are about to be replaced together."""
+
+    folder: Path
+    staging: Path
+    names: list[str] = field(default_factory=list)
+    removed: list[str] = field(default_factory=list)
+    spares_others: bool = False
+    is_committed: bool = False
+
+    def path(self, name: str) -> Path:
+        """Return the path to write ``name`` to; it becomes part of the set.
+
+        Raises
+        ------
+        OutputError
+            ``name`` is no plain file name.
+        """
+        if Path(name).name != name or name in {"", ".", ".."} or "\0" in name:
+            raise OutputError(f"{name!r} is not a plain file name; no file is written elsewhere")
+        if name not in self.names:
+            self.names.append(name)
+        return self.staging / name
+
+    def without(self, name: str) -> None:
+        """Let a file of an earlier set, if there is one, go when this set appears."""
+        if name not in (*self.names, *self.removed):
+            self.removed.append(name)
+
+    def spare(self) -> None:
+        """Refuse to write over files of another origin, where these are spared.
+
+        `commit` does it too; who writes two sets asks both before either is committed.
+
+        Raises
+        ------
+        ConfigurationError
+            Such a file is there.
+        """
+        for name in self.names if self.spares_others else ():
+            _refuse_others(self.folder / name, self.staging / name)
+
+    def commit(self) -> None:
+        """Exchange the files for their targets; `file_set` calls it.
+
+        Raises
+        ------
+        ConfigurationError
+            A file of another origin is in the way, and is spared.
+        OutputError
+            A target is no regular file, or another run does not end its exchange.
+        """
+        (self.staging / _REMOVED).write_text(json.dumps(self.removed), encoding="utf-8")
+        for name in (*self.names, _REMOVED):
+            _flush(self.staging / name)
+        _flush_folder(self.staging)
+        self.spare()
+        with _exchanging(self.folder):
+            for name in (*self.names, *self.removed):
+                _refuse_irregular(self.folder / name)
+            self.staging.rename(self.folder / _COMMITTED)
+            self.is_committed = True
+            _move_committed(self.folder)
+
+
+@contextmanager
+def file_set(folder: Path, *, spares_others: bool = False) -> Iterator[FileSet]:
+    """Open a set of files in ``folder``; they replace the old ones when the block ends well.
+
+    The folder is made when it does not exist. When the block raises, no target has changed and no
+    temporary file is left. Sets of several runs are exchanged one after the other.
+
+    Parameters
+    ----------
+    folder : pathlib.Path
+        Where.
+    spares_others : bool
+        Refuse where a file of another origin would be written over.
+
+    Raises
+    ------
+    ConfigurationError
+        A file of another origin stands where one is to go, and is spared.
+    OutputError
+        The folder or a file in it cannot be written.
+    """
+    files = None
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with temporary_folder(_STAGING, folder) as staging:
+            files = FileSet(folder, staging, spares_others=spares_others)
+            yield files
+            files.commit()
+        _LOGGER.debug("written to %s: %s", folder, ", ".join(sorted(files.names)))
+    except OSError as error:
+        if files is not None and files.is_committed:
+            raise OutputError(_interrupted(folder, error)) from error
+        raise OutputError(_explain(folder, error, files.names if files else ())) from error
+
+
+@contextmanager
+def temporary_folder(prefix: str, parent: Path) -> Iterator[Path]:
+    """Yield a new folder in ``parent``, which goes at the end or by `remove_abandoned`."""
+    folder = Path(tempfile.mkdtemp(prefix=prefix, dir=parent))
+    try:
+        with _lock_held(folder / _ALIVE):
+            yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+@contextmanager
+def replaced(path: Path) -> Iterator[BinaryIO]:
+    """Yield a file to write to, which takes the place of ``path`` when the block ends well.
+
+    Raises
+    ------
+    OSError
+        The file cannot be written; ``path`` is as it was.
+    """
+    beside = path.parent / f"{_STAGING}{secrets.token_hex(8)}"
+    try:
+        with beside.open("xb") as file:
+            _try_lock(file.fileno())
+            yield file
+            file.flush()
+            os.fsync(file.fileno())
+            if os.name != "nt":  # before the lock ends, so that nobody takes it for abandoned
+                os.replace(beside, path)
+        if os.name == "nt":
+            os.replace(beside, path)
+        _flush_folder(path.parent)
+    except BaseException:
+        with suppress(OSError):
+            beside.unlink()
+        raise
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write one UTF-8 text file whole or not at all.
+
+    Raises
+    ------
+    OutputError
+        The file cannot be written.
+    """
+    with file_set(path.parent) as files:
+        files.path(path.name).write_text(text, encoding="utf-8", newline="\n")
+
+
+def check_writable(folder: Path) -> None:
+    """Raise before any work is done when results could never be written to ``folder``.
+
+    Raises
+    ------
+    ConfigurationError
+        A file stands where the folder should be.
+    OutputError
+        The nearest existing folder is write-protected.
+    """
+    nearest = folder
+    while not os.path.lexists(nearest) and nearest != nearest.parent:
+        nearest = nearest.parent
+    if not nearest.is_dir():
+        raise ConfigurationError(f"cannot write to {folder}: {nearest} is not a folder")
+    if not os.access(nearest, os.W_OK | os.X_OK):
+        raise OutputError(f"cannot write to {folder}: {nearest} is write-protected")
+
+
+@contextmanager
+def reserved(folder: Path) -> Iterator[None]:
+    """Hold a folder for the results of a run, made if need be, from before its work to its end.
+
+    A folder that stays empty is removed again. Reading there goes on, and so does writing other
+    files.
+
+    Raises
+    ------
+    OutputError
+        Another run is at work for that folder, or it cannot be written to.
+    """
+    missing = [parent for parent in (folder, *folder.parents) if not os.path.lexists(parent)]
+    refusal = (
+        f"{folder}: another run is at work there; wait for it to end, or give this "
+        "one a folder of its own (--out)"
+    )
+    with ExitStack() as held:
+        held.callback(_remove_empty, missing)
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            settle(folder)
+            held.enter_context(_locked(folder / _RUN, patience=_RUN_PATIENCE, refusal=refusal))
+        except OSError as error:
+            raise OutputError(_explain(folder, error)) from error
+        yield
+
+
+def settle(folder: Path) -> None:
+    """End what a killed run left half done in a results folder; call it before reading there.
+
+    Parameters
+    ----------
+    folder : pathlib.Path
+        May be missing or read-only, as long as nothing is left to do.
+
+    Raises
+    ------
+    OutputError
+        A set was committed there and cannot be moved to its place.
+    """
+    try:
+        names = [path.name for path in folder.iterdir()]
+    except OSError:
+        return  # whoever reads there says it better
+    if not any(_is_ours(name) for name in names):
+        return
+    try:
+        with _exchanging(folder):
+            remove_abandoned(folder)
+        if _RUN in names:
+            with suppress(OutputError), _locked(folder / _RUN, patience=0.0, refusal=""):
+                pass  # a killed run's lock goes with this one
+    except OSError as error:
+        if os.path.lexists(folder / _COMMITTED):
+            raise OutputError(_interrupted(folder, error)) from error
+
+
+def remove_abandoned(folder: Path, prefix: str = _STAGING) -> None:
+    """Remove what killed writers left in a folder; those that are at work keep their files."""
+    for path in folder.glob(f"{prefix}*"):
+        with suppress(OSError):
+            if path.is_dir() and _is_abandoned(path / _ALIVE):
+                shutil.rmtree(path, ignore_errors=True)
+            elif path.is_file() and _is_abandoned(path):
+                path.unlink()
+
+
+@contextmanager
+def _exchanging(folder: Path) -> Iterator[None]:
+    """Keep other writers out of a folder in which a committed set has been moved to its place."""
+    busy = (
+        f"{folder}: another run has been writing there for {_PATIENCE:g} s; wait for "
+        "it to end, or give another folder"
+    )
+    with _locked(folder / _EXCHANGE, patience=_PATIENCE, refusal=busy):
+        if os.path.lexists(folder / _COMMITTED):
+            _move_committed(folder)
+        yield
+
+
+def _move_committed(folder: Path) -> None:
+    """Move the files of a committed set over their targets, from wherever that was left off."""
+    committed = folder / _COMMITTED
+    list_of_removed = committed / _REMOVED
+    for path in sorted(committed.iterdir()):
+        if path.name not in {_REMOVED, _ALIVE}:
+            os.replace(path, folder / path.name)
+    if list_of_removed.exists():  # it goes last
+        for name in json.loads(list_of_removed.read_text(encoding="utf-8")):
+            (folder / Path(name).name).unlink(missing_ok=True)
+        _flush_folder(folder)
+    (committed / _ALIVE).unlink(missing_ok=True)
+    list_of_removed.unlink(missing_ok=True)
+    committed.rmdir()
+
+
+def _refuse_irregular(target: Path) -> None:
+    if target.exists() and not target.is_file():  # a folder, a device, a pipe
+        raise OutputError(f"cannot write {target}: it exists and is not a regular file")
+    if os.name == "nt" and target.exists():  # a file that another program has open stays
+        os.replace(target, target)
+
+
+def _is_abandoned(path: Path) -> bool:
+    """Whether the writer that locked a file has gone."""
+    try:
+        number = os.open(path, os.O_RDWR)
+    except FileNotFoundError:
+        return time.time() - path.parent.stat().st_mtime > 1.0  # locked right after it is made
+    try:
+        is_locked = _try_lock(number)
+        return is_locked or time.time() - os.fstat(number).st_mtime > _ABANDONED
+    except BlockingIOError:
+        return False
+    finally:
+        os.close(number)
+
+
+@contextmanager
+def _locked(path: Path, *, patience: float, refusal: str) -> Iterator[None]:
+    """Hold the lock of a file that is made for it and removed with it.
+
+    Raises
+    ------
+    OutputError
+        Another process holds it for longer than ``patience`` in s; `refusal` is the sentence.
+    """
+    until = time.monotonic() + patience
+    while True:
+        try:
+            with _lock_held(path) as number:
+                # Whoever held it may have removed the file that was just opened.
+                if path.exists() and os.path.samestat(os.fstat(number), path.stat()):
+                    try:
+                        yield
+                        return
+                    finally:
+                        with suppress(OSError):
+                            path.unlink()
+        except BlockingIOError:
+            pass
+        if time.monotonic() >= until:
+            raise OutputError(refusal)
+        time.sleep(_PAUSE)
+
+
+@contextmanager
+def _lock_held(path: Path) -> Iterator[int]:
+    """Make a file and hold its lock where the file system has locks; a held one is refused."""
+    no_link = getattr(os, "O_NOFOLLOW", 0)
+    try:
+        number = os.open(path, os.O_RDWR | os.O_CREAT | no_link, 0o666)
+    except PermissionError:  # what a killed run of somebody else left
+        number = os.open(path, os.O_RDONLY | no_link)
+    try:
+        is_locked = _try_lock(number)
+        try:
+            yield number
+        finally:
+            if is_locked:  # not by closing alone: a copy of this process may have it open
+                _unlock(number)
+    finally:
+        with suppress(OSError):  # what was written stands, whatever becomes of the lock
+            os.close(number)
+
+
+def _try_lock(number: int) -> bool:
+    """Lock an open file; False where the file system has no locks.
+
+    Raises
+    ------
+    BlockingIOError
+        Somebody else holds it.
+    """
+    try:
+        if os.name == "nt":
+            import msvcrt
+
+            msvcrt.locking(number, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined,unused-ignore]
+        else:
+            import fcntl
+
+            fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        if error.errno in _HELD:
+            raise BlockingIOError from error
+        return False  # ENOLCK, EOPNOTSUPP and their like
+    return True
+
+
+def _unlock(number: int) -> None:
+    with suppress(OSError):
+        if os.name == "nt":
+            import msvcrt
+
+            msvcrt.locking(number, msvcrt.LK_UNLCK, 1)  # type: ignore[attr-defined,unused-ignore]
+        else:
+            import fcntl
+
+            fcntl.flock(number, fcntl.LOCK_UN)
+
+
+def _flush(path: Path) -> None:
+    with path.open("rb+") as file:
+        os.fsync(file.fileno())
+
+
+def _flush_folder(folder: Path) -> None:
+    """Make renames durable; Windows and some network file systems cannot, and need not."""
+    with suppress(OSError):
+        number = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(number)
+        finally:
+            os.close(number)
+
+
+def _remove_empty(folders: Iterable[Path]) -> None:
+    for folder in folders:
+        with suppress(OSError):  # results stand in it
+            folder.rmdir()
+
+
+def _explain(folder: Path, error: OSError, names: Iterable[str] = ()) -> str:
+    sentence = f"cannot write to {folder}: {error.strerror or error}"
+    is_earlier = any(os.path.lexists(folder / name) for name in (*names, *_RESULTS))
+    return f"{sentence}; earlier results there are untouched" if is_earlier else sentence
+
+
+def _interrupted(folder: Path, error: OSError) -> str:
+    return (
+        f"{folder}: results were written there, but not all files could be moved to their place: "
+        f"{error.strerror or error}; make the folder writable, and the next command that looks "
+        "there ends it"
+    )
+
+
+def _is_ours(name: str) -> bool:
+    return name in {_COMMITTED, _EXCHANGE, _RUN} or name.startswith(_STAGING)
+
+
+# A file is our own where it begins as the new one does and says "damperfit" near its beginning or
+# its end (pictures, archives and Parquet say it there), or where it is a CSV with the same columns,
+# in whichever units of force, speed and length; those of signals over time have one unit each.
+# Tables beside a run.json are results, which only `identify` replaces.
+_MARK = b"damperfit"
+_HEAD, _TAIL = 16384, 65536  # bytes; the columns of a table of parameters take thousands
+_COLUMN = re.compile(rb"\"?[A-Za-z]\w*( \[[^\]]*\])?\"?")
+_ALIKE = 4  # bytes: enough to tell kinds of files from each other
+_ACCOUNT = "run.json"
+_PARQUET = b"PAR1"
+_FEWEST = 3  # columns of a table
+_SHOWN = {
+    unit.replace("/", "_per_").encode(): dimension.encode()
+    for dimension in ("force", "velocity", "length")
+    for unit in units_of(dimension)
+}
+_IN_A_UNIT = re.compile(  # the shortest name, hence the longest unit: of m_per_s not s
+    rb"(.+?)(?:_| \[)(" + b"|".join(map(re.escape, _SHOWN)) + rb")\]?"
+)
+
+
+def _refuse_others(target: Path, draft: Path) -> None:
+    """Refuse to write over a file of another origin.
+
+    Parameters
+    ----------
+    target : pathlib.Path
+        What would be written over; it need not be there.
+    draft : pathlib.Path
+        What is to be written, under its temporary name.
+
+    Raises
+    ------
+    ConfigurationError
+        The file that is there is not our own.
+    """
+    if target.is_file() and not _is_own_file(target, draft):
+        raise ConfigurationError(
+            f"{target}: is there already, and damperfit did not write it as this kind of file; "
+            "nothing was written. Give --overwrite to replace it, or another --out"
+        )
+
+
+def _is_own_file(target: Path, draft: Path) -> bool:
+    """Whether a file was written by damperfit, of the kind of another one."""
+    new = _head_of(draft, _HEAD)
+    old = _head_of(target, _HEAD)
+    columns = _columns(new)
+    if (columns or new.startswith(_PARQUET)) and (target.parent / _ACCOUNT).exists():
+        return False
+    if columns:
+        return columns == _columns(old)
+    return old[:_ALIKE] == new[:_ALIKE] and _says(target, _MARK)
+
+
+def _says(path: Path, mark: bytes) -> bool:
+    """Whether a file holds some bytes near its beginning or its end."""
+    with path.open("rb") as file:
+        if mark in file.read(_HEAD):
+            return True
+        size = file.seek(0, 2)
+        file.seek(max(0, size - _TAIL))
+        return mark in file.read()
+
+
+def _head_of(path: Path, n: int) -> bytes:
+    with path.open("rb") as file:
+        return file.read(n)
+
+
+def _columns(head: bytes) -> tuple[bytes, ...]:
+    """Names of a CSV's columns, a unit that may be chosen as its dimension; else nothing."""
+    line = head.removeprefix(b"\xef\xbb\xbf").split(b"\n")[0].strip()
+    cells = re.split(rb"[,;]", line)
+    if len(cells) < _FEWEST or not all(map(_COLUMN.fullmatch, cells)):
+        return ()
+    return tuple(cells if cells[0] == b"time_s" else map(_in_any_unit, cells))
+
+
+def _in_any_unit(name: bytes) -> bytes:
+    found = _IN_A_UNIT.fullmatch(name.replace(b"/", b"_per_"))
+    return name if found is None else found[1] + b" " + _SHOWN[found[2]]
