@@ -1,11 +1,11 @@
 """damperfit reads damper rig logs and fits a physical damper model at every adjuster setting.
 
     import damperfit
-    result = damperfit.identify("sample_runs/*.csv")
-    result.setting(10).simulate("sine", amplitude=0.04, frequency=2.0).force
+    run = damperfit.identify("sample_runs/*.csv")
+    run.setting(10).simulate("sine", amplitude=0.04, frequency=2.0).force
 
 `read`, `inspect`, `identify`, `simulate`, `compare`, `export`, `load`, `Damper`, `Motion` and
-`Result` are looked up when they are first used: importing damperfit imports nothing else, so that
+`Run` are looked up when they are first used: importing damperfit imports nothing else, so that
 ``damperfit --help`` starts at once. The layers below are importable by their own names.
 """
 
@@ -21,7 +21,7 @@ __version__ = "0.1.0"
 _DOOR = {
     "Damper": "damperfit.damper.purdy.parameters",
     "Motion": "damperfit.simulation.motion",
-    "Result": "damperfit.door.results",
+    "Run": "damperfit.results",
     "compare": "damperfit.door.calls",
     "export": "damperfit.door.calls",
     "identify": "damperfit.door.calls",

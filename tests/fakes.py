@@ -8,6 +8,7 @@ from damperfit.damper.cavitation import Cavitation
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters
 from damperfit.identification import Campaign, Fit, LogFit, Outcome, Status
 from damperfit.recording import Drive, FilterDesign, Stretch, Trace
+from damperfit.results import Run
 
 __all__ = ["campaign", "fit", "trace"]
 
@@ -87,3 +88,21 @@ def fit(
 def campaign(*fits: Fit, **more: object) -> Campaign:
     """Return a campaign of these fits."""
     return Campaign(procedure="paper", fits=fits, **more)  # type: ignore[arg-type]
+
+
+def changed(run, *, record=None, signals=None, **rows):
+    """Return a run with another record, other signals or other rows of tables."""
+    tables = ("parameters", "mse", "valves", "characteristics")
+    known = {name: run.rows(name) for name in tables} | rows
+    return Run(
+        run.record if record is None else record,
+        known,
+        quantities=run.quantities,
+        signals=run.signals if signals is None else signals,
+        remarks=run.remarks,
+    )
+
+
+def values_in(place):
+    """Return the values of each setting of a run or table."""
+    return {one.setting: one.values for one in Run.load(place).settings}

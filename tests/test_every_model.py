@@ -28,12 +28,11 @@ from damperfit.recording import Recording
 from damperfit.report.markdown import escape, markdown_report
 from damperfit.report.page import html_report
 from damperfit.report.settings_figures import report_plots
+from damperfit.results import Run
 from damperfit.simulation import Motion, SolverOptions, simulate
 from damperfit.tables import (
     Tables,
     make_tables,
-    read_parameters,
-    read_results,
     table_quantities,
     write_responses,
     write_table,
@@ -43,6 +42,7 @@ from damperfit.uncertainty.flaws import seek_flaws
 from damperfit.uncertainty.linearisation import linearise_at_fit
 from tests.damper.test_rivals import NUMBERS
 from tests.damper.test_valve_dampers import VALVES
+from tests.fakes import values_in
 from tests.test_report import FACTS
 
 if TYPE_CHECKING:
@@ -205,7 +205,7 @@ def test_tables_carry_its_quantities_and_are_read_back(name: str, tmp_path: Path
         )
     quantities = table_quantities(tmp_path / "parameters.parquet")
     assert quantities == one.model.quantities
-    read = read_parameters(tmp_path / "parameters.parquet", quantities)
+    read = values_in(tmp_path / "parameters.parquet")
     assert [values.numbers for values in read.values()] == [one.campaign.fits[0].parameters.numbers]
 
 
@@ -217,7 +217,7 @@ def test_the_report_shows_it_and_knows_no_model(name: str, tmp_path: Path) -> No
     (fit,) = one.campaign.fits
     seen = compare(fit.parameters, one.trace, one.model, solver=ROUGH)
     write_responses(tmp_path / "responses.parquet", one.campaign, [seen])
-    found = read_results(tmp_path)
+    found = Run.load(tmp_path)
     assert found.quantities == one.model.quantities
     page = html_report(report_plots(found), title=name)
     text = markdown_report(one.tables, FACTS)

@@ -35,7 +35,7 @@ from damperfit.report.figures import (
     setting_colours,
 )
 from damperfit.report.settings_figures import report_plots
-from damperfit.tables import read_results
+from damperfit.results import Run
 from tests.report_folder import make_results
 
 GOLDEN = Path(__file__).parent / "golden" / "figures"
@@ -60,7 +60,7 @@ NAMES = (
 @pytest.fixture(scope="module")
 def plots(tmp_path_factory):
     folder = make_results(tmp_path_factory.mktemp("results"))
-    return {plot.name: plot for plot in report_plots(read_results(folder)).plots}
+    return {plot.name: plot for plot in report_plots(Run.load(folder)).plots}
 
 
 def pixels(path: Path) -> np.ndarray:
@@ -174,8 +174,8 @@ import sys
 from pathlib import Path
 from damperfit.report.drawing import draw_plot
 from damperfit.report.settings_figures import report_plots
-from damperfit.tables import read_results
-plots = {p.name: p for p in report_plots(read_results(Path(sys.argv[1]))).plots}
+from damperfit.results import Run
+plots = {p.name: p for p in report_plots(Run.load(Path(sys.argv[1]))).plots}
 for kind in ("png", "svg", "pdf"):
     for name in ("parameter_k_e", "setting_03_pressures"):
         draw_plot(Path(sys.argv[2]) / f"{name}.{kind}", plots[name], kind=kind)

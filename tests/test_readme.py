@@ -25,8 +25,8 @@ from PIL import Image
 from damperfit.cli import main
 from damperfit.report.drawing import draw_plot
 from damperfit.report.settings_figures import report_plots
+from damperfit.results import Run
 from damperfit.samples import SampleOptions, make_samples
-from damperfit.tables import read_results
 
 ROOT = Path(__file__).parents[1]
 README = ROOT / "README.md"
@@ -157,7 +157,7 @@ def test_pictures_are_those_that_the_tool_makes(first_command, monkeypatch) -> N
     assert done.returncode == 0
     monkeypatch.chdir(clone)
     assert main(["sweep", "--paper"]) == 0
-    plots = {plot.name: plot for plot in report_plots(read_results(clone / "results")).plots}
+    plots = {plot.name: plot for plot in report_plots(Run.load(clone / "results")).plots}
     for name in names:
         made = clone / "sweep" / f"{name}.png"
         if name in plots:

@@ -12,7 +12,7 @@ import pytest
 from damperfit.comparison import ComparisonOptions, compare_runs
 from damperfit.report.page import comparison_page, html_report
 from damperfit.report.settings_figures import report_plots
-from damperfit.tables import read_results
+from damperfit.results import Run
 from tests.comparison.runs import measured, run
 from tests.report_folder import make_results
 
@@ -39,7 +39,7 @@ FLAGS = (
 def page(tmp_path_factory):
     folder = make_results(tmp_path_factory.mktemp("results"))
     path = folder / "report.html"
-    path.write_text(html_report(report_plots(read_results(folder)), title="page"), encoding="utf-8")
+    path.write_text(html_report(report_plots(Run.load(folder)), title="page"), encoding="utf-8")
     return path
 
 

@@ -32,8 +32,9 @@ from damperfit.report.markdown import markdown_report
 from damperfit.report.page import html_report
 from damperfit.report.settings_figures import report_plots
 from damperfit.report.tables import over_several_clicks, summary_sheet
+from damperfit.results import Run
 from damperfit.simulation import Characteristics, SpeedForce
-from damperfit.tables import Tables, make_tables, read_results, table_schema
+from damperfit.tables import Tables, make_tables, table_schema
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty import Prediction
 from tests.fakes import campaign, fit, trace
@@ -190,7 +191,7 @@ def page(tmp_path_factory):
         ],
     }  # fmt: skip
     (folder / "run.json").write_text(json.dumps(record), encoding="utf-8")
-    results = read_results(folder)
+    results = Run.load(folder)
     assert results.remarks == ()
     reader = _Reader()
     reader.feed(html_report(report_plots(results), title="x"))

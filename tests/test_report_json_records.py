@@ -26,7 +26,7 @@ from damperfit.report.records import (
     to_record,
     trends_in,
 )
-from damperfit.tables import Results
+from damperfit.results import Run
 from damperfit.tested.setting import Setting
 
 _FINITE = st.floats(allow_nan=False, allow_infinity=False)
@@ -245,6 +245,6 @@ def test_findings_come_gravest_first() -> None:
         ]), _JSON, max_size=6), max_size=3),
 ))  # fmt: skip
 def test_no_record_breaks_the_summary(record) -> None:
-    summary(Results((), (), (), record, ()), ())
+    summary(Run(record), ())
     held_out_in(record)
     sentences_in(record, "cavitation")

@@ -27,11 +27,12 @@ from damperfit.report.rounding import number, percent, with_interval
 from damperfit.report.settings_figures import _named_speeds, _points, parameter_plots, report_plots
 from damperfit.report.sheet import Sheet, sheet_width
 from damperfit.report.tables import differ, grade_counts, parameter_sheet, sparkline, summary_sheet
+from damperfit.results import Run
 from damperfit.simulation import SpeedForce
-from damperfit.tables import Results, grade, make_tables, read_results
+from damperfit.tables import grade, make_tables
 from damperfit.tested.setting import Setting
 from damperfit.units.shown_units import SI
-from tests.fakes import campaign, fit
+from tests.fakes import campaign, changed, fit
 from tests.report_folder import make_results
 from tests.test_report import FACTS
 
@@ -43,19 +44,19 @@ def rows_of(*fits, expected=()):
 
 
 def verdicts(*rows):
-    shown = summary(Results(rows, (), (), {}, ()), ())
+    shown = summary(Run(rows={"parameters": rows}), ())
     return dict(shown.listings)["Verdicts"]
 
 
 @pytest.fixture(scope="module")
 def results(tmp_path_factory):
-    return read_results(make_results(tmp_path_factory.mktemp("results")))
+    return Run.load(make_results(tmp_path_factory.mktemp("results")))
 
 
 def evaluated(results, *, record=None, **signals):
     """The log of setting 1 with other signals."""
-    one = replace(results.logs[0], **signals)
-    (found,) = evaluate_logs(replace(results, logs=(one,), record=record or {}))
+    one = replace(results.signals[0], **signals)
+    (found,) = evaluate_logs(changed(results, signals=(one,), record=record or {}))
     return found
 
 
@@ -133,7 +134,9 @@ def test_the_figure_of_the_mse_has_its_rules_where_the_grades_change(results):
 
 
 def test_a_noise_floor_is_told_where_one_is_drawn(results):
-    bare = replace(results, mse=tuple(row | {"noise_floor_percent": None} for row in results.mse))
+    bare = changed(
+        results, mse=tuple(row | {"noise_floor_percent": None} for row in results.rows("mse"))
+    )
     told = {}
     for name, one in (("with", results), ("without", bare)):
         (plot,) = (plot for plot in report_plots(one).overall if plot.name == "mse")
@@ -150,7 +153,7 @@ def test_grades_are_counted():
 
 def test_grades_and_checks_stand_out_on_the_page(results):
     record = {"checks": [{"name": w, "passed": p} for w, p in (("a", True), ("b", False))]}
-    page = html_report(report_plots(replace(results, record=record)), title="x")
+    page = html_report(report_plots(changed(results, record=record)), title="x")
     assert "<td class=well>excellent</td>" in page
     assert "<td class=ill>poor</td>" in page
     assert "<td class=well>passed</td>" in page
@@ -159,13 +162,13 @@ def test_grades_and_checks_stand_out_on_the_page(results):
 
 def test_the_headline_names_the_best_the_worst_and_the_middle():
     rows = tuple(rows_of(fit(1, mse=0.5), fit(2, mse=0.25), fit(3, mse=4.0), expected=range(1, 5)))
-    lead = summary(Results(rows, (), (), {}, ()), ()).lead
+    lead = summary(Run(rows={"parameters": rows}), ()).lead
     assert lead == (
         "3 settings fitted. MSE: median 0.500 %, best 0.250 % at setting 2, worst 4.00 % at "
         "setting 3. Grades: 2 excellent, 1 good (excellent below 1 %, good below 5 %)."
     )
-    assert summary(Results(rows[:1], (), (), {}, ()), ()).lead.startswith("1 setting fitted.")
-    assert summary(Results((), (), (), {}, ()), ()).lead == "The tables hold no MSE."
+    assert summary(Run(rows={"parameters": rows[:1]}), ()).lead.startswith("1 setting fitted.")
+    assert summary(Run(), ()).lead == "The tables hold no MSE."
 
 
 # The test as the page tells it.
@@ -174,7 +177,7 @@ def test_the_headline_names_the_best_the_worst_and_the_middle():
 @pytest.mark.parametrize(("told", "shown"), [(1.5 * 1.019, "1.53 Hz"), (1.5 * 1.021, "1.5 Hz")])
 def test_the_frequency_told_counts_within_two_per_cent_of_that_found(results, told, shown):
     """Two cycles, so that a frequency is found; its passages are 333.3 samples apart."""
-    log = results.logs[0]
+    log = results.signals[0]
     time = np.arange(1000) / 500.0
     phase = 2.0 * np.pi * 1.5 * time
     signals = {
@@ -204,10 +207,10 @@ def test_a_log_of_fewer_than_eight_samples_has_no_figures(results, n, has_forces
 
 
 def test_a_log_without_figures_says_so(results):
-    log = replace(results.logs[0], displacement=np.zeros_like(results.logs[0].displacement))
-    page = html_report(report_plots(replace(results, logs=(log,))), title="x")
+    log = replace(results.signals[0], displacement=np.zeros_like(results.signals[0].displacement))
+    page = html_report(report_plots(changed(results, signals=(log,))), title="x")
     assert page.count("No whole cycle: no figures.") == 1
-    whole = html_report(report_plots(replace(results, logs=results.logs[:1])), title="x")
+    whole = html_report(report_plots(changed(results, signals=results.signals[:1])), title="x")
     assert "No whole cycle" not in whole
 
 
@@ -225,7 +228,7 @@ def test_a_ratio_needs_forces_to_both_sides(results, bump, ratio):
     [(1.0, "No chamber cavitates."), (0.0, "Shaded: cavitation, chamber 2 for 0.3 % of the cycle")],
 )
 def test_a_chamber_cavitates_at_zero_pressure(results, pressure, words):
-    pressures = np.full_like(results.logs[0].pressures, 1e5)
+    pressures = np.full_like(results.signals[0].pressures, 1e5)
     pressures[1, 100] = pressure
     view = evaluated(results, pressures=pressures)
     caption = setting_plots(view, name="a", colour="#000000")[4].caption

@@ -10,9 +10,10 @@ import pytest
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.valve_dampers import TwinTube
 from damperfit.report.logs import evaluate_logs
+from damperfit.results import Run
 from damperfit.run.trust import other_model_advice
 from damperfit.simulation import characterise, mean_figures, simulate, sine_motion
-from damperfit.tables import LogSignals, Results
+from damperfit.tables import LogSignals
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty import Assessment, Objection
 from tests.fakes import fit
@@ -31,7 +32,7 @@ def signals(n_cycles: int) -> LogSignals:
 
 @pytest.mark.parametrize("n_cycles", [1, 2, 5])
 def test_measured_figures_are_the_mean_of_all_cycles(n_cycles: int) -> None:
-    results = Results((), (), (signals(n_cycles),), {}, ())
+    results = Run(signals=(signals(n_cycles),))
     (view,) = evaluate_logs(results)
     mean = 1.0 + 0.05 * (n_cycles - 1)
     (rebound,) = (one.rebound for one in view.measured.speed_forces if one.speed == 0.1)

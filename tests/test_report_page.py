@@ -27,7 +27,7 @@ from damperfit.report.logs import evaluate_logs
 from damperfit.report.page import PlotData, html_report
 from damperfit.report.settings_figures import report_plots
 from damperfit.report.tables import cavitation_sheet
-from damperfit.tables import read_results
+from damperfit.results import Run
 from tests.report_folder import EVIL, damage_row_group, make_results
 
 
@@ -43,7 +43,7 @@ def copy(folder, tmp_path):
 
 @pytest.fixture(scope="module")
 def shown(folder):
-    return report_plots(read_results(folder))
+    return report_plots(Run.load(folder))
 
 
 @pytest.fixture(scope="module")
@@ -57,11 +57,11 @@ def document(page):
 
 
 def test_a_whole_folder_is_read_without_remarks(folder):
-    results = read_results(folder)
+    results = Run.load(folder)
     assert results.remarks == ()
-    assert [row["setting"] for row in results.parameters] == [1, 2, 3, 4, 5]
-    assert [log.setting for log in results.logs] == [1, 2, 3, 5]
-    assert results.logs[0].pressures.shape == (3, len(results.logs[0].time))
+    assert [row["setting"] for row in results.rows("parameters")] == [1, 2, 3, 4, 5]
+    assert [log.setting for log in results.signals] == [1, 2, 3, 5]
+    assert results.signals[0].pressures.shape == (3, len(results.signals[0].time))
 
 
 def test_every_text_is_escaped(page):
@@ -129,7 +129,7 @@ def test_cavitation_is_marked(shown):
     bands = pressures["setting_03_pressures"].panels[0].bands
     assert bands
     assert "chamber 2 for" in pressures["setting_03_pressures"].caption
-    log = next(log for log in shown.results.logs if log.setting == 3)
+    log = next(log for log in shown.run.signals if log.setting == 3)
     time = log.time - log.time[0]
     dry = time[(log.pressures <= 0.0).any(axis=0)]
     assert bands[0][0] == pytest.approx(dry[0], abs=0.01)
@@ -152,11 +152,11 @@ def test_gaps_are_told_in_the_plural(copy, gaps, said):
     record = json.loads(path.read_text())
     record["gaps"] = [{"first": a, "last": b} for a, b in gaps]
     path.write_text(json.dumps(record))
-    assert f"no result for {said}<" in html_report(report_plots(read_results(copy)), title="x")
+    assert f"no result for {said}<" in html_report(report_plots(Run.load(copy)), title="x")
 
 
 def test_frequency_and_figures_come_from_the_signals(folder):
-    view = evaluate_logs(read_results(folder))[0]
+    view = evaluate_logs(Run.load(folder))[0]
     assert view.frequency == pytest.approx(1.5, rel=0.01)
     assert view.measured.peak_force_rebound == pytest.approx(2500.0 * 0.3016 - 130.0, rel=0.01)
     # The measured force is a v - b: its loop integral is a pi A (2 pi f A).
@@ -254,7 +254,7 @@ def test_what_the_run_told_is_shown(copy):
         {"name": "clipping", "severity": "warning", "sentence": f"force is clipped {EVIL}"},
     ]
     (copy / "run.json").write_text(json.dumps(record), encoding="utf-8")
-    shown = report_plots(read_results(copy))
+    shown = report_plots(Run.load(copy))
     page = html_report(shown, title="x")
     assert "Checks: 1 passed, 1 failed, 1 not evaluated" in page
     assert page.index("setting 3 is off") < page.index("all below 1 %")  # what failed comes first
@@ -293,7 +293,7 @@ def test_what_the_run_told_is_shown(copy):
 )
 def test_what_is_told_strangely_breaks_nothing(copy, record):
     (copy / "run.json").write_text(json.dumps(record), encoding="utf-8")
-    page = html_report(report_plots(read_results(copy)), title="x")
+    page = html_report(report_plots(Run.load(copy)), title="x")
     assert "Setting 1" in page
 
 
@@ -302,7 +302,7 @@ def test_a_value_at_a_bound_does_not_flatten_the_others(copy):
     table[1] |= {"k_e": 3e15, "k_e_status": "at_bound"}
     schema = pq.read_schema(copy / "parameters.parquet")
     pq.write_table(pa.Table.from_pylist(table, schema=schema), copy / "parameters.parquet")
-    shown = report_plots(read_results(copy))
+    shown = report_plots(Run.load(copy))
     (plot,) = (plot for plot in shown.overall if plot.name == "parameter_k_e")
     low, high = plot.panels[0].y_range
     assert 480.0 < low < 490.0
@@ -321,7 +321,7 @@ def test_settings_are_numbered_where_they_are_and_do_not_touch():
 
 
 def test_the_mean_residual_is_that_of_all_samples(folder):
-    view = evaluate_logs(read_results(folder))[0]
+    view = evaluate_logs(Run.load(folder))[0]
     signals = replace(view.signals, force=view.signals.force_measured - 7.0)
     plot = setting_plots(replace(view, signals=signals), name="a", colour="#000000")[3]
     cloud, *means = plot.panels[0].lines
@@ -345,8 +345,8 @@ def test_cavitation_is_told_by_setting():
 
 def test_a_damaged_log_costs_that_log_alone(copy):
     damage_row_group(copy / "responses.parquet", 1)
-    results = read_results(copy)
-    assert [log.setting for log in results.logs] == [1, 3, 5]
+    results = Run.load(copy)
+    assert [log.setting for log in results.signals] == [1, 3, 5]
     damage, consequence = results.remarks
     assert "log 2 is damaged" in damage
     assert consequence == "setting 2: parameters but no signals, so no loops"
@@ -355,10 +355,10 @@ def test_a_damaged_log_costs_that_log_alone(copy):
 
 def test_csv_stands_in_for_damaged_parquet(copy):
     (copy / "parameters.parquet").write_bytes(b"PAR1 no more")
-    results = read_results(copy)
-    assert results.parameters == read_results(copy.parent / "copy").parameters
-    assert results.parameters[0]["k_e"] == 5.1e8
-    assert results.parameters[3]["k_e"] is None
+    results = Run.load(copy)
+    assert results.rows("parameters") == Run.load(copy.parent / "copy").rows("parameters")
+    assert results.rows("parameters")[0]["k_e"] == 5.1e8
+    assert results.rows("parameters")[3]["k_e"] is None
     assert any("parameters.parquet cannot be read" in remark for remark in results.remarks)
 
 
@@ -375,7 +375,7 @@ def test_csv_stands_in_for_damaged_parquet(copy):
 def test_what_is_left_is_shown(copy, names):
     for name in names:
         (copy / name).unlink()
-    results = read_results(copy)
+    results = Run.load(copy)
     page = html_report(report_plots(results), title="x")
     for name in names:
         assert any(name in remark for remark in results.remarks)
@@ -385,7 +385,7 @@ def test_what_is_left_is_shown(copy, names):
 @pytest.mark.parametrize("text", ["", "{", "[]", "[" * 100_000, '{"inputs": 3, "files": [1]}'])
 def test_a_broken_record_breaks_nothing(copy, text):
     (copy / "run.json").write_text(text, encoding="utf-8")
-    assert "Setting 1" in html_report(report_plots(read_results(copy)), title="x")
+    assert "Setting 1" in html_report(report_plots(Run.load(copy)), title="x")
 
 
 def test_an_older_schema_is_named_and_what_it_has_is_shown(copy):
@@ -393,7 +393,7 @@ def test_an_older_schema_is_named_and_what_it_has_is_shown(copy):
     old = table.drop_columns(["grade", "outcome", "k_e_ci_low", "cavitation_fraction"])
     pq.write_table(old, copy / "parameters.parquet")
     (copy / "run.json").write_text('{"schema_version": 0, "version": "0.0.1"}', encoding="utf-8")
-    results = read_results(copy)
+    results = Run.load(copy)
     assert "schema version 0 (damperfit 0.0.1)" in results.remarks[0]
     assert "k_e_ci_low" in results.remarks[1]
     assert "parameter_k_e" in html_report(report_plots(results), title="x")
@@ -403,10 +403,10 @@ def test_an_older_schema_is_named_and_what_it_has_is_shown(copy):
 def test_any_other_schema_is_named_and_this_one_is_not(copy, version):
     for known in (1, 2):
         (copy / "run.json").write_text(f'{{"schema_version": {known}}}', encoding="utf-8")
-        assert not any("schema version" in remark for remark in read_results(copy).remarks)
+        assert not any("schema version" in remark for remark in Run.load(copy).remarks)
     text = json.dumps({"schema_version": version, "version": "9.9"})
     (copy / "run.json").write_text(text, encoding="utf-8")
-    (said,) = (one for one in read_results(copy).remarks if "schema version" in one)
+    (said,) = (one for one in Run.load(copy).remarks if "schema version" in one)
     assert said == (
         f"the results are of schema version {version} (damperfit 9.9), this damperfit knows 2: "
         f"what is not found is left out; {'update damperfit, or ' if version == 3 else ''}"
@@ -423,27 +423,27 @@ def _change(path, change):
 
 def test_a_setting_that_is_in_one_table_alone_is_named_and_shown(copy):
     _change(copy / "parameters.parquet", lambda rows: [r for r in rows if r["setting"] != 2])
-    results = read_results(copy)
+    results = Run.load(copy)
     assert results.remarks == ("setting 2: signals but no parameters",)
     page = html_report(report_plots(results), title="x")
     assert "Setting 2: setting_02.csv" in page
     table = pq.read_table(copy / "responses.parquet")
     kept = pa.array([setting != 3 for setting in table.column("setting").to_pylist()])
     pq.write_table(table.filter(kept), copy / "responses.parquet")
-    remarks = read_results(copy).remarks
+    remarks = Run.load(copy).remarks
     assert "setting 3: parameters but no signals, so no loops" in remarks
 
 
 def test_a_setting_told_twice_is_shown_once(copy):
     _change(copy / "parameters.parquet", lambda rows: rows * 2)
-    results = read_results(copy)
-    assert [row["setting"] for row in results.parameters] == [1, 2, 3, 4, 5]
+    results = Run.load(copy)
+    assert [row["setting"] for row in results.rows("parameters")] == [1, 2, 3, 4, 5]
     assert "more than once" in results.remarks[0]
 
 
 def test_a_table_of_another_kind_is_named_in_short(copy):
     shutil.copy(copy / "mse.parquet", copy / "parameters.parquet")
-    (remark, *_) = read_results(copy).remarks
+    (remark, *_) = Run.load(copy).remarks
     assert "parameters.parquet has no column r_m1, r_m2" in remark
     assert "more" in remark
     assert len(remark) < 120
@@ -462,7 +462,7 @@ def test_numbers_that_cannot_be_drawn_are_left_out(copy, tmp_path):
 
     _change(copy / "parameters.parquet", spoil)
     _change(copy / "mse.parquet", spoil_errors)
-    shown = report_plots(read_results(copy))
+    shown = report_plots(Run.load(copy))
     html_report(shown, title="x")
     for plot in shown.overall:
         if plot.name in {"parameter_k_e", "mse"}:  # what was spoiled
@@ -476,7 +476,7 @@ def test_numbers_that_cannot_be_drawn_are_left_out(copy, tmp_path):
 
 def test_a_file_of_another_run_is_named(copy):
     (copy / "run.json").write_text('{"files": {"mse.parquet": "00"}}', encoding="utf-8")
-    assert read_results(copy).remarks == (
+    assert Run.load(copy).remarks == (
         "mse.parquet is not the file that the run wrote (see run.json)",
     )
 
@@ -493,10 +493,10 @@ def test_what_the_page_is_made_of_is_shipped():
 
 def test_an_empty_folder_is_one_sentence(tmp_path):
     with pytest.raises(ConfigurationError, match=r"nothing to show.*run damperfit identify"):
-        read_results(tmp_path)
+        Run.load(tmp_path)
     with pytest.raises(ConfigurationError, match="no such folder"):
-        read_results(tmp_path / "nowhere")
+        Run.load(tmp_path / "nowhere")
 
 
 def test_the_vile_name_is_really_there(folder):
-    assert read_results(folder).logs[-1].log == EVIL
+    assert Run.load(folder).signals[-1].log == EVIL

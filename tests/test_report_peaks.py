@@ -17,7 +17,7 @@ from damperfit.report.units import clicks_in_units, log_in_units, rows_in_units,
 from damperfit.tables import PAPER_QUANTITIES, make_tables
 from damperfit.tested.setting import Setting
 from damperfit.units.shown_units import parse_units
-from tests.fakes import campaign, fit
+from tests.fakes import campaign, changed, fit
 
 READ = StretchFigures(812.34, -604.5, 0.3016, 0.2987, 61.25, 0.15, 20.0, -18.0)
 
@@ -59,10 +59,10 @@ def test_the_table_stands_on_the_page_where_several_speeds_were_tested(results) 
 
 @pytest.fixture
 def results(tmp_path):
-    from damperfit.tables import read_results
+    from damperfit.results import Run
     from tests.report_folder import make_results
 
-    return read_results(make_results(tmp_path / "results"))
+    return Run.load(make_results(tmp_path / "results"))
 
 
 def test_below_the_changes_by_click_stands_what_became_of_the_offset(results) -> None:
@@ -73,7 +73,7 @@ def test_below_the_changes_by_click_stands_what_became_of_the_offset(results) ->
     }  # fmt: skip
     said = "forces by setting: the force offset (12 N) is the rig's tare"
     for sentences, notes in (({"force_offset": [said]}, (said,)), ({}, ())):
-        one = replace(results, record={"clicks": [click], "sentences": sentences})
+        one = changed(results, record={"clicks": [click], "sentences": sentences})
         (sheet,) = (s for title, s in page_tables(one) if title == "Change of force by click")
         assert sheet.notes[1:] == notes
 
@@ -105,7 +105,7 @@ def test_the_table_of_the_page_has_no_column_of_what_all_settings_share(results)
     assert not [note for note in sheet.notes if "R_m3 in" in note or note.startswith("s ")]
     rows[1]["f_f"] = 51.0
     assert "f_f" in parameter_sheet(rows, PAPER_QUANTITIES, says_shared_once=True).headings
-    one = replace(results, parameters=tuple(rows))
+    one = changed(results, parameters=tuple(rows))
     (shown,) = (sheet for title, sheet in page_tables(one) if title == "Parameters")
     assert "R_m3" not in shown.headings
 

@@ -17,14 +17,15 @@ from damperfit.report.logs import EvaluatedLog, evaluate_logs
 from damperfit.report.page import PlotData
 from damperfit.report.settings_figures import campaign_plots, parameter_plots
 from damperfit.report.tables import parameter_line
-from damperfit.tables import make_tables, read_results
-from tests.fakes import campaign, fit
+from damperfit.results import Run
+from damperfit.tables import make_tables
+from tests.fakes import campaign, changed, fit
 from tests.report_folder import make_results
 
 
 @pytest.fixture(scope="module")
 def results(tmp_path_factory):
-    return read_results(make_results(tmp_path_factory.mktemp("results")))
+    return Run.load(make_results(tmp_path_factory.mktemp("results")))
 
 
 def sine(results, n: int, n_cycles: int) -> EvaluatedLog:
@@ -33,7 +34,7 @@ def sine(results, n: int, n_cycles: int) -> EvaluatedLog:
     phase = 2.0 * np.pi * 1.5 * time
     v = np.cos(phase)
     log = replace(
-        results.logs[0],
+        results.signals[0],
         time=time,
         displacement=0.032 * np.sin(phase),
         velocity=v,
@@ -41,7 +42,7 @@ def sine(results, n: int, n_cycles: int) -> EvaluatedLog:
         force_measured=v + 0.1 * np.sin(phase),
         pressures=np.ones((3, len(v))),
     )
-    (view,) = evaluate_logs(replace(results, logs=(log,), record={}))
+    (view,) = evaluate_logs(changed(results, signals=(log,), record={}))
     return view
 
 

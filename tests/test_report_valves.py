@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -11,8 +9,10 @@ from damperfit.damper.valve_characteristics import ValveCharacteristic
 from damperfit.report.drawing import draw_plot
 from damperfit.report.log_figures import valve_plots
 from damperfit.report.settings_figures import report_plots
-from damperfit.tables import Results, lay_out, read_results, valve_rows, write_table
+from damperfit.results import Run
+from damperfit.tables import lay_out, valve_rows, write_table
 from damperfit.tested.setting import Setting
+from tests.fakes import changed
 from tests.report_folder import make_results
 
 RAMP = np.linspace(0.0, 8e5, 9)
@@ -81,17 +81,17 @@ def test_a_setting_without_valves_has_no_figure() -> None:
 
 def test_each_setting_has_one_figure_however_many_logs_and_it_is_drawn(tmp_path) -> None:
     make_results(tmp_path)
-    plain = read_results(tmp_path)
-    assert plain.valves == ()
+    plain = Run.load(tmp_path)
+    assert plain.rows("valves") == ()
     assert not any("valves" in plot.name for plot in report_plots(plain).plots)
-    settings = sorted({log.setting for log in plain.logs})
+    settings = sorted({log.setting for log in plain.signals})
     every = [row for one in settings for row in valve_rows(one, (valve(), valve("bump")))]
     table = lay_out("valves", every, settings=settings)
     write_table(tmp_path / "valves.parquet", table)
-    results = read_results(tmp_path)
-    assert len(results.valves) == len(every)
-    twice = replace(results, logs=tuple(log for one in results.logs for log in (one, one)))
-    assert isinstance(twice, Results)
+    results = Run.load(tmp_path)
+    assert len(results.rows("valves")) == len(every)
+    twice = changed(results, signals=tuple(log for one in results.signals for log in (one, one)))
+    assert isinstance(twice, Run)
     plots = [plot for plot in report_plots(twice).plots if plot.name.endswith("_valves")]
     assert [plot.name for plot in plots] == [f"setting_{one.slug}_valves" for one in settings]
     draw_plot(tmp_path / "valves.png", plots[0], kind="png")

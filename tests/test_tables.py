@@ -24,7 +24,6 @@ from damperfit.tables import (
     describe_tables,
     grade,
     make_tables,
-    read_parameters,
     safe_cell,
     time_series_table,
     write_responses,
@@ -35,7 +34,7 @@ from damperfit.tables.files import read_facts, table_quantities
 from damperfit.tables.quantities import quantity_records
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty import Assessment, Objection
-from tests.fakes import campaign, fit
+from tests.fakes import campaign, fit, values_in
 
 PDQ = PURDY_DAMPER.quantities
 
@@ -284,14 +283,14 @@ def test_parameters_come_back_exactly(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"parameters{suffix}"
     done = campaign(fit(1), fit(20, f_0=1.25))
     write_table(path, make_tables(done, expected=(7,)).parameters)
-    back = read_parameters(path)
+    back = values_in(path)
     assert back == {1: done.fits[0].parameters, 20: done.fits[1].parameters}
 
 
 def test_a_truth_table_without_an_offset_is_read(tmp_path: Path) -> None:
     path = tmp_path / "truth.csv"
     path.write_text("setting,r_m1,r_m2,r_m3,k_e,f_f\n4,1e4,2e6,3e6,4e8,50\n")
-    assert read_parameters(path) == {4: Parameters(1e4, 2e6, 3e6, 4e8, 50.0, 0.0)}
+    assert values_in(path) == {4: Parameters(1e4, 2e6, 3e6, 4e8, 50.0, 0.0)}
 
 
 @pytest.mark.parametrize(
@@ -312,10 +311,10 @@ def test_a_table_that_is_none_is_refused_in_a_sentence(
     if content is not None:
         path.write_bytes(content)
     if says == "{}":  # a row without numbers is a setting without parameters
-        assert read_parameters(path) == {}
+        assert values_in(path) == {}
         return
     with pytest.raises(ConfigurationError, match=says):
-        read_parameters(path)
+        values_in(path)
 
 
 def test_a_change_of_force_stands_in_the_row_of_the_harder_setting_number_by_number() -> None:

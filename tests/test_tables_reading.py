@@ -9,7 +9,7 @@ import pyarrow as pa
 import pytest
 
 from damperfit.tables.columns import column_kinds, is_late
-from damperfit.tables.reading import _SIGNALS, _check_files, _rows, _split
+from damperfit.tables.reading import _SIGNALS, _split, check_files, read_rows
 
 
 @pytest.mark.parametrize("n_missing", [0, 1, 6, 7, 9])
@@ -21,7 +21,7 @@ def test_columns_that_are_missing_are_named_and_the_rest_counted(tmp_path, n_mis
     text = f"{','.join(kept)}\n{row}\n"
     (tmp_path / "parameters.csv").write_text(text, encoding="utf-8")
     remarks: list[str] = []
-    (found,) = _rows(tmp_path, "parameters", remarks)
+    (found,) = read_rows(tmp_path, "parameters", remarks)
     assert remarks[0] == "parameters.parquet is missing"
     assert found["setting"] == 1
     assert set(found) == set(column_kinds("parameters"))
@@ -46,7 +46,7 @@ def test_every_file_of_another_run_is_named_and_what_is_no_table_is_passed_over(
         "b.parquet": right, "c.parquet": "0",
     }  # fmt: skip
     remarks: list[str] = []
-    _check_files(tmp_path, {"files": files}, remarks, ("a", "b", "c", "d", "missing"))
+    check_files(tmp_path, {"files": files}, remarks, ("a", "b", "c", "d", "missing"))
     assert [remark.partition(" ")[0] for remark in remarks] == ["a.parquet", "c.parquet"]
     assert remarks[1].endswith(" is not the file that the run wrote (see run.json)")
 

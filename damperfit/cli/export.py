@@ -141,7 +141,7 @@ def _destination(results: Path, out: Path | None, target: Target) -> tuple[Path,
         The suffix of ``out`` is not the target's.
     """
     if out is None:
-        from damperfit.queries.fleet_part import is_part, written_of
+        from damperfit.tables.reading import is_part, written_of
 
         place = written_of(results, "export")
         return place if is_part(results) else place / "export", "damper"

@@ -55,7 +55,7 @@ def report(
         from damperfit.configuration.loading import load_configuration
 
         load_configuration(config)
-    from damperfit.queries.fleet_part import written_of
+    from damperfit.tables.reading import written_of
 
     check_places(out)
     folder = out or written_of(results, "reports")
@@ -99,23 +99,23 @@ def write_report(
     files : tuple of pathlib.Path
         What was written.
     """
-    from damperfit.queries.fleet_part import results_in, title_of
     from damperfit.report.page import html_report
     from damperfit.report.settings_figures import report_plots
+    from damperfit.results import Run
     from damperfit.store import file_set
     from damperfit.units.shown_units import parse_units
 
-    found = results_in(results)
-    shown = report_plots(found, None if units is None else parse_units(units))
+    run = Run.load(results)
+    shown = report_plots(run, None if units is None else parse_units(units))
     written: list[Path] = []
     if page:
-        text = html_report(shown, title=title_of(results))
+        text = html_report(shown, title=run.name)
         with file_set(folder) as files:
             files.path("report.html").write_bytes(text.encode("utf-8", "backslashreplace"))
         written.append(folder / "report.html")
     if figures is not None:
         written += _write_figures(shown, folder / "figures", kind=figures)
-    return found.remarks, tuple(written)
+    return run.remarks, tuple(written)
 
 
 def _write_figures(shown: ReportPlots, folder: Path, *, kind: str) -> list[Path]:

@@ -110,11 +110,11 @@ def _truth(
     """Return the values of a table, and the configuration and line of the damper they hold for."""
     from damperfit.queries.chosen_parameters import table_meant
     from damperfit.queries.origin import damper_of_table
-    from damperfit.tables import read_parameters
+    from damperfit.results import Run
 
     path = table_meant(given)
     meant, damper = damper_of_table(path, configuration, config=config)
-    known = {setting.cell: parameters for setting, parameters in read_parameters(path).items()}
+    known = {one.setting.cell: one.values for one in Run.load(path).settings}
     truth = {setting: values for setting, values in known.items() if isinstance(setting, int)}
     return truth, meant, damper
 

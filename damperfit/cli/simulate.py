@@ -89,8 +89,8 @@ def simulate(
     from damperfit.damper.warmed import Warmed
     from damperfit.queries.chosen_parameters import choose_parameters
     from damperfit.queries.one_simulation import damper_of, simulate_test
-    from damperfit.queries.origin import warmed_to
     from damperfit.queries.rig_in_forces import notes_on_simulation
+    from damperfit.results import warmed_to
 
     if displacement is not None:
         of_a_wave = {"--amplitude": amplitude, "--frequency": frequency, "--cycles": cycles}

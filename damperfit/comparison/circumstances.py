@@ -15,7 +15,7 @@ from damperfit.units.shown_units import SI
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from damperfit.comparison.run import FittedRun, Run
+    from damperfit.comparison.run import ComparedRun, FittedRun
     from damperfit.damper.model import Model
     from damperfit.units.shown_units import ShownUnits
 
@@ -69,12 +69,14 @@ class Circumstance:
         return self.kind == "logs"
 
 
-def circumstances(first: Run, second: Run, units: ShownUnits = SI) -> tuple[Circumstance, ...]:
+def circumstances(
+    first: ComparedRun, second: ComparedRun, units: ShownUnits = SI
+) -> tuple[Circumstance, ...]:
     """Return what two runs differ in, what matters most first.
 
     Parameters
     ----------
-    first, second : Run
+    first, second : ComparedRun
         The reference and the other.
     units : ShownUnits
         In which forces are told.
@@ -95,7 +97,7 @@ def _differs(kind: str, what: str, a: object, b: object) -> Circumstance:
     return Circumstance(kind, str(a), str(b), f"{what}: {a}, then {b}")
 
 
-def _logs(first: Run, second: Run) -> Iterator[Circumstance]:
+def _logs(first: ComparedRun, second: ComparedRun) -> Iterator[Circumstance]:
     known = [_hashes(run) for run in (first, second)]
     common = known[0].keys() & known[1].keys()
     if common:
@@ -111,7 +113,7 @@ def _logs(first: Run, second: Run) -> Iterator[Circumstance]:
         yield from _directions(first, second)
 
 
-def _directions(first: Run, second: Run) -> Iterator[Circumstance]:
+def _directions(first: ComparedRun, second: ComparedRun) -> Iterator[Circumstance]:
     """Yield logs of both that were read with other signs; older runs do not tell theirs."""
     before, after = (_reversed(run) for run in (first, second))
     turned: dict[tuple[str, str], list[str]] = {}
@@ -133,7 +135,7 @@ def _directions(first: Run, second: Run) -> Iterator[Circumstance]:
         )
 
 
-def _reversed(run: Run) -> dict[str, tuple[str, str]]:
+def _reversed(run: ComparedRun) -> dict[str, tuple[str, str]]:
     """Return name and reversed channels of each log, by its hash."""
     return {
         str(one["sha256"]): (
@@ -150,16 +152,16 @@ def _first_names(names: Sequence[str]) -> str:
     return ", ".join(names[:3]) + more
 
 
-def have_common_logs(first: Run, second: Run) -> bool:
+def have_common_logs(first: ComparedRun, second: ComparedRun) -> bool:
     """Whether any log stands behind both."""
     return bool(_hashes(first).keys() & _hashes(second).keys())
 
 
-def _hashes(run: Run) -> dict[str, str]:
+def _hashes(run: ComparedRun) -> dict[str, str]:
     return {str(one["sha256"]): str(one.get("log")) for one in _inputs(run)}
 
 
-def _inputs(run: Run) -> Iterator[Mapping[str, Any]]:
+def _inputs(run: ComparedRun) -> Iterator[Mapping[str, Any]]:
     """Yield the logs that a run is based on, as its record has them."""
     inputs = run.record.get("inputs")
     for one in inputs if isinstance(inputs, list) else ():
@@ -167,7 +169,7 @@ def _inputs(run: Run) -> Iterator[Mapping[str, Any]]:
             yield one
 
 
-def _identity(first: Run, second: Run) -> Iterator[Circumstance]:
+def _identity(first: ComparedRun, second: ComparedRun) -> Iterator[Circumstance]:
     tested = [_section(run.record, "test") for run in (first, second)]
     for key in _WHOSE:
         a, b = (str(one.get(key) or "") for one in tested)
@@ -175,7 +177,7 @@ def _identity(first: Run, second: Run) -> Iterator[Circumstance]:
             yield _differs("identity", key, a, b)
 
 
-def _settings(first: Run, second: Run) -> Iterator[Circumstance]:
+def _settings(first: ComparedRun, second: ComparedRun) -> Iterator[Circumstance]:
     alone = [set(a.settings) - set(b.settings) for a, b in ((first, second), (second, first))]
     names = [listed_settings(own) for own in alone]
     for run, own in zip((first, second), alone, strict=True):
@@ -191,7 +193,7 @@ def _section(record: Mapping[str, Any], *path: str) -> Mapping[str, Any]:
     return record
 
 
-def _damper(first: Run, second: Run, units: ShownUnits) -> Iterator[Circumstance]:
+def _damper(first: ComparedRun, second: ComparedRun, units: ShownUnits) -> Iterator[Circumstance]:
     if first.fitted is None or second.fitted is None:
         return
     a, b = first.fitted.damper, second.fitted.damper
@@ -241,7 +243,7 @@ def _gas_force(a: Model, b: Model, units: ShownUnits) -> Iterator[Circumstance]:
     )
 
 
-def _motion(first: Run, second: Run, units: ShownUnits) -> Iterator[Circumstance]:
+def _motion(first: ComparedRun, second: ComparedRun, units: ShownUnits) -> Iterator[Circumstance]:
     settings = set(first.settings) & set(second.settings)
     motions = [
         [(t.amplitude, t.frequency) for s in settings for t in run.at(s)[:1]]
@@ -265,7 +267,7 @@ def _motion(first: Run, second: Run, units: ShownUnits) -> Iterator[Circumstance
         )
 
 
-def _temperature(first: Run, second: Run) -> Iterator[Circumstance]:
+def _temperature(first: ComparedRun, second: ComparedRun) -> Iterator[Circumstance]:
     temperatures = [
         [test.temperature for test in run.tests if math.isfinite(test.temperature)]
         for run in (first, second)
@@ -276,7 +278,7 @@ def _temperature(first: Run, second: Run) -> Iterator[Circumstance]:
             yield _differs("temperature", "temperature", f"{a:.1f} degC", f"{b:.1f} degC")
 
 
-def _how(first: Run, second: Run) -> Iterator[Circumstance]:
+def _how(first: ComparedRun, second: ComparedRun) -> Iterator[Circumstance]:
     for (section, key), (kind, words) in _HOW.items():
         a, b = (_section(run.record, "configuration", section).get(key) for run in (first, second))
         if a is not None and b is not None and a != b:
@@ -291,7 +293,7 @@ def _said(value: object) -> str:
     return str(value)
 
 
-def _version(first: Run, second: Run) -> Iterator[Circumstance]:
+def _version(first: ComparedRun, second: ComparedRun) -> Iterator[Circumstance]:
     for key, words in (("version", "damperfit"), ("schema_version", "schema of the results")):
         a, b = (run.record.get(key) for run in (first, second))
         if a is not None and b is not None and a != b:

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from damperfit.adjustment import Sine
-    from damperfit.comparison.run import FittedRun, Run
+    from damperfit.comparison.run import ComparedRun, FittedRun
     from damperfit.errors import Mishap
     from damperfit.tested.setting import Setting
     from damperfit.units.shown_units import ShownUnits
@@ -84,9 +84,9 @@ class RunComparison:
 
     Attributes
     ----------
-    first, second : Run
+    first, second : ComparedRun
         The reference and the other.
-    repeats : tuple of Run
+    repeats : tuple of ComparedRun
         Of the reference, whose scatter is the measure; empty: the errors of both are.
     circumstances : tuple of Circumstance
         What they differ in besides.
@@ -106,9 +106,9 @@ class RunComparison:
         In which people want it told.
     """
 
-    first: Run
-    second: Run
-    repeats: tuple[Run, ...]
+    first: ComparedRun
+    second: ComparedRun
+    repeats: tuple[ComparedRun, ...]
     circumstances: tuple[Circumstance, ...]
     settings: tuple[Setting, ...]
     motion: str
@@ -158,21 +158,21 @@ class RunComparison:
 
 
 def compare_runs(
-    first: Run,
-    second: Run,
+    first: ComparedRun,
+    second: ComparedRun,
     options: ComparisonOptions = ComparisonOptions(),
     *,
-    repeats: Sequence[Run] = (),
+    repeats: Sequence[ComparedRun] = (),
 ) -> RunComparison:
     """Return a run beside the reference.
 
     Parameters
     ----------
-    first, second : Run
+    first, second : ComparedRun
         The reference and the other.
     options : ComparisonOptions
         What is compared.
-    repeats : sequence of Run
+    repeats : sequence of ComparedRun
         Further runs of the reference: their scatter is then the measure.
 
     Raises
@@ -251,7 +251,7 @@ def _lines(tables: _Tables, *, is_same_motion: bool) -> tuple[Difference, ...]:
     )
 
 
-def _common(runs: Sequence[Run]) -> tuple[Setting, ...]:
+def _common(runs: Sequence[ComparedRun]) -> tuple[Setting, ...]:
     known = [set(run.settings) for run in runs]
     common = tuple(setting for setting in runs[0].settings if all(setting in s for s in known))
     if not common:
@@ -260,11 +260,11 @@ def _common(runs: Sequence[Run]) -> tuple[Setting, ...]:
     return common
 
 
-def _listed(run: Run) -> str:
+def _listed(run: ComparedRun) -> str:
     return of_settings(run.settings) if run.settings else "none"
 
 
-def _motion(runs: Sequence[Run], options: ComparisonOptions) -> tuple[Sine, str]:
+def _motion(runs: Sequence[ComparedRun], options: ComparisonOptions) -> tuple[Sine, str]:
     """Return the motion of the model's forces: the one asked for, else the slowest of the tests."""
     if options.sine is not None:
         sine, whose = options.sine, "a sine"
@@ -301,7 +301,7 @@ def _speeds(sine: Sine, options: ComparisonOptions) -> tuple[float, ...]:
     return tuple(speeds)
 
 
-def _on_repeats(repeats: Sequence[Run]) -> Iterator[str]:
+def _on_repeats(repeats: Sequence[ComparedRun]) -> Iterator[str]:
     if 0 < len(repeats) < _FEW_REPEATS:
         n = len(repeats) + 1
         yield (
@@ -318,7 +318,7 @@ def _not_compared(settings: Sequence[Setting], lines: Sequence[Difference]) -> I
 
 
 def _notes(
-    runs: Sequence[Run], tables: _Tables, lines: Sequence[Difference], units: ShownUnits
+    runs: Sequence[ComparedRun], tables: _Tables, lines: Sequence[Difference], units: ShownUnits
 ) -> Iterator[str]:
     for run in runs:
         yield from (f"{run.name}: {note}" for note in run.notes)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from damperfit.adjustment import Level, Sine
-    from damperfit.comparison.run import FittedRun, Run
+    from damperfit.comparison.run import ComparedRun, FittedRun
     from damperfit.errors import OnError
     from damperfit.tested.setting import Setting
 
@@ -29,7 +29,7 @@ _Key = tuple["Setting", float, str]
 
 
 def force_readings(
-    runs: Sequence[Run],
+    runs: Sequence[ComparedRun],
     settings: Sequence[Setting],
     sine: Sine,
     *,
@@ -41,7 +41,7 @@ def force_readings(
 
     Parameters
     ----------
-    runs : sequence of Run
+    runs : sequence of ComparedRun
         All of them fitted.
     settings : sequence of Setting
         That all have.
@@ -85,7 +85,7 @@ def force_readings(
     return tuple(found)
 
 
-def tare_notes(runs: Sequence[Run], settings: Sequence[Setting]) -> Iterator[str]:
+def tare_notes(runs: Sequence[ComparedRun], settings: Sequence[Setting]) -> Iterator[str]:
     """Yield what became of the rigs' force offsets in the forces of fitted runs."""
     bare = _known_tares(runs, settings)
     stages = [[one for one in _fitted(run).stages if one.setting in bare] for run in runs]
@@ -108,7 +108,7 @@ def tare_notes(runs: Sequence[Run], settings: Sequence[Setting]) -> Iterator[str
             )
 
 
-def _known_tares(runs: Sequence[Run], settings: Sequence[Setting]) -> set[Setting]:
+def _known_tares(runs: Sequence[ComparedRun], settings: Sequence[Setting]) -> set[Setting]:
     """Return the settings at which all of several runs know the offset of their rig."""
     if len(runs) < 2 or not all(_knows_gas(run) for run in runs):
         return set()
@@ -116,13 +116,13 @@ def _known_tares(runs: Sequence[Run], settings: Sequence[Setting]) -> set[Settin
     return {one for one in settings if all(one in mine for mine in known)}
 
 
-def _knows_gas(run: Run) -> bool:
+def _knows_gas(run: ComparedRun) -> bool:
     """Without a gas of its own a model holds the gas force in its offset."""
     return _fitted(run).damper.rest_force(0.0) is not None
 
 
 def _levels(
-    run: Run,
+    run: ComparedRun,
     settings: Sequence[Setting],
     sine: Sine,
     *,
@@ -149,12 +149,12 @@ def _levels(
     return {(one.setting, one.speed, one.stroke): one for one in beside}
 
 
-def _fitted(run: Run) -> FittedRun:
+def _fitted(run: ComparedRun) -> FittedRun:
     assert run.fitted is not None
     return run.fitted
 
 
-def _reading(run: Run, level: Level, scatter: tuple[float, float]) -> Reading:
+def _reading(run: ComparedRun, level: Level, scatter: tuple[float, float]) -> Reading:
     fitted = _fitted(run)
     rest = fitted.damper.rest_force(0.0)
     damping = level.force - (0.0 if rest is None else float(rest))

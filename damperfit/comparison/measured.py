@@ -16,7 +16,7 @@ from damperfit.simulation import NAMED_SPEEDS
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from damperfit.comparison.run import Run
+    from damperfit.comparison.run import ComparedRun
     from damperfit.tested.setting import Setting
 
 __all__ = ["SAME_MOTION", "common_tests", "figure_readings", "measured_readings", "repeat_scatter"]
@@ -35,7 +35,7 @@ _LEAST = 0.05  # of the largest force: below it a force has no per cent to speak
 _Group = tuple[MeasuredTest, ...]
 
 
-def common_tests(runs: Sequence[Run], setting: Setting) -> tuple[_Group, ...] | None:
+def common_tests(runs: Sequence[ComparedRun], setting: Setting) -> tuple[_Group, ...] | None:
     """Return the tests of each run at the fastest motion that all ran; None where there is none."""
     for one in runs[0].at(setting):
         groups = tuple(
@@ -48,13 +48,13 @@ def common_tests(runs: Sequence[Run], setting: Setting) -> tuple[_Group, ...] | 
 
 
 def measured_readings(
-    runs: Sequence[Run], settings: Sequence[Setting], *, speeds: Sequence[float] = ()
+    runs: Sequence[ComparedRun], settings: Sequence[Setting], *, speeds: Sequence[float] = ()
 ) -> tuple[dict[Topic, Reading], ...]:
     """Return measured forces by setting, speed and stroke, of each run.
 
     Parameters
     ----------
-    runs : sequence of Run
+    runs : sequence of ComparedRun
         To be compared.
     settings : sequence of Setting
         That all have.
@@ -93,7 +93,7 @@ def _force(group: _Group, speed: float, stroke: str, scatter: tuple[float, float
 
 
 def figure_readings(
-    runs: Sequence[Run], settings: Sequence[Setting]
+    runs: Sequence[ComparedRun], settings: Sequence[Setting]
 ) -> tuple[dict[Topic, Reading], ...]:
     """Return energy and hysteresis by setting, of each run, where all ran one motion."""
     found: tuple[dict[Topic, Reading], ...] = tuple({} for _ in runs)
@@ -137,7 +137,7 @@ def _pooled(group: _Group, of: Callable[[MeasuredTest], tuple[float, float]]) ->
     return Reading(sum(value for value, _ in values) / n, error, freedom or math.inf)
 
 
-def repeat_scatter(run: Run) -> tuple[float, float]:
+def repeat_scatter(run: ComparedRun) -> tuple[float, float]:
     """Return how far tests of one setting differ beyond their noise, and its degrees of freedom.
 
     As a share of the damping, one standard deviation, over all settings that were tested more than
@@ -161,7 +161,7 @@ def repeat_scatter(run: Run) -> tuple[float, float]:
     return math.sqrt(max(excess / freedom, 0.0)), float(freedom)
 
 
-def _repeated(run: Run) -> Iterator[_Group]:
+def _repeated(run: ComparedRun) -> Iterator[_Group]:
     """Yield the tests of each setting at its fastest motion, where there are several."""
     for setting in run.settings:
         tests = run.at(setting)

@@ -13,14 +13,14 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from damperfit.comparison.reading import Difference, Reading, Topic
-    from damperfit.comparison.run import Run
+    from damperfit.comparison.run import ComparedRun
     from damperfit.units.shown_units import ShownUnits
 
 __all__ = ["missed_notes"]
 
 
 def missed_notes(
-    runs: Sequence[Run],
+    runs: Sequence[ComparedRun],
     tables: Sequence[Mapping[Topic, Reading]],
     lines: Sequence[Difference],
     units: ShownUnits = SI,
@@ -29,7 +29,7 @@ def missed_notes(
 
     Parameters
     ----------
-    runs : sequence of Run
+    runs : sequence of ComparedRun
         All that were compared.
     tables : sequence of mapping
         The forces of each.

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["FittedRun", "MeasuredTest", "Run"]
+__all__ = ["ComparedRun", "FittedRun", "MeasuredTest"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -117,7 +117,7 @@ class FittedRun:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Run:
+class ComparedRun:
     """One run to be compared.
 
     Attributes

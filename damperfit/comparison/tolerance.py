@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from damperfit.comparison.comparing import ComparisonOptions, RunComparison
     from damperfit.comparison.reading import Difference, Reading
-    from damperfit.comparison.run import Run
+    from damperfit.comparison.run import ComparedRun
     from damperfit.tested.setting import Setting
     from damperfit.units.shown_units import ShownUnits
 
@@ -263,7 +263,9 @@ def _around(name: str, line: Difference, tolerance: Tolerance) -> Point:
     )
 
 
-def bands_met(run: Run, tolerance: Tolerance, options: ComparisonOptions) -> tuple[Point, ...]:
+def bands_met(
+    run: ComparedRun, tolerance: Tolerance, options: ComparisonOptions
+) -> tuple[Point, ...]:
     """Return the forces of a run held against nominal bands."""
     speeds = sorted({band.speed for band in tolerance.bands})
     known = _forces(run, speeds, options)
@@ -283,7 +285,7 @@ def bands_met(run: Run, tolerance: Tolerance, options: ComparisonOptions) -> tup
 
 
 def _forces(
-    run: Run, speeds: Sequence[float], options: ComparisonOptions
+    run: ComparedRun, speeds: Sequence[float], options: ComparisonOptions
 ) -> dict[tuple[Setting, float, str], Reading]:
     if options.is_measured or run.fitted is None:
         (table,) = measured_readings((run,), run.settings, speeds=speeds)
@@ -300,7 +302,7 @@ def _forces(
     }
 
 
-def _missing(run: Run, band: Band, setting: Setting | str, reason: str) -> Point:
+def _missing(run: ComparedRun, band: Band, setting: Setting | str, reason: str) -> Point:
     return Point(
         run.name,
         setting,
@@ -313,7 +315,7 @@ def _missing(run: Run, band: Band, setting: Setting | str, reason: str) -> Point
     )
 
 
-def _held(run: Run, band: Band, setting: Setting, reading: Reading) -> Point:
+def _held(run: ComparedRun, band: Band, setting: Setting, reading: Reading) -> Point:
     return Point(
         run.name,
         setting,

@@ -80,6 +80,17 @@ class Values:
         cls.names = tuple(one.name for one in cls.quantities)
         cls._by_name = MappingProxyType({one.name: one for one in cls.quantities})
 
+    def __getitem__(self, name: str) -> float:
+        """Return one of the numbers, by name."""
+        if name not in self.names:
+            raise KeyError(name)
+        number: float = getattr(self, name)
+        return number
+
+    def keys(self) -> tuple[str, ...]:
+        """Return the names, so that ``dict(values)`` gives the numbers by name."""
+        return self.names
+
     def quantity(self, name: str) -> Quantity:
         """Return one of its quantities; a `ConfigurationError` where there is none of the name."""
         try:

@@ -19,7 +19,6 @@ from damperfit.door.asked import (
     workers,
 )
 from damperfit.door.given_logs import as_files, in_memory
-from damperfit.door.results import Result, folder_of, names_of_unsaved
 from damperfit.door.simulations import Simulation, simulated
 from damperfit.door.wrong_calls import (
     answers_wrong_calls,
@@ -28,6 +27,7 @@ from damperfit.door.wrong_calls import (
     refuse_part,
 )
 from damperfit.errors import ConfigurationError, LogError
+from damperfit.results import Run
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -125,7 +125,7 @@ def identify(  # noqa: PLR0913 - one keyword an option of the command line
     out: str | Path | None = None,
     jobs: int | None = None,
     **unknown: Any,
-) -> Result:
+) -> Run:
     """Fit every setting in the logs of one damper.
 
     Parameters
@@ -151,8 +151,8 @@ def identify(  # noqa: PLR0913 - one keyword an option of the command line
 
     Returns
     -------
-    Result
-        It has the settings that could be fitted; `Result.failures` tells of the others.
+    Run
+        It has the settings that could be fitted; `Run.failures` tells of the others.
 
     Raises
     ------
@@ -189,7 +189,6 @@ def identify(  # noqa: PLR0913 - one keyword an option of the command line
         else path_of(out, "damperfit.identify(out=...)", "the path of a folder")
     )
     configuration = replace(configuration, output=replace(configuration.output, folder=folder))
-    result = Result(folder, is_temporary=out is None)
     declared = declared_setting(setting, configuration)
     unread, traces = in_memory(logs, configuration.conditioning)
     with ExitStack() as stack:
@@ -200,7 +199,7 @@ def identify(  # noqa: PLR0913 - one keyword an option of the command line
         said = [in_words_of_a_call(failure.message) for failure in found.facts.failures]
         more = f" (and {len(said) - _FEW} more)" if len(said) > _FEW else ""
         raise LogError(f"no setting could be fitted: {'; '.join(said[:_FEW])}{more}")
-    return result
+    return Run.load(folder, parts=("parameters", "mse"), is_temporary=out is None)
 
 
 def _table_of_tests(tests: object) -> Path:
@@ -208,25 +207,24 @@ def _table_of_tests(tests: object) -> Path:
 
 
 @answers_wrong_calls("damperfit.load")
-def load(folder: str | Path) -> Result:
-    """Return the results in a folder, as `damperfit identify` wrote them.
+def load(folder: str | Path) -> Run:
+    """Return the run in a folder, as `damperfit identify` wrote it.
 
     Raises
     ------
     ConfigurationError
         There is no such folder, or no results in it.
     """
-    result = Result(path_of(folder, "damperfit.load", "the path of a results folder"))
-    refuse_part(result.folder, "damperfit.load")
-    len(result.settings)  # read, so that what is wrong is said here
-    return result
+    place = path_of(folder, "damperfit.load", "the path of a results folder")
+    refuse_part(place, "damperfit.load")
+    return Run.load(place, parts=("parameters", "mse"))
 
 
 @answers_wrong_calls("damperfit.simulate")
 def simulate(  # noqa: PLR0913 - one keyword an option of the command line
-    setting: Setting | Result | int | str | None = None,
+    setting: Setting | Run | int | str | None = None,
     *,
-    parameters: Result | str | Path | None = None,
+    parameters: Run | str | Path | None = None,
     set: Mapping[str, Any] | None = None,  # noqa: A002 - the option's name
     wave: str = "sine",
     amplitude: float | str | None = None,
@@ -242,7 +240,7 @@ def simulate(  # noqa: PLR0913 - one keyword an option of the command line
     ----------
     setting : optional
         Whose parameters; not needed where `set` gives all of them.
-    parameters : Result or path, optional
+    parameters : Run or path, optional
         Results, their folder or a parameters table; by default the reference set.
     set : mapping, optional
         Parameters that replace the setting's.
@@ -255,7 +253,7 @@ def simulate(  # noqa: PLR0913 - one keyword an option of the command line
     **asked
         config, damper: as of `identify`.
     """
-    if isinstance(setting, Result):
+    if isinstance(setting, Run):
         raise ConfigurationError(
             "damperfit.simulate: found a result in place of a setting; give "
             "damperfit.simulate(10, parameters=result), or result.setting(10).simulate()"
@@ -269,7 +267,7 @@ def simulate(  # noqa: PLR0913 - one keyword an option of the command line
         sample_rate=("simulation.sample_rate", sample_rate),
         **asked,
     )
-    table = parameters.folder if isinstance(parameters, Result) else parameters
+    table = parameters.folder if isinstance(parameters, Run) else parameters
     results = "a result, or the path of results or of a parameters table"
     log = displacement
     return simulated(
@@ -287,7 +285,7 @@ def simulate(  # noqa: PLR0913 - one keyword an option of the command line
 
 @answers_wrong_calls("damperfit.compare")
 def compare(
-    *runs: Result | str | Path,
+    *runs: Run | str | Path,
     tolerance: str | Path | None = None,
     velocities: Sequence[str | float] | str | float = (),
     amplitude: str | float | None = None,
@@ -299,7 +297,7 @@ def compare(
 
     Parameters
     ----------
-    *runs : Result or path
+    *runs : Run or path
         The first is the reference.
     tolerance : str, optional
         "5%", "20N" or a table of bands.
@@ -310,8 +308,8 @@ def compare(
     from damperfit.parallel import available_cores
     from damperfit.queries.comparisons import compare_all, comparison_options, parse_bands
 
-    places, names = [folder_of(one, "damperfit.compare") for one in runs], names_of_unsaved(runs)
-    if not places or (len(runs) == 1 and isinstance(runs[0], Result) and tolerance is None):
+    places, names = [_folder_of(one, "damperfit.compare") for one in runs], _names_of_unsaved(runs)
+    if not places or (len(runs) == 1 and isinstance(runs[0], Run) and tolerance is None):
         raise ConfigurationError(
             f"damperfit.compare: found {'one result' if places else 'no result'}; expected two or "
             "more, or tolerance=FILE with nominal forces"
@@ -344,7 +342,7 @@ def compare(
 
 @answers_wrong_calls("damperfit.export")
 def export(
-    results: Result | str | Path,
+    results: Run | str | Path,
     to: str | None = None,
     out: str | Path | None = None,
     *,
@@ -355,7 +353,7 @@ def export(
 
     Parameters
     ----------
-    results : Result or path
+    results : Run or path
         What `identify` found.
     to : str
         A target of `damperfit export --list`.
@@ -382,8 +380,8 @@ def export(
             "damperfit export --list names them all"
         )
     target = find_target(str(to))
-    folder = folder_of(results, "damperfit.export")
-    if out is None and isinstance(results, Result) and results.is_temporary:
+    folder = _folder_of(results, "damperfit.export")
+    if out is None and isinstance(results, Run) and results.is_temporary:
         raise ConfigurationError(
             "damperfit.export: these results are in no folder of yours; give out=FOLDER"
         )
@@ -397,3 +395,29 @@ def export(
         for name, content in dict(files).items():
             drafts.path(name).write_bytes(content)
     return tuple(where / name for name in dict(files))
+
+
+def _folder_of(given: object, call: str) -> Path:
+    """Return the folder of results, or of the path to them.
+
+    Raises
+    ------
+    ConfigurationError
+        It is neither a result nor a path.
+    """
+    if isinstance(given, Run):
+        return given.folder
+    if isinstance(given, str | Path):
+        return path_of(given, call, "a result, or the path of a results folder")
+    raise ConfigurationError(
+        f"{call}: found {type(given).__name__}; expected a result, or the path of a results folder"
+    )
+
+
+def _names_of_unsaved(runs: Iterable[object]) -> dict[Path, str]:
+    """Return what to call the results among some runs that are in no folder of the user's."""
+    names: dict[Path, str] = {}
+    for k, one in enumerate(runs, 1):
+        if isinstance(one, Run) and one.is_temporary:
+            names.setdefault(one.folder, f"result {k}")
+    return names

@@ -93,7 +93,7 @@ def refuse_part(place: Path, call: str) -> None:
     ConfigurationError
         It is a part, or the folder of one.
     """
-    from damperfit.queries.fleet_part import is_part
+    from damperfit.tables.reading import is_part
 
     if is_part(place):
         raise ConfigurationError(

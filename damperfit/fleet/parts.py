@@ -20,9 +20,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from damperfit.errors import ConfigurationError, OutputError
-from damperfit.queries.fleet_part import RECORD
 from damperfit.recording import natural_order
 from damperfit.store import file_set, remove_abandoned, replaced
+from damperfit.tables.reading import RECORD
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

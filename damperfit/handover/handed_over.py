@@ -2,32 +2,26 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from damperfit import __version__
-from damperfit.adjustment import Sine
 from damperfit.damper.warmed import Warmed
 from damperfit.errors import ConfigurationError
-from damperfit.queries.fleet_part import is_part, part_in, results_in, title_of
-from damperfit.queries.origin import configuration_of_run, motion_of_tests, warmed_to
-from damperfit.tables import unlimited_names, values_from
-from damperfit.tested.setting import Setting
+from damperfit.results import Run, Tested
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Mapping
     from pathlib import Path
 
+    from damperfit.adjustment import Sine
     from damperfit.damper.model import Model, Values
     from damperfit.simulation import SolverOptions
-    from damperfit.tables import Results
+    from damperfit.tested.setting import Setting
 
 __all__ = ["HandedOver", "HandedSetting", "Tested", "hand_over"]
-
-_TABLES = ("parameters.parquet", "parameters.csv")
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,29 +41,6 @@ class HandedSetting:
     setting: Setting
     values: Values
     mse_percent: float = math.nan
-
-
-@dataclass(frozen=True, slots=True)
-class Tested:
-    """The range of the tests that were fitted, as far as run.json tells; None: it does not.
-
-    Attributes
-    ----------
-    n_logs : int
-        Logs that were fitted.
-    stroke : float or None
-        Largest amplitude of a motion that repeats, m.
-    speed : float or None
-        Highest peak speed, m/s.
-    frequencies, temperatures : tuple of float or None
-        Lowest and highest, Hz and degrees Celsius.
-    """
-
-    n_logs: int = 0
-    stroke: float | None = None
-    speed: float | None = None
-    frequencies: tuple[float, float] | None = None
-    temperatures: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,110 +121,31 @@ def hand_over(
         There is no such folder, no setting in it has parameters, or ``config`` declares another
         damper.
     """
-    results = results_in(folder, parts=("parameters",))
-    record, remarks = results.record, list(results.remarks)
-    configuration = warmed_to(configuration_of_run(folder, config, record, remarks), temperature)
+    run = Run.load(folder, parts=("parameters",), config=config, temperature=temperature)
     notes: list[str] = []
-    damper, settings = _at_one_temperature(configuration.damper, tuple(_settings(results)), notes)
+    known = tuple(HandedSetting(one.setting, one.values, one.mse_percent) for one in run.settings)
+    damper, settings = _at_one_temperature(run.damper, known, notes)
     if not settings:
         raise ConfigurationError(
             f"{folder}: no setting has all parameters; run damperfit identify LOGS first"
         )
-    for row in results.parameters:
-        names = ", ".join(unlimited_names(row, results.quantities))
-        if names:
-            notes.append(
-                f"{names} at setting {Setting.of(row['setting'])}: the logs set no upper limit, so "
-                "the force beyond their speeds may be far off"
-            )
-    motion = motion_of_tests(record, {one.setting.cell for one in settings})
-    if motion is None:
-        motion = Sine(configuration.rig.amplitude, configuration.rig.frequency)
-        remarks.append("the motion of the test is not known: the nominal one is used")
-    test = record.get("test")
-    identity = {
-        str(key): value
-        for key, value in (test if isinstance(test, dict) else {}).items()
-        if isinstance(value, str) and value
-    }
+    notes += [
+        f"{', '.join(one.unlimited)} at setting {one.setting}: the logs set no upper limit, so the "
+        "force beyond their speeds may be far off"
+        for one in run.settings
+        if one.unlimited
+    ]
+    motion = run.motion
     return HandedOver(
-        title_of(folder),
+        run.name,
         damper,
         settings,
         motion,
-        _tested(record, {one.setting.cell for one in settings}),
-        configuration.simulation.solver,
-        MappingProxyType(identity),
-        digest=_digest(folder),
-        remarks=tuple(remarks),
+        run.tested,
+        run.solver,
+        MappingProxyType(run.identity),
+        digest=run.digest,
+        remarks=run.remarks,
         notes=tuple(notes),
         folder=folder,
     )
-
-
-def _settings(results: Results) -> Iterator[HandedSetting]:
-    """Yield the settings that have all parameters, rising."""
-    for row in sorted(results.parameters, key=lambda row: Setting.of(row["setting"])):
-        values = [
-            one.default if row[one.name] is None else row[one.name] for one in results.quantities
-        ]
-        numbers = [one for one in values if one is not None]
-        if len(numbers) == len(results.quantities):
-            mse = row.get("mse_percent")
-            yield HandedSetting(
-                Setting.of(row["setting"]),
-                values_from(results.quantities, numbers),
-                math.nan if mse is None else mse,
-            )
-
-
-def _tested(record: Mapping[str, Any], settings: set[int | str]) -> Tested:
-    logs = record.get("inputs")
-    mine = [
-        log
-        for log in (logs if isinstance(logs, list) else ())
-        if isinstance(log, dict) and log.get("setting") in settings
-    ]
-    runs = [one for log in mine for one in _stretches(log)]
-    strokes = _numbers(runs, "amplitude_m")
-    speeds = _numbers(runs, "peak_speed_m_per_s")
-    rates = _numbers(runs, "frequency_Hz")
-    if not speeds:
-        speeds = [
-            2.0 * math.pi * a * f
-            for run in runs
-            for a, f in zip(
-                _numbers([run], "amplitude_m"), _numbers([run], "frequency_Hz"), strict=False
-            )
-        ]
-    warm = _numbers(mine, "temperature_degC")
-    return Tested(
-        len(mine),
-        max(strokes, default=None),
-        max(speeds, default=None),
-        (min(rates), max(rates)) if rates else None,
-        (min(warm), max(warm)) if warm else None,
-    )
-
-
-def _stretches(log: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    """The stretches of a log; older runs tell of one only, in the log's own entry."""
-    stretches = log.get("stretches")
-    return (
-        [one for one in stretches if isinstance(one, dict)]
-        if isinstance(stretches, list)
-        else [log]
-    )
-
-
-def _numbers(rows: Sequence[Mapping[str, Any]], key: str) -> list[float]:
-    cells = (row.get(key) for row in rows)
-    return [float(one) for one in cells if isinstance(one, int | float) and math.isfinite(one)]
-
-
-def _digest(folder: Path) -> str:
-    for path in [part_in(folder)] if is_part(folder) else [folder / name for name in _TABLES]:
-        if path.is_file():
-            with path.open("rb") as file:
-                return hashlib.file_digest(file, "sha256").hexdigest()
-    return ""

@@ -4,32 +4,23 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from damperfit.adjustment import Sine, Stage, has_lost_errors
+from damperfit.adjustment import Sine, Stage
 from damperfit.damper.warmed import Warmed
 from damperfit.errors import ConfigurationError
-from damperfit.identification.sharing import of_settings
-from damperfit.queries.fleet_part import results_in
-from damperfit.queries.origin import configuration_of_run, motion_of_tests, warmed_to
-from damperfit.report.records import listed_in, read_back
+from damperfit.results import Run
 from damperfit.simulation import refuse_amplitude
-from damperfit.tables import values_from
-from damperfit.tested.setting import Setting
-from damperfit.uncertainty import SpeedForces
 from damperfit.units.quantities import parse_quantity
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
     from pathlib import Path
 
-    from damperfit.damper.model import Model, Values
+    from damperfit.damper.model import Model
     from damperfit.simulation import SolverOptions
-    from damperfit.tables import Results
+    from damperfit.uncertainty import SpeedForces
 
-__all__ = ["AdjusterResults", "adjuster_results_in", "read_adjuster_results"]
+__all__ = ["AdjusterResults", "adjuster_of", "read_adjuster_results"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -93,138 +84,35 @@ def read_adjuster_results(
         There is no such folder, no setting in it has parameters, ``config`` declares another
         damper, or the motion is none.
     """
-    return adjuster_results_in(
-        results_in(folder, parts=("parameters",)),
-        folder,
-        config=config,
-        amplitude=amplitude,
-        frequency=frequency,
-        temperature=temperature,
-    )
+    run = Run.load(folder, parts=("parameters",), config=config, temperature=temperature)
+    return adjuster_of(run, amplitude=amplitude, frequency=frequency)
 
 
-def adjuster_results_in(
-    results: Results,
-    folder: Path,
-    *,
-    config: Path | None = None,
-    amplitude: str | None = None,
-    frequency: str | None = None,
-    temperature: str | None = None,
+def adjuster_of(
+    run: Run, *, amplitude: str | None = None, frequency: str | None = None
 ) -> AdjusterResults:
-    """Return settings, damper and motion of results that were read; see `read_adjuster_results`.
-
-    Parameters
-    ----------
-    results : Results
-        With its parameters.
-    folder : pathlib.Path
-        Where they stand, for messages.
-    config, amplitude, frequency, temperature
-        As `read_adjuster_results` takes them.
-    """
-    remarks = list(results.remarks)
-    configuration = warmed_to(
-        configuration_of_run(folder, config, results.record, remarks), temperature
-    )
-    notes: list[str] = []
-    stages = tuple(_stages(results, remarks, notes))
-    if not stages:
-        why = f" ({'; '.join(results.remarks)})" if results.remarks else ""
+    """Return a run as an adjuster; see `read_adjuster_results`."""
+    if not run.settings:
+        why = f" ({'; '.join(run.remarks)})" if run.remarks else ""
         raise ConfigurationError(
-            f"{folder}: no setting has all parameters{why}; run damperfit identify LOGS first"
+            f"{run.place}: no setting has all parameters{why}; run damperfit identify LOGS first"
         )
-    own = motion_of_tests(results.record, {stage.setting.cell for stage in stages})
-    if own is None and not (amplitude and frequency):
-        own = Sine(configuration.rig.amplitude, configuration.rig.frequency)
-        remarks.append("the motion of the test is not known: the nominal one is used")
+    damper = run.damper
+    own = run.motion_of_tests if amplitude and frequency else run.motion
     sine, source = _motion(own, amplitude, frequency)
-    if isinstance(configuration.damper, Warmed):
-        source += f", at {configuration.damper.oil_temperature:g} degC"
-    refuse_amplitude(sine.amplitude, configuration.damper.travel)
+    if isinstance(damper, Warmed):
+        source += f", at {damper.oil_temperature:g} degC"
+    refuse_amplitude(sine.amplitude, damper.travel)
     return AdjusterResults(
-        stages,
-        configuration.damper,
+        run.settings,
+        damper,
         sine,
         source,
-        configuration.simulation.solver,
-        tuple(remarks),
-        tuple(_forces(results.record)),
-        tuple(notes),
+        run.solver,
+        (*run.remarks, *run.remarks_on_errors),
+        run.speed_forces,
+        run.notes,
     )
-
-
-def _forces(record: Mapping[str, Any]) -> Iterator[SpeedForces]:
-    """Yield the measured forces of a run; older runs have none."""
-    for entry in listed_in(record, "speed_forces"):
-        one = read_back(SpeedForces, entry)
-        rows = () if one is None else (one.measured, one.measured_se, one.difference, one.misfit)
-        if one is not None and all(len(row) == len(one.speeds) for row in rows):
-            yield one
-
-
-def _stages(results: Results, remarks: list[str], notes: list[str]) -> Iterator[Stage]:
-    rows, quantities = results.parameters, results.quantities
-    entries = results.record.get("uncertainty")
-    known = {
-        entry["setting"]: entry
-        for entry in (entries if isinstance(entries, list) else ())
-        if isinstance(entry, dict) and "setting" in entry
-    }
-    without, unsettled = [], []
-    for row in sorted(rows, key=lambda row: Setting.of(row["setting"])):
-        values = [one.default if row[one.name] is None else row[one.name] for one in quantities]
-        numbers = [one for one in values if one is not None]
-        if len(numbers) < len(quantities):
-            continue
-        setting, parameters = Setting.of(row["setting"]), values_from(quantities, numbers)
-        try:
-            stage = _stage(setting, parameters, row, known[setting.cell])
-        except (KeyError, TypeError, ValueError):
-            without.append(setting)
-            stage = Stage(setting, parameters)
-        else:
-            if stage.covariance is None:
-                unsettled.append(setting)
-        yield stage
-    if unsettled:
-        notes.append(
-            f"the fit met no minimum at {of_settings(unsettled)}: the forces there have no interval"
-        )
-    if without:
-        which = "all settings" if len(without) == len(rows) else of_settings(without)
-        remarks.append(
-            f"errors and correlations of {which} are missing (an older version, or a damaged "
-            "run.json): forces without intervals"
-        )
-
-
-def _stage(
-    setting: Setting, parameters: Values, row: Mapping[str, Any], entry: Mapping[str, Any]
-) -> Stage:
-    """Return a stage with the covariance of ln y from standard errors and correlations."""
-    names = tuple(str(name) for name in entry["parameters"])
-    if has_lost_errors(names, {name: row[f"{name}_status"] for name in parameters.names}):
-        return Stage(setting, parameters)
-    # Older versions left it to the status, which tells of a shared value only that it is unsound.
-    shared_names = entry.get(
-        "shared", [name for name in names if row[f"{name}_status"] == "shared"]
-    )
-    shared = tuple(name for name in names if name in shared_names)
-    own = tuple(name for name in names if name not in shared_names)
-    scales = np.array(
-        [
-            getattr(parameters, name) if parameters.quantity(name).is_logarithmic else 1.0
-            for name in names
-        ]
-    )
-    errors = np.array([float(row[f"{name}_se"]) for name in names]) / scales
-    correlation = np.array(entry["correlation"], dtype=np.float64).reshape(len(names), len(names))
-    order = [names.index(name) for name in (*own, *shared)]
-    covariance = (correlation * np.outer(errors, errors))[np.ix_(order, order)]
-    if not np.all(np.isfinite(covariance)):
-        raise ValueError("a correlation or an error is missing")
-    return Stage(setting, parameters, own, shared, covariance)
 
 
 def _motion(own: Sine | None, amplitude: str | None, frequency: str | None) -> tuple[Sine, str]:

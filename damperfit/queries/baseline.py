@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from damperfit import __version__
+from damperfit import __version__, results
 from damperfit.comparison import MeasuredTest
 from damperfit.errors import ConfigurationError
-from damperfit.tables import Results, column_names, quantities_in
+from damperfit.tables import column_names, quantities_in
 from damperfit.tables.columns import adjusters_in, read_setting, setting_cells
 from damperfit.tested.setting import Setting
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
-    from damperfit.comparison import Run
+    from damperfit.comparison import ComparedRun
 
 __all__ = ["Baseline", "baseline_text", "compared_record", "is_baseline", "read_baseline"]
 
@@ -44,17 +44,17 @@ class Baseline:
 
     Attributes
     ----------
-    results : Results
+    results : ComparedRun
         Parameters and run.json, as far as they are compared.
     tests : tuple of MeasuredTest
         Mean cycles.
     """
 
-    results: Results
+    results: results.Run
     tests: tuple[MeasuredTest, ...]
 
 
-def baseline_text(run: Run) -> str:
+def baseline_text(run: ComparedRun) -> str:
     """Return a run as the text of a baseline; of measured curves alone without parameters."""
     rows = {} if run.fitted is None else run.fitted.rows
     record = compared_record(run.record)
@@ -124,7 +124,7 @@ def is_baseline(path: Path) -> bool:
         return False
 
 
-def read_baseline(path: Path) -> Baseline:
+def read_baseline(path: Path, *, config: Path | None = None) -> Baseline:
     """Return what a baseline holds.
 
     Raises
@@ -149,7 +149,10 @@ def read_baseline(path: Path) -> Baseline:
             f"{path}: a damaged baseline ({type(error).__name__}: {error}); save it again with "
             "damperfit compare RESULTS --save FILE"
         ) from error
-    return Baseline(Results(parameters, (), (), record, (), quantities), tests)
+    run = results.Run(
+        record, {"parameters": parameters}, quantities=quantities, place=path, config=config
+    )
+    return Baseline(run, tests)
 
 
 def _test(record: dict[str, Any]) -> MeasuredTest:

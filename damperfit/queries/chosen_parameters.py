@@ -11,11 +11,11 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import REFERENCE_SOURCE, reference_parameters
 from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.identification import unlimited_in, values_from_others
-from damperfit.queries.fleet_part import is_part, part_in
-from damperfit.queries.origin import origin_of
 from damperfit.report.facts import listed_names
+from damperfit.results import Run
 from damperfit.store import settle
-from damperfit.tables import read_parameters, read_unlimited, table_quantities
+from damperfit.tables import table_quantities
+from damperfit.tables.reading import is_part, part_in
 from damperfit.tested.setting import ADJUSTER, Setting, parse_setting
 
 if TYPE_CHECKING:
@@ -154,7 +154,8 @@ def choose_parameters(
         found = ChosenParameters(reference_parameters(chosen.cell), chosen, "")
         source = f"setting {chosen} of the {REFERENCE_SOURCE}"
     else:
-        known = read_parameters(path, quantities)
+        run = Run.load(path)
+        known = {one.setting: one.parameters for one in run.settings}
         chosen = _meant(setting, known)
         together = None if chosen in known else values_from_others(known, chosen)
         if chosen not in known and together is None:
@@ -162,16 +163,15 @@ def choose_parameters(
             raise ConfigurationError(
                 f"{path}: no parameters of setting {chosen}; there are {there}"
             )
-        unlimited = read_unlimited(path, quantities)
+        unlimited = {one.setting: frozenset(one.unlimited) for one in run.settings}
         parameters = known[chosen] if together is None else together
         names = unlimited.get(chosen, frozenset())
         if together is not None:
-            names = unlimited_in(together, known, unlimited)
+            names = frozenset(unlimited_in(together, known, unlimited))
         left = tuple(name for name in parameters.names if name in names and name not in values)
-        origin = origin_of(path)
         found = ChosenParameters(
-            parameters, chosen, "", path, left, together is not None, origin.tested_speed,
-            origin.temperatures,
+            parameters, chosen, "", path, left, together is not None, run.tested.speed,
+            run.tested.temperatures,
         )  # fmt: skip
         source = f"setting {chosen} of {path}"
         if together is not None:

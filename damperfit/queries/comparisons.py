@@ -34,7 +34,7 @@ from damperfit.units.shown_units import SI, parse_units
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from damperfit.comparison import Point, Run, Tolerance
+    from damperfit.comparison import ComparedRun, Point, Tolerance
     from damperfit.configuration.options import Configuration
 
 __all__ = ["Compared", "compare_all", "comparison_options", "one_run", "parse_bands"]
@@ -164,7 +164,7 @@ def compare_all(
         replace(run, name=called[place], place=called[place]) if place in called else run
         for place, run in zip(wanted, found, strict=True)
     )
-    known: dict[Path, Run] = dict(zip(wanted, found, strict=True))
+    known: dict[Path, ComparedRun] = dict(zip(wanted, found, strict=True))
     comparisons = tuple(
         compare_runs(
             known[pair.first],
@@ -192,7 +192,7 @@ def one_run(
     *,
     config: Path | None = None,
     reading: Configuration | None = None,
-) -> Run:
+) -> ComparedRun:
     """Return a single run, to be kept.
 
     Parameters

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from damperfit.comparison import MeasuredTest, Run, measured_tests
+from damperfit.comparison import ComparedRun, MeasuredTest, measured_tests
 from damperfit.errors import ConfigurationError, DamperfitError, LogError, TimelessError
 from damperfit.readers import read_curves
 from damperfit.recording import natural_order
@@ -58,7 +58,9 @@ def folders_of_logs(folder: Path) -> dict[str, Path]:
     return {one.name: one for one in inside if one.name[0] != "." and holds_logs(one)}
 
 
-def read_log_runs(place: Path, configuration: Configuration, *, jobs: int = 1) -> dict[str, Run]:
+def read_log_runs(
+    place: Path, configuration: Configuration, *, jobs: int = 1
+) -> dict[str, ComparedRun]:
     """Return what raw logs tell, by damper; one run without a name where they are of one.
 
     A log that cannot be used costs itself: the run's remarks say so.
@@ -89,7 +91,7 @@ def read_log_runs(place: Path, configuration: Configuration, *, jobs: int = 1) -
     }
 
 
-def _run(place: Path, *, batch: LogBatch, configuration: Configuration) -> Run:
+def _run(place: Path, *, batch: LogBatch, configuration: Configuration) -> ComparedRun:
     timeless = [one for one in batch.failures if one.kind == TimelessError.__name__]
     lost = [one.message for one in batch.failures if one not in timeless]
     tests: list[MeasuredTest] = []
@@ -121,7 +123,7 @@ def _run(place: Path, *, batch: LogBatch, configuration: Configuration) -> Run:
         notes.append(
             f"no log says its setting: {'it is' if n == 1 else f'all {n} are'} compared as tested"
         )
-    return Run(
+    return ComparedRun(
         place.resolve().name,
         str(place),
         None,

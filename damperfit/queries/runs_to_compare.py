@@ -7,11 +7,11 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from damperfit.comparison import FittedRun, MeasuredTest, Run, measured_tests
+from damperfit import results
+from damperfit.comparison import ComparedRun, FittedRun, MeasuredTest, measured_tests
 from damperfit.errors import ConfigurationError, LogError
-from damperfit.queries.adjuster_results import adjuster_results_in
+from damperfit.queries.adjuster_results import adjuster_of
 from damperfit.queries.baseline import is_baseline, read_baseline
-from damperfit.queries.fleet_part import is_part, read_part
 from damperfit.queries.logs_to_compare import (
     NoUsableLogError,
     folders_of_logs,
@@ -21,7 +21,7 @@ from damperfit.queries.logs_to_compare import (
 )
 from damperfit.recording import natural_order
 from damperfit.report.records import listed_in, number_in
-from damperfit.tables import Results, read_results
+from damperfit.tables.reading import is_part
 from damperfit.tested.setting import Setting
 
 if TYPE_CHECKING:
@@ -67,17 +67,17 @@ class LogRuns:
 
     Attributes
     ----------
-    groups : mapping of pathlib.Path to mapping of str to Run
+    groups : mapping of pathlib.Path to mapping of str to ComparedRun
         By place, and by damper; one without a name where they are of one.
     remarks : tuple of str
         Folders of which no log can be used.
     """
 
-    groups: Mapping[Path, Mapping[str, Run]] = field(default_factory=dict)
+    groups: Mapping[Path, Mapping[str, ComparedRun]] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
 
     @property
-    def by_place(self) -> dict[Path, Run]:
+    def by_place(self) -> dict[Path, ComparedRun]:
         """The same by where each run stands."""
         runs = {place: group[""] for place, group in self.groups.items() if "" in group}
         named = (run for group in self.groups.values() for name, run in group.items() if name)
@@ -195,7 +195,7 @@ def runs_of_logs(places: Sequence[Path], configuration: Configuration, *, jobs: 
     ConfigurationError
         A pattern or a list names none.
     """
-    groups: dict[Path, dict[str, Run]] = {}
+    groups: dict[Path, dict[str, ComparedRun]] = {}
     remarks: list[str] = []
     for place in dict.fromkeys(places):
         is_file = place.is_file() and not is_baseline(place) and not is_part(place)
@@ -231,7 +231,7 @@ def _is_results(folder: Path) -> bool:
     return any((folder / name).is_file() for name in _MARKS)
 
 
-def read_run(path: Path, *, config: Path | None = None, is_measured: bool = False) -> Run:
+def read_run(path: Path, *, config: Path | None = None, is_measured: bool = False) -> ComparedRun:
     """Return a run to be compared.
 
     Parameters
@@ -254,64 +254,53 @@ def read_run(path: Path, *, config: Path | None = None, is_measured: bool = Fals
                 f"{path}: a part of a fleet keeps no measured cycles; give --measured the logs, or "
                 "results of damperfit identify"
             )
-        return _of_results(read_part(path), path, (), config=config, is_measured=False)
+        return _of_run(results.Run.load(path, config=config), (), is_measured=False)
     if path.is_dir():
         return _of_folder(path, config, is_measured=is_measured)
     if not path.is_file():
         raise ConfigurationError(f"{path}: no such file or folder")
     if is_baseline(path):
-        baseline = read_baseline(path)
-        if not baseline.results.parameters and not is_measured:
+        baseline = read_baseline(path, config=config)
+        if not baseline.results.rows("parameters") and not is_measured:
             raise ConfigurationError(
                 f"{path}: a baseline of measured curves, nothing was fitted; give --measured"
             )
-        return _of_results(
-            baseline.results, path, baseline.tests, config=config, is_measured=is_measured
-        )
+        return _of_run(baseline.results, baseline.tests, is_measured=is_measured)
     raise ConfigurationError(
         f"{path}: neither a results folder nor a baseline; to compare logs and files of "
         "curves, give --measured"
     )
 
 
-def _of_folder(folder: Path, config: Path | None, *, is_measured: bool) -> Run:
+def _of_folder(folder: Path, config: Path | None, *, is_measured: bool) -> ComparedRun:
     if not _is_results(folder):
         raise ConfigurationError(
             f"{folder}: holds no results of damperfit identify; expected run.json and "
             "parameters.parquet"
         )
-    results = read_results(folder, parts=("parameters", "responses"))
-    return _of_results(
-        results, folder, tuple(_tests(results)), config=config, is_measured=is_measured
-    )
+    run = results.Run.load(folder, parts=("parameters", "responses"), config=config)
+    return _of_run(run, tuple(_tests(run)), is_measured=is_measured)
 
 
-def _of_results(
-    results: Results,
-    place: Path,
-    tests: tuple[MeasuredTest, ...],
-    *,
-    config: Path | None,
-    is_measured: bool,
-) -> Run:
-    name = place.resolve().name
+def _of_run(run: results.Run, tests: tuple[MeasuredTest, ...], *, is_measured: bool) -> ComparedRun:
+    name = run.folder.resolve().name
     if is_measured:
-        return _with_tests(Run(name, str(place), None, tests, results.record, results.remarks))
-    adjuster = adjuster_results_in(results, place, config=config)
-    rows = {Setting.of(row["setting"]): row for row in results.parameters}
+        return _with_tests(ComparedRun(name, str(run.place), None, tests, run.record, run.remarks))
+    adjuster = adjuster_of(run)
+    rows = {Setting.of(row["setting"]): row for row in run.rows("parameters")}
     fitted = FittedRun(
         adjuster.damper,
         adjuster.stages,
         adjuster.sine,
         adjuster.forces,
         rows,
-        results.quantities,
+        run.quantities,
         adjuster.solver,
     )
-    return Run(name, str(place), fitted, tests, results.record, adjuster.remarks)
+    return ComparedRun(name, str(run.place), fitted, tests, run.record, adjuster.remarks)
 
 
-def _with_tests(run: Run) -> Run:
+def _with_tests(run: ComparedRun) -> ComparedRun:
     if not run.tests:
         raise ConfigurationError(
             f"{run.place}: no measured cycles to compare"
@@ -320,14 +309,14 @@ def _with_tests(run: Run) -> Run:
     return run
 
 
-def _tests(results: Results) -> Iterator[MeasuredTest]:
+def _tests(run: results.Run) -> Iterator[MeasuredTest]:
     """Yield the steady motions of all logs of a results folder."""
     known = {
         str(entry.get("log")): entry
-        for entry in listed_in(results.record, "inputs")
+        for entry in listed_in(run.record, "inputs")
         if isinstance(entry, dict)
     }
-    for signals in results.logs:
+    for signals in run.signals:
         facts = known.get(signals.log, {})
         stretches = [one for one in listed_in(facts, "stretches") if isinstance(one, dict)]
         warmth = number_in(facts, "temperature_degC")
@@ -342,7 +331,7 @@ def _tests(results: Results) -> Iterator[MeasuredTest]:
         yield from measured_tests(signals, stretches, temperature=temperature)
 
 
-def with_distinct_names(runs: Sequence[Run]) -> tuple[Run, ...]:
+def with_distinct_names(runs: Sequence[ComparedRun]) -> tuple[ComparedRun, ...]:
     """Return the runs with names that differ: where two are alike, with as much of their path."""
     names = [run.name for run in runs]
     if len(set(names)) == len({run.place for run in runs}):

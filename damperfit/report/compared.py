@@ -17,7 +17,7 @@ from damperfit.units.shown_units import SI
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-    from damperfit.comparison import Difference, Point, Run, RunComparison
+    from damperfit.comparison import ComparedRun, Difference, Point, RunComparison
     from damperfit.tested.setting import Setting
     from damperfit.units.shown_units import ShownUnits
 
@@ -349,7 +349,7 @@ def comparison_record(comparison: RunComparison) -> dict[str, Any]:
     }
 
 
-def _run(run: Run) -> dict[str, str]:
+def _run(run: ComparedRun) -> dict[str, str]:
     return {"name": run.name, "place": run.place}
 
 

@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from damperfit.recording import Finding, StretchFigures
-    from damperfit.tables import LogSignals, Results
+    from damperfit.results import Run
+    from damperfit.tables import LogSignals
     from damperfit.tested.setting import Setting
 
     FloatArray = NDArray[np.float64]
@@ -126,14 +127,14 @@ def has_several_speeds(points: Sequence[PeakPoint]) -> bool:
     return any(max(known) > (1.0 + _ONE_SPEED) * min(known) for known in speeds.values())
 
 
-def evaluate_logs(results: Results) -> tuple[EvaluatedLog, ...]:
+def evaluate_logs(run: Run) -> tuple[EvaluatedLog, ...]:
     """Return each log of the results with its figures."""
     known: dict[str, dict[str, Any]] = {
         str(entry.get("log")): entry
-        for entry in listed_in(results.record, "inputs")
+        for entry in listed_in(run.record, "inputs")
         if isinstance(entry, dict)
     }
-    return tuple(_evaluate(signals, known.get(signals.log, {})) for signals in results.logs)
+    return tuple(_evaluate(signals, known.get(signals.log, {})) for signals in run.signals)
 
 
 def _evaluate(signals: LogSignals, facts: dict[str, Any]) -> EvaluatedLog:

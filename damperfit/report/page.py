@@ -80,7 +80,7 @@ if TYPE_CHECKING:
     from damperfit.report.forces import PeakPoint
     from damperfit.report.logs import EvaluatedLog
     from damperfit.report.settings_figures import ReportPlots
-    from damperfit.tables import Results
+    from damperfit.results import Run
     from damperfit.units.shown_units import ShownUnits
 
 __all__ = [
@@ -324,23 +324,23 @@ class Summary:
     details: tuple[Listing, ...]
 
 
-def summary(results: Results, logs: Sequence[EvaluatedLog], units: ShownUnits = SI) -> Summary:
+def summary(run: Run, logs: Sequence[EvaluatedLog], units: ShownUnits = SI) -> Summary:
     """Return headline, alarms, checks, verdicts, trends, warnings and how it was done."""
-    record = results.record
+    record = run.record
     checks_title, checks = _checks(record)
     trends = in_few_words(trend.sentence for trend in trends_in(record) if trend.sentence)
     return Summary(
-        lead=" ".join(_headline(results)),
-        facts=_facts(results, logs, units),
+        lead=" ".join(_headline(run)),
+        facts=_facts(run, logs, units),
         alarms=(
-            Listing("These results are incomplete", results.remarks),
+            Listing("These results are incomplete", run.remarks),
             Listing("Not done", list(_not_done(record))),
             Listing("Gates not met", listed_in(record, "gates_missed")),
         ),
         checks_title=checks_title,
         checks=checks,
         listings=(
-            Listing("Verdicts", short_listing(_verdicts(results))),
+            Listing("Verdicts", short_listing(_verdicts(run))),
             Listing("Which law the logs support", law_sentences(law_in(record))),
             Listing("Held out: predicted, not fitted", held_out_in(record)),
             Listing("Across the settings", trends),
@@ -364,11 +364,11 @@ def _not_done(record: Mapping[str, Any]) -> Iterator[str]:
         yield f"no result for {of_runs(gaps)}"
 
 
-def _verdicts(results: Results) -> Iterator[str]:
+def _verdicts(run: Run) -> Iterator[str]:
     """Yield the settings that are less than fine, or that none is."""
-    doubtful = [row for row in results.parameters if not _is_fine(row)]
+    doubtful = [row for row in run.rows("parameters") if not _is_fine(row)]
     yield from (f"setting {row['setting']}: {setting_verdict(row)}" for row in doubtful)
-    if results.parameters and not doubtful:
+    if run.rows("parameters") and not doubtful:
         yield "every fit converged, good or better, without a flag"
 
 
@@ -391,10 +391,10 @@ def _is_fine(row: Mapping[str, Any]) -> bool:
     return is_good and row["outcome"] == "converged" and not flags(row)
 
 
-def _headline(results: Results) -> Iterator[str]:
+def _headline(run: Run) -> Iterator[str]:
     known = {
         row["setting"]: row["mse_percent"]
-        for row in results.parameters
+        for row in run.rows("parameters")
         if row["mse_percent"] is not None
     }
     if not known:
@@ -405,7 +405,7 @@ def _headline(results: Results) -> Iterator[str]:
     yield f"MSE: median {percent(median(known.values()))} %,"
     yield f"best {percent(known[best])} % at setting {best},"
     yield f"worst {percent(known[worst])} % at setting {worst}."
-    yield grade_counts(results.parameters)
+    yield grade_counts(run.rows("parameters"))
 
 
 def identity_of_test(record: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
@@ -418,9 +418,9 @@ def identity_of_test(record: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
     return tuple((key, known[key]) for key in dict.fromkeys(order) if known[key])
 
 
-def _facts(results: Results, logs: Sequence[EvaluatedLog], units: ShownUnits) -> Sheet | None:
+def _facts(run: Run, logs: Sequence[EvaluatedLog], units: ShownUnits) -> Sheet | None:
     """Return damper, rig, test and procedure as a small table."""
-    record = results.record
+    record = run.record
     procedure = next(
         (str(line) for line in listed_in(record, "procedure") if str(line).startswith("Procedure")),
         "",
@@ -507,36 +507,36 @@ def _log_findings(record: Mapping[str, Any]) -> list[str]:
 
 
 def page_tables(
-    results: Results, points: Sequence[PeakPoint] = (), units: ShownUnits = SI
+    run: Run, points: Sequence[PeakPoint] = (), units: ShownUnits = SI
 ) -> list[tuple[str, Sheet]]:
     """Return the tables of a results folder by title, those without rows left out.
 
     Parameters
     ----------
-    results : Results
+    run : Run
         The folder.
     points : sequence of PeakPoint
         What its logs give to peak force against peak speed, in these units.
     units : ShownUnits
         Of forces and speeds.
     """
-    rows = [row | {"outcome": row["outcome"] or "unknown"} for row in results.parameters]
+    rows = [row | {"outcome": row["outcome"] or "unknown"} for row in run.rows("parameters")]
     settings = {row["setting"] for row in rows}
-    errors = [row for row in results.mse if row["setting"] in settings]
-    clicks = clicks_in_units(clicks_in(results.record), units)
-    of_offset = sentences_in(results.record, "force_offset")
+    errors = [row for row in run.rows("mse") if row["setting"] in settings]
+    clicks = clicks_in_units(clicks_in(run.record), units)
+    of_offset = sentences_in(run.record, "force_offset")
     sheets = [
         *(
             [("Peak force against peak speed (PVP)", sheet_in_units(peak_sheet(points), units))]
             if has_several_speeds(points)
             else []
         ),
-        ("Parameters", parameter_sheet(rows, results.quantities, says_shared_once=True)),
-        ("MSE by setting and log", mse_sheet(errors, rows, results.quantities)),
-        ("Laws that were tried", tried_laws_sheet(law_in(results.record))),
-        ("Models from the literature on the same logs", rival_sheet(law_in(results.record))),
+        ("Parameters", parameter_sheet(rows, run.quantities, says_shared_once=True)),
+        ("MSE by setting and log", mse_sheet(errors, rows, run.quantities)),
+        ("Laws that were tried", tried_laws_sheet(law_in(run.record))),
+        ("Models from the literature on the same logs", rival_sheet(law_in(run.record))),
         ("Change of force by click", sheet_in_units(click_sheet(clicks, of_offset), units)),
-        ("How near to cavitation", cavitation_sheet(results.parameters)),
+        ("How near to cavitation", cavitation_sheet(run.rows("parameters"))),
     ]
     return [(title, sheet) for title, sheet in sheets if sheet.rows]
 
@@ -687,14 +687,14 @@ def html_report(shown: ReportPlots, *, title: str) -> str:
     """
     data = PlotData()
     overall = [data.add(plot) for plot in shown.overall]
-    rows = {row["setting"]: row for row in shown.results.parameters}
+    rows = {row["setting"]: row for row in shown.run.rows("parameters")}
     anchors = _anchors([log.signals.setting for log, _ in shown.by_log])
     logs = [
         log_section(
             log,
             [data.add(plot) for plot in plots],
             rows.get(log.signals.setting),
-            shown.results.quantities,
+            shown.run.quantities,
             anchor=anchor,
             units=shown.units,
         )
@@ -710,13 +710,13 @@ def html_report(shown: ReportPlots, *, title: str) -> str:
         colours=shown.colours,
         places=list(dict.fromkeys(section.setting for section in logs)),
         entries={section.setting: section.anchor for section in reversed(logs)},
-        identity=identity_of_test(shown.results.record),
-        summary=summary(shown.results, views, shown.units),
+        identity=identity_of_test(shown.run.record),
+        summary=summary(shown.run, views, shown.units),
         first=firsts,
-        shared=shared_sentence(shown.results.parameters, shown.results.quantities),
+        shared=shared_sentence(shown.run.rows("parameters"), shown.run.quantities),
         overall=[one for one in overall if one not in firsts],
         tables=page_tables(
-            shown.results,
+            shown.run,
             peak_points([log_in_units(view, shown.units) for view in views]),
             shown.units,
         ),

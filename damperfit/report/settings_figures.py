@@ -45,8 +45,8 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.float64]
     from collections.abc import Mapping
 
-    from damperfit.comparison import MeasuredTest, Run, RunComparison
-    from damperfit.tables import Results
+    from damperfit.comparison import MeasuredTest, RunComparison
+    from damperfit.results import Run
 
 __all__ = [
     "RUN_COLOURS",
@@ -521,12 +521,12 @@ def _named_speeds(views: Sequence[EvaluatedLog]) -> Iterator[Plot]:
 RUN_COLOURS = ("ink", "#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 
 
-def loop_plots(runs: Sequence[Run], setting: Setting, *, name: str) -> tuple[Plot, ...]:
+def loop_plots(runs: Sequence[ComparedRun], setting: Setting, *, name: str) -> tuple[Plot, ...]:
     """Return force against velocity and displacement of a setting, where all ran one motion.
 
     Parameters
     ----------
-    runs : sequence of Run
+    runs : sequence of ComparedRun
         The reference first.
     setting : Setting
         Which.
@@ -584,7 +584,10 @@ def loop_plots(runs: Sequence[Run], setting: Setting, *, name: str) -> tuple[Plo
 
 
 def _points(
-    runs: Sequence[Run], groups: Sequence[tuple[MeasuredTest, ...]], setting: Setting, name: str
+    runs: Sequence[ComparedRun],
+    groups: Sequence[tuple[MeasuredTest, ...]],
+    setting: Setting,
+    name: str,
 ) -> Plot:
     """Return force over velocity of curves without time."""
     lines = tuple(
@@ -701,7 +704,7 @@ class ReportPlots:
 
     Attributes
     ----------
-    results : Results
+    run : Run
         The tables.
     colours : mapping of Setting to str
         Colour of each setting.
@@ -713,7 +716,7 @@ class ReportPlots:
         Of the plots; the logs are in SI.
     """
 
-    results: Results
+    run: Run
     colours: Mapping[Setting, str]
     overall: tuple[Plot, ...]
     by_log: tuple[tuple[EvaluatedLog, tuple[Plot, ...]], ...]
@@ -725,30 +728,30 @@ class ReportPlots:
         return (*self.overall, *(plot for _, plots in self.by_log for plot in plots))
 
 
-def report_plots(results: Results, units: ShownUnits | None = None) -> ReportPlots:
+def report_plots(run: Run, units: ShownUnits | None = None) -> ReportPlots:
     """Lay out the plots of a results folder.
 
     Parameters
     ----------
-    results : Results
+    run : Run
         The folder.
     units : ShownUnits or None
         Of forces, speeds and displacements; None: those of the run.
     """
-    units = units_in(results.record) if units is None else units
-    logs = evaluate_logs(results)
+    units = units_in(run.record) if units is None else units
+    logs = evaluate_logs(run)
     colours = setting_colours(
         [
-            *(row["setting"] for row in results.parameters),
-            *(row["setting"] for row in results.mse),
+            *(row["setting"] for row in run.rows("parameters")),
+            *(row["setting"] for row in run.rows("mse")),
             *(log.signals.setting for log in logs),
         ]
     )
     overall = campaign_plots(
-        *(results.parameters, results.mse, logs),
+        *(run.rows("parameters"), run.rows("mse"), logs),
         colours=colours,
-        trends=trends_in(results.record),
-        quantities=results.quantities,
+        trends=trends_in(run.record),
+        quantities=run.quantities,
     )
     by_log = []
     counts: dict[Setting, int] = {}
@@ -759,8 +762,8 @@ def report_plots(results: Results, units: ShownUnits | None = None) -> ReportPlo
         name = f"setting_{setting.slug}{more}"
         plots = setting_plots(log, name=name, colour=colours[setting])
         if counts[setting] == 1:  # the valves are those of all its logs
-            plots = (*plots, *valve_plots(results.valves, setting, colour=colours[setting]))
+            plots = (*plots, *valve_plots(run.rows("valves"), setting, colour=colours[setting]))
         by_log.append((log, plots))
     overall = tuple(plot_in_units(plot, units) for plot in overall)
     shown = tuple((log, tuple(plot_in_units(p, units) for p in plots)) for log, plots in by_log)
-    return ReportPlots(results, colours, overall, shown, units)
+    return ReportPlots(run, colours, overall, shown, units)

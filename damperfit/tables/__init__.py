@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from damperfit.tables.files import (
         read_facts,
         read_known_numbers,
-        read_parameters,
         safe_cell,
         table_quantities,
         write_responses,
@@ -36,7 +35,7 @@ if TYPE_CHECKING:
         quantity_records,
         values_from,
     )
-    from damperfit.tables.reading import LogSignals, Results, read_results
+    from damperfit.tables.reading import LogSignals
     from damperfit.tables.results import (
         MISSING,
         WITHHELD,
@@ -56,7 +55,6 @@ __all__ = [
     "SCHEMA_VERSION",
     "WITHHELD",
     "LogSignals",
-    "Results",
     "Tables",
     "adjustment_rows",
     "characteristic_rows",
@@ -70,9 +68,6 @@ __all__ = [
     "quantity_records",
     "read_facts",
     "read_known_numbers",
-    "read_parameters",
-    "read_results",
-    "read_unlimited",
     "safe_cell",
     "table_in_units",
     "table_quantities",
@@ -90,7 +85,6 @@ _LATE = {
     "LogSignals": "reading",
     "MISSING": "results",
     "PAPER_QUANTITIES": "quantities",
-    "Results": "reading",
     "SCHEMA_VERSION": "columns",
     "Tables": "results",
     "WITHHELD": "results",
@@ -106,9 +100,6 @@ _LATE = {
     "quantity_records": "quantities",
     "read_facts": "files",
     "read_known_numbers": "files",
-    "read_parameters": "files",
-    "read_results": "reading",
-    "read_unlimited": "files",
     "safe_cell": "files",
     "table_in_units": "in_units",
     "table_quantities": "files",

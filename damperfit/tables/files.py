@@ -20,13 +20,12 @@ from damperfit.identification.outcome import Status
 from damperfit.store import settle
 from damperfit.tables.arrays import float_array, repeated
 from damperfit.tables.columns import adjusters_in, read_setting, setting_cells, table_schema
-from damperfit.tables.quantities import PAPER_QUANTITIES, quantities_in, values_from
+from damperfit.tables.quantities import PAPER_QUANTITIES, quantities_in
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
     from pathlib import Path
 
-    from damperfit.damper.model import Values
     from damperfit.damper.quantity import Quantity
     from damperfit.identification import Campaign, SimulatedLog
     from damperfit.recording import Trace
@@ -35,8 +34,7 @@ if TYPE_CHECKING:
 __all__ = [
     "read_facts",
     "read_known_numbers",
-    "read_parameters",
-    "read_unlimited",
+    "read_parameter_rows",
     "safe_cell",
     "table_quantities",
     "unlimited_names",
@@ -187,40 +185,6 @@ def safe_cell(text: str) -> str:
     return "'" + text if text.startswith(("=", "+", "-", "@", "\t", "\r")) else text
 
 
-def read_parameters(
-    path: Path, quantities: tuple[Quantity, ...] = PAPER_QUANTITIES
-) -> dict[Setting, Values]:
-    """Read a parameters table (.parquet or .csv) back, by setting.
-
-    Settings with an empty cell among their parameters are left out.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        A table written by `write_table`, or any table with the columns ``setting`` and those of the
-        quantities in SI, as ``r_m1``, ``r_m2``, ``r_m3``, ``k_e``, ``f_f`` and perhaps ``f_0``.
-    quantities : tuple of Quantity
-        Of the model; a quantity that has a default may be absent.
-
-    Raises
-    ------
-    ConfigurationError
-        The file is missing, is no table, or lacks a column.
-    OutputError
-        Writing was interrupted in its folder, and the earlier table cannot be put back.
-    """
-    known = _by_setting(path, quantities, needed=_without_default(quantities))
-    complete = {
-        setting: {one.name: numbers.get(one.name, one.default) for one in quantities}
-        for setting, numbers in known.items()
-    }
-    return {
-        setting: values_from(quantities, [one for one in numbers.values() if one is not None])
-        for setting, numbers in complete.items()
-        if None not in numbers.values()
-    }
-
-
 def read_known_numbers(path: Path) -> dict[Setting, dict[str, float]]:
     """Read what a parameters table tells of its own model's quantities, by setting and name.
 
@@ -229,43 +193,59 @@ def read_known_numbers(path: Path) -> dict[Setting, dict[str, float]]:
     Parameters
     ----------
     path : pathlib.Path
-        As of `read_parameters`.
+        As of `read_parameter_rows`.
 
     Raises
     ------
     ConfigurationError, OutputError
-        As `read_parameters`.
+        As `read_parameter_rows`.
     """
     known = _by_setting(path, table_quantities(path), needed=("setting",))
     return {setting: numbers for setting, numbers in known.items() if numbers}
 
 
-def read_unlimited(
-    path: Path, quantities: tuple[Quantity, ...] = PAPER_QUANTITIES
-) -> dict[Setting, frozenset[str]]:
-    """Read which parameters of each setting the logs do not determine, and give no upper limit.
-
-    Rigid oil is none of them: any stiffness above its limit gives the same force.
+def read_parameter_rows(
+    path: Path, quantities: Sequence[Quantity], kinds: Mapping[str, type]
+) -> tuple[dict[str, Any], ...]:
+    """Return the rows of a parameters table, by column; None where a cell or a column is missing.
 
     Parameters
     ----------
     path : pathlib.Path
-        As of `read_parameters`; a table without the columns of statuses tells of none.
-    quantities : tuple of Quantity
-        Of the model.
+        A table written by `write_table`, or any table with the columns ``setting`` and those of the
+        quantities in SI, as ``r_m1``, ``r_m2``, ``r_m3``, ``k_e``, ``f_f`` and perhaps ``f_0``.
+    quantities : sequence of Quantity
+        Of the model; a quantity that has a default may be absent.
+    kinds : mapping of str to type
+        The columns, and what stands in them.
 
     Raises
     ------
-    ConfigurationError, OutputError
-        As `read_parameters`.
+    ConfigurationError
+        The file is missing, is no table, or lacks a column.
+    OutputError
+        Writing was interrupted in its folder, and the earlier table cannot be put back.
     """
-    more = [f"{one.name}_{end}" for one in quantities for end in ("status", "ci_high")]
-    rows = _rows_by_setting(path, quantities, needed=("setting",), more=more)
-    return {setting: frozenset(unlimited_names(row, quantities)) for setting, row in rows.items()}
+    names = [name for name in kinds if name != "setting"]
+    known = _rows_by_setting(path, quantities, needed=_without_default(quantities), more=names)
+    try:
+        return tuple(
+            {"setting": setting}
+            | {
+                name: None if row.get(name) in (None, "") else kinds[name](row[name])
+                for name in names
+            }
+            for setting, row in known.items()
+        )
+    except (ValueError, TypeError) as error:
+        raise ConfigurationError(f"{path}: not a parameters table: {error}") from error
 
 
 def unlimited_names(row: Mapping[str, Any], quantities: Sequence[Quantity]) -> tuple[str, ...]:
-    """Return what `read_unlimited` seeks in one row of a parameters table."""
+    """Return the parameters of a row that the logs do not determine, and give no upper limit.
+
+    Rigid oil is none of them: any stiffness above its limit gives the same force.
+    """
     return tuple(
         one.name
         for one in quantities
@@ -301,7 +281,7 @@ def _rows_by_setting(
 ) -> dict[Setting, dict[str, Any]]:
     """Return the cells of the quantities, and more of them, of each row that tells its setting."""
     settle(path.parent)
-    wanted = ("setting", *(one.name for one in quantities), *more)
+    wanted = tuple(dict.fromkeys(("setting", *(one.name for one in quantities), *more)))
     try:
         return {
             setting: row

@@ -1,7 +1,8 @@
-"""A results folder read back: tables, signals by log, run.json, and what was wrong with them.
+"""Files of a run read back, for `damperfit.results.Run`: rows of tables, signals, run.json.
 
 Whatever is whole is returned; what is missing, damaged or of another version becomes a remark.
-Every column may be absent: then its cells are None.
+Every column may be absent: then its cells are None. A part of a fleet is a table of parameters with
+what is compared of run.json in its metadata.
 """
 
 from __future__ import annotations
@@ -13,26 +14,25 @@ from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
+from urllib.parse import unquote
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from damperfit.errors import ConfigurationError
-from damperfit.recording import natural_order
-from damperfit.store import settle
 from damperfit.tables.columns import (
     adjusters_in,
     column_kinds,
     is_late,
     read_setting,
-    unknown_schema,
 )
+from damperfit.tables.files import read_facts, read_parameter_rows, table_quantities
 from damperfit.tables.quantities import PAPER_QUANTITIES, quantities_in
-from damperfit.tested.setting import Setting
+from damperfit.tested.setting import Setting, parse_place
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -41,7 +41,25 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["LogSignals", "Results", "read_results"]
+__all__ = [
+    "RECORD",
+    "LogSignals",
+    "check_files",
+    "has_table",
+    "is_part",
+    "part_in",
+    "read_part",
+    "read_quantities",
+    "read_record",
+    "read_rows",
+    "read_signals",
+    "read_table",
+    "title_of",
+    "written_of",
+]
+
+_OWN = ("version", "schema_version", "test", "configuration")  # of a table, not of run.json
+RECORD = b"damperfit_record"  # of the schema's metadata of a fleet's part
 
 _BROKEN = (OSError, ValueError, TypeError, KeyError, csv.Error, pa.ArrowException)
 _MANY = 6  # columns that are named when they are missing
@@ -83,92 +101,14 @@ class LogSignals:
     pressures: FloatArray
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Results:
-    """What stands in a results folder.
-
-    Attributes
-    ----------
-    parameters, mse : tuple of dict
-        Rows of the tables, by column; None where a cell or a column is missing.
-    logs : tuple of LogSignals
-        Signals by setting and log.
-    record : dict
-        run.json, empty when there is none.
-    remarks : tuple of str
-        What was missing, damaged or written by another version.
-    quantities : tuple of Quantity
-        What the columns of ``parameters`` are of.
-    valves : tuple of dict
-        Rows of the table of valves; empty where the model has none.
-    """
-
-    parameters: tuple[dict[str, Any], ...]
-    mse: tuple[dict[str, Any], ...]
-    logs: tuple[LogSignals, ...]
-    record: dict[str, Any]
-    remarks: tuple[str, ...]
-    quantities: tuple[Quantity, ...] = PAPER_QUANTITIES
-    valves: tuple[dict[str, Any], ...] = ()
-
-
-def read_results(
-    folder: Path, *, parts: Sequence[str] = ("parameters", "mse", "responses", "valves")
-) -> Results:
-    """Read what `identify` wrote.
-
-    Parameters
-    ----------
-    folder : pathlib.Path
-        Results folder.
-    parts : sequence of str
-        Tables to read; the others are neither looked at nor remarked on. run.json always is.
-
-    Raises
-    ------
-    ConfigurationError
-        There is no such folder, or neither parameters nor responses can be read from it.
-    OutputError
-        Writing was interrupted there, and the earlier results cannot be put back.
-    """
-    if not folder.is_dir():
-        raise ConfigurationError(
-            f"{folder}: no such folder; expected the results of damperfit identify"
-        )
-    settle(folder)
-    remarks: list[str] = []
-    record = _record(folder / "run.json", remarks)
-    remarks.extend(filter(None, [unknown_schema(record)]))
-    _check_files(folder, record, remarks, parts)
-    quantities = _quantities(folder, record)
-    parameters: tuple[dict[str, Any], ...] = ()
-    if "parameters" in parts:
-        parameters = _rows(folder, "parameters", remarks, quantities)
-    mse = _rows(folder, "mse", remarks, quantities) if "mse" in parts else ()
-    valves: tuple[dict[str, Any], ...] = ()
-    if "valves" in parts and _is_part(folder, record, "valves"):
-        valves = _rows(folder, "valves", remarks, quantities)
-    signals = _logs(folder, remarks, quantities) if "responses" in parts else ()
-    logs = tuple(sorted(signals, key=lambda log: (log.setting, natural_order(log.log))))
-    if not parameters and not logs:
-        raise ConfigurationError(
-            f"{folder}: nothing to show, {'; '.join(remarks) or 'its tables are empty'}; "
-            "run damperfit identify LOGS --out FOLDER first"
-        )
-    parameters = _once(parameters, remarks)
-    _check_settings(parameters, logs, remarks)
-    said = tuple(dict.fromkeys(remarks))
-    return Results(parameters, mse, logs, record, said, quantities, valves)
-
-
-def _is_part(folder: Path, record: dict[str, Any], table: str) -> bool:
+def has_table(folder: Path, record: Mapping[str, Any], table: str) -> bool:
     """Whether the run wrote a table that not every run writes."""
     files = record.get("files")
     is_listed = isinstance(files, dict) and f"{table}.parquet" in files
     return is_listed or any((folder / f"{table}{end}").is_file() for end in (".parquet", ".csv"))
 
 
-def _quantities(folder: Path, record: dict[str, Any]) -> tuple[Quantity, ...]:
+def read_quantities(folder: Path, record: Mapping[str, Any]) -> tuple[Quantity, ...]:
     """What the table of parameters is of: as it says itself, else run.json, else its columns."""
     try:
         schema = pq.read_schema(folder / "parameters.parquet")
@@ -184,7 +124,8 @@ def _quantities(folder: Path, record: dict[str, Any]) -> tuple[Quantity, ...]:
     return quantities_in(record, columns)
 
 
-def _record(path: Path, remarks: list[str]) -> dict[str, Any]:
+def read_record(path: Path, remarks: list[str]) -> dict[str, Any]:
+    """Return run.json; empty, with a remark, where it cannot be read."""
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
@@ -198,7 +139,7 @@ def _record(path: Path, remarks: list[str]) -> dict[str, Any]:
     return {}
 
 
-def _check_files(
+def check_files(
     folder: Path, record: dict[str, Any], remarks: list[str], parts: Sequence[str]
 ) -> None:
     """Remark on files that are not those the run wrote."""
@@ -214,34 +155,7 @@ def _check_files(
                 remarks.append(f"{name} is not the file that the run wrote (see run.json)")
 
 
-def _once(rows: tuple[dict[str, Any], ...], remarks: list[str]) -> tuple[dict[str, Any], ...]:
-    """Return the first row of each setting."""
-    first: dict[Setting, dict[str, Any]] = {}
-    for row in rows:
-        first.setdefault(row["setting"], row)
-    if len(first) < len(rows):
-        remarks.append(
-            "the parameters table lists a setting more than once: its first row is shown"
-        )
-    return tuple(first.values())
-
-
-def _check_settings(
-    parameters: tuple[dict[str, Any], ...], logs: tuple[LogSignals, ...], remarks: list[str]
-) -> None:
-    """Remark on settings that stand in one table alone; where one is empty, that was said."""
-    fitted = {row["setting"] for row in parameters if row["mse_percent"] is not None}
-    drawn = {log.setting for log in logs}
-    known = {row["setting"] for row in parameters}
-    if fitted and drawn and fitted - drawn:
-        names = ", ".join(map(str, sorted(fitted - drawn)))
-        remarks.append(f"setting {names}: parameters but no signals, so no loops")
-    if known and drawn - known:
-        names = ", ".join(map(str, sorted(drawn - known)))
-        remarks.append(f"setting {names}: signals but no parameters")
-
-
-def _rows(
+def read_rows(
     folder: Path, table: str, remarks: list[str], quantities: Sequence[Quantity] = PAPER_QUANTITIES
 ) -> tuple[dict[str, Any], ...]:
     """Return the rows of a table, from Parquet, else from CSV."""
@@ -294,7 +208,7 @@ def _csv_rows(path: Path) -> list[dict[str, Any]]:
         return list(csv.DictReader(file, strict=True))
 
 
-def _logs(
+def read_signals(
     folder: Path, remarks: list[str], quantities: Sequence[Quantity] = PAPER_QUANTITIES
 ) -> Iterator[LogSignals]:
     """Yield the signals of each log; a damaged row group costs that log alone."""
@@ -358,3 +272,126 @@ def _split(
 def _reason(error: BaseException) -> str:
     strerror = getattr(error, "strerror", None)
     return str(strerror or error).splitlines()[0] if str(error) else type(error).__name__
+
+
+def parts_of(folder: Path) -> list[Path]:
+    """Return the parts in the folder of one serial number."""
+    return sorted(folder.glob("part-*.parquet")) if folder.name.startswith("serial=") else []
+
+
+def is_part(path: Path) -> bool:
+    """Whether a path is a part, or the folder of a serial number that holds parts."""
+    if path.is_dir():
+        return bool(parts_of(path))
+    return path.name.startswith("part-") and path.suffix == ".parquet" and path.is_file()
+
+
+def part_in(path: Path) -> Path:
+    """Return the part that a path names, itself or as the folder of its serial number.
+
+    Raises
+    ------
+    ConfigurationError
+        There are several.
+    """
+    if not path.is_dir():
+        return path
+    parts = parts_of(path)
+    if len(parts) > 1:
+        names = ", ".join(one.name for one in parts)
+        raise ConfigurationError(f"{path}: several tests of one damper; name one of {names}")
+    return parts[0]
+
+
+def read_part(
+    path: Path,
+) -> tuple[dict[str, Any], tuple[Quantity, ...], tuple[dict[str, Any], ...]]:
+    """Return what a part keeps of run.json, its quantities, and its rows of parameters.
+
+    Raises
+    ------
+    ConfigurationError
+        There are several, it is damaged, or it does not tell its damper.
+    """
+    path = part_in(path)
+    try:
+        table = pq.ParquetFile(path, page_checksum_verification=True).read()
+        record = json.loads((table.schema.metadata or {}).get(RECORD, b"{}"))
+    except (OSError, pa.ArrowInvalid, ValueError) as error:
+        raise ConfigurationError(
+            f"{path}: damaged ({error}); remove it, and the next damperfit fleet makes it again"
+        ) from error
+    if not record:
+        raise ConfigurationError(
+            f"{path}: does not say which damper and motion it is of: from an earlier version, of "
+            "several dampers, or without a fit; remove it, and the next damperfit fleet makes it "
+            "again"
+        )
+    rows = [row for row in table.to_pylist() if not row["error_kind"]]
+    quantities = quantities_in(record, table.column_names)
+    adjusters = adjusters_in(table.column_names, quantities)
+    known = {str(cell): cell for cell in _cells(record)}
+    of_settings = tuple({**row, "setting": _setting(row, adjusters, known)} for row in rows)
+    return record, quantities, of_settings
+
+
+def read_table(
+    path: Path,
+) -> tuple[dict[str, Any], tuple[Quantity, ...], tuple[dict[str, Any], ...], str]:
+    """Return what a table of parameters and run.json beside it tell, and where the damper stands.
+
+    Raises
+    ------
+    ConfigurationError
+        The file is missing, is no table, or lacks a column.
+    """
+    facts = read_facts(path)
+    beside = read_record(path.parent / "run.json", [])
+    is_told = isinstance(facts.get("configuration"), dict)
+    quantities = table_quantities(path)
+    rows = read_parameter_rows(path, quantities, column_kinds("parameters", quantities))
+    source = path if is_told or not beside else path.parent / "run.json"
+    own = {key: facts[key] for key in _OWN if key in facts}
+    return beside | own, quantities, rows, str(source)
+
+
+def written_of(place: Path, name: str) -> Path:
+    """Return where what is made of results goes: beside a fleet's parts, which programs read whole.
+
+    Parameters
+    ----------
+    place : pathlib.Path
+        As `results_in` takes it.
+    name : str
+        What is made; a folder of the fleet.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> written_of(Path("results"), "reports").as_posix()
+    'results'
+    """
+    if not is_part(place):
+        return place
+    serial = place if place.is_dir() else place.parent
+    # Readers of a folder of Parquet leave out what begins with an underscore.
+    return serial.parent / f"_{name}" / serial.name
+
+
+def title_of(place: Path) -> str:
+    """Return whose results these are, for a heading."""
+    if not is_part(place):
+        return place.resolve().name or str(place)
+    serial = place if place.is_dir() else place.parent
+    return unquote(serial.name.removeprefix("serial="), errors="replace")
+
+
+def _cells(record: dict[str, Any]) -> list[int | str]:
+    return [one["setting"] for one in record.get("uncertainty") or () if "setting" in one]
+
+
+def _setting(row: dict[str, Any], names: Any, known: dict[str, int | str]) -> Setting:
+    text = row["setting"]
+    if len(names) > 1:
+        return Setting(tuple((name, parse_place(row[name])) for name in names))
+    return Setting.of(known.get(text, text))

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from damperfit.configuration.loading import load_configuration
-from damperfit.tables import read_parameters
+from tests.fakes import values_in
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 # Our own made-up values for the two dampers: (r_m1, r_m2, r_m3, k_e, f_f) by setting.
@@ -59,7 +59,7 @@ def test_its_damper_is_found_from_its_logs(run, tmp_path, name) -> None:
     assert made.code == 0
     ended = run("identify", "runs/*.csv", *config)
     assert ended.code == 0, ended.err
-    found = read_parameters(tmp_path / "results" / "parameters.parquet")
+    found = values_in(tmp_path / "results" / "parameters.parquet")
     for setting, (r_m1, r_m2, r_m3, k_e, f_f) in TRUTH[name].items():
         assert found[setting].r_m1 == pytest.approx(r_m1, rel=2e-3)
         assert found[setting].r_m2 == pytest.approx(r_m2, rel=3e-3)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from damperfit.tables import read_parameters
+from tests.fakes import values_in
 
 SAMPLES = Path(__file__).parents[2] / "sample_runs"
 NAMES = ("r_m1", "r_m2", "r_m3", "k_e", "f_f")
@@ -38,7 +38,7 @@ def _export(path: Path, setting: int, *, x_sign: float = -1.0, f_sign: float = -
 
 
 def _found(folder: Path, setting: int) -> dict[str, float]:
-    parameters = read_parameters(folder / "parameters.parquet")[setting]
+    parameters = values_in(folder / "parameters.parquet")[setting]
     return {name: getattr(parameters, name) for name in NAMES}
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
-from damperfit.tables import read_parameters
+from tests.fakes import values_in
 
 FILES = {
     "parameters.parquet",
@@ -54,9 +54,9 @@ def test_it_writes_every_file_and_nothing_else(results) -> None:
 
 
 def test_the_parameters_are_the_true_ones(logs, results) -> None:
-    truth = read_parameters(logs / "truth.csv")
-    found = read_parameters(results / "parameters.parquet")
-    assert found == read_parameters(results / "parameters.csv")
+    truth = values_in(logs / "truth.csv")
+    found = values_in(results / "parameters.parquet")
+    assert found == values_in(results / "parameters.csv")
     for setting, true in truth.items():
         assert found[setting].r_m1 == pytest.approx(true.r_m1, rel=2e-3)
         assert found[setting].r_m2 == pytest.approx(true.r_m2, rel=5e-3)

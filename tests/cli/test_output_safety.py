@@ -14,8 +14,8 @@ from pathlib import Path
 import pytest
 
 from damperfit.cli import main
+from damperfit.results import Run
 from damperfit.run import after_reading, judging, writing
-from damperfit.tables import read_results
 
 QUICK = (
     *("--procedure", "plain", "--free", "r_m1,r_m2,k_e"),
@@ -112,7 +112,7 @@ def test_two_runs_into_one_folder_at_once_are_refused_before_they_work(
 
     def meanwhile(*arguments, **how):
         told.append(spawn("identify", logs / "setting_02.csv", *QUICK))
-        told.append(read_results(folder))  # reading goes on
+        told.append(Run.load(folder))  # reading goes on
         return fitted(*arguments, **how)
 
     monkeypatch.setattr(after_reading, "fitted", meanwhile)

@@ -10,7 +10,7 @@ import pytest
 from damperfit.report import drawing
 from damperfit.report.records import checks_in, clicks_in, findings_in, to_record, trends_in
 from damperfit.report.tables import cavitation_sheet
-from damperfit.tables import read_results
+from damperfit.results import Run
 from tests.report_folder import make_results
 
 
@@ -104,6 +104,6 @@ def test_what_identify_tells_is_understood(run, logs):
         again = json.dumps([to_record(one) for one in read(record)]).replace("NaN", "null")
         assert json.loads(again) == record[key]
     assert all(findings_in(entry) for entry in record["inputs"] if entry["findings"])
-    (row, *_) = cavitation_sheet(read_results(Path("results")).parameters).rows
+    (row, *_) = cavitation_sheet(Run.load(Path("results")).rows("parameters")).rows
     assert row[0] == "1"
     assert float(row[4]) > 5.0  # by how much R_m3 may rise, %

@@ -11,7 +11,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from damperfit.damper.purdy.reference import reference_parameters
-from damperfit.tables import read_parameters
+from tests.fakes import values_in
 from tests.oracles.golden import GOLDEN, PHASES
 
 SET_M = ["r_m1=1.8e4", "r_m2=3.527e6", "r_m3=2.597e6", "k_e=365MPa", "f_f=50N"]
@@ -80,7 +80,7 @@ def test_results_beside_it_come_before_the_reference_set(run, logs, tmp_path) ->
     assert run("identify", logs / "setting_02.csv", "--quiet").code == 0
     ended = run("simulate", "--setting", "2", "--json")
     assert "results/parameters.parquet" in ended.err
-    found = read_parameters(tmp_path / "results" / "parameters.parquet")[2]
+    found = values_in(tmp_path / "results" / "parameters.parquet")[2]
     assert json.loads(ended.out)["parameters"]["r_m1"] == found.r_m1
     missing = run("simulate", "--setting", "9")
     assert missing.code == 2

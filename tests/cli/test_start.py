@@ -12,7 +12,7 @@ from damperfit.configuration.loading import load_configuration
 from damperfit.errors import ConfigurationError
 from damperfit.identification import campaign
 from damperfit.run.given_starts import start_of_laws, with_given_start
-from damperfit.tables import read_parameters
+from tests.fakes import values_in
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +43,7 @@ def test_a_run_begins_where_an_earlier_one_ended(run, logs, earlier, began, name
     command = ["identify", logs / "setting_0[12].csv", "--procedure", "plain", "--json", "--quiet"]
     done = run(*command, "--start", earlier / name)
     assert done.code == 0
-    known = read_parameters(earlier / "parameters.parquet")
+    known = values_in(earlier / "parameters.parquet")
     assert began == {1: known[1], 2: known[1]}  # 1 and 3 are as near to 2: the first counts
     told = json.loads(done.out)["configuration"]["identification"]
     assert told["start"] == str(earlier / name)
@@ -67,7 +67,7 @@ def test_values_go_before_the_file_and_stand_in_run_json(run, logs, earlier, beg
     assert done.code == 0
     values = json.loads(done.out)["configuration"]["identification"]["start_values"]
     assert values == {"k_e": "900MPa", "r_m1": "2e4"}
-    known = read_parameters(earlier / "parameters.parquet")[1]
+    known = values_in(earlier / "parameters.parquet")[1]
     assert began == {2: known.replace(k_e=9e8, r_m1=2e4)}
 
 

@@ -21,9 +21,9 @@ import numpy as np
 
 from damperfit.adjustment import sine_of, stage_of
 from damperfit.comparison import (
+    ComparedRun,
     ComparisonOptions,
     FittedRun,
-    Run,
     Sameness,
     compare_runs,
     measured_tests,
@@ -51,7 +51,7 @@ class Rig:
     logs: list
     clean: list[Trace]
 
-    def campaign(self, seed: int) -> Run:
+    def campaign(self, seed: int) -> ComparedRun:
         """Return a campaign with noise of its own."""
         rng = np.random.default_rng(seed)
         return fitted_run(noisy(self.made_up, self.logs, self.clean, rng), name=str(seed))
@@ -68,7 +68,7 @@ def rig(*, factor: float = 1.0, duration: float = 10.0, displacement_noise: floa
     return Rig(made_up, logs, [condition(log, ConditionOptions()) for log in logs])
 
 
-def fitted_run(traces: list[Trace], *, name: str) -> Run:
+def fitted_run(traces: list[Trace], *, name: str) -> ComparedRun:
     """Return what `compare` would read from the results folder of these logs."""
     campaign = identify(traces, PURDY_DAMPER)
     assessment = assess(campaign, PURDY_DAMPER)
@@ -85,7 +85,7 @@ def fitted_run(traces: list[Trace], *, name: str) -> Run:
         SolverOptions(),
     )
     tests = tuple(test for trace in traces for test in _tests(trace))
-    return Run(name, name, fitted, tests, {})
+    return ComparedRun(name, name, fitted, tests, {})
 
 
 def _tests(trace: Trace) -> tuple:

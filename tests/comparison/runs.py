@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from damperfit.comparison import MeasuredTest, Run, measured_tests
+from damperfit.comparison import ComparedRun, MeasuredTest, measured_tests
 from damperfit.tables import LogSignals
 from damperfit.tested.setting import Setting
 
@@ -54,6 +54,6 @@ def measured(setting: int = 1, **how: object) -> MeasuredTest:
     return found
 
 
-def run(*tests: MeasuredTest, name: str = "a", record: dict | None = None) -> Run:
+def run(*tests: MeasuredTest, name: str = "a", record: dict | None = None) -> ComparedRun:
     """Return a run of measured tests alone."""
-    return Run(name, name, None, tests, record or {})
+    return ComparedRun(name, name, None, tests, record or {})

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from damperfit.adjustment import Sine, Stage
-from damperfit.comparison import FittedRun, Run, circumstances
+from damperfit.comparison import ComparedRun, FittedRun, circumstances
 from damperfit.comparison.parameters import comparable_quantities
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
@@ -32,7 +32,7 @@ def _run(name="a", *, damper=PURDY_DAMPER, tests=(), quantities=PURDY_DAMPER.qua
         quantities,
         SolverOptions(),
     )
-    return Run(name, name, fitted, tuple(tests), record)
+    return ComparedRun(name, name, fitted, tuple(tests), record)
 
 
 def _said(first, second):

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import pytest
 
 from damperfit.adjustment import Sine, Stage
-from damperfit.comparison import ComparisonOptions, FittedRun, Run
+from damperfit.comparison import ComparedRun, ComparisonOptions, FittedRun
 from damperfit.comparison.comparing import _motion
 from damperfit.comparison.forces import freedom_of
 from damperfit.comparison.parameters import figure_lines, parameter_readings
@@ -68,12 +68,12 @@ def test_what_the_logs_do_not_tell_is_not_compared(status) -> None:
 def test_of_two_motions_the_slower_is_the_one_that_both_can_tell_of() -> None:
     slow, fast = Sine(0.02, 1.0), Sine(0.032, 1.5)
     for sines in ((slow, fast), (fast, slow)):
-        runs = [Run("a", "a", _fitted(sine), (), {}) for sine in sines]
+        runs = [ComparedRun("a", "a", _fitted(sine), (), {}) for sine in sines]
         found, words = _motion(runs, ComparisonOptions())
         assert found == slow
         assert words.startswith("the slower test's sine of 20 mm at 1 Hz")
     near = replace(fast, frequency=1.49)
-    runs = [Run("a", "a", _fitted(sine), (), {}) for sine in (fast, near)]
+    runs = [ComparedRun("a", "a", _fitted(sine), (), {}) for sine in (fast, near)]
     assert _motion(runs, ComparisonOptions())[0] == fast
 
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from damperfit import results
 from damperfit.comparison import (
     ComparisonOptions,
     Reading,
@@ -218,8 +218,8 @@ def test_a_log_of_an_older_run_is_one_motion_from_its_first_sample_to_its_last()
     """Its run.json tells no stretches; a cycle lasts as long as its samples."""
     log, (told,) = signals(1, factor=1.1, noise=2.0)
     facts = {"log": log.log, "frequency_Hz": told["frequency_Hz"], "temperature_degC": 26.0}
-    results = SimpleNamespace(logs=(log,), record={"inputs": [facts, "junk"]})
-    (found,) = _tests(results)  # type: ignore[arg-type]
+    run = results.Run({"inputs": [facts, "junk"]}, signals=(log,))
+    (found,) = _tests(run)
     (whole,) = measured_tests(log, [told], temperature=26.0)
     assert (found.n_cycles, found.temperature) == (whole.n_cycles, 26.0) == (10, 26.0)
     assert found.force == pytest.approx(whole.force)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from damperfit.adjustment import Sine, Stage
-from damperfit.comparison import ComparisonOptions, FittedRun, Run, Sameness, compare_runs
+from damperfit.comparison import ComparedRun, ComparisonOptions, FittedRun, Sameness, compare_runs
 from damperfit.comparison.forces import force_readings, tare_notes
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
@@ -43,7 +43,7 @@ def fitted(tare, *, is_free=True, factor=1.0):
 
 
 def run(name, tare, **how):
-    return Run(name, name, fitted(tare, **how), (), {})
+    return ComparedRun(name, name, fitted(tare, **how), (), {})
 
 
 def readings(*runs):
@@ -101,7 +101,7 @@ def test_beside_a_model_that_knows_no_gas_the_offsets_stay() -> None:
     model = Bilinear()
     values = model.values({"c_r": 2e3, "c_b": 1e3, "f_0": -120.0})
     plain = replace(fitted(0.0), damper=model, stages=tuple(Stage(one, values) for one in SETTINGS))
-    a, b = run("a", 25.0), Run("b", "b", plain, (), {})
+    a, b = run("a", 25.0), ComparedRun("b", "b", plain, (), {})
     paired, _ = force_readings((a, b), SETTINGS, SINE, speeds=(0.1,))
     (alone,) = readings(a)
     for topic, one in paired.items():

@@ -28,7 +28,7 @@ from damperfit.run import pipeline
 ROOT = Path(__file__).parents[2]
 LOGS = [str(ROOT / "sample_runs" / f"setting_{number:02d}.csv") for number in (1, 10)]
 NAMES = {
-    *("Damper", "Motion", "Result"),
+    *("Damper", "Motion", "Run"),
     *("compare", "export", "identify", "inspect", "load", "read", "simulate"),
 }
 
@@ -81,13 +81,13 @@ def test_a_result_has_values_intervals_and_verdicts_without_a_second_call(result
 
 
 def test_a_result_prints_itself(result):
-    assert repr(result) == "<Result: 2 settings, MSE 0.00043 to 0.0012 %>"
+    assert repr(result) == "<Run: 2 settings, MSE 0.00043 to 0.0012 %>"
     assert repr(result.setting("1")) == "<setting 1: MSE 0.00121 %, excellent>"
     lines = str(result).splitlines()
     assert lines[0].split()[:3] == ["set", "R_m1", "R_m2"]
     assert lines[2].split()[:2] == ["1", "14.012(13)"]
     page = result._repr_html_()
-    assert page.startswith("<table><caption>Result: 2 settings")
+    assert page.startswith("<table><caption>Run: 2 settings")
     assert page.count("<tr>") == 4
     assert "14.012(13)" in page
 
@@ -179,7 +179,7 @@ class TestFrames:
 
     def test_a_label_may_be_a_word(self, frame):
         found = damperfit.identify({"soft": frame})
-        assert found.settings == ("soft",)
+        assert [one.label for one in found.settings] == ["soft"]
 
     def test_time_may_be_the_index(self, frame):
         found = damperfit.read({"10": frame.set_index("time_s")})
@@ -259,7 +259,7 @@ _WRONG = [
     ("identify()", "damperfit.identify: logs missing"),
     ("identify(LOG, LOG)", "too many arguments; give those after the first by name: logs, damper"),
     ("identify(None)", "found NoneType; expected paths"),
-    ("identify(result)", "found Result; expected paths"),
+    ("identify(result)", "found Run; expected paths"),
     ("identify([[LOG]])", "found list in a list"),
     ("identify(LOG, free=3)", "(free=...): found 3; expected a list of names"),
     ("identify(LOG, share=3)", "(share=...): found 3"),
@@ -324,15 +324,15 @@ _WRONG = [
     ("Motion(0.001, [1, 2], [3, 4], gas_pressure='x')", "number for gas_pressure, found 'x'"),
     ("Motion(0.001, ['a', 'b'], [3, 4])", "expected an array of numbers for displacement"),
     ("Motion(0.001, [1, 2], [[1, 2], [3]])", "expected an array of numbers for velocity"),
-    ("Result(3)", "damperfit.Result: found int; expected the path of a results folder"),
-    ("result.setting()", "result.setting: setting missing"),
-    ("result.setting(frame)", "result.setting: found DataFrame; expected a setting"),
-    ("result.setting(True)", "result.setting: found bool; expected a setting"),
+    ("Run.load(3)", "damperfit.load: found int; expected the path of a results folder"),
+    ("result.setting()", "run.setting: setting missing"),
+    ("result.setting(frame)", "run.setting: found DataFrame; expected a setting"),
+    ("result.setting(True)", "run.setting: found bool; expected a setting"),
     ("result.setting(10).simulate(setting=3)", "the parameters are those of setting 10"),
     ("result.plot([])", "no figure '[]'; there are fan"),
     ("result.frame(3)", "no table '3' in these results"),
-    ("result.report(3)", "result.report: found int; expected the path of a page"),
-    ("result.save(3)", "result.save: found int; expected the path of a folder"),
+    ("result.report(3)", "run.report: found int; expected the path of a page"),
+    ("result.save(3)", "run.save: found int; expected the path of a folder"),
     ("identify({'10': {}})", "10: the data frame has no columns"),
     ("identify({'10': frame.drop(columns='time_s')})", "rig={'columns': {'time': 'NAME'}}"),
     ("identify({'10': {'time_s': 3, 'force_N': 4}})", "10: found single numbers"),
@@ -372,8 +372,8 @@ def test_traces_and_recordings_are_as_good_as_paths(result):
         assert found.parameters.equals(by_path.parameters)
         assert [one["log"] for one in found.record["inputs"]] == [Path(p).name for p in paths]
         assert found.failures == ()
-    assert damperfit.identify(traces[0]).settings == ("1",)
-    assert damperfit.identify(replace(traces[0], setting=None), setting=7).settings == ("7",)
+    assert damperfit.identify(traces[0]).settings[0].label == "1"
+    assert damperfit.identify(replace(traces[0], setting=None), setting=7).setting(7)
     with pytest.raises(LogError, match="has no setting; give setting=N"):
         damperfit.identify(replace(traces[0], setting=None))
     with pytest.raises(ConfigurationError, match=r"two logs are called setting_01\.csv"):

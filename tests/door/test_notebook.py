@@ -26,7 +26,7 @@ def test_every_cell_runs_and_shows_what_its_text_says(monkeypatch):
     cells = json.loads(NOTEBOOK.read_text(encoding="utf-8"))["cells"]
     names: dict = {}
     values = [shown(cell, names) for cell in cells if cell["cell_type"] == "code"]
-    assert names["result"].settings == ("1", "10", "20")
+    assert [one.label for one in names["result"].settings] == ["1", "10", "20"]
     pages = [value._repr_html_() for value in values if hasattr(value, "_repr_html_")]
     assert len(pages) == 7  # inspection, result, frame, figure, signals, second result, comparison
     assert names["again"].parameters["r_m1"][0] > 0.0

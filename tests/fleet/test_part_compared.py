@@ -15,7 +15,7 @@ from damperfit.errors import ConfigurationError
 from damperfit.fleet.parts import parts_in
 from damperfit.fleet.whole_fleet import planned, run_fleet
 from damperfit.parallel import InTurn
-from damperfit.queries.fleet_part import read_part
+from damperfit.results import Run
 from tests.fleet.conftest import put
 from tests.fleet.test_fleet_command import here, run  # noqa: F401
 
@@ -44,8 +44,8 @@ def test_several_tests_of_one_damper_are_told_apart(three, tmp_path, here):  # n
     part = parts_in(out)[0]
     (part.parent / "part-other.parquet").write_bytes(part.read_bytes())
     with pytest.raises(ConfigurationError, match=r"several tests of one damper; name one of"):
-        read_part(part.parent)
-    assert len(read_part(part).parameters) == 2
+        Run.load(part.parent)
+    assert len(Run.load(part).rows("parameters")) == 2
 
 
 @pytest.fixture(scope="module")

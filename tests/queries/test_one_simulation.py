@@ -12,8 +12,8 @@ from damperfit.errors import ConfigurationError
 from damperfit.identification import Campaign, Status
 from damperfit.queries.chosen_parameters import ChosenParameters, choose_parameters
 from damperfit.report.markdown import markdown_report
-from damperfit.tables import make_tables, read_unlimited, write_table
-from damperfit.tested.setting import Setting
+from damperfit.results import Run
+from damperfit.tables import make_tables, write_table
 from damperfit.uncertainty import Prediction
 from tests import fakes
 from tests.identification.adjusted import HIGH, LOW, SETTINGS, at
@@ -124,4 +124,4 @@ def test_an_upper_limit_or_rigid_oil_is_no_doubt(tmp_path: Path) -> None:
         "not_identifiable,20\n"
     )
     assert choose_parameters(setting=1, table=path, replaced={}).unlimited == ("r_m2",)
-    assert read_unlimited(path) == {Setting.of(1): frozenset({"r_m2"})}
+    assert Run.load(path).setting(1).unlimited == ("r_m2",)

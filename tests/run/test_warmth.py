@@ -28,8 +28,9 @@ from damperfit.identification.setting import NOT_FIT_TO_SHARE, is_loose
 from damperfit.queries.adjuster_results import read_adjuster_results
 from damperfit.queries.chosen_parameters import choose_parameters
 from damperfit.queries.one_simulation import damper_of, simulate_test
-from damperfit.queries.origin import damper_of_table, warmed_to
+from damperfit.queries.origin import damper_of_table
 from damperfit.recording import Recording
+from damperfit.results import warmed_to
 from damperfit.run.pipeline import run
 from damperfit.run.same_setting import without_contradictions
 from damperfit.run.warmth import are_unlike, with_reference

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import builtins
 
-from damperfit.door.sheets import text_table
+from damperfit.report.notebook_tables import text_table
 from damperfit.report.sheet import Sheet
 
 SHEET = Sheet(("set", "f_f"), ("", "N"), (("1", "50"),), is_number=(False, True))

@@ -1,0 +1,926 @@
+"""One run: what was read, fitted and judged, as an object and as a folder.
+
+`Run.load` is all that reads a results folder, a fleet's part or a table of parameters. Whatever is
+whole is there; what is missing, damaged or of another version stands in `Run.remarks`, and a table
+or signal is read when it is first asked for. Every figure that people or programs see is a row of
+its tables or a method of it; nothing computes one again.
+
+Ready to build on: `record`, `rows(name)`, `frame(name)`, `signals`, `quantities`, `remarks`,
+`settings` (values, own and shared names, covariance of u = ln y, statuses, grade), `damper`,
+`solver`, `configuration`, `motion`, `tested`, `identity`, `speed_forces`, `digest`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import os
+import weakref
+from dataclasses import dataclass, replace
+from functools import cached_property
+from html import escape
+from numbers import Real
+from pathlib import Path
+from shutil import rmtree
+from tempfile import mkdtemp
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from damperfit.adjustment import Sine, Stage, fastest_sine, has_lost_errors
+from damperfit.errors import ConfigurationError, OutputError, did_you_mean, refuse_wrong_arguments
+from damperfit.identification.sharing import of_settings
+from damperfit.recording import natural_order
+from damperfit.store import file_set, settle
+from damperfit.tables import values_from
+from damperfit.tables.columns import unknown_schema
+from damperfit.tables.files import read_facts, unlimited_names
+from damperfit.tables.quantities import PAPER_QUANTITIES
+from damperfit.tables.reading import (
+    check_files,
+    has_table,
+    is_part,
+    part_in,
+    read_part,
+    read_quantities,
+    read_record,
+    read_rows,
+    read_signals,
+    read_table,
+    title_of,
+)
+from damperfit.tested.setting import Setting
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    import pandas as pd
+
+    from damperfit.configuration.options import Configuration
+    from damperfit.damper.model import Model, Values
+    from damperfit.damper.quantity import Quantity
+    from damperfit.report.sheet import Sheet
+    from damperfit.simulation import SolverOptions
+    from damperfit.tables.reading import LogSignals
+    from damperfit.uncertainty import SpeedForces
+
+__all__ = ["Run", "SettingResult", "Tested"]
+
+TABLES = ("parameters", "mse", "adjustment", "characteristics", "valves", "responses", "profiles")
+_OF_PARAMETERS = ("parameters.parquet", "parameters.csv")
+_SAME = 1e-9  # 4.6bara and 460000 are one pressure, but for the last digit
+_FAN = "fan"  # force against velocity of all settings
+_SHOWN_FAILURES = 5
+
+
+@dataclass(frozen=True, slots=True)
+class Tested:
+    """The range of the tests that were fitted, as far as the run tells; None: it does not.
+
+    Attributes
+    ----------
+    n_logs : int
+        Logs that were fitted.
+    stroke : float or None
+        Largest amplitude of a motion that repeats, m.
+    speed : float or None
+        Highest peak speed, m/s.
+    frequencies, temperatures : tuple of float or None
+        Lowest and highest, Hz and degrees Celsius.
+    """
+
+    n_logs: int = 0
+    stroke: float | None = None
+    speed: float | None = None
+    frequencies: tuple[float, float] | None = None
+    temperatures: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SettingResult(Stage):
+    """One setting of a run: its values, what is known of their errors, and how it was judged.
+
+    Attributes
+    ----------
+    setting, parameters, own, shared, covariance
+        As of `Stage`: where the adjusters stand, the values in SI, and the covariance of u = ln y
+        (plain y for linear quantities) of those with an error, the setting's own ones first.
+    row : mapping
+        Its row of the table of parameters.
+    run : Run or None
+        Whose.
+    """
+
+    row: Mapping[str, Any] | None = None
+    run: Run | None = None
+
+    @property
+    def label(self) -> str:
+        """Where the adjusters stand."""
+        return self.setting.label
+
+    @property
+    def values(self) -> Values:
+        """The parameters, SI: an attribute and a key for each."""
+        return self.parameters
+
+    @property
+    def status(self) -> dict[str, str]:
+        """How each value was found: fitted, shared, fixed, at_bound, not_identifiable."""
+        return {name: str(self._cell(f"{name}_status") or "") for name in self.parameters.names}
+
+    @property
+    def intervals(self) -> dict[str, tuple[float | None, float | None]]:
+        """95 % intervals, SI; a limit that the logs do not determine is None."""
+        names = self.parameters.names
+        return {n: (self._cell(f"{n}_ci_low"), self._cell(f"{n}_ci_high")) for n in names}
+
+    @property
+    def unlimited(self) -> tuple[str, ...]:
+        """Names of values to which the logs set no upper limit."""
+        return unlimited_names(self.row or {}, self.parameters.quantities)
+
+    @property
+    def grade(self) -> str:
+        """excellent, good, poor or withheld."""
+        return str(self._cell("grade") or "")
+
+    @property
+    def mse_percent(self) -> float:
+        """Normalised MSE, eq. (22); NaN where it is not known."""
+        known = self._cell("mse_percent")
+        return math.nan if known is None else float(known)
+
+    def simulate(self, wave: str = "sine", **motion: Any) -> Any:
+        """Simulate this setting; keywords as of `damperfit.simulate`."""
+        import damperfit
+
+        for name in ("setting", "parameters"):
+            if name in motion:
+                raise ConfigurationError(
+                    f"setting.simulate: found {name}=...; the parameters are those of setting "
+                    f"{self.label}; leave it out, or call damperfit.simulate"
+                )
+        return damperfit.simulate(self.label, parameters=self.run, wave=wave, **motion)
+
+    def _cell(self, name: str) -> Any:
+        return (self.row or {}).get(name)
+
+    def __repr__(self) -> str:
+        return f"<setting {self.label}: MSE {self.mse_percent:.3g} %, {self.grade}>"
+
+
+class Run:
+    """What `identify` found, or `load` read: parameters by setting, with intervals and verdicts.
+
+    It prints itself, and pickles with all its files.
+
+    Parameters
+    ----------
+    record : mapping, optional
+        What run.json tells; empty where there is none.
+    rows : mapping of str to sequence of mapping, optional
+        Rows of its tables, by name.
+    quantities : tuple of Quantity
+        What the columns of the parameters are of.
+    place : pathlib.Path, optional
+        Folder, part of a fleet or table that it stands in; None: nowhere yet.
+    signals : sequence of LogSignals, optional
+        Measured and simulated signals by setting and log.
+    remarks : sequence of str
+        What is missing or damaged.
+    config : pathlib.Path, optional
+        Configuration of the user, whose damper is taken where the run does not tell its own.
+    temperature : str, optional
+        Of the oil, where the damper follows it; the reference temperature by default.
+    is_temporary : bool
+        Whether the folder goes with the object.
+    """
+
+    def __init__(  # noqa: PLR0913 - what a run is made of
+        self,
+        record: Mapping[str, Any] | None = None,
+        rows: Mapping[str, Sequence[dict[str, Any]]] | None = None,
+        *,
+        quantities: tuple[Quantity, ...] = PAPER_QUANTITIES,
+        place: Path | None = None,
+        signals: Sequence[LogSignals] | None = None,
+        remarks: Sequence[str] = (),
+        config: Path | None = None,
+        temperature: str | None = None,
+        is_temporary: bool = False,
+    ) -> None:
+        self.record: dict[str, Any] = dict(record or {})
+        self.quantities = quantities
+        self.place = place
+        self.is_temporary = is_temporary
+        self._rows = {name: tuple(known) for name, known in (rows or {}).items()}
+        self._signals = None if signals is None else tuple(signals)
+        self._remarks = list(remarks)
+        self._config = config
+        self._temperature = temperature
+        self._source = str(place or "")
+        if is_temporary and place is not None:
+            weakref.finalize(self, rmtree, place, ignore_errors=True)
+
+    @classmethod
+    def load(
+        cls,
+        place: str | Path,
+        *,
+        parts: Sequence[str] = ("parameters", "mse", "responses", "valves"),
+        config: Path | None = None,
+        temperature: str | None = None,
+        is_temporary: bool = False,
+    ) -> Run:
+        """Read a run.
+
+        Parameters
+        ----------
+        place : path
+            Results folder, a fleet's part, the folder of a serial number with one, or a table of
+            parameters.
+        parts : sequence of str
+            Tables to read, and to remark on, at once; the others are read when they are asked for.
+        config : pathlib.Path, optional
+            Configuration of the user.
+        temperature : str, optional
+            Of the oil.
+        is_temporary : bool
+            Whether the folder goes with the object.
+
+        Raises
+        ------
+        ConfigurationError
+            There is none, or nothing of it can be read.
+        OutputError
+            Writing was interrupted there, and the earlier results cannot be put back.
+        """
+        place = _path(place, "damperfit.load", "the path of a results folder")
+        more: Any = {"place": place, "config": config, "temperature": temperature}
+        if is_part(place):
+            record, quantities, rows = read_part(place)
+            return cls(record, {"parameters": rows}, quantities=quantities, **more)
+        if place.is_file() or place.suffix in {".csv", ".parquet"}:
+            record, quantities, rows, source = read_table(place)
+            run = cls(record, {"parameters": rows}, quantities=quantities, **more)
+            run._source = source
+            return run
+        if not place.is_dir():
+            raise ConfigurationError(
+                f"{place}: no such folder; expected the results of damperfit identify"
+            )
+        settle(place)
+        remarks: list[str] = []
+        record = read_record(place / "run.json", remarks)
+        remarks.extend(filter(None, [unknown_schema(record)]))
+        check_files(place, record, remarks, parts)
+        run = cls(
+            record,
+            quantities=read_quantities(place, record),
+            remarks=remarks,
+            is_temporary=is_temporary,
+            **more,
+        )
+        for name in parts:
+            if name == "responses":
+                run.signals  # noqa: B018 - read
+            else:
+                run.rows(name)
+        if not run._rows.get("parameters") and not run._signals:
+            raise ConfigurationError(
+                f"{place}: nothing to show, {'; '.join(run._remarks) or 'its tables are empty'}; "
+                "run damperfit identify LOGS --out FOLDER first"
+            )
+        run._check_settings()
+        return run
+
+    # What stands in it
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What was missing, damaged or written by another version."""
+        return tuple(dict.fromkeys(self._remarks))
+
+    @property
+    def folder(self) -> Path:
+        """Where its files are."""
+        return Path() if self.place is None else self.place
+
+    @property
+    def name(self) -> str:
+        """What people call it: the damper's of a fleet, else its folder's."""
+        return "" if self.place is None else title_of(self.place)
+
+    def rows(self, name: str) -> tuple[dict[str, Any], ...]:
+        """Return the rows of a table, by column; None where a cell or a column is missing.
+
+        Parameters
+        ----------
+        name : str
+            parameters, mse, adjustment, characteristics, valves, profiles.
+        """
+        if name not in self._rows:
+            known: tuple[dict[str, Any], ...] = ()
+            is_needed = name in {"parameters", "mse"}
+            if self._is_folder and (is_needed or has_table(self.folder, self.record, name)):
+                known = read_rows(self.folder, name, self._remarks, self.quantities)
+            self._rows[name] = self._once(known) if name == "parameters" else known
+        return self._rows[name]
+
+    @property
+    def signals(self) -> tuple[LogSignals, ...]:
+        """Measured and simulated signals by setting and log."""
+        if self._signals is None:
+            read = (
+                read_signals(self.folder, self._remarks, self.quantities) if self._is_folder else ()
+            )
+            self._signals = tuple(
+                sorted(read, key=lambda one: (one.setting, natural_order(one.log)))
+            )
+        return self._signals
+
+    @property
+    def _is_folder(self) -> bool:
+        return self.place is not None and self.place.is_dir() and not is_part(self.place)
+
+    def _once(self, rows: tuple[dict[str, Any], ...]) -> tuple[dict[str, Any], ...]:
+        """Return the first row of each setting."""
+        first: dict[Setting, dict[str, Any]] = {}
+        for row in rows:
+            first.setdefault(row["setting"], row)
+        if len(first) < len(rows):
+            self._remarks.append(
+                "the parameters table lists a setting more than once: its first row is shown"
+            )
+        return tuple(first.values())
+
+    def _check_settings(self) -> None:
+        """Remark on settings that stand in one table alone; where one is empty, that was said."""
+        parameters = self._rows.get("parameters", ())
+        fitted = {row["setting"] for row in parameters if row["mse_percent"] is not None}
+        drawn = {log.setting for log in self._signals or ()}
+        known = {row["setting"] for row in parameters}
+        if fitted and drawn and fitted - drawn:
+            names = ", ".join(map(str, sorted(fitted - drawn)))
+            self._remarks.append(f"setting {names}: parameters but no signals, so no loops")
+        if known and drawn - known:
+            names = ", ".join(map(str, sorted(drawn - known)))
+            self._remarks.append(f"setting {names}: signals but no parameters")
+
+    # The settings
+
+    @cached_property
+    def settings(self) -> tuple[SettingResult, ...]:
+        """The settings that have all parameters, rising."""
+        known = {
+            entry["setting"]: entry
+            for entry in _listed(self.record, "uncertainty")
+            if isinstance(entry, dict) and "setting" in entry
+        }
+        found = []
+        for row in sorted(self.rows("parameters"), key=lambda row: Setting.of(row["setting"])):
+            values = _values(row, self.quantities)
+            if values is not None:
+                setting = Setting.of(row["setting"])
+                names, shared, covariance = _errors(values, row, known.get(setting.cell, {}))
+                own = tuple(name for name in names if name not in shared)
+                found.append(SettingResult(setting, values, own, shared, covariance, row, self))
+        return tuple(found)
+
+    @refuse_wrong_arguments("run.setting")
+    def setting(self, setting: Setting | str | float) -> SettingResult:
+        """Return one setting, by its label or number.
+
+        Raises
+        ------
+        ConfigurationError
+            There is none of that name.
+        """
+        wanted = _label(setting)
+        for one in self.settings:
+            if one.label.casefold() == wanted.casefold():
+                return one
+        labels = [one.label for one in self.settings]
+        raise ConfigurationError(
+            f"no setting {wanted}; there are {', '.join(labels)}.{did_you_mean(wanted, labels)}"
+        )
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a reader must know of the errors; nothing is missing."""
+        lost = [one.setting for one in self._without_errors if self._is_told(one)]
+        said = f"the fit met no minimum at {of_settings(lost)}: the forces there have no interval"
+        return (said,) if lost else ()
+
+    @property
+    def remarks_on_errors(self) -> tuple[str, ...]:
+        """Settings whose errors the run should tell, and does not."""
+        lost = [one.setting for one in self._without_errors if not self._is_told(one)]
+        which = "all settings" if len(lost) == len(self.rows("parameters")) else of_settings(lost)
+        said = (
+            f"errors and correlations of {which} are missing (an older version, or a damaged "
+            "run.json): forces without intervals"
+        )
+        return (said,) if lost else ()
+
+    @property
+    def _without_errors(self) -> list[SettingResult]:
+        return [one for one in self.settings if one.covariance is None]
+
+    def _is_told(self, setting: SettingResult) -> bool:
+        """Whether a setting without errors says why: a fit that met no minimum has none."""
+        for entry in _listed(self.record, "uncertainty"):
+            if isinstance(entry, dict) and entry.get("setting") == setting.setting.cell:
+                names = entry.get("parameters")
+                return isinstance(names, list) and has_lost_errors(names, setting.status)
+        return False
+
+    # The damper and its tests
+
+    @cached_property
+    def configuration(self) -> Configuration:
+        """The user's configuration with the run's damper, at the temperature that was asked for.
+
+        Raises
+        ------
+        ConfigurationError
+            The user declares another damper, that of the run cannot be used, or the damper does not
+            follow a temperature.
+        """
+        from damperfit.configuration.loading import load_configuration
+
+        given = load_configuration(self._config)
+        if self.declared_damper is not None:
+            given = self.configured(given, config=self._config)
+        elif self._config is None:
+            self._remarks.append(
+                "the damper of the run is not known: the paper's is assumed; give --config"
+            )
+        return warmed_to(given, self._temperature)
+
+    @property
+    def damper(self) -> Model:
+        """Geometry, oil, gas and law."""
+        return self.configuration.damper
+
+    @property
+    def solver(self) -> SolverOptions:
+        """How exactly the model is integrated."""
+        return self.configuration.simulation.solver
+
+    @cached_property
+    def declared_damper(self) -> Mapping[str, Any] | None:
+        """Its [damper], as it was written; None: it is not told."""
+        known = _damper_in(self.record)
+        if known is None and self._is_folder:
+            known = _damper_in(read_facts(self.folder / _OF_PARAMETERS[0]))
+        return known
+
+    @property
+    def source(self) -> str:
+        """Where damper and motion are told, for people."""
+        if self._is_folder:
+            is_in_record = _damper_in(self.record) is not None
+            return str(self.folder / ("run.json" if is_in_record else _OF_PARAMETERS[0]))
+        return self._source
+
+    def configured(
+        self, given: Configuration, *, config: Path | None = None, takes_motion: bool = False
+    ) -> Configuration:
+        """Return a configuration with the run's damper, and its motion unless one was declared.
+
+        Parameters
+        ----------
+        given : Configuration
+            As the user gave it.
+        config : pathlib.Path, optional
+            The file it came from, for the message.
+        takes_motion : bool
+            Whether the nominal test becomes the run's.
+
+        Raises
+        ------
+        ConfigurationError
+            The user declares another damper, or that of the run cannot be used.
+        """
+        from damperfit.configuration.loading import load_configuration, redeclared
+
+        if self.declared_damper is None:
+            return given
+        try:
+            own = load_configuration(overlay={"damper": self.declared_damper}).damper
+        except ConfigurationError as error:
+            if config is not None:
+                return given
+            raise ConfigurationError(
+                f"the damper in {self.source} cannot be used ({error}); give --config"
+            ) from error
+        self._refuse_other_damper(given, own, config)
+        sections: dict[str, Mapping[str, Any]] = {"damper": self.declared_damper}
+        motion = (self.motion_of_tests or self._nominal_motion) if takes_motion else None
+        if motion is not None:
+            sections["rig"] = {
+                name: getattr(motion, name)
+                for name in ("amplitude", "frequency")
+                if f"rig.{name}" not in given.declared
+            }
+        return redeclared(given, sections)
+
+    def _refuse_other_damper(self, given: Configuration, own: Model, config: Path | None) -> None:
+        if given.damper.name != own.name:
+            if "damper.model" not in given.declared:
+                return
+            option = "--model" if config is None else "--config"
+            who = option if config is None else f"{option} {config}"
+            raise ConfigurationError(
+                f"{who}: damper.model is {given.damper.name}, but the parameters of {self.source} "
+                f"are of {own.name}; leave {option} out, or run identify again with it"
+            )
+        for name, (_, _, unit) in own.ranges.items():
+            found, fitted = getattr(given.damper, name), getattr(own, name)
+            is_declared = f"damper.{name}" in given.declared
+            if is_declared and not math.isclose(found, fitted, rel_tol=_SAME):
+                raise ConfigurationError(
+                    f"--config {config}: damper.{name} is {_in_unit(found, unit)}, but the "
+                    f"parameters of {self.source} were fitted with {_in_unit(fitted, unit)} and "
+                    "hold for that damper alone; leave --config out, or run identify again with it"
+                )
+
+    @property
+    def _fitted_inputs(self) -> list[dict[str, Any]]:
+        """Entries of the logs of the settings that have parameters."""
+        cells = {one.setting.cell for one in self.settings}
+        logs = [log for log in _listed(self.record, "inputs") if isinstance(log, dict)]
+        return [log for log in logs if "setting" not in log or log["setting"] in cells]
+
+    @property
+    def motion_of_tests(self) -> Sine | None:
+        """The fastest motion of the logs that were fitted, as far as it is told."""
+        known = [one for log in self._fitted_inputs for one in _motions(log)]
+        return fastest_sine(known) if known else None
+
+    @cached_property
+    def motion(self) -> Sine:
+        """The fastest motion of the logs that were fitted, else the nominal one, with a remark."""
+        if (known := self.motion_of_tests) is not None:
+            return known
+        self._remarks.append("the motion of the test is not known: the nominal one is used")
+        return Sine(self.configuration.rig.amplitude, self.configuration.rig.frequency)
+
+    @property
+    def _nominal_motion(self) -> Sine | None:
+        from damperfit.configuration.loading import load_configuration
+
+        rig = (self.record.get("configuration") or {}).get("rig")
+        if not isinstance(rig, dict) or not {"amplitude", "frequency"} <= rig.keys():
+            return None
+        overlay = {"rig": {name: rig[name] for name in ("amplitude", "frequency")}}
+        values = load_configuration(overlay=overlay).rig
+        return Sine(values.amplitude, values.frequency)
+
+    @cached_property
+    def tested(self) -> Tested:
+        """The range of the tests that were fitted."""
+        logs = self._fitted_inputs
+        segments = [one for log in logs for one in segments_in(log)]
+        rates = _numbers(segments, "frequency_Hz")
+        speeds = _numbers(segments, "peak_speed_m_per_s")
+        speeds = speeds or [speed for log in logs for _, _, speed in _motions(log)]
+        warm = _numbers(logs, "temperature_degC")
+        return Tested(
+            len(logs),
+            max(_numbers(segments, "amplitude_m"), default=None),
+            max(speeds, default=None),
+            (min(rates), max(rates)) if rates else None,
+            (min(warm), max(warm)) if warm else None,
+        )
+
+    @property
+    def identity(self) -> dict[str, str]:
+        """Whose test it was: what is known of damper, serial, customer, operator, date, rig."""
+        test = self.record.get("test")
+        known = test.items() if isinstance(test, dict) else ()
+        return {str(key): value for key, value in known if isinstance(value, str) and value}
+
+    @property
+    def speed_forces(self) -> tuple[SpeedForces, ...]:
+        """Measured forces at the named speeds, and what the model misses; older runs: none."""
+        from damperfit.report.records import read_back
+        from damperfit.uncertainty import SpeedForces
+
+        found = []
+        for entry in _listed(self.record, "speed_forces"):
+            one = read_back(SpeedForces, entry)
+            rows = (
+                () if one is None else (one.measured, one.measured_se, one.difference, one.misfit)
+            )
+            if one is not None and all(len(row) == len(one.speeds) for row in rows):
+                found.append(one)
+        return tuple(found)
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of the table of parameters; empty where it stands in no file."""
+        if self.place is None:
+            return ""
+        paths = [part_in(self.place)] if is_part(self.place) else [self.place]
+        if self._is_folder:
+            paths = [self.place / name for name in _OF_PARAMETERS]
+        for path in paths:
+            if path.is_file():
+                with path.open("rb") as file:
+                    return hashlib.file_digest(file, "sha256").hexdigest()
+        return ""
+
+    # For people: frames, figures, text
+
+    @property
+    def parameters(self) -> pd.DataFrame:
+        """One row a setting: values, standard errors, 95 % intervals, status, MSE, grade; SI."""
+        return self.frame("parameters")
+
+    @property
+    def mse(self) -> pd.DataFrame:
+        """One row a setting and log."""
+        return self.frame("mse")
+
+    @property
+    def failures(self) -> tuple[str, ...]:
+        """Logs and settings without a result, a sentence each."""
+        return tuple(str(one.get("message", "")) for one in _listed(self.record, "failures"))
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What to know before believing the numbers, a sentence each."""
+        return (*self.remarks, *_listed(self.record, "warnings"))
+
+    @property
+    def checks(self) -> pd.DataFrame:
+        """The checklist."""
+        import pandas as pd
+
+        return pd.DataFrame(self.record.get("checks", []))
+
+    def frame(self, name: str = "parameters") -> pd.DataFrame:
+        """Return a table as a data frame.
+
+        Parameters
+        ----------
+        name : str
+            parameters, mse, adjustment, characteristics, responses ...
+
+        Raises
+        ------
+        ConfigurationError
+            There is no such table in this run.
+        """
+        import pandas as pd
+
+        name = str(name)
+        path = self.folder / f"{name}.parquet"
+        if name not in TABLES or not path.exists():
+            there = [one for one in TABLES if (self.folder / f"{one}.parquet").exists()]
+            raise ConfigurationError(
+                f"no table {name!r} in these results; there are {', '.join(there)}."
+                f"{did_you_mean(name, there)}"
+            )
+        return pd.read_parquet(path)
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return the parameters as a data frame."""
+        return self.parameters
+
+    def plot(self, name: str | None = None) -> Any:
+        """Draw a figure with matplotlib and return its axes.
+
+        Parameters
+        ----------
+        name : str, optional
+            As the file names of `damperfit report --plots`; by default force against velocity
+            of all settings.
+
+        Returns
+        -------
+        matplotlib.axes.Axes or list of them
+            One, or from the top where there are several panels.
+
+        Raises
+        ------
+        ConfigurationError
+            There is no figure of that name.
+        """
+        from damperfit.report.drawing import compose, fixed_style
+        from damperfit.report.settings_figures import report_plots
+
+        plots = {one.name: one for one in report_plots(self).plots}
+        meant = _FAN if name is None else str(name)
+        if meant not in plots:
+            hint = did_you_mean(meant, plots)
+            raise ConfigurationError(f"no figure {meant!r}; there are {', '.join(plots)}.{hint}")
+        with fixed_style():
+            axes = compose(plots[meant]).axes
+        return axes[0] if len(axes) == 1 else list(axes)
+
+    def report(self, path: str | Path = "report.html") -> Path:
+        """Write the page and return where it is."""
+        from damperfit.report.page import html_report
+        from damperfit.report.settings_figures import report_plots
+
+        text = html_report(report_plots(self), title=self._title)
+        whole = _path(path, "run.report", "the path of a page")
+        with file_set(whole.parent) as files:
+            files.path(whole.name).write_bytes(text.encode("utf-8", "backslashreplace"))
+        return whole
+
+    @refuse_wrong_arguments("run.save")
+    def save(self, folder: str | Path) -> Path:
+        """Write its files into a folder, as a set, and return it.
+
+        Raises
+        ------
+        OutputError
+            It cannot be written, or is the folder of this run.
+        """
+        where = _path(folder, "run.save", "the path of a folder")
+        if where.resolve() == self.folder.resolve():
+            raise OutputError(f"{where}: these results are there already; give another folder")
+        with file_set(where) as files:
+            for name, content in self._files().items():
+                files.path(name).write_bytes(content)
+        return where
+
+    def _files(self) -> dict[str, bytes]:
+        # What begins with a point is a lock or half a file.
+        paths = (one for one in self.folder.iterdir() if one.is_file() and one.name[0] != ".")
+        return {path.name: path.read_bytes() for path in sorted(paths)}
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the files of a folder: what a pickle holds; else all that is known."""
+        return {"files": self._files()} if self._is_folder else self.__dict__
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Put the files of a pickle into a temporary folder."""
+        if "files" not in state:
+            self.__dict__.update(state)
+            return
+        folder = Path(mkdtemp(prefix="damperfit-run-"))
+        for name, content in state["files"].items():
+            (folder / name).write_bytes(content)
+        self.__dict__.update(Run.load(folder).__dict__)
+        self.is_temporary = True
+        weakref.finalize(self, rmtree, folder, ignore_errors=True)
+
+    @property
+    def _title(self) -> str:
+        test = self.identity
+        return test.get("serial") or test.get("damper") or "damperfit"
+
+    def _sheet(self) -> Sheet:
+        from damperfit.report.notebook_tables import WIDTH
+        from damperfit.report.tables import summary_sheet
+
+        return summary_sheet(self.rows("parameters"), columns=WIDTH, quantities=self.quantities)
+
+    def __repr__(self) -> str:
+        rows = self.rows("parameters")
+        misfits = [row["mse_percent"] for row in rows if row.get("mse_percent") is not None]
+        whose = self._title if self._title != "damperfit" else ""
+        spread = f", MSE {min(misfits):.2g} to {max(misfits):.2g} %" if misfits else ""
+        failed = f", {len(self.failures)} failed" if self.failures else ""
+        n = f"{len(rows)} setting{'' if len(rows) == 1 else 's'}"
+        return f"<Run: {f'damper {whose}, ' if whose else ''}{n}{spread}{failed}>"
+
+    def __str__(self) -> str:
+        from damperfit.report.notebook_tables import text_table
+
+        return text_table(self._sheet())
+
+    def _repr_html_(self) -> str:
+        from damperfit.report.notebook_tables import html_table
+
+        said = "".join(f"<p>{escape(line)}</p>" for line in self.failures[:_SHOWN_FAILURES])
+        return html_table(self._sheet(), caption=repr(self)[1:-1]) + said
+
+
+def warmed_to(configuration: Configuration, temperature: str | None) -> Configuration:
+    """Return the configuration with its damper at a temperature, as typed; None: as it is.
+
+    Raises
+    ------
+    ConfigurationError
+        It is no temperature, or the damper does not follow one.
+    """
+    from damperfit.damper.warmed import at_temperature
+    from damperfit.units.quantities import parse_quantity
+
+    if temperature is None:
+        return configuration
+    try:
+        asked = parse_quantity(temperature, "temperature")
+    except ValueError as error:
+        raise ConfigurationError(f"--temperature {temperature}: {error}") from error
+    return replace(configuration, damper=at_temperature(configuration.damper, asked))
+
+
+def segments_in(log: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return the segments of a log's entry in run.json; older runs tell of one, in the entry."""
+    segments = log.get("stretches")
+    known = segments if isinstance(segments, list) else [log]
+    return [one for one in known if isinstance(one, dict)]
+
+
+def _motions(log: Mapping[str, Any]) -> Iterator[tuple[float, float, float]]:
+    """Yield amplitude, frequency and peak speed of each segment of a log."""
+    for one in segments_in(log):
+        size, rate, speed = (
+            next(iter(_numbers([one], key)), 0.0)
+            for key in ("amplitude_m", "frequency_Hz", "peak_speed_m_per_s")
+        )
+        if size > 0.0 and rate > 0.0:
+            yield size, rate, speed if speed > 0.0 else 2.0 * math.pi * size * rate
+
+
+def _values(row: Mapping[str, Any], quantities: tuple[Quantity, ...]) -> Values | None:
+    """Return the values of a row; None where one is missing that has no default."""
+    cells = (row.get(one.name) for one in quantities)
+    numbers = [
+        one.default if cell is None else cell for one, cell in zip(quantities, cells, strict=True)
+    ]
+    known = [one for one in numbers if one is not None]
+    return values_from(quantities, known) if len(known) == len(quantities) else None
+
+
+def _errors(
+    values: Values, row: Mapping[str, Any], entry: Mapping[str, Any]
+) -> tuple[tuple[str, ...], tuple[str, ...], Any]:
+    """Return names with an error, own before shared, the shared ones, and the covariance of ln y.
+
+    It is made of standard errors and correlations; None where they are not told.
+    """
+    try:
+        names = tuple(str(name) for name in entry["parameters"])
+        status = {name: row[f"{name}_status"] for name in values.names}
+        if has_lost_errors(names, status):
+            return (), (), None
+        # Older runs left it to the status, which says of a shared value only that it is unsound.
+        shared = entry.get("shared", [name for name in names if status[name] == "shared"])
+        ordered = (
+            *(name for name in names if name not in shared),
+            *(name for name in names if name in shared),
+        )
+        scales = [
+            getattr(values, name) if values.quantity(name).is_logarithmic else 1.0 for name in names
+        ]
+        errors = np.array([float(row[f"{name}_se"]) for name in names]) / np.array(scales)
+        correlation = np.array(entry["correlation"], dtype=np.float64)
+        covariance = correlation.reshape(len(names), len(names)) * np.outer(errors, errors)
+    except (KeyError, TypeError, ValueError):
+        return (), (), None
+    if not np.all(np.isfinite(covariance)):
+        return (), (), None
+    order = [names.index(name) for name in ordered]
+    return (
+        ordered,
+        ordered[len(names) - len(set(shared) & set(names)) :],
+        covariance[np.ix_(order, order)],
+    )
+
+
+def _damper_in(facts: Mapping[str, Any]) -> Mapping[str, Any] | None:
+    document = facts.get("configuration")
+    damper = document.get("damper") if isinstance(document, dict) else None
+    return damper if isinstance(damper, dict) else None
+
+
+def _listed(record: Mapping[str, Any], key: str) -> list[Any]:
+    value = record.get(key)
+    return value if isinstance(value, list) else []
+
+
+def _numbers(rows: Sequence[Mapping[str, Any]], key: str) -> list[float]:
+    cells = (row.get(key) for row in rows)
+    return [float(one) for one in cells if isinstance(one, int | float) and math.isfinite(one)]
+
+
+def _in_unit(value: float, unit: str) -> str:
+    return f"{value:g} {unit}".rstrip()
+
+
+def _label(setting: object) -> str:
+    is_yes_or_no = isinstance(setting, bool)
+    if isinstance(setting, Real) and not is_yes_or_no:
+        number = float(setting)
+        return str(int(number) if number.is_integer() else number)
+    if isinstance(setting, Setting | str):
+        return str(setting).strip()
+    raise ConfigurationError(
+        f"run.setting: found {type(setting).__name__}; expected a setting such as 10 or 'R12 C8'"
+    )
+
+
+def _path(value: object, call: str, expected: str) -> Path:
+    if isinstance(value, str | os.PathLike) and os.fspath(value) != "":
+        return Path(os.fspath(value))
+    found = "''" if isinstance(value, str) else type(value).__name__
+    raise ConfigurationError(f"{call}: found {found}; expected {expected}")
