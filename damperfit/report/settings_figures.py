@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.float64]
     from collections.abc import Mapping
 
-    from damperfit.comparison import MeasuredTest, RunComparison
+    from damperfit.comparison import ComparedRun, MeasuredTest, RunComparison
     from damperfit.results import Run
 
 __all__ = [
