@@ -50,6 +50,7 @@ from damperfit.tables.reading import (
     title_of,
 )
 from damperfit.tested.setting import Setting
+from damperfit.units.quantities import parse_quantity
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -504,12 +505,12 @@ class Run:
         ConfigurationError
             The user declares another damper, or that of the run cannot be used.
         """
-        from damperfit.configuration.loading import load_configuration, redeclared
+        from damperfit.configuration.damper_section import damper_of_record
 
         if self.declared_damper is None:
             return given
         try:
-            own = load_configuration(overlay={"damper": self.declared_damper}).damper
+            own = damper_of_record(self.declared_damper)
         except ConfigurationError as error:
             if config is not None:
                 return given
@@ -517,15 +518,21 @@ class Run:
                 f"the damper in {self.source} cannot be used ({error}); give --config"
             ) from error
         self._refuse_other_damper(given, own, config)
-        sections: dict[str, Mapping[str, Any]] = {"damper": self.declared_damper}
+        known = {f"damper.{key}" for key in self.declared_damper}
+        meant = replace(given.with_damper(own), declared=given.declared | known)
         motion = (self.motion_of_tests or self._nominal_motion) if takes_motion else None
-        if motion is not None:
-            sections["rig"] = {
-                name: getattr(motion, name)
-                for name in ("amplitude", "frequency")
-                if f"rig.{name}" not in given.declared
-            }
-        return redeclared(given, sections)
+        if motion is None:
+            return meant
+        taken = {
+            name: getattr(motion, name)
+            for name in ("amplitude", "frequency")
+            if f"rig.{name}" not in given.declared
+        }
+        return replace(
+            meant,
+            rig=replace(meant.rig, **taken),
+            document={**meant.document, "rig": {**meant.document["rig"], **taken}},
+        )
 
     def _refuse_other_damper(self, given: Configuration, own: Model, config: Path | None) -> None:
         if given.damper.name != own.name:
@@ -570,14 +577,11 @@ class Run:
 
     @property
     def _nominal_motion(self) -> Sine | None:
-        from damperfit.configuration.loading import load_configuration
-
         rig = (self.record.get("configuration") or {}).get("rig")
         if not isinstance(rig, dict) or not {"amplitude", "frequency"} <= rig.keys():
             return None
-        overlay = {"rig": {name: rig[name] for name in ("amplitude", "frequency")}}
-        values = load_configuration(overlay=overlay).rig
-        return Sine(values.amplitude, values.frequency)
+        amplitude, frequency = rig["amplitude"], rig["frequency"]
+        return Sine(parse_quantity(amplitude, "length"), parse_quantity(frequency, "frequency"))
 
     @cached_property
     def tested(self) -> Tested:
@@ -812,7 +816,6 @@ def warmed_to(configuration: Configuration, temperature: str | None) -> Configur
         It is no temperature, or the damper does not follow one.
     """
     from damperfit.damper.warmed import at_temperature
-    from damperfit.units.quantities import parse_quantity
 
     if temperature is None:
         return configuration

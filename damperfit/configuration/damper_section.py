@@ -7,11 +7,18 @@ from dataclasses import asdict, fields, is_dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Annotated, Any
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, create_model, model_validator
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    ValidationError,
+    create_model,
+    model_validator,
+)
 from pydantic import ValidationInfo as Info
 from pydantic import field_validator as checks
 
-from damperfit.damper.models import MODELS
+from damperfit.damper.models import MODELS, model_named
 from damperfit.damper.mounting import NONE
 from damperfit.damper.warmed import Warmed
 from damperfit.errors import ConfigurationError
@@ -23,7 +30,13 @@ if TYPE_CHECKING:
 
     from damperfit.damper.model import Model
 
-__all__ = ["DamperSection", "damper_defaults", "damper_section"]
+__all__ = [
+    "DamperSection",
+    "damper_defaults",
+    "damper_of_record",
+    "damper_record",
+    "damper_section",
+]
 
 _ASKED_BELOW = 2e5  # Pa: a gauge reading taken as absolute is here a third too low, or more
 _DIMENSIONS = {"m": "length", "m3": "volume", "kg/m3": "density", "Pa": "absolute pressure"}
@@ -41,6 +54,7 @@ _INNER_DIMENSIONS = {
 }
 _OF_LOGS = "mean"  # a reference temperature: the mean of the logs
 _WARMTH = (-60.0, 200.0)  # degC: what oil of dampers is tested at
+_RECORDED = {"is_recorded": True}  # what a run has written is a value, and no user's words
 _BEGIN_OF_NUMBER = frozenset("0123456789.+-")
 
 
@@ -92,12 +106,51 @@ class DamperSection(_Section):
 
 def damper_defaults(model: str) -> dict[str, Any]:
     """Return every key of [damper] for a model, as in defaults.toml, in SI."""
-    damper: Any = MODELS[model]()
-    keys = {one.name for one in fields(damper) if one.init}
-    own = {name: value for name, value in asdict(damper).items() if name in keys}
+    return damper_record(MODELS[model]())
+
+
+def damper_record(damper: Model) -> dict[str, Any]:
+    """Return [damper] of a damper, in SI, as the record of a run has it."""
+    plain: Any = damper.plain
+    reference: float | str = damper.reference if isinstance(damper, Warmed) else NONE
+    if isinstance(reference, float) and math.isnan(reference):
+        reference = _OF_LOGS
+    keys = {one.name for one in fields(plain) if one.init}
+    own = {name: value for name, value in asdict(plain).items() if name in keys}
     if "passages" in own:
-        own["passages"] = [one.table for one in damper.passages]
-    return {"model": model, "reference_temperature": NONE, **own}
+        own["passages"] = [one.table for one in plain.passages]
+    return {"model": plain.name, "reference_temperature": reference, **own}
+
+
+def damper_of_record(record: Mapping[str, Any]) -> Model:
+    """Return the damper that a run has recorded; what it took as declared is not questioned.
+
+    Parameters
+    ----------
+    record : mapping
+        Section [damper] of its configuration; a key that it lacks is at its default.
+
+    Raises
+    ------
+    ConfigurationError
+        It is of no model, or has keys or values that no damper has.
+    """
+    name = record.get("model", MODELS["purdy"].name)
+    known = damper_defaults(model_named(name if isinstance(name, str) else repr(name)).name)
+    values = {
+        key: {**known[key], **one} if isinstance(known.get(key), dict) and isinstance(one, dict)
+        else one
+        for key, one in record.items()
+    }  # fmt: skip
+    section = damper_section(known["model"])
+    try:
+        return section.model_validate({**known, **values}, context=_RECORDED).build()
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        place = ".".join(("damper", *map(str, first["loc"])))
+        raise ConfigurationError(
+            f"{place}: {first['msg'].removeprefix('Value error, ')}, found {first['input']!r}"
+        ) from error
 
 
 def _reference(value: float | str) -> float | str:
@@ -184,7 +237,7 @@ def _word(name: str, kind: str) -> Any:
     return Annotated[float | str, BeforeValidator(convert)]
 
 
-def _gas_pressure(value: object) -> object:
+def _gas_pressure(value: object, info: Info) -> object:
     """Return an absolute pressure; ask what a low one counts from."""
     if not isinstance(value, str | float | int) or isinstance(value, bool):
         return value
@@ -192,7 +245,7 @@ def _gas_pressure(value: object) -> object:
     says_which = isinstance(value, str) and says_absolute_or_gauge(value)
     least: Mapping[str, Any] = MODELS["purdy"].ranges
     is_low = pressure == 0.0 or least["gas_pressure"][0] <= pressure < _ASKED_BELOW
-    if is_low and not says_which:
+    if is_low and not says_which and info.context != _RECORDED:
         raise ValueError(
             "is it absolute, or does it count from the atmosphere? expected a unit that says so, "
             "as in 'bara' or 'barg'"

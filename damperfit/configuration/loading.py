@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
     from damperfit.configuration.options import Configuration
 
-__all__ = ["configuration_toml", "load_configuration", "redeclared"]
+__all__ = ["configuration_toml", "load_configuration"]
 
 _MAX_BYTES = 1_000_000  # a configuration is a page; anything larger is some other file
 _COMMAND_LINE = "command line"
@@ -144,27 +144,6 @@ def _model_of(layers: Sequence[_Layer], *, is_law_open: bool = False) -> str:
         except ConfigurationError as error:
             raise ConfigurationError(f"{layer.name_of('damper', 'model')}: {error}") from error
     return name
-
-
-def redeclared(
-    configuration: Configuration, sections: Mapping[str, Mapping[str, Any]]
-) -> Configuration:
-    """Return the configuration with other values of some keys, as if these had been declared.
-
-    Raises
-    ------
-    ConfigurationError
-        A value is wrong.
-    """
-    document = deepcopy(configuration.document)
-    if "damper" in sections:  # keys of another model must not stay
-        document["damper"] = damper_defaults(_model_of([_Layer("run.json", "", sections)]))
-    _merge(document, sections)
-    keys = {f"{section}.{key}" for section, values in sections.items() for key in values}
-    try:
-        return build_configuration(document, declared=configuration.declared | keys)
-    except ValidationError as error:
-        raise ConfigurationError(_explain(error, [_Layer("run.json", "", sections)])) from error
 
 
 @dataclass(slots=True)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from damperfit.conditioning import OffsetFacts
+from damperfit.conditioning import GasFacts, OffsetFacts
+from damperfit.configuration.damper_section import damper_record
 from damperfit.damper.warmed import BETA, Warmed
 from damperfit.errors import ConfigurationError
 from damperfit.units.quantities import parse_quantity, says_absolute_or_gauge
@@ -205,6 +206,9 @@ class Configuration:
         The same as one TOML document, quantities as they were written.
     chosen_law : mapping
         Where the logs chose the damper's law: what they tell, as it stands in run.json.
+    chosen_mse : mapping of Setting to float
+        MSE of that law at each setting when it was chosen, per cent: what is delivered must reach
+        it.
     """
 
     damper: Model
@@ -221,6 +225,34 @@ class Configuration:
     declared: frozenset[str] = field(compare=False)
     document: dict[str, Any] = field(compare=False, repr=False)
     chosen_law: Mapping[str, Any] = field(default_factory=dict, compare=False, repr=False)
+    chosen_mse: Mapping[Setting, float] = field(default_factory=dict, compare=False, repr=False)
+
+    def with_damper(
+        self, damper: Model, *, identification: FitOptions | None = None
+    ) -> Configuration:
+        """Return the configuration with another damper, as a run has found or recorded it.
+
+        Parameters
+        ----------
+        damper : Model
+            Taken as it is.
+        identification : FitOptions, optional
+            What is fitted of it, and how; None: as before.
+        """
+        fit = identification or self.identification
+        conditioning = replace(
+            self.conditioning,
+            gas=None if damper.gas is None else GasFacts(*damper.gas),
+            offset=offset_facts(damper, {*fit.fixed, *(fit.free or ())}),
+            chamber_lengths=damper.chamber_lengths,
+        )
+        return replace(
+            self,
+            damper=damper,
+            conditioning=conditioning,
+            identification=fit,
+            document={**self.document, "damper": damper_record(damper)},
+        )
 
     @property
     def undeclared(self) -> tuple[str, ...]:

@@ -56,12 +56,15 @@ class SettingLogs:
         steady cycles of the fitted ones, if anything does.
     more_start : mapping of str to float
         A place more to start from, as far as a law has these quantities.
+    fixed : mapping of str to float
+        What is held, and where, in every law that has these quantities.
     """
 
     setting: Setting
     fitted: tuple[Trace, ...]
     held_out: tuple[Trace, ...] = ()
     more_start: Mapping[str, float] = field(default_factory=dict)
+    fixed: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Hold out run-up, coast-down and changes of speed where nothing else is."""
@@ -323,7 +326,7 @@ def _misfit(
         one.name: one.default
         for one in model.quantities
         if one.default is not None and one.name not in freed
-    } | dict(fixed)
+    } | {name: one for name, one in {**evidence.fixed, **fixed}.items() if name in model.names}
     free = tuple(name for name in model.names if name not in held)
     return held, LawMisfit(model, evidence.fitted, free, solver)
 

@@ -5,12 +5,14 @@ What fails at one setting or log costs that one its judgement, and no other.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from damperfit.adjustment import Adjustment, compare_settings
 from damperfit.checks import Subject, run_checks, unchecked
 from damperfit.damper.valve_dampers import ValveDamper
+from damperfit.errors import Mishap
 from damperfit.laws.other_layouts import times_in
 from damperfit.parallel import executor
 from damperfit.run.air_on_rod import air_objections
@@ -19,6 +21,7 @@ from damperfit.run.run_json import Judgement, failures_of
 from damperfit.uncertainty import (
     Assessment,
     Bench,
+    Objection,
     assess,
     missed_predictions,
     objections,
@@ -28,7 +31,7 @@ from damperfit.uncertainty import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from damperfit.checks import Check
     from damperfit.configuration.options import Configuration
@@ -38,13 +41,16 @@ if TYPE_CHECKING:
     from damperfit.run.hold_out import Parted
     from damperfit.run.mishaps import Mishaps
     from damperfit.tested.setting import Setting
-    from damperfit.uncertainty import Interval, Objection, Prediction
+    from damperfit.uncertainty import Interval, Prediction
 
 __all__ = ["assessed", "judge", "with_other_layouts", "with_profiles"]
 
 _TASK = "judging"
 # What checks of another layout take of a valve's numbers: up to 5 % were seen beside the areas.
 _RETURNS = 1.06
+# MSE over that of the choice beyond which another fit was delivered; below a thousandth of the
+# force, rms, nobody sees a difference.
+_DELIVERED, _OF_NO_USE = 1.5, 1e-4
 
 
 def assessed(campaign: Campaign, bench: Bench, mishaps: Mishaps) -> Assessment:
@@ -142,6 +148,10 @@ def judge(
         lambda: air_objections(configuration, judged, assessment, jobs=jobs),
         no_air,
     )
+    for setting, sentence in _undelivered(configuration, judged):
+        mishaps.add(Mishap("DeliveryError", f"setting {setting}: {sentence}"), setting)
+        one = Objection("delivery", "", sentence)
+        found_against[setting] = (*found_against.get(setting, ()), one)
     missed = missed_predictions(predictions)
     for setting, one in (*air.items(), *missed.items()):
         found_against[setting] = (*found_against.get(setting, ()), one)
@@ -154,6 +164,25 @@ def judge(
     alike = configuration.chosen_law.get("layouts_alike", ())
     assessment = with_other_layouts(assessment, damper, alike)
     return judged, Judgement(assessment, adjustment, checks, predictions)
+
+
+def _undelivered(configuration: Configuration, campaign: Campaign) -> Iterator[tuple[Setting, str]]:
+    """Yield the settings at which a law that the logs chose is not fitted as it was chosen."""
+    for fit in campaign.fits:
+        chosen = configuration.chosen_mse.get(fit.setting, math.inf)
+        if fit.mse_percent <= _DELIVERED * max(chosen, _OF_NO_USE):
+            continue
+        advice = "name the model (--model), and give its values as a start (--start)"
+        if campaign.procedure != "plain":
+            advice = "fit each setting by itself (--procedure plain)"
+        yield (
+            fit.setting,
+            (
+                f"the law was chosen at an MSE of {chosen:.2g} % and is fitted at "
+                f"{fit.mse_percent:.2g} %, by procedure {campaign.procedure}; these are not the "
+                f"parameters of the choice: {advice}"
+            ),
+        )
 
 
 def _predicted(

@@ -10,12 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from damperfit.conditioning.held_force import YIELDS, held_share
-from damperfit.configuration.loading import redeclared
-from damperfit.configuration.what_is_tested import unmatched
+from damperfit.configuration.what_is_tested import followed, unmatched
 from damperfit.damper.purdy.parameters import Damper
 from damperfit.damper.valve_dampers import Monotube, ValveDamper
 from damperfit.errors import ConfigurationError
-from damperfit.identification import GivenStart
+from damperfit.identification import DETECT, GivenStart, shared_names
 from damperfit.laws import (
     SettingLogs,
     interchangeable_parts,
@@ -45,10 +44,11 @@ from damperfit.run.undeclared_damper import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from damperfit.configuration.options import Configuration
     from damperfit.damper.model import Model
+    from damperfit.identification import FitOptions
     from damperfit.laws import JudgedLaw, LawFit, LawSearch, Tried
     from damperfit.report.facts import Failure
     from damperfit.run.hold_out import Parted
@@ -183,7 +183,7 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
     )
     left, held_out = without_copies(left, parted.held_out)
     parted = with_transients(replace(parted, batch=left, held_out=held_out), configuration.hold_out)
-    evidence = _evidence(parted, start)
+    evidence = _evidence(parted, start, configuration.identification.fixed)
     if not evidence:
         said = "; ".join(failure_lines(parted.batch.failures)[:3])
         raise ConfigurationError(
@@ -234,7 +234,9 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
 
 
 def with_chosen_law(configuration: Configuration, choice: LawChoice) -> Configuration:
-    """Return the configuration with the damper of the law that was taken, as if it was declared.
+    """Return the configuration with what was chosen: the damper, what is free, where to start.
+
+    What somebody has asked for of quantities that the law does not have is left out.
 
     Parameters
     ----------
@@ -244,42 +246,89 @@ def with_chosen_law(configuration: Configuration, choice: LawChoice) -> Configur
         What `choose_law` found.
     """
     best = choice.search.chosen.fits[0]
-    configuration = replace(configuration, chosen_law=choice.document())
-    if isinstance(best.model, Damper) and best.model == configuration.damper:
-        return configuration
-    own = asdict(best.model) if isinstance(best.model, Damper | ValveDamper) else {}
-    sections: dict[str, dict[str, Any]] = {"damper": {"model": best.model.name, **own}}
-    if any(best.model.quantity(name).default is not None for name in best.free):
-        sections["identification"] = {"free": list(best.free)}
-    if configuration.identification.procedure not in best.model.procedures:  # the paper's own
-        own_procedure = {"procedure": best.model.procedures[0]}
-        sections["identification"] = sections.get("identification", {}) | own_procedure
-    lost = {*unmatched(configuration.document["adjusters"], best.model)}
-    if lost:  # a valve that the law does not have follows no adjuster
-        sections["adjusters"] = {
+    made = replace(
+        configuration,
+        chosen_law=choice.document(),
+        chosen_mse={fit.setting: fit.mse_percent for fit in choice.fits},
+    )
+    is_declared = isinstance(best.model, Damper) and best.model == configuration.damper
+    if is_declared and not _freed(best):
+        return made
+    adjusters = configuration.document["adjusters"]
+    if lost := {*unmatched(adjusters, best.model)}:  # it follows no adjuster
+        adjusters = {
             adjuster: said if isinstance(said, str) else [one for one in said if one not in lost]
-            for adjuster, said in configuration.document["adjusters"].items()
+            for adjuster, said in adjusters.items()
         }
-    made = redeclared(configuration, sections)
+    found = {fit.setting: asdict(fit.values) for fit in choice.fits}
+    options = replace(
+        _options_of(configuration, best),
+        follows=followed(adjusters, best.model, is_law_open=True),
+        start=GivenStart(by_setting=found, is_of_one_model=choice.search.is_of_one_model),
+        is_leaving_out=True,
+    )
+    made = made.with_damper(best.model, identification=options)
+    own = made.document["identification"]
+    own = {
+        **own,
+        "procedure": options.procedure,
+        "free": list(options.free or ()),
+        "fix": {name: said for name, said in own["fix"].items() if name in options.fixed},
+        "share": own["share"] if options.share is None else list(options.share),
+        "bulk_modulus": options.bulk_modulus,
+    }
     # Nobody has measured what stood at its default.
     chosen = {"damper.model", "damper.rebound", "damper.compression", "damper.mounting"}
     chosen |= {"damper.friction"}
     if isinstance(best.model, Damper) and "damper.gas_volume" in configuration.declared:
         chosen |= {f"damper.{one}" for one in GAS_LENGTHS}  # made of that volume
-    found = {fit.setting: asdict(fit.values) for fit in choice.fits}
     return replace(
         made,
         declared=configuration.declared | chosen,
-        chosen_law=configuration.chosen_law,
-        identification=replace(
-            made.identification,
-            start=GivenStart(by_setting=found, is_of_one_model=choice.search.is_of_one_model),
-            is_leaving_out=True,
-        ),
+        document={**made.document, "adjusters": adjusters, "identification": own},
+        profile=tuple(name for name in made.profile if name in best.model.names),
     )
 
 
-def _evidence(parted: Parted, start: GivenStart) -> tuple[SettingLogs, ...]:
+def _freed(fit: LawFit) -> tuple[str, ...]:
+    """What a fit has free although the model would hold it."""
+    return tuple(name for name in fit.free if fit.model.quantity(name).default is not None)
+
+
+def _options_of(configuration: Configuration, best: LawFit) -> FitOptions:
+    """What is fitted of the law that was taken, and how."""
+    model, options = best.model, configuration.identification
+    procedure = model.procedures[0]
+    share: tuple[str, ...] | None = (DETECT,)
+    if "identification.procedure" in configuration.declared:
+        procedure = options.procedure if options.procedure in model.procedures else procedure
+    if "identification.share" in configuration.declared or configuration.damper.name == model.name:
+        share = options.share
+    elif isinstance(model, Damper):
+        share = None
+    if share is not None and share != (DETECT,):
+        share = tuple(name for name in share if name in model.names)
+    options = replace(
+        options,
+        procedure=procedure,
+        share=share,
+        free=None,
+        fixed={name: one for name, one in options.fixed.items() if name in model.names},
+        bulk_modulus=options.bulk_modulus if options.bulk_modulus in model.bulk_moduli else "free",
+    )
+    if not _freed(best):
+        return options
+    shared: tuple[str, ...] = ()
+    if procedure == "paper":
+        shared = shared_names(replace(options, share=None), model)
+    elif procedure == "joint" and not options.is_detecting:
+        shared = shared_names(options, model)
+    return replace(options, free=tuple(name for name in best.free if name not in shared))
+
+
+def _evidence(
+    parted: Parted, start: GivenStart, fixed: Mapping[str, float]
+) -> tuple[SettingLogs, ...]:
     settings = {trace.setting for trace in parted.batch.traces if trace.setting is not None}
     return tuple(
         SettingLogs(
@@ -287,6 +336,7 @@ def _evidence(parted: Parted, start: GivenStart) -> tuple[SettingLogs, ...]:
             tuple(one for one in parted.batch.traces if one.setting == setting),
             tuple(one for one in parted.held_out if one.setting == setting),
             start.of(setting),
+            fixed,
         )
         for setting in sorted(settings)
     )
@@ -329,8 +379,12 @@ def _plain(configuration: Configuration) -> Model:
     if "damper.ambient_pressure" not in configuration.declared:
         own.discard("ambient_pressure")  # its equation leaves the air out
     known = {name: getattr(damper, name) for name in own if hasattr(damper, name)}
-    bore = 0.25 * math.pi * paper.gas_piston_diameter**2
-    return replace(paper, **known, gas_length=damper.gas_volume / bore)
+    length = damper.gas_volume / (0.25 * math.pi * paper.gas_piston_diameter**2)
+    low, high, _ = paper.ranges["gas_length"]
+    if not low <= length <= high:  # the volume is what counts
+        length = min(max(length, low), high)
+        known["gas_piston_diameter"] = math.sqrt(4.0 * damper.gas_volume / (math.pi * length))
+    return replace(paper, **known, gas_length=length)
 
 
 def _layouts(configuration: Configuration, layout: str | None) -> list[ValveDamper]:

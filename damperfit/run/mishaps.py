@@ -67,9 +67,9 @@ class Mishaps:
 
         return take
 
-    def add(self, mishap: Mishap) -> None:
-        """Take what a step over all settings has met, which has gone on without it."""
-        self._found.append(failure_of(mishap))
+    def add(self, mishap: Mishap, setting: Setting | None = None) -> None:
+        """Take what a step over all settings, or one of them, has met, and went on."""
+        self._found.append(failure_of(mishap, setting=setting))
 
     def spared(self, task: str, step: Callable[[], _Result], instead: _Result) -> _Result:
         """Return what a step finds, or what the run goes on with where the step has an error.

@@ -102,7 +102,8 @@ class Objection:
     Attributes
     ----------
     kind : str
-        bound, beyond, cavitation, clipping, offset, friction, dimensions, misfit or prediction.
+        bound, beyond, cavitation, clipping, offset, friction, dimensions, misfit, prediction or
+        delivery.
     quantity : str
         Name of the quantity it is about; empty where it is about none.
     sentence : str
