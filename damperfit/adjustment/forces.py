@@ -22,7 +22,6 @@ from damperfit.adjustment.measured import measured_at
 from damperfit.adjustment.stage import errors_parted, split
 from damperfit.damper.model import Model
 from damperfit.errors import SimulationError, sparing
-from damperfit.parallel import apart, meanwhile, told_here
 from damperfit.simulation import (
     NAMED_SPEEDS,
     Response,
@@ -31,6 +30,7 @@ from damperfit.simulation import (
     simulate,
     sine_motion,
 )
+from damperfit.workers import apart, meanwhile, told_here
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence

@@ -103,8 +103,8 @@ def compare(
 
     Example: damperfit compare before after
     """
-    from damperfit.parallel import available_cores
     from damperfit.queries.comparisons import compare_all, comparison_options, parse_bands
+    from damperfit.workers import available_cores
 
     check_places(out, *(path.parent for path in (save, junit) if path is not None))
     reading = _reading(config, rig, rig_profile, is_measured=measured)

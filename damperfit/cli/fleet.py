@@ -32,9 +32,8 @@ if TYPE_CHECKING:
 
     from damperfit.comparison import Tolerance
     from damperfit.configuration.options import Configuration
-    from damperfit.fleet.bands import HeldFleet
-    from damperfit.fleet.damper_tasks import DamperTask
-    from damperfit.fleet.one_damper import Done
+    from damperfit.fleet.run import DamperTask, Done
+    from damperfit.fleet.survey import HeldFleet
 
 __all__ = ["fleet"]
 
@@ -91,8 +90,7 @@ def fleet(
     """
     from damperfit.cli.interrupt import stop_on_signal
     from damperfit.cli.progress import fleet_progress
-    from damperfit.fleet.damper_tasks import share_of
-    from damperfit.fleet.whole_fleet import planned
+    from damperfit.fleet.run import planned, share_of
     from damperfit.queries.comparisons import parse_bands
     from damperfit.store import check_writable
 
@@ -184,8 +182,7 @@ def _collect(
         say(f"damperfit: {table.num_rows} rows of the fleet in {out / 'fleet.parquet'} and .csv")
     if bands is None and not is_reported:
         return None
-    from damperfit.fleet.bands import fleet_against_bands
-    from damperfit.fleet.survey import survey
+    from damperfit.fleet.survey import fleet_against_bands, survey
 
     found = survey(table)
     held = None if bands is None else fleet_against_bands(found, bands)
@@ -221,10 +218,8 @@ def _each(
     cancelled: Callable[[], bool],
 ) -> Iterator[Done]:
     """Do the tasks where the user wants them done."""
-    from damperfit.fleet.cluster import Cluster
-    from damperfit.fleet.processes import Processes
-    from damperfit.fleet.whole_fleet import run_fleet
-    from damperfit.parallel import available_cores
+    from damperfit.fleet.run import run_fleet
+    from damperfit.workers import Cluster, Processes, available_cores
 
     folder = out.resolve()
     if scheduler is None:
@@ -265,7 +260,7 @@ def _say(
 
 
 def _counts(done: Sequence[Done]) -> dict[str, int]:
-    from damperfit.fleet.one_damper import State
+    from damperfit.fleet.run import State
 
     return {state.value: sum(one.state is state for one in done) for state in State}
 

@@ -59,11 +59,11 @@ def inspect(
 
     Example: damperfit inspect runs/*.csv
     """
-    from damperfit.parallel import available_cores
     from damperfit.run.ending import log_documents, reading_ending
     from damperfit.run.log_paths import expand
     from damperfit.run.logs import Purpose, read_batch
     from damperfit.run.remarks import skipped_files
+    from damperfit.workers import available_cores
 
     configuration = configured(
         config,

@@ -84,10 +84,10 @@ def settings(
 
     Example: damperfit settings --force 900N --velocity 0.2m/s
     """
-    from damperfit.parallel import available_cores
     from damperfit.queries.adjuster_results import read_adjuster_results
     from damperfit.queries.force_by_setting import parse_question, tabulate_forces
     from damperfit.units.shown_units import SI, parse_units
+    from damperfit.workers import available_cores
 
     shown = SI if units is None else parse_units(units)
     question = parse_question(force=force, velocity=velocity, stroke=stroke)

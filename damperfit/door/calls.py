@@ -88,9 +88,9 @@ def inspect(
         config, rig: as of `identify`.
     """
     from damperfit.door.tables import Inspection
-    from damperfit.parallel import available_cores
     from damperfit.run.log_paths import expand
     from damperfit.run.logs import Purpose, read_batch
+    from damperfit.workers import available_cores
 
     configuration = configured("damperfit.inspect", units=units, **asked)
     with as_files(logs, call="damperfit.inspect") as paths:
@@ -305,8 +305,8 @@ def compare(
         As the options of `damperfit compare`; ``velocities=["0.1m/s", "0.3m/s"]``.
     """
     from damperfit.door.tables import Comparison
-    from damperfit.parallel import available_cores
     from damperfit.queries.comparisons import compare_all, comparison_options, parse_bands
+    from damperfit.workers import available_cores
 
     places, names = [_folder_of(one, "damperfit.compare") for one in runs], _names_of_unsaved(runs)
     if not places or (len(runs) == 1 and isinstance(runs[0], Run) and tolerance is None):

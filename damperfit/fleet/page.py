@@ -6,30 +6,299 @@ Its size does not grow with the fleet: tables show the worst, the rest stands in
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
+from datetime import date, timedelta
+from itertools import cycle
 from typing import TYPE_CHECKING
 
+import numpy as np
 import pyarrow as pa
 
 from damperfit import __version__
 from damperfit.fleet.parts import COLLECTED
 from damperfit.fleet.survey import FAR_OFF, LEAST_DAMPERS
-from damperfit.fleet.survey_plots import series_plots, trend_plots
 from damperfit.report.compared import tolerance_rows, tolerance_sheet, tolerance_table
+from damperfit.report.figures import (
+    Line,
+    Panel,
+    Plot,
+    setting_axis,
+    setting_names,
+    setting_places,
+)
 from damperfit.report.page import PlotData, asset, draw, plotly_script
 from damperfit.report.rounding import NOTHING, number
+from damperfit.report.settings_figures import RUN_COLOURS
 from damperfit.report.sheet import Sheet
 from damperfit.store import file_set
 from damperfit.tables import write_table
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from damperfit.fleet.survey import FarOff, Series, Survey
+    from damperfit.tested.setting import Setting
+
+    FloatArray = NDArray[np.float64]
     from pathlib import Path
 
-    from damperfit.fleet.bands import HeldFleet
-    from damperfit.fleet.survey import DamperLine, FarOff, Survey
+    from damperfit.fleet.survey import DamperLine, HeldFleet
 
-__all__ = ["damper_sheet", "fleet_page", "outlier_sheet", "write_page"]
+__all__ = [
+    "damper_sheet",
+    "fleet_page",
+    "outlier_sheet",
+    "series_plots",
+    "trend_plots",
+    "write_page",
+]
+
+
+# Pictures of a fleet: medians and bands over the settings, who is far off, change by date.
+#
+# However many dampers there are, a picture has one band and a bounded number of points.
+
+_NAMED = 6  # dampers of one picture that have a colour and a name of their own
+_MOST_POINTS = 500  # of the others that are far off
+_MOST_GROUPS = 60  # of dates
+_EDGES = (5.0, 25.0, 75.0, 95.0)  # per cent
+_LONG = 1e4  # a number from here on is long beside an axis
+
+
+def series_plots(found: Survey) -> tuple[Plot, ...]:
+    """Return one picture a series: median and distribution by setting, and who is far off."""
+    far: dict[str, list[FarOff]] = {}
+    for one in found.outliers:
+        far.setdefault(one.series, []).append(one)
+    settings = sorted(set(found.settings))
+    ranks = {name: k for k, name in enumerate(dict.fromkeys(o.damper for o in found.outliers))}
+    return tuple(
+        _series_plot(one, settings, far.get(one.name, ()), found.names, ranks)
+        for one in found.series
+    )
+
+
+def _series_plot(
+    series: Series,
+    settings: Sequence[Setting],
+    far: Sequence[FarOff],
+    names: NDArray[np.object_],
+    ranks: dict[str, int],
+) -> Plot:
+    places = setting_places(settings)
+    ticks, shown = setting_axis(settings)
+    power = _power(series)
+    lines = [
+        _over(line, 10.0**power)
+        for line in (
+            *_middle(series, places),
+            *_single(series, places, names),
+            *_far(far, places, ranks),
+        )
+    ]
+    unit = f"1e{power} {series.unit}" if power else series.unit
+    panel = Panel(
+        *("setting", "", "force" if series.stroke else series.label, unit, tuple(lines)),
+        ticks=ticks,
+        names=setting_names(settings),
+        x_range=shown,
+    )
+    title = series.label[0].upper() + series.label[1:] if series.stroke else series.label
+    beside = tuple(_beside(series, far, places, ranks))
+    if not beside:
+        return Plot(f"fleet_{series.name}", title, (panel,))
+    unit = series.unit if series.stroke else "%"
+    below = replace(panel, lines=beside, y_label="from median", y_unit=unit)
+    return Plot(f"fleet_{series.name}", title, (panel, below))
+
+
+def _power(series: Series) -> int:
+    """Return the power of ten, a multiple of three, that an axis of long numbers is given in."""
+    largest = max(abs(band.median) for band in series.bands)
+    is_long = not series.stroke and _LONG <= largest < math.inf
+    return 3 * math.floor(math.log10(largest) / 3.0) if is_long else 0
+
+
+def _over(line: Line, factor: float) -> Line:
+    low, high = (None if one is None else one / factor for one in (line.low, line.high))
+    return replace(line, y=line.y / factor, low=low, high=high)
+
+
+def _beside(
+    series: Series, far: Sequence[FarOff], places: dict[Setting, float], ranks: dict[str, int]
+) -> Iterator[Line]:
+    """Yield how values are distributed around the median, which hardly shows where that rises.
+
+    Forces stay in their unit, as they go through nothing; parameters are shares of the median.
+    """
+    known = {
+        band.setting: 1.0 if series.stroke else 100.0 / abs(band.median)
+        for band in series.bands
+        if band.n_dampers >= LEAST_DAMPERS and (series.stroke or band.median)
+    }
+    spread = [
+        known[band.setting] * (np.percentile(series.values[band.rows], _EDGES) - band.median)
+        for band in series.bands
+        if band.setting in known
+    ]
+    if not spread:
+        return
+    x = np.array([places[setting] for setting in known])
+    lowest, low, high, highest = np.array(spread).T
+    style = "solid" if len(known) > 1 else "points"
+    zero = np.zeros(len(x))
+    for words, ends in (("middle 90 %", (lowest, highest)), ("middle half", (low, high))):
+        yield Line(
+            *(x, zero, words, "ink"), style=style, low=ends[0], high=ends[1], in_legend=False
+        )
+    moved = [
+        replace(one, value=known[one.setting] * (one.value - one.median))
+        for one in far
+        if one.setting in known
+    ]
+    yield from (replace(line, in_legend=False) for line in _far(moved, places, ranks))
+
+
+def _middle(series: Series, places: dict[Setting, float]) -> Iterator[Line]:
+    """Yield the median with its band, where there are enough dampers for one."""
+    many = [band for band in series.bands if band.n_dampers >= LEAST_DAMPERS]
+    if many:
+        x = np.array([places[band.setting] for band in many])
+        median, low, high = np.array([(band.median, band.low, band.high) for band in many]).T
+        # Bars where no band has a width.
+        style = "solid" if len(many) > 1 else "points"
+        yield Line(x, median, "median, middle 90 %", "ink", style=style, low=low, high=high)
+
+
+def _single(
+    series: Series, places: dict[Setting, float], names: NDArray[np.object_]
+) -> Iterator[Line]:
+    """Yield the dampers themselves at settings that few have."""
+    few = [band for band in series.bands if band.n_dampers < LEAST_DAMPERS]
+    points: dict[str, list[tuple[float, float]]] = {}
+    for band in few:
+        for row in band.rows:
+            point = (places[band.setting], float(series.values[row]))
+            points.setdefault(str(names[row]), []).append(point)
+    if len(points) > _NAMED:
+        together = [point for own in points.values() for point in own][:_MOST_POINTS]
+        points = {"settings that few have": together}
+    colours = cycle(RUN_COLOURS[1:])
+    for (name, own), colour in zip(points.items(), colours, strict=False):
+        x, y = np.array(own).T
+        yield Line(x, y, name or "unknown", colour, style="points")
+
+
+def _far(
+    far: Sequence[FarOff], places: dict[Setting, float], ranks: dict[str, int]
+) -> Iterator[Line]:
+    """Yield who is far off, the farthest by name and in one colour wherever that can be."""
+    points: dict[str, list[tuple[float, float]]] = {}
+    for one in far:
+        points.setdefault(one.damper, []).append((places[one.setting], one.value))
+    named = dict(list(points.items())[:_NAMED])
+    rest = [point for name, own in points.items() if name not in named for point in own]
+    if rest:
+        x, y = np.array(rest[:_MOST_POINTS]).T
+        yield Line(x, y, f"{len(points) - len(named)} more far off", "muted", style="points")
+    free = list(RUN_COLOURS[1:])
+    for name in sorted(named, key=lambda name: ranks[name]):
+        wanted = RUN_COLOURS[1 + ranks[name] % _NAMED]
+        colour = wanted if wanted in free else free[0]
+        free.remove(colour)
+        x, y = np.array(named[name]).T
+        yield Line(x, y, f"{name or 'unknown'}, far off", colour, style="triangles")
+
+
+def trend_plots(found: Survey) -> tuple[Plot, ...]:
+    """Return one picture a series over the date of the test; none where fewer than two are known.
+
+    Shown is the difference from the median of the setting, the median of each test's settings.
+    """
+    known = found.days[np.isfinite(found.days)]
+    if len(np.unique(known)) < 2:
+        return ()
+    first = date(1970, 1, 1) + timedelta(days=float(known.min()))
+    tests = _tests(found)
+    plots = []
+    for series in found.series:
+        groups = _groups(*_changes(series, tests))
+        if len(groups) < 2:
+            continue
+        panel = Panel(
+            f"days since {first.isoformat()}",
+            "",
+            "from the median",
+            "%",
+            tuple(_over_time(groups)),
+            rules=((0.0, ""),),
+        )
+        title = f"{series.label[0].upper()}{series.label[1:]}" if series.stroke else series.label
+        plots.append(Plot(f"fleet_trend_{series.name}", f"{title} over the date", (panel,)))
+    return tuple(plots)
+
+
+def _changes(series: Series, tests: _Tests) -> tuple[FloatArray, FloatArray]:
+    """Return day and difference in per cent of each damper on each day, by rising day."""
+    shares = np.full(len(series.values), np.nan)
+    for band in series.bands:
+        if band.median and band.n_dampers > 1:
+            mine = series.values[band.rows]
+            shares[band.rows] = 100.0 * (mine - band.median) / abs(band.median)
+    rows = np.flatnonzero(np.isfinite(shares) & (tests.of >= 0))
+    # By test, then by size: the median is in the middle of each run.
+    rows = rows[np.lexsort((shares[rows], tests.of[rows]))]
+    known, first, number = np.unique(tests.of[rows], return_index=True, return_counts=True)
+    shares = shares[rows]
+    median = 0.5 * (shares[first + (number - 1) // 2] + shares[first + number // 2])
+    return tests.days[known], median
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Tests:
+    """The dated tests: a damper on a day. `of` is the test of each row, -1 where it has no date."""
+
+    days: FloatArray
+    of: NDArray[np.intp]
+
+
+def _tests(found: Survey) -> _Tests:
+    rows = np.flatnonzero(np.isfinite(found.days))
+    days = found.days[rows] - found.days[rows].min()
+    keys = list(zip(days.tolist(), found.names[rows], strict=True))
+    known = {key: k for k, key in enumerate(sorted(set(keys)))}
+    of = np.full(len(found.days), -1, dtype=np.intp)
+    of[rows] = [known[key] for key in keys]
+    return _Tests(np.array([day for day, _ in known]), of)
+
+
+def _groups(x: FloatArray, y: FloatArray) -> list[tuple[float, FloatArray]]:
+    """Return the days, or equal spans of them where there are many, and the values of each."""
+    days = np.unique(x)
+    if len(days) <= _MOST_GROUPS:
+        return [(float(day), y[x == day]) for day in days]
+    edges = np.linspace(0.0, np.nextafter(days[-1], np.inf), _MOST_GROUPS + 1)
+    where = np.digitize(x, edges)
+    return [(float(np.mean(x[where == k])), y[where == k]) for k in np.unique(where)]
+
+
+def _over_time(groups: Sequence[tuple[float, FloatArray]]) -> Iterator[Line]:
+    many = [(day, *np.percentile(own, (50.0, 5.0, 95.0))) for day, own in groups if _is_many(own)]
+    few = [(day, value) for day, own in groups if not _is_many(own) for value in own]
+    if few:
+        x, y = np.array(few).T
+        yield Line(x, y, "a damper", "muted", style="points")
+    if many:
+        x, y, low, high = np.array(many).T
+        style = "solid" if len(many) > 1 else "points"
+        yield Line(x, y, "median, middle 90 %", "ink", style=style, low=low, high=high)
+
+
+def _is_many(values: FloatArray) -> bool:
+    return len(values) >= LEAST_DAMPERS
+
 
 _OUTLIERS = pa.schema(
     [

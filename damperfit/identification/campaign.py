@@ -29,9 +29,9 @@ from damperfit.identification.paper.shared_values import MEAN, TAKEN
 from damperfit.identification.procedure_input import ProcedureInput
 from damperfit.identification.setting import Fit, describe_fit
 from damperfit.identification.settled import SettledLogs, settled
-from damperfit.parallel import apart
 from damperfit.recording import Trace, natural_order
 from damperfit.tested.setting import Setting
+from damperfit.workers import apart
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

@@ -11,8 +11,8 @@ from damperfit.errors import FitCancelledError
 from damperfit.identification.failures import SettingFailure, attempted
 from damperfit.identification.setting import Fit, Judged
 from damperfit.identification.sharing import Sharing
-from damperfit.parallel import apart
 from damperfit.tested.setting import Setting
+from damperfit.workers import apart
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping

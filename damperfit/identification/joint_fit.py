@@ -28,7 +28,7 @@ from damperfit.identification.plausible import is_within, kept_within
 from damperfit.identification.step_solvers import NO_LENGTH, BorderedSystem, reduced
 from damperfit.identification.trust_region import Ended, Stopping, iterate
 from damperfit.identification.unknowns import Follows, Unknown, unknown_at, unknowns_of
-from damperfit.parallel import executor
+from damperfit.workers import executor
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -38,8 +38,8 @@ if TYPE_CHECKING:
     from damperfit.damper.model import Values
     from damperfit.identification.descent import Misfit
     from damperfit.identification.paper.gas_content import GasLaw
-    from damperfit.parallel import InTurn, Threads
     from damperfit.tested.setting import Setting
+    from damperfit.workers import InTurn, Threads
 
     FloatArray = NDArray[np.float64]
 

@@ -21,8 +21,8 @@ from damperfit.identification.procedure_input import ProcedureInput
 from damperfit.identification.setting import NOT_FIT_TO_SHARE, is_loose
 from damperfit.identification.sharing import Sharing
 from damperfit.identification.unknowns import Unknown, unknown_at, unknowns_of
-from damperfit.parallel import executor
 from damperfit.statistics import chi_squared_quantile
+from damperfit.workers import executor
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

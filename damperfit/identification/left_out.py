@@ -17,7 +17,7 @@ from damperfit.identification.law_misfit import vanishes_below
 from damperfit.identification.outcome import Status
 from damperfit.identification.plausible import edge_of, kept_within
 from damperfit.identification.setting import attempt, describe_fit
-from damperfit.parallel import executor
+from damperfit.workers import executor
 
 if TYPE_CHECKING:
     from collections.abc import Callable

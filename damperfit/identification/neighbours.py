@@ -16,9 +16,9 @@ from damperfit.errors import FitCancelledError, SimulationError
 from damperfit.identification.outcome import Outcome
 from damperfit.identification.restarts import LEAST, WELL_ABOVE
 from damperfit.identification.setting import attempt, describe_fit, is_sound
-from damperfit.parallel import executor
 from damperfit.statistics import CHI_SQUARED_95
 from damperfit.tested.setting import nearest_setting
+from damperfit.workers import executor
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -20,8 +20,8 @@ from damperfit.identification.law_misfit import LawMisfit, best_fitting
 from damperfit.identification.outcome import Outcome, Status
 from damperfit.identification.plausible import kept_within
 from damperfit.identification.setting import attempt, describe_fit
-from damperfit.parallel import executor
 from damperfit.tested.setting import nearest_setting
+from damperfit.workers import executor
 
 if TYPE_CHECKING:
     from collections.abc import Callable

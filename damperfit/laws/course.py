@@ -23,7 +23,7 @@ from damperfit.laws.variants import (
     without_part,
     words_of,
 )
-from damperfit.parallel import executor
+from damperfit.workers import executor
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

@@ -18,7 +18,7 @@ from damperfit.laws.law_of_all import (
     values_of_less,
     values_of_more,
 )
-from damperfit.parallel import executor
+from damperfit.workers import executor
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -17,7 +17,7 @@ from damperfit.laws.friction_at_rest import with_whole_friction
 from damperfit.laws.law_fit import UNDETERMINED, fit_at
 from damperfit.laws.one_model import OneModel
 from damperfit.laws.variants import RETURNS, in_words, of_oil
-from damperfit.parallel import executor
+from damperfit.workers import executor
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

@@ -20,7 +20,7 @@ from damperfit.identification.minimiser import Minimum, Transformation, minimise
 from damperfit.identification.plausible import kept_within
 from damperfit.identification.trust_region import Stopping
 from damperfit.identification.unknowns import Unknown, unknown_at, unknowns_of
-from damperfit.parallel import executor
+from damperfit.workers import executor
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 
     from damperfit.damper.model import Model, Values
     from damperfit.identification.unknowns import Follows
-    from damperfit.parallel import InTurn, Threads
     from damperfit.tested.setting import Setting
+    from damperfit.workers import InTurn, Threads
 
     FloatArray = NDArray[np.float64]
 

@@ -15,8 +15,8 @@ from damperfit.damper.rivals import RIVALS, RestoringForceSurface
 from damperfit.errors import SimulationError
 from damperfit.laws.choosing import Tried
 from damperfit.laws.law_fit import fit_law
-from damperfit.parallel import executor
 from damperfit.simulation import SolverOptions
+from damperfit.workers import executor
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

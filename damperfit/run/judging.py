@@ -14,7 +14,6 @@ from damperfit.checks import Subject, run_checks, unchecked
 from damperfit.damper.valve_dampers import ValveDamper
 from damperfit.errors import Mishap
 from damperfit.laws.other_layouts import times_in
-from damperfit.parallel import executor
 from damperfit.run.air_on_rod import air_objections
 from damperfit.run.remarks import MANY
 from damperfit.run.run_json import Judgement, failures_of
@@ -29,6 +28,7 @@ from damperfit.uncertainty import (
     profile_campaign,
     reconsider,
 )
+from damperfit.workers import executor
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -25,7 +25,6 @@ from damperfit.laws import (
     yielding_seen,
 )
 from damperfit.laws.other_layouts import LAYOUTS
-from damperfit.parallel import available_cores
 from damperfit.report.facts import failure_lines
 from damperfit.report.laws import chosen_records, rival_records, tried_law_records
 from damperfit.run.dampers import of_one_damper
@@ -42,6 +41,7 @@ from damperfit.run.undeclared_damper import (
     open_dimensions,
     open_layout,
 )
+from damperfit.workers import available_cores
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

@@ -25,7 +25,6 @@ from damperfit.errors import (
     mishap_of,
 )
 from damperfit.identification.blas_threads import one_blas_thread
-from damperfit.parallel import apart
 from damperfit.readers import is_tests_table, read_curves, read_logs
 from damperfit.recording import Finding
 from damperfit.report.facts import Failure
@@ -33,6 +32,7 @@ from damperfit.run.labelling import FROM_NAME, GUESSED, labels_for
 from damperfit.run.own_tables import is_own_table
 from damperfit.run.tested_at import conditioned_as_tested, facts_of
 from damperfit.tested.identity import Identity
+from damperfit.workers import apart
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence

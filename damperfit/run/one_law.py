@@ -14,8 +14,8 @@ from damperfit.identification.following import Way, declared_way, detected_way
 from damperfit.laws import fit_law, from_another, lent
 from damperfit.laws.elsewhere import freed_of
 from damperfit.laws.together import told_together
-from damperfit.parallel import executor
 from damperfit.tested.setting import nearest_setting
+from damperfit.workers import executor
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

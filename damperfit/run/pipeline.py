@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING
 from damperfit.configuration.what_is_tested import unmatched
 from damperfit.damper.warmed import Warmed
 from damperfit.errors import ConfigurationError
-from damperfit.parallel import available_cores
 from damperfit.run.dampers import by_damper, folder_name
 from damperfit.run.earlier import forget_others
 from damperfit.run.given_traces import with_traces
@@ -35,6 +34,7 @@ from damperfit.run.unwritten import UnwrittenError
 from damperfit.run.warmth import check_temperatures, with_reference
 from damperfit.run.watching import Clock, Watch
 from damperfit.store import check_writable, reserved
+from damperfit.workers import available_cores
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

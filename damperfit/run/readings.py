@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from damperfit.errors import sparing
-from damperfit.parallel import told_here
 from damperfit.tables import characteristic_rows, lay_out, valve_rows
+from damperfit.workers import told_here
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping

@@ -7,8 +7,8 @@ import logging
 from typing import TYPE_CHECKING, Any
 
 from damperfit.identification import Campaign, identify
-from damperfit.parallel import executor, told_here
 from damperfit.tables import profiles_table
+from damperfit.workers import executor, told_here
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence

@@ -9,12 +9,12 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from damperfit.parallel import meanwhile, release_memory
 from damperfit.report.markdown import markdown_report
 from damperfit.run.earlier import PAGE
 from damperfit.run.readings import Readings
 from damperfit.run.work import comparisons, sha256_of
 from damperfit.tables import table_in_units, write_responses, write_table
+from damperfit.workers import meanwhile, release_memory
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

@@ -14,7 +14,6 @@ from damperfit.identification.blas_threads import one_blas_thread
 from damperfit.identification.outcome import Status
 from damperfit.identification.paper.shared_values import TAKEN
 from damperfit.identification.sharing import of_settings
-from damperfit.parallel import apart, executor, told_here
 from damperfit.simulation import SolverOptions
 from damperfit.statistics import percentiles
 from damperfit.uncertainty.gas import GasContent, gas_content
@@ -39,6 +38,7 @@ from damperfit.uncertainty.shared_limits import shared_limits
 from damperfit.uncertainty.speed_forces import SpeedForces, speed_forces
 from damperfit.uncertainty.unopened import with_least_openings
 from damperfit.uncertainty.verdicts import doubts, undetermined, verdicts
+from damperfit.workers import apart, executor, told_here
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

@@ -28,7 +28,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.errors import SimulationError, sparing
-from damperfit.parallel import executor
 from damperfit.simulation import SolverOptions
 from damperfit.statistics import NORMAL_95
 from damperfit.uncertainty.linearisation import Linearisation, linearise_at_fit
@@ -41,6 +40,7 @@ from damperfit.uncertainty.settings_alike import (
     shared_slopes,
     solved,
 )
+from damperfit.workers import executor
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -22,10 +22,10 @@ from damperfit.identification import (
     values_from_others,
 )
 from damperfit.laws import PREDICTED_PERCENT
-from damperfit.parallel import executor
 from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty.repeating import residual_scatter
+from damperfit.workers import executor
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

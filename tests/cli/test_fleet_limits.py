@@ -26,7 +26,7 @@ def test_a_fleet_is_held_against_the_bands_that_are_given(bands, monkeypatch, tm
     table = SimpleNamespace(num_rows=3)
     monkeypatch.setattr("damperfit.fleet.parts.collect", lambda _: table)
     monkeypatch.setattr("damperfit.fleet.survey.survey", lambda _: "survey")
-    monkeypatch.setattr("damperfit.fleet.bands.fleet_against_bands", lambda *given: given)
+    monkeypatch.setattr("damperfit.fleet.survey.fleet_against_bands", lambda *given: given)
     monkeypatch.setattr("damperfit.fleet.page.write_page", lambda *given: pages.append(given))
     held = _collect(tmp_path, bands, is_reported=True, is_quiet=True)
     assert held == (None if bands is None else ("survey", "bands"))

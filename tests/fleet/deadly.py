@@ -7,7 +7,7 @@ import signal
 import time
 from pathlib import Path
 
-from damperfit.fleet.processes import Processes
+from damperfit.workers import Processes
 
 
 def double(number: int) -> int:

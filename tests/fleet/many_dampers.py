@@ -22,9 +22,9 @@ from functools import lru_cache, partial
 from pathlib import Path
 
 from damperfit.damper.purdy.reference import reference_parameters
-from damperfit.fleet.processes import Processes
 from damperfit.samples import logs as sample_logs
 from damperfit.samples.logs import SampleOptions, make_samples
+from damperfit.workers import Processes
 
 ROOT = Path(__file__).parents[2]
 KINDS = 5  # a settled cycle costs 0.8 s, noise on it 0.01 s
@@ -99,8 +99,8 @@ def measure_in_process(logs: Path, n_dampers: int, n_settings: int) -> str:
         "import time, sys, tempfile\n"
         "from pathlib import Path\n"
         "from damperfit.configuration.loading import load_configuration\n"
-        "from damperfit.fleet.whole_fleet import planned, run_fleet\n"
-        "from damperfit.parallel import InTurn\n"
+        "from damperfit.fleet.run import planned, run_fleet\n"
+        "from damperfit.workers import InTurn\n"
         "options, out = load_configuration(None), Path(tempfile.mkdtemp())\n"
         "tasks = planned(options, [sys.argv[1]], out)[: int(sys.argv[2])]\n"
         "list(run_fleet(options, tasks[:1], out, InTurn()))\n"

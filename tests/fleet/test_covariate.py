@@ -33,7 +33,7 @@ def fleet(tmp_path_factory):
             path = folder / "logs" / name / one.name
             path.write_text("\n".join([*lines, ""]), encoding="utf-8")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("damperfit.fleet.processes.Processes", Here)
+        patch.setattr("damperfit.workers.Processes", Here)
         code = main(
             [
                 *("fleet", str(folder / "logs"), "--out", str(folder / "fleet"), "--quiet"),
@@ -63,7 +63,7 @@ def test_a_part_is_asked_for_at_another_temperature(fleet: Path) -> None:
 
 
 def test_a_fleet_without_it_has_no_such_column(three, tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr("damperfit.fleet.processes.Processes", Here)
+    monkeypatch.setattr("damperfit.workers.Processes", Here)
     out = tmp_path / "out"
     assert main(["fleet", str(three / "D1"), "--out", str(out), "--collect", "--quiet"]) == 0
     assert not {"beta", "reference_temperature_degC"} & set(pd.read_parquet(out / "fleet.parquet"))

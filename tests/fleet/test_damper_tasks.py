@@ -10,7 +10,7 @@ import pytest
 
 from damperfit.configuration.loading import load_configuration
 from damperfit.errors import ConfigurationError
-from damperfit.fleet.damper_tasks import (
+from damperfit.fleet.run import (
     DamperTask,
     Share,
     content_key,
@@ -209,7 +209,7 @@ class TestKey:
 
     def test_the_version_does(self, logs, monkeypatch):
         before = self.key(logs)
-        monkeypatch.setattr("damperfit.fleet.damper_tasks.__version__", "99.0")
+        monkeypatch.setattr("damperfit.fleet.run.__version__", "99.0")
         assert self.key(logs) != before
 
     def test_the_table_of_tests_does(self, logs, tmp_path):

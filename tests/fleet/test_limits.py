@@ -6,7 +6,7 @@ import threading
 
 import pytest
 
-from damperfit.fleet import stores
+from damperfit.fleet import sources as stores
 
 
 @pytest.mark.parametrize(("refusals", "is_fetched"), [(3, True), (4, False)])

@@ -13,9 +13,9 @@ from damperfit.cli.main import main
 from damperfit.configuration.loading import load_configuration
 from damperfit.errors import ConfigurationError
 from damperfit.fleet.parts import parts_in
-from damperfit.fleet.whole_fleet import planned, run_fleet
-from damperfit.parallel import InTurn
+from damperfit.fleet.run import planned, run_fleet
 from damperfit.results import Run
+from damperfit.workers import InTurn
 from tests.fleet.conftest import put
 from tests.fleet.test_fleet_command import here, run  # noqa: F401
 

@@ -10,8 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from damperfit.fleet.processes import Processes
-from damperfit.parallel import Died
+from damperfit.workers import Died, Processes
 from tests.fleet.deadly import die_at_three, double, refuse, say_pid_and_wait
 
 
@@ -93,7 +92,7 @@ def test_workers_end_with_their_parent(tmp_path):
 
     where = tmp_path / "pid"
     code = (
-        "from damperfit.fleet.processes import Processes\n"
+        "from damperfit.workers import Processes\n"
         "from tests.fleet.deadly import say_pid_and_wait\n"
         "if __name__ == '__main__':\n"
         f"    list(Processes(1).each(say_pid_and_wait, [{str(where)!r}]))\n"

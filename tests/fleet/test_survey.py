@@ -17,11 +17,16 @@ from damperfit.cli.main import main
 from damperfit.comparison import Tolerance, parse_tolerance
 from damperfit.comparison.tolerance import Band
 from damperfit.errors import ConfigurationError
-from damperfit.fleet.bands import fleet_against_bands
-from damperfit.fleet.page import MOST_LINES, damper_sheet, fleet_page, outlier_sheet
+from damperfit.fleet.page import (
+    MOST_LINES,
+    damper_sheet,
+    fleet_page,
+    outlier_sheet,
+    series_plots,
+    trend_plots,
+)
 from damperfit.fleet.parts import part_path, write_part
-from damperfit.fleet.survey import LEAST_DAMPERS, survey
-from damperfit.fleet.survey_plots import series_plots, trend_plots
+from damperfit.fleet.survey import LEAST_DAMPERS, fleet_against_bands, survey
 from tests.fleet.made_up import failed_row, fleet_table
 
 REBOUND, BUMP = "force_rebound_260_mm_per_s_N", "force_bump_260_mm_per_s_N"

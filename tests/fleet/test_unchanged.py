@@ -8,7 +8,7 @@ import pyarrow as pa
 import pytest
 
 from damperfit import __version__
-from damperfit.fleet import unchanged
+from damperfit.fleet import sources as unchanged
 from damperfit.fleet.parts import part_path, write_part
 from damperfit.fleet.sources import FleetLog, KnownObject
 

@@ -64,7 +64,7 @@ def here(sample_results, tmp_path, monkeypatch) -> Path:
         log.write_text("".join(lines[: 4 + 1700]), encoding="utf-8")
     shutil.copytree(ROOT / "configs", tmp_path / "configs")
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("damperfit.fleet.processes.Processes", Here)  # 1.4 s to start two
+    monkeypatch.setattr("damperfit.workers.Processes", Here)  # 1.4 s to start two
     return tmp_path
 
 

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from damperfit import copied, parallel
+from damperfit import forked
+from damperfit import workers as parallel
 from damperfit.configuration.loading import load_configuration
 from damperfit.run import writing
 from damperfit.run.pipeline import run
@@ -35,7 +36,7 @@ def test_signals_that_a_dead_copy_leaves_are_the_same(tmp_path, monkeypatch) -> 
     died = tmp_path / "died"
 
     def dies(*arguments: object, **how: object) -> int:
-        if copied.is_copy():
+        if forked.is_copy():
             died.touch()
             os.kill(os.getpid(), signal.SIGKILL)
         return real(*arguments, **how)

@@ -13,7 +13,7 @@ from damperfit.damper.purdy.starting import REBOUND, starting_values
 from damperfit.errors import SimulationError
 from damperfit.identification.failures import SettingFailure, attempted
 from damperfit.identification.setting import Judged, fit_guided, fit_setting, is_sound
-from damperfit.parallel import apart
+from damperfit.workers import apart
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

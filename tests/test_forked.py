@@ -20,12 +20,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from damperfit import copied, parallel
+from damperfit import forked
+from damperfit import workers as parallel
 from damperfit.cli import main
 from damperfit.cli.progress import progress
-from damperfit.copied import copies_at_work, is_copy
-from damperfit.parallel import apart, meanwhile, told_here
+from damperfit.forked import copies_at_work, is_copy
 from damperfit.samples import SampleOptions, make_samples
+from damperfit.workers import apart, meanwhile, told_here
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="copies are made on Linux alone")
 ROOT = Path(__file__).parents[1]
@@ -92,7 +93,7 @@ def many_at_once(monkeypatch):
 
     monkeypatch.setattr(parallel, "_FEWEST_APART", 2)
     monkeypatch.setattr(parallel, "_may_be_copied", lambda: not is_copy())
-    monkeypatch.setattr(copied, "copies_at_work", noted)
+    monkeypatch.setattr(forked, "copies_at_work", noted)
     return asked
 
 
@@ -180,7 +181,7 @@ class TestInCopies:
                 os._exit(0)
             return whole(where, data)
 
-        monkeypatch.setattr(copied.os, "write", half)
+        monkeypatch.setattr(forked.os, "write", half)
         found = list(in_copies(lambda k: np.full(5000, float(k)), range(3), jobs=2))
         assert [one[-1] for one in found] == [0.0, 1.0, 2.0]
 
@@ -195,7 +196,7 @@ class TestInCopies:
                 raise BlockingIOError(errno.EAGAIN, "Resource temporarily unavailable")
             return real()
 
-        monkeypatch.setattr(copied.os, call, scarce)
+        monkeypatch.setattr(forked.os, call, scarce)
         assert list(in_copies(lambda k: k * k, range(9), jobs=3)) == [k * k for k in range(9)]
         assert len(calls) == n_given + 1
         assert _open_files() == before
@@ -212,13 +213,13 @@ class TestInCopies:
         assert [found[0], found[1].sum, found[2], found[3].sum] == [0, 2, 2, 4]
 
     def test_more_items_than_a_pipe_holds_are_dealt_several_at_a_time(self, monkeypatch):
-        monkeypatch.setattr(copied, "_MOST_TURNS", 8)
+        monkeypatch.setattr(forked, "_MOST_TURNS", 8)
         for n in (8, 9, 33):
             assert list(in_copies(lambda k: -k, range(n), jobs=2)) == [-k for k in range(n)]
 
     def test_a_pipe_holds_all_turns(self):
         """The smallest too: a user of many pipes is given pipes of one page."""
-        assert copied._MOST_TURNS * copied._TURN.size <= select.PIPE_BUF
+        assert forked._MOST_TURNS * forked._TURN.size <= select.PIPE_BUF
 
     def test_who_wants_to_stop_waits_for_no_copy_and_the_rest_is_done_here(self):
         parent, begun = os.getpid(), time.monotonic()
@@ -285,7 +286,7 @@ class TestInCopies:
         script = tmp_path / "parent.py"
         script.write_text(
             "import os, time\n"
-            "from damperfit.copied import copies_at_work\n"
+            "from damperfit.forked import copies_at_work\n"
             "def say(k):\n"
             "    os.write(1, b'%d\\n' % os.getpid())\n"
             "    time.sleep(0.3)\n"

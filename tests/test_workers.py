@@ -2,38 +2,16 @@
 
 from __future__ import annotations
 
-import ast
 import pickle
 import threading
-from pathlib import Path
 
 import pytest
 
-import damperfit
 from damperfit.configuration.loading import load_configuration
 from damperfit.damper.models import MODELS
-from damperfit.fleet.damper_tasks import DamperTask
-from damperfit.fleet.one_damper import Done, Job
-from damperfit.fleet.processes import Processes
+from damperfit.fleet.run import DamperTask, Done, Job
 from damperfit.fleet.sources import FleetLog
-from damperfit.parallel import InTurn, Threads, executor
-
-PACKAGE = Path(damperfit.__file__).parent
-
-
-def makers_of_workers() -> set[str]:
-    """Return the modules that name an executor of the standard library."""
-    found = set()
-    for path in PACKAGE.rglob("*.py"):
-        text = path.read_text(encoding="utf-8")
-        for node in ast.walk(ast.parse(text)) if "concurrent" in text else ():
-            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("concurrent"):
-                found.add(path.relative_to(PACKAGE).as_posix())
-    return found
-
-
-def test_two_modules_make_workers_and_nobody_else():
-    assert makers_of_workers() == {"parallel.py", "fleet/processes.py"}
+from damperfit.workers import InTurn, Processes, Threads, executor
 
 
 @pytest.mark.parametrize(("jobs", "kind"), [(0, InTurn), (1, InTurn), (2, Threads)])
@@ -94,7 +72,7 @@ class TestInThisProcess:
 
 
 def test_all_who_work_on_many_things_can_each_be_asked_alike():
-    from damperfit.fleet.cluster import Cluster
+    from damperfit.workers import Cluster
 
     for kind in (InTurn, Threads, Processes, Cluster):
         assert callable(kind.each)

@@ -70,7 +70,7 @@ def copies_at_work(
     """Let copies begin, and yield what gives the results in the order of the items.
 
     Results that nobody takes wait in their copies; what is left at the end of the block ends there.
-    Parameters are those of `damperfit.parallel.apart`.
+    Parameters are those of `damperfit.workers.apart`.
     """
     if _is_copy:  # one is enough
         yield map(act, items)

@@ -1,0 +1,724 @@
+"""A whole run of `fleet`: logs -> tasks, one damper each -> parts on the disk.
+
+A key says whether the part of a task is there already. What ends a worker costs itself alone.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections import defaultdict
+from dataclasses import dataclass, replace
+from enum import Enum
+from pathlib import Path, PurePath
+from typing import TYPE_CHECKING, Any
+
+import pyarrow as pa
+
+from damperfit import __version__
+from damperfit.damper.warmed import Warmed
+from damperfit.errors import ConfigurationError, DamperfitError, mishap_of
+from damperfit.fleet.parts import (
+    SYMBOL,
+    forget_earlier,
+    part_path,
+    read_facts_of,
+    renew_facts,
+    tidy,
+    touch,
+    write_part,
+)
+from damperfit.fleet.sources import (
+    AT_ONCE,
+    FleetLog,
+    UnreachableError,
+    brought_here,
+    find_sources,
+    head_of,
+    recognised,
+)
+from damperfit.queries.baseline import compared_record
+from damperfit.readers import TestsTable, is_tests_table, read_tests
+from damperfit.recording import natural_order
+from damperfit.run.labelling import labels_for
+from damperfit.run.work import sha256_of
+from damperfit.simulation.characteristics import NAMED_SPEEDS
+from damperfit.tested.identity import identity_in
+from damperfit.tested.setting import ADJUSTER
+from damperfit.workers import Died, executor
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+    from pathlib import PurePath
+
+    from damperfit.configuration.options import Configuration
+    from damperfit.fleet.sources import Brought
+    from damperfit.run.result import RunResult
+    from damperfit.workers import Executor
+
+__all__ = [
+    "UNREADABLE",
+    "DamperTask",
+    "Done",
+    "Job",
+    "Share",
+    "State",
+    "content_key",
+    "do",
+    "hash_of",
+    "in_unicode",
+    "known",
+    "owner_in_preamble",
+    "parted",
+    "planned",
+    "run_fleet",
+    "share_of",
+    "tasks_by_damper",
+    "try_log",
+]
+
+
+TABLE_OF_TESTS = "tests.csv"
+UNREADABLE = "unreadable"
+_ENTRY = re.compile(r"\s*[#;%/*!]*\s*([^:=\t;,]{1,40}?)\s*[:=\t;,]\s*(.+?)[\s;,]*$")
+# What changes where results stand, or who is informed, and not the results.
+_NOT_OF_RESULTS = {"output"}
+
+
+@dataclass(frozen=True, slots=True)
+class DamperTask:
+    """The logs of one damper.
+
+    Attributes
+    ----------
+    owner : str
+        Serial number, else the damper's name, else the folder of its logs.
+    logs : tuple of FleetLog
+        Its logs, in order.
+    tables : tuple of FleetLog
+        Tables of tests that stand beside them.
+    """
+
+    owner: str
+    logs: tuple[FleetLog, ...]
+    tables: tuple[FleetLog, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Share:
+    """Part I of N of a fleet, as a job array does it.
+
+    Attributes
+    ----------
+    number, of : int
+        1 <= number <= of.
+    """
+
+    number: int
+    of: int
+
+    def takes(self, task: DamperTask) -> bool:
+        """Whether a task is of this share; every task is of one, whatever other tasks there are."""
+        digest = hashlib.sha256(task.owner.encode("utf-8", "surrogatepass")).digest()
+        return int.from_bytes(digest[:8], "big") % self.of == self.number - 1
+
+
+def share_of(text: str) -> Share:
+    """Return the share that ``I/N`` says.
+
+    Raises
+    ------
+    ConfigurationError
+        It says none.
+
+    Examples
+    --------
+    >>> share_of("3/100")
+    Share(number=3, of=100)
+    """
+    found = re.fullmatch(r"\s*(\d+)\s*/\s*(\d+)\s*", text)
+    number, of = (int(part) for part in found.groups()) if found else (0, 0)
+    if not 1 <= number <= of:
+        raise ConfigurationError(
+            f"--part {text}: expected I/N with I from 1 to N, such as 3/100 for the third of 100"
+        )
+    return Share(number, of)
+
+
+def tasks_by_damper(
+    sources: Sequence[FleetLog], configuration: Configuration
+) -> tuple[DamperTask, ...]:
+    """Part logs by damper: the table of tests, else the log's preamble, else its folder says whose.
+
+    Parameters
+    ----------
+    sources : sequence of FleetLog
+        The logs, with tables of tests among them.
+    configuration : Configuration
+        Adjusters and table of tests.
+
+    Raises
+    ------
+    ConfigurationError
+        A table of tests is wrong, or there is no log.
+    """
+    named = [one for one in sources if one.file.lower() == TABLE_OF_TESTS]
+    with brought_here(named) as here:
+        tables = [one for one in named if is_tests_table(here.paths[one])]
+        logs = [one for one in sources if one not in set(tables)]
+        if not logs:
+            raise ConfigurationError("no logs among the files given: they are all tables of tests")
+        rows = _rows({one: here.paths[one] for one in tables}, configuration)
+    owners: dict[str, list[FleetLog]] = defaultdict(list)
+    # In a store each log that is not known costs the time of an answer.
+    with executor(AT_ONCE if any(one.is_remote for one in logs) else 1) as pool:
+        for log, owner in zip(logs, pool.map(lambda one: _owner(one, rows), logs), strict=True):
+            known = owner or configuration.test.identity.owner
+            owners[known or in_unicode(log.folder)].append(log)
+    beside = {(_where(one), one.folder): one for one in tables}
+    return tuple(
+        DamperTask(owner, tuple(mine), tuple(dict.fromkeys(_beside(mine, beside))))
+        for owner, mine in sorted(owners.items(), key=lambda entry: natural_order(entry[0]))
+    )
+
+
+def _where(source: FleetLog) -> str:
+    place = source.place if source.is_remote else source.place.replace("\\", "/")
+    return place.rsplit("/", 1)[0] if "/" in place else ""
+
+
+def _beside(
+    logs: Iterable[FleetLog], tables: Mapping[tuple[str, str], FleetLog]
+) -> Iterable[FleetLog]:
+    for log in logs:
+        if table := tables.get((_where(log), log.folder)):
+            yield table
+
+
+def _rows(
+    tables: Mapping[FleetLog, Path], configuration: Configuration
+) -> dict[tuple[str, str], str]:
+    """Return whose a log is, by its folder and name, as far as tables of tests say it."""
+    adjusters = configuration.reading.adjusters
+    found: dict[tuple[str, str], str] = {}
+    given = configuration.test.table
+    if given is not None:  # then it alone speaks, as in `identify`
+        return {("", name): owner for name, owner in _owners(read_tests(given, adjusters))}
+    for source, path in tables.items():
+        for name, owner in _owners(read_tests(path, adjusters)):
+            found.setdefault((_where(source), name), owner)
+    return found
+
+
+def _owners(table: TestsTable) -> Iterable[tuple[str, str]]:
+    return ((name, row.identity.owner) for name, row in table.rows.items() if row.identity.owner)
+
+
+def _owner(log: FleetLog, rows: Mapping[tuple[str, str], str]) -> str:
+    folder = _where(log)
+    owner = rows.get((folder, log.file)) or rows.get(("", log.file)) or rows.get(("", log.name))
+    if not owner:
+        owner = owner_in_preamble(head_of(log)) if log.seen is None else log.seen.owner
+    return owner
+
+
+def in_unicode(name: str) -> str:
+    r"""Return a name with bytes that are no UTF-8 as escapes: no table takes them as they are.
+
+    Examples
+    --------
+    >>> print(in_unicode("D\udce4mpfer"))
+    D\xe4mpfer
+    """
+    return name.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
+
+
+def owner_in_preamble(head: bytes) -> str:
+    """Return whose a log of text says it is, in the lines before its numbers.
+
+    Parameters
+    ----------
+    head : bytes
+        Its first bytes, from `head_of`.
+    """
+    text = head.decode("utf-8", "replace")
+    if "\0" in text:
+        return ""
+    entries = (_ENTRY.match(line) for line in text.splitlines()[:60])
+    return identity_in({one[1]: one[2] for one in entries if one}).owner
+
+
+def parted(tasks: Iterable[DamperTask], share: Share | None) -> tuple[DamperTask, ...]:
+    """Return the tasks of a share; all of them where none is asked for."""
+    return tuple(task for task in tasks if share is None or share.takes(task))
+
+
+def content_key(entries: Iterable[tuple[PurePath, str]], configuration: Configuration) -> str:
+    """Return the key of what a task's result depends on.
+
+    It depends on the files' bytes and names, on which stand in one folder (a table of tests speaks
+    for those), the configuration and the version of damperfit; not on the folders' names.
+
+    Parameters
+    ----------
+    entries : iterable of (pathlib.PurePath, str)
+        Logs and tables of tests, each with its hash from `hash_of`.
+    configuration : Configuration
+        What is done with them.
+    """
+    folders: dict[PurePath, list[tuple[str, str]]] = defaultdict(list)
+    for path, digest in entries:
+        folders[path.parent].append((path.name, digest))
+    document = {k: v for k, v in configuration.document.items() if k not in _NOT_OF_RESULTS}
+    table = configuration.test.table
+    facts = {
+        "version": __version__,
+        "configuration": document,
+        "checks": list(configuration.output.checks),
+        "max_mse_percent": configuration.output.max_mse_percent,
+        "table": None if table is None else hash_of(table),
+        "folders": sorted(sorted(entries) for entries in folders.values()),
+    }
+    text = json.dumps(facts, sort_keys=True, default=str)
+    return hashlib.sha256(text.encode()).hexdigest()[:24]
+
+
+def hash_of(path: Path) -> str:
+    """Return the SHA-256 of a file, hexadecimal; `UNREADABLE` where it cannot be opened."""
+    try:
+        # Whoever opens a pipe waits for somebody to write.
+        return sha256_of(path) if path.is_file() else UNREADABLE
+    except OSError:
+        return UNREADABLE
+
+
+# What a worker does: the logs of one damper to the rows of its part, written where they belong.
+
+_WORK = "the work on the logs of one damper"
+_REFERENCE = "reference_temperature_degC"
+
+
+class State(Enum):
+    """How a task ended."""
+
+    FITTED = "fitted"
+    FAILED = "failed"  # no setting could be fitted; a part says why
+    KNOWN = "known"  # a part of an earlier run was there
+    LATER = "later"  # nothing was written; the next run tries again
+
+
+@dataclass(frozen=True, slots=True)
+class Done:
+    """What became of one task.
+
+    Attributes
+    ----------
+    owner : str
+        Whose logs.
+    state : State
+        How it ended.
+    n_logs : int
+        Logs of the task.
+    n_settings : int
+        Settings with a fit.
+    failures : tuple of str
+        One sentence each; of a part that was there they are not said again.
+    gates : tuple of str
+        Gates that were missed, likewise.
+    n_failures, n_gates : int
+        How many, said or not.
+    """
+
+    owner: str
+    state: State
+    n_logs: int
+    n_settings: int = 0
+    failures: tuple[str, ...] = ()
+    gates: tuple[str, ...] = ()
+    n_failures: int = 0
+    n_gates: int = 0
+
+    @classmethod
+    def later(cls, task: DamperTask, said: str) -> Done:
+        """Return a task that was not done, with the reason."""
+        return cls(task.owner, State.LATER, len(task.logs), failures=(said,), n_failures=1)
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """A task as it goes to a worker; everything in it can be pickled.
+
+    Attributes
+    ----------
+    task : DamperTask
+        The logs.
+    configuration : Configuration
+        What is done with them.
+    folder : pathlib.Path
+        Of the fleet.
+    dead : tuple of (str, str)
+        Place of each log that has ended a worker, and the sentence that says so; it is left out.
+    """
+
+    task: DamperTask
+    configuration: Configuration
+    folder: Path
+    dead: tuple[tuple[str, str], ...] = ()
+
+
+def do(job: Job) -> Done:
+    """Fit one damper and write its part, unless the part is there.
+
+    Never raises for anything that is wrong with the logs: that becomes rows of the part.
+
+    Raises
+    ------
+    OutputError
+        The part cannot be written.
+    """
+    task = job.task
+    try:
+        with brought_here((*task.logs, *task.tables)) as here:
+            return _done(job, here)
+    except UnreachableError as error:
+        return Done.later(task, str(error))
+
+
+def known(job: Job) -> Done | None:
+    """Return what the part of a task says, where it is there; nothing is fetched for that."""
+    task = job.task
+    # Nothing is hashed, once here and once by the worker, where there can be no part.
+    if not part_path(job.folder, task.owner, "").parent.is_dir():
+        return None
+    entries: list[tuple[PurePath, str]] = []
+    for one in (*task.logs, *task.tables):
+        if not one.is_remote:
+            entries.append((Path(one.place), hash_of(Path(one.place))))
+        elif one.seen is not None:
+            entries.append((one.fetched_to, one.seen.sha256))
+        else:
+            return None
+    return _known(task, part_path(job.folder, task.owner, content_key(entries, job.configuration)))
+
+
+def _known(task: DamperTask, path: Path) -> Done | None:
+    if not path.exists() or not (facts := read_facts_of(path)):
+        return None
+    touch(path)
+    n_settings, n_failures, n_gates = (
+        facts.get(name, 0) for name in ("settings", "failures", "gates")
+    )
+    return Done(
+        *(task.owner, State.KNOWN, len(task.logs), n_settings),
+        n_failures=n_failures,
+        n_gates=n_gates,
+    )
+
+
+def _done(job: Job, brought: Brought) -> Done:
+    task, configuration, here = job.task, job.configuration, brought.paths
+    hashes = {one: hash_of(path) for one, path in here.items()}
+    key = content_key(((here[one], digest) for one, digest in hashes.items()), configuration)
+    path = part_path(job.folder, task.owner, key)
+    seen = _seen(brought, hashes)
+    if before := _known(task, path):
+        if seen:  # another time of change, the same bytes: not to be fetched each time from now on
+            renew_facts(path, seen=seen)
+        return before
+    facts: dict[str, Any] = {
+        "key": key,
+        "version": __version__,
+        "logs": sorted({hashes[one] for one in task.logs} - {UNREADABLE}),
+        "places": sorted(one.place for one in task.logs),
+        **({"seen": seen} if seen else {}),
+    }
+    dead = {place for place, _ in job.dead}
+    rows: list[dict[str, Any]] = []
+    gates: list[str] = []
+    records: list[dict[str, Any]] = []
+    failed = list(_dead_rows(job, here))
+    living = [str(here[one]) for one in task.logs if one.place not in dead]
+    try:
+        for owner, result in _results(configuration, living):
+            rows += list(_part_rows(result, owner or task.owner))
+            gates += result.facts.gates
+            records.append(compared_record(result.record))
+            failed += [
+                _failure(one.log, one.kind, one.message, owner or task.owner, one.setting)
+                for one in result.facts.failures
+            ]
+    except (MemoryError, OSError):
+        raise  # of the machine, not of the logs: tried again another time
+    except DamperfitError as error:
+        failed.append(_failure("", type(error).__name__, str(error)))
+    except Exception as error:  # noqa: BLE001 - the other dampers of the fleet go on
+        bug = mishap_of(error, _WORK)
+        failed.append(_failure("", bug.kind, bug.message))
+    for one in failed:
+        one["error"] = _named(str(one["error"]), task, here)
+    facts |= {"settings": len(rows), "failures": len(failed), "gates": len(gates)}
+    schema = _schema(configuration)
+    table = pa.Table.from_pylist(
+        [{"damper": task.owner, **row} for row in (*rows, *failed)], schema
+    )
+    # Rows of several dampers are no one run.
+    write_part(path, table, facts, records[0] if len(records) == 1 and rows else None)
+    return Done(
+        task.owner,
+        State.FITTED if rows else State.FAILED,
+        len(task.logs),
+        len(rows),
+        tuple(str(one["error"]) for one in failed),
+        tuple(gates),
+        len(failed),
+        len(gates),
+    )
+
+
+def _seen(brought: Brought, hashes: Mapping[FleetLog, str]) -> dict[str, tuple[str, str, str]]:
+    """Return what the next run needs to know of objects that it then need not fetch."""
+    found = {}
+    for one, stamp in brought.stamps.items():
+        if stamp:
+            owner = owner_in_preamble(head_of(FleetLog(str(brought.paths[one]), one.name)))
+            found[one.place] = (stamp, hashes[one], owner)
+    return found
+
+
+def _dead_rows(job: Job, here: Mapping[FleetLog, Path]) -> Iterator[dict[str, Any]]:
+    """Yield the rows of logs that have ended a worker, with the setting as far as it is known."""
+    if not job.dead:
+        return
+    said = dict(job.dead)
+    labels = labels_for([here[one] for one in job.task.logs], job.configuration, setting=None)
+    for one in job.task.logs:
+        if one.place in said:
+            setting = labels.unread(here[one], job.configuration.reading)
+            yield _failure(one.file, "WorkerDied", said[one.place], setting=setting)
+
+
+def _named(message: str, task: DamperTask, here: Mapping[FleetLog, Path]) -> str:
+    """Return a message with logs by their names, wherever they were when they were read."""
+    for log in task.logs:
+        for spelled in (str, in_unicode):
+            message = message.replace(spelled(str(here[log])), in_unicode(log.name))
+    return in_unicode(message)
+
+
+def _results(configuration: Configuration, logs: Sequence[str]) -> Iterator[tuple[str, RunResult]]:
+    from damperfit.run.pipeline import find_each
+
+    return find_each(configuration, logs, jobs=1) if logs else iter(())
+
+
+def try_log(job: Job) -> Done:
+    """Do the work on one log alone and write nothing: it tells whether the log ends its worker."""
+    task = job.task
+    with brought_here((*task.logs, *task.tables)) as here:
+        try:
+            for _ in _results(job.configuration, [str(here.paths[one]) for one in task.logs]):
+                pass
+        except Exception:  # noqa: BLE001, S110 - the whole task says what is wrong with it
+            pass
+    return Done(task.owner, State.LATER, len(task.logs))
+
+
+def _failure(
+    log: str, kind: str, message: str, damper: str | None = None, setting: object = None
+) -> dict[str, Any]:
+    row = {"log": in_unicode(log), "error_kind": kind, "error": message}
+    row |= {} if damper is None else {"damper": damper}
+    return row | ({} if setting is None else {"setting": str(setting)})
+
+
+def _part_rows(result: RunResult, damper: str) -> Iterator[dict[str, Any]]:
+    """Yield one row a setting: parameters, whose it is, forces at named speeds."""
+    from damperfit.tables.columns import adjusters_in
+
+    known = result.record["test"]
+    forces: dict[str, dict[str, float]] = {}
+    for row in result.tables.adjustment.to_pylist():
+        name = _force_column(row["stroke"], row["speed_m_per_s"])
+        forces.setdefault(str(row["setting"]), {})[name] = row["force_N"]
+    for row in result.tables.parameters.to_pylist():
+        names = adjusters_in(list(row), result.tables.quantities)
+        places = {name: str(row[name]) for name in names}
+        setting = str(row["setting"])
+        yield {
+            **row,
+            **places,
+            **forces.get(setting, {}),
+            "setting": setting,
+            "damper": damper,
+            "date": known.get("date"),
+            _REFERENCE: result.record["configuration"]["damper"]["reference_temperature"],
+        }
+
+
+def _force_column(stroke: str, speed: float) -> str:
+    return f"force_{stroke}_{1000.0 * speed:.0f}_mm_per_s_N"
+
+
+def _schema(configuration: Configuration) -> pa.Schema:
+    """Return the columns of a part: the same for every damper of one configuration.
+
+    A setting is text here, as labels of some dampers are numbers and of others words.
+    """
+    from damperfit.tables.columns import table_schema
+
+    names = configuration.reading.adjusters
+    own = table_schema("parameters", {}, settings=(), quantities=configuration.damper.quantities)
+    symbols = {one.name: one.symbol for one in configuration.damper.quantities}
+    quantities = [_with_symbol(one, symbols) for one in own if one.name != ADJUSTER]
+    places = [] if names == (ADJUSTER,) else [pa.field(name, pa.string()) for name in names]
+    forces = [
+        pa.field(_force_column(stroke, speed), pa.float64())
+        for stroke in ("rebound", "bump")
+        for speed in NAMED_SPEEDS
+    ]
+    texts = [pa.field(name, pa.string()) for name in ("log", "error_kind", "error")]
+    first = [pa.field(name, pa.string()) for name in ("damper", "date", "setting")]
+    # Of a damper that follows the temperature: where its resistances and forces hold.
+    is_warmed = isinstance(configuration.damper, Warmed)
+    warmth = [pa.field(_REFERENCE, pa.float64())] if is_warmed else []
+    return pa.schema([*first, *places, *quantities, *warmth, *forces, *texts])
+
+
+def _with_symbol(field: pa.Field, symbols: Mapping[str, str]) -> pa.Field:
+    """Return a column that tells its symbol: of all metadata a column's own is collected."""
+    if field.name not in symbols:
+        return field
+    return field.with_metadata({**(field.metadata or {}), SYMBOL: symbols[field.name].encode()})
+
+
+_DIED = (
+    "{}: reading or fitting this log killed its worker process twice; it is left out: check the "
+    "log and the machine's memory"
+)
+
+
+def planned(
+    configuration: Configuration, logs: Sequence[str], folder: Path, share: Share | None = None
+) -> tuple[DamperTask, ...]:
+    """Return the tasks of a fleet: one damper each, of the share that is asked for.
+
+    Parameters
+    ----------
+    configuration : Configuration
+        Adjusters, table of tests.
+    logs : sequence of str
+        Folders, files, patterns, addresses in object stores.
+    folder : pathlib.Path
+        Of the fleet; what stands in it is no log.
+    share : Share, optional
+        Part I of N.
+
+    Raises
+    ------
+    ConfigurationError
+        There is no log, or a table of tests is wrong.
+    """
+    own = folder.resolve()
+    sources = tuple(one for one in find_sources(logs) if not _is_inside(one, own))
+    if not sources:
+        raise ConfigurationError(f"{', '.join(logs)}: no log there but in {folder} itself")
+    return parted(tasks_by_damper(recognised(sources, folder), configuration), share)
+
+
+def _is_inside(source: FleetLog, folder: Path) -> bool:
+    from pathlib import Path
+
+    return not source.is_remote and folder in Path(source.place).parents
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Fleet:
+    engine: Executor
+    configuration: Configuration
+    folder: Path
+    cancelled: Callable[[], bool]
+
+    def job(self, task: DamperTask) -> Job:
+        return Job(task, self.configuration, self.folder)
+
+    def tried(self, jobs: Iterable[Job]) -> Generator[Done, None, list[Job]]:
+        """Yield what became of jobs, and return those that ended their worker."""
+        died = []
+        for job, found in self.engine.each(do, jobs, cancelled=self.cancelled):
+            if isinstance(found, Died):
+                died.append(job)
+            elif isinstance(found, Exception):  # of the disk, or a bug
+                yield Done.later(job.task, mishap_of(found, "the work on one damper").message)
+            else:
+                yield found
+        return died
+
+    def rescued(self, job: Job) -> Iterator[Done]:
+        """Yield a job whose worker dies, done without the logs that end it."""
+        died = yield from self.tried([self.without_what_kills(job)])
+        for one in died:
+            yield Done.later(
+                one.task, "its workers die, though no single log is the cause; nothing was written"
+            )
+
+    def without_what_kills(self, job: Job) -> Job:
+        """Return a job that leaves out the logs that end a worker by themselves."""
+        alone = [replace(job, task=replace(job.task, logs=(log,))) for log in job.task.logs]
+        for _ in range(2):
+            found = self.engine.each(try_log, alone, cancelled=self.cancelled)
+            alone = [one for one, result in found if isinstance(result, Died)]
+        # Where none does it alone something else ended the workers, as too little memory does.
+        logs = [one.task.logs[0] for one in alone]
+        return replace(job, dead=tuple((log.place, _DIED.format(log.file)) for log in sorted(logs)))
+
+
+def run_fleet(
+    configuration: Configuration,
+    tasks: Sequence[DamperTask],
+    folder: Path,
+    engine: Executor,
+    *,
+    cancelled: Callable[[], bool] = lambda: False,
+) -> Iterator[Done]:
+    """Do the tasks of a fleet whose parts are not there, in any order, and yield each when done.
+
+    A task whose worker dies is given to another one. Where that dies too, each of its logs is tried
+    alone, those that end their worker are left out with a row that says so, and the others are
+    fitted.
+
+    Parameters
+    ----------
+    configuration : Configuration
+        What is done with the logs.
+    tasks : sequence of DamperTask
+        From `planned`.
+    folder : pathlib.Path
+        Where the parts go.
+    engine : Engine
+        Who does the work.
+    cancelled : callable
+        Once it says True nothing more is begun.
+    """
+    tidy(folder)
+    fleet = _Fleet(engine, configuration, folder, cancelled)
+    waiting: list[Job] = []
+    for task in tasks:
+        if cancelled():
+            return
+        # Asked here, so that no worker is started where there is nothing to do.
+        try:
+            before = known(fleet.job(task))
+        except (OSError, ValueError) as error:
+            yield Done.later(task, mishap_of(error, "looking for its part").message)
+            continue
+        if before:
+            yield before
+        else:
+            waiting.append(fleet.job(task))
+    for _ in range(2):
+        waiting = yield from fleet.tried(waiting)
+    for job in waiting:
+        if not cancelled():
+            yield from fleet.rescued(job)
+    forget_earlier(folder)
