@@ -37,7 +37,8 @@ __all__ = [
 
 SEVERITIES = ("note", "warning", "refusal")
 _SPEEDS = ("peak_speed_rebound", "peak_speed_bump", "hysteresis_speed")
-_FIGURES = {one: f"{one}_m_per_s" for one in _SPEEDS} | {"energy": "energy_J"}
+_FIGURES = {one: f"{one}_m_per_s" for one in _SPEEDS}
+_FIGURES |= {"energy": "energy_J", "energy_se": "energy_se_J"}
 _FIGURES |= {one: f"figures_{one}_s" for one in ("start", "stop")}  # all others are forces
 
 
@@ -191,6 +192,8 @@ class StretchFigures:
         repeats.
     start, stop : float
         Time stamps between which they were read, s: cycles without another motion in the filter.
+    energy_se, hysteresis_rebound_se, hysteresis_bump_se : float
+        Standard errors by the scatter of the cycles; NaN of one cycle.
     """
 
     peak_force_rebound: float
@@ -203,6 +206,9 @@ class StretchFigures:
     hysteresis_bump: float
     start: float = math.nan
     stop: float = math.nan
+    energy_se: float = math.nan
+    hysteresis_rebound_se: float = math.nan
+    hysteresis_bump_se: float = math.nan
 
     def describe(self) -> dict[str, float | None]:
         """Return the figures for run.json."""

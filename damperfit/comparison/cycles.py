@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from damperfit.comparison.run import MeasuredTest
+from damperfit.conditioning import figures_of
 from damperfit.simulation import NAMED_SPEEDS
 
 if TYPE_CHECKING:
@@ -24,6 +25,8 @@ __all__ = ["measured_tests"]
 _PHASES = 240  # samples of a mean cycle: at 1.5 Hz as fine as a log of 360 Hz
 _SHARES = tuple(k / 40.0 for k in range(2, 40))  # of the peak speed
 _FEWEST = 8  # samples of a cycle
+_ENDS = ("start", "stop")
+_FIGURES = {"energy": "J", "hysteresis_rebound": "N", "hysteresis_bump": "N"}
 _LATE = 1e-6  # s; time stamps are rounded alike
 
 
@@ -75,19 +78,16 @@ def _size(value: Any) -> float:
 def _test(
     signals: LogSignals, facts: Mapping[str, Any], cycles: FloatArray, temperature: float
 ) -> MeasuredTest:
-    x, v, force, _ = cycles
+    _, v, force, _ = cycles
     mean = cycles.mean(axis=1)
     peak = float(min(mean[1].max(), -mean[1].min()))
     speeds = np.array(
         sorted({round(s * peak, 6) for s in _SHARES} | {s for s in NAMED_SPEEDS if s < peak})
     )
-    strokes, figures = {}, {}
+    strokes = {}
     for stroke, towards in (("rebound", 1.0), ("bump", -1.0)):
-        opening, closing = _branches(towards * v, force, np.append(speeds, 0.5 * peak))
-        strokes[stroke] = _means_of(0.5 * (opening + closing)[:-1])
-        figures[f"hysteresis_{stroke}"] = _mean_of((opening - closing)[-1])
-    f, s = (np.concatenate([row, row[:, :1]], axis=1) for row in (force, x))
-    figures["energy"] = _mean_of(0.5 * np.sum((f[:, 1:] + f[:, :-1]) * np.diff(s), axis=1))
+        opening, closing = _branches(towards * v, force, speeds)
+        strokes[stroke] = _means_of(0.5 * (opening + closing))
     amplitude = _size(facts.get("amplitude_m"))
     return MeasuredTest(
         setting=signals.setting,
@@ -101,7 +101,7 @@ def _test(
         simulated=mean[3],
         speeds=speeds,
         strokes=strokes,
-        figures=figures,
+        figures=_figures(signals, facts, len(force)),
         temperature=temperature,
     )
 
@@ -134,7 +134,23 @@ def _means_of(values: FloatArray) -> FloatArray:
     return np.stack([np.mean(values, axis=1), scatter / math.sqrt(n)])
 
 
-def _mean_of(values: FloatArray) -> tuple[float, float]:
-    """Return a mean over cycles and its standard error; NaN for a single cycle."""
-    ((mean,), (error,)) = _means_of(values[None, :])
-    return float(mean), float(error)
+def _figures(
+    signals: LogSignals, facts: Mapping[str, Any], n_cycles: int
+) -> dict[str, tuple[float, float]]:
+    """Return energy and hysteresis with their errors, as they were told when the log was read."""
+    if "energy_se_J" not in facts:  # an older run
+        edges = [_size(facts.get(f"figures_{key}_s", facts.get(f"{key}_s"))) for key in _ENDS]
+        first, interval = float(signals.time[0]), float(np.median(np.diff(signals.time)))
+        begin, end = ((edge - first) / interval for edge in edges)
+        found = figures_of(
+            signals.velocity,
+            signals.force_measured,
+            np.linspace(begin, end, n_cycles + 1),
+            interval=interval,
+            is_steady=True,
+        )
+        facts = found.describe()
+    return {
+        name: (_size(facts.get(f"{name}_{unit}")), _size(facts.get(f"{name}_se_{unit}")))
+        for name, unit in _FIGURES.items()
+    }

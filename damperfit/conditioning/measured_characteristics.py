@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.conditioning.cycles import clean_cycles
-from damperfit.passed_speeds import at_speeds
+from damperfit.passed_speeds import at_speeds, cycle_energies
 from damperfit.recording import StretchFigures
 
 if TYPE_CHECKING:
@@ -29,9 +29,9 @@ if TYPE_CHECKING:
 __all__ = [
     "branch_forces",
     "counted_edges",
-    "energy_of",
     "figures_in",
     "figures_of",
+    "mean_energy",
     "mean_extremes",
     "with_figures",
 ]
@@ -47,9 +47,14 @@ def with_figures(trace: Trace) -> Trace:
 
 def counted_edges(stretch: Stretch) -> NDArray[np.int64]:
     """Return first samples of the cycles that figures are read off, and the last one's end."""
+    return np.rint(_edges(stretch)).astype(np.int64)
+
+
+def _edges(stretch: Stretch) -> FloatArray:
+    """The boundaries of these cycles, fractional samples."""
     if stretch.n_cycles:
-        return np.rint(clean_cycles(stretch)).astype(np.int64)
-    return np.array([stretch.first, stretch.stop])
+        return clean_cycles(stretch)
+    return np.array([stretch.first, stretch.stop], dtype=np.float64)
 
 
 def figures_in(trace: Trace, stretch: Stretch) -> StretchFigures:
@@ -59,11 +64,10 @@ def figures_in(trace: Trace, stretch: Stretch) -> StretchFigures:
     known = stretch.figures
     if known is not None and (known.start, known.stop) == (start, stop):
         return known
-    window = slice(int(edges[0]), int(edges[-1]))
     figures = figures_of(
-        trace.velocity[window],
-        trace.force[window],
-        edges - edges[0],
+        trace.velocity,
+        trace.force,
+        _edges(stretch),
         interval=trace.interval,
         is_steady=stretch.n_cycles > 0,
     )
@@ -73,7 +77,7 @@ def figures_in(trace: Trace, stretch: Stretch) -> StretchFigures:
 def figures_of(
     velocity: FloatArray,
     force: FloatArray,
-    edges: NDArray[np.int64],
+    edges: FloatArray,
     *,
     interval: float,
     is_steady: bool,
@@ -85,31 +89,36 @@ def figures_of(
     velocity, force : numpy.ndarray
         Shape (n,); m/s, N.
     edges : numpy.ndarray
-        First samples of the cycles, and the end of the last one.
+        Boundaries of the cycles, fractional samples.
     interval : float
         s.
     is_steady : bool
         The cycles repeat.
     """
-    begins, stop = edges[:-1], int(edges[-1])
-    velocity, force = velocity[:stop], force[:stop]
+    energies = cycle_energies(velocity, force, edges, interval)
+    whole = np.rint(edges).astype(np.int64)
+    begins, window = whole[:-1] - whole[0], slice(int(whole[0]), int(whole[-1]))
+    velocity, force = velocity[window], force[window]
     (rebound, peak_rebound), (bump, peak_bump) = mean_extremes(np.stack([velocity, force]), begins)
     half = 0.5 * min(rebound, -bump)
-    hysteresis = (math.nan, math.nan)
-    if is_steady:
-        hysteresis = (
-            _hysteresis(velocity, force, half, 1.0),
-            _hysteresis(velocity, force, half, -1.0),
-        )
+    nothing = (math.nan, math.nan)
+    rebound_loop, bump_loop = (
+        _hysteresis(velocity, force, half, sign) if is_steady else nothing for sign in (1.0, -1.0)
+    )
+    n = len(energies)
+    scatter = float(np.std(energies, ddof=1)) if n > 1 else math.nan
     return StretchFigures(
         peak_force_rebound=peak_rebound,
         peak_force_bump=peak_bump,
         peak_speed_rebound=rebound,
         peak_speed_bump=-bump,
-        energy=energy_of(velocity, force, len(begins), interval),
+        energy=float(np.mean(energies)),
         hysteresis_speed=half,
-        hysteresis_rebound=hysteresis[0],
-        hysteresis_bump=hysteresis[1],
+        hysteresis_rebound=rebound_loop[0],
+        hysteresis_bump=bump_loop[0],
+        energy_se=scatter / math.sqrt(n),
+        hysteresis_rebound_se=rebound_loop[1],
+        hysteresis_bump_se=bump_loop[1],
     )
 
 
@@ -122,15 +131,22 @@ def mean_extremes(
     return tops.tolist(), bottoms.tolist()
 
 
-def energy_of(velocity: FloatArray, force: FloatArray, n_cycles: int, interval: float) -> float:
-    """Return the work that a force does in a cycle, J, from all cycles of a motion."""
-    return float(np.sum(force * velocity)) * interval / n_cycles
+def mean_energy(trace: Trace, stretch: Stretch, force: FloatArray) -> float:
+    """Return the work in a cycle of another force than the measured one, as its figures have it."""
+    return float(np.mean(cycle_energies(trace.velocity, force, _edges(stretch), trace.interval)))
 
 
-def _hysteresis(velocity: FloatArray, force: FloatArray, at: float, sign: float) -> float:
-    """Return the mean force where the speed rises through a value, less that where it falls."""
-    opening, closing = branch_forces(velocity, force[None, :], (at,), sign=sign)[:, 0, 0].tolist()
-    return float(opening - closing)
+def _hysteresis(
+    velocity: FloatArray, force: FloatArray, at: float, sign: float
+) -> tuple[float, float]:
+    """Return opening less closing force at a speed, and the standard error."""
+    counts, means, squares = at_speeds(velocity, force[None, :], (at,), sign=sign)
+    opening, closing = means[:, 0, 0].tolist()
+    variances = [
+        float(square) / (n * (n - 1.0)) if n > 1 else math.nan
+        for n, square in zip(counts[:, 0].tolist(), squares[:, 0, 0].tolist(), strict=True)
+    ]
+    return opening - closing, math.sqrt(sum(variances))
 
 
 def branch_forces(

@@ -193,7 +193,7 @@ def _stretch(signals: LogSignals, facts: dict[str, Any]) -> EvaluatedStretch | N
         figures_of(
             signals.velocity[inner],
             force[inner],
-            edges,
+            edges.astype(np.float64),
             interval=interval,
             is_steady=n_cycles > 0,
         )

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from damperfit.errors import SimulationError
-from damperfit.passed_speeds import in_both_strokes
+from damperfit.passed_speeds import cycle_energies, in_both_strokes
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -136,7 +136,7 @@ def characterise(
         peak_force_bump=float(cycle.force.min()),
         peak_speed_rebound=up,
         peak_speed_bump=down,
-        energy=float(np.trapezoid(cycle.force, cycle.displacement)),
+        energy=_last_energy(response, frequency),
         hysteresis_speed=speed,
         hysteresis_rebound=rebound[0] - rebound[1],
         hysteresis_bump=bump[0] - bump[1],
@@ -252,6 +252,14 @@ def _cycle_start(response: Response, frequency: float) -> tuple[float, int]:
             "at least one whole cycle is needed"
         )
     return begin, int(np.searchsorted(time, begin + slack, side="right"))
+
+
+def _last_energy(response: Response, frequency: float) -> float:
+    begin, _ = _cycle_start(response, frequency)
+    time = response.time
+    interval = float(time[-1] - time[0]) / (len(time) - 1)
+    edges = np.array([(begin - time[0]) / interval, len(time) - 1.0])
+    return float(cycle_energies(response.velocity, response.force, edges, interval)[0])
 
 
 def _last_cycle(response: Response, frequency: float) -> _Cycle:

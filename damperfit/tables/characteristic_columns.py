@@ -42,4 +42,9 @@ CHARACTERISTIC_COLUMNS: tuple[tuple[str, str, str, str], ...] = (
         for whose in ("measured", "simulated")
         for stroke in ("rebound", "bump")
     ),
+    ("measured_energy_se_J", _FLOAT, "J", "standard error by the scatter of the cycles"),
+    *(
+        (f"measured_hysteresis_{stroke}_se_N", _FLOAT, "N", "standard error, likewise; of peaks")
+        for stroke in ("rebound", "bump")
+    ),
 )

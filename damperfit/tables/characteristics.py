@@ -15,8 +15,8 @@ import numpy as np
 from damperfit.conditioning import branch_forces
 from damperfit.conditioning.measured_characteristics import (
     counted_edges,
-    energy_of,
     figures_in,
+    mean_energy,
     mean_extremes,
 )
 from damperfit.simulation import NAMED_SPEEDS
@@ -110,9 +110,13 @@ def _stretch_rows(
     tops, bottoms = mean_extremes(stacked, begins)
     for (whose, suffix), rebound, bump in zip(forces, tops, bottoms, strict=True):
         peak |= _pair(whose, suffix, rebound, bump)
-    for (whose, suffix), force in forces.items():
-        if not suffix:
-            peak[f"{whose}_energy_J"] = energy_of(velocity, force, len(begins), trace.interval)
+    peak |= {
+        "measured_energy_J": measured.energy,
+        "simulated_energy_J": mean_energy(trace, stretch, simulated),
+        "measured_energy_se_J": measured.energy_se,
+        "measured_hysteresis_rebound_se_N": measured.hysteresis_rebound_se,
+        "measured_hysteresis_bump_se_N": measured.hysteresis_bump_se,
+    }
     yield level | peak | _hysteresis(forces, branches.get(half, [_UNREPEATED] * len(forces)))
     for speed in speeds:
         row: dict[str, Any] = {

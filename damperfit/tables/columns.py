@@ -44,6 +44,9 @@ _LATE = frozenset(
         "measured_se_N",
         "difference_N",
         "told_from",
+        "measured_energy_se_J",
+        "measured_hysteresis_rebound_se_N",
+        "measured_hysteresis_bump_se_N",
         "role",  # of before logs could be held out: all were fitted
     }
 )
