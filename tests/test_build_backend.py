@@ -72,7 +72,7 @@ def test_with_neither_the_failure_is_one_line_that_says_what_to_do(backend, monk
 
 def test_every_source_of_an_exported_damper_is_shipped():
     """An FMU's sources are read where damperfit is installed, not only from a checkout."""
-    listed = ROOT / "damperfit" / "handover" / "fmu" / "c" / "core_sources.txt"
+    listed = ROOT / "damperfit" / "exporting" / "c" / "core_sources.txt"
     needed = [f"core/{name}" for name in listed.read_text(encoding="ascii").split()]
     patterns = SETUPTOOLS["package-data"]["damperfit.damper"]
     assert needed

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from textwrap import wrap
 from typing import TYPE_CHECKING, Annotated
@@ -24,7 +25,7 @@ from damperfit.cli.options import (
 from damperfit.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from damperfit.handover import Target
+    from damperfit.exporting import Target
     from damperfit.units.shown_units import ShownUnits
 
 __all__ = ["export"]
@@ -54,6 +55,12 @@ def export(
         str, typer.Option(metavar="MARK", help="Decimal mark in CSV files: a point or a comma.")
     ] = ".",
     temperature: TemperatureOption = None,
+    check: Annotated[
+        bool,
+        typer.Option(
+            "--check", help="Run what was written against the logs of the run; show the error."
+        ),
+    ] = False,
     list_: Annotated[
         bool, typer.Option("--list", help="Show the targets with file, units and sign.")
     ] = False,
@@ -68,7 +75,8 @@ def export(
 
     Example: damperfit export results --to csv
     """
-    from damperfit.handover import TARGETS, ExportOptions, find_target, hand_over, what_is_lost
+    from damperfit.exporting import TARGETS, ExportOptions, exported_run, find_target
+    from damperfit.exporting.check import check_export
     from damperfit.units.quantities import parse_quantity
 
     if list_:
@@ -83,31 +91,41 @@ def export(
     speed = None if extend is None else parse_quantity(extend, "velocity", option="--extend")
     folder, stem = _destination(results, out, target)
     check_places(folder)
-    handed = hand_over(results, config=config, temperature=temperature)
-    has_table = target.has_table_of(handed.damper)
-    if extend is not None and not has_table:
-        raise ConfigurationError(f"--extend {extend}: {to} holds no table here; leave it out")
-    for remark in handed.remarks:
+    run = exported_run(results, config=config, temperature=temperature)
+    for remark in run.remarks:
         say(f"damperfit: {results}: {remark}")
-    files = target.write(handed, ExportOptions(stem, speed, shown, mark))
-    written = _write(folder, dict(files), spares_others=not overwrite)
+    made = target.export(run, ExportOptions(stem, speed, shown, mark))
+    checked = check_export(run, made) if check else ()
+    written = _write(folder, dict(made.files), spares_others=not overwrite)
     if json:
-        document = {"target": to, "units": target.units, "sign": target.sign}
-        names = [str(path) for path in written]
-        lost = {"lost_in_a_table": what_is_lost(handed)} if has_table else {}
-        remarks = {"remarks": list(handed.remarks), "notes": [*handed.notes, *target.notes()]}
-        print_json({**document, "files": names, **remarks, **lost})
-    elif not quiet:
+        document: dict[str, object] = {
+            "target": to,
+            "units": target.units,
+            "sign": target.sign,
+            "files": [str(path) for path in written],
+            "remarks": list(run.remarks),
+            "notes": list(made.notes),
+        }
+        document |= {"lost_in_a_table": made.lost} if made.lost else {}
+        document["determined"] = [
+            {"setting": one.setting.cell, "speed_m_per_s": one.determined} for one in made.tables
+        ]
+        rows = [{**asdict(one), "setting": one.setting.cell} for one in checked]
+        print_json(document | ({"check": rows} if check else {}))
+        return 1 if run.remarks else 0
+    if not quiet:
         more = f" and {len(written) - 1} more" if len(written) > 1 else ""
         used = target.units if shown.is_si else f"{shown.of('m/s')}, {shown.of('N')}"
         say(f"damperfit: {written[0]} written{more}; {used}; {target.sign}")
-        if has_table:
-            say(f"note: {what_is_lost(handed)}")
+        notes = [made.lost] if made.lost else []
         if speed is not None:
-            say(f"note: beyond {handed.motion.peak_speed:.4g} m/s the tables are untested")
-        for note in (*handed.notes, *target.notes()):
+            tested = max(one.tested for one in made.tables)
+            notes.append(f"beyond {tested:.4g} m/s the tables are untested")
+        for note in (*notes, *made.notes, made.determined):
             say(f"note: {note}")
-    return 1 if handed.remarks else 0
+    if checked:
+        print_lines([f"check, {one}" for one in checked])
+    return 1 if run.remarks else 0
 
 
 def _chosen(target: Target, units: str | None, decimal: str) -> tuple[ShownUnits, str]:

@@ -100,6 +100,7 @@ def ideal_values(damper: Model, values: Values, *, with_tare: bool = False) -> V
         Whether the rig's offset stays. Where the model knows no gas it holds the gas force, and
         stays in any case.
     """
+    values = _as_declared(damper, values)
     keeps = with_tare or damper.rest_force(0.0) is None
     changes = {one.name: one.ideal for one in values.quantities if one.ideal is not None}
     offsets = {one.name: 0.0 for one in values.quantities if one.is_offset and not keeps}
@@ -153,6 +154,7 @@ def quasi_static(
     asked = np.atleast_1d(np.asarray(speeds, dtype=np.float64))
     if not np.all(np.isfinite(asked)):
         raise ConfigurationError(f"speeds: expected finite numbers, found {asked.tolist()}")
+    values = _as_declared(damper, values)
     ideal = ideal_values(damper, values, with_tare=with_tare)
     gas = damper.rest_force(displacement)
     is_out = {one.name for one in values.quantities if one.ideal is not None}
@@ -189,6 +191,13 @@ def quasi_static(
         sensitivities=tuple(sensitivities),
         slopes=np.array([rows[name] for name in sensitivities]).reshape(-1, len(asked)),
     )
+
+
+def _as_declared(damper: Model, values: Values) -> Values:
+    """The same of the damper's own quantities: those of an older run do not say what is ideal."""
+    if values.quantities == damper.quantities or values.names != damper.names:
+        return values
+    return damper.values(dict(zip(values.names, values.numbers, strict=True)))
 
 
 def _steps(speeds: FloatArray, end: float, leg: float) -> tuple[Motion, NDArray[np.intp]]:

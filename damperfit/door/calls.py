@@ -370,7 +370,7 @@ def export(
     tuple of pathlib.Path
         What was written.
     """
-    from damperfit.handover import ExportOptions, find_target, hand_over
+    from damperfit.exporting import ExportOptions, exported_run, find_target
     from damperfit.store import file_set
     from damperfit.units.quantities import parse_quantity
 
@@ -390,11 +390,11 @@ def export(
         asked = path_of(out, "damperfit.export(out=...)", "the path of a file or folder")
         where, stem = target.place_of(asked)
     speed = None if extend is None else parse_quantity(extend, "velocity")
-    files = target.write(hand_over(folder), ExportOptions(stem=stem, extend=speed))
+    made = target.export(exported_run(folder), ExportOptions(stem=stem, extend=speed))
     with file_set(where, spares_others=not overwrite) as drafts:
-        for name, content in dict(files).items():
+        for name, content in made.files.items():
             drafts.path(name).write_bytes(content)
-    return tuple(where / name for name in dict(files))
+    return tuple(where / name for name in made.files)
 
 
 def _folder_of(given: object, call: str) -> Path:

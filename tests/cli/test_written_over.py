@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from damperfit.handover import TARGETS
+from damperfit.exporting import TARGETS
 from damperfit.store import _columns, _says
 from damperfit.store import _is_own_file as is_own_file
 from tests.report_folder import make_results

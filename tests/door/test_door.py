@@ -438,7 +438,7 @@ def test_calls_of_the_layers_below_say_what_they_want():
 
 
 def test_a_result_is_handed_over_also_when_the_package_of_targets_is_loaded(result, tmp_path):
-    import damperfit.handover
+    import damperfit.exporting
 
     (one,) = damperfit.export(result, to="fmu2", out=tmp_path / "mine.fmu")
     assert one == tmp_path / "mine.fmu"  # a file, as on the command line

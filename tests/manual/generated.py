@@ -14,7 +14,7 @@ from damperfit.cli.main import app
 from damperfit.cli.panels import without_range
 from damperfit.damper.models import MODELS
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.handover.targets import TARGETS
+from damperfit.exporting.targets import TARGETS
 from damperfit.identification import Outcome
 from damperfit.manual import TOPICS, read_page
 from damperfit.tables import describe_tables

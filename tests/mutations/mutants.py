@@ -42,7 +42,7 @@ TARGETS: dict[str, tuple[str, ...]] = {
     "comparison": ("damperfit/comparison",),
     "queries": ("damperfit/queries",),
     "fleet": ("damperfit/fleet",),
-    "handover": ("damperfit/handover",),
+    "exporting": ("damperfit/exporting",),
     "configuration": ("damperfit/configuration", "damperfit/tested", "damperfit/units"),
     "door": ("damperfit/door",),
 }

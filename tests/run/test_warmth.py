@@ -20,7 +20,7 @@ from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.damper.warmed import BETA as QUANTITY
 from damperfit.damper.warmed import Warmed
 from damperfit.errors import ConfigurationError
-from damperfit.handover import hand_over
+from damperfit.exporting import exported_run
 from damperfit.identification import FitOptions, Outcome, Status, identify
 from damperfit.identification.first_beta import with_first_beta
 from damperfit.identification.procedure_input import ProcedureInput
@@ -319,7 +319,7 @@ def wave():
 
 @pytest.mark.parametrize(("asked", "there"), [(None, 43.0), ("26degC", 26.0)])
 def test_other_programs_get_it_at_one_temperature(results, asked, there: float) -> None:
-    handed = hand_over(results, temperature=asked)
+    handed = exported_run(results, temperature=asked)
     assert handed.damper == PURDY_DAMPER
     for one in handed.settings:
         true = known_at(int(one.setting.cell), there)

@@ -43,7 +43,7 @@ __all__ = [
 
 # The library of exported FMUs: the doors of the standard, and of the core what they need. Of these
 # the names, as `sysconfig` calls a platform and as the standard does.
-_EXPORTED = Path("damperfit", "handover", "fmu")
+_EXPORTED = Path("damperfit", "exporting")
 _EXPORTED_PLATFORMS = {
     "linux-x86_64": ("x86_64-linux", ".so"),
     "linux-aarch64": ("aarch64-linux", ".so"),

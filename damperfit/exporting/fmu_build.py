@@ -1,0 +1,117 @@
+"""Builds the library of exported FMUs for other platforms, by the Zig compiler: once, then kept.
+
+python -m damperfit.exporting.fmu_build                    all that are missing
+python -m damperfit.exporting.fmu_build x86_64-windows     one of them
+
+Without Zig the machine's own C compiler builds the library of this machine.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import platform as machine
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
+
+from damperfit.errors import ConfigurationError, InstallationError, OutputError, did_you_mean
+from damperfit.exporting.fmu import (
+    BINARIES,
+    DIGEST,
+    PLATFORMS,
+    Platform,
+    built,
+    source_files,
+    sources_digest,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+__all__ = ["build", "main"]
+
+# As the core itself is compiled: the same numbers on every machine.
+_OPTIONS = (
+    *("-std=c99", "-O3", "-ffp-contract=off", "-fno-math-errno"),
+    *("-fvisibility=hidden", "-fPIC", "-shared", "-s"),
+)
+# Zig tunes for the CPU at hand and traps undefined behaviour unless told otherwise.
+_ORDINARY = ("-mcpu=baseline", "-fno-sanitize=undefined", "-DNDEBUG")
+
+
+def build(platform: Platform) -> Path:
+    """Build the library of one platform and keep it with the installation.
+
+    Raises
+    ------
+    InstallationError
+        There is no Zig, or it could not compile.
+    OutputError
+        The installation cannot be written to.
+    """
+    folder = BINARIES / platform.name
+    sources = sorted(name for name in source_files() if name.endswith(".c"))
+    command = [*_compiler(platform), *_OPTIONS, *sources, "-o", platform.library]
+    if "windows" not in platform.name:
+        command.append("-lm")
+    with TemporaryDirectory() as place:
+        for name, content in source_files().items():
+            Path(place, name).write_bytes(content)
+        done = subprocess.run(  # noqa: S603 - our own command
+            command, cwd=place, capture_output=True, text=True, check=False
+        )
+        if done.returncode:
+            lines = done.stderr.strip().splitlines()
+            raise InstallationError(
+                f"the compiler could not build {platform.name}: "
+                f"{lines[-1] if lines else 'it says nothing'}"
+            )
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            (folder / DIGEST).unlink(missing_ok=True)
+            (folder / platform.library).write_bytes(Path(place, platform.library).read_bytes())
+            (folder / DIGEST).write_text(sources_digest(), encoding="ascii")
+        except OSError as error:
+            raise OutputError(
+                f"{folder}: {error.strerror}; run this as whoever installed damperfit"
+            ) from error
+    return folder / platform.library
+
+
+def _compiler(platform: Platform) -> list[str]:
+    if importlib.util.find_spec("ziglang") is not None:
+        return [sys.executable, "-m", "ziglang", "cc", "-target", platform.zig, *_ORDINARY]
+    here = f"{machine.machine().lower()}-{sys.platform}".replace("arm64", "aarch64")
+    own = shutil.which("cc") or shutil.which("gcc")
+    if own is not None and platform.name == here:
+        return [own]
+    raise InstallationError("no Zig compiler is installed: pip install 'damperfit[fmu]' brings it")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Build the platforms that are named, else all that are missing."""
+    names = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        for one in _wanted(names):
+            sys.stderr.write(f"damperfit: {build(one)} built\n")
+    except (ConfigurationError, InstallationError, OutputError) as error:
+        sys.stderr.write(f"damperfit: {error}\n")
+        return error.exit_code
+    return 0
+
+
+def _wanted(names: Sequence[str]) -> list[Platform]:
+    known = {one.name: one for one in PLATFORMS}
+    for name in names:
+        if name not in known:
+            there = ", ".join(known)
+            hint = did_you_mean(name, known)
+            raise ConfigurationError(f"no platform {name!r}; there are {there}.{hint}")
+    return [known[name] for name in names] or [one for one in PLATFORMS if one not in built()]
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,408 @@
+"""Force by speed of one setting: the quasi-static characteristic of the damper alone.
+
+The valves at constant speed through the middle of the stroke. What the rig adds (mounting, play,
+moving mass, lag, tare) is out, and so is what only moves with the stroke: the elasticity of the
+oil, and the gas, which is no damping and is handed over apart. Friction is in; it jumps at rest, so
+the table goes straight through 0 0 below its first speed.
+
+Points lie close where cars are tuned, and are added where the straight line between two of them
+misses the force, as at the opening of a valve. A table ends at the speed up to which the logs
+determine the force; beyond it goes only who asks for it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from damperfit.damper.mounting import NONE, Mounting
+from damperfit.damper.quasi_static import quasi_static
+from damperfit.damper.valve_dampers import ValveDamper
+from damperfit.errors import ConfigurationError
+from damperfit.simulation import Motion, simulate
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from damperfit.damper.model import Model, Values
+    from damperfit.damper.quasi_static import QuasiStatic
+    from damperfit.exporting.source import ExportedRun, ExportedSetting
+    from damperfit.simulation import SolverOptions
+    from damperfit.tested.setting import Setting
+
+    FloatArray = NDArray[np.float64]
+
+__all__ = ["ForceTable", "RoadMiss", "force_tables", "road_misses", "standard_road", "without_rig"]
+
+# m/s: low-speed adjusters of cars work at 5 to 50 mm/s; beyond, each point is a fifth farther.
+_TUNED = (5e-3, 7.5e-3, 0.01, 0.0125, 0.015, 0.02, 0.025, 0.03, 0.035, 0.04, 0.045, 0.05)
+_FARTHER = 1.2
+_HALVED = 6  # times, between two points whose line misses
+_MISS, _LEAST_MISS = 3e-3, 0.1  # of the force, and N
+_FARTHEST = 5.0  # times the tested speed; the model says little of the damper beyond
+_NORMAL = 1.959964
+# Determined: the 95 % interval is within this share of the force, or of the highest one.
+_WITHIN, _WITHIN_HIGHEST = 0.1, 0.02
+_GAS_POINTS = 13
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ForceTable:
+    """The characteristic of a setting, without gas force and tare.
+
+    Attributes
+    ----------
+    setting : Setting
+        Which.
+    slug : str
+        For names of files; no two settings of a damper have the same.
+    mse_percent : float
+        Of the fit; NaN where it is not known.
+    speeds, forces : numpy.ndarray
+        Rising, through 0 0; m/s and N, positive in rebound.
+    low, high : numpy.ndarray
+        95 % interval of each force, N; the force itself where no error is known.
+    tested : float
+        Highest speed of the setting's own logs, m/s.
+    determined : float
+        Highest tested speed at which the interval is within 10 % of the force, in both strokes.
+    stroke : float
+        Amplitude of the tested motion, m.
+    level, tare : float
+        What presses at rest at x = 0, and the rig's offset: N, in no force of the table.
+    gas_displacements, gas_forces : numpy.ndarray
+        What presses at rest over the tested stroke, m and N; one point where the model has no gas.
+    has_gas : bool
+        The model knows its gas; otherwise the level is of gas and tare together.
+    has_interval : bool
+        The errors of its forces are known.
+    """
+
+    setting: Setting
+    slug: str
+    mse_percent: float
+    speeds: FloatArray
+    forces: FloatArray
+    low: FloatArray
+    high: FloatArray
+    tested: float
+    determined: float
+    stroke: float
+    level: float
+    tare: float
+    gas_displacements: FloatArray
+    gas_forces: FloatArray
+    has_gas: bool
+    has_interval: bool
+
+    @property
+    def end(self) -> float:
+        """Its highest speed, m/s."""
+        return float(self.speeds[-1])
+
+    @property
+    def is_extended(self) -> bool:
+        """Whether it goes beyond what the logs determine."""
+        return self.end > self.determined * (1.0 + 1e-9)
+
+    def range_of(self, speed: float) -> str:
+        """Return whether a speed is "tested", "not determined" though tested, or "untested"."""
+        if abs(speed) > self.tested * (1.0 + 1e-9):
+            return "untested"
+        return "tested" if abs(speed) <= self.determined * (1.0 + 1e-9) else "not determined"
+
+    def said_at(self, speed: float) -> str:
+        """Return a force with its 95 % interval in words; nothing beyond the table."""
+        if abs(speed) > self.end:
+            return ""
+        rows = self.forces, self.low, self.high
+        force, low, high = (float(np.interp(speed, self.speeds, row)) for row in rows)
+        return f"{force:.4g} ± {max(high - force, force - low):.2g}"
+
+    def at_rest(self, displacement: FloatArray) -> FloatArray:
+        """Return the force at no speed, N."""
+        return np.asarray(np.interp(displacement, self.gas_displacements, self.gas_forces))
+
+
+@dataclass(frozen=True, slots=True)
+class RoadMiss:
+    """Force of a table less that of the whole model on a road.
+
+    Attributes
+    ----------
+    speed : float
+        Highest speed of the damper on it, m/s.
+    rms : float
+        N.
+    percent : float
+        Mean square over the variance of the model's force, as an MSE.
+    """
+
+    speed: float
+    rms: float
+    percent: float
+
+
+def force_tables(
+    run: ExportedRun, *, extend: float | None = None, common: bool = False, whole: bool = False
+) -> tuple[ForceTable, ...]:
+    """Return the table of each setting.
+
+    Parameters
+    ----------
+    run : ExportedRun
+        The damper.
+    extend : float, optional
+        Speed up to which the tables go, m/s, instead of the one up to which they are determined.
+    common : bool
+        All on the same speeds, which end with the first that is not determined.
+    whole : bool
+        Up to the tested speed, determined or not.
+
+    Raises
+    ------
+    ConfigurationError
+        ``extend`` is not beyond what is determined, or far beyond what was tested; or no force of
+        a setting is determined and ``extend`` is not given.
+    SimulationError
+        The model cannot be simulated.
+    """
+    tested = [_rounded_down(one.speed or run.motion.peak_speed) for one in run.settings]
+    if max(tested) < 1.02 * min(tested):  # the same test, but for noise
+        tested = [min(tested)] * len(tested)
+    curves = [_Curve(run, one) for one in run.settings]
+    groups = [list(range(len(curves)))] if common else [[k] for k in range(len(curves))]
+    tables: list[ForceTable] = []
+    for group in groups:
+        tops = {extend or 0.0, *(tested[k] for k in group)}
+        grid = _refined(_grid(tops), [curves[k] for k in group])
+        tables += [_table(run, curves[k], tested[k], grid) for k in group]
+    if extend is not None:
+        _check_extension(extend, tables)
+    for group in groups:
+        end = min(tables[k].determined for k in group)
+        if whole:
+            end = max(tested[k] for k in group)
+        elif extend is not None:
+            end = max(extend, end)
+        elif end == 0.0:
+            worst = next(tables[k] for k in group if tables[k].determined == 0.0)
+            raise ConfigurationError(
+                f"setting {worst.setting}: its logs determine the force to 10 % at no speed; "
+                f"--extend {worst.tested:.3g}m/s hands it over all the same"
+            )
+        for k in group:
+            tables[k] = _cut(tables[k], end)
+    slugs: dict[str, int] = {}
+    for k, table in enumerate(tables):
+        # Labels that differ in signs alone, or in capitals, must not share a file.
+        seen = slugs[table.slug.casefold()] = slugs.get(table.slug.casefold(), 0) + 1
+        tables[k] = table if seen == 1 else replace(table, slug=f"{table.slug}_{seen}")
+    return tuple(tables)
+
+
+def _rounded_down(speed: float) -> float:
+    """To three digits: what a log reached, not what its noise did."""
+    size = 10.0 ** (2 - math.floor(math.log10(speed)))
+    return math.floor(speed * size * (1.0 + 1e-9)) / size
+
+
+def _check_extension(extend: float, rows: Sequence[ForceTable]) -> None:
+    tested, determined = max(one.tested for one in rows), min(one.determined for one in rows)
+    if not (math.isfinite(extend) and determined < extend <= _FARTHEST * tested):
+        known = "tested" if determined == tested else "determined"
+        raise ConfigurationError(
+            f"--extend {extend:g} m/s: expected a speed above the {known} {determined:.4g} m/s and "
+            f"up to {_FARTHEST:g} times the tested; leave --extend out for what is determined"
+        )
+
+
+class _Curve:
+    """The characteristic of one setting at any speeds, each of them asked for once."""
+
+    def __init__(self, run: ExportedRun, setting: ExportedSetting) -> None:
+        self.run, self.of = run, setting
+        rest = self.at(np.zeros(1), setting.values)
+        self.tare, self.level = rest.tare, float(rest.forces[0]) - rest.tare
+        self.known: dict[float, float] = {}
+
+    def at(self, speeds: FloatArray, values: Values, names: Sequence[str] = ()) -> QuasiStatic:
+        return quasi_static(self.run.damper, values, speeds, sensitivities=names)
+
+    def forces(self, speeds: FloatArray) -> FloatArray:
+        """Return the forces without what presses at rest, N."""
+        new = np.array([v for v in speeds.tolist() if v not in self.known])
+        if len(new):
+            found = self.at(new, self.of.values).forces - self.tare - self.level
+            self.known |= dict(zip(new.tolist(), found.tolist(), strict=True))
+        return np.array([self.known[v] for v in speeds.tolist()])
+
+    def interval(self, speeds: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return how far the forces may lie below and above, N, with 95 % confidence.
+
+        Of a quantity without a limit the force is taken at the ends between which it may be.
+        """
+        names, values = self.of.uncertain, self.of.values
+        found = self.at(speeds, values, names)
+        covariance = self.of.covariance
+        down = _NORMAL**2 * np.einsum("in,ij,jn->n", found.slopes, covariance, found.slopes)
+        up = down.copy()
+        for name, ends in self.of.unlimited.items():
+            low, high = values.quantity(name).plausible
+            moved = [
+                self.at(speeds, values.replace({name: min(max(end, low), high)})).forces
+                - found.forces
+                for end in ends
+            ]
+            down += np.minimum(np.minimum(*moved), 0.0) ** 2
+            up += np.maximum(np.maximum(*moved), 0.0) ** 2
+        return np.sqrt(np.maximum(down, 0.0)), np.sqrt(np.maximum(up, 0.0))
+
+
+@lru_cache(maxsize=128)
+def without_rig(damper: Model, values: Values) -> tuple[Model, Values]:
+    """Return the damper without what the rig adds to its force: tare, mounting, late channel.
+
+    Where the model knows no gas of its own the offset holds the gas force, and stays.
+    """
+    if isinstance(damper, ValveDamper):
+        bare: Model = replace(damper, mounting=Mounting(series_stiffness=NONE))
+        values = bare.values({name: getattr(values, name) for name in bare.names})
+        damper = bare
+    if damper.rest_force(0.0) is not None:
+        offsets = {one.name: 0.0 for one in values.quantities if one.is_offset}
+        values = values.replace(offsets)
+    return damper, values
+
+
+def _grid(tops: set[float]) -> FloatArray:
+    """Speeds of both strokes and 0, up to the highest of some that are among them."""
+    top = max(tops)
+    scale = min(1.0, top / (2.0 * _TUNED[-1]))
+    side = [scale * speed for speed in _TUNED]
+    while side[-1] * _FARTHER < top:
+        side.append(side[-1] * _FARTHER)
+    others = [v for v in side if all(abs(v / one - 1.0) > 0.02 for one in tops if one)]
+    side = sorted({*others, *(one for one in tops if one)})
+    return np.array([*(-v for v in reversed(side)), 0.0, *side])
+
+
+def _refined(grid: FloatArray, curves: Sequence[_Curve]) -> FloatArray:
+    """Return the speeds and those between them where a straight line misses the force."""
+    for _ in range(_HALVED):
+        middle = 0.5 * (grid[1:] + grid[:-1])
+        beside = (grid[1:] != 0.0) & (grid[:-1] != 0.0)  # friction jumps at rest
+        missed = np.zeros(len(middle), dtype=bool)
+        for curve in curves:
+            known, there = curve.forces(grid), curve.forces(middle[beside])
+            line = 0.5 * (known[1:] + known[:-1])[beside]
+            missed[beside] |= np.abs(line - there) > _MISS * np.abs(there) + _LEAST_MISS
+        if not missed.any():
+            break
+        grid = np.sort(np.concatenate([grid, middle[missed]]))
+    return grid
+
+
+def _table(run: ExportedRun, curve: _Curve, tested: float, grid: FloatArray) -> ForceTable:
+    forces = curve.forces(grid)
+    down, up = curve.interval(grid)
+    forces[grid == 0.0] = down[grid == 0.0] = up[grid == 0.0] = 0.0
+    inside = np.abs(grid) <= tested * (1.0 + 1e-9)
+    allowed = np.maximum(
+        _WITHIN * np.abs(forces), _WITHIN_HIGHEST * float(np.abs(forces[inside]).max())
+    )
+    is_wide = np.maximum(down, up) > allowed
+    wide = set(np.abs(grid[is_wide]).tolist())
+    good = [v for v in np.abs(grid[inside]).tolist() if v not in wide]
+    stroke, values = run.motion.amplitude, curve.of.values
+    x = np.linspace(-stroke, stroke, _GAS_POINTS)
+    gas = run.damper.rest_force(x)
+    tare = sum(getattr(values, one.name) for one in values.quantities if one.is_offset)
+    return ForceTable(
+        curve.of.setting,
+        curve.of.setting.slug,
+        curve.of.mse_percent,
+        grid,
+        forces,
+        forces - down,
+        forces + up,
+        tested,
+        max(good, default=0.0),
+        stroke,
+        curve.level,
+        0.0 if gas is None else tare,
+        np.zeros(1) if gas is None else x,
+        np.array([curve.level]) if gas is None else gas,
+        gas is not None,
+        len(curve.of.uncertain) > 0,
+    )
+
+
+def _cut(table: ForceTable, end: float) -> ForceTable:
+    kept = np.abs(table.speeds) <= end * (1.0 + 1e-9)
+    names = ("speeds", "forces", "low", "high")
+    return replace(table, **{name: getattr(table, name)[kept] for name in names})
+
+
+# A road of class B (ISO 8608, 64e-6 m3 at 0.1 cycles/m) at 20 m/s, from 0.5 to 25 Hz, under a
+# quarter car: the same motion for every damper, scaled to the speeds of interest. It is made of
+# sines whose phases are fixed, hence the same in every run.
+_ROUGHNESS, _WAVENUMBER, _DRIVEN = 64e-6, 0.1, 20.0  # m3 at cycles/m, m/s
+_BODY, _WHEEL, _SPRING, _TYRE, _DAMPING = 350.0, 40.0, 25e3, 200e3, 1.5e3  # kg, N/m, N s/m
+_RATE, _SECONDS, _RUN_IN = 1000.0, 8.0, 1.0  # Hz, s
+_LOWEST, _HIGHEST, _STEP = 0.5, 25.0, 1.0 / _SECONDS  # Hz
+_GOLDEN = 0.6180339887498949  # its multiples by squares spread phases evenly, without a generator
+_ROAD_SPEEDS = (0.05, 0.1, 0.25)  # m/s
+_SLOWER = (0.2, 0.4, 1.0)  # of the table's end, where that is not reached
+
+
+@lru_cache(maxsize=1)
+def standard_road() -> Motion:
+    """Return displacement and velocity of the damper on the road; positive in rebound."""
+    frequency = np.arange(_LOWEST, _HIGHEST + 0.5 * _STEP, _STEP)
+    omega = 2.0 * np.pi * frequency
+    density = _ROUGHNESS * _WAVENUMBER**2 * _DRIVEN / frequency**2
+    order = np.arange(1, len(frequency) + 1)
+    phase = 2.0 * np.pi * ((_GOLDEN * order * order) % 1.0)
+    height = np.sqrt(2.0 * density * _STEP) * np.exp(1j * phase)
+    link = _SPRING + 1j * omega * _DAMPING
+    body, wheel = link - _BODY * omega**2, _TYRE + link - _WHEEL * omega**2
+    lift = _TYRE * height / (wheel - link * link / body)  # of the wheel
+    stroke = (link / body - 1.0) * lift  # the body rises from the wheel: rebound
+    n = int(_SECONDS * _RATE)
+    lines = np.zeros((2, n // 2 + 1), dtype=np.complex128)
+    lines[:, np.rint(frequency * _SECONDS).astype(np.int64)] = stroke, 1j * omega * stroke
+    x, v = np.fft.irfft(0.5 * n * lines, n)
+    return Motion(1.0 / _RATE, x, v)
+
+
+def road_misses(run: ExportedRun, table: ForceTable) -> tuple[RoadMiss, ...]:
+    """Return how far the damper's dynamics are from a table, at three speeds of the same road."""
+    values = next(one.values for one in run.settings if one.setting == table.setting)
+    damper, bare = without_rig(run.damper, values)
+    road, first = standard_road(), int(_RUN_IN * _RATE)
+    top, widest = float(np.abs(road.velocity).max()), float(np.abs(road.displacement).max())
+    is_reached = table.end >= _ROAD_SPEEDS[-1]
+    misses = []
+    for speed in _ROAD_SPEEDS if is_reached else [share * table.end for share in _SLOWER]:
+        scale = min(speed / top, table.stroke / widest)
+        force = _on_road(damper, bare, scale, run.solver)[first:]
+        x, v = scale * road.displacement[first:], scale * road.velocity[first:]
+        miss = np.interp(v, table.speeds, table.forces) + table.at_rest(x) - force
+        square = float(np.mean(miss * miss))
+        share = 100.0 * square / float(np.var(force))
+        misses.append(RoadMiss(scale * top, math.sqrt(square), share))
+    return tuple(misses)
+
+
+@lru_cache(maxsize=512)
+def _on_road(damper: Model, values: Values, scale: float, solver: SolverOptions) -> FloatArray:
+    road = standard_road()
+    motion = Motion(road.interval, scale * road.displacement, scale * road.velocity)
+    return simulate(values, damper, motion, options=solver).force

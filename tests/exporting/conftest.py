@@ -1,0 +1,107 @@
+"""A results folder of known numbers, no fit, and what is handed over of it."""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import shutil
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.exporting import TARGETS, ExportOptions, exported_run
+from damperfit.exporting import fmu as libraries
+from damperfit.exporting.fmu_build import build
+from damperfit.tables import make_tables, write_table
+from tests.exporting.fmi2_client import Unit, unzip
+from tests.fakes import campaign, fit
+
+SETTINGS = (1, 10, 20)
+
+
+def _log(setting: int) -> dict:
+    stretch = {
+        "kind": "steady",
+        "amplitude_m": 0.032,
+        "frequency_Hz": 1.5,
+        "peak_speed_m_per_s": 0.30159,
+    }
+    slow = {"amplitude_m": 0.01, "frequency_Hz": 0.5, "peak_speed_m_per_s": 0.0314}
+    return {
+        "log": f"setting_{setting:02d}.csv",
+        "setting": setting,
+        "temperature_degC": 25.0 + 0.1 * setting,
+        "stretches": [stretch, slow | {"kind": "steady"}],
+    }
+
+
+@pytest.fixture(scope="session")
+def results(tmp_path_factory) -> Path:
+    """Settings 1, 10 and 20 of the reference set, as identify would have written them."""
+    folder = tmp_path_factory.mktemp("handed") / "results"
+    folder.mkdir()
+    fits = [replace(fit(n), parameters=reference_parameters(n)) for n in SETTINGS]
+    tables = make_tables(campaign(*fits))
+    for suffix in (".parquet", ".csv"):
+        write_table(folder / f"parameters{suffix}", tables.parameters)
+    record = {
+        "version": "0.1.0",
+        "schema_version": 2,
+        "test": {"damper": "front left", "serial": 'A <7> & "8"', "rig": "synthetic"},
+        "configuration": {"damper": {"model": "purdy", "gas_pressure": "4.6bara"}},
+        "inputs": [_log(n) for n in SETTINGS],
+    }
+    (folder / "run.json").write_text(json.dumps(record), encoding="utf-8")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def handed(results):
+    return exported_run(results)
+
+
+@pytest.fixture
+def folder(results, tmp_path) -> Path:
+    """A copy to be spoilt."""
+    return Path(shutil.copytree(results, tmp_path / "results"))
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _library_is_built() -> None:
+    """Of these very sources, once, whichever worker comes first."""
+    here = next(one for one in libraries.PLATFORMS if one.name == "x86_64-linux")
+    if sys.platform != "linux" or here in libraries.built():
+        return
+    libraries.BINARIES.mkdir(exist_ok=True)
+    with (libraries.BINARIES / "lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if here not in libraries.built():
+            build(here)
+
+
+@pytest.fixture(scope="session")
+def content(handed) -> bytes:
+    return TARGETS["fmu2"].export(handed, ExportOptions()).files["damper.fmu"]
+
+
+@pytest.fixture(scope="session")
+def folder_of_unit(content, tmp_path_factory):
+    # What importers must not stumble over: blanks, per cent and umlauts in the path.
+    return unzip(content, tmp_path_factory.mktemp("fmu") / "a b%20ü")
+
+
+@pytest.fixture
+def unit(folder_of_unit):
+    made = []
+
+    def make(**how) -> Unit:
+        made.append(Unit(folder_of_unit, **how))
+        return made[-1]
+
+    yield make
+    for one in made:
+        if one.component:
+            one.close()

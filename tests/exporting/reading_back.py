@@ -1,0 +1,170 @@
+"""A small reader of each format, as the program at the other end would read it; SI, our signs."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+import xml.etree.ElementTree as ET
+
+import numpy as np
+import scipy.io
+
+__all__ = ["READERS", "combi_matrices", "mat_variables"]
+
+Curves = dict[str, tuple[np.ndarray, np.ndarray]]
+
+
+def _curve(rows) -> tuple[np.ndarray, np.ndarray]:
+    table = np.array(rows, dtype=np.float64)
+    return table[:, 0], table[:, 1]
+
+
+def _by_setting(files, suffix, read) -> Curves:
+    found = {}
+    for name, content in files.items():
+        slug = re.fullmatch(rf"damper_s(.+){re.escape(suffix)}", name)[1]
+        found[slug] = read(content)
+    return found
+
+
+def _teimorbit(content: bytes):
+    blocks, block = {}, None
+    for raw in content.decode("ascii").splitlines():
+        line = re.split(r"[$!]", raw)[0].strip()
+        if not line:
+            continue
+        if line.startswith("["):
+            block = blocks.setdefault(line.strip("[]"), [])
+        else:
+            block.append(line)
+    units = dict(re.match(r"(\w+)\s*=\s*'(\w+)'", one).groups() for one in blocks["UNITS"])
+    assert units == {
+        "LENGTH": "mm", "ANGLE": "degrees", "FORCE": "newton", "MASS": "kg", "TIME": "second"
+    }  # fmt: skip
+    assert blocks["MDI_HEADER"][0].split() == ["FILE_TYPE", "=", "'dpr'"]
+    assert re.fullmatch(r"\{\s*vel\s+force\s*\}", blocks["CURVE"][0])
+    v, f = _curve([row.split() for row in blocks["CURVE"][1:]])
+    return 1e-3 * v, f
+
+
+def _xml(content: bytes):
+    root = ET.fromstring(content)  # noqa: S314 - our own
+    spline = next(one for one in root.iter() if one.get("name") == "spline_data")
+    v, f = _curve([row.split() for row in spline.text.strip().splitlines()])
+    return 1e-3 * v, f
+
+
+def _infofile(content: bytes):
+    lines = content.decode("utf-8").splitlines()
+    assert lines[0] == "#INFOFILE1.1 (UTF-8) - Do not remove this line!"
+    tables, key = {}, None
+    for line in lines[1:]:
+        if line.startswith("#"):
+            continue
+        if line.startswith("\t"):
+            tables[key].append([float(cell) for cell in line.split()])
+        elif line.endswith(":"):
+            key = line[:-1]
+            tables[key] = []
+        else:
+            assert line.split(" = ")[1] == "1.0"
+    push, pull = (np.array(tables[f"SuspF.Damp_{side}"]) for side in ("Push", "Pull"))
+    for table in (push, pull):
+        assert table[0].tolist() == [0.0, 0.0]
+        assert (np.diff(table[:, 0]) > 0.0).all()
+        assert (table >= 0.0).all()
+    return _curve(np.vstack([-push[:0:-1], pull]))
+
+
+def _parsfile(content: bytes):
+    lines = [one for one in content.decode("ascii").splitlines() if not one.startswith("!")]
+    assert (lines[0], lines[-1]) == ("FD_TABLE SPLINE", "ENDTABLE")
+    v, f = _curve([row.split(", ") for row in lines[1:-1]])
+    assert (np.diff(v) > 0.0).all()
+    return -1e-3 * v[::-1], -f[::-1]  # compression is positive there
+
+
+def _yaml(content: bytes):
+    text = re.sub(r"(?m)^#.*\n", "", content.decode("utf-8"))
+    assert text.startswith("tsdas:\n  - name: ")
+    body = re.search(r"damping_curve_data: \[\n(.*)\n    \]\n$", text, re.DOTALL)[1]
+    return _curve(re.findall(r"\[ (\S+), (\S+) \]", body))
+
+
+def combi_matrices(content: bytes) -> dict[str, np.ndarray]:
+    """Every matrix of a CombiTable text file, read word by word as its C code does."""
+    text = content.decode("utf-8")
+    assert text[:2] == "#1"
+    words = re.sub(r"#[^\n]*", " ", text[2:]).replace(",", " ").split()
+    found, k = {}, 0
+    while k < len(words):
+        assert words[k] == "double"
+        name, rows = words[k + 1].split("(")
+        columns = words[k + 2].rstrip(")")
+        n, m = int(rows), int(columns)
+        found[name] = np.array(words[k + 3 : k + 3 + n * m], dtype=np.float64).reshape(n, m)
+        k += 3 + n * m
+    return found
+
+
+def _combitable(files) -> Curves:
+    matrices = combi_matrices(files["damper.txt"])
+    curves = {
+        name.removeprefix("force_s"): _curve(rows)
+        for name, rows in matrices.items()
+        if name.startswith("force_s")
+    }
+    grid = matrices.get("force")
+    if grid is not None:
+        for column, (v, f) in zip(grid[1:, 1:].T, curves.values(), strict=True):
+            assert np.array_equal(v, grid[1:, 0])
+            assert np.array_equal(f, column)
+        assert (np.diff(grid[0, 1:]) > 0.0).all()
+    return curves
+
+
+def mat_variables(content: bytes) -> dict:
+    """Variables of a .mat file of version 5: arrays, a text, the words of a list."""
+    assert content[:9] == b"MATLAB 5."
+    assert content[124:128] == b"\x00\x01IM"
+    found = scipy.io.loadmat(io.BytesIO(content))
+    found["about"] = str(found["about"][0])
+    found["setting_label"] = [str(one[0]) for one in found["setting_label"][0]]
+    return found
+
+
+def _matlab(files) -> Curves:
+    known = mat_variables(files["damper.mat"])
+    script = re.sub(r"%[^\n]*", "", files["damper.m"].decode("utf-8"))
+    for name, body in re.findall(r"(?m)^(\w+) = \[([^\]]*)\];", script):
+        rows = np.array([row.split() for row in body.split(";")], dtype=np.float64)
+        assert np.allclose(rows, known[name], rtol=1e-8), name
+    settings = known["setting"][0]
+    return {
+        f"{setting:02.0f}": (known["velocity"][:, 0], force)
+        for setting, force in zip(settings, known["force"].T, strict=True)
+    }
+
+
+def _csv(files) -> Curves:
+    rows = list(csv.DictReader(io.StringIO(files["damper.csv"].decode())))
+    found = {}
+    for label in dict.fromkeys(row["setting"] for row in rows):
+        mine = [row for row in rows if row["setting"] == label]
+        found[f"{int(label):02d}"] = _curve(
+            [(row["speed_m_per_s"], row["force_N"]) for row in mine]
+        )
+    return found
+
+
+READERS = {
+    "adams": lambda files: _by_setting(files, ".dpr", _teimorbit),
+    "adams-xml": lambda files: _by_setting(files, ".xml", _xml),
+    "carmaker": lambda files: _by_setting(files, ".txt", _infofile),
+    "carsim": lambda files: _by_setting(files, ".par", _parsfile),
+    "chrono": lambda files: _by_setting(files, ".yaml", _yaml),
+    "combitable": _combitable,
+    "matlab": _matlab,
+    "csv": _csv,
+}

@@ -1,0 +1,34 @@
+"""The C of an FMU, as strict C99, under the address and undefined-behaviour sanitizers."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+
+from damperfit.exporting.fmu import exported_damper, source_files
+from tests.core_sanitizers.test_core_sanitizers import build, compiler, kept  # noqa: F401
+from tests.exporting.test_fmu_valve_equations import SEALED, known_of
+from tests.exporting.test_fmu_valves import LAYOUTS, SOFT, STIFF, of_valves
+
+DRIVER = Path(__file__).parent / "fmu_driver.c"
+
+
+def test_the_exported_damper_is_clean_under_sanitizers(
+    compiler,  # noqa: F811
+    kept,  # noqa: F811
+    handed,
+    tmp_path,
+) -> None:
+    for name, content in source_files().items():
+        (tmp_path / name).write_bytes(content)
+    sources = [DRIVER, *sorted(tmp_path.glob("*.c"))]
+    program = tmp_path / "driver"
+    built = build(compiler, sources, program, kept)
+    assert built.returncode == 0, built.stderr
+    sealed = [known_of("seals", one) for one in (SOFT, STIFF)]
+    for one in (handed, of_valves(handed, LAYOUTS[1]), of_valves(handed, SEALED, sealed)):
+        damper = exported_damper(one)
+        (tmp_path / "damper.txt").write_text(damper.text, encoding="ascii")
+        command = [program, tmp_path, damper.token]
+        driven = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+        assert driven.returncode == 0, driven.stdout + driven.stderr

@@ -1,0 +1,245 @@
+"""Force by speed as a table: the damper alone at constant speed, its interval and where it ends."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from damperfit.damper.models import MODELS
+from damperfit.damper.mounting import Mounting
+from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
+from damperfit.errors import ConfigurationError
+from damperfit.exporting import TARGETS, ExportedSetting, ExportOptions
+from damperfit.exporting.tables import force_tables, road_misses, standard_road
+from damperfit.samples.any_model import made_up_values
+from damperfit.tested.setting import Setting
+from tests.exporting.reading_back import READERS
+from tests.oracles.steady import purdy_force, steady_force
+from tests.test_every_model import truth_of
+
+SPEEDS = (0.005, 0.01, 0.025, 0.05, 0.13, 0.25)  # m/s: what a dyno's report is asked for
+RIG = Mounting(series_stiffness="fit", play="fit", lag="fit")
+DAMPERS = (
+    TwinTube(mounting=RIG),
+    Monotube(gas_pressure=2e6, mounting=RIG),
+    ThroughFlow(mounting=RIG),
+)
+TABLES = sorted(READERS)
+
+
+def of_valves(handed, damper):
+    settings = tuple(
+        ExportedSetting(Setting.of(n), made_up_values(damper, n, 0.3), speed=0.302) for n in (1, 10)
+    )
+    return replace(handed, damper=damper, settings=settings)
+
+
+@pytest.mark.parametrize("name", TABLES)
+@pytest.mark.parametrize("damper", DAMPERS, ids=lambda one: one.name)
+def test_every_target_holds_the_force_of_a_steady_solver_of_the_same_valves(
+    handed, damper, name
+) -> None:
+    """On a rig with 1/k_s, play, 8 ms of lag and a tare, none of which is the damper's."""
+    run = of_valves(handed, damper)
+    curves = READERS[name](TARGETS[name].export(run).files)
+    gas = float(damper.rest_force(0.0))
+    for setting in run.settings:
+        values = {one: getattr(setting.values, one) for one in damper.names}
+        v, force = curves[setting.setting.slug]
+        for speed in (*SPEEDS, *(-one for one in SPEEDS)):
+            truth = steady_force(damper.network, values, damper, speed) - gas
+            assert np.interp(speed, v, force) == pytest.approx(truth, rel=0.01), speed
+
+
+def test_the_paper_s_damper_is_its_closed_form(handed) -> None:
+    gas = float(handed.damper.rest_force(0.0))
+    for setting, table in zip(handed.settings, force_tables(handed), strict=True):
+        for speed in (*SPEEDS, *(-one for one in SPEEDS)):
+            truth = purdy_force(setting.values, handed.damper, speed) - gas
+            found = np.interp(speed, table.speeds, table.forces)
+            assert found == pytest.approx(truth, rel=0.01), speed
+
+
+def test_points_lie_close_where_cars_are_tuned_and_at_knees(handed) -> None:
+    for table in force_tables(of_valves(handed, DAMPERS[0])):
+        v = table.speeds
+        assert sum((v >= 0.005) & (v <= 0.05)) >= 10
+        middle = 0.5 * (v[1:] + v[:-1])
+        middle = middle[np.abs(middle) > 0.005]
+        line = np.interp(middle, v, table.forces)
+        values = next(
+            one.values
+            for one in of_valves(handed, DAMPERS[0]).settings
+            if one.setting == table.setting
+        )
+        known = {one: getattr(values, one) for one in DAMPERS[0].names}
+        gas = float(DAMPERS[0].rest_force(0.0))
+        truth = [steady_force(DAMPERS[0].network, known, DAMPERS[0], one) - gas for one in middle]
+        assert line == pytest.approx(np.array(truth), rel=0.006, abs=0.2)
+
+
+def test_a_table_goes_straight_through_rest_and_holds_no_gas(handed) -> None:
+    for table in force_tables(handed):
+        at = table.speeds.tolist().index(0.0)
+        assert table.forces[at] == 0.0
+        assert table.forces[at - 1] < -45.0 < 45.0 < table.forces[at + 1]
+        assert table.level == pytest.approx(-130.4, abs=0.1)
+        assert table.at_rest(np.array([0.0, 0.032]))[1] > table.level
+
+
+def test_each_quantity_s_error_and_their_correlation_are_in_the_interval(handed) -> None:
+    """Of friction alone the interval is that of friction; of two that cancel there is none."""
+    first = handed.settings[0]
+
+    def half(names, covariance):
+        one = replace(first, uncertain=names, covariance=np.array(covariance))
+        (table,) = force_tables(replace(handed, settings=(one,)))
+        assert table.has_interval == bool(np.any(covariance))
+        return table.speeds, 0.5 * (table.high - table.low)
+
+    speeds, by_friction = half(("f_f",), [[1e-4]])
+    moving = speeds != 0.0
+    assert by_friction[moving] == pytest.approx(1.959964 * 0.01 * first.values.f_f, rel=1e-4)
+    assert by_friction[~moving] == 0.0
+    _, apart = half(("r_m1", "f_f"), [[1e-4, 0.0], [0.0, 1e-4]])
+    _, against = half(("r_m1", "f_f"), [[1e-4, -1e-4], [-1e-4, 1e-4]])
+    rebound = speeds > 0.0
+    assert (against[rebound] < apart[rebound]).all()
+    assert half(("k_e",), [[1.0]])[1].max() == 0.0  # no matter at constant speed
+
+
+def test_a_table_ends_where_the_logs_do_not_determine_the_force(handed) -> None:
+    """r_m1 to 10 % moves the force by 40 % where the orifice rules, hardly where friction does."""
+    wide = replace(handed.settings[1], uncertain=("r_m1",), covariance=np.array([[0.01]]))
+    run = replace(handed, settings=(handed.settings[0], wide))
+    sure, unsure = force_tables(run)
+    assert sure.end == sure.determined == pytest.approx(0.301)
+    assert unsure.end == unsure.determined < 0.1
+    assert unsure.tested == sure.tested
+    at = np.searchsorted(unsure.speeds, unsure.end)
+    whole = force_tables(run, whole=True)[1]
+    allowed = max(0.1 * unsure.forces[at], 0.02 * whole.forces.max())
+    assert unsure.high[at] - unsure.forces[at] <= allowed
+    both = force_tables(run, common=True)
+    assert both[0].end == both[1].end == pytest.approx(unsure.end, rel=0.05)
+    asked = force_tables(run, extend=0.25)[1]
+    assert asked.end == 0.25
+    assert force_tables(run, extend=0.25)[0].end == sure.end
+    assert [asked.range_of(v) for v in (0.02, 0.2, 0.4)] == ["tested", "not determined", "untested"]
+    assert "to 0.0" in TARGETS["carsim"].export(run).determined
+    lost = replace(wide, covariance=np.array([[4.0]]), uncertain=("f_f",))
+    with pytest.raises(ConfigurationError, match=r"setting 10: .* --extend 0.301m/s"):
+        force_tables(replace(handed, settings=(lost,)))
+    assert force_tables(replace(handed, settings=(lost,)), whole=True)[0].determined == 0.0
+
+
+def test_a_blow_off_that_no_log_limits_widens_the_force_beyond_its_opening(handed) -> None:
+    run = of_valves(handed, DAMPERS[0])
+    values = run.settings[1].values
+    opening = values.compression_opening
+    free = {"compression_opening": (0.9 * opening, np.inf)}
+    one = replace(run.settings[1], unlimited=free)
+    (table,) = force_tables(replace(run, settings=(one,)), extend=0.5)
+    below, beyond = (int(np.argmin(np.abs(table.speeds - v))) for v in (-0.05, -0.5))
+    assert table.forces[below] - table.low[below] < 1.0
+    assert table.low[beyond] < 1.5 * table.forces[beyond]  # the bleed alone
+    assert table.determined < 0.302
+
+
+def test_a_setting_tested_more_slowly_ends_there(handed) -> None:
+    slow = replace(handed.settings[0], speed=0.1)
+    run = replace(handed, settings=(slow, *handed.settings[1:]))
+    assert [one.end for one in force_tables(run)] == pytest.approx([0.1, 0.301, 0.301])
+    assert {one.end for one in force_tables(run, common=True)} == {0.1}
+
+
+def test_nothing_beyond_the_tested_speed_unless_asked_and_then_marked(handed) -> None:
+    plain, more = force_tables(handed)[1], force_tables(handed, extend=0.45)[1]
+    assert not plain.is_extended
+    assert more.is_extended
+    assert more.end == 0.45
+    inside = np.abs(more.speeds) <= plain.end
+    assert np.interp(plain.speeds, more.speeds[inside], more.forces[inside]) == pytest.approx(
+        plain.forces, rel=0.005, abs=0.2
+    )
+    for name in TABLES:
+        files = TARGETS[name].export(handed, ExportOptions(extend=0.45)).files
+        text = b"".join(files.values()).replace(b"\x00", b"").decode("utf-8", "replace")
+        assert "untested" in text.lower(), name
+
+
+@pytest.mark.parametrize(("speed", "is_refused"), [(0.3, True), (0.302, False), (1.6, True)])
+def test_limits_of_extending(handed, speed, is_refused) -> None:
+    if is_refused:
+        with pytest.raises(ConfigurationError, match=r"above the tested 0.301 m/s and up to 5"):
+            force_tables(handed, extend=speed)
+    else:
+        assert force_tables(handed, extend=speed)[0].end == speed
+
+
+@pytest.mark.parametrize("name", sorted(MODELS))
+def test_every_model_has_a_table(handed, name) -> None:
+    model = MODELS[name]()
+    one = ExportedSetting(Setting.of(1), truth_of(model))
+    run = replace(handed, damper=model, settings=(one,))
+    (table,) = force_tables(run)
+    assert np.isfinite(table.forces).all()
+    assert table.forces[0] < 0.0 < table.forces[-1]
+    assert all(TARGETS["carsim"].export(run).files.values())
+
+
+def test_labels_that_differ_in_signs_alone_have_files_of_their_own(handed) -> None:
+    values = handed.settings[0].values
+    labels = ("soft 1", "soft/1", "Soft_1")
+    settings = tuple(ExportedSetting(Setting((("bump", one),)), values) for one in labels)
+    files = TARGETS["adams"].export(replace(handed, settings=settings)).files
+    assert len({name.casefold() for name in files}) == 3
+
+
+def test_the_road_is_the_standard_one_and_velocity_is_its_derivative() -> None:
+    road = standard_road()
+    x, v = road.displacement, road.velocity
+    # It repeats after 8 s, so its derivative is exact by its spectrum.
+    n = len(x)
+    lines = np.fft.rfft(x) * 2j * np.pi * np.fft.rfftfreq(n, road.interval)
+    assert np.fft.irfft(lines, n) == pytest.approx(v, abs=1e-9)
+    assert 0.1 < float(np.std(v)) < 0.16
+
+
+def test_how_far_dynamics_are_from_the_table_is_told_at_three_speeds(handed) -> None:
+    tables = force_tables(handed)
+    shares = [[one.percent for one in road_misses(handed, table)] for table in tables]
+    speeds = [one.speed for one in road_misses(handed, tables[0])]
+    assert speeds == pytest.approx([0.05, 0.1, 0.25])
+    assert shares[0][-1] < shares[1][-1] < shares[2][-1] < 30.0
+    lost = TARGETS["csv"].export(handed).lost
+    assert f"{shares[2][0]:.2g} % MSE" in lost
+    assert "at setting 20" in lost
+    slow = tuple(replace(one, speed=0.1) for one in handed.settings)
+    (table, *_) = force_tables(replace(handed, settings=slow))
+    assert [one.speed for one in road_misses(handed, table)] == pytest.approx([0.02, 0.04, 0.1])
+
+
+def test_a_damper_without_storage_loses_hardly_anything(handed) -> None:
+    linear = MODELS["linear"]()
+    one = ExportedSetting(Setting.of(1), truth_of(linear))
+    run = replace(handed, damper=linear, settings=(one,))
+    (table,) = force_tables(run)
+    assert max(miss.percent for miss in road_misses(run, table)) < 0.5  # friction at rest
+
+
+def test_all_targets_of_twenty_settings_take_seconds(handed) -> None:
+    settings = tuple(
+        replace(
+            handed.settings[k % 3],
+            setting=Setting.of(k),
+            values=handed.settings[k % 3].values.replace(f_f=40.0 + k),
+        )
+        for k in range(1, 21)
+    )
+    begin = time.process_time()
+    TARGETS["carsim"].export(replace(handed, settings=settings))
+    assert time.process_time() - begin < 10.0
