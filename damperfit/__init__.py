@@ -9,9 +9,9 @@
 ``damperfit --help`` starts at once. The layers below are importable by their own names.
 """
 
-from __future__ import annotations
-
-from typing import Any
+TYPE_CHECKING = False  # nothing may be imported before `own_process.begin`, not even __future__
+if TYPE_CHECKING:
+    from typing import Any
 
 __all__ = ["__version__"]
 
@@ -32,7 +32,7 @@ _DOOR = {
 }
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> "Any":
     """Look a name of the door up."""
     if name not in _DOOR:
         from damperfit.errors import did_you_mean

@@ -1,8 +1,14 @@
-"""Lets ``python -m damperfit`` do what ``damperfit`` does."""
+"""The program: ``damperfit``, and ``python -m damperfit``."""
 
 import sys
 
-from damperfit.cli import main
+from damperfit.own_process import begin
+
+begin()  # before anything is imported that the working folder may hold too
+
+from damperfit.cli import main  # noqa: E402
+
+__all__ = ["main"]
 
 if __name__ == "__main__":
     sys.exit(main())

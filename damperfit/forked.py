@@ -48,7 +48,7 @@ _SIZE = struct.Struct("<q")
 _UNTOLD = -1  # parts of a result that its parent has to find itself
 _TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3  # as malloc.h names them
 _KEPT = 1 << 28  # bytes
-_STOPS = {signal.SIGINT, signal.SIGTERM}
+_STOPS = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
 
 _is_copy = False
 
@@ -151,7 +151,8 @@ class _Team:
             _is_copy = True
             gc.freeze()  # a collection would write to every page that is shared
             _keep_memory()
-            signal.signal(signal.SIGINT, signal.SIG_IGN)  # its parent's business
+            for of_all in (signal.SIGINT, signal.SIGHUP):  # its parent's business
+                signal.signal(of_all, signal.SIG_IGN)
             signal.signal(signal.SIGTERM, signal.SIG_DFL)
             signal.pthread_sigmask(signal.SIG_SETMASK, mask)
             # Once its parent is gone nobody may be left that seems to listen.

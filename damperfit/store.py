@@ -211,6 +211,13 @@ def write_text(path: Path, text: str) -> None:
         files.path(path.name).write_text(text, encoding="utf-8", newline="\n")
 
 
+def _has_working_folder() -> bool:
+    try:
+        return bool(os.getcwd())  # noqa: PTH109
+    except OSError:
+        return False
+
+
 def check_writable(folder: Path) -> None:
     """Raise before any work is done when results could never be written to ``folder``.
 
@@ -221,6 +228,19 @@ def check_writable(folder: Path) -> None:
     OutputError
         The nearest existing folder is write-protected.
     """
+    if re.match(r"[a-z][a-z0-9+.-]+:/", folder.as_posix()):
+        address = re.sub(r":/+", "://", folder.as_posix(), count=1)
+        raise ConfigurationError(
+            f"cannot write to {address}: results are written to a folder of this machine, not to "
+            "an address; give a folder, and copy it there when all is done"
+        )
+    if "\0" in str(folder):
+        raise ConfigurationError(f"cannot write to {str(folder)!r}: a NUL cannot stand in a path")
+    if not (folder.is_absolute() or _has_working_folder()):
+        raise ConfigurationError(
+            f"cannot write to {folder}: the folder that this was started in is gone; go to one "
+            "that is there (cd)"
+        )
     nearest = folder
     while not os.path.lexists(nearest) and nearest != nearest.parent:
         nearest = nearest.parent

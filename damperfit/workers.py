@@ -32,9 +32,10 @@ from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any, Protocol
 
 from damperfit.errors import ConfigurationError, InstallationError
+from damperfit.own_process import child_environment
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
     from concurrent.futures import ProcessPoolExecutor
 
 __all__ = [
@@ -322,6 +323,17 @@ class Processes:
         cancelled: Callable[[], bool] = lambda: False,
     ) -> Iterator[tuple[Any, Any]]:
         """As `damperfit.workers.Executor.each`."""
+        os.getcwd()  # noqa: PTH109 - a new process asks too, and would fail item by item
+        safe = child_environment()
+        with _environment({name: safe.get(name) for name in ("PYTHONPATH", "PYTHONSAFEPATH")}):
+            yield from self._each(act, items, cancelled)
+
+    def _each(
+        self,
+        act: Callable[[Any], Any],
+        items: Iterable[Any],
+        cancelled: Callable[[], bool],
+    ) -> Iterator[tuple[Any, Any]]:
         waiting = iter(items)
         _hush_tracker()
         guard = threading.Lock()
@@ -333,10 +345,7 @@ class Processes:
 
         def serve() -> None:
             worker = _Worker()
-            if hasattr(
-                signal, "pthread_sigmask"
-            ):  # its processes inherit that, from the first line
-                signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+            _block_stops()  # its processes inherit that, from the first line
             try:
                 while not stop():
                     with guard:
@@ -418,6 +427,12 @@ class _Worker:
         self._pool = None
 
 
+def _block_stops() -> None:
+    """Leave Ctrl-C and a terminal that hangs up to the main thread of the parent."""
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGHUP})
+
+
 def _pool() -> ProcessPoolExecutor:
     import multiprocessing
     from concurrent.futures import ProcessPoolExecutor
@@ -439,14 +454,31 @@ def _hush_tracker() -> None:
 
     before = os.environ.get("PYTHONWARNINGS")
     quiet = "ignore:resource_tracker:UserWarning"  # of several the last one counts
-    os.environ["PYTHONWARNINGS"] = quiet if before is None else f"{before},{quiet}"
+    with _environment({"PYTHONWARNINGS": quiet if before is None else f"{before},{quiet}"}):
+        mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGHUP})
+        try:
+            resource_tracker.ensure_running()
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+
+
+@contextmanager
+def _environment(wanted: Mapping[str, str | None]) -> Iterator[None]:
+    """Let children have these variables, or None of them."""
+    before = {name: os.environ.get(name) for name in wanted}
+    _set(wanted)
     try:
-        resource_tracker.ensure_running()
+        yield
     finally:
-        if before is None:
-            del os.environ["PYTHONWARNINGS"]
+        _set(before)
+
+
+def _set(variables: Mapping[str, str | None]) -> None:
+    for name, text in variables.items():
+        if text is None:
+            os.environ.pop(name, None)
         else:
-            os.environ["PYTHONWARNINGS"] = before
+            os.environ[name] = text
 
 
 def _begin() -> None:

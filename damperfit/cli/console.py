@@ -7,6 +7,7 @@ import logging
 import os
 import shutil
 import sys
+from contextlib import suppress
 from io import StringIO
 from typing import TYPE_CHECKING, Any
 
@@ -29,11 +30,12 @@ __all__ = [
     "say_lines",
     "screen_columns",
     "shield_streams",
-    "silence_broken_pipe",
     "spark_levels",
+    "unprinted",
 ]
 
 _PIPE_WIDTH = 80
+_refused: list[OSError] = []  # by stdout; what it should have shown is nowhere
 
 
 def one_line(text: str) -> str:
@@ -59,11 +61,8 @@ def say(text: str, level: int = logging.INFO) -> None:
         Of the log file's record; a line that begins with "warning:" is a warning.
     """
     record(logging.WARNING if text.startswith("warning: ") else level, one_line(text))
-    try:
-        sys.stderr.write(one_line(text) + "\n")
-        sys.stderr.flush()
-    except BrokenPipeError:
-        _to_nowhere(sys.stderr)
+    with suppress(OSError):  # nobody listens; the work goes on
+        _write(sys.stderr, one_line(text) + "\n")
 
 
 def say_failures(failures: Sequence[Failure], *, is_debug: bool) -> None:
@@ -112,7 +111,11 @@ def print_renderable(renderable: RenderableType) -> None:
     if not is_screen:
         print_lines(_plain(renderable))
         return
-    Console(file=sys.stdout, highlight=False, markup=False, emoji=False).print(renderable)
+    try:
+        Console(file=sys.stdout, highlight=False, markup=False, emoji=False).print(renderable)
+    except OSError as error:
+        _refused.append(error)
+        _to_nowhere(sys.stdout)
     record(logging.INFO, "\n".join(_plain(renderable)))
 
 
@@ -158,20 +161,50 @@ def shield_streams() -> None:
             reconfigure(encoding=encoding, errors="backslashreplace")
 
 
-def silence_broken_pipe() -> None:
-    """Send the rest of stdout nowhere: its reader (``| head``) has seen enough."""
-    _to_nowhere(sys.stdout)
+def unprinted(error: OSError | None = None) -> str:
+    """Return why stdout did not take what was printed; empty where it did.
+
+    A reader that has gone (``| head``) has seen enough; that is no fault.
+
+    Parameters
+    ----------
+    error : OSError, optional
+        Raised by a library that printed.
+    """
+    if error is None:
+        try:
+            sys.stdout.flush()
+        except OSError as late:
+            error = late
+    if error is not None:
+        _refused.append(error)
+        _to_nowhere(sys.stdout)
+    with suppress(OSError):
+        _write(sys.stderr, "")
+    reasons = [one.strerror or str(one) for one in _refused if not isinstance(one, BrokenPipeError)]
+    _refused.clear()
+    return reasons[0] if reasons else ""
 
 
 def _print(text: str) -> None:
     try:
-        sys.stdout.write(text + "\n")
-        sys.stdout.flush()
-    except BrokenPipeError:
-        silence_broken_pipe()
+        _write(sys.stdout, text + "\n")
+    except OSError as error:
+        _refused.append(error)
+
+
+def _write(stream: Any, text: str) -> None:
+    """Write at once; what a stream cannot take it is not asked to take again."""
+    try:
+        stream.write(text)
+        stream.flush()
+    except OSError:
+        _to_nowhere(stream)
+        raise
 
 
 def _to_nowhere(stream: Any) -> None:
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, stream.fileno())
-    os.close(nowhere)
+    with suppress(OSError, ValueError):
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, stream.fileno())
+        os.close(nowhere)

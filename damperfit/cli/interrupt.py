@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM: the first asks the run to finish what it has, the second ends it at once."""
+"""Ctrl-C, SIGTERM, SIGHUP: the first asks the run to finish what it has, the second ends it."""
 
 from __future__ import annotations
 
@@ -37,7 +37,10 @@ def stop_on_signal(
         stop.set()
         say(f"damperfit: stopping; {promise} (again to end at once)")
 
-    watched = (signal.SIGINT, signal.SIGTERM)
+    watched = [signal.SIGINT, signal.SIGTERM]
+    hung_up = getattr(signal, "SIGHUP", None)  # not on Windows
+    if hung_up is not None and signal.getsignal(hung_up) is not signal.SIG_IGN:  # as by nohup
+        watched.append(hung_up)
     before = [signal.signal(number, handle) for number in watched]
     try:
         yield stop.is_set

@@ -20,7 +20,7 @@ import typer
 
 from damperfit.cli.compare import compare
 from damperfit.cli.config import config
-from damperfit.cli.console import say, shield_streams, silence_broken_pipe
+from damperfit.cli.console import say, say_lines, shield_streams, unprinted
 from damperfit.cli.doctor import doctor
 from damperfit.cli.export import export
 from damperfit.cli.fleet import fleet
@@ -39,6 +39,7 @@ from damperfit.cli.settings import settings
 from damperfit.cli.simulate import simulate
 from damperfit.cli.sweep import sweep
 from damperfit.errors import ConfigurationError, DamperfitError
+from damperfit.own_process import CLOSED_STREAMS, begin
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -53,6 +54,15 @@ _NEW_OBJECTS = 200_000
 _TAKES_A_FILE = {"FILE", "DIR", "PATH", "LOG", "RESULTS"}
 _MAY_BE_OTHER = {"--start", "--tolerance"}  # than a file; they say themselves what they take
 _TELLS_OF_ALL = "help"
+_WRITERS = {
+    "identify",
+    "fleet",
+    "export",
+    "samples",
+    "report",
+    "sweep",
+    "init",
+}  # of files, by themselves
 _BUG = 70  # "internal software error" of sysexits.h; none of the documented codes
 
 
@@ -151,11 +161,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         130 interrupted. 70 is a bug in damperfit.
     """
     argv = list(sys.argv[1:] if arguments is None else arguments) or ["--help"]
+    if arguments is None:
+        begin()
     shield_streams()
     # Looking for plugins reads the metadata of every package that is installed.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     # Products here are small; another BLAS thread spins for 25 ms as often as it is made.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    os.environ["MPLBACKEND"] = "agg"  # figures are files; a notebook's backend is not for us
+    argv = _with_home(argv)
     try:
         kept = LogFile(log_file_of(argv), argv)
     except ConfigurationError as error:
@@ -172,27 +186,41 @@ def _ended_with(argv: list[str], *, is_program: bool) -> int:
     gc.set_threshold(_NEW_OBJECTS, *usual[1:])
     try:
         _refuse_empty_names(argv)
-        code = app(argv, standalone_mode=False, prog_name="damperfit")
-        sys.stdout.flush()
-    except BrokenPipeError:
-        silence_broken_pipe()
-        return 0
+        code = int(app(argv, standalone_mode=False, prog_name="damperfit") or 0)
     except KeyboardInterrupt:
         say("damperfit: interrupted", logging.ERROR)
         return _INTERRUPTED
+    except (BrokenPipeError, SystemExit) as error:  # so ends typer where its help has no reader
+        gone = error if isinstance(error, BrokenPipeError) else error.__context__
+        if not isinstance(gone, BrokenPipeError):
+            raise
+        unprinted(gone)
+        return 0
     except Exception as error:  # noqa: BLE001 - the one place that catches everything
-        if "--debug" in argv:
-            traceback.print_exc()
         message, exit_code = _explain(error, argv)
-        if not hasattr(error, "format_message"):  # where an option was mistyped tells nobody
+        if "--debug" in argv:
+            say_lines(traceback.format_exc())
+        elif not hasattr(error, "format_message"):  # where an option was mistyped tells nobody
             record(logging.DEBUG, traceback.format_exc())
         say(f"damperfit: {message}", logging.ERROR)
+        unprinted()
         return exit_code
     finally:
         if is_program:  # it ends, and Python would look through all that there is twice
             gc.freeze()
         gc.set_threshold(*usual)
-    return int(code or 0)
+    return _unless_unprinted(code, argv)
+
+
+def _unless_unprinted(code: int, argv: Sequence[str]) -> int:
+    """Return the exit code; 1 where all is well but that stdout did not take the answer."""
+    reason = unprinted()
+    if not reason and "stdout" in CLOSED_STREAMS and not _keeps_its_results(argv):
+        reason = "it is closed"
+    if not reason:
+        return code
+    say(f"damperfit: cannot write to stdout: {reason}; any files are written", logging.ERROR)
+    return code or 1
 
 
 def _explain(error: Exception, argv: Sequence[str]) -> tuple[str, int]:
@@ -209,6 +237,13 @@ def _explain(error: Exception, argv: Sequence[str]) -> tuple[str, int]:
         f"internal error, {type(error).__name__}: {error}; this is a bug, --debug shows where",
         _BUG,
     )
+
+
+def _keeps_its_results(argv: Sequence[str]) -> bool:
+    """Whether what is printed stands in files too."""
+    is_asked = {"--json", "--list", "--help", "-h", "--version", "-V"} & set(argv)
+    has_out = any(word.partition("=")[0] == "--out" for word in argv)
+    return not is_asked and (has_out or bool(_WRITERS & set(argv)))
 
 
 def _refuse_empty_names(argv: Sequence[str]) -> None:
@@ -230,16 +265,39 @@ def _refuse_empty_names(argv: Sequence[str]) -> None:
             )
 
 
+def _with_home(argv: list[str]) -> list[str]:
+    """Return the words with ``~`` in place, where a shell leaves it: ``--out=~/x``, quotes."""
+    if not any(word.startswith("~") or "=~" in word for word in argv):
+        return argv
+    files = _file_options(argv)
+    others = {name for one in _parameters(argv) if not one.is_flag for name in one.opts} - files
+    expanded = []
+    for before, word in zip(("", *argv), argv, strict=False):
+        option, equals, value = word.partition("=")
+        if option in files and equals:
+            expanded.append(f"{option}={os.path.expanduser(value)}")  # noqa: PTH111
+        elif before in others:
+            expanded.append(word)
+        else:
+            expanded.append(os.path.expanduser(word))  # noqa: PTH111 - a Path raises on ~nobody
+    return expanded
+
+
 def _file_options(argv: Sequence[str]) -> frozenset[str]:
     """Return the options of the command that was typed that take a file or folder."""
-    commands = typer.main.get_command(app).commands  # type: ignore[attr-defined]
-    named = next((commands[word] for word in argv if word in commands), None)
     return frozenset(
         name
-        for one in (named.params if named is not None else ())
+        for one in _parameters(argv)
         if _TAKES_A_FILE & set(re.split(r"\W", one.metavar or ""))
         for name in one.opts
     )
+
+
+def _parameters(argv: Sequence[str]) -> list[Any]:
+    """Return the options of the command that was typed, as typer has them."""
+    commands = typer.main.get_command(app).commands  # type: ignore[attr-defined]
+    named = next((commands[word] for word in argv if word in commands), None)
+    return [one for one in (named.params if named is not None else ()) if hasattr(one, "is_flag")]
 
 
 def _of_the_machine(error: Exception) -> tuple[str, int] | None:
@@ -247,12 +305,21 @@ def _of_the_machine(error: Exception) -> tuple[str, int] | None:
     code = error.errno if isinstance(error, OSError) else None
     if code == errno.ENOSPC:
         return f"cannot write the output: {getattr(error, 'strerror', '')}", 1
+    if code == errno.ENOENT and not _has_working_folder():
+        return "the folder that this was started in is gone; go to one that is there (cd)", 2
     if code == errno.ENAMETOOLONG:
         name = str(getattr(error, "filename", ""))
         return f"{name[:40]}...: a file's name cannot be that long; give a shorter one", 2
     if isinstance(error, MemoryError):
         return "out of memory; give fewer or shorter logs at a time", 1
     return None
+
+
+def _has_working_folder() -> bool:
+    try:
+        return bool(os.getcwd())  # noqa: PTH109
+    except OSError:
+        return False
 
 
 # What typer says of a number that cannot be; it leaves out what was found.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from contextlib import suppress
 from pathlib import Path
@@ -319,7 +320,9 @@ def _places(value: str, *, is_unwritten: bool) -> Iterator[str]:
     if not value:
         return
     path = Path(value)
-    yield from (value, str(path), str(path.resolve()))
+    yield from (value, str(path))
+    with suppress(OSError):  # the working folder is gone
+        yield os.path.realpath(path)
     if is_unwritten and path.parent != Path():
         yield str(path.parent)
 

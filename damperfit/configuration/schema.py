@@ -7,6 +7,7 @@ The schema has no defaults: every key stands in defaults.toml. Quantities are te
 from __future__ import annotations
 
 import math
+import os
 from dataclasses import fields, replace
 from functools import cache
 from pathlib import Path
@@ -300,7 +301,8 @@ class _OutputSection(_Section):
 
             checks = expand_checks((name.strip() for name in self.checks), pointless=pointless)
         units = parse_units(self.units, option="output.units")
-        return OutputOptions(Path(self.folder), self.max_mse_percent, checks, units)
+        folder = Path(os.path.expanduser(self.folder))  # noqa: PTH111 - a Path raises on ~nobody
+        return OutputOptions(folder, self.max_mse_percent, checks, units)
 
 
 class _Document(_Section):

@@ -75,6 +75,9 @@ class Simulation:
 
     def plot(self) -> Any:
         """Draw force against velocity and against displacement; return both matplotlib axes."""
+        from damperfit.report.drawing import matplotlib_of_files
+
+        matplotlib_of_files()
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
 

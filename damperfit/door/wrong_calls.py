@@ -119,8 +119,10 @@ def path_of(value: object, call: str, expected: str) -> Path:
     ConfigurationError
         It is neither, or empty.
     """
+    if "\0" in str(value):
+        raise ConfigurationError(f"{call}: found {value!r}; a NUL cannot stand in a path")
     if isinstance(value, str | os.PathLike) and os.fspath(value) != "":
-        return Path(os.fspath(value))
+        return Path(os.path.expanduser(os.fspath(value)))  # noqa: PTH111 - of ~nobody it raises
     if isinstance(value, str):  # as a path it would be the folder that one is in
         raise ConfigurationError(f"{call}: found ''; expected {expected}, '.' for this folder")
     raise ConfigurationError(f"{call}: found {type(value).__name__}; expected {expected}")

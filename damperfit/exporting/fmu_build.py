@@ -83,7 +83,7 @@ def build(platform: Platform) -> Path:
 
 def _compiler(platform: Platform) -> list[str]:
     if importlib.util.find_spec("ziglang") is not None:
-        return [sys.executable, "-m", "ziglang", "cc", "-target", platform.zig, *_ORDINARY]
+        return [sys.executable, "-P", "-m", "ziglang", "cc", "-target", platform.zig, *_ORDINARY]
     here = f"{machine.machine().lower()}-{sys.platform}".replace("arm64", "aarch64")
     own = shutil.which("cc") or shutil.which("gcc")
     if own is not None and platform.name == here:

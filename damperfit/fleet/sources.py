@@ -21,7 +21,7 @@ from damperfit.errors import ConfigurationError, DamperfitError
 from damperfit.fleet.parts import parts_in, read_facts_of
 from damperfit.readers.formats import LOG_SUFFIXES
 from damperfit.recording import natural_order
-from damperfit.run.log_paths import matches
+from damperfit.run.log_paths import matches, real_path
 from damperfit.run.own_tables import is_own_table
 from damperfit.store import remove_abandoned, temporary_folder
 from damperfit.workers import executor
@@ -367,13 +367,13 @@ def find_sources(wanted: Iterable[str]) -> tuple[FleetLog, ...]:
     found: dict[str, FleetLog] = {}
     files: list[Path] = []
     wanted = list(wanted)
-    local = (Path(one).resolve() for one in wanted if not is_address(one))
+    local = (real_path(one) for one in wanted if not is_address(one))
     common = _common([path for path in local if path.is_dir()])
     for text in wanted:
         if not is_address(text) and not Path(text).is_dir():
-            files += _without_own(path.resolve() for path in matches(text))
+            files += _without_own(map(real_path, matches(text)))
             continue
-        own = Path(text).resolve()
+        own = real_path(text)
         if is_address(text):
             sources = [FleetLog(*one) for one in listed(text, _is_log)]
         else:

@@ -26,6 +26,7 @@ from threading import Event, Lock, Timer
 from typing import IO, TYPE_CHECKING, Any
 
 from damperfit.errors import LogError
+from damperfit.own_process import child_environment
 from damperfit.readers.foreign import check_library
 
 if TYPE_CHECKING:
@@ -40,10 +41,12 @@ _TIME_LIMIT = 60  # s for a log, and 1 s for each megabyte; libraries take secon
 _IDLE = 10.0  # s after which a child ends that nobody asks
 _OWN_MEMORY = 1 << 30  # bytes that Python and the library take before they see a log
 _OUT_OF_MEMORY = "memory"
-# The folder of a log, which may be the working folder, must not be looked in for modules.
+# This damperfit, wherever it is: no folder is added to those that modules are looked for in.
 _CHILD = """
-import sys
-sys.path.insert(0, sys.argv[1])
+import importlib.util, sys
+spec = importlib.util.spec_from_file_location("damperfit", sys.argv[1])
+sys.modules["damperfit"] = package = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(package)
 from damperfit.readers.child_process import serve
 serve()
 """
@@ -133,9 +136,10 @@ class _Child:
     """A process that reads logs, one after the other."""
 
     def __init__(self) -> None:
-        root = str(Path(__file__).resolve().parents[2])
+        package = str(Path(__file__).resolve().parents[1] / "__init__.py")
         self._process = subprocess.Popen(  # noqa: S603  # our own command; the log comes as bytes
-            [sys.executable, "-P", "-c", _CHILD, root],
+            [sys.executable, "-P", "-c", _CHILD, package],
+            env=child_environment(),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
@@ -241,8 +245,9 @@ def serve() -> None:
     """Answer what is asked on standard input, in the child."""
     out = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # a library that prints would spoil the answer
-    with suppress(ValueError, OSError):
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides what is left undone
+    for name in ("SIGINT", "SIGHUP"):  # the parent decides what is left undone
+        with suppress(ValueError, OSError, AttributeError):
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
     while True:
         # Not by a wait on the pipe, which not every system can.
         idle = Timer(_IDLE, os._exit, (0,))

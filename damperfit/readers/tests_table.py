@@ -107,8 +107,9 @@ def read_tests(path: Path, adjusters: Sequence[str]) -> TestsTable:
         if path.stat().st_size > _MAX_BYTES:
             raise ConfigurationError(f"{path}: larger than 10 MB; this is not a table of tests")
         text = _text(path.read_bytes())
-    except OSError as error:
-        raise ConfigurationError(f"{path}: cannot be read: {error.strerror or error}") from error
+    except (OSError, ValueError) as error:
+        said = getattr(error, "strerror", None) or error
+        raise ConfigurationError(f"{path}: cannot be read: {said}") from error
     lines = text.splitlines()
     heading = next((k for k, line in enumerate(lines) if line.strip()), None)
     if heading is None:

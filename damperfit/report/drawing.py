@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -22,6 +24,7 @@ __all__ = [
     "draw_loops",
     "draw_plot",
     "fixed_style",
+    "matplotlib_of_files",
 ]
 
 
@@ -70,11 +73,25 @@ _BESIDE = 6  # entries of a legend: more stand beside the axes
 _KEY_ROWS = 20
 
 
+def matplotlib_of_files() -> Any:
+    """Return matplotlib, also where MPLBACKEND names a backend of a notebook that is not here."""
+    try:
+        import matplotlib as mpl
+    except ValueError:
+        for name in [one for one in sys.modules if one.partition(".")[0] == "matplotlib"]:
+            del sys.modules[name]  # half of it is there
+        named = os.environ.pop("MPLBACKEND", "")
+        try:
+            import matplotlib as mpl
+        finally:
+            os.environ["MPLBACKEND"] = named
+    return mpl
+
+
 @contextmanager
 def fixed_style() -> Iterator[None]:
     """Draw alike everywhere: a reader's own matplotlibrc must not change the bytes."""
-    import matplotlib as mpl
-
+    mpl = matplotlib_of_files()
     with mpl.rc_context():
         mpl.rcdefaults()
         mpl.rcParams.update(_FIXED)
@@ -262,6 +279,7 @@ def draw_loops(
         matplotlib is not installed.
     """
     try:
+        matplotlib_of_files()
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
     except ImportError as error:

@@ -8,14 +8,13 @@ are, in the logs that have them.
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING
 
 from damperfit.conditioning import TRANSIENTS, transients
 from damperfit.errors import ConfigurationError, Mishap, mishap_of
-from damperfit.run.log_paths import expand
+from damperfit.run.log_paths import expand, real_path
 from damperfit.run.logs import LogBatch, failure_of
 from damperfit.uncertainty import split_cycles
 
@@ -78,9 +77,9 @@ def _named(pattern: str, paths: Sequence[Path]) -> tuple[Path, ...]:
     among = tuple(path for path in paths if _fits(pattern, path.name, str(path)))
     if among:
         return among
-    known = {os.path.realpath(path): path for path in paths}
+    known = {real_path(path): path for path in paths}
     try:
-        return tuple(known.get(os.path.realpath(path), path) for path in expand([pattern]))
+        return tuple(known.get(real_path(path), path) for path in expand([pattern]))
     except ConfigurationError:
         return ()
 

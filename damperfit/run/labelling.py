@@ -25,6 +25,7 @@ from damperfit.readers import (
 )
 from damperfit.readers.options import SETTING_PATTERN
 from damperfit.readers.setting_number import file_setting
+from damperfit.run.log_paths import real_path
 from damperfit.tested.adjuster_words import letters_of
 from damperfit.tested.identity import Identity, identity_in
 from damperfit.tested.setting import Setting, parse_place
@@ -221,9 +222,9 @@ class Labels:
     def row(self, path: Path) -> TestRow | None:
         """Return the row of a log: the one that names most of its path, in the nearest table."""
         best: tuple[tuple[int, int], TestRow] | None = None
-        log = path.resolve()
+        log = real_path(path)
         for table in self.tables:
-            folder = table.path.resolve().parent
+            folder = real_path(table.path).parent
             if self.is_beside and not log.is_relative_to(folder):
                 continue
             for name, row in table.rows.items():

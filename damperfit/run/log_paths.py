@@ -16,7 +16,7 @@ from damperfit.run.own_tables import is_own_table
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-__all__ = ["expand", "matches"]
+__all__ = ["expand", "matches", "real_path"]
 
 
 def expand(patterns: Iterable[str]) -> tuple[Path, ...]:
@@ -31,14 +31,22 @@ def expand(patterns: Iterable[str]) -> tuple[Path, ...]:
         None of the files exists, or a pattern or a folder names none.
     """
     patterns = list(patterns)
-    found: dict[str, Path] = {}
+    found: dict[Path, Path] = {}
     for pattern in patterns:
         for path in matches(pattern, keeps_missing=True):
-            found.setdefault(os.path.realpath(path), path)
+            found.setdefault(real_path(path), path)
     if not any(_is_there(path) and not _is_folder(path) for path in found.values()):
         for pattern in patterns:
             matches(pattern)  # raises with what is missing, and where it was named
     return tuple(sorted(found.values(), key=_by_number))
+
+
+def real_path(path: str | Path) -> Path:
+    """Return a path without links; itself where that cannot be, as of a loop of links."""
+    try:
+        return Path(os.path.realpath(path))
+    except (OSError, ValueError):  # the working folder is gone, or there is a NUL
+        return Path(path)
 
 
 def _by_number(path: Path) -> tuple[object, ...]:
@@ -67,6 +75,7 @@ def matches(pattern: str, *, keeps_missing: bool = False) -> list[Path]:
     """
     if pattern == "":  # as a path it would be the folder that one is in
         raise ConfigurationError("'': expected a file or folder; '.' is this folder")
+    pattern = os.path.expanduser(pattern)  # noqa: PTH111 - a Path would raise on ~nobody
     path = Path(pattern)
     if _is_folder(path):
         return _logs_in(path, keeps_missing=keeps_missing)

@@ -203,7 +203,7 @@ def _gains_by_threads(path: Path) -> bool:
     Small logs hold the interpreter's lock nearly all the time: in two threads they take longer than
     one after the other.
     """
-    with suppress(OSError):
+    with suppress(OSError, ValueError):
         return path.suffix.lower() in _READ_IN_CHILD or path.stat().st_size > _LARGE
     return False
 

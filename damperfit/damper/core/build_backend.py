@@ -196,7 +196,7 @@ def _compile_with_zig(ext: Extension, target: Path, cache: str) -> None:
 
 def _run_zig(options: list[str], target: Path, cache: str) -> None:
     target.parent.mkdir(parents=True, exist_ok=True)
-    command = [sys.executable, "-m", "ziglang", "cc", *options, "-o", str(target)]
+    command = [sys.executable, "-P", "-m", "ziglang", "cc", *options, "-o", str(target)]
     # Not in somebody's home.
     environment = {**os.environ, "ZIG_GLOBAL_CACHE_DIR": cache, "ZIG_LOCAL_CACHE_DIR": cache}
     if subprocess.run(command, env=environment, check=False).returncode:

@@ -1,0 +1,242 @@
+"""What surrounds a command: hostile folders, closed streams, folders and links that are gone."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from damperfit.cli import main
+
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="a POSIX shell")
+PROGRAM = "import sys; from damperfit.__main__ import main; sys.exit(main())"
+COMMAND = (sys.executable, "-P", "-c", PROGRAM)
+FOREIGN = {"numpy", "pyarrow", "typer", "rich", "pydantic", "matplotlib", "openpyxl", "damperfit"}
+# What Python itself takes before a line of a program runs, where it looks in the folder first.
+FIRST = "import sys; print(*sys.modules)"
+
+
+@pytest.fixture(scope="module")
+def results(logs, tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("results")
+    names = [str(logs / f"setting_0{k}.csv") for k in (1, 2)]
+    assert main(["identify", *names, "--out", str(folder), "--quiet"]) == 0
+    return folder
+
+
+def hostile(folder: Path, logs: Path, spared: set[str]) -> Path:
+    """Two logs, and modules that leave a mark when they are executed."""
+    from openpyxl import Workbook
+
+    folder.mkdir()
+    mark = folder.parent / "mark"
+    for name in (set(sys.stdlib_module_names) | FOREIGN | {"sitecustomize"}) - spared:
+        (folder / f"{name}.py").write_text(f"open({str(mark)!r}, 'a').write({name + ' '!r})\n")
+    for k in (1, 2):
+        (folder / f"setting_0{k}.csv").write_bytes((logs / f"setting_0{k}.csv").read_bytes())
+    book = Workbook()
+    for row in ("time_s", "displacement_mm", "force_N"), (0.0, 1.0, 2.0):
+        book.active.append(row)
+    book.save(folder / "short_s3.xlsx")  # read by a process of its own
+    return mark
+
+
+def loaded_first(folder: Path, *how: str, **variables: str) -> set[str]:
+    """Return the modules that Python has loaded before a program's first line."""
+    folder.mkdir()
+    (folder / "probe.py").write_text(FIRST)
+    shown = subprocess.run(  # noqa: PLW1510
+        [sys.executable, *how],
+        cwd=folder,
+        env=os.environ | variables,
+        capture_output=True,
+        text=True,
+    )
+    return set(shown.stdout.split())
+
+
+@pytest.mark.parametrize(
+    "start", ["script", *(pytest.param(one, marks=pytest.mark.slow) for one in ("module", "path"))]
+)
+def test_no_process_of_ours_executes_what_lies_beside_the_logs(
+    logs, results, tmp_path, start
+) -> None:
+    command, variables, spared = [*COMMAND], {}, set()
+    if start == "module":  # without -P Python's own runpy looks in the folder first
+        command = [sys.executable, "-m", "damperfit"]
+        spared = loaded_first(tmp_path / "probe", "-m", "probe") | {"damperfit"}
+    if start == "path":
+        variables = {"PYTHONPATH": f".{os.pathsep}"}
+        spared = loaded_first(tmp_path / "probe", "-P", "-c", FIRST, **variables)
+        spared |= {"damperfit", "sitecustomize"}
+    mark = hostile(tmp_path / "logs", logs, spared)
+    commands = (
+        "identify setting_0*.csv --jobs 2 --out ../out --report --figures png",
+        "fleet . --jobs 1 --out ../fleet",
+        "inspect .",
+        f"export {results} --to fmu2 --out ../x.fmu",
+        "doctor",
+    )
+    for words in commands:
+        ended = subprocess.run(  # noqa: PLW1510
+            [*command, *shlex.split(words)],
+            cwd=tmp_path / "logs",
+            env=os.environ | variables,
+            capture_output=True,
+            text=True,
+        )
+        assert not mark.exists(), (words, mark.read_text())
+        assert ended.returncode in {0, 1}, (words, ended.stderr)  # the book is too short
+
+
+def ended(shell: str, folder: Path) -> tuple[int, str, str]:
+    program = " ".join(map(shlex.quote, COMMAND))
+    done = subprocess.run(  # noqa: PLW1510
+        ["bash", "-c", shell.replace("damperfit", program, 1)],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        env=os.environ | {"HOME": str(folder)},
+    )
+    return done.returncode, done.stdout, done.stderr
+
+
+@pytest.mark.parametrize(
+    ("streams", "code"),
+    [(">&- 2>&- <&-", 0), (">/dev/full 2>/dev/full", 1)],
+)
+def test_results_are_written_whatever_becomes_of_the_streams(
+    logs, results, tmp_path, streams, code
+) -> None:
+    log = logs / "setting_01.csv"
+    assert ended(f"damperfit identify {log} --out out {streams}", tmp_path)[0] == code
+    assert {one.name for one in results.iterdir()} == {
+        one.name for one in (tmp_path / "out").iterdir()
+    }
+
+
+@pytest.mark.parametrize(
+    "words", ["config", "inspect {log} --json", "settings {results}", "--help"]
+)
+def test_an_answer_that_stdout_does_not_take_is_a_failure_with_a_word(
+    logs, results, tmp_path, words
+) -> None:
+    words = words.format(log=logs / "setting_01.csv", results=results)
+    for streams in (">&-", ">/dev/full"):
+        code, _, said = ended(f"damperfit {words} {streams}", tmp_path)
+        assert code == 1
+        assert len(said.splitlines()) == 1
+    assert ended(f"damperfit {words} 2>&-", tmp_path)[0] == 0
+    shell = f"(damperfit {words}; echo $? >&2) | true"
+    assert ended(shell, tmp_path)[2].split() == ["0"]
+
+
+def test_an_error_keeps_its_code_where_nobody_listens(tmp_path) -> None:
+    for streams in ("2>/dev/full", ">&- 2>&-"):
+        assert ended(f"damperfit identify nothing.csv {streams}", tmp_path)[0] == 2
+
+
+@pytest.mark.parametrize(
+    ("words", "code"),
+    [
+        ("identify {log} --out {there}", 0),
+        ("inspect {log}", 0),
+        ("identify {log}", 2),
+        ("inspect nothing.csv", 2),
+        ("fleet {log} --out {there}", 2),
+        ("report {results} --out page", 2),
+    ],
+)
+def test_a_working_folder_that_is_gone_is_one_sentence(
+    logs, results, tmp_path, words, code
+) -> None:
+    (tmp_path / "gone").mkdir()
+    words = words.format(log=logs / "setting_01.csv", there=tmp_path / "out", results=results)
+    got, _, said = ended(f"cd gone; rmdir ../gone; exec damperfit {words}", tmp_path)
+    assert got == code
+    assert code == 0 or len(said.splitlines()) == 1
+
+
+def test_the_backend_of_a_notebook_is_none_of_our_business(tmp_path) -> None:
+    backend = "module://matplotlib_inline.nothing"
+    drawn = f"MPLBACKEND={backend} damperfit simulate --setting 5 --plot a.png"
+    assert ended(drawn, tmp_path)[0] == 0
+    python = "import damperfit; damperfit.simulate(setting=5).plot()"
+    subprocess.run(
+        [sys.executable, "-c", python], env=os.environ | {"MPLBACKEND": backend}, check=True
+    )
+
+
+def test_a_loop_of_links_costs_itself_alone(run, logs, tmp_path) -> None:
+    (tmp_path / "setting_01.csv").write_bytes((logs / "setting_01.csv").read_bytes())
+    (tmp_path / "setting_02.csv").symlink_to("setting_02.csv")
+    assert run("identify", ".", "--out", "out", "--quiet").code == 1
+    assert run("fleet", ".", "--out", "fleet", "--quiet").code == 1
+    assert (tmp_path / "out" / "run.json").exists()
+    assert run("identify", "setting_01.csv", "--out", "setting_02.csv").code == 2
+    assert run("identify", "setting_01.csv", "--config", "setting_02.csv").code == 2
+
+
+def test_a_nul_in_a_name_costs_that_log_alone(run, logs, tmp_path) -> None:
+    (tmp_path / "list.txt").write_text(f"{logs / 'setting_01.csv'}\na\0b.csv\n")
+    assert run("identify", "@list.txt", "--out", "out", "--quiet").code == 1
+    for key in ("output.folder", "test.table", "identification.start"):
+        (tmp_path / "c.toml").write_text(f'{key} = "a\\u0000b"\n')
+        assert run("identify", logs / "setting_01.csv", "--config", "c.toml").code == 2
+
+
+def test_the_home_folder_is_found_where_the_shell_leaves_its_sign(
+    run, logs, monkeypatch, tmp_path
+) -> None:
+    home = tmp_path / "home"
+    home.mkdir()
+    monkeypatch.setenv("HOME", str(home))
+    (home / "setting_01.csv").write_bytes((logs / "setting_01.csv").read_bytes())
+    (tmp_path / "c.toml").write_text('output.folder = "~/configured"\n')
+    assert run("identify", "~/setting_01.csv", "--out=~/a", "--quiet").code == 0
+    assert run("identify", "~/*.csv", "--config", "c.toml", "--quiet").code == 0
+    assert run("simulate", "--setting", "5", "--out", "~/b.csv").code == 0
+    assert {one.name for one in home.iterdir()} >= {"a", "b.csv", "configured"}
+    assert not (tmp_path / "~").exists()
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "identify {log} --out s3://bucket/x",
+        "fleet {log} --out s3://bucket/x",
+        "simulate --setting 5 --out gs://bucket/x.csv",
+        "samples s3://bucket/x",
+        "inspect {log} --log-file s3://bucket/x",
+    ],
+)
+def test_results_are_not_written_to_an_address(run, logs, tmp_path, words) -> None:
+    ended = run(*words.format(log=logs / "setting_01.csv").split())
+    assert ended.code == 2
+    assert len(ended.err.splitlines()) == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_terminal_that_hangs_up_leaves_what_is_finished(logs, repeated, tmp_path) -> None:
+    text = (logs / "setting_01.csv").read_text()
+    for k in range(40):
+        log = repeated(text, k).replace("setting: 1\n", f"setting: {k}\n")
+        (tmp_path / f"setting_{k}.csv").write_text(log)
+    process = subprocess.Popen(
+        [*COMMAND, "identify", "*.csv", "--jobs", "2", "--model", "purdy", "--starts", "8"],
+        cwd=tmp_path,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    time.sleep(3.0)
+    os.killpg(process.pid, signal.SIGHUP)  # as a terminal does: to its copies too
+    said = process.communicate(timeout=120)[1]
+    assert process.returncode == 130, said
+    assert "interrupted" in said
