@@ -354,8 +354,8 @@ def _with_law(
     is_quiet: bool,
 ) -> Configuration:
     """Let the logs choose the law, and say which it is."""
+    from damperfit.run.auto_model import choose_law, with_chosen_law
     from damperfit.run.given_starts import start_of_laws
-    from damperfit.run.law_choice import choose_law, with_chosen_law
 
     def tried(law: Tried) -> None:
         if not is_quiet:

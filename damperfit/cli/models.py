@@ -34,7 +34,7 @@ from damperfit.cli.options import (
 from damperfit.errors import ConfigurationError, did_you_mean
 
 if TYPE_CHECKING:
-    from damperfit.run.law_choice import LawChoice
+    from damperfit.run.auto_model import LawChoice
 
 __all__ = ["models"]
 
@@ -66,8 +66,8 @@ def models(
     Example: damperfit models runs/*.csv --config damper.toml --hold-out '*_check.csv'
     """
     from damperfit.laws.other_layouts import LAYOUTS
+    from damperfit.run.auto_model import choose_law
     from damperfit.run.given_starts import start_of_laws
-    from damperfit.run.law_choice import choose_law
 
     if layout is not None and layout not in LAYOUTS:
         raise ConfigurationError(

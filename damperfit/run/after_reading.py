@@ -9,7 +9,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 # Not used here, and long to load.
-import damperfit.run.like_speeds  # noqa: F401
+import damperfit.run.conditions
+import damperfit.run.duplicate_tests  # noqa: F401
 from damperfit.errors import OutputError
 from damperfit.run.earlier import BESIDE, forget_figures, holds_fits
 from damperfit.run.ending import json_pieces

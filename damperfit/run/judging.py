@@ -14,7 +14,7 @@ from damperfit.checks import Subject, run_checks, unchecked
 from damperfit.damper.valve_dampers import ValveDamper
 from damperfit.errors import Mishap
 from damperfit.laws.other_layouts import times_in
-from damperfit.run.air_on_rod import air_objections
+from damperfit.run.conditions import air_objections
 from damperfit.run.remarks import MANY
 from damperfit.run.run_json import Judgement, failures_of
 from damperfit.uncertainty import (

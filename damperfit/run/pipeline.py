@@ -28,10 +28,7 @@ from damperfit.run.hold_out import (
 )
 from damperfit.run.log_paths import expand
 from damperfit.run.logs import read_batch
-from damperfit.run.rod_area import with_rod_remark
-from damperfit.run.same_setting import once_each, without_contradictions, without_copies
 from damperfit.run.unwritten import UnwrittenError
-from damperfit.run.warmth import check_temperatures, with_reference
 from damperfit.run.watching import Clock, Watch
 from damperfit.store import check_writable, reserved
 from damperfit.workers import available_cores
@@ -239,7 +236,13 @@ def _read(
             cancelled=watch.cancelled,
             beside=lambda: import_module("damperfit.run.after_reading"),
         )
-    from damperfit.run.like_speeds import without_contradictory_motions
+    from damperfit.run.conditions import check_temperatures, with_reference, with_rod_remark
+    from damperfit.run.duplicate_tests import (
+        once_each,
+        without_contradictions,
+        without_contradictory_motions,
+        without_copies,
+    )
 
     batch = with_traces(batch, traces, setting)
     if not batch.logs and not watch.cancelled():

@@ -28,7 +28,7 @@ def test_an_interrupted_choice_of_the_law_says_so(run, logs, monkeypatch, comman
     def stop(*_args, **_options):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("damperfit.run.law_choice.choose_law", stop)
+    monkeypatch.setattr("damperfit.run.auto_model.choose_law", stop)
     ended = run(*command, logs / "setting_01.csv")
     assert ended.code == 130
     assert ended.err.splitlines()[-1] == "damperfit: interrupted"

@@ -126,8 +126,8 @@ def test_laws_are_named_as_they_are_tried_unless_quiet(
             on_rival(SimpleNamespace(title="a rival"))
         return SimpleNamespace(supported="it", alike=("A or B.",))
 
-    monkeypatch.setattr("damperfit.run.law_choice.choose_law", choose)
-    monkeypatch.setattr("damperfit.run.law_choice.with_chosen_law", lambda *_: "chosen")
+    monkeypatch.setattr("damperfit.run.auto_model.choose_law", choose)
+    monkeypatch.setattr("damperfit.run.auto_model.with_chosen_law", lambda *_: "chosen")
     monkeypatch.setattr("damperfit.run.given_starts.start_of_laws", lambda *_: None)
     monkeypatch.setattr(identify, "declared_setting", lambda *_: None)
     how = {"jobs": 1, "rivals": rivals, "is_quiet": is_quiet}

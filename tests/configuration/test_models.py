@@ -13,7 +13,7 @@ from damperfit.damper.mounting import Mounting
 from damperfit.damper.network import Valve
 from damperfit.damper.valve_dampers import ThroughFlow
 from damperfit.errors import ConfigurationError
-from damperfit.run import law_choice
+from damperfit.run import auto_model as law_choice
 
 TEXT = """\
 [damper]

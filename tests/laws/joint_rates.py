@@ -33,8 +33,7 @@ from damperfit.laws.choosing import OfOneModel
 from damperfit.laws.elsewhere import freed_of, had_by
 from damperfit.laws.law_of_all import as_one_model
 from damperfit.laws.together import _Course
-from damperfit.run.law_choice import _softest_and_stiffest
-from damperfit.run.one_law import _follows, at_every_setting, told_as_one
+from damperfit.run.auto_model import _follows, _softest_and_stiffest, at_every_setting, told_as_one
 from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting
 from tests.laws.rates import CHECK, FITTED, Drawn, draw, known_of, logged, verdict_on

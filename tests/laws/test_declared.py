@@ -19,8 +19,7 @@ from damperfit.laws import LawFit, Tried
 from damperfit.laws.search import _Search, search_laws
 from damperfit.laws.variants import BLEED, everything, without
 from damperfit.recording import Trace
-from damperfit.run.law_choice import _layouts, with_chosen_law
-from damperfit.run.undeclared_damper import assumed_gas, open_dimensions
+from damperfit.run.auto_model import _layouts, assumed_gas, open_dimensions, with_chosen_law
 from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting
 from tests import fakes

@@ -15,7 +15,7 @@ from damperfit.laws.as_good import does_as_well
 from damperfit.laws.choosing import AS_GOOD
 from damperfit.laws.supposed import with_supposed_told
 from damperfit.laws.variants import BLEED
-from damperfit.run.law_choice import _softest_and_stiffest
+from damperfit.run.auto_model import _softest_and_stiffest
 from damperfit.simulation import SolverOptions
 from tests.laws.joint_rates import drawn, evidence_of
 from tests.laws.rates import known_of, verdict_on

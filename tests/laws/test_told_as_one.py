@@ -15,8 +15,8 @@ from damperfit.identification import GivenStart
 from damperfit.identification.following import Way
 from damperfit.identification.joint_procedure import _as_one_model
 from damperfit.laws import LawSearch, Tried
-from damperfit.run import one_law
-from damperfit.run.one_law import told_as_one
+from damperfit.run import auto_model as one_law
+from damperfit.run.auto_model import told_as_one
 from damperfit.tested.setting import Setting
 
 LAYOUT = TwinTube()

@@ -28,7 +28,7 @@ from damperfit.laws import (
 from damperfit.laws.choosing import effective_samples
 from damperfit.laws.yielding import held_against, is_open_to
 from damperfit.recording import Recording
-from damperfit.run import law_choice
+from damperfit.run import auto_model as law_choice
 from damperfit.simulation import SolverOptions, simulate
 from damperfit.tested.setting import Setting
 from tests import fakes

@@ -14,8 +14,8 @@ from damperfit.damper.purdy.closed_forms import incompressible_force
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import identify
-from damperfit.run import air_on_rod
-from damperfit.run.air_on_rod import air_objections
+from damperfit.run import conditions as air_on_rod
+from damperfit.run.conditions import air_objections
 from damperfit.simulation import simulate, sine_motion
 from damperfit.uncertainty import Assessment, assess
 from tests import fakes

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from damperfit.errors import SimulationError
-from damperfit.run import dampers, labelling, like_speeds
+from damperfit.run import dampers, labelling
+from damperfit.run import duplicate_tests as like_speeds
 from damperfit.tested.setting import Setting
 
 

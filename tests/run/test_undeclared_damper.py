@@ -12,7 +12,7 @@ from damperfit.damper.mounting import FIT, NONE, Mounting
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
 from damperfit.laws import LawSearch, Tried
-from damperfit.run.undeclared_damper import is_monotube_open, open_dimensions, open_layout
+from damperfit.run.auto_model import is_monotube_open, open_dimensions, open_layout
 from tests.laws.test_undecided import fit
 
 if TYPE_CHECKING:

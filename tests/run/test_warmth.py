@@ -31,9 +31,9 @@ from damperfit.queries.one_simulation import damper_of, simulate_test
 from damperfit.queries.origin import damper_of_table
 from damperfit.recording import Recording
 from damperfit.results import warmed_to
+from damperfit.run.conditions import with_reference
+from damperfit.run.duplicate_tests import are_unlike, without_contradictions
 from damperfit.run.pipeline import run
-from damperfit.run.same_setting import without_contradictions
-from damperfit.run.warmth import are_unlike, with_reference
 from damperfit.simulation import Motion, SolverOptions, simulate
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty import assess, reconsider

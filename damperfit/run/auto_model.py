@@ -1,4 +1,4 @@
-"""Logs in, the law that they tell out: a search on few settings, the chosen law at all of them."""
+"""Logs in, the model that they support out: searched on few settings, then fitted at all."""
 
 from __future__ import annotations
 
@@ -10,38 +10,39 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from damperfit.conditioning.held_force import YIELDS, held_share
+from damperfit.configuration.options import GAS, gas_in_words
 from damperfit.configuration.what_is_tested import followed, unmatched
 from damperfit.damper.purdy.parameters import Damper
 from damperfit.damper.valve_dampers import Monotube, ValveDamper
-from damperfit.errors import ConfigurationError
+from damperfit.errors import ConfigurationError, SimulationError
 from damperfit.identification import DETECT, GivenStart, shared_names
+from damperfit.identification.descent import Misfit
+from damperfit.identification.failures import SettingError
+from damperfit.identification.following import Way, declared_way, detected_way
 from damperfit.laws import (
     SettingLogs,
+    fit_law,
+    from_another,
     interchangeable_parts,
+    lent,
     physics_seen,
     rank_rivals,
     search_laws,
     undecided,
     yielding_seen,
 )
+from damperfit.laws.elsewhere import freed_of
 from damperfit.laws.other_layouts import LAYOUTS
+from damperfit.laws.together import told_together
 from damperfit.report.facts import failure_lines
 from damperfit.report.laws import chosen_records, rival_records, tried_law_records
 from damperfit.run.dampers import of_one_damper
+from damperfit.run.duplicate_tests import once_each, without_contradictions, without_copies
 from damperfit.run.hold_out import named_files, part, with_transients
 from damperfit.run.log_paths import expand
 from damperfit.run.logs import read_batch
-from damperfit.run.one_law import at_every_setting, told_as_one
-from damperfit.run.same_setting import once_each, without_contradictions, without_copies
-from damperfit.run.undeclared_damper import (
-    GAS_LENGTHS,
-    assumed_gas,
-    declared_dimensions,
-    is_monotube_open,
-    open_dimensions,
-    open_layout,
-)
-from damperfit.workers import available_cores
+from damperfit.tested.setting import nearest_setting
+from damperfit.workers import available_cores, executor
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -49,12 +50,355 @@ if TYPE_CHECKING:
     from damperfit.configuration.options import Configuration
     from damperfit.damper.model import Model
     from damperfit.identification import FitOptions
+    from damperfit.identification.unknowns import Follows
     from damperfit.laws import JudgedLaw, LawFit, LawSearch, Tried
     from damperfit.report.facts import Failure
     from damperfit.run.hold_out import Parted
+    from damperfit.simulation import SolverOptions
     from damperfit.tested.setting import Setting
 
-__all__ = ["LawChoice", "choose_law", "with_chosen_law"]
+__all__ = [
+    "GAS_LENGTHS",
+    "LawChoice",
+    "assumed_gas",
+    "at_every_setting",
+    "choose_law",
+    "declared_dimensions",
+    "is_monotube_open",
+    "open_dimensions",
+    "open_layout",
+    "told_as_one",
+    "with_chosen_law",
+]
+
+
+# What is open of a damper where nobody has declared its layout, its dimensions or its gas.
+
+# What a law has of its own, and the lengths that make the paper's gas volume.
+_VALVES = {"rebound", "compression"}
+GAS_LENGTHS = {"gas_length", "gas_piston_diameter"}
+# Dimensions whose error bends the loop, and what of the rig takes its shape.
+_DIMENSIONS = {
+    "rod_diameter": "the rod",
+    "piston_diameter": "the bore",
+    "gas_pressure": "the gas pressure",
+}
+_OF_RIG = {
+    "k_s": "elasticity",
+    "play": "play",
+    "lag": "the lag of the force",
+    "moving_mass": "the moving mass",
+}
+
+
+def declared_dimensions(
+    configuration: Configuration, damper: Damper | ValveDamper
+) -> dict[str, Any]:
+    """What a layout takes from the damper: what was declared, as `--model NAME` does."""
+    own = {one.name for one in fields(damper) if one.init}
+    shared = {one.name for one in fields(ValveDamper) if one.name in own} - _VALVES
+    if isinstance(damper, ValveDamper):
+        return {name: getattr(damper, name) for name in shared}
+    known = {name: getattr(damper, name) for name in shared}
+    known["gas_volume"] = damper.gas_volume
+    declared = {one.removeprefix("damper.") for one in configuration.declared}
+    if declared & GAS_LENGTHS:
+        declared |= {"gas_volume"}
+    return {name: value for name, value in known.items() if name in declared}
+
+
+def is_monotube_open(configuration: Configuration, search: LawSearch, layout: str | None) -> bool:
+    """Whether a monotube is excluded only by a gas pressure that nobody has declared.
+
+    Its rod side is empty in bump at the gas pressure times the annulus.
+
+    Parameters
+    ----------
+    configuration : Configuration
+        What is declared.
+    search : LawSearch
+        The law that was taken, and which layouts fit alike.
+    layout : str or None
+        That was named for the search.
+    """
+    damper, taken = configuration.damper, search.chosen.fits[0].model
+    known = (
+        declared_dimensions(configuration, damper)
+        if isinstance(damper, Damper)
+        else configuration.declared
+    )
+    return (
+        layout is None
+        and "damper.model" not in configuration.declared
+        and isinstance(taken, ValveDamper)
+        and Monotube.name not in {taken.name, *search.alike}
+        and not {"gas_pressure", "damper.gas_pressure"} & {*known}
+    )
+
+
+def open_layout(
+    configuration: Configuration, fit: LawFit, layout: str | None, *, is_open: bool
+) -> tuple[str, ...]:
+    """What is open of the layout, but for layouts that fit alike, in a sentence.
+
+    Parameters
+    ----------
+    configuration : Configuration
+        What is declared.
+    fit : LawFit
+        Of the law that was taken.
+    layout : str or None
+        That was named for the search.
+    is_open : bool
+        Of `is_monotube_open`.
+    """
+    if is_open and isinstance(fit.model, ValveDamper):
+        said = (
+            f"The layout, {fit.model.name.replace('_', ' ')} or monotube: the gas pressure is not "
+            f"declared, and a monotube with more than the {1e-5 * fit.model.gas_pressure:.3g} bar "
+            "that were taken may fit as well. Pressures and orifices of the valves differ with it "
+            "(intervals of identify hold both). Declare the layout (damper.model, or models "
+            "--layout), or the gas pressure as measured."
+        )
+        return (said,)
+    if not isinstance(fit.model, Damper) or "damper.model" in configuration.declared:
+        return ()
+    if layout is not None:
+        said = (
+            f"The valves of the {layout.replace('_', ' ')}: the paper's model is enough for these "
+            f'logs, and its resistances are none of theirs. damper.model = "{layout}" keeps them.'
+        )
+        return (said,)
+    said = (
+        "The layout: the paper's model is enough for these logs, but a damper that is built "
+        "otherwise may fit it as well, with other resistances and pressures for the same forces. "
+        "Where the maker's drawing shows another layout, name it (damper.model, or models "
+        "--layout)."
+    )
+    return (said,)
+
+
+def open_dimensions(configuration: Configuration, fit: LawFit) -> tuple[str, ...]:
+    """What of the rig may be the doing of dimensions that nobody has declared, in a sentence."""
+    damper = configuration.damper
+    if not isinstance(fit.model, ValveDamper) or not isinstance(damper, Damper | ValveDamper):
+        return ()
+    known = {one.removeprefix("damper.") for one in configuration.declared}
+    if isinstance(damper, Damper):
+        known = {*declared_dimensions(configuration, damper)}
+    missing = [said for name, said in _DIMENSIONS.items() if name not in known]
+    parts = [said for name, said in _OF_RIG.items() if name in fit.free]
+    if not missing or not parts:
+        return ()
+    said = (
+        f"Whether {_listed(parts)} {'are' if len(parts) > 1 else 'is'} the rig's: "
+        f"{_listed(missing)} {'are' if len(missing) > 1 else 'is'} not declared, and a wrong "
+        "one may look like that. Declare them as measured."
+    )
+    return (said,)
+
+
+def _listed(words: Sequence[str]) -> str:
+    *first, last = words
+    return f"{', '.join(first)} and {last}" if first else last
+
+
+def assumed_gas(configuration: Configuration, tried: Sequence[Tried]) -> tuple[str, ...]:
+    """What the layouts that were tried have of the gas that nobody has declared, in a sentence."""
+    damper = configuration.damper
+    has_valves = any(isinstance(one.fits[0].model, ValveDamper) for one in tried)
+    if not has_valves or not isinstance(damper, Damper):
+        return ()
+    known = declared_dimensions(configuration, damper)
+    missing = {name: getattr(ValveDamper(), name) for name in GAS if name not in known}
+    if not missing:
+        return ()
+    said = (
+        f"laws of real valves were tried with {gas_in_words(missing)}, the defaults of --model "
+        "twin_tube and its like: declare what your damper has"
+    )
+    return (said,)
+
+
+# The chosen law at every setting: by itself, and as one model where a joint fit is asked for.
+
+# Numbers that follow what another of the same valve follows, where the logs tell the way.
+_LIKE = {"leak": "bleed", "bleed": "leak", "port": "slope", "width": "slope", "lift": "slope"}
+
+
+def at_every_setting(
+    law: Tried, evidence: Sequence[SettingLogs], solver: SolverOptions, *, jobs: int
+) -> tuple[LawFit | None, ...]:
+    """Return the law at each setting by itself; None where it cannot be simulated.
+
+    Parameters
+    ----------
+    law : Tried
+        With its fits at the settings that were compared.
+    evidence : sequence of SettingLogs
+        The logs of all settings.
+    solver : SolverOptions
+        How exactly to integrate.
+    jobs : int
+        Threads.
+    """
+    known, model, freed = {one.setting: one for one in law.fits}, law.fits[0].model, freed_of(law)
+
+    def fit(one: SettingLogs) -> LawFit | None:
+        if one.setting in known:
+            return known[one.setting]
+        try:
+            near = nearest_setting(one.setting, known)
+            return fit_law(
+                model,
+                one if near is None else from_another(one, known[near].values),
+                freed=freed,
+                near=None if near is None or known[near].undetermined else known[near].values,
+                solver=solver,
+            )
+        except SimulationError:
+            return None
+
+    with executor(jobs) as pool:
+        apart = tuple(pool.map(fit, evidence))
+    sound = tuple(one for one in apart if one is not None)
+
+    def beside(logs: SettingLogs, own: LawFit | None) -> LawFit | None:
+        return own if own is None else lent(own, logs, sound, solver, is_whole=True)
+
+    with executor(jobs) as pool:
+        return tuple(pool.map(beside, evidence, apart))
+
+
+def told_as_one(  # noqa: PLR0913 - what a search has found and who waits for it
+    configuration: Configuration,
+    search: LawSearch,
+    fits: Sequence[LawFit],
+    evidence: Sequence[SettingLogs],
+    *,
+    layouts: Sequence[ValveDamper],
+    jobs: int,
+    on_law: Callable[[JudgedLaw], None],
+) -> tuple[LawSearch, tuple[LawFit, ...]]:
+    """Return the search and the fits of all settings with what one model of them has told.
+
+    They stay as they are where no joint fit shares what no adjuster moves, and where one model
+    cannot be simulated.
+
+    Parameters
+    ----------
+    configuration : Configuration
+        The procedure, and what is declared of the adjusters.
+    search : LawSearch
+        The law that was chosen.
+    fits : sequence of LawFit
+        That law at each setting by itself.
+    evidence : sequence of SettingLogs
+        The logs of these settings.
+    layouts : sequence of ValveDamper
+        That were compared.
+    jobs : int
+        Threads.
+    on_law : callable
+        Called with every law that was judged.
+    """
+    options = configuration.identification
+    model = search.chosen.fits[0].model
+    if options.procedure != "joint" or search.also or len(fits) < 2:
+        return search, tuple(fits)
+    if not isinstance(model, ValveDamper) or not _is_shared(configuration, model):
+        return search, tuple(fits)
+    known = {one.setting: one for one in evidence}
+    logs = [known[fit.setting] for fit in fits]
+    try:
+        found = told_together(
+            fits,
+            logs,
+            _follows(configuration, fits, logs, jobs=jobs),
+            layouts=[one for one in layouts if one.name != model.name],
+            solver=options.solver,
+            jobs=jobs,
+            on_law=on_law,
+        )
+    except (SimulationError, SettingError):
+        return search, tuple(fits)
+    earlier = tuple(replace(one, is_taken=False) for one in search.laws)
+    is_another = found.chosen.fits[0].model.name != model.name
+    told = replace(
+        search, laws=(*earlier, *found.laws), chosen=found.chosen, is_of_one_model=True,
+        alike=found.alike if is_another else search.alike,
+    )  # fmt: skip
+    return told, found.chosen.fits
+
+
+def _is_shared(configuration: Configuration, model: ValveDamper) -> bool:
+    """Whether a joint fit of this model shares what no adjuster moves.
+
+    The configuration's own model, before a law is chosen, may be another: it has other quantities
+    to follow adjusters, and shares others.
+    """
+    if followed(configuration.document["adjusters"], model, is_law_open=True):
+        return True
+    is_said = "identification.share" in configuration.declared
+    return configuration.identification.is_detecting or not is_said
+
+
+def _follows(
+    configuration: Configuration,
+    fits: Sequence[LawFit],
+    logs: Sequence[SettingLogs],
+    *,
+    jobs: int,
+) -> Callable[[Model, Sequence[str]], Follows]:
+    """From a law and what is free to the adjusters that each quantity follows."""
+    adjusters = min(fit.setting for fit in fits).adjusters
+    declared = configuration.document["adjusters"]
+
+    def as_declared(model: Model, free: Sequence[str]) -> Follows:
+        said = followed(declared, model, is_law_open=True)
+        way = declared_way(model, free, {n: who for n, who in said.items() if n in free}, adjusters)
+        return _with_own(way, adjusters)
+
+    if followed(declared, fits[0].model, is_law_open=True):
+        return as_declared
+    told = _with_own(_told(configuration, fits, logs, jobs=jobs), adjusters)
+
+    def as_told(model: Model, free: Sequence[str]) -> Follows:
+        found = {}
+        for name in free:
+            stroke, _, part = name.partition("_")
+            like = f"{stroke}_{_LIKE.get(part, part)}"
+            if name in told or like in told:
+                found[name] = told.get(name, told.get(like, ()))
+            elif model.quantity(name).is_offset:
+                found[name] = adjusters
+        return found
+
+    return as_told
+
+
+def _told(
+    configuration: Configuration,
+    fits: Sequence[LawFit],
+    logs: Sequence[SettingLogs],
+    *,
+    jobs: int,
+) -> Way:
+    options = configuration.identification
+    misfits = {
+        fit.setting: Misfit(
+            one.fitted, fit.model, fit.free, options.solver, options.max_evaluations, lambda: False
+        )
+        for fit, one in zip(fits, logs, strict=True)
+    }
+    return detected_way(misfits, {fit.setting: fit.values for fit in fits}, jobs=jobs).way
+
+
+def _with_own(way: Way, adjusters: tuple[str, ...]) -> Follows:
+    return {**way.follows, **dict.fromkeys(way.own, adjusters)}
+
+
+# Logs in, the law that they tell out: a search on few settings, the chosen law at all of them.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
