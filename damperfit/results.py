@@ -6,8 +6,11 @@ or signal is read when it is first asked for. Every figure that people or progra
 its tables or a method of it; nothing computes one again.
 
 Ready to build on: `record`, `rows(name)`, `frame(name)`, `signals`, `quantities`, `remarks`,
-`settings` (values, own and shared names, covariance of u = ln y, statuses, grade), `damper`,
-`solver`, `configuration`, `motion`, `tested`, `identity`, `speed_forces`, `digest`.
+`settings` (values, own and shared names, covariance of u = ln y, statuses, grade), `logs` (role,
+segments with amplitude, frequency, peak speeds and forces, energy), `damper`, `solver`,
+`configuration`, `motion`, `tested`, `identity`, `speed_forces`, `digest`. For people, as frames:
+`parameters`, `mse`, `characteristics`, `forces`, `clicks`, `energy`, `covariance`, `correlations`,
+`residuals`, `traces`, `checks`, `problems`, `profile(name)`; `plot(name)`, `report`, `save`.
 """
 
 from __future__ import annotations
@@ -65,7 +68,7 @@ if TYPE_CHECKING:
     from damperfit.tables.reading import LogSignals
     from damperfit.uncertainty import SpeedForces
 
-__all__ = ["Run", "SettingResult", "Tested"]
+__all__ = ["LogResult", "Run", "SettingResult", "Tested"]
 
 TABLES = ("parameters", "mse", "adjustment", "characteristics", "valves", "responses", "profiles")
 _OF_PARAMETERS = ("parameters.parquet", "parameters.csv")
@@ -169,6 +172,55 @@ class SettingResult(Stage):
 
     def __repr__(self) -> str:
         return f"<setting {self.label}: MSE {self.mse_percent:.3g} %, {self.grade}>"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LogResult:
+    """One log of a run: what it tested, what was read off it, how well it was fitted.
+
+    Attributes
+    ----------
+    setting : Setting
+        Where the adjusters stood.
+    name : str
+        Of the file.
+    role : str
+        fitted, or held_out: predicted with what the other logs gave.
+    mse_percent, noise_floor_percent : float or None
+        Normalised MSE, and what of it the scatter between cycles explains.
+    facts : mapping
+        Its entry in run.json: hash, rate, findings ...
+    segments : tuple of mapping
+        Rows of the characteristics, the peaks of each segment: amplitude, frequency, peak forces
+        and speeds, energy, hysteresis, measured beside simulated.
+    run : Run
+        Whose.
+    """
+
+    setting: Setting
+    name: str
+    role: str
+    mse_percent: float | None
+    noise_floor_percent: float | None
+    facts: Mapping[str, Any]
+    segments: tuple[Mapping[str, Any], ...]
+    run: Run
+
+    @property
+    def temperature(self) -> float | None:
+        """Mean over the log, degC."""
+        return next(iter(_numbers([self.facts], "temperature_degC")), None)
+
+    @property
+    def signals(self) -> LogSignals | None:
+        """Measured and simulated signals; None of a log that was held out."""
+        known = (self.setting, self.name)
+        return next((one for one in self.run.signals if (one.setting, one.log) == known), None)
+
+    def __repr__(self) -> str:
+        return (
+            f"<log {self.name}, setting {self.setting}: {self.role}, {len(self.segments)} segments>"
+        )
 
 
 class Run:
@@ -437,6 +489,34 @@ class Run:
                 return isinstance(names, list) and has_lost_errors(names, setting.status)
         return False
 
+    @cached_property
+    def logs(self) -> tuple[LogResult, ...]:
+        """The logs that were fitted or held out, by setting and name."""
+        facts = {
+            str(one.get("log")): one
+            for one in _listed(self.record, "inputs")
+            if isinstance(one, dict)
+        }
+        segments: dict[tuple[Setting, str], list[dict[str, Any]]] = {}
+        for row in self.rows("characteristics"):
+            if row["point"] == "peak":
+                segments.setdefault((row["setting"], row["log"]), []).append(row)
+        found = [
+            LogResult(
+                row["setting"],
+                row["log"],
+                row["role"] or "fitted",
+                row["mse_percent"],
+                row["noise_floor_percent"],
+                facts.get(row["log"], {}),
+                tuple(segments.get((row["setting"], row["log"]), ())),
+                self,
+            )
+            for row in self.rows("mse")
+            if row["log"]
+        ]
+        return tuple(sorted(found, key=lambda one: (one.setting, natural_order(one.name))))
+
     # The damper and its tests
 
     @cached_property
@@ -650,6 +730,111 @@ class Run:
         return self.frame("mse")
 
     @property
+    def characteristics(self) -> pd.DataFrame:
+        """What is read off each segment: peaks and named speeds, measured beside simulated."""
+        return self.frame("characteristics")
+
+    @property
+    def forces(self) -> pd.DataFrame:
+        """Force by setting, speed and stroke, with its interval and what a click changes."""
+        return self.frame("adjustment")
+
+    @property
+    def clicks(self) -> pd.DataFrame:
+        """The rows of `forces` that tell of a click from the setting before."""
+        table = self.forces
+        return table[table["change_N"].notna()].reset_index(drop=True)
+
+    @property
+    def energy(self) -> pd.DataFrame:
+        """Energy of a cycle, J, by setting, log and segment."""
+        table = self.characteristics
+        columns = ("setting", "log", "stretch", "frequency_Hz", "amplitude_m")
+        figures = ("measured_energy_J", "measured_energy_se_J", "simulated_energy_J")
+        rows = table[table["point"] == "peak"].reset_index(drop=True)
+        return rows[[one for one in (*columns, *figures) if one in rows]]
+
+    @property
+    def traces(self) -> pd.DataFrame:
+        """Signals over time by setting and log, measured and simulated."""
+        return self.frame("responses")
+
+    @property
+    def residuals(self) -> pd.DataFrame:
+        """Measured less simulated force over time, N, by setting and log."""
+        table = self.traces
+        left = table[["setting", "log", "time_s", "displacement_m", "velocity_m_per_s"]]
+        return left.assign(residual_N=table["force_measured_N"] - table["force_N"])
+
+    def profile(self, name: str) -> pd.DataFrame:
+        """Return the profile of a parameter that `identify` was asked for, by setting.
+
+        Raises
+        ------
+        ConfigurationError
+            There is none.
+        """
+        known = self.frame("profiles") if has_table(self.folder, self.record, "profiles") else None
+        names = [] if known is None else sorted(set(known["parameter"]))
+        if known is None or name not in names:
+            there = f"there are {', '.join(names)}" if names else "give identify profile=[...]"
+            raise ConfigurationError(f"no profile of {name!r}; {there}")
+        return known[known["parameter"] == name].reset_index(drop=True)
+
+    @property
+    def covariance(self) -> pd.DataFrame:
+        """Covariance of the values by setting, SI; ``attrs["units"]`` has their units."""
+        return self._matrices(is_correlation=False)
+
+    @property
+    def correlations(self) -> pd.DataFrame:
+        """Correlations of the values by setting."""
+        return self._matrices(is_correlation=True)
+
+    def _matrices(self, *, is_correlation: bool) -> pd.DataFrame:
+        import pandas as pd
+
+        blocks = {}
+        for one in self.settings:
+            if one.covariance is None or not len(one.covariance):
+                continue
+            names = [*one.own, *one.shared]
+            errors = np.sqrt(np.diag(one.covariance))
+            scales = [
+                one.values[name] if one.values.quantity(name).is_logarithmic else 1.0
+                for name in names
+            ]
+            sizes = np.outer(errors, errors) if is_correlation else 1.0 / np.outer(scales, scales)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                blocks[one.label] = pd.DataFrame(one.covariance / sizes, names, names)
+        if not blocks:
+            return pd.DataFrame()
+        table = pd.concat(blocks, names=["setting", "parameter"])
+        table.attrs["units"] = {one.name: one.unit for one in self.quantities}
+        return table
+
+    @property
+    def problems(self) -> pd.DataFrame:
+        """What failed, what to know before believing the numbers, and checks that did not pass."""
+        import pandas as pd
+
+        failed = [one for one in _listed(self.record, "failures") if isinstance(one, dict)]
+        checks = [one for one in _listed(self.record, "checks") if isinstance(one, dict)]
+        rows = [
+            *(
+                ("failure", str(one.get("log") or one.get("setting") or ""), one.get("message"))
+                for one in failed
+            ),
+            *(("warning", "", sentence) for sentence in self.warnings),
+            *(
+                ("failed check", str(one.get("name")), one.get("reason"))
+                for one in checks
+                if one.get("passed") is False
+            ),
+        ]
+        return pd.DataFrame(rows, columns=["severity", "subject", "message"])
+
+    @property
     def failures(self) -> tuple[str, ...]:
         """Logs and settings without a result, a sentence each."""
         return tuple(str(one.get("message", "")) for one in _listed(self.record, "failures"))
@@ -683,13 +868,17 @@ class Run:
 
         name = str(name)
         path = self.folder / f"{name}.parquet"
-        if name not in TABLES or not path.exists():
-            there = [one for one in TABLES if (self.folder / f"{one}.parquet").exists()]
-            raise ConfigurationError(
-                f"no table {name!r} in these results; there are {', '.join(there)}."
-                f"{did_you_mean(name, there)}"
+        if name in TABLES and self._is_folder and path.exists():
+            return pd.read_parquet(path)
+        if name in TABLES and self._rows.get(name):
+            return pd.DataFrame(
+                [{**row, "setting": row["setting"].cell} for row in self._rows[name]]
             )
-        return pd.read_parquet(path)
+        there = [one for one in TABLES if (self.folder / f"{one}.parquet").exists()]
+        raise ConfigurationError(
+            f"no table {name!r} in these results; there are {', '.join(there)}."
+            f"{did_you_mean(name, there)}"
+        )
 
     def to_frame(self) -> pd.DataFrame:
         """Return the parameters as a data frame."""
@@ -803,7 +992,13 @@ class Run:
     def _repr_html_(self) -> str:
         from damperfit.report.notebook_tables import html_table
 
-        said = "".join(f"<p>{escape(line)}</p>" for line in self.failures[:_SHOWN_FAILURES])
+        failed = (
+            f"FAILED {one.get('name')}: {one.get('reason')}"
+            for one in _listed(self.record, "checks")
+            if isinstance(one, dict) and one.get("passed") is False
+        )
+        lines = (*self.failures[:_SHOWN_FAILURES], *failed)
+        said = "".join(f"<p>{escape(line)}</p>" for line in lines)
         return html_table(self._sheet(), caption=repr(self)[1:-1]) + said
 
 

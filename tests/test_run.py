@@ -1,0 +1,138 @@
+"""A run as an object: what it offers, and that older folders are still read."""
+
+from __future__ import annotations
+
+import json
+import pickle
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow.parquet as pq
+import pytest
+
+import damperfit
+from damperfit.cli.main import main
+from damperfit.errors import ConfigurationError
+
+LOGS = [f"sample_runs/setting_0{n}.csv" for n in (1, 2, 3)]
+ROOT = Path(__file__).parents[1]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    where = tmp_path_factory.mktemp("run")
+    paths = [str(ROOT / log) for log in LOGS]
+    assert main(["identify", *paths, "--profile", "r_m2", "--out", str(where), "--quiet"]) == 0
+    return where
+
+
+@pytest.fixture(scope="module")
+def run(folder: Path) -> damperfit.Run:
+    return damperfit.load(folder)
+
+
+def test_the_covariance_is_that_of_the_standard_errors(run) -> None:
+    table, errors = run.covariance, run.parameters.set_index("setting")
+    for setting in (1, 2, 3):
+        block = table.loc[str(setting)]
+        names = list(block.index)
+        assert names == list(block.columns)
+        told = np.sqrt(np.diag(block))
+        assert told == pytest.approx([errors.loc[setting, f"{name}_se"] for name in names])
+        ones = run.correlations.loc[str(setting)]
+        assert np.diag(ones) == pytest.approx(1.0)
+        assert (np.abs(ones) <= 1.0 + 1e-12).to_numpy().all()
+    assert table.attrs["units"]["k_e"] == "Pa"
+
+
+def test_a_setting_has_its_values_by_name_and_attribute(run) -> None:
+    two = run.setting(2)
+    assert dict(two.values)["r_m1"] == two.values.r_m1 == run.parameters["r_m1"][1]
+    assert set(two.own) == {"r_m1", "r_m2", "k_e"}
+    assert set(two.shared) == {"r_m3", "f_f"}
+    assert two.status["f_0"] == "fixed"
+    assert two.covariance.shape == (5, 5)
+    with pytest.raises(KeyError):
+        two.values["nothing"]
+
+
+def test_logs_have_segments_and_signals(run) -> None:
+    assert [(one.name, one.role) for one in run.logs] == [
+        (Path(log).name, "fitted") for log in LOGS
+    ]
+    (segment,) = run.logs[0].segments
+    assert segment["measured_energy_J"] == run.energy["measured_energy_J"][0]
+    assert len(run.logs[0].signals.force) == len(run.residuals.query("setting == 1"))
+    assert run.logs[0].temperature == pytest.approx(26.4, abs=0.1)
+    assert run.tested.n_logs == 3
+    assert run.tested.speed == pytest.approx(0.302, abs=1e-3)
+
+
+def test_frames_of_forces_profiles_and_problems(run) -> None:
+    assert set(run.clicks["setting"]) == {2, 3}
+    assert set(run.profile("r_m2")["setting"]) == {1, 2, 3}
+    with pytest.raises(ConfigurationError, match="no profile of 'k_e'; there are r_m2"):
+        run.profile("k_e")
+    assert list(run.problems.columns) == ["severity", "subject", "message"]
+
+
+def test_a_pickle_has_all_its_files(run) -> None:
+    again = pickle.loads(pickle.dumps(run))  # noqa: S301 - our own
+    assert again.parameters.equals(run.parameters)
+    assert again.is_temporary
+    assert again.folder != run.folder
+
+
+@pytest.fixture
+def older(folder: Path, tmp_path: Path) -> Path:
+    """The same run as the first versions wrote it: fewer tables, columns and keys."""
+    where = tmp_path / "older"
+    shutil.copytree(folder, where)
+    for path in (*where.glob("characteristics*"), *where.glob("profiles*")):
+        path.unlink()
+    for name, lost in {"mse": ["role"], "adjustment": ["measured_N", "told_from"]}.items():
+        table = pq.read_table(where / f"{name}.parquet")
+        kept = [one for one in table.column_names if one not in lost]
+        pq.write_table(table.select(kept), where / f"{name}.parquet")
+    record = json.loads((where / "run.json").read_text())
+    record |= {"version": "0.0.1", "schema_version": 1}
+    for key in ("quantities", "files", "stretches", "speed_forces", "adjusters"):
+        del record[key]
+    for entry in record["inputs"]:
+        del entry["stretches"]
+    for entry in record["uncertainty"]:
+        entry.pop("shared", None)
+    (where / "run.json").write_text(json.dumps(record))
+    return where
+
+
+def test_an_older_folder_is_read(run, older: Path, capsys) -> None:
+    old = damperfit.load(older)
+    assert old.remarks == ()
+    assert [one.label for one in old.settings] == ["1", "2", "3"]
+    for one, other in zip(old.settings, run.settings, strict=True):
+        assert one.values == other.values
+        assert set(one.shared) == set(other.shared)
+        assert one.covariance == pytest.approx(other.covariance)
+    assert old.motion.amplitude == pytest.approx(0.032, rel=1e-3)
+    assert [one.role for one in old.logs] == ["fitted"] * 3
+    assert main(["settings", str(older)]) == 0
+    assert main(["report", str(older)]) == 0
+    assert main(["export", str(older), "--to", "csv", "--out", str(older / "x")]) == 0
+    capsys.readouterr()
+    assert main(["compare", str(older), str(run.folder), "--json"]) in {0, 1}
+    lines = json.loads(capsys.readouterr().out)["comparisons"][0]["lines"]
+    energy = [one for one in lines if one["name"] == "energy"]
+    assert len(energy) == 3
+    for line in energy:
+        assert line["first_value"] == pytest.approx(line["second_value"], rel=1e-3)
+
+
+def test_a_table_alone_is_a_run(folder: Path, tmp_path: Path) -> None:
+    table = tmp_path / "mine.csv"
+    pd.read_csv(folder / "parameters.csv").to_csv(table, index=False)
+    alone = damperfit.Run.load(table)
+    assert alone.setting(2).values == damperfit.load(folder).setting(2).values
+    assert alone.declared_damper is None
