@@ -12,7 +12,7 @@ import pytest
 from damperfit.conditioning import condition
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters
 from damperfit.identification import FitOptions, identify
-from damperfit.readers import ReadOptions, read_log
+from damperfit.io import ReadOptions, read_log
 from tests.identification.rig import recording
 
 OPTIONS = FitOptions("plain", ("r_m1", "r_m2", "k_e"), {"r_m3": 2.597e6, "f_f": 50.0})

@@ -15,7 +15,7 @@ import typer
 import damperfit
 from damperfit.cli.main import app
 from damperfit.damper.models import MODELS
-from damperfit.readers.options import Profile
+from damperfit.io.options import Profile
 
 SOURCE = Path(damperfit.__file__).parent
 FILES = sorted(p for p in SOURCE.rglob("*.py") if p.name != "build_backend.py")

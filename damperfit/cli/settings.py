@@ -39,9 +39,9 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from damperfit.adjustment import Answer, Wanted
+    from damperfit.io import ReadOptions
     from damperfit.queries.adjuster_results import AdjusterResults
     from damperfit.queries.force_by_setting import ForcesBySetting, Question
-    from damperfit.readers import ReadOptions
     from damperfit.report.sheet import Sheet
     from damperfit.units.shown_units import ShownUnits
 

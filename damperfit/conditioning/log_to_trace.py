@@ -74,7 +74,7 @@ def condition(recording: Recording, options: ConditionOptions | None = None) -> 
     if not isinstance(recording, Recording):
         raise ConfigurationError(
             f"condition: found {type(recording).__name__}; expected a recording, as "
-            "damperfit.readers.read_log(path) returns it"
+            "damperfit.io.read_log(path) returns it"
         )
     options = options or ConditionOptions()
     if options.spikes == "bridge":

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from damperfit.damper.model import Model
     from damperfit.damper.quantity import Quantity
     from damperfit.identification import FitOptions
-    from damperfit.readers import ReadOptions
+    from damperfit.io import ReadOptions
     from damperfit.simulation import SolverOptions
     from damperfit.tested.setting import Setting
     from damperfit.uncertainty import HoldOutOptions

@@ -54,8 +54,8 @@ from damperfit.configuration.what_is_tested import (
 from damperfit.damper.models import MODELS
 from damperfit.errors import did_you_mean
 from damperfit.identification import DETECT, FitOptions, GivenStart, check_options
-from damperfit.readers import Profile, ReadOptions
-from damperfit.readers.options import Declarations
+from damperfit.io import Profile, ReadOptions
+from damperfit.io.options import Declarations
 from damperfit.simulation import SolverOptions
 from damperfit.uncertainty import HoldOutOptions, check_profile_names
 from damperfit.units.shown_units import parse_units

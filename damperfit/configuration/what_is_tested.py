@@ -12,7 +12,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict
 
 from damperfit.damper.models import MODELS
 from damperfit.errors import ConfigurationError, did_you_mean
-from damperfit.readers.facts import FACTS, fact_of
+from damperfit.io.tests_table import FACTS, fact_of
 from damperfit.tables import column_names
 from damperfit.tested.identity import IDENTITY_KEYS, Identity
 from damperfit.tested.setting import Setting, parse_setting

@@ -60,7 +60,7 @@ def read(log: object, *, units: Mapping[str, str] | None = None, **asked: Any) -
     LogError
         It cannot be read, or holds several tests.
     """
-    from damperfit.readers import read_log
+    from damperfit.io import read_log
 
     configuration = configured("damperfit.read", units=units, **asked)
     with as_files(log, call="damperfit.read") as paths:

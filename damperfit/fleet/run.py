@@ -38,8 +38,8 @@ from damperfit.fleet.sources import (
     head_of,
     recognised,
 )
+from damperfit.io import TestsTable, is_tests_table, read_tests
 from damperfit.queries.baseline import compared_record
-from damperfit.readers import TestsTable, is_tests_table, read_tests
 from damperfit.recording import natural_order
 from damperfit.run.labelling import labels_for
 from damperfit.run.work import sha256_of

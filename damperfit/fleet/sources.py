@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 from damperfit import __version__
 from damperfit.errors import ConfigurationError, DamperfitError
 from damperfit.fleet.parts import parts_in, read_facts_of
-from damperfit.readers.formats import LOG_SUFFIXES
+from damperfit.io.formats import LOG_SUFFIXES
 from damperfit.recording import natural_order
 from damperfit.run.log_paths import matches, real_path
 from damperfit.run.own_tables import is_own_table

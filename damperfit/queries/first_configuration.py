@@ -16,7 +16,7 @@ from damperfit.configuration.drawings import DRAWINGS, MEASURED
 from damperfit.configuration.loading import load_configuration
 from damperfit.damper.models import model_named
 from damperfit.errors import ConfigurationError, DamperfitError, LogError
-from damperfit.readers import guess_settings, read_logs, unclear_names
+from damperfit.io import guess_settings, read_logs, unclear_names
 from damperfit.statistics import median
 from damperfit.tested.identity import IDENTITY_KEYS, common_identity, identity_in
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from damperfit.conditioning import ConditionOptions
     from damperfit.configuration.options import Configuration
-    from damperfit.readers import ReadOptions
+    from damperfit.io import ReadOptions
     from damperfit.recording import Recording
 
 __all__ = [

@@ -11,7 +11,7 @@ import numpy as np
 
 from damperfit.comparison import ComparedRun, MeasuredTest, measured_tests
 from damperfit.errors import ConfigurationError, DamperfitError, LogError, TimelessError
-from damperfit.readers import read_curves
+from damperfit.io import read_curves
 from damperfit.recording import natural_order
 from damperfit.run.dampers import by_damper, folder_name
 from damperfit.run.log_paths import expand
@@ -23,7 +23,7 @@ from damperfit.tested.setting import Setting, parse_place
 
 if TYPE_CHECKING:
     from damperfit.configuration.options import Configuration
-    from damperfit.readers import ForceCurve
+    from damperfit.io import ForceCurve
     from damperfit.recording import Trace
     from damperfit.report.facts import Failure
     from damperfit.run.logs import LogBatch

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Any
 
 from damperfit.adjustment import STROKES
 from damperfit.errors import ConfigurationError
-from damperfit.readers import ForceCurve, read_curves
+from damperfit.io import ForceCurve, read_curves
 from damperfit.simulation import NAMED_SPEEDS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
+    from damperfit.io import ReadOptions
     from damperfit.queries.force_by_setting import Question
-    from damperfit.readers import ReadOptions
 
 __all__ = ["MeasuredForces", "measured_forces"]
 

@@ -17,8 +17,8 @@ from damperfit.errors import (
     SimulationError,
     mishap_of,
 )
+from damperfit.io import read_log
 from damperfit.queries.origin import damper_of_table
-from damperfit.readers import read_log
 from damperfit.run.labelling import labels_for
 from damperfit.run.tested_at import conditioned_as_tested, facts_of
 from damperfit.simulation import (

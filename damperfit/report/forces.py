@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from damperfit.readers import ForceCurve
+from damperfit.io import ForceCurve
 from damperfit.report.inspection import MANY_ROWS
 from damperfit.report.rounding import NOTHING, number, percent, stroke_ratio, with_interval
 from damperfit.report.sheet import Sheet

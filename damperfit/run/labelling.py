@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from damperfit.errors import ConfigurationError, LogError
-from damperfit.readers import (
+from damperfit.io import (
     Guess,
     TestRow,
     TestsTable,
@@ -23,8 +23,8 @@ from damperfit.readers import (
     read_tests,
     unclear_names,
 )
-from damperfit.readers.options import SETTING_PATTERN
-from damperfit.readers.setting_number import file_setting
+from damperfit.io.labels import file_setting
+from damperfit.io.options import SETTING_PATTERN
 from damperfit.run.log_paths import real_path
 from damperfit.tested.adjuster_words import letters_of
 from damperfit.tested.identity import Identity, identity_in
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from damperfit.configuration.options import Configuration
-    from damperfit.readers.options import ReadOptions
+    from damperfit.io.options import ReadOptions
     from damperfit.recording import Recording
     from damperfit.tested.setting import Place
 

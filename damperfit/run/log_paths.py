@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from damperfit.errors import ConfigurationError
-from damperfit.readers.formats import LOG_SUFFIXES
+from damperfit.io.formats import LOG_SUFFIXES
 from damperfit.recording import natural_order
 from damperfit.run.own_tables import is_own_table
 

@@ -25,7 +25,8 @@ from damperfit.errors import (
     mishap_of,
 )
 from damperfit.identification.blas_threads import one_blas_thread
-from damperfit.readers import is_tests_table, read_curves, read_logs
+from damperfit.io import is_tests_table, read_curves, read_logs
+from damperfit.io.formats import FORMATS
 from damperfit.recording import Finding
 from damperfit.report.facts import Failure
 from damperfit.run.labelling import FROM_NAME, GUESSED, labels_for
@@ -44,7 +45,7 @@ if TYPE_CHECKING:
 
 _LOGGER = logging.getLogger(__name__)
 _LARGE = 1_000_000  # bytes
-_READ_IN_CHILD = {".mat", ".mdf", ".mf4", ".h5", ".hdf5"}
+_READ_IN_CHILD = {suffix for known in FORMATS if known.in_child for suffix in known.suffixes}
 
 __all__ = ["LogBatch", "LogFacts", "Purpose", "failure_of", "read_batch"]
 

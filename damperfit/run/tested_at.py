@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.conditioning import condition
-from damperfit.readers.facts import facts_in
+from damperfit.io.tests_table import facts_in
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from damperfit.conditioning import ConditionOptions
     from damperfit.configuration.options import Configuration
-    from damperfit.readers import TestRow
+    from damperfit.io import TestRow
     from damperfit.recording import Recording, Trace
 
 __all__ = ["conditioned_as_tested", "facts_of"]

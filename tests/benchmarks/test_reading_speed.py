@@ -14,9 +14,8 @@ import numpy as np
 import pytest
 from pyarrow import csv
 
-from damperfit.readers import read_log
-from damperfit.readers.files import Source
-from damperfit.readers.gzip import unpack
+from damperfit.io import read_log
+from damperfit.io.files import Source, unpack
 
 HEADER = "time_s,displacement_mm,force_N,temperature_degC"
 

@@ -110,7 +110,7 @@ def _tell_reading(pattern: str, rounds: int) -> None:
     """Tell what reading and conditioning, findings included, take of a log once all is loaded."""
     from damperfit.conditioning import condition
     from damperfit.configuration.loading import load_configuration
-    from damperfit.readers import read_log
+    from damperfit.io import read_log
 
     configuration = load_configuration()
     paths = sorted(Path(pattern).parent.glob(Path(pattern).name))

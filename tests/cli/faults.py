@@ -18,7 +18,7 @@ import numpy as np
 import pyarrow as pa
 from scipy.io import savemat
 
-from tests.readers.scenarios import parquet_bytes
+from tests.io.scenarios import parquet_bytes
 
 if TYPE_CHECKING:
     from collections.abc import Callable

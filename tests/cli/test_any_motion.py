@@ -10,8 +10,8 @@ import pytest
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.simulation import Motion, simulate
+from tests.io.mts_files import blocks_of, export, record
 from tests.oracles.motions import MOTIONS
-from tests.readers.mts_files import blocks_of, export, record
 
 
 @pytest.fixture(scope="module")

@@ -25,7 +25,7 @@ TRUTH = {
 }
 
 
-# Profiles of rigs, tried in tests/readers/test_rig_profiles.py.
+# Profiles of rigs, tried in tests/io/test_rig_profiles.py.
 RIGS = {"mr_damper_mts.toml", "mr_damper_table.toml"}
 
 

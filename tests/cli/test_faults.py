@@ -21,7 +21,7 @@ import pytest
 
 from damperfit import compiled_core
 from damperfit.cli import main
-from damperfit.readers import ReadOptions, read_log
+from damperfit.io import ReadOptions, read_log
 from tests.cli.faults import FAULTS, LIMIT, NAMES, Good, file_name
 
 TESTS = Path(__file__).parents[1]

@@ -17,7 +17,7 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.valve_dampers import ThroughFlow
 from damperfit.errors import ConfigurationError
 from damperfit.identification import FitOptions, shared_names
-from damperfit.readers import ReadOptions
+from damperfit.io import ReadOptions
 from damperfit.simulation import SolverOptions
 
 DEFAULTS = Path(__file__).parents[2] / "damperfit" / "configuration" / "defaults.toml"

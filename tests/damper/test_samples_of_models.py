@@ -14,7 +14,7 @@ from damperfit.damper.models import MODELS
 from damperfit.damper.valve_dampers import Monotube
 from damperfit.errors import ConfigurationError, SimulationError
 from damperfit.identification import compare, normalised_mse
-from damperfit.readers import read_log
+from damperfit.io import read_log
 from damperfit.samples import SampleOptions, make_samples, simulated_cycle
 from damperfit.samples.any_model import made_up_values
 from tests.test_every_model import TRUTH

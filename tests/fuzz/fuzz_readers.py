@@ -27,8 +27,8 @@ from pathlib import Path
 import numpy as np
 
 from damperfit.errors import LogError
-from damperfit.readers import ReadOptions, child_process, read_curves, read_logs
-from tests.readers import binary_logs, scenarios
+from damperfit.io import ReadOptions, child_process, read_curves, read_logs
+from tests.io import binary_logs, scenarios
 
 SCENARIO = scenarios.Scenario()
 MAX_SECONDS = 5.0  # of the processor; children count
@@ -212,8 +212,8 @@ def _fuzz_with_atheris(name: str, *, runs: int, folder: Path, keep: Path) -> Non
 
     # The readers load their parts when a log is read: not before this line.
     with atheris.instrument_imports(include=["damperfit"]):
-        importlib.import_module("damperfit.readers.formats")
-        importlib.import_module("damperfit.readers.assembly")
+        importlib.import_module("damperfit.io.formats")
+        importlib.import_module("damperfit.io.recordings")
     atheris.Setup([sys.argv[0], f"-runs={runs}", "-max_len=20000", str(corpus)], one)
     atheris.Fuzz()
 

@@ -7,7 +7,7 @@ import random
 import pytest
 
 from tests.fuzz.fuzz_readers import APART, SCENARIO, PromiseBroken, Tally, attempt, damaged, fuzz
-from tests.readers import binary_logs, scenarios
+from tests.io import binary_logs, scenarios
 
 
 @pytest.mark.parametrize("name", [*scenarios.WRITERS, *binary_logs.WRITERS, "curves"])

@@ -27,7 +27,7 @@ from damperfit.identification.following import Way
 from damperfit.identification.joint_fit import JointSolution, fit_jointly
 from damperfit.identification.options import PROCEDURE_NAMES
 from damperfit.identification.unknowns import Unknown
-from damperfit.readers import read_log
+from damperfit.io import read_log
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty import assess, linearise_settings
 from damperfit.uncertainty.intervals import shared_covariance, shared_curvature

@@ -18,7 +18,7 @@ import yaml
 
 from damperfit.cli import main
 from damperfit.configuration.loading import load_configuration
-from damperfit.readers import read_log
+from damperfit.io import read_log
 from tests.fleet.test_fleet_command import Here
 from tests.manual.generated import COMMANDS, PAGES, PLACE, ROOT, options_of
 

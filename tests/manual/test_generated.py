@@ -18,8 +18,8 @@ import yaml
 from damperfit import errors
 from damperfit.checks import CHECK_LISTS, CHECKS
 from damperfit.configuration.loading import load_configuration
+from damperfit.io.formats import FORMATS
 from damperfit.manual import TOPICS, read_page
-from damperfit.readers.formats import FORMATS
 from damperfit.run.ending import Ending
 from damperfit.uncertainty.gas import GasContent
 from damperfit.uncertainty.withheld import Objection

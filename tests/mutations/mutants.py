@@ -31,7 +31,7 @@ TARGETS: dict[str, tuple[str, ...]] = {
     "identification": ("damperfit/identification",),
     "adjustment": ("damperfit/adjustment",),
     "conditioning": ("damperfit/conditioning",),
-    "readers": ("damperfit/readers",),
+    "readers": ("damperfit/io",),
     "tables": ("damperfit/tables",),
     "report": ("damperfit/report",),
     "checks": ("damperfit/checks",),

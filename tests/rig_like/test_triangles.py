@@ -12,7 +12,7 @@ from damperfit.conditioning import condition
 from damperfit.damper.models import MODELS
 from damperfit.damper.mounting import FIT, Mounting
 from damperfit.identification import Fit, FitOptions, identify
-from damperfit.readers import read_log
+from damperfit.io import read_log
 from tests.rig_like.dampers import text_of
 from tests.rig_like.rig import FINE, Body, Channels, Valve, logged
 

@@ -11,7 +11,7 @@ import pytest
 
 from damperfit.cli import option_values
 from damperfit.errors import ConfigurationError
-from damperfit.readers import TestRow
+from damperfit.io import TestRow
 from damperfit.run.logs import read_batch
 from damperfit.run.tested_at import facts_of
 from tests.identification import rig

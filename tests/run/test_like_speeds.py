@@ -9,7 +9,7 @@ import pytest
 
 from damperfit.conditioning import condition
 from damperfit.configuration.loading import load_configuration
-from damperfit.readers import read_log
+from damperfit.io import read_log
 from damperfit.run.duplicate_tests import _meeting, _power, without_contradictory_motions
 from damperfit.run.logs import LogBatch
 from damperfit.tested.setting import Setting

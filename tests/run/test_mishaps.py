@@ -342,7 +342,7 @@ def test_without_somebody_to_tell_the_library_raises(samples, monkeypatch) -> No
     from damperfit.damper.purdy.parameters import PURDY_DAMPER
     from damperfit.identification import FitOptions
     from damperfit.identification import identify as fit
-    from damperfit.readers import read_log
+    from damperfit.io import read_log
 
     options = FitOptions(procedure="plain", fixed={"r_m3": 2.6e6, "f_f": 50.0})
     campaign = fit([condition(read_log(samples / "setting_01.csv"))], PURDY_DAMPER, options)

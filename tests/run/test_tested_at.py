@@ -12,7 +12,7 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import ConfigurationError
 from damperfit.identification import FitOptions, identify
-from damperfit.readers import read_tests
+from damperfit.io import read_tests
 from damperfit.run.conditions import rod_area_ratio, with_rod_remark
 from damperfit.run.duplicate_tests import share_a_motion, without_contradictions
 from damperfit.run.tested_at import conditioned_as_tested

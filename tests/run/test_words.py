@@ -14,7 +14,7 @@ import pytest
 from damperfit.configuration.loading import load_configuration
 from damperfit.damper.model import values_type
 from damperfit.identification import Outcome, Sharing, Status
-from damperfit.readers.tests_table import TestRow, TestsTable
+from damperfit.io.tests_table import TestRow, TestsTable
 from damperfit.recording import Finding, Recording, natural_order
 from damperfit.report.facts import Failure
 from damperfit.run import hold_out, labelling

@@ -9,7 +9,6 @@
 #include "network_lanes.h"
 #include "repeats_module.h"
 #include "signals_module.h"
-#include "text_module.h"
 
 enum { BODY, NUMBERS, PASSAGES, NET_X, NET_V, NET_JUMPS, NET_WHICH, NET_PRESSURES, NET_MASSES, NET_FORCE,
        NET_SENSITIVITIES, N_NETWORK_BUFFERS };
@@ -277,9 +276,6 @@ static PyMethodDef METHODS[] = {
      "Fills weighed sums of products of residual times slopes, some phases apart."},
     {"equal_runs", df_py_equal_runs, METH_VARARGS,
      "equal_runs(y, begins, ends, fewest) -> n. Fills runs of equal samples (64-bit integers)."},
-    {"read_numbers", df_py_read_numbers, METH_VARARGS,
-     "read_numbers(text, wanted, values, start, separator, decimal, n_names, n_fields) -> n\n"
-     "Fills a row of values for each wanted column (64-bit integers, rising); -1: cannot."},
     {NULL, NULL, 0, NULL}};
 
 /* Two phases, so that every interpreter of a process has a module of its own. From 3.12 on one with

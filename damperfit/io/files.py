@@ -1,0 +1,304 @@
+"""Bytes of a log: read once, within a limit, and hashed.
+
+Traps. Opening a pipe waits for ever; a device never ends; a file may grow or be written over while
+it is read; one that says it is empty may not be. The hash of a large file costs a good part of
+parsing it.
+"""
+
+from __future__ import annotations
+
+import codecs
+import gzip
+import hashlib
+import io
+import os
+import re
+import stat
+import zlib
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from threading import Thread
+from typing import TYPE_CHECKING
+
+from damperfit.errors import LogError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from io import FileIO
+
+__all__ = [
+    "Source",
+    "is_binary",
+    "is_json",
+    "read_source",
+    "to_utf8",
+    "unpack",
+]
+
+
+_HASHED_BESIDE = 4_000_000  # bytes; below it, starting a thread costs more than it saves
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Source:
+    """A file in memory.
+
+    Attributes
+    ----------
+    name, path : str
+        File name for messages, and the path as given.
+    data : bytes
+        The whole content.
+    hashed : callable
+        () -> SHA-256 of the file's bytes, hexadecimal.
+    """
+
+    name: str
+    path: str
+    data: bytes
+    hashed: Callable[[], str]
+
+    @property
+    def sha256(self) -> str:
+        """SHA-256 of the file's bytes, hexadecimal; waits until it is known."""
+        return self.hashed()
+
+
+def read_source(path: str | os.PathLike[str], *, max_bytes: int) -> Source:
+    """Return a regular file's bytes.
+
+    Raises
+    ------
+    LogError
+        The file is missing, is not a regular file, cannot be read, is empty or too large, or
+        changes while it is read.
+    """
+    shown = _one_line(os.fsencode(path).decode("utf-8", "backslashreplace"))
+    name = Path(shown).name or shown
+    try:
+        # Without O_NONBLOCK, opening a FIFO waits for its writer for ever.
+        flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+        with os.fdopen(os.open(path, flags), "rb", buffering=0) as file:
+            data = _content(file, shown, max_bytes)
+    except FileNotFoundError as error:
+        if Path(path).is_symlink():
+            there = _one_line(str(Path(path).readlink()))
+            raise LogError(
+                f"{shown}: a link to {there}, which is not there; link it again, or remove it"
+            ) from error
+        raise LogError(f"{shown}: no such file") from error
+    except IsADirectoryError as error:
+        raise LogError(f"{shown}: is a folder; name the logs in it") from error
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise LogError(f"{shown}: file unreadable: {reason}") from error
+    return Source(name, shown, data, _hashed(data))
+
+
+def _hashed(data: bytes) -> Callable[[], str]:
+    """Hash a large log in a thread, as that takes a good part of the time of parsing it."""
+    digest = hashlib.sha256()
+    if len(data) < _HASHED_BESIDE:
+        digest.update(data)
+        return digest.hexdigest
+    thread = Thread(target=digest.update, args=(data,), name="damperfit hash")
+    thread.start()
+    return partial(_digest_of, digest, thread)
+
+
+def _digest_of(digest: hashlib._Hash, thread: Thread) -> str:
+    thread.join()
+    return digest.hexdigest()
+
+
+def _one_line(text: str) -> str:
+    """Return a path as it can stand in a message: control characters escaped."""
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
+def _content(file: FileIO, shown: str, max_bytes: int) -> bytes:
+    before = os.fstat(file.fileno())
+    if stat.S_ISDIR(before.st_mode):
+        raise LogError(f"{shown}: is a folder; name the logs in it")
+    if not stat.S_ISREG(before.st_mode):
+        raise LogError(f"{shown}: is not a regular file (a pipe or device); give a file on disk")
+    if before.st_size > max_bytes:
+        raise LogError(
+            f"{shown}: {before.st_size} bytes, more than the limit of {max_bytes} "
+            "(rig.max_log_bytes)"
+        )
+    # A file that says it is empty may not be (/proc); one byte more shows a file that grows.
+    data = _read_up_to(file, min(before.st_size, max_bytes) + 1)
+    after = os.fstat(file.fileno())
+    if len(data) != before.st_size or (before.st_size, before.st_mtime_ns) != (
+        after.st_size,
+        after.st_mtime_ns,
+    ):
+        raise LogError(f"{shown}: file changed during read; wait until the rig has written it")
+    if not data:
+        raise LogError(f"{shown}: empty file (0 bytes)")
+    return data
+
+
+def _read_up_to(file: FileIO, n_bytes: int) -> bytes:
+    parts = []
+    while n_bytes > 0 and (part := file.read(n_bytes)):
+        parts.append(part)
+        n_bytes -= len(part)
+    return parts[0] if len(parts) == 1 else b"".join(parts)
+
+
+# Logs packed by gzip: unpacked in memory, up to a limit.
+#
+# The format: RFC 1952. A file is one member or several behind each other, each with a checksum.
+#
+# Traps. 1.7 MB may hold 1.2 GB, and the length that a member states is its length modulo 2^32: so
+# it is counted while it is unpacked. Members may be packed again. Tapes and disks fill up the end
+# with zeros.
+
+_MAGIC = b"\x1f\x8b"
+_CHUNK = 1 << 20  # bytes unpacked at a time
+
+
+def unpack(source: Source, *, max_bytes: int) -> tuple[Source, tuple[str, ...]]:
+    """Return the source as it is, or what gzip packed, and a note.
+
+    Raises
+    ------
+    LogError
+        The archive is damaged or cut, holds more than the limit, or holds another archive.
+    """
+    if not source.data.startswith(_MAGIC):
+        return source, ()
+    name = source.name
+    try:
+        data = _unpacked(source.data, name, max_bytes)
+    except EOFError as error:
+        raise LogError(f"{name}: truncated gzip; the end of the file is missing") from error
+    except (gzip.BadGzipFile, zlib.error) as error:
+        # The file begins as gzip does: only what stands behind a member can be no gzip.
+        is_behind = str(error).startswith("Not a gzipped file")
+        reason = "odd bytes at its end" if is_behind else str(error)
+        raise LogError(f"{name}: damaged gzip: {reason}; copy the log again") from error
+    if not data:
+        raise LogError(f"{name}: empty file inside the gzip")
+    if data.startswith(_MAGIC):
+        raise LogError(f"{name}: a gzip inside a gzip; unpack it once")
+    return replace(source, data=data), ("gzip: unpacked",)
+
+
+def _unpacked(packed: bytes, name: str, max_bytes: int) -> bytes:
+    """Return all members of a gzip file, checked by their checksums."""
+    parts: list[bytes] = []
+    n_bytes = 0
+    with gzip.GzipFile(fileobj=io.BytesIO(packed)) as file:
+        while part := file.read(_CHUNK):
+            n_bytes += len(part)
+            if n_bytes > max_bytes:
+                raise LogError(
+                    f"{name}: more than the limit of {max_bytes} bytes when unpacked "
+                    "(rig.max_log_bytes)"
+                )
+            parts.append(part)
+    return b"".join(parts)
+
+
+# Bytes of a text log to UTF-8, or the reason why they are no text.
+#
+# Traps. Any bytes are valid Latin-1, so it is taken last, and said. UTF-16 is known by its mark
+# only; without it every second byte is NUL, and so are bytes that a serial line dropped. Whole
+# files are looked at for NUL, their beginning for other control characters; ESC occurs in
+# terminals' captures.
+
+_UTF16 = {codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
+_CONTROL = re.compile(rb"[\x01-\x08\x0e-\x1a\x1c-\x1f\x7f]")
+# "[Data]" begins a text of entries, and no JSON.
+_BEGINS = re.compile(r'\s*(?:\{\s*(?:["}]|$)|\[\s*(?:[\[{"\d\]-]|$))')
+_HEAD = 4096  # bytes looked at for signs of binary data
+
+
+def is_binary(data: bytes) -> bool:
+    """Say whether the first bytes are no text, neither of one byte a letter nor UTF-16."""
+    head = data[:_HEAD]
+    return head[:2] not in _UTF16 and (b"\0" in head or _CONTROL.search(head) is not None)
+
+
+def is_json(data: bytes) -> bool:
+    """Say whether a file begins like JSON that may hold a log."""
+    head = data[:64]
+    if head[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return _BEGINS.match(head.decode("utf-16", "ignore")) is not None
+    return _BEGINS.match(head.removeprefix(b"\xef\xbb\xbf").decode("latin-1")) is not None
+
+
+def to_utf8(
+    data: bytes, *, name: str, encoding: str = "", allows_nul: bool = False
+) -> tuple[bytes, tuple[str, ...]]:
+    """Return text as UTF-8 without byte order mark, and notes.
+
+    With ``allows_nul``, NUL bytes become question marks.
+
+    Raises
+    ------
+    LogError
+        The bytes are a web page, binary, or hold NUL.
+    """
+    notes: tuple[str, ...] = ()
+    if encoding:
+        data = _decoded(data, encoding, name)
+        notes = (f"encoding: {encoding}, as declared",)
+    if data.startswith(codecs.BOM_UTF8):
+        data = data[len(codecs.BOM_UTF8) :]
+    elif data[:2] in _UTF16:
+        encoding = _UTF16[data[:2]]
+        data = _decoded(data[2:], encoding, name)
+        notes = (f"encoding: {encoding.upper()}",)
+    _refuse_pages(data, name)
+    if allows_nul:
+        data = data.replace(b"\0", b"?")  # no number, so its row is dropped
+    _refuse_nul(data, name)
+    if _CONTROL.search(data, 0, _HEAD):
+        raise LogError(f"{name}: binary data in no known format")
+    if not data.isascii():
+        try:
+            data.decode("utf-8")
+        except UnicodeDecodeError:
+            data = data.decode("latin-1").encode("utf-8")
+            notes = (*notes, "encoding: not UTF-8, read as Latin-1")
+    return data, notes
+
+
+def _decoded(data: bytes, encoding: str, name: str) -> bytes:
+    try:
+        return data.decode(encoding).encode("utf-8")
+    except UnicodeError as error:
+        raise LogError(f"{name}: is not valid {encoding.upper()}") from error
+
+
+def _refuse_pages(data: bytes, name: str) -> None:
+    start = data[:200].lstrip().lower()
+    if start.startswith((b"<!doctype html", b"<html", b"<head", b"<body")):
+        raise LogError(f"{name}: this is HTML, a web page, not a log; download the log again")
+    if start.startswith(b"<?xml"):
+        raise LogError(f"{name}: this is XML; export the log as delimited text")
+
+
+def _refuse_nul(data: bytes, name: str) -> None:
+    offset = data.find(b"\0")
+    if offset < 0:
+        return
+    if not data.strip(b"\0"):
+        raise LogError(
+            f"{name}: {len(data)} bytes, all of them NUL; the log was never written to the disk: "
+            "copy it again from the rig"
+        )
+    head = data[:64]
+    if len(head) >= 8 and (not any(head[1::2]) or not any(head[::2])):
+        raise LogError(
+            f"{name}: looks like UTF-16 without a byte order mark; save the log as UTF-8"
+        )
+    line = data.count(b"\n", 0, offset) + 1
+    raise LogError(f"{name}, line {line}: NUL byte at byte offset {offset}; the file is damaged")

@@ -1,0 +1,386 @@
+"""Curves without time: speed and force as points (PVP) or loops (CVP), by stroke and setting.
+
+Columns say which is which: a speed, a force, or the force of a stroke (`Rebound`, `C`, `R`), each
+stroke with a speed of its own or all with one; `(25-4.3) V-C, C, V-R, R` begins the columns of a
+setting that the maker calls 25-4.3. A column `setting` or `click` parts the rows.
+
+Traps. Makers write bump as positive numbers. Points that were not measured are blank cells. A speed
+without a sign leaves the stroke to the force's sign.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from damperfit.errors import LogError
+from damperfit.io.channels import (
+    has_channel,
+    joined_problems,
+    split_name,
+    unit_of_channel,
+    visible,
+    words_of_name,
+)
+from damperfit.units.quantities import QuantityError, find_unit
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from damperfit.io.files import Source
+    from damperfit.io.formats import Column, Table
+    from damperfit.io.options import ReadOptions
+    from damperfit.units.quantities import Unit
+
+    FloatArray = NDArray[np.float64]
+    _Part = tuple[str, FloatArray, FloatArray]  # stroke, speeds, forces
+
+__all__ = ["ForceCurve", "holds_curves", "make_curves"]
+
+_REBOUND = {"rebound", "reb", "r", "extension", "ext", "zug", "détente", "estensione"}
+_BUMP = {"bump", "compression", "comp", "c", "jounce", "druck", "kompression", "compressione"}
+_SPEED = {"velocity", "vel", "speed", "v", "geschwindigkeit", "vitesse", "velocità", "velocidad"}
+_FORCE = {"force", "load", "f", "kraft", "effort", "forza", "fuerza", "pvp", "peak"}
+_LABEL = re.compile(r"\s*\((?P<label>[^()]{1,40})\)\s*(?P<rest>\S.*)", re.DOTALL)
+_NUMBERED = re.compile(r"\.\d+$")  # "C.1": a name that some tools give to the second "C"
+_WORD = re.compile(r"[^\W\d_]+")
+_LOOP = 50  # points of a stroke; fewer are points in any order
+_MAX_CURVES = 500
+_SETTING = {
+    "setting", "click", "clicks", "detent", "notch", "klick", "klicks", "raste", "stufe", "clic",
+    "clics", "cran", "crans",
+}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ForceCurve:
+    """Force over speed as measured, without time.
+
+    Attributes
+    ----------
+    name, path, sha256 : str
+        File, path as given, hash of its bytes.
+    label : str
+        What the file calls the setting or curve, else the file's name.
+    velocity, force : numpy.ndarray
+        Shape (n,); m/s and N, positive in rebound; in the order of the file.
+    notes : tuple of str
+        What was assumed.
+    """
+
+    name: str
+    path: str
+    sha256: str
+    label: str
+    velocity: FloatArray
+    force: FloatArray
+    notes: tuple[str, ...] = ()
+
+    def points(self, stroke: str) -> tuple[FloatArray, FloatArray]:
+        """Return the speeds (positive) and forces of "rebound" or "bump", in the file's order."""
+        sign = -1.0 if stroke == "bump" else 1.0
+        is_in = sign * self.velocity > 0.0
+        return np.abs(self.velocity[is_in]), self.force[is_in]
+
+    def force_at(self, speed: float, stroke: str) -> float:
+        """Return the force between measured speeds, N; NaN beyond them. Of a loop the mean."""
+        return float(np.mean([_between(*branch, speed) for branch in self._branches(stroke)]))
+
+    def hysteresis_at(self, speed: float, stroke: str) -> float:
+        """Return the opening less the closing force of a loop, N; NaN of points."""
+        branches = self._branches(stroke)
+        if len(branches) < 2:
+            return np.nan
+        return _between(*branches[0], speed) - _between(*branches[1], speed)
+
+    def _branches(self, stroke: str) -> list[tuple[FloatArray, FloatArray]]:
+        """Return the points, or the opening and the closing branch of a loop."""
+        speed, force = self.points(stroke)
+        if len(speed) < _LOOP:
+            return [(speed, force)]
+        change = np.gradient(speed)
+        branches = [(speed[side], force[side]) for side in (change >= 0.0, change < 0.0)]
+        is_loop = min(len(branch[0]) for branch in branches) > _LOOP // 10
+        return branches if is_loop else [(speed, force)]
+
+    def describe(self) -> dict[str, Any]:
+        """Return the curve as JSON values."""
+        return {
+            "label": self.label,
+            "velocity_m_per_s": self.velocity.tolist(),
+            "force_N": self.force.tolist(),
+            "notes": list(self.notes),
+        }
+
+
+def _between(speeds: FloatArray, forces: FloatArray, speed: float) -> float:
+    """Return the force at a speed, on straight lines between points; equal speeds are averaged."""
+    if not len(speeds):
+        return np.nan
+    known, place = np.unique(speeds, return_inverse=True)
+    means = np.bincount(place, forces) / np.bincount(place)
+    return float(np.interp(speed, known, means, left=np.nan, right=np.nan))
+
+
+@dataclass(frozen=True, slots=True)
+class _Pair:
+    """Columns of speed and force that belong together."""
+
+    label: str
+    stroke: str  # "rebound", "bump", or empty: the signs tell
+    speed: int
+    force: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Heading:
+    """What a column's name says."""
+
+    label: str
+    stroke: str
+    kind: str  # "speed", "force", "setting" or empty
+
+
+def holds_curves(tables: Sequence[Table], options: ReadOptions) -> bool:
+    """Say whether tables have speed and force, but no time to go with them."""
+    return (
+        bool(tables)
+        and options.sample_rate == 0.0
+        and not any(has_channel("time", table.columns, options) for table in tables)
+        and all(_pairs(table.columns, options) for table in tables)
+    )
+
+
+def make_curves(
+    tables: Sequence[Table], source: Source, options: ReadOptions, notes: tuple[str, ...]
+) -> tuple[ForceCurve, ...]:
+    """Return the curves in a file's tables, in SI, positive in rebound.
+
+    Raises
+    ------
+    LogError
+        There is time, a unit is missing, a value is no number, or signs do not tell the strokes.
+    """
+    if any(has_channel("time", table.columns, options) for table in tables):
+        raise LogError(
+            f"{source.name}: has a time column, so it is a log, not a curve; fit it by damperfit "
+            f"identify {source.name}"
+        )
+    curves = [curve for table in tables for curve in _table_curves(table, source, options)]
+    if len(curves) > _MAX_CURVES:
+        raise LogError(f"{source.name}: {len(curves)} curves, more than the limit of {_MAX_CURVES}")
+    if not curves:
+        raise LogError(f"{source.name}: no speed with a force beside it")
+    return tuple(replace(curve, notes=(*notes, *curve.notes)) for curve in curves)
+
+
+def _headings(columns: Sequence[Column], options: ReadOptions) -> list[_Heading]:
+    """Return what the names say, and before them what is declared."""
+    headings = [_heading(column) for column in columns]
+    for channel, kind in (("velocity", "speed"), ("force", "force"), ("setting", "setting")):
+        declared = options.columns.get(channel, "")
+        for i, column in enumerate(columns):
+            if declared != "" and declared in (i + 1, column.name):
+                headings[i] = replace(headings[i], kind=kind)
+    return headings
+
+
+def _parted(name: str) -> tuple[str, str]:
+    """Return the label in front of a name, and the name."""
+    found = _LABEL.fullmatch(name)
+    label, rest = (found["label"].strip(), found["rest"]) if found else ("", name)
+    return label, _NUMBERED.sub("", rest)
+
+
+def _heading(column: Column) -> _Heading:
+    label, rest = _parted(column.name)
+    base, unit = _split(rest)
+    words = set(words_of_name(base))
+    unit = column.unit or unit
+    stroke = "rebound" if words & _REBOUND else "bump" if words & _BUMP else ""
+    if len(words) == 1 and words <= _SETTING:
+        return _Heading(label, "", "setting")
+    if words & _SPEED or _is_in(unit, "velocity"):
+        return _Heading(label, stroke, "speed")
+    is_force = words & _FORCE or stroke or _is_in(unit, "force")
+    return _Heading(label, stroke, "force" if is_force else "")
+
+
+def _split(name: str) -> tuple[str, str | None]:
+    """Return name and unit; the C of "4 clicks C" is a stroke, and no degree."""
+    base, unit = split_name(name)
+    return (base, unit) if _is_in(unit, "velocity") or _is_in(unit, "force") else (name, None)
+
+
+def _is_in(unit: str | None, dimension: str) -> bool:
+    if not unit:
+        return False
+    try:
+        find_unit(unit, dimension)
+    except QuantityError:
+        return False
+    return True
+
+
+def _pairs(columns: Sequence[Column], options: ReadOptions) -> list[_Pair]:
+    """Return which force goes with which speed, from the left to the right."""
+    headings = _headings(columns, options)
+    pairs: list[_Pair] = []
+    speeds: dict[str, int] = {}  # by stroke
+    label = ""
+    for i, heading in enumerate(headings):
+        if heading.label and heading.label != label:
+            label = heading.label
+            speeds = {"": speeds[""]} if "" in speeds else {}
+        if heading.kind == "speed":
+            speeds[heading.stroke] = i
+        elif heading.kind == "force":
+            speed = speeds.get(heading.stroke, speeds.get(""))
+            if speed is not None:
+                pairs.append(_Pair(label, heading.stroke, speed, i))
+    unnamed = [pair for pair in pairs if not pair.label and not pair.stroke]
+    if len(unnamed) > 1:  # one force a setting beside one speed: the names tell them apart
+        pairs = [
+            replace(pair, label=split_name(columns[pair.force].name)[0])
+            if pair in unnamed
+            else pair
+            for pair in pairs
+        ]
+    return _with_distinct_labels(pairs, columns)
+
+
+def _with_distinct_labels(pairs: Sequence[_Pair], columns: Sequence[Column]) -> list[_Pair]:
+    """Return the pairs with what their names say beside the stroke, where a stroke is there twice.
+
+    Else "0 clicks R" and "4 clicks R" were one curve.
+    """
+    bare = Counter(pair.stroke for pair in pairs if not pair.label and pair.stroke)
+    if max(bare.values(), default=0) < 2:
+        return list(pairs)
+    seen: Counter[str] = Counter()
+    told = []
+    for pair in pairs:
+        label = pair.label
+        if pair.stroke and not label:
+            seen[pair.stroke] += 1
+            name = _split(_parted(columns[pair.force].name)[1])[0]
+            label = _beside_stroke(name) or f"curve {seen[pair.stroke]}"
+        told.append(replace(pair, label=label))
+    return told
+
+
+def _beside_stroke(name: str) -> str:
+    known = _REBOUND | _BUMP | _FORCE
+    rest = _WORD.sub(lambda word: "" if word[0].casefold() in known else word[0], name)
+    return " ".join(rest.replace("_", " ").split()).strip(" -,;:/()")
+
+
+def _table_curves(table: Table, source: Source, options: ReadOptions) -> list[ForceCurve]:
+    columns, where = table.columns, source.name
+    pairs = _pairs(columns, options)
+    used = sorted({index for pair in pairs for index in (pair.speed, pair.force)})
+    if not used:
+        return []
+    headings = _headings(columns, options)
+    setting = next((i for i, one in enumerate(headings) if one.kind == "setting"), None)
+    units = _units(pairs, columns, options, where)
+    keys = {i: f"column {i + 1}, {visible(columns[i].name)}" for i in used}
+    wanted = {key: i for i, key in keys.items()}
+    samples = table.load(wanted if setting is None else {**wanted, "setting": setting})
+    values = {i: units[i].to_si(samples.channels[key]) for i, key in keys.items()}
+    rows: Mapping[str, NDArray[np.bool_]] = {"": np.ones(len(values[used[0]]), dtype=bool)}
+    if setting is not None:
+        settings = samples.channels["setting"]
+        rows = {f"{value:.15g}": settings == value for value in dict.fromkeys(settings.tolist())}
+    found: dict[str, list[_Part]] = {}
+    for part, is_in in rows.items():
+        for pair in pairs:
+            speed, force = values[pair.speed][is_in], values[pair.force][is_in]
+            alone = np.flatnonzero(np.isnan(speed) & ~np.isnan(force))
+            if len(alone):
+                at = int(np.flatnonzero(is_in)[alone[0]])
+                raise LogError(
+                    f"{where}, {samples.place(at)}: {keys[pair.force]}: a force without a speed"
+                )
+            is_there = ~np.isnan(force)
+            label = " ".join(one for one in (pair.label, part) if one)
+            found.setdefault(label, []).append((pair.stroke, speed[is_there], force[is_there]))
+    return [_curve(label, parts, table, source, options) for label, parts in found.items()]
+
+
+def _units(
+    pairs: Sequence[_Pair], columns: Sequence[Column], options: ReadOptions, where: str
+) -> dict[int, Unit]:
+    """Return the unit of each column; what is wrong with speeds and forces is said at once."""
+    kinds = {pair.speed: "velocity" for pair in pairs} | {pair.force: "force" for pair in pairs}
+    units: dict[int, Unit] = {}
+    problems: dict[str, str] = {}
+    for i, kind in kinds.items():
+        column = replace(columns[i], name=_parted(columns[i].name)[1])
+        try:
+            units[i] = unit_of_channel(kind, i, column, options, where)
+        except LogError as error:
+            problems.setdefault(kind, str(error).removeprefix(f"{where}: "))
+    if problems:
+        raise LogError(f"{where}: {joined_problems(list(problems.values()))}")
+    return units
+
+
+def _curve(
+    label: str,
+    parts: Sequence[_Part],
+    table: Table,
+    source: Source,
+    options: ReadOptions,
+) -> ForceCurve:
+    signed = [_signed(stroke, v, f, source.name, options) for stroke, v, f in parts]
+    velocity = np.concatenate([v for v, _, _ in signed])
+    force = np.concatenate([f for _, f, _ in signed])
+    said = dict.fromkeys(note for _, _, note in signed if note)
+    if not np.isfinite(force).all() or not np.isfinite(velocity).all():
+        raise LogError(f"{source.name}: a speed or force {label} is infinite")
+    if not len(force):
+        raise LogError(f"{source.name}: no points of {visible(label) if label else 'the curve'}")
+    return ForceCurve(
+        name=source.name,
+        path=source.path,
+        sha256=source.sha256,
+        label=label or table.metadata.get("setting") or source.name,
+        velocity=velocity,
+        force=force,
+        notes=(*table.notes, *said),
+    )
+
+
+def _signed(
+    stroke: str, speed: FloatArray, force: FloatArray, name: str, options: ReadOptions
+) -> tuple[FloatArray, FloatArray, str]:
+    """Return speed and force with the project's signs, and a note."""
+    if stroke:
+        sign = -1.0 if stroke == "bump" else 1.0
+        is_turned = bool(len(force)) and sign * float(np.median(force)) < 0.0
+        note = f"{stroke}: forces reversed, as they are of the other sign" if is_turned else ""
+        return sign * np.abs(speed), -force if is_turned else force, note
+    if options.reverse_displacement is True:
+        speed = -speed
+    if options.reverse_force is True:
+        force = -force
+    if speed.min(initial=0.0) < 0.0 < speed.max(initial=0.0):
+        if float(np.mean(speed * force)) < 0.0:
+            raise LogError(
+                f"{name}: forces are positive where speeds are negative; declare which counts "
+                "positive in bump: rig.reverse_force or rig.reverse_displacement = true"
+            )
+        return speed, force, "rebound: where speeds are positive, as logged"
+    if force.min(initial=0.0) < 0.0 < force.max(initial=0.0):
+        return np.copysign(speed, force), force, "rebound: where forces are positive, as logged"
+    raise LogError(
+        f"{name}: all speeds and forces are of one sign, which leaves open which is rebound; name "
+        "the column of the force rebound or bump"
+    )

@@ -1,0 +1,200 @@
+"""The formats that can be read, and how a file is known to be one: by content, then by suffix.
+
+Every reader makes `Table`s of a file: named columns whose values are loaded when it is known which
+of them are channels (`channels`, `recordings`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from importlib import import_module
+from pathlib import PurePath
+from typing import TYPE_CHECKING
+
+from damperfit.errors import LogError
+from damperfit.io.files import is_binary, is_json
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from damperfit.io.files import Source
+    from damperfit.io.options import ReadOptions
+    from damperfit.recording import Finding
+
+    FloatArray = NDArray[np.float64]
+
+__all__ = ["FORMATS", "LOG_SUFFIXES", "Column", "Format", "Samples", "Table", "find_format"]
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """Name and unit of a column, as the log has them.
+
+    Attributes
+    ----------
+    name : str
+        Name as written, without blanks around it; may be empty.
+    unit : str or None
+        From a units row or a field's metadata; None when there is neither. A unit inside the
+        name is not taken out here.
+    is_clock : bool
+        The values are times of day, as in "04/29/2022 11:56:20.699 AM".
+    """
+
+    name: str
+    unit: str | None = None
+    is_clock: bool = False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Samples:
+    """Raw values of the channels asked for.
+
+    Attributes
+    ----------
+    channels : dict of str to numpy.ndarray
+        Shape (n,) each; what is blank is NaN. A clock is in seconds from its first stamp.
+    place : callable
+        Index of a sample -> where it stands, as in "line 17".
+    notes : tuple of str
+        What was left out.
+    findings : tuple of Finding
+        What was left out and makes the log doubtful.
+    """
+
+    channels: dict[str, FloatArray]
+    place: Callable[[int], str]
+    notes: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Table:
+    """One test of a log, not yet understood.
+
+    Attributes
+    ----------
+    columns : tuple of Column
+        In the order of the log.
+    load : callable
+        {channel: index of column} -> Samples; raises LogError for text in a number column.
+    metadata : mapping of str to str
+        Keys in lower case.
+    notes : tuple of str
+        What the format's reader assumed.
+    part : str
+        Title of the test in the file (block, sheet, group); may be empty.
+    findings : tuple of Finding
+        What was left out and makes the log doubtful.
+    may_run_on : bool
+        It may be the next piece of one record, where its time runs on from the table before.
+    hint : str
+        Why names may be missing, said where a channel is not found; may be empty.
+    """
+
+    columns: tuple[Column, ...]
+    load: Callable[[Mapping[str, int]], Samples]
+    metadata: Mapping[str, str] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    part: str = ""
+    findings: tuple[Finding, ...] = ()
+    may_run_on: bool = False
+    hint: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Format:
+    """One format: a reader and this line are all that it takes.
+
+    Attributes
+    ----------
+    name : str
+        For people.
+    reader : str
+        ``module:function`` in this package, loaded when a log is of the format:
+        (source, options) -> tables, one for each test.
+    suffixes : tuple of str
+        In lower case, with the point.
+    magic : tuple of bytes
+        What its files start with; empty when nothing tells.
+    in_child : bool
+        Read in a process of its own, so that other logs can be read meanwhile.
+    """
+
+    name: str
+    reader: str
+    suffixes: tuple[str, ...]
+    magic: tuple[bytes, ...] = ()
+    in_child: bool = False
+
+    def read(self, source: Source, options: ReadOptions) -> tuple[Table, ...]:
+        """Return the tables of a file."""
+        module, _, function = self.reader.partition(":")
+        tables: tuple[Table, ...] = getattr(import_module(f"damperfit.io.{module}"), function)(
+            source, options
+        )
+        return tables
+
+
+_MAT73 = (b"MATLAB 7.3 MAT-file", b"\x89HDF")
+_OFFICE = (b"PK\x03\x04", b"\xd0\xcf\x11\xe0")
+_MDF = (b"MDF     ", b"UnFinMF ")
+FORMATS = (
+    Format("Parquet", "parquet:read_parquet", (".parquet", ".pq"), (b"PAR1",)),
+    Format("MATLAB", "groups:read_matlab", (".mat",), (b"MATLAB 5.0 MAT-file",), in_child=True),
+    Format("MATLAB 7.3", "groups:read_matlab", (".mat", ".h5"), _MAT73, in_child=True),
+    Format("TDMS", "groups:read_tdms", (".tdms",), (b"TDSm",)),
+    Format("MDF", "groups:read_mdf", (".mf4", ".mdf"), _MDF, in_child=True),
+    Format("Excel", "excel:read_excel", (".xlsx", ".xls"), _OFFICE),
+    Format("JSON", "json_log:read_json", (".json", ".jsonl", ".ndjson")),
+    Format("text", "text:read_delimited", (".csv", ".txt", ".tsv", ".dat", ".asc", ".log")),
+)
+_JSON, _TEXT = FORMATS[-2:]  # any suffix may stand for text
+
+# What a file in a folder is called that is taken for a log.
+_PLAIN = tuple(suffix for known in FORMATS for suffix in known.suffixes)
+LOG_SUFFIXES = (*_PLAIN, *(f"{suffix}.gz" for suffix in _PLAIN))
+
+# What is known by its first bytes and not read, and why.
+_PICKLE = "this is a Python pickle, which could run code; write CSV or Parquet"
+_ARCHIVE = "this is an archive; unpack it and give the logs in it"
+_REFUSED = (
+    (b"\x93NUMPY", "this is a NumPy array without names or units; write CSV or Parquet"),
+    *((b"\x80" + bytes([protocol]), _PICKLE) for protocol in (2, 3, 4, 5)),
+    *((magic, _ARCHIVE) for magic in (b"7z\xbc\xaf\x27\x1c", b"Rar!\x1a\x07")),
+    *((magic, _ARCHIVE) for magic in (b"BZh", b"\xfd7zXZ\0", b"\x28\xb5\x2f\xfd")),
+    (b"%PDF", "this is a PDF; export the log as delimited text"),
+    (b"SQLite format 3\0", "this is a database; export the log as delimited text"),
+)
+_TAR = 257  # where a tar archive says "ustar"
+
+
+def find_format(source: Source) -> Format:
+    """Return the format of a file: what its first bytes say, else what its suffix says.
+
+    Raises
+    ------
+    LogError
+        It is of a kind that is not read, or does not begin as its suffix says.
+    """
+    for known in FORMATS:
+        if known.magic and source.data.startswith(known.magic):
+            return known
+    for magic, reason in _REFUSED:
+        if source.data.startswith(magic):
+            raise LogError(f"{source.name}: {reason}")
+    if source.data.startswith(b"ustar", _TAR):
+        raise LogError(f"{source.name}: {_ARCHIVE}")
+    if is_json(source.data):
+        return _JSON
+    suffix = PurePath(source.name).suffix.lower()
+    named = next((known for known in FORMATS if suffix in known.suffixes), _TEXT)
+    if named is not _TEXT and is_binary(source.data):
+        raise LogError(
+            f"{source.name}: is named like {named.name} and does not begin like it; it is damaged "
+            "or of a version that is not read"
+        )
+    return _TEXT

@@ -1,0 +1,282 @@
+"""A table of tests: which file is which damper, at which setting, and whatever else is known.
+
+One row a log, with the columns ``file``, each adjuster (or ``setting``, a label), those of
+`Identity`, and any others. Written by hand or saved by a spreadsheet: comma, semicolon or tab,
+UTF-8 or Latin-1.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from damperfit.errors import ConfigurationError, did_you_mean
+from damperfit.tested.identity import IDENTITY_KEYS, Identity, identity_in
+from damperfit.tested.setting import ADJUSTER, parse_place, parse_setting
+from damperfit.units.quantities import parse_quantity, says_absolute_or_gauge
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from pathlib import Path
+
+    from damperfit.tested.setting import Place
+
+__all__ = [
+    "FACTS",
+    "TestRow",
+    "TestsTable",
+    "fact_of",
+    "facts_in",
+    "is_tests_table",
+    "read_tests",
+]
+
+
+# What one log was tested at, where somebody says so: gas pressure, temperature, tare, skew.
+
+# What may stand for each log, and its dimension.
+FACTS = {
+    "gas_pressure": "absolute pressure",
+    "temperature": "temperature",
+    "tare": "force",
+    "skew": "time",
+}
+# What the test was; a tare or a skew that a log itself names may have been taken off already.
+_OF_PREAMBLES = ("gas_pressure", "temperature")
+
+
+def fact_of(key: str, text: str) -> float:
+    """Return what somebody says of a test, SI; a temperature in degrees Celsius.
+
+    Parameters
+    ----------
+    key : str
+        Of `FACTS`.
+    text : str
+        With its unit.
+
+    Raises
+    ------
+    ValueError
+        It is no such quantity, or does not say what a pressure counts from.
+
+    Examples
+    --------
+    >>> fact_of("gas_pressure", "5.6bara"), fact_of("temperature", "31")
+    (560000.0, 31.0)
+    """
+    value = parse_quantity(text, FACTS[key])
+    if key == "gas_pressure" and not says_absolute_or_gauge(text):
+        raise ValueError("expected a unit that says what it counts from, as in 5.6bara or 80psig")
+    return value
+
+
+def facts_in(preamble: Mapping[str, str]) -> tuple[dict[str, float], tuple[str, ...]]:
+    """Return the facts that a log's own preamble tells, and which lines say too little.
+
+    Parameters
+    ----------
+    preamble : mapping of str to str
+        Lines above the log, by their keys.
+
+    Examples
+    --------
+    >>> facts_in({"Gas pressure": "8bara", "tare": "3N"})
+    ({'gas_pressure': 800000.0}, ())
+    """
+    facts, notes = {}, []
+    for name, text in preamble.items():
+        key = re.sub(r"[\W_]+", "_", name.casefold()).strip("_")
+        if key not in _OF_PREAMBLES:
+            continue
+        try:
+            facts[key] = fact_of(key, text)
+        except ValueError as error:
+            notes.append(f"{name}: {text}: not used; {error}")
+    return facts, tuple(notes)
+
+
+_FILE = ("file", "log", "filename", "datei")
+_MAX_BYTES = 10_000_000
+_SHORT = 4
+
+
+@dataclass(frozen=True, slots=True)
+class TestRow:
+    """What a table says of one log.
+
+    Attributes
+    ----------
+    line : int
+        Of the table, from 1.
+    places : mapping of str to Place
+        Where adjusters stand; an empty cell says nothing.
+    identity : Identity
+        Whose it is.
+    facts : mapping of str to float
+        What it was tested at, SI, temperature in degrees Celsius: a name of `FACTS`.
+    """
+
+    __test__ = False  # no test of pytest's
+
+    line: int
+    places: Mapping[str, Place] = field(default_factory=dict)
+    identity: Identity = Identity()
+    facts: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class TestsTable:
+    """A table of tests.
+
+    Attributes
+    ----------
+    path : pathlib.Path
+        Where it stands.
+    rows : mapping of str to TestRow
+        By file name as written, with ``/`` between folders.
+    notes : tuple of str
+        What was doubtful in it.
+    """
+
+    __test__ = False
+
+    path: Path
+    rows: Mapping[str, TestRow]
+    notes: tuple[str, ...] = ()
+
+
+def is_tests_table(path: Path) -> bool:
+    """Whether a file called ``tests.csv`` is a table of tests: its first line names a file."""
+    if path.name.casefold() != "tests.csv":
+        return False
+    try:
+        with path.open("rb") as file:
+            first = _text(file.read(4096)).splitlines()
+    except OSError:
+        return False
+    return bool(first) and _column_of(_FILE, _fields(first[0])) is not None
+
+
+def read_tests(path: Path, adjusters: Sequence[str]) -> TestsTable:
+    """Read a table of tests.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        The table.
+    adjusters : sequence of str
+        Names of the adjusters.
+
+    Raises
+    ------
+    ConfigurationError
+        The file cannot be read, has no column ``file``, a row has too many fields, says no
+        setting, or tells a file twice in two ways.
+    """
+    try:
+        if path.stat().st_size > _MAX_BYTES:
+            raise ConfigurationError(f"{path}: larger than 10 MB; this is not a table of tests")
+        text = _text(path.read_bytes())
+    except (OSError, ValueError) as error:
+        said = getattr(error, "strerror", None) or error
+        raise ConfigurationError(f"{path}: cannot be read: {said}") from error
+    lines = text.splitlines()
+    heading = next((k for k, line in enumerate(lines) if line.strip()), None)
+    if heading is None:
+        raise ConfigurationError(
+            f"{path}: is empty; expected a line of names, as in 'file,setting'"
+        )
+    names = [name.strip() for name in _fields(lines[heading])]
+    at = _column_of(_FILE, names)
+    if at is None:
+        raise ConfigurationError(
+            f"{path}:{heading + 1}: no column 'file'; found {', '.join(names[:10])}; name the "
+            "one that holds the names of the logs 'file'"
+        )
+    if doubled := [name for name in names if name and names.count(name) > 1]:
+        raise ConfigurationError(f"{path}:{heading + 1}: two columns are named '{doubled[0]}'")
+    separator = _separator(lines[heading])
+    rows: dict[str, TestRow] = {}
+    for k, line in enumerate(lines[heading + 1 :], start=heading + 2):
+        cells = [cell.strip() for cell in next(csv.reader([line], delimiter=separator), [])]
+        if not any(cells):
+            continue
+        if len(cells) > len(names):
+            raise ConfigurationError(
+                f"{path}:{k}: {len(cells)} fields, but {len(names)} names in line {heading + 1}; "
+                "put a text that holds the separator in quotes"
+            )
+        filled = {name: cell for name, cell in zip(names, cells, strict=False) if name and cell}
+        file = filled.pop(names[at], "").replace("\\", "/").removeprefix("./")
+        if not file:
+            raise ConfigurationError(f"{path}:{k}: no file name in column '{names[at]}'")
+        row = _row(filled, adjusters, f"{path}:{k}", line=k)
+        before = rows.setdefault(file, row)
+        if (before.places, before.identity, before.facts) != (row.places, row.identity, row.facts):
+            raise ConfigurationError(
+                f"{path}:{k}: '{file}' is in line {before.line} too, with other values; "
+                "leave one of the two out"
+            )
+    return TestsTable(path, rows, tuple(_misspelt(names, adjusters, path)))
+
+
+def _row(filled: dict[str, str], adjusters: Sequence[str], where: str, *, line: int) -> TestRow:
+    places: dict[str, Place] = {}
+    facts: dict[str, float] = {}
+    others = {}
+    for name, cell in filled.items():
+        key = re.sub(r"[\W_]+", "_", name.casefold()).strip("_")
+        try:
+            if key == ADJUSTER:
+                places |= dict(parse_setting(cell, adjusters).places)
+            elif key in adjusters:
+                places[key] = parse_place(cell.replace(",", "."))
+            elif key in FACTS:
+                facts[key] = fact_of(key, cell)
+            else:
+                others[name] = cell
+        except ValueError as error:
+            raise ConfigurationError(f"{where}: {name}: found '{cell}', {error}") from error
+    known = identity_in(others)
+    used = set(known.describe().values())
+    more = tuple((name, cell) for name, cell in others.items() if cell not in used)
+    return TestRow(line, places, Identity(**known.describe(), more=more), facts)
+
+
+def _misspelt(names: Sequence[str], adjusters: Sequence[str], path: Path) -> list[str]:
+    """Say which columns are nearly those of an adjuster or of the damper, and are not taken so."""
+    # Short names lie near too many words.
+    known = (*adjusters, *IDENTITY_KEYS, *(name for name in FACTS if len(name) > _SHORT))
+    notes = []
+    for name in names:
+        if _column_of(_FILE, [name]) is not None:
+            continue
+        hint = did_you_mean(name.casefold(), known)
+        if hint and name.casefold() not in known and not identity_in({name: "x"}).describe():
+            notes.append(f"{path}: column '{name}' is kept as a remark.{hint}")
+    return notes
+
+
+def _column_of(words: Sequence[str], names: Sequence[str]) -> int | None:
+    plain = [re.sub(r"[\W_]+", "", name.casefold()) for name in names]
+    return next((plain.index(word) for word in words if word in plain), None)
+
+
+def _fields(line: str) -> list[str]:
+    return next(csv.reader([line], delimiter=_separator(line)), [])
+
+
+def _separator(line: str) -> str:
+    return max(";\t,", key=lambda mark: (line.count(mark), mark == ","))
+
+
+def _text(data: bytes) -> str:
+    for encoding in ("utf-8-sig", "utf-16" if data[:2] in {b"\xff\xfe", b"\xfe\xff"} else "utf-8"):
+        try:
+            return data.decode(encoding)
+        except UnicodeDecodeError:
+            continue
+    return data.decode("latin-1")

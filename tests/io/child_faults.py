@@ -1,0 +1,35 @@
+"""A reader for a child process that does what its log says: for test_child_process.py."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import time
+
+from damperfit.errors import LogError
+from damperfit.io.child_process import ChildAnswer
+
+_SEEN: list[bytes] = []
+
+
+def answer(data: bytes, limit: int) -> ChildAnswer:
+    _SEEN.append(data)
+    word, _, rest = data.partition(b" ")
+    if word == b"refuse":
+        raise LogError("this one is refused")
+    if word == b"raise":
+        raise RuntimeError("no LogError")
+    if word == b"exit":
+        os._exit(7)
+    if word == b"crash" or (word == b"wears" and len(_SEEN) > 1):
+        os.kill(os.getpid(), signal.SIGSEGV)
+    if word == b"sleep":
+        time.sleep(60.0)
+    if word == b"allocate" or (word == b"leak" and len(_SEEN) > 1):
+        bytes(int(rest) + 3 * limit)  # counts, and is never touched
+    if word == b"print":
+        sys.stdout.write("to the answer?")
+        sys.stdout.flush()
+        os.write(1, b"to the answer?")
+    return ChildAnswer({"pid": os.getpid(), "n_seen": len(_SEEN)}, [data, b"", bytes(len(data))])

@@ -1,0 +1,237 @@
+"""Children that read logs: one lasts, a log that breaks it costs itself alone."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from damperfit.errors import LogError
+from damperfit.io import ReadOptions, child_process
+from damperfit.io.child_process import ChildAnswer, ChildReader, ask_child
+from damperfit.io.files import Source
+
+READER = ChildReader("Fault", "none", "json", "tests.io.child_faults:answer")
+LIMIT = 50_000_000
+GIB = 1 << 30
+
+
+@pytest.fixture(autouse=True)
+def children(monkeypatch):
+    """Children of this test alone."""
+    pool = child_process._Children()
+    monkeypatch.setattr(child_process, "_CHILDREN", pool)
+    yield pool
+    pool.end()
+
+
+def ask(data: bytes, limit: int = LIMIT, reader: ChildReader = READER) -> ChildAnswer:
+    source = Source("log.x", "log.x", data, str)
+    return ask_child(reader, source, ReadOptions(max_bytes=limit))
+
+
+def refusal(data: bytes, limit: int = LIMIT) -> str:
+    with pytest.raises(LogError) as caught:
+        ask(data, limit)
+    assert str(caught.value).startswith("log.x: ")
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+def test_one_child_reads_all_logs_one_after_the_other() -> None:
+    answers = [ask(b"log %d" % i) for i in range(5)]
+    assert len({answer.said["pid"] for answer in answers}) == 1
+    assert [answer.said["n_seen"] for answer in answers] == [1, 2, 3, 4, 5]
+    assert answers[3].parts == [b"log 3", b"", bytes(5)]
+
+
+def test_large_bytes_go_both_ways() -> None:
+    data = os.urandom(3_000_000)
+    assert ask(data).parts[0] == data
+
+
+def test_what_a_library_prints_is_no_answer() -> None:
+    assert ask(b"print").said == ask(b"log").said | {"n_seen": 1}
+
+
+@pytest.mark.parametrize(
+    ("log", "says", "n_before"),
+    [
+        (b"crash", "damaged Fault file: its reader ended by SIGSEGV; copy the log again", 0),
+        (b"crash", "damaged Fault file: its reader ended by SIGSEGV; copy the log again", 1),
+        (b"exit", "damaged Fault file: its reader ended by code 7", 1),
+        (b"raise", "damaged Fault file: its reader ended by code 1", 0),
+        (b"refuse", "log.x: this one is refused", 1),
+        (
+            b"allocate 2000000000",
+            r"needs more memory than the limit \(rig.max_log_bytes\) allows",
+            1,
+        ),
+    ],
+)
+def test_a_log_that_breaks_its_child_costs_itself_alone(log, says, n_before) -> None:
+    pids = [ask(b"before").said["pid"] for _ in range(n_before)]
+    with pytest.raises(LogError, match=says):
+        ask(log)
+    answer = ask(b"after")
+    # Nor is a child asked again that has refused: its memory may be spoilt.
+    assert answer.said["pid"] not in pids
+    assert answer.said["n_seen"] == 1
+
+
+def test_a_library_that_cannot_spoil_memory_goes_on_after_a_refusal() -> None:
+    safe = replace(READER, is_memory_safe=True)
+    pid = ask(b"before", reader=safe).said["pid"]
+    with pytest.raises(LogError, match="this one is refused"):
+        ask(b"refuse", reader=safe)
+    assert ask(b"after", reader=safe).said["pid"] == pid
+    with pytest.raises(LogError, match=r"rig\.max_log_bytes"):
+        ask(b"allocate 2000000000", reader=safe)
+    assert ask(b"after", reader=safe).said["pid"] != pid
+
+
+@pytest.mark.parametrize("log", [b"wears", b"leak 2000000000"])
+def test_what_the_logs_before_did_to_a_child_is_not_blamed_on_the_next(log) -> None:
+    first = ask(log)
+    second = ask(log)
+    assert second.said["pid"] != first.said["pid"]
+    assert second.said["n_seen"] == 1
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="memory is limited there alone")
+@pytest.mark.parametrize("order", [(1, 30), (30, 1)])
+def test_memory_is_limited_for_each_log_by_its_own_limit(order) -> None:
+    # A third of a gigabyte beside three times the limit: below and above what a child may take.
+    for limit in order:
+        wanted = b"allocate %d" % (GIB // 3)
+        assert ask(wanted, limit * 10_000_000).said["n_seen"] == order.index(limit) + 1
+    too_much = b"allocate %d" % (GIB + 10_000_000)
+    assert "rig.max_log_bytes" in refusal(too_much, order[1] * 10_000_000)
+
+
+def test_a_huge_limit_is_none() -> None:
+    assert ask(b"allocate 1000", 1 << 20).said["n_seen"] == 1
+    source = Source("log.x", "log.x", b"log", str)
+    options = ReadOptions(max_bytes=1 << 70)
+    assert ask_child(READER, source, options).said["n_seen"] == 2
+
+
+def test_a_child_that_never_ends_is_ended(monkeypatch) -> None:
+    pid = ask(b"log").said["pid"]
+    monkeypatch.setattr(child_process, "_TIME_LIMIT", 0.1)
+    start = time.monotonic()
+    assert "damaged Fault file: not read in 0.1 s" in refusal(b"sleep")
+    assert time.monotonic() - start < 20.0
+    assert is_gone(pid)
+    # A large log gets a second for each megabyte.
+    assert "not read in 1.1 s" in refusal(b"sleep " + bytes(1_000_000))
+
+
+def is_gone(pid: int, seconds: float = 20.0) -> bool:
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        try:
+            os.kill(pid, 0)
+        except ProcessLookupError:
+            return True
+        stat = Path(f"/proc/{pid}/stat")
+        if stat.exists() and stat.read_text().split()[2] == "Z":  # ended, and nobody waits for it
+            return True
+        time.sleep(0.02)
+    return False
+
+
+def test_a_child_that_nobody_asks_ends_and_the_next_log_gets_another(monkeypatch) -> None:
+    brief = child_process._CHILD.replace(
+        "serve()", "import damperfit.io.child_process as c; c._IDLE = 0.3; serve()"
+    )
+    monkeypatch.setattr(child_process, "_CHILD", brief)
+    pid = ask(b"log").said["pid"]
+    assert is_gone(pid)
+    assert ask(b"log").said["pid"] != pid
+
+
+def test_a_child_that_ended_unseen_is_replaced(children, monkeypatch) -> None:
+    pid = ask(b"log").said["pid"]
+    os.kill(pid, signal.SIGKILL)
+    # As if it had ended after it was looked at.
+    monkeypatch.setattr(child_process._Child, "is_alive", True)
+    assert ask(b"log" + bytes(1_000_000)).said["pid"] != pid
+
+
+def test_a_child_that_does_not_even_start_is_one_sentence(monkeypatch) -> None:
+    monkeypatch.setattr(child_process, "_CHILD", "raise SystemExit(3)")
+    assert "its reader ended by code 3" in refusal(bytes(1_000_000))
+
+
+def test_threads_have_children_of_their_own(children) -> None:
+    def many(k: int) -> list[bytes]:
+        return [ask(b"log %d %d" % (k, i)).parts[0] for i in range(20)]
+
+    with ThreadPoolExecutor(3) as pool:
+        found = list(pool.map(many, range(3)))
+    assert found == [[b"log %d %d" % (k, i) for i in range(20)] for k in range(3)]
+    assert 1 <= len(children._idle) <= 3
+
+
+_PARENT = f"""
+import os, sys, time
+from damperfit.io import ReadOptions
+from damperfit.io.child_process import ChildReader, ask_child
+from damperfit.io.files import Source
+def pid():
+    source = Source("a", "a", b"log", str)
+    return ask_child({READER!r}, source, ReadOptions()).said["pid"]
+"""
+
+
+def parent(code: str, **how) -> subprocess.Popen:
+    root = Path(__file__).parents[2]
+    return subprocess.Popen(
+        [sys.executable, "-W", "error", "-c", _PARENT + code],
+        cwd=root,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        **how,
+    )
+
+
+@pytest.mark.parametrize("is_killed", [False, True])
+def test_children_end_with_their_parent(is_killed) -> None:
+    with parent("print(pid(), flush=True)\ntime.sleep(60.0)\n") as process:
+        child = int(process.stdout.readline())
+        if is_killed:
+            process.kill()
+        else:
+            process.terminate()
+    assert is_gone(child, 5.0)  # before it would end for want of logs
+
+
+def test_a_parent_that_ends_says_nothing_of_its_children() -> None:
+    with parent("print(pid())") as process:
+        out, err = process.communicate(timeout=60)
+    assert err == ""
+    assert is_gone(int(out), 5.0)
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork")
+def test_a_fork_does_not_read_the_answers_of_its_parents_children() -> None:
+    code = """
+first = pid()
+if os.fork() == 0:
+    print(pid() != first, flush=True)
+    os._exit(0)
+os.wait()
+print(pid() == first)
+"""
+    with parent(code) as process:
+        out, err = process.communicate(timeout=60)
+    assert (out.split(), err) == (["True", "True"], "")

@@ -1,0 +1,195 @@
+"""Declarations: defaults < [rig] < the profile of the log < the command line, for every key."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from dataclasses import fields
+
+import pytest
+
+from damperfit.cli import option_values
+from damperfit.configuration.loading import configuration_toml, load_configuration
+from damperfit.errors import ConfigurationError
+from damperfit.io import ReadOptions, read_log
+from damperfit.io.options import Declarations
+
+# Key of [rig] -> its default, and two other values, as in TOML.
+VALUES = {
+    "setting_pattern": (ReadOptions().setting_pattern, r"n(\d+)", r"m(\d+)"),
+    "part_settings": ([], [1, 2], [3]),
+    "columns.force": ("", "Load cell", 4),
+    "units.force": ("", "kN", "lbf"),
+    "scales.force": (1.0, 250.0, -3.0),
+    "offsets.force": (0.0, 1.5, -1.5),
+    "reverse_force": ("detect", True, False),
+    "reverse_displacement": ("detect", True, False),
+    "encoding": ("", "cp1252", "utf-16"),
+    "separator": ("", ";", "tab"),
+    "decimal": ("", ",", "."),
+    "thousands": ("", "'", " "),
+    "skip_lines": (0, 2, 5),
+    "sample_rate": (0.0, 200.0, "1kHz"),
+    "pause": (0.0, 60.0, "500ms"),
+    "restarts": ("refuse", "split", "last"),
+    "bad_rows": ("refuse", "drop", "refuse"),
+    "allow_truncated": (False, True, False),
+    "tested_at.gas_pressure": ("1bara", "8bara", "9barg"),
+    "tested_at.temperature": (0.0, 31, -5.5),
+    "tested_at.tare": (0.0, "12N", -3.5),
+    "tested_at.skew": (0.0, "2ms", "-1ms"),
+}
+SI = {
+    "1kHz": 1000.0, "500ms": 0.5, "1bara": 1e5, "8bara": 8e5, "12N": 12.0,
+    "2ms": 2e-3, "9barg": 1001325.0, "-1ms": -1e-3,
+}  # fmt: skip
+
+
+def in_force(folder, rig: dict, profile: dict, command_line: dict) -> ReadOptions:
+    lines = ["[rig]", *_entries(rig), "[rig.profiles.bench]", 'files = "bench*"']
+    path = folder / "rig.toml"
+    path.write_text("\n".join([*lines, *_entries(profile)]), encoding="utf-8")
+    texts = [f"{key}={json.dumps(value)}" for key, value in command_line.items()]
+    configuration = option_values.configured(path, *option_values.rig_entries(texts))
+    return configuration.reading.for_file("bench_1.csv")[0]
+
+
+def _entries(values: dict) -> list[str]:
+    return [f"{key} = {json.dumps(value)}" for key, value in values.items()]
+
+
+def found(options: ReadOptions, key: str) -> object:
+    name, _, channel = key.partition(".")
+    value = getattr(options, name)
+    default = VALUES[key][0]
+    return value.get(channel, SI.get(default, default)) if channel else value
+
+
+def test_every_declaration_is_looked_at_below() -> None:
+    keys = {key.partition(".")[0] for key in VALUES}
+    assert keys == {field.name for field in fields(Declarations)}
+
+
+@pytest.mark.parametrize("key", VALUES)
+def test_the_nearest_word_counts_also_where_it_is_the_default(tmp_path, key) -> None:
+    choices = [{}, *({key: value} for value in dict.fromkeys(map(_frozen, VALUES[key])))]
+    choices = [{k: list(v) if isinstance(v, tuple) else v for k, v in c.items()} for c in choices]
+    # Each level with and without a word, every word nearest once: not all 64.
+    words = [choices[1:][k:] + choices[1:][:k] for k in range(len(choices) - 1)]
+    said = [(word[0], word[1 % len(word)], word[-1]) for word in words]
+    for three, has in itertools.product(said, itertools.product([True, False], repeat=3)):
+        levels = [one if there else {} for one, there in zip(three, has, strict=True)]
+        told = [level[key] for level in levels if level]
+        expected = told[-1] if told else VALUES[key][0]
+        expected = tuple(expected) if isinstance(expected, list) else SI.get(expected, expected)
+        assert found(in_force(tmp_path, *levels), key) == expected, levels
+
+
+def _frozen(value: object) -> object:
+    return tuple(value) if isinstance(value, list) else value
+
+
+def test_tables_are_put_over_each_other_channel_by_channel(tmp_path) -> None:
+    rig = {"units.force": "N", "units.displacement": "cm", "units.time": "ms"}
+    options = in_force(
+        tmp_path, rig, {"units.force": "kN", "units.time": "min"}, {"units.time": "s"}
+    )
+    assert options.units == {"force": "kN", "displacement": "cm", "time": "s"}
+
+
+def test_what_is_printed_reads_logs_alike(tmp_path) -> None:
+    # Printed, what the command line says is no longer told from [rig]: profiles must hold it.
+    path = tmp_path / "rig.toml"
+    path.write_text('[rig.profiles.b]\nfiles = "b*"\ndecimal = "."\nunits = {force = "N"}\n')
+    settings = load_configuration(path, overlay={"rig": {"decimal": "", "units": {"force": "kN"}}})
+    path.write_text(configuration_toml(settings), encoding="utf-8")
+    assert load_configuration(path) == settings
+    options, _ = load_configuration(path).reading.for_file("b1.csv")
+    assert (options.decimal, options.units) == ("", {"force": "kN"})
+
+
+def test_other_profiles_are_not_put_over_the_one_that_is_taken(tmp_path) -> None:
+    path = tmp_path / "rig.toml"
+    path.write_text(
+        '[rig.profiles.a]\ndecimal = ","\nfiles = "a*"\n[rig.profiles.b]\nthousands = ","\n'
+    )
+    assert load_configuration(path).reading.for_file("a1.csv")[0].decimal == ","
+
+
+def test_the_command_line_may_speak_to_one_profile(tmp_path) -> None:
+    both = {"decimal": ",", "profiles.bench.decimal": "."}
+    assert in_force(tmp_path, {}, {"decimal": ","}, both).decimal == "."
+
+
+def test_a_log_of_another_name_is_read_by_rig_alone(tmp_path) -> None:
+    path = tmp_path / "rig.toml"
+    path.write_text('[rig]\ndecimal = ","\n[rig.profiles.b]\nfiles = "b*"\ndecimal = "."\n')
+    reading = load_configuration(path).reading
+    assert reading.for_file("other.csv")[0].decimal == ","
+    assert reading.for_file("bench.csv")[0].decimal == "."
+
+
+def test_a_profile_gives_the_unit_of_the_log_back(tmp_path) -> None:
+    # Before, a profile could only add to the units of [rig].
+    log = tmp_path / "bench_s3.csv"
+    log.write_text("time_s,displacement_mm,force_kN\n0,1,2\n1,2,3\n2,3,4\n")
+    config = tmp_path / "rig.toml"
+    config.write_text('[rig]\nunits = {force = "N"}\n[rig.profiles.b]\nfiles = "bench*"\n')
+    assert list(read_log(log, load_configuration(config).reading).force) == [2.0, 3.0, 4.0]
+    config.write_text(config.read_text() + 'units = {force = ""}\n')
+    assert list(read_log(log, load_configuration(config).reading).force) == [2e3, 3e3, 4e3]
+
+
+def test_declarations_that_do_not_go_together_are_refused_before_any_log(tmp_path) -> None:
+    with pytest.raises(ConfigurationError, match=r"rig\.profiles\.bench: thousands: ',' already"):
+        in_force(tmp_path, {"decimal": ","}, {"thousands": ","}, {})
+
+
+def test_what_the_command_line_got_wrong_is_not_blamed_on_a_profile(tmp_path) -> None:
+    with pytest.raises(ConfigurationError) as caught:
+        in_force(tmp_path, {}, {"units.force": "N"}, {"units.force": "apples"})
+    assert "profiles" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("unit = {}", r"unknown key 'unit'\. Did you mean 'units'"),
+        ("zzzz = 1", r"unknown key 'zzzz'\. There are .*bad_rows.*, files"),
+        ("skew = '2ms'", r"unknown key 'skew'"),
+        ("units = {force = 'apples'}", r"no unit of force 'apples'"),
+        ("scales = {force = true}", r"\.scales\.force: expected a valid number, found True"),
+        ("columns = {force = 1.5}", r"\.columns\.force: expected a valid string, found 1\.5"),
+        ("skip_lines = '2'", r"\.skip_lines: expected a valid integer, found '2'"),
+        ("part_settings = [true]", r"\.part_settings\.0: expected a valid integer, found True"),
+        ("reverse_force = 'no'", r"expected true, false or 'detect', found 'no'"),
+        ("sample_rate = '1kHz/s'", r"\.sample_rate: no unit of frequency"),
+        ("decimal = ';'", r"decimal: found ';', expected '\.' or ','"),
+        ("files = 3", r"\.files: expected a valid string, found 3"),
+    ],
+)
+def test_a_wrong_key_of_a_profile_is_named_with_its_line(tmp_path, text, says) -> None:
+    path = tmp_path / "rig.toml"
+    path.write_text(f"[rig.profiles.lab]\n{text}\n", encoding="utf-8")
+    with pytest.raises(ConfigurationError, match=r"rig\.profiles\.lab.*" + says) as caught:
+        load_configuration(path)
+    if "decimal" not in text and "apples" not in text:  # those are judged when all is known
+        assert str(caught.value).startswith(f"{path}:{1 if 'unknown' in says else 2}: ")
+
+
+def test_profiles_in_a_list_are_told_the_form_they_have(tmp_path) -> None:
+    path = tmp_path / "rig.toml"
+    path.write_text("[[rig.profiles]]\nfiles = 'cold_*'\n", encoding="utf-8")
+    with pytest.raises(
+        ConfigurationError, match=r"expected sections named \[rig\.profiles\.NAME\]"
+    ):
+        load_configuration(path)
+
+
+@pytest.mark.parametrize("text", ["profiles = 3", "profiles = {lab = 3}"])
+def test_a_profile_is_a_table(tmp_path, text) -> None:
+    path = tmp_path / "rig.toml"
+    path.write_text(f"[rig]\n{text}\n", encoding="utf-8")
+    overlay = {"rig": {"decimal": ","}}
+    with pytest.raises(ConfigurationError, match=r"rig\.toml:2: rig\.profiles.*found 3"):
+        load_configuration(path, overlay=overlay)
