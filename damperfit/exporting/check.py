@@ -91,9 +91,9 @@ def check_export(run: ExportedRun, export: Export) -> tuple[SettingCheck, ...]:
     SimulationError
         The FMU refuses a step.
     """
-    if not run.signals:
+    if not run.run.signals:
         raise ConfigurationError(
-            f"--check: {run.name} has no responses.parquet to check against; run damperfit "
+            f"--check: {run.run.name} has no responses.parquet to check against; run damperfit "
             "identify LOGS again, and export its results folder"
         )
     name, content = next(iter(export.files.items()))
@@ -110,7 +110,7 @@ def check_export(run: ExportedRun, export: Export) -> tuple[SettingCheck, ...]:
         unit = _Unit(content, Path(folder))
 
         def forces(log: LogSignals, part: slice) -> FloatArray:
-            return unit.force(places[log.setting], run.solver.dead_band, log, part)
+            return unit.force(places[log.setting], run.run.solver.dead_band, log, part)
 
         return tuple(_checks(run, export.tables, lambda _: forces))
 
@@ -121,12 +121,12 @@ def _checks(
     """Compare the settings one by one; samples beyond a table are left out."""
     for table in tables:
         forces, rows, n_beyond = make(table), [], 0
-        for log in run.signals:
+        for log in run.run.signals:
             if log.setting != table.setting:
                 continue
             for part in _segments(log.time):
                 interval = float(np.median(np.diff(log.time[part])))
-                design = _filter(run.record, 1.0 / interval)
+                design = _filter(run.run.record, 1.0 / interval)
                 force = apply_filter(design, forces(log, part))
                 inner = slice(round(_RUN_IN / interval), len(force) - round(_EDGE / interval))
                 both = log.force_measured[part][inner], log.force[part][inner]
