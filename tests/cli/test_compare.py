@@ -144,7 +144,7 @@ def test_results_without_errors_are_compared_without_verdicts(run, campaigns) ->
 
 def test_measured_curves_are_compared_without_a_model(run, campaigns) -> None:
     found = _document(run, campaigns / "before", campaigns / "after", "--measured")
-    assert {line["kind"] for line in found["lines"]} == {"measured", "force", "figure"}
+    assert {line["kind"] for line in found["lines"]} == {"force", "figure"}
     assert found["motion"] == "the motion of each test"
     assert found["sentences"][0].startswith("forces as measured: ")
     assert not [note for note in found["notes"] if "model" in note]
@@ -437,7 +437,7 @@ def test_what_two_models_of_the_same_logs_measured_says_nothing_of_the_models(
             assert part in text
         assert "Forces as measured at the tests" in text
     by_model = run("compare", campaigns / "before", campaigns / "again", "--tolerance", "9%")
-    assert "as measured" not in by_model.out
+    assert "forces as measured" not in by_model.out
     assert "(measured)" not in by_model.out
 
 
