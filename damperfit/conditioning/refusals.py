@@ -6,23 +6,24 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.conditioning.corner import fitting_corner
+from damperfit.compiled_core import compiled_core
 from damperfit.conditioning.cycles import clean_cycles
-from damperfit.conditioning.harmonics import harmonic_powers
+from damperfit.conditioning.filters import fitting_corner
 from damperfit.errors import ConditioningError
+from damperfit.statistics import mean_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    FloatArray = NDArray[np.float64]
     from damperfit.conditioning.cycles import Cycles
     from damperfit.conditioning.options import ConditionOptions
     from damperfit.conditioning.timebase import UniformLog
     from damperfit.recording import Recording, Trace
 
-    FloatArray = NDArray[np.float64]
-
 __all__ = [
     "MIN_CYCLES",
+    "harmonic_powers",
     "oversize",
     "refuse_dead",
     "refuse_fast",
@@ -30,6 +31,40 @@ __all__ = [
     "refuse_stroke",
     "refuse_swapped",
 ]
+
+
+# How strong the harmonics of a motion are in a channel.
+
+
+def harmonic_powers(values: FloatArray, turns: float, n_powers: int) -> FloatArray:
+    """Return the power of the harmonics of a motion in whole cycles of a channel.
+
+    Parameters
+    ----------
+    values : numpy.ndarray
+        Shape (n,); its mean is taken off.
+    turns : float
+        Turns of the motion in a sample.
+    n_powers : int
+        As many, from the first on; 16 at most.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (n_powers,), a quarter of the square of each one's amplitude.
+
+    Examples
+    --------
+    >>> angle = 2.0 * np.pi * np.arange(300) / 100
+    >>> harmonic_powers(2.0 * np.sin(angle) + 0.2 * np.sin(3.0 * angle), 0.01, 3).round(6)
+    array([1.  , 0.  , 0.01])
+    """
+    powers = np.empty(n_powers)
+    samples = np.ascontiguousarray(values, np.float64)
+    mean = mean_of(samples)
+    compiled_core().harmonics(samples, powers, mean, 2.0 * np.pi * turns)
+    return powers
+
 
 MIN_CYCLES = 3
 _MIN_SAMPLES = 20
