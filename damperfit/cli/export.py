@@ -23,6 +23,7 @@ from damperfit.cli.options import (
     VersionOption,
 )
 from damperfit.errors import ConfigurationError
+from damperfit.problem import Option
 
 if TYPE_CHECKING:
     from damperfit.exporting import Target
@@ -146,7 +147,7 @@ def _chosen(target: Target, units: str | None, decimal: str) -> tuple[ShownUnits
                 f"and marks of its own ({target.units}); leave it out"
             )
     if decimal not in {".", ","}:
-        raise ConfigurationError(f"--decimal {decimal}: expected . or ,")
+        raise ConfigurationError("expected . or ,", where=Option("decimal", decimal))
     return SI if units is None else parse_units(units), decimal
 
 

@@ -322,9 +322,10 @@ def _speeds(sine: Sine, options: ComparisonOptions) -> tuple[float, ...]:
     if not speeds or max(speeds) >= sine.peak_speed:
         at = f"{max(speeds):g} m/s" if speeds else "the named test speeds"
         raise ConfigurationError(
-            f"{at}: not reached by a sine of {1e3 * sine.amplitude:.4g} mm at "
+            f"not reached by a sine of {1e3 * sine.amplitude:.4g} mm at "
             f"{sine.frequency:.4g} Hz, which peaks at {sine.peak_speed:.3g} m/s; give a lower "
-            "--velocity, or a larger --amplitude or --frequency"
+            "--velocity, or a larger --amplitude or --frequency",
+            subject=at,
         )
     return tuple(speeds)
 

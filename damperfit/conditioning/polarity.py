@@ -249,8 +249,9 @@ def _no_energy(share: float) -> Finding:
 
 def _question(trace: Trace, joules: float, doubt: str) -> ConditioningError:
     return ConditioningError(
-        f"{trace.name}: the damper delivers {-joules:.3g} J per cycle instead of absorbing energy: "
-        f"force or displacement is reversed{f'; {doubt}' if doubt else ''}; {_ASK}"
+        f"the damper delivers {-joules:.3g} J per cycle instead of absorbing energy: "
+        f"force or displacement is reversed{f'; {doubt}' if doubt else ''}; {_ASK}",
+        subject=trace.name,
     )
 
 

@@ -590,7 +590,7 @@ def choose_compared(name: str, log: UniformLog, options: ConditionOptions) -> Co
     try:
         seen = behind_filter(log, options)
     except ConditioningError as error:
-        raise ConditioningError(f"{name}: {error}") from None
+        raise ConditioningError(f"{error}", subject=name) from None
     cycles = _cycles(seen, options)
     one = _one_run(name, seen, cycles, options) if _is_one_run(seen, options) else None
     if one and _n_cycles(one.found) >= MIN_CYCLES:
@@ -762,9 +762,10 @@ def _window(name: str, log: UniformLog, cycles: Cycles | None, edge: int) -> Flo
         stroke = 1e3 * float(np.ptp(log.displacement))
         period = "" if cycles is None else f" ({MIN_CYCLES * cycles.period * h:.3g} s)"
         raise ConditioningError(
-            f"{name}: found {found} whole steady cycle{'s' * (found != 1)} in the displacement "
+            f"found {found} whole steady cycle{'s' * (found != 1)} in the displacement "
             f"(it spans {stroke:.3g} mm; {length}); expected at least {MIN_CYCLES}{period}; "
-            "record a longer log"
+            "record a longer log",
+            subject=name,
         )
     low, high = _untouched(cycles, n, edge)
     rising, falling = (
@@ -780,10 +781,11 @@ def _window(name: str, log: UniformLog, cycles: Cycles | None, edge: int) -> Flo
         return low + cycles.period * np.arange(n_cycles + 1, dtype=np.float64)
     needed = (2.0 * cycles.period + 2.0 * edge) * h
     raise ConditioningError(
-        f"{name}: no whole steady cycle is left after the run-in of one cycle "
+        f"no whole steady cycle is left after the run-in of one cycle "
         f"({cycles.period * h:.3g} s) and the filter's edges ({edge * h:.3g} s at each end); "
         f"{length} with {cycles.n_found} cycles, expected at least {needed:.3g} s of steady "
-        "motion; record a longer log"
+        "motion; record a longer log",
+        subject=name,
     )
 
 

@@ -162,9 +162,10 @@ def _refuse_gap(
     widest = int(np.argmax(counts))
     if counts[widest] > MAX_MISSING + 1:
         raise ConditioningError(
-            f"{recording.name}: gap of {steps[widest]:.4g} s after row {widest + 1} of the data "
+            f"gap of {steps[widest]:.4g} s after row {widest + 1} of the data "
             f"(time {recording.time[widest]:.6g} s); the samples are {typical:.4g} s apart and at "
-            f"most {MAX_MISSING} may be missing; split the log there or log without pauses"
+            f"most {MAX_MISSING} may be missing; split the log there or log without pauses",
+            subject=recording.name,
         )
 
 
@@ -175,8 +176,9 @@ def _missing(recording: Recording, counts: FloatArray) -> int:
     if missing > _MAX_FILLED * expected:
         row = int(np.flatnonzero(counts > 1)[0]) + 1
         raise ConditioningError(
-            f"{recording.name}: {missing} of {expected} samples are missing, first after row "
-            f"{row} of the data; expected at most {100.0 * _MAX_FILLED:.0f} %; check the logger"
+            f"{missing} of {expected} samples are missing, first after row "
+            f"{row} of the data; expected at most {100.0 * _MAX_FILLED:.0f} %; check the logger",
+            subject=recording.name,
         )
     return missing
 

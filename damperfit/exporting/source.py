@@ -77,7 +77,7 @@ def exported_run(
     damper, settings, notes = run.damper, run.settings, []
     if not settings:
         raise ConfigurationError(
-            f"{folder}: no setting has all parameters; run damperfit identify LOGS first"
+            "no setting has all parameters; run damperfit identify LOGS first", subject=folder
         )
     if isinstance(damper, Warmed):
         at = damper.oil_temperature

@@ -115,7 +115,7 @@ def stored_tables(run: ExportedRun, units: ShownUnits) -> Iterator[PlainTable]:
                 table = file.read()
         except (OSError, ValueError, pa.ArrowException) as error:
             raise ConfigurationError(
-                f"{path}: cannot be read: {error}; run damperfit identify LOGS again"
+                f"cannot be read: {error}; run damperfit identify LOGS again", subject=path
             ) from error
         yield _plain(name, table, units)
 

@@ -14,6 +14,7 @@ from damperfit.exporting.header import determined_line, road_line
 from damperfit.exporting.spreadsheets import csv_files, write_xlsx
 from damperfit.exporting.tables import force_tables
 from damperfit.exporting.writers import matlab_files, modelica, text_of
+from damperfit.problem import Option
 from damperfit.units.shown_units import SI, ShownUnits
 
 if TYPE_CHECKING:
@@ -131,8 +132,9 @@ class Target:
         suffixes = ["." + one.rpartition(".")[2] for one in self.file.split(", ")]
         if out.suffix.lower() not in suffixes:
             raise ConfigurationError(
-                f"--out {out}: {self.name} writes {' and '.join(suffixes)} files; give a "
-                "name that ends so, or a folder"
+                f"{self.name} writes {' and '.join(suffixes)} files; give a "
+                "name that ends so, or a folder",
+                where=Option("out", out),
             )
         return out.parent, out.stem
 
@@ -205,7 +207,8 @@ def find_target(name: str) -> Target:
     """
     if name not in TARGETS:
         raise ConfigurationError(
-            f"--to {name}: expected one of {', '.join(TARGETS)}.{did_you_mean(name, TARGETS)} "
-            "damperfit export --list shows them"
+            f"expected one of {', '.join(TARGETS)}.{did_you_mean(name, TARGETS)} "
+            "damperfit export --list shows them",
+            where=Option("to", name),
         )
     return TARGETS[name]
