@@ -33,7 +33,6 @@ import numpy as np
 from damperfit.adjustment import Sine, Stage, fastest_sine, has_lost_errors
 from damperfit.errors import ConfigurationError, OutputError, did_you_mean, refuse_wrong_arguments
 from damperfit.identification.sharing import of_settings
-from damperfit.problem import Option
 from damperfit.recording import natural_order
 from damperfit.store import file_set, settle
 from damperfit.tables import values_from
@@ -76,6 +75,7 @@ _OF_PARAMETERS = ("parameters.parquet", "parameters.csv")
 _SAME = 1e-9  # 4.6bara and 460000 are one pressure, but for the last digit
 _FAN = "fan"  # force against velocity of all settings
 _SHOWN_FAILURES = 5
+NOTEBOOK_COLUMNS = 100
 
 
 @dataclass(frozen=True, slots=True)
@@ -322,7 +322,7 @@ class Run:
             return run
         if not place.is_dir():
             raise ConfigurationError(
-                "no such folder; expected the results of damperfit identify", subject=place
+                f"{place}: no such folder; expected the results of damperfit identify"
             )
         settle(place)
         remarks: list[str] = []
@@ -343,9 +343,8 @@ class Run:
                 run.rows(name)
         if not run._rows.get("parameters") and not run._signals:
             raise ConfigurationError(
-                f"nothing to show, {'; '.join(run._remarks) or 'its tables are empty'}; "
-                "run damperfit identify LOGS --out FOLDER first",
-                subject=place,
+                f"{place}: nothing to show, {'; '.join(run._remarks) or 'its tables are empty'}; "
+                "run damperfit identify LOGS --out FOLDER first"
             )
         run._check_settings()
         return run
@@ -623,19 +622,17 @@ class Run:
             option = "--model" if config is None else "--config"
             who = option if config is None else f"{option} {config}"
             raise ConfigurationError(
-                f"damper.model is {given.damper.name}, but the parameters of {self.source} "
-                f"are of {own.name}; leave {option} out, or run identify again with it",
-                subject=who,
+                f"{who}: damper.model is {given.damper.name}, but the parameters of {self.source} "
+                f"are of {own.name}; leave {option} out, or run identify again with it"
             )
         for name, (_, _, unit) in own.ranges.items():
             found, fitted = getattr(given.damper, name), getattr(own, name)
             is_declared = f"damper.{name}" in given.declared
             if is_declared and not math.isclose(found, fitted, rel_tol=_SAME):
                 raise ConfigurationError(
-                    f"damper.{name} is {_in_unit(found, unit)}, but the "
+                    f"--config {config}: damper.{name} is {_in_unit(found, unit)}, but the "
                     f"parameters of {self.source} were fitted with {_in_unit(fitted, unit)} and "
-                    "hold for that damper alone; leave --config out, or run identify again with it",
-                    where=Option("config", config),
+                    "hold for that damper alone; leave --config out, or run identify again with it"
                 )
 
     @property
@@ -941,7 +938,7 @@ class Run:
         """
         where = _path(folder, "run.save", "the path of a folder")
         if where.resolve() == self.folder.resolve():
-            raise OutputError("these results are there already; give another folder", subject=where)
+            raise OutputError(f"{where}: these results are there already; give another folder")
         with file_set(where) as files:
             for name, content in self._files().items():
                 files.path(name).write_bytes(content)
@@ -974,10 +971,9 @@ class Run:
         return test.get("serial") or test.get("damper") or "damperfit"
 
     def _sheet(self) -> Sheet:
-        from damperfit.report.notebook_tables import WIDTH
-        from damperfit.report.tables import summary_sheet
+        from damperfit.report.tables import parameter_sheet
 
-        return summary_sheet(self.rows("parameters"), columns=WIDTH, quantities=self.quantities)
+        return parameter_sheet(self.rows("parameters"), self.quantities, columns=NOTEBOOK_COLUMNS)
 
     def __repr__(self) -> str:
         rows = self.rows("parameters")
@@ -989,12 +985,12 @@ class Run:
         return f"<Run: {f'damper {whose}, ' if whose else ''}{n}{spread}{failed}>"
 
     def __str__(self) -> str:
-        from damperfit.report.notebook_tables import text_table
+        from damperfit.report.sheet import text_table
 
-        return text_table(self._sheet())
+        return text_table(self._sheet(), NOTEBOOK_COLUMNS)
 
     def _repr_html_(self) -> str:
-        from damperfit.report.notebook_tables import html_table
+        from damperfit.report.sheet import html_table
 
         failed = (
             f"FAILED {one.get('name')}: {one.get('reason')}"
@@ -1021,7 +1017,7 @@ def warmed_to(configuration: Configuration, temperature: str | None) -> Configur
     try:
         asked = parse_quantity(temperature, "temperature")
     except ValueError as error:
-        raise ConfigurationError(f"{error}", where=Option("temperature", temperature)) from error
+        raise ConfigurationError(f"--temperature {temperature}: {error}") from error
     return replace(configuration, damper=at_temperature(configuration.damper, asked))
 
 
@@ -1125,4 +1121,4 @@ def _path(value: object, call: str, expected: str) -> Path:
     if isinstance(value, str | os.PathLike) and os.fspath(value) != "":
         return Path(os.fspath(value))
     found = "''" if isinstance(value, str) else type(value).__name__
-    raise ConfigurationError(f"found {found}; expected {expected}", subject=call)
+    raise ConfigurationError(f"{call}: found {found}; expected {expected}")

@@ -33,7 +33,6 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from damperfit.errors import ConfigurationError, InstallationError
 from damperfit.own_process import child_environment
-from damperfit.problem import Option
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -532,9 +531,8 @@ class Cluster:
             self._client = Client(address, timeout=_PATIENCE, set_as_default=False)
         except (OSError, ValueError) as error:
             raise ConfigurationError(
-                f"no scheduler answers ({error}); start one with dask "
-                "scheduler, and workers with dask worker",
-                where=Option("scheduler", address),
+                f"--scheduler {address}: no scheduler answers ({error}); start one with dask "
+                "scheduler, and workers with dask worker"
             ) from error
 
     def close(self) -> None:
@@ -579,8 +577,7 @@ class Cluster:
             return time.monotonic()
         if time.monotonic() - since > _ALONE:
             raise ConfigurationError(
-                f"no worker for {_ALONE:.0f} s; start some with dask worker",
-                where=Option("scheduler"),
+                f"--scheduler: no worker for {_ALONE:.0f} s; start some with dask worker"
             )
         return since
 

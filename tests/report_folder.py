@@ -5,22 +5,36 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.identification import Outcome, compare
-from damperfit.tables import make_tables, table_schema, write_responses, write_table
+from damperfit.tables import (
+    characteristic_rows,
+    lay_out,
+    make_tables,
+    table_schema,
+    write_responses,
+    write_table,
+)
 from tests.fakes import campaign, fit
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
 
 __all__ = ["EVIL", "make_results"]
 
 EVIL = "</script><img src=x onerror=alert(1)>$x_1$.csv"
 
 
-def make_results(folder: Path) -> Path:
-    """Settings 1 good, 2 poor, 3 cavitating, 4 missing, 5 not identifiable with a vile name."""
+def make_results(folder: Path, settings: Iterable[int] = ()) -> Path:
+    """Settings 1 good, 2 poor, 3 cavitating, 4 missing, 5 not identifiable with a vile name.
+
+    With settings: these, all good.
+    """
     cavitating = fit(3, outcome=Outcome.CAVITATING)
     many = campaign(
         fit(1),
@@ -28,7 +42,9 @@ def make_results(folder: Path) -> Path:
         replace(cavitating, parameters=replace(cavitating.parameters, r_m3=2e7)),
         fit(5, status={"k_e": "not_identifiable"}, logs=(EVIL,)),
     )
-    tables = make_tables(many, expected=(1, 2, 3, 4, 5))
+    if settings:
+        many = campaign(*map(fit, settings))
+    tables = make_tables(many, expected=settings or (1, 2, 3, 4, 5))
     rows = tables.parameters.to_pylist()
     rows[0] |= {"k_e_se": 1e7, "k_e_ci_low": 4.9e8, "k_e_ci_high": 5.3e8}
     parameters = pa.Table.from_pylist(rows, schema=table_schema("parameters", {}))
@@ -40,6 +56,28 @@ def make_results(folder: Path) -> Path:
         compare(one.parameters, log.trace, PURDY_DAMPER) for one in many.fits for log in one.logs
     ]
     write_responses(folder / "responses.parquet", many, compared)
+    pairs = [(one, log) for one in many.fits for log in one.logs]
+    rows = [
+        row
+        for (one, log), seen in zip(pairs, compared, strict=True)
+        for row in characteristic_rows(one.setting, log.trace, seen, PURDY_DAMPER)
+    ]
+    characteristics = lay_out("characteristics", rows, settings=[one.setting for one in many.fits])
+    write_table(folder / "characteristics.parquet", characteristics)
+    forces = [
+        {
+            "setting": row["setting"],
+            "speed_m_per_s": row["speed_rebound_m_per_s"],
+            "stroke": stroke,
+            "force_N": row[f"simulated_{stroke}_N"],
+            "told_from": "model",
+        }
+        for row in rows
+        for stroke in ("rebound", "bump")
+        if row["point"] == "speed"
+    ]
+    adjustment = lay_out("adjustment", forces, settings=[one.setting for one in many.fits])
+    write_table(folder / "adjustment.parquet", adjustment)
     record = {
         "version": "0.1.0",
         "schema_version": 1,
@@ -48,6 +86,11 @@ def make_results(folder: Path) -> Path:
         "procedure": ["Damper: rod 19 mm."],
         "inputs": [
             {"log": EVIL, "temperature_degC": 26.4, "notes": [f"note of {EVIL}"]},
+            *(
+                {"log": log.trace.name, "frequency_Hz": 1.5, "amplitude_m": 0.032}
+                for _, log in pairs
+                if log.trace.name != EVIL
+            ),
         ],
     }
     (folder / "run.json").write_text(json.dumps(record), encoding="utf-8")

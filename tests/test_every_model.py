@@ -25,9 +25,10 @@ from damperfit.errors import ConfigurationError
 from damperfit.identification import Campaign, FitOptions, Status, compare, identify
 from damperfit.identification.signatures import signatures
 from damperfit.recording import Recording
-from damperfit.report.markdown import escape, markdown_report
+from damperfit.report.markdown import markdown_report
 from damperfit.report.page import html_report
 from damperfit.report.settings_figures import report_plots
+from damperfit.report.sheet import escape
 from damperfit.results import Run
 from damperfit.simulation import Motion, SolverOptions, simulate
 from damperfit.tables import (
@@ -43,7 +44,7 @@ from damperfit.uncertainty.linearisation import linearise_at_fit
 from tests.damper.test_rivals import NUMBERS
 from tests.damper.test_valve_dampers import VALVES
 from tests.fakes import values_in
-from tests.test_report import FACTS
+from tests.texts import FACTS
 
 if TYPE_CHECKING:
     from pathlib import Path

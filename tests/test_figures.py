@@ -22,7 +22,6 @@ import numpy as np
 import pytest
 from matplotlib.legend import Legend
 from matplotlib.testing.compare import calculate_rms
-from matplotlib.text import Text
 from PIL import Image
 
 from damperfit.report.drawing import compose, fixed_style
@@ -83,15 +82,6 @@ def curves(plot: Plot, path: Path) -> None:
         figure.savefig(path, format="png", dpi=DPI, metadata={"Software": None})
 
 
-def letters(plot: Plot) -> list[str]:
-    """Return everything that a plot says, from top to bottom of its parts."""
-    with fixed_style():
-        figure = compose(plot, dpi=DPI)
-        figure.draw_without_rendering()
-        found = [text.get_text() for text in figure.findobj(Text) if text.get_visible()]
-    return [text for text in found if text]
-
-
 def difference(plot: Plot, golden: Path, folder: Path) -> float:
     path = folder / golden.name
     curves(plot, path)
@@ -104,17 +94,6 @@ def difference(plot: Plot, golden: Path, folder: Path) -> float:
 @pytest.mark.parametrize("name", NAMES)
 def test_a_figure_is_as_agreed(plots, name, tmp_path):
     assert difference(plots[name], GOLDEN / f"{name}.png", tmp_path) < TOLERANCE
-
-
-def test_the_words_of_the_figures_are_as_agreed(plots):
-    text = "".join(
-        f"{name}\n{''.join(f'    {words}{chr(10)}' for words in letters(plots[name]))}"
-        for name in NAMES
-    )
-    path = GOLDEN / "words.txt"
-    if IS_WRITING:
-        path.write_text(text, encoding="utf-8")
-    assert text == path.read_text(encoding="utf-8")
 
 
 def _scaled(line: Line, factor: float) -> Line:

@@ -1,248 +1,117 @@
-"""Reports: rounding, escaping, width, and a golden file for each state a setting can be in.
-
-After a wanted change, write the golden files anew with:
-    DAMPERFIT_WRITE_GOLDEN=1 pytest tests/test_report.py
-and read the difference before committing it.
-"""
+"""Tables and texts of reports: rounding, escaping, width, marks; and all texts as agreed."""
 
 from __future__ import annotations
 
-import io
-import os
+import json
 from dataclasses import replace
-from pathlib import Path
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from markdown_it import MarkdownIt
-from rich.console import Console
 
-from damperfit.identification import Outcome
-from damperfit.report.facts import Failure, ReportFacts
-from damperfit.report.markdown import escape, markdown_report
-from damperfit.report.rounding import number, percent, with_error
-from damperfit.report.sheet import terminal_table
-from damperfit.report.tables import ASCII_LEVELS, parameter_sheet, sparkline, summary_sheet
-from damperfit.tables import make_tables
+from damperfit.adjustment import Click, Trend
+from damperfit.checks import Check
+from damperfit.recording import Finding
+from damperfit.report.facts import Failure
+from damperfit.report.forces import (
+    force_by_setting_sheet,
+    force_sheets,
+    measured_force_sheet,
+    segment_sheet,
+)
+from damperfit.report.laws import law_sentences, rival_sheet, tried_laws_sheet
+from damperfit.report.markdown import markdown_report
+from damperfit.report.records import checks_in, gaps_in, read_back, to_record, units_in
+from damperfit.report.rounding import number, percent, stroke_ratio, with_interval
+from damperfit.report.sheet import Sheet, escape, html_table, markdown_table, text_table
+from damperfit.report.tables import (
+    ASCII_LEVELS,
+    held_out_sheet,
+    parameter_line,
+    parameter_sheet,
+    sparkline,
+)
+from damperfit.report.units import parameters_in_units, rows_in_units, sheet_in_units
+from damperfit.tables import PAPER_QUANTITIES, make_tables
+from damperfit.tested.setting import Setting
+from damperfit.units.shown_units import parse_units
 from tests.fakes import campaign, fit
+from tests.texts import FACTS, FORCES, SNAPSHOT, texts, written
 
-GOLDEN = Path(__file__).parent / "golden"
-FACTS = ReportFacts(version="1.2.3", procedure=("Procedure: paper.",))
-
-
-def _advice(outcome: Outcome) -> tuple[tuple[str, str], ...]:
-    return ((outcome.value, outcome.advice),)
-
-
-STATES = {
-    "good": (campaign(fit(1), fit(2, mse=1.5), fit(3, logs=("a.csv", "b.csv"))), FACTS, ()),
-    "poor": (
-        campaign(fit(1), fit(2, mse=12.34)),
-        replace(FACTS, gates=("setting 2: MSE 12.3 % is above 5 %",)),
-        (),
+SHEET = Sheet(
+    headings=("log", "samples", "force", "change", "verdict"),
+    units=("", "", "N", "N", ""),
+    rows=(
+        ("setting_01.csv", "5000", "1234.5", "+51.1 ± 0.4", "same within errors"),
+        ("setting_02.csv", "5000", "-1250", "-46.0 ± 0.3", "different, perhaps by chance"),
     ),
-    "at_bound": (
-        campaign(fit(1, outcome=Outcome.AT_BOUND, status={"k_e": "at_bound"}, mse=2.5)),
-        replace(FACTS, advice=_advice(Outcome.AT_BOUND)),
-        (),
-    ),
-    "not_identifiable": (
-        campaign(fit(1, outcome=Outcome.NOT_IDENTIFIABLE, status={"k_e": "not_identifiable"})),
-        replace(FACTS, advice=_advice(Outcome.NOT_IDENTIFIABLE)),
-        (),
-    ),
-    "cavitating": (
-        campaign(fit(19, outcome=Outcome.CAVITATING, f_0=-12.5, status={"f_0": "fitted"})),
-        replace(FACTS, advice=_advice(Outcome.CAVITATING)),
-        (),
-    ),
-    "missing": (
-        campaign(fit(1), fit(3)),
-        replace(
-            FACTS,
-            failures=(
-                Failure("setting_02.csv", "runs/setting_02.csv", 2, "LogError", "empty file"),
-            ),
-            warnings=("there is no log of setting 2",),
-            gaps=((2, 2),),
-        ),
-        (1, 2, 3),
-    ),
-    "nothing": (
-        campaign(),
-        replace(
-            FACTS,
-            failures=(Failure("a.csv", "a.csv", None, "LogError", "a.csv: no data rows"),),
-        ),
-        (),
-    ),
-}
-
-
-def _terminal(table: object, width: int = 80) -> str:
-    out = io.StringIO()
-    Console(file=out, width=width, highlight=False, markup=False).print(table)
-    return out.getvalue()
-
-
-def _compare(name: str, text: str) -> None:
-    path = GOLDEN / name
-    if os.environ.get("DAMPERFIT_WRITE_GOLDEN"):
-        path.write_text(text, encoding="utf-8")
-    assert text == path.read_text(encoding="utf-8")
-
-
-@pytest.mark.parametrize("state", STATES)
-def test_the_report_of_each_state_is_as_agreed(state: str) -> None:
-    done, facts, expected = STATES[state]
-    _compare(f"report_{state}.md", markdown_report(make_tables(done, expected=expected), facts))
-
-
-def test_several_settings_without_a_result_are_told_in_the_plural() -> None:
-    text = markdown_report(make_tables(campaign(fit(4))), replace(FACTS, gaps=((1, 3),)))
-    assert "- no result for settings 1-3\n" in text
-
-
-@pytest.mark.parametrize("state", STATES)
-def test_the_terminal_table_of_each_state_is_as_agreed(state: str) -> None:
-    done, _, expected = STATES[state]
-    sheet = summary_sheet(make_tables(done, expected=expected).parameters.to_pylist())
-    text = _terminal(terminal_table(sheet))
-    assert max(len(line) for line in text.splitlines()) <= 80
-    assert "\x1b" not in text  # no colour without a terminal
-    _compare(f"terminal_{state}.txt", text)
-
-
-@pytest.mark.parametrize(
-    ("value", "shown"),
-    [
-        (23945.0, "23945"),
-        (0.0123456, "0.012346"),
-        (-12.5, "-12.500"),
-        (1.5e9, "1.5000e+09"),
-        (float("nan"), "-"),
-        (float("inf"), "-"),
-        (None, "-"),
-        (0.0, "0"),
-    ],
+    is_number=(False, True, True, True, False),
+    notes=("a note that is longer than a narrow screen is wide, and wraps between its words",),
 )
-def test_numbers_have_five_digits(value: float | None, shown: str) -> None:
-    assert number(value) == shown
 
 
-@pytest.mark.parametrize(
-    ("value", "error", "shown"),
-    [
-        (1.2634, 0.1234, "1.26 ± 0.12"),
-        (1.2634, 0.0996, "1.26 ± 0.10"),
-        (45678.9, 321.0, "45680 ± 320"),
-        (-0.004321, 0.00052, "-0.00432 ± 0.00052"),
-        (2.0, None, "2.0000"),
-        (2.0, 0.0, "2.0000"),
-        (2.0, float("nan"), "2.0000"),
-        (None, 0.1, "-"),
-    ],
-)
-def test_a_value_is_rounded_by_its_error(
-    value: float | None, error: float | None, shown: str
-) -> None:
-    assert with_error(value, error) == shown
+@pytest.fixture(scope="module")
+def told():
+    return texts()
 
 
-def test_percentages_have_three_digits() -> None:
-    assert [percent(p) for p in (0.012345, 0.99999, 12.3456, 1e-6, 0.0, None)] == [
-        "0.0123",
-        "1.00",
-        "12.3",
-        "1.0e-06",
-        "0",
-        "-",
-    ]
+def test_all_texts_are_as_agreed(told) -> None:
+    """After a wanted change: python -m tests.texts, and read the difference."""
+    assert written(told).splitlines() == SNAPSHOT.read_text(encoding="utf-8").splitlines()
 
 
-EVIL = "<script>alert(1)</script>|[b](http://x)`_*\x1b[31m\nset #1.csv"
+def test_people_read_of_compression_and_of_95_percent(told) -> None:
+    for name, text in told.items():
+        assert "bump" not in text.replace("valve 2 (bump)", ""), name  # the paper's own word
+        for line in text.splitlines():
+            assert "standard error" not in line, line
+    assert "±95 %" in told["terminal, forces by speed"]
+    assert "MPa ±95 %" in told["report.html"]
 
 
-def test_nothing_in_a_log_name_is_markup_in_the_report() -> None:
-    done = campaign(fit(1, logs=(EVIL,)))
-    facts = replace(
-        FACTS, warnings=(EVIL,), failures=(Failure(EVIL, EVIL, None, "LogError", EVIL),)
-    )
-    text = markdown_report(make_tables(done), facts)
-    assert "\x1b" not in text
-    assert "<script>" not in text.replace("\\<", "")
-    rows = [line for line in text.splitlines() if "script" in line and line.startswith("|")]
-    assert len(rows) == 1
-    assert rows[0].replace("\\|", "").count("|") == 9
+# A table
 
 
-def test_escape_shows_control_characters() -> None:
-    assert escape("a\x00b\x1b") == "a\\\\x00b\\\\x1b"
+@pytest.mark.parametrize("width", [100, 80, 60, 44, 32])
+def test_no_word_is_cut_at_any_width(width) -> None:
+    text = text_table(SHEET, width)
+    assert max(map(len, text.splitlines())) <= width
+    words = set(text.split())
+    for part in (*SHEET.headings, *SHEET.notes, *(cell for row in SHEET.rows for cell in row)):
+        assert words >= set(part.split()), part
+    assert "+51.1 ± 0.4" in text  # a number with its error stays on one line
 
 
-def test_rich_markup_in_a_cell_is_shown_not_obeyed() -> None:
-    sheet = parameter_sheet(make_tables(campaign(fit(1))).parameters.to_pylist())
-    evil = replace(sheet, rows=(("[red]x[/red]", *sheet.rows[0][1:]),))
-    assert "[red]x[/red]" in _terminal(terminal_table(evil), width=120)
+def test_columns_that_do_not_fit_go_below_with_the_first_again() -> None:
+    assert text_table(SHEET, 52).count("setting_01.csv") == 1
+    assert text_table(SHEET, 32).count("setting_01.csv") == 3
 
 
-def test_intervals_are_shown_once_the_table_has_them() -> None:
-    import pyarrow as pa
-
-    table = make_tables(campaign(fit(1))).parameters
-    place = table.schema.get_field_index("k_e_se")
-    with_se = table.set_column(place, table.schema.field(place), pa.array([3.21e6]))
-    row = parameter_sheet(with_se.to_pylist()).rows[0]
-    assert row[4] == "510.0 ± 3.2"
+def test_a_name_longer_than_the_screen_is_folded_and_wide_letters_count_twice() -> None:
+    sheet = Sheet(("log", "n"), ("", ""), (("x" * 50, "12"), ("日本", "3")), (False, True))
+    lines = text_table(sheet, 30).splitlines()
+    assert "".join("".join(lines).split()).count("x") == 50
+    assert max(map(len, lines)) <= 30
+    assert lines[-1].index("3") + 2 == lines[1].index("12") + 1
 
 
-def _with_errors(done, share: float):
-    """Return the parameters of a campaign with standard errors of a share of each value."""
-    import pyarrow as pa
-
-    table = make_tables(done).parameters
-    for name in ("r_m1", "r_m2", "r_m3", "k_e", "f_f"):
-        place = table.schema.get_field_index(f"{name}_se")
-        values = [share * value for value in table.column(name).to_pylist()]
-        table = table.set_column(place, table.schema.field(place), pa.array(values))
-    return table
+def test_colours_are_those_of_words_and_escape_sequences_are_shown() -> None:
+    evil = Sheet(("log", "grade"), ("", ""), (("\x1b[31ma", "excellent"),), (False, False))
+    plain, coloured = text_table(evil), text_table(evil, colours={})
+    assert "\x1b" not in plain
+    assert "\\x1b[31ma" in plain
+    assert "\x1b[32mexcellent\x1b[0m" in coloured
 
 
-def test_the_closing_table_rounds_by_the_errors_and_shows_the_settings_at_a_glance() -> None:
-    table = _with_errors(campaign(*(fit(n) for n in range(1, 21))), 0.00123)
-    text = _terminal(terminal_table(summary_sheet(table.to_pylist())))
-    assert "R_m3 = 2.5970(32)e6 N s/(m2 kg), shared by all settings" in text
-    _compare("terminal_errors.txt", text)
-
-
-@pytest.mark.parametrize("n_free", [3, 5, 6])
-def test_the_closing_table_fits_80_columns_however_many_are_free(n_free: int) -> None:
-    free = dict.fromkeys(("r_m1", "r_m2", "k_e", "r_m3", "f_f", "f_0")[:n_free], "fitted")
-    many = (fit(n, status=free, f_0=-12.5 if n_free == 6 else 0.0) for n in (1, 12, 20))
-    table = _with_errors(campaign(*many), 2.5e-5)
-    text = _terminal(terminal_table(summary_sheet(table.to_pylist())), width=200)
-    assert max(len(line) for line in text.splitlines()) <= 80
-    assert ("(" in text.splitlines()[2]) == (n_free == 3)  # the errors go before the digits
-
-
-def test_the_closing_table_is_ascii_where_that_is_asked() -> None:
-    table = _with_errors(campaign(*(fit(n) for n in range(1, 5))), 0.001)
-    sheet = summary_sheet(table.to_pylist(), levels=ASCII_LEVELS)
-    assert _terminal(terminal_table(sheet)).isascii()
-
-
-def test_a_sparkline_leaves_out_what_is_not_known() -> None:
-    assert sparkline([0.0, None, float("nan"), 7.0]) == "▁  █"
-    assert sparkline([]) == ""
-    assert sparkline([None]) == " "
-
-
-def test_a_setting_of_one_log_has_one_row_of_mse() -> None:
-    text = markdown_report(make_tables(campaign(fit(1), fit(3, logs=("a.csv", "b.csv")))), FACTS)
-    rows = text[text.index("## MSE by") :].splitlines()
-    cells = [line.split(" | ")[:2] for line in rows if line.startswith("| ") and "csv" in line]
-    assert cells == [["| 1", "setting_01.csv"], ["| ", "a.csv"], ["| ", "b.csv"]]
+def test_html_escapes_every_text_and_aligns_numbers() -> None:
+    evil = Sheet(("<b>", "n"), ("", "N"), (("<i>", "1"),), (False, True))
+    text = html_table(evil, caption="<u>")
+    assert not {"<b>", "<i>", "<u>"} & {text[i : i + 3] for i in range(len(text))}
+    assert "<td style='text-align:right'>1</td>" in text
+    assert "<td class=n>1</td>" in html_table(evil, looks={})
 
 
 _MARKS = st.text(alphabet="ab1_*`~<>[]()|#+-.!&;$@\\= \x1b:/", max_size=12)
@@ -256,14 +125,230 @@ def test_markdown_shows_any_text_as_it_is(text: str) -> None:
     for source in (f"- {escape(text)} end", f"| a |\n| --- |\n| {escape(text)} end |"):
         inline = [token for token in reader.parse(source) if token.type == "inline"]
         assert {child.type for token in inline for child in token.children} <= {"text"}
-        assert inline[-1].content
         assert "".join(c.content for c in inline[-1].children) == f"{shown} end".strip()
+    assert markdown_table(Sheet(("a",), ("",), (), (False,))) == []
 
 
-def test_the_markdown_reads_well_as_it_stands() -> None:
-    assert escape("setting_01.csv (+1.2 %, r_m1), 26 +- 1") == (
-        "setting_01.csv (+1.2 %, r_m1), 26 +- 1"
-    )
-    assert [escape(text) for text in ("_a_", "- a", "12. a", "+", "-605.1", "1.5 N")] == [
-        "\\_a\\_", "\\- a", "12\\. a", "\\+", "-605.1", "1.5 N",
+# Numbers
+
+
+@given(st.floats(1e-6, 1e9), st.floats(1e-6, 0.3))
+def test_a_value_is_shown_to_the_place_that_its_interval_tells(value, share) -> None:
+    half = share * value
+    shown, _, error = with_interval(value, value - half, value + half).partition(" ± ")
+    assert abs(float(shown) - value) <= 0.51 * half
+    assert float(error) == pytest.approx(half, rel=0.26)
+
+
+def test_limits_that_are_uneven_or_missing_are_not_half_an_interval() -> None:
+    assert with_interval(10.0, 5.0, 40.0) == "10 (5 to 40)"
+    assert with_interval(10.0, None, 40.0) == with_interval(10.0, None, None) == "10.000"
+    assert with_interval(None, 1.0, 2.0) == "-"
+    assert with_interval(51.13, 50.7, 51.5, plus="+") == "+51.1 ± 0.4"
+    assert with_interval(51.13, 50.7, 51.5, has_error=False) == "51.1"
+
+
+def test_small_and_large_numbers_read_well() -> None:
+    assert [number(x, digits=4) for x in (0.0, 1234.56, 1e-5, 2e7, float("nan"))] == [
+        "0", "1235", "1.000e-05", "2.000e+07", "-",
     ]  # fmt: skip
+    assert [percent(x) for x in (0.5, 12.345, 1e-6, 0.0, None)] == [
+        "0.500", "12.3", "1.0e-06", "0", "-",
+    ]  # fmt: skip
+    assert (stroke_ratio(100.0, -50.0), stroke_ratio(-5.0, -50.0)) == ("2.00", "-")
+
+
+def test_a_sparkline_shows_the_course() -> None:
+    assert sparkline([0.0, None, float("nan"), 7.0]) == "▁  █"
+    assert sparkline([]) == ""
+    assert sparkline([3.0, 1.0], levels=ASCII_LEVELS).isascii()
+
+
+# Parameters
+
+
+def rows(*fits):
+    return make_tables(campaign(*fits)).parameters.to_pylist()
+
+
+def wide(setting, **cells):
+    (row,) = rows(fit(setting))
+    return row | cells
+
+
+def test_intervals_stand_in_the_columns_and_what_is_shared_below() -> None:
+    known = wide(1, k_e_ci_low=4.9e8, k_e_ci_high=5.3e8, f_f_ci_low=49.0, f_f_ci_high=51.0)
+    sheet = parameter_sheet([known, wide(2)])
+    column = sheet.headings.index("K_e")
+    assert sheet.units[column] == "MPa ±95 %"
+    assert sheet.rows[0][column] == "510 ± 20"
+    assert "R_m3" not in sheet.headings
+    assert "f_f = 50.0 ± 1.0 N, shared by all settings" in sheet.notes
+
+
+def test_a_narrow_table_drops_intervals() -> None:
+    many = [wide(n, r_m1_ci_low=1.4e4, r_m1_ci_high=1.6e4, r_m1=1.5e4) for n in range(1, 4)]
+    whole = parameter_sheet(many)
+    assert whole.width(1) <= 100
+    without = parameter_sheet(many, columns=whole.width(1, folds=True) - 1)
+    assert not any("±" in cell for row in without.rows for cell in row)
+    assert any("parameters.csv" in note for note in without.notes)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "said"),
+    [("r_m1", 10.0, "<0.01"), ("r_m1", 20.1, "0.02010"), ("k_e", 1e11, ">1e+05")],
+)
+def test_a_value_at_its_bound_is_the_limit_it_ran_into(name, value, said) -> None:
+    (row,) = rows(fit(1, status={name: "at_bound"}))
+    row[name] = value
+    sheet = parameter_sheet([row, wide(2)])
+    cell = sheet.rows[0][[one.name for one in PAPER_QUANTITIES].index(name) + 1 - (name == "k_e")]
+    assert cell == f"{said} !"
+    if said[0] in "<>":
+        assert "(at bound)" in parameter_line(row)
+
+
+def test_what_is_not_determined_has_no_number() -> None:
+    (row,) = rows(fit(1, status={"k_e": "not_identifiable"}))
+    assert "?" in parameter_sheet([row]).rows[0]
+    assert "K_e cannot be determined" in parameter_line(row)
+
+
+def test_courses_that_errors_cannot_tell_apart_are_flat() -> None:
+    apart = [wide(n, r_m1=1e4 * n, r_m1_se=1.0) for n in (1, 2, 3)]
+    alike = [wide(n, r_m1=1e4 + n, r_m1_se=1e3) for n in (1, 2, 3)]
+    courses = [parameter_sheet(known, levels="abc").notes for known in (apart, alike)]
+    assert "R_m1 abc" in " ".join(courses[0])
+    assert "drawn flat" in " ".join(courses[1])
+
+
+def test_a_setting_of_one_log_has_one_row_of_mse() -> None:
+    text = markdown_report(make_tables(campaign(fit(1), fit(3, logs=("a.csv", "b.csv")))), FACTS)
+    lines = text[text.index("## MSE by") :].splitlines()
+    cells = [line.split(" | ")[:2] for line in lines if line.startswith("| ") and "csv" in line]
+    assert cells == [["| 1", "setting_01.csv"], ["| ", "a.csv"], ["| ", "b.csv"]]
+
+
+def test_several_settings_without_a_result_are_told_in_the_plural() -> None:
+    text = markdown_report(make_tables(campaign(fit(4))), replace(FACTS, gaps=((1, 3),)))
+    assert "- no result for settings 1-3\n" in text
+
+
+def test_what_was_held_out_stands_beside_what_was_fitted() -> None:
+    trace = SimpleNamespace(name="b.csv", amplitude=0.02, frequency=0.0)
+    one = SimpleNamespace(
+        setting=3, trace=trace, cycles="last 3", mse_percent=0.5, fitted_mse_percent=0.1,
+        verdict="worse than fitted",
+    )  # fmt: skip
+    (row,) = held_out_sheet([one]).rows
+    assert row == ("3", "b.csv", "last 3", "20.0", "varies", "0.500", "0.100", "worse than fitted")
+
+
+# Forces
+
+
+def test_force_by_setting_shows_force_click_and_interval() -> None:
+    rebound, compression = force_sheets(FORCES)
+    assert rebound.headings == ("rebound", "0.05", "0.3", "click", "")
+    assert rebound.rows[1] == ("2", "300.0", "801.0 ± 0.4*", "+100 ± 2", "+12.3")
+    assert compression.rows[0] == ("1", "-200.0", "-700.0 ± 0.8", "-", "-")
+    assert not rebound.notes  # they stand once, below the last table
+    assert [sheet.headings[0] for sheet in force_sheets(FORCES, ("bump",))] == ["compression"]
+    (only,) = force_by_setting_sheet(FORCES, ("rebound",)).rows[1:]
+    assert only == ("2", "801.0 ± 0.4*", "+100 ± 2", "+12.3")
+
+
+def test_without_a_neighbour_there_is_no_click() -> None:
+    first = [row for row in FORCES if row["setting"] == 1]
+    assert force_sheets(first)[0].headings == ("rebound", "0.05", "0.3")
+    assert force_sheets([]) == []
+
+
+def test_a_setting_of_several_adjusters_has_a_row_for_each_that_was_turned() -> None:
+    label = Setting.of("R6 C2")
+    several = [row | {"setting": label, "changed": name} for row in FORCES[:4] for name in "RC"]
+    sheet = force_sheets([row | {"change_N": 1.0} for row in several])[0]
+    assert [row[0] for row in sheet.rows] == ["R6 C2, C", "R6 C2, R"]
+
+
+def test_the_measured_force_stands_beside_the_models() -> None:
+    sheet = measured_force_sheet(FORCES)
+    assert sheet.rows[1][:5] == ("2", "0.3", "801.0*", "800.0", "+1.0")
+
+
+def test_forces_are_shown_in_other_units() -> None:
+    units = parse_units("lbf,in/s")
+    (sheet, _) = force_sheets(rows_in_units(FORCES, units))
+    shown = sheet_in_units(sheet, units)
+    assert shown.headings[2] == "11.8"
+    assert "in/s ±95 %" in shown.units
+    assert shown.rows[0][2] == "157.37 ± 0.18"
+    scaled, quantities = parameters_in_units([wide(1)], PAPER_QUANTITIES, units)
+    friction = next(one for one in quantities if one.name == "f_f")
+    assert (friction.unit, scaled[0]["f_f"]) == ("lbf", pytest.approx(50.0 / 4.4482, rel=1e-4))
+
+
+def test_segments_are_in_the_order_of_speed() -> None:
+    row = dict.fromkeys(
+        f"{whose}_{what}"
+        for whose in ("measured", "simulated")
+        for what in ("rebound_N", "bump_N", "energy_J", "hysteresis_rebound_N", "hysteresis_bump_N")
+    )
+    made = [
+        row | {"point": point, "setting": Setting.of(1), "cycles": n, "frequency_Hz": 1.0,
+               "start_s": 0.0, "speed_rebound_m_per_s": speed, "speed_bump_m_per_s": speed}
+        for point, n, speed in (("peak", 3, 0.2), ("speed", 3, 0.05), ("peak", 0, 0.1))
+    ]  # fmt: skip
+    sheet = segment_sheet(made, has_setting=True)
+    assert [(cells[1], cells[3]) for cells in sheet.rows] == [("moving", "0.100"), ("3", "0.200")]
+
+
+# Model structures, records
+
+
+def test_structures_that_were_tried_are_told_loosely() -> None:
+    choice = {
+        "chosen": "purdy",
+        "sentences": ["it leaks"],
+        "undecided": 5,
+        "effective_samples": 40.0,
+        "laws": [{"law": "purdy", "is_chosen": True, "free": ["r_m1"], "mse_percent": 0.00001,
+                  "held_out_mse_percent": None, "bic": 12.3, "gain": "x"}, 7],
+        "rivals": [{"title": "Duym", "source": "1997", "caveat": "no gas", "free": []}],
+    }  # fmt: skip
+    (row,) = tried_laws_sheet(choice).rows
+    assert row == ("*", "purdy", "", "", "+12", "1", "<0.0001", "-", "")
+    assert law_sentences(choice) == ["The logs support purdy.", "it leaks"]
+    assert rival_sheet(choice).notes == ("Duym: no gas",)
+    assert law_sentences({}) == []
+    assert not tried_laws_sheet({"laws": "abc"}).rows
+
+
+@pytest.mark.parametrize(
+    "one",
+    [
+        Check("no_cavitation", None, "why"),
+        Click(Setting.of(1), Setting.of("R6 C2"), 0.3, "rebound", 1.0, 0.5, 1.5, 2.0, 1.0, 3.0),
+        Finding("noise", "note", "noise of 1 N", 1.0, "N"),
+        Failure("a.csv", "x/a.csv", Setting.of(3), "LogError", "a.csv: empty"),
+    ],
+)
+def test_what_run_json_holds_is_read_back(one) -> None:
+    record = json.loads(json.dumps(to_record(one)))
+    assert read_back(type(one), record) == one
+
+
+@pytest.mark.parametrize("entry", [None, 5, "a", [], {}, {"name": ""}, {"passed": True}])
+def test_an_entry_that_is_another_thing_is_left_out(entry) -> None:
+    assert read_back(Check, entry) is None
+    assert checks_in({"checks": [entry]}) == ()
+
+
+def test_what_a_trend_lacks_is_not_known() -> None:
+    trend = read_back(Trend, {"parameter": "k_e", "points": [{"setting": 1, "value": 2.0}]})
+    assert trend is not None
+    assert np.isnan(trend.points[0].low)
+    assert read_back(Trend, {"parameter": "k_e", "points": [{"setting": "x"}, 5]}) is None
+    assert gaps_in({"gaps": [3, {"first": 5, "last": 6}, "x", {"first": 2}]}) == ((5, 6), (3, 3))
+    assert units_in({"configuration": {"output": {"units": "furlong"}}}).is_si

@@ -64,7 +64,13 @@ def browser(page, tmp_path_factory):
         driver.quit()
 
 
-def _wait(driver, script: str, *, seconds: float = 60.0) -> None:
+def _unfold(driver) -> None:
+    """Open what is about one log, and wait until it is drawn."""
+    driver.execute_script("document.querySelectorAll('details').forEach(d => { d.open = true; })")
+    _wait(driver, "return [...document.querySelectorAll('.plot')].every(d => d.data)")
+
+
+def _wait(driver, script: str, *, seconds: float = 20.0) -> None:
     end = time.monotonic() + seconds
     while not driver.execute_script(script):
         assert time.monotonic() < end, f"never true: {script}"
@@ -83,7 +89,8 @@ def _drawn_anew(browser):
     """What the test before has switched, printed or made dark is drawn a little later."""
     _wait(
         browser,
-        "return [...document.querySelectorAll('.plot')].filter(d => d.offsetParent !== null).every("
+        "return [...document.querySelectorAll('.plot')].filter(d => d.offsetParent !== null"
+        " && !d.closest('details:not([open])')).every("
         "d => d.querySelector('.modebar')"
         " && d.querySelectorAll('.trace').length === (d.data || []).length)",
     )
@@ -91,6 +98,9 @@ def _drawn_anew(browser):
 
 def test_it_is_quiet_draws_everything_and_asks_for_nothing(browser):
     assert [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"] == []
+    closed = "return [...document.querySelectorAll('details.log .plot')].some(d => d.data)"
+    assert not browser.execute_script(closed)  # what is folded is drawn when it is opened
+    _unfold(browser)
     messages = [json.loads(e["message"])["message"] for e in browser.get_log("performance")]
     asked = [
         m["params"]["request"]["url"]
@@ -164,6 +174,7 @@ def test_no_text_became_markup(browser):
 
 
 def test_switching_a_setting_off_removes_its_traces(browser):
+    _unfold(browser)
     settings = (
         "return [...document.querySelectorAll('.plot')].flatMap("
         "d => (d.data || []).map(t => t.meta)).filter(s => s === 3).length"
@@ -176,9 +187,7 @@ def test_switching_a_setting_off_removes_its_traces(browser):
     browser.execute_script(box)
     assert browser.execute_script(settings) == 0
     assert not browser.execute_script(points)
-    hidden = (
-        "return document.querySelector('section.log[data-setting=\"3\"]').offsetParent === null"
-    )
+    hidden = "return document.querySelector('.log[data-setting=\"3\"]').offsetParent === null"
     assert browser.execute_script(hidden)
     browser.execute_script(box)
     _wait(browser, settings.replace("length", f"length === {before}"), seconds=10.0)
@@ -217,17 +226,28 @@ def test_it_prints_without_cutting_a_plot(browser):
     assert browser.execute_script("return document.querySelector('.plot').layout.width") != 340
 
 
-def test_force_against_velocity_comes_first_and_is_as_wide_as_the_page(browser):
-    first, width, page = browser.execute_script(
-        "const one = document.querySelector('main section .plot');"
-        "return [one.dataset.name, one.clientWidth,"
-        " document.querySelector('main').clientWidth]"
+def test_the_first_screen_has_the_verdict_the_forces_and_the_picture(browser):
+    first, bottoms, height = browser.execute_script(
+        "const places = ['.lead', '#forces table', '#forces .plot'].map("
+        "s => document.querySelector(s).getBoundingClientRect().bottom + scrollY);"
+        "return [document.querySelector('main .plot').dataset.name, places, innerHeight]"
     )
     assert first == "fan"
-    assert width > page - 60  # the page's own margins
+    assert max(bottoms) < height
+
+
+def test_twenty_settings_stay_below_12000_pixels(other, tmp_path):
+    many = make_results(tmp_path / "many", settings=range(1, 21))
+    path = tmp_path / "many.html"
+    page = html_report(report_plots(Run.load(many)), title="many")
+    path.write_text(page, encoding="utf-8")
+    other.get(path.as_uri())
+    _wait(other, "return document.documentElement.dataset.drawn === 'all'")
+    assert other.execute_script("return document.documentElement.scrollHeight") < 12_000
 
 
 def test_measured_lies_above_simulated_and_curves_are_drawn_point_by_point(browser):
+    _unfold(browser)
     for name in ("fan", "setting_02_force_velocity"):
         drawn = browser.execute_script(
             f"const d = document.querySelector('[data-name={name}]');"
@@ -244,6 +264,7 @@ def test_measured_lies_above_simulated_and_curves_are_drawn_point_by_point(brows
 
 
 def test_no_column_is_cut_at_1400_pixels(browser):
+    _unfold(browser)
     cut = browser.execute_script(
         "return [...document.querySelectorAll('.table')]"
         ".filter(d => d.scrollWidth > d.clientWidth + 1).map(d => d.innerText.slice(0, 60))"
@@ -253,6 +274,7 @@ def test_no_column_is_cut_at_1400_pixels(browser):
 
 
 def test_the_tools_of_a_plot_are_not_over_its_heading_however_long_it_is(browser):
+    _unfold(browser)
     over = browser.execute_script(
         """
         const over = [];
@@ -274,6 +296,7 @@ def test_the_tools_of_a_plot_are_not_over_its_heading_however_long_it_is(browser
 
 
 def test_the_tools_of_a_plot_are_not_over_its_legend_or_its_curves(browser):
+    _unfold(browser)
     over = browser.execute_script(
         "return [...document.querySelectorAll('.plot')].filter(d => {"
         " const bar = d.querySelector('.modebar').getBoundingClientRect();"
@@ -288,17 +311,20 @@ def test_the_tools_of_a_plot_are_not_over_its_legend_or_its_curves(browser):
 def test_every_setting_has_its_anchor(browser, page):
     for setting in (1, 2, 3, 5):
         title = browser.execute_script(
-            f"return document.getElementById('setting-{setting}').querySelector('h2').innerText"
+            f"return document.querySelector('#setting-{setting} summary').innerText"
         )
         assert title.startswith(f"Setting {setting}:")
     targets = browser.execute_script(
-        "return [...document.querySelectorAll('.contents a')].map(a => a.getAttribute('href'))"
+        "return [...document.querySelectorAll('nav a')].map(a => a.getAttribute('href'))"
     )
-    assert {"#force-velocity", "#summary", "#all-settings", "#tables", "#setting-5"} <= set(targets)
+    assert {"#checks", "#parameters", "#tables", "#logs"} == set(targets)
     missing = browser.execute_script(
         "return arguments[0].filter(one => !document.querySelector(one))", targets
     )
     assert missing == []
+    browser.execute_script("document.querySelector('#setting-2').open = false")
+    browser.execute_script("location.hash = '#setting-2'")
+    _wait(browser, "return document.querySelector('#setting-2').open")  # a link opens it
 
 
 def test_runs_over_one_another_are_drawn_and_switched(other, tmp_path):
@@ -332,7 +358,7 @@ def test_a_wide_table_of_valves_and_of_stretches_fits_a_window_of_900_pixels(oth
     tables = {
         "": (["S_r"] * 15, [""] * 15, ["L14 H3", *wide, *wide, "8.22 ± 0.14", "0.00339",
              "excellent", "converged"]),
-        "stretches": (
+        "segments": (
             ["from, s", "cycles", "Hz", "m/s", *["rebound"] * 2, *["bump"] * 2, *["energy"] * 2,
              *["hyst. rebound"] * 2, *["hyst. bump"] * 2],
             ["", "", "", "", *both, *both, "measured, J", "simulated, J", *both, *both],

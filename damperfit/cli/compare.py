@@ -12,7 +12,7 @@ import typer
 from damperfit.cli.console import (
     print_json,
     print_lines,
-    print_renderable,
+    print_table,
     say,
     say_lines,
     screen_columns,
@@ -35,7 +35,6 @@ from damperfit.cli.options import (
     VersionOption,
 )
 from damperfit.errors import ConfigurationError
-from damperfit.problem import Option
 
 if TYPE_CHECKING:
     from damperfit.comparison import ComparisonOptions, RunComparison
@@ -111,9 +110,7 @@ def compare(
     reading = _reading(config, rig, rig_profile, is_measured=measured)
     bands = parse_bands(tolerance)
     if junit is not None and bands is None:
-        raise ConfigurationError(
-            "holds the points of --tolerance, which was not given", where=Option("junit")
-        )
+        raise ConfigurationError("--junit: holds the points of --tolerance, which was not given")
     summary = summary_file() if github_summary else None
     options = comparison_options(
         velocities=velocity or (),
@@ -243,20 +240,14 @@ def _show(found: Compared, source: str | None, *, is_quiet: bool) -> None:
         _show_pair(one, is_quiet=is_quiet)
     if found.points:
         from damperfit.report.compared import tolerance_outcome, tolerance_sheet
-        from damperfit.report.sheet import terminal_table
 
         print_lines([f"tolerance {source}: {tolerance_outcome(found.points)}", ""])
         if not is_quiet:
-            print_renderable(terminal_table(tolerance_sheet(found.points, is_short=True)))
+            print_table(tolerance_sheet(found.points, is_short=True))
 
 
 def _show_pair(comparison: RunComparison, *, is_quiet: bool) -> None:
-    from damperfit.report.compared import (
-        comparison_figure_sheet,
-        comparison_force_sheet,
-        comparison_parameter_sheet,
-    )
-    from damperfit.report.sheet import terminal_table
+    from damperfit.report.compared import comparison_sheets
 
     lines = [f"A: {comparison.first.place}", f"B: {comparison.second.place}"]
     if comparison.repeats:
@@ -269,15 +260,10 @@ def _show_pair(comparison: RunComparison, *, is_quiet: bool) -> None:
     print_lines([""])
     if is_quiet:
         return
-    print_lines([comparison.forces_title, ""])
-    for sheet in (
-        comparison_force_sheet(comparison, is_short=True),
-        comparison_parameter_sheet(comparison),
-        comparison_figure_sheet(comparison),
-    ):
-        if sheet.rows:
-            print_renderable(terminal_table(sheet))
-            print_lines([""])
+    for title, sheet in comparison_sheets(comparison, is_short=True):
+        print_lines([title, ""])
+        print_table(sheet)
+        print_lines([""])
 
 
 def _document(found: Compared, tolerance: str | None) -> dict[str, Any]:

@@ -14,17 +14,19 @@ from typing import TYPE_CHECKING, Any
 from damperfit.cli.log_file import record
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from rich.console import RenderableType
 
     from damperfit.report.facts import Failure
+    from damperfit.report.sheet import Sheet
 
 __all__ = [
     "one_line",
     "print_json",
     "print_lines",
     "print_renderable",
+    "print_table",
     "say",
     "say_failures",
     "say_lines",
@@ -99,16 +101,10 @@ def print_lines(lines: Iterable[str]) -> None:
 
 
 def print_renderable(renderable: RenderableType) -> None:
-    """Write a table or a text to stdout: coloured on a terminal, plain and 80 wide in a pipe."""
-    is_screen = sys.stdout.isatty()
-    if not is_screen and hasattr(renderable, "plain_lines"):  # a tenth of a second less
-        lines = renderable.plain_lines(screen_columns())
-        if lines is not None:
-            print_lines(lines)
-            return
+    """Write a text of rich to stdout: coloured on a terminal, plain and 80 wide in a pipe."""
     from rich.console import Console
 
-    if not is_screen:
+    if not sys.stdout.isatty():
         print_lines(_plain(renderable))
         return
     try:
@@ -117,6 +113,27 @@ def print_renderable(renderable: RenderableType) -> None:
         _refused.append(error)
         _to_nowhere(sys.stdout)
     record(logging.INFO, "\n".join(_plain(renderable)))
+
+
+def print_table(sheet: Sheet, colours: Mapping[str, int] | None = None) -> None:
+    """Write a table to stdout: coloured on a terminal that knows colours, plain elsewhere.
+
+    Parameters
+    ----------
+    sheet : Sheet
+        The table.
+    colours : mapping of str to int, optional
+        ANSI colours of its cells besides those of grades, by the word in them.
+    """
+    from damperfit.report.sheet import text_table
+
+    text = text_table(sheet, screen_columns())
+    record(logging.INFO, text)
+    knows_colours = os.name != "nt" or "WT_SESSION" in os.environ
+    is_plain = "NO_COLOR" in os.environ or os.environ.get("TERM") == "dumb" or not knows_colours
+    if sys.stdout.isatty() and not is_plain:
+        text = text_table(sheet, screen_columns(), colours=colours or {})
+    _print(text)
 
 
 def _plain(renderable: RenderableType) -> list[str]:

@@ -12,7 +12,7 @@ from damperfit.cli.console import (
     one_line,
     print_json,
     print_lines,
-    print_renderable,
+    print_table,
     say,
     say_failures,
     screen_columns,
@@ -57,7 +57,6 @@ from damperfit.cli.options import (
 )
 from damperfit.cli.report import check_kind, write_report
 from damperfit.errors import ConfigurationError
-from damperfit.problem import Option
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -168,9 +167,8 @@ def identify(
     check_kind("--figures", figures)
     if max_mse == 0.0:
         raise ConfigurationError(
-            "expected more than 0, as every fit leaves some misfit; for no gate leave "
-            "the option out (output.max_mse_percent = 0)",
-            where=Option("max_mse", "0"),
+            "--max-mse 0: expected more than 0, as every fit leaves some misfit; for no gate leave "
+            "the option out (output.max_mse_percent = 0)"
         )
     summary = summary_file() if github_summary else None
     start_file, start_values = starts_of(start)
@@ -276,27 +274,27 @@ def _worst(endings: Sequence[Ending]) -> int:
 
 
 def _show(result: RunResult, configuration: Configuration, *, owner: str) -> None:
-    from damperfit.report.sheet import terminal_table
-    from damperfit.report.tables import check_lines, held_out_sheet, summary_sheet
-    from damperfit.report.units import parameters_in_units
+    from damperfit.report.forces import force_sheets
+    from damperfit.report.tables import check_lines, held_out_sheet, parameter_sheet
+    from damperfit.report.units import parameters_in_units, rows_in_units, sheet_in_units
 
     if owner:
         print_lines([f"damper {owner}", ""])
-    rows, quantities = parameters_in_units(
-        result.tables.parameters.to_pylist(), result.tables.quantities, configuration.output.units
-    )
-    sheet = summary_sheet(
-        rows, columns=screen_columns(), levels=spark_levels(), quantities=quantities
-    )
-    print_renderable(terminal_table(sheet))
+    tables, units = result.tables, configuration.output.units
+    forces = rows_in_units(tables.adjustment.to_pylist(), units)
+    for sheet in force_sheets(forces):
+        print_table(sheet_in_units(sheet, units))
+        print_lines([""])
+    rows, quantities = parameters_in_units(tables.parameters.to_pylist(), tables.quantities, units)
+    print_table(parameter_sheet(rows, quantities, columns=screen_columns(), levels=spark_levels()))
     if result.facts.held_out:
-        held_out = held_out_sheet(result.facts.held_out, is_narrow=True)
-        print_renderable(terminal_table(held_out))
+        print_lines([""])
+        print_table(held_out_sheet(result.facts.held_out, columns=screen_columns()))
     told = result.record.get("procedure") or [configuration.damper_sentence]  # as it was fitted
     damper = wrap(told[0], screen_columns())
     lines = map(one_line, check_lines(result.facts.checks))
     checks = (part for line in lines for part in wrap(line, screen_columns()))
-    print_lines([*damper, "", *checks, *([""] if owner else [])])
+    print_lines(["", *damper, "", *checks, *([""] if owner else [])])
 
 
 def _tell_people(

@@ -8,7 +8,7 @@ from damperfit.cli.console import (
     one_line,
     print_json,
     print_lines,
-    print_renderable,
+    print_table,
     say,
     say_failures,
     screen_columns,
@@ -105,18 +105,17 @@ def _show(batch: LogBatch, *, has_notes: bool) -> None:
         inspection_sheet,
         stretch_sheet,
     )
-    from damperfit.report.sheet import terminal_table
 
     facts = [log.facts for log in batch.logs]
     if not facts:
         return
-    print_renderable(terminal_table(inspection_sheet(facts), colours=VERDICT_COLOURS))
+    print_table(inspection_sheet(facts), VERDICT_COLOURS)
     if (stretches := stretch_sheet(facts)).rows:
         print_lines([""])
-        print_renderable(terminal_table(stretches))
+        print_table(stretches)
     if (curves := curve_sheet(facts)).rows:
         print_lines([""])
-        print_renderable(terminal_table(curves))
+        print_table(curves)
     columns = min(screen_columns(), _WIDEST)
     lines = (one_line(line) for line in finding_lines(facts, has_notes=has_notes, columns=columns))
     print_lines(["", *lines])

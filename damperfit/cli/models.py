@@ -10,7 +10,7 @@ import typer
 from damperfit.cli.console import (
     print_json,
     print_lines,
-    print_renderable,
+    print_table,
     say,
     say_failures,
     screen_columns,
@@ -32,7 +32,6 @@ from damperfit.cli.options import (
     VersionOption,
 )
 from damperfit.errors import ConfigurationError, did_you_mean
-from damperfit.problem import Option
 
 if TYPE_CHECKING:
     from damperfit.run.auto_model import LawChoice
@@ -72,8 +71,8 @@ def models(
 
     if layout is not None and layout not in LAYOUTS:
         raise ConfigurationError(
-            f"no layout {layout!r}; there are {', '.join(LAYOUTS)}.{did_you_mean(layout, LAYOUTS)}",
-            where=Option("layout"),
+            f"--layout: no layout {layout!r}; there are {', '.join(LAYOUTS)}."
+            f"{did_you_mean(layout, LAYOUTS)}"
         )
     start_file, start_values = starts_of(start)
     configuration = configured(
@@ -112,21 +111,20 @@ def models(
 
 def _show(choice: LawChoice) -> None:
     from damperfit.report.laws import chosen_sheet, rival_sheet, tried_laws_sheet
-    from damperfit.report.sheet import terminal_table
 
     width, document = screen_columns(), choice.document()
-    print_renderable(terminal_table(tried_laws_sheet(document, is_narrow=True)))
+    print_table(tried_laws_sheet(document, is_narrow=True))
     reasons = [f"{law.tried.title}: {law.reason}" for law in choice.search.laws]
     print_lines(["", *(line for one in reasons for line in wrap(one, width))])
     said = " ".join((f"The logs support {choice.supported}.", *choice.sentences))
     print_lines(["", *wrap(said, width), ""])
-    print_renderable(terminal_table(chosen_sheet(choice.fits)))
+    print_table(chosen_sheet(choice.fits))
     if choice.undecided:
         print_lines(["", "What these logs leave open:"])
         print_lines([line for one in choice.undecided for line in wrap(one, width)])
     if choice.rivals:
         print_lines([""])
-        print_renderable(terminal_table(rival_sheet(document)))
+        print_table(rival_sheet(document))
     if choice.lost:
         from damperfit.identification.sharing import of_settings
 

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from damperfit.errors import ConfigurationError
-from damperfit.problem import Option
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
@@ -130,9 +129,8 @@ def refuse_what_cannot_act(
         )
     if rivals and not is_law_open:
         raise ConfigurationError(
-            "models are ranked where the logs choose the law; add --model auto, or ask "
-            "damperfit models LOGS --rivals",
-            where=Option("rivals"),
+            "--rivals: models are ranked where the logs choose the law; add --model auto, or ask "
+            "damperfit models LOGS --rivals"
         )
 
 
@@ -157,7 +155,7 @@ def rig_entries(texts: Iterable[str] | None) -> list[tuple[str, str, Any]]:
                 found = tomllib.loads(f"{key} = {text}")
                 break
         else:
-            raise ConfigurationError(f"{key!r} is not a key", where=Option("rig", value, key))
+            raise ConfigurationError(f"--rig {key}={value}: {key!r} is not a key")
         for name, entry in found.items():
             is_table = isinstance(entry, dict) and isinstance(keys.get(name), dict)
             keys[name] = keys[name] | entry if is_table else entry
@@ -180,14 +178,11 @@ def covaried(
     if word is None:
         return None
     if word != "temperature":
-        raise ConfigurationError(
-            "expected temperature, the only one there is", where=Option("covariate", word)
-        )
+        raise ConfigurationError(f"--covariate {word}: expected temperature, the only one there is")
     if model == "auto":
         raise ConfigurationError(
-            "choose the law first, from logs of one temperature "
-            "(damperfit models), then name it: --model NAME",
-            where=Option("covariate", "temperature"),
+            "--covariate temperature: choose the law first, from logs of one temperature "
+            "(damperfit models), then name it: --model NAME"
         )
     overlay = [] if model is None else [("--model", "damper.model", model)]
     configuration = configured(config, *overlay)
@@ -268,7 +263,7 @@ def declared_setting(text: str | None, configuration: Configuration) -> Setting 
     try:
         return None if text is None else parse_setting(text, configuration.reading.adjusters)
     except ValueError as error:
-        raise ConfigurationError(f"{error}", where=Option("setting", text)) from error
+        raise ConfigurationError(f"--setting {text}: {error}") from error
 
 
 def refuse_beside(option: str, others: Mapping[str, Any], *, why: str) -> None:

@@ -11,7 +11,7 @@ import typer
 from damperfit.cli.console import (
     print_json,
     print_lines,
-    print_renderable,
+    print_table,
     say,
     say_lines,
     screen_columns,
@@ -35,8 +35,6 @@ from damperfit.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-
-    from rich.console import RenderableType
 
     from damperfit.adjustment import Answer, Wanted
     from damperfit.io import ReadOptions
@@ -155,7 +153,6 @@ def _curves(
     from damperfit.queries.measured_forces import measured_forces
     from damperfit.report.forces import curve_forces_sheet
     from damperfit.report.records import to_record
-    from damperfit.report.sheet import terminal_table
     from damperfit.run.ending import json_values
 
     found = measured_forces(paths, question, reading=reading)
@@ -176,7 +173,7 @@ def _curves(
     for note in () if is_quiet else dict.fromkeys(n for one in found.curves for n in one.notes):
         say(f"note: {note}")
     sheet = curve_forces_sheet(found.curves, found.speeds[-5:])
-    print_renderable(terminal_table(sheet))
+    print_table(sheet)
     return 0
 
 
@@ -190,15 +187,14 @@ def _show(
 ) -> None:
     from damperfit.report.forces import (
         force_by_setting_sheet,
-        force_by_speed_sheet,
+        force_sheets,
         measured_force_sheet,
     )
-    from damperfit.report.sheet import terminal_table
     from damperfit.report.units import rows_in_units, sheet_in_units
     from damperfit.tables import adjustment_rows
 
-    def shown(sheet: Sheet) -> RenderableType:
-        return terminal_table(sheet_in_units(sheet, units))
+    def shown(sheet: Sheet) -> Sheet:
+        return sheet_in_units(sheet, units)
 
     if forces.wanted:
         if is_quiet:
@@ -213,18 +209,18 @@ def _show(
     if question.speed is not None:
         both = question.stroke is None or question.force is not None
         strokes = ("rebound", "bump") if both else (question.stroke or "",)
-        print_renderable(shown(force_by_setting_sheet(rows, strokes)))
+        print_table(shown(force_by_setting_sheet(rows, strokes)))
         measured = measured_force_sheet(rows)
         if measured.rows:
             print_lines([""])
-            print_renderable(shown(measured))
+            print_table(shown(measured))
         return
-    for stroke in (question.stroke,) if question.stroke else ("rebound", "bump"):
-        print_renderable(shown(force_by_speed_sheet(rows, stroke)))
+    for sheet in force_sheets(rows, (question.stroke,) if question.stroke else ("rebound", "bump")):
+        print_table(shown(sheet))
         print_lines([""])
     measured = measured_force_sheet(rows)
     if measured.rows:
-        print_renderable(shown(measured))
+        print_table(shown(measured))
 
 
 def _answer(wanted: Wanted, answer: Answer) -> dict[str, Any]:

@@ -13,7 +13,7 @@ import typer
 from damperfit.cli.console import (
     print_json,
     print_lines,
-    print_renderable,
+    print_table,
     say,
     screen_columns,
     spark_levels,
@@ -40,7 +40,6 @@ from damperfit.cli.options import (
     VersionOption,
 )
 from damperfit.errors import ConfigurationError
-from damperfit.problem import Option
 
 if TYPE_CHECKING:
     from damperfit.queries.one_simulation import SimulatedTest
@@ -122,7 +121,7 @@ def simulate(
     if temperature is not None and isinstance(configuration.damper, Warmed):
         damper += f" Simulated at {configuration.damper.oil_temperature:g} degC."
     if displacement is not None and not displacement.exists():
-        raise ConfigurationError("no such file", where=Option("displacement", displacement))
+        raise ConfigurationError(f"--displacement {displacement}: no such file")
     simulated = simulate_test(choice, configuration, log=displacement)
     notes = tuple(notes_on_simulation(configuration.damper, choice.parameters))
     if not quiet:
@@ -183,13 +182,12 @@ def _show(simulated: SimulatedTest) -> None:
         cycle_pressure_sheet,
         cycle_sparklines,
     )
-    from damperfit.report.sheet import terminal_table
 
     print_lines([_title(simulated), ""])
-    print_renderable(terminal_table(cycle_force_sheet(simulated.characteristics)))
+    print_table(cycle_force_sheet(simulated.characteristics))
     if not math.isnan(simulated.characteristics.pressure_ranges[0][0]):
         print_lines([""])
-        print_renderable(terminal_table(cycle_pressure_sheet(simulated.characteristics)))
+        print_table(cycle_pressure_sheet(simulated.characteristics))
     cycle = cycle_sparklines(
         simulated.response, simulated.frequency, columns=screen_columns(), levels=spark_levels()
     )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from damperfit.cli.console import print_json, print_lines, print_renderable, say, screen_columns
+from damperfit.cli.console import print_json, print_lines, print_table, say, screen_columns
 from damperfit.cli.option_values import check_places, configured, quantity_values
 from damperfit.cli.options import (
     ConfigOption,
@@ -25,7 +25,6 @@ from damperfit.cli.options import (
 )
 from damperfit.cli.report import check_kind
 from damperfit.errors import ConfigurationError
-from damperfit.problem import Option
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -91,14 +90,11 @@ def sweep(
     configuration, damper = damper_of(choice, given, config=config)
     variations = [parse_variation(text, configuration.damper) for text in vary or []]
     if len({variation.name for variation in variations}) < len(variations):
-        raise ConfigurationError(
-            "a name is given twice; put its factors into one list", where=Option("vary")
-        )
+        raise ConfigurationError("--vary: a name is given twice; put its factors into one list")
     if paper and configuration.damper.name != "purdy":
         raise ConfigurationError(
-            f"the figures are of the paper's model; these parameters are of "
-            f"{configuration.damper.name!r}: give --vary NAME=F1,F2,...",
-            where=Option("paper"),
+            f"--paper: the figures are of the paper's model; these parameters are of "
+            f"{configuration.damper.name!r}: give --vary NAME=F1,F2,..."
         )
     if not quiet:
         say(f"damperfit: {damper}")
@@ -209,8 +205,7 @@ def _show(
 ) -> None:
     from damperfit.queries.sweep import swept_units
     from damperfit.report.forces import sweep_sheet
-    from damperfit.report.sheet import terminal_table
 
     sheet = sweep_sheet(variation.name, swept_units(configuration.damper)[variation.name], members)
-    print_renderable(terminal_table(sheet))
+    print_table(sheet)
     print_lines([*wrap(_sentence(variation, members), screen_columns()), ""])

@@ -13,7 +13,6 @@ from damperfit.comparison.forces import force_readings
 from damperfit.comparison.measured import measured_readings
 from damperfit.comparison.reading import half_interval
 from damperfit.errors import ConfigurationError
-from damperfit.problem import Option
 from damperfit.units.quantities import parse_quantity
 from damperfit.units.shown_units import SI
 
@@ -163,12 +162,11 @@ def parse_tolerance(text: str) -> Tolerance:
             newtons = parse_quantity(part.strip(), "force")
         except ConfigurationError as error:
             raise ConfigurationError(
-                "expected per cent, newtons, both as in 5%,10N, or the name "
-                "of a file with nominal forces",
-                where=Option("tolerance", text),
+                f"--tolerance {text}: expected per cent, newtons, both as in 5%,10N, or the name "
+                "of a file with nominal forces"
             ) from error
     if not (share > 0.0 or newtons > 0.0) or newtons < 0.0:
-        raise ConfigurationError("expected a tolerance above zero", where=Option("tolerance", text))
+        raise ConfigurationError(f"--tolerance {text}: expected a tolerance above zero")
     return Tolerance(text, share, newtons)
 
 
@@ -189,17 +187,14 @@ def read_bands(path: Path) -> Tolerance:
             rows = [line for line in file if line.strip() and not line.startswith("#")]
     except (OSError, UnicodeDecodeError) as error:
         said = getattr(error, "strerror", None) or error
-        raise ConfigurationError(
-            f"cannot be read: {said}", where=Option("tolerance", path)
-        ) from error
+        raise ConfigurationError(f"--tolerance {path}: cannot be read: {said}") from error
     reader = csv.DictReader(rows)
     names = {_UNIT.sub("", (one or "").strip().lower()): one for one in reader.fieldnames or ()}
     has_band = {"force", "tolerance"} <= names.keys() or {"low", "high"} <= names.keys()
     if not {"speed", "stroke"} <= names.keys() or not has_band:
         raise ConfigurationError(
-            f"expected the columns speed, stroke, and force with tolerance, "
-            f"or low and high; found {', '.join(reader.fieldnames or ()) or 'nothing'}",
-            where=Option("tolerance", path),
+            f"--tolerance {path}: expected the columns speed, stroke, and force with tolerance, "
+            f"or low and high; found {', '.join(reader.fieldnames or ()) or 'nothing'}"
         )
     bands = []
     for number, row in enumerate(reader, start=2):
@@ -207,11 +202,9 @@ def read_bands(path: Path) -> Tolerance:
         try:
             bands.append(_band(cells))
         except (ConfigurationError, ValueError) as error:
-            raise ConfigurationError(
-                f"row {number}: {error}", where=Option("tolerance", path)
-            ) from error
+            raise ConfigurationError(f"--tolerance {path}: row {number}: {error}") from error
     if not bands:
-        raise ConfigurationError("no row below the headings", where=Option("tolerance", path))
+        raise ConfigurationError(f"--tolerance {path}: no row below the headings")
     return Tolerance(str(path), bands=tuple(bands))
 
 

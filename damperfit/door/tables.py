@@ -5,7 +5,7 @@ from __future__ import annotations
 from html import escape
 from typing import TYPE_CHECKING, Any
 
-from damperfit.report.notebook_tables import html_table, text_table
+from damperfit.report.sheet import html_table, text_table
 
 if TYPE_CHECKING:
     import pandas as pd

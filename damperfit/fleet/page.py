@@ -18,6 +18,7 @@ from damperfit import __version__
 from damperfit.fleet.parts import COLLECTED
 from damperfit.fleet.survey import FAR_OFF, LEAST_DAMPERS
 from damperfit.report.compared import tolerance_rows, tolerance_sheet, tolerance_table
+from damperfit.report.compared_figures import RUN_COLOURS
 from damperfit.report.figures import (
     Line,
     Panel,
@@ -28,7 +29,6 @@ from damperfit.report.figures import (
 )
 from damperfit.report.page import PlotData, asset, draw, plotly_script
 from damperfit.report.rounding import NOTHING, number
-from damperfit.report.settings_figures import RUN_COLOURS
 from damperfit.report.sheet import Sheet
 from damperfit.store import file_set
 from damperfit.tables import write_table

@@ -253,9 +253,8 @@ def _by_setting(traces: Sequence[Trace]) -> dict[Setting, tuple[Trace, ...]]:
     for trace in traces:
         if trace.setting is None:
             raise LogError(
-                "the setting is not known; write '# setting: N' into the log, "
-                "name it setting_N, or give --setting N.",
-                subject=trace.name,
+                f"{trace.name}: the setting is not known; write '# setting: N' into the log, "
+                "name it setting_N, or give --setting N."
             )
         groups[Setting.of(trace.setting)].append(trace)
     return {setting: tuple(sorted(groups[setting], key=_by_name)) for setting in sorted(groups)}

@@ -70,10 +70,9 @@ def read_logs(
         if not holds_curves(tables, options):
             raise
         raise TimelessError(
-            f"speed and force without time, and a fit needs force and displacement "
+            f"{source.name}: speed and force without time, and a fit needs force and displacement "
             f"over time; damperfit inspect shows the curves, damperfit settings {source.name} "
-            "finds a force among them",
-            subject=source.name,
+            "finds a force among them"
         ) from error
 
 
@@ -124,7 +123,7 @@ def read_log(path: str | os.PathLike[str], options: ReadOptions = _DEFAULTS) -> 
     recordings = read_logs(path, options)
     if len(recordings) != 1:
         name = recordings[0].name.removesuffix(" part 1")
-        raise LogError(f"holds {len(recordings)} tests; read_logs gives them all", subject=name)
+        raise LogError(f"{name}: holds {len(recordings)} tests; read_logs gives them all")
     return recordings[0]
 
 

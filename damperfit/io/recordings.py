@@ -167,9 +167,8 @@ def make_recordings(
     ]
     if settings and len(settings) != len(parts):
         raise LogError(
-            f"{len(parts)} tests found, but {len(settings)} settings declared for "
-            "them (part_settings)",
-            subject=source.name,
+            f"{source.name}: {len(parts)} tests found, but {len(settings)} settings declared for "
+            "them (part_settings)"
         )
     if len(parts) > 1:
         notes = (*notes, f"{len(parts)} tests in this file")
@@ -205,7 +204,7 @@ def _table_parts(table: Table, source: Source, options: ReadOptions) -> list[Rec
     samples = table.load({channel: choice.index for channel, choice in choices.items()})
     n = len(samples.channels["force"])
     if not n:
-        raise LogError("no data rows", subject=name)
+        raise LogError(f"{name}: no data rows")
     channels = _si_channels(samples, choices, options, name)
     temperature, temperature_notes = _extra(channels, "temperature")
     velocity, velocity_notes = _extra(channels, "velocity")
@@ -293,7 +292,7 @@ def _si_channels(
     if len(problems) == 1:
         raise LogError(f"{name}, {problems[0]}")
     if problems:
-        raise LogError(f"{joined_problems(problems)}", subject=name)
+        raise LogError(f"{name}: {joined_problems(problems)}")
     return channels
 
 
@@ -350,9 +349,8 @@ def _cuts(
     edges = [int(i) for i in np.flatnonzero(is_cut) if i >= first]
     if len(edges) - 1 > _MAX_PARTS:
         raise LogError(
-            f"time jumps {len(edges) - 2} times; these are not tests but a faulty clock: "
-            "declare rig.sample_rate",
-            subject=name,
+            f"{name}: time jumps {len(edges) - 2} times; these are not tests but a faulty clock: "
+            "declare rig.sample_rate"
         )
     return list(pairwise(edges))
 

@@ -95,8 +95,7 @@ def adjuster_of(
     if not run.settings:
         why = f" ({'; '.join(run.remarks)})" if run.remarks else ""
         raise ConfigurationError(
-            f"no setting has all parameters{why}; run damperfit identify LOGS first",
-            subject=run.place,
+            f"{run.place}: no setting has all parameters{why}; run damperfit identify LOGS first"
         )
     damper = run.damper
     own = run.motion_of_tests if amplitude and frequency else run.motion

@@ -146,9 +146,8 @@ def _read(path: Path, options: ReadOptions) -> tuple[tuple[Recording, ...], dict
         if all(map(_is_likely, found)):
             return found, units
     raise LogError(
-        f"columns without units, and no common units give plausible values: "
-        f"declare rig.units ({', '.join(lacking)})",
-        subject=path.name,
+        f"{path.name}: columns without units, and no common units give plausible values: "
+        f"declare rig.units ({', '.join(lacking)})"
     )
 
 

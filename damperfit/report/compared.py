@@ -1,4 +1,4 @@
-"""Runs beside one another: tables, rows, Markdown, JUnit."""
+"""Runs beside one another: tables, rows for files and --json, Markdown, JUnit."""
 
 from __future__ import annotations
 
@@ -9,25 +9,23 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 import pyarrow as pa
 
 from damperfit.comparison import Sameness, verdict_of
-from damperfit.report.markdown import escape, markdown_table
+from damperfit.report.forces import STROKE_WORDS
 from damperfit.report.rounding import NOTHING, number, with_interval
-from damperfit.report.sheet import Sheet, printable
+from damperfit.report.sheet import Sheet, escape, markdown_table, printable
 from damperfit.units.shown_units import SI
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from damperfit.comparison import ComparedRun, Difference, Point, RunComparison
-    from damperfit.tested.setting import Setting
     from damperfit.units.shown_units import ShownUnits
 
 __all__ = [
-    "comparison_figure_sheet",
     "comparison_force_sheet",
     "comparison_markdown",
-    "comparison_parameter_sheet",
     "comparison_record",
     "comparison_rows",
+    "comparison_sheets",
     "comparison_table",
     "junit_report",
     "tolerance_outcome",
@@ -36,13 +34,73 @@ __all__ = [
     "tolerance_table",
 ]
 
-
-# Two runs beside each other: forces, parameters, figures, a verdict a line.
-
 _FIGURES_NOTE = (
     "energy and hysteresis as measured where both ran one motion, hysteresis at half the peak speed"
 )
 _MANY = 40  # lines that a terminal shows of forces that are the same
+_TEXT, _FLOAT, _TRUTH = pa.string(), pa.float64(), pa.bool_()
+# Name, kind and meaning of each column; what is compared tells its unit.
+_COLUMNS: tuple[tuple[str, pa.DataType, str], ...] = (
+    ("first", _TEXT, "the reference"),
+    ("second", _TEXT, "the run beside it"),
+    ("kind", _TEXT, "force, parameter or figure"),
+    ("name", _TEXT, "what is compared"),
+    ("setting", _TEXT, "adjuster setting; empty: of all settings"),
+    ("speed_m_per_s", _FLOAT, "of a force, positive"),
+    ("stroke", _TEXT, "rebound or bump"),
+    ("unit", _TEXT, "of the values and their difference"),
+    ("first_value", _FLOAT, "of the reference"),
+    ("second_value", _FLOAT, "of the run beside it"),
+    ("difference", _FLOAT, "second less first"),
+    ("difference_ci_low", _FLOAT, "95 % interval of the difference"),
+    ("difference_ci_high", _FLOAT, "95 % interval of the difference"),
+    ("percent", _FLOAT, "difference in % of the first; of its damping, or half the force's range"),
+    ("percent_ci_low", _FLOAT, "95 % interval of percent"),
+    ("percent_ci_high", _FLOAT, "95 % interval of percent"),
+    ("chance", _FLOAT, "how often chance alone makes as large a difference, 0 to 1"),
+    ("verdict", _TEXT, "same, different or untold"),
+    ("is_sure", _TRUTH, "different even when the number of lines is allowed for"),
+    ("told_from", _TEXT, "model or measured"),
+    ("words", _TEXT, "the verdict in words"),
+)
+_POINT_COLUMNS: tuple[tuple[str, pa.DataType, str], ...] = (
+    ("run", _TEXT, "whose force it is"),
+    ("setting", _TEXT, "adjuster setting"),
+    ("speed_m_per_s", _FLOAT, "positive; empty where a whole setting is missing"),
+    ("stroke", _TEXT, "rebound or bump"),
+    ("force_N", _FLOAT, "positive in rebound"),
+    ("low_N", _FLOAT, "lower edge of the band"),
+    ("high_N", _FLOAT, "upper edge of the band"),
+    ("margin_N", _FLOAT, "how far inside the band; negative: outside"),
+    ("half_interval_N", _FLOAT, "half the 95 % interval of the force that is checked"),
+    ("told_from", _TEXT, "model or measured"),
+    ("is_met", _TRUTH, "whether it is inside; false where it could not be evaluated"),
+    ("words", _TEXT, "the result in words"),
+)
+
+
+# Tables for people
+
+
+def comparison_sheets(
+    comparison: RunComparison, *, is_short: bool = False
+) -> list[tuple[str, Sheet]]:
+    """Return forces, parameters and figures by title, those without rows left out.
+
+    Parameters
+    ----------
+    comparison : RunComparison
+        What was compared.
+    is_short : bool
+        For a terminal: of many forces those that tell something.
+    """
+    title = comparison.forces_title
+    sheets = (
+        (title[0].upper() + title[1:], comparison_force_sheet(comparison, is_short=is_short)),
+        ("Parameters", _parameter_sheet(comparison)),
+        ("Energy, hysteresis, MSE, cavitation", _figure_sheet(comparison)),
+    )
+    return [(title, sheet) for title, sheet in sheets if sheet.rows]
 
 
 def comparison_force_sheet(comparison: RunComparison, *, is_short: bool = False) -> Sheet:
@@ -56,31 +114,31 @@ def comparison_force_sheet(comparison: RunComparison, *, is_short: bool = False)
         Of many lines those that differ, unless these are many too, and the fastest speed of each
         setting.
     """
-    lines = comparison.of("force")
+    lines, units = comparison.of("force"), comparison.units
     shown = _telling(lines) if is_short and len(lines) > _MANY else lines
-    units = comparison.units
-    force, speed = units.of("N"), units.of("m/s")
-    whole = "A's measured force, gas included" if comparison.is_without_model else "A's damping"
-    notes = [f"B - A with half of its 95 % interval; % of {whole}, positive: B is harder"]
-    if any(line.is_measured for line in shown) and not comparison.is_without_model:
+    has_model = not comparison.is_without_model
+    notes = [
+        "B - A, positive: B is harder; % of "
+        + ("A's damping" if has_model else "A's measured force, gas included")
+    ]
+    if has_model and any(line.is_measured for line in shown):
         notes.append("measured: A and B are the forces that were measured, not those of a model")
     if len(shown) < len(lines):
         rest = [line for line in lines if line not in shown]
         differ = sum(line.verdict is Sameness.DIFFERENT for line in rest)
         said = f", {differ} of them different" if differ else ""
         notes.append(f"{len(rest)} more lines{said}: --json and --out have all")
+    force = units.of("N")
     return Sheet(
         headings=("set", "speed", "stroke", "A", "B", "B - A", "", "verdict"),
-        units=("", speed, "", force, force, force, "%", ""),
+        units=("", units.of("m/s"), "", force, force, f"{force} ±95 %", "%", ""),
         rows=tuple(
             (
-                str(line.subject.setting),
-                _speed(line.subject.speed, units),
-                line.subject.stroke,
-                *_values(line, units),
-                with_interval(*_reach(line, units), plus="+"),
-                _percent(line),
-                verdict_of(line, units, says_measured=not comparison.is_without_model),
+                *(str(line.subject.setting), _speed(line.subject.speed, units)),
+                STROKE_WORDS.get(line.subject.stroke, line.subject.stroke),
+                *(*_values(line, units), _difference(line, units)),
+                NOTHING if math.isnan(line.percent) else f"{line.percent:+.2f}",
+                verdict_of(line, units, says_measured=has_model),
             )
             for line in shown
         ),
@@ -105,41 +163,31 @@ def _values(line: Difference, units: ShownUnits, digits: int = 4) -> tuple[str, 
     return number(a, digits=digits), number(b, digits=digits)
 
 
-def _reach(line: Difference, units: ShownUnits) -> tuple[float, float]:
-    """Return the difference and the upper end of its interval."""
-    unit = line.subject.unit
-    return units.show(line.difference, unit), units.show(line.high, unit)
+def _difference(line: Difference, units: ShownUnits) -> str:
+    numbers = (line.difference, line.low, line.high)
+    return with_interval(*(units.show(one, line.subject.unit) for one in numbers), plus="+")
 
 
-def _percent(line: Difference) -> str:
-    return NOTHING if math.isnan(line.percent) else f"{line.percent:+.2f}"
-
-
-def comparison_parameter_sheet(comparison: RunComparison) -> Sheet:
+def _parameter_sheet(comparison: RunComparison) -> Sheet:
     """Return the parameters, those that all settings share once."""
     lines, units = comparison.of("parameter"), comparison.units
+    # Some units are longer than the numbers: they are told once.
+    known = {line.subject.label: units.of(line.subject.unit) for line in lines if line.subject.unit}
+    notes = [", ".join(f"{name} in {unit}" for name, unit in known.items())] if known else []
     return Sheet(
         headings=("set", "parameter", "A", "B", "B - A", "", "verdict"),
-        units=("", "", "", "", "%", "%", ""),
+        units=("", "", "", "", "%", "%, 95 %", ""),
         rows=tuple(
             (
                 "all" if line.subject.setting is None else str(line.subject.setting),
-                line.subject.label,
-                *_values(line, units, digits=5),
-                *_change(line, units),
+                *(line.subject.label, *_values(line, units, digits=5), *_change(line, units)),
                 verdict_of(line, units),
             )
             for line in lines
         ),
         is_number=(True, False, True, True, True, True, False),
-        notes=("B - A in per cent with its 95 % interval", *_units(lines, units)),
+        notes=tuple(notes),
     )
-
-
-def _units(lines: Sequence[Difference], units: ShownUnits) -> tuple[str, ...]:
-    """Say the units once: some are longer than the numbers."""
-    known = {line.subject.label: units.of(line.subject.unit) for line in lines if line.subject.unit}
-    return (", ".join(f"{name} in {unit}" for name, unit in known.items()),) if known else ()
 
 
 def _change(line: Difference, units: ShownUnits = SI) -> tuple[str, str]:
@@ -153,21 +201,17 @@ def _change(line: Difference, units: ShownUnits = SI) -> tuple[str, str]:
     return f"{line.percent:+.2f}", f"{line.percent_low:+.2f} to {line.percent_high:+.2f}"
 
 
-def comparison_figure_sheet(comparison: RunComparison) -> Sheet:
+def _figure_sheet(comparison: RunComparison) -> Sheet:
     """Return energy, hysteresis, MSE and distance from cavitation."""
     units = comparison.units
     return Sheet(
         headings=("set", "figure", "A", "B", "B - A", "verdict"),
-        units=("",) * 6,
+        units=("", "", "", "", "±95 %", ""),
         rows=tuple(
             (
                 str(line.subject.setting),
                 f"{line.subject.label}, {units.of(line.subject.unit)}",
-                *_values(line, units),
-                with_interval(*_reach(line, units), plus="+")
-                if math.isfinite(line.high)
-                else number(_reach(line, units)[0], digits=3),
-                verdict_of(line, units),
+                *(*_values(line, units), _difference(line, units), verdict_of(line, units)),
             )
             for line in comparison.of("figure")
         ),
@@ -197,14 +241,10 @@ def tolerance_sheet(points: Sequence[Point], *, is_short: bool = False) -> Sheet
         units=("", "", units.of("m/s"), "", force, force, force, ""),
         rows=tuple(
             (
-                one.run,
-                str(one.setting),
+                *(one.run, str(one.setting)),
                 _speed(None if math.isnan(one.speed) else one.speed, units),
-                one.stroke,
-                *(
-                    number(units.show(value, "N"), digits=4)
-                    for value in (one.force, one.low, one.high)
-                ),
+                STROKE_WORDS.get(one.stroke, one.stroke),
+                *(number(units.show(f, "N"), digits=4) for f in (one.force, one.low, one.high)),
                 one.words,
             )
             for one in shown
@@ -214,150 +254,24 @@ def tolerance_sheet(points: Sequence[Point], *, is_short: bool = False) -> Sheet
     )
 
 
-# Comparisons as rows and documents: what --json prints, and tables hold.
-
-_TEXT, _FLOAT, _TRUTH = pa.string(), pa.float64(), pa.bool_()
-# Name, kind and meaning of each column; what is compared tells its unit.
-_COLUMNS: tuple[tuple[str, pa.DataType, str], ...] = (
-    ("first", _TEXT, "the reference"),
-    ("second", _TEXT, "the run beside it"),
-    ("kind", _TEXT, "force, parameter or figure"),
-    ("name", _TEXT, "what is compared"),
-    ("setting", _TEXT, "adjuster setting; empty: of all settings"),
-    ("speed_m_per_s", _FLOAT, "of a force, positive"),
-    ("stroke", _TEXT, "rebound or bump"),
-    ("unit", _TEXT, "of the values and their difference"),
-    ("first_value", _FLOAT, "of the reference"),
-    ("second_value", _FLOAT, "of the run beside it"),
-    ("difference", _FLOAT, "second less first"),
-    ("difference_ci_low", _FLOAT, "95 % interval of the difference"),
-    ("difference_ci_high", _FLOAT, "95 % interval of the difference"),
-    ("percent", _FLOAT, "difference in % of the first; of its damping, or half the force's range"),
-    ("percent_ci_low", _FLOAT, "95 % interval of percent"),
-    ("percent_ci_high", _FLOAT, "95 % interval of percent"),
-    ("chance", _FLOAT, "how often chance alone makes as large a difference, 0 to 1"),
-    ("verdict", _TEXT, "same, different or untold"),
-    ("is_sure", _TRUTH, "different even when the number of lines is allowed for"),
-    ("told_from", _TEXT, "model or measured"),
-    ("words", _TEXT, "the verdict in words"),
-)
-
-
-_POINT_COLUMNS: tuple[tuple[str, pa.DataType, str], ...] = (
-    ("run", _TEXT, "whose force it is"),
-    ("setting", _TEXT, "adjuster setting"),
-    ("speed_m_per_s", _FLOAT, "positive; empty where a whole setting is missing"),
-    ("stroke", _TEXT, "rebound or bump"),
-    ("force_N", _FLOAT, "positive in rebound"),
-    ("low_N", _FLOAT, "lower edge of the band"),
-    ("high_N", _FLOAT, "upper edge of the band"),
-    ("margin_N", _FLOAT, "how far inside the band; negative: outside"),
-    (
-        "half_interval_N",
-        _FLOAT,
-        "half the 95 % interval of the force that is checked against the band",
-    ),
-    ("told_from", _TEXT, "model or measured"),
-    ("is_met", _TRUTH, "whether it is inside; false where it could not be evaluated"),
-    ("words", _TEXT, "the result in words"),
-)
-
-
-def comparison_rows(comparison: RunComparison) -> list[dict[str, Any]]:
-    """Return the lines of a comparison as rows; what is not known is None."""
-    return [_row(comparison, line) for line in comparison.lines]
-
-
-def _row(comparison: RunComparison, line: Difference) -> dict[str, Any]:
-    subject = line.subject
-    values = (
-        comparison.first.name,
-        comparison.second.name,
-        subject.kind,
-        subject.name,
-        None if subject.setting is None else str(subject.setting),
-        subject.speed,
-        subject.stroke or None,
-        subject.unit,
-        *map(_finite, (line.first.value, line.second.value)),
-        *map(_finite, (line.difference, line.low, line.high)),
-        *map(_finite, (line.percent, line.percent_low, line.percent_high, line.chance)),
-        line.verdict.value,
-        line.is_sure,
-        "measured" if line.is_measured else "model",
-        verdict_of(line),
-    )
-    return dict(zip((name for name, *_ in _COLUMNS), values, strict=True))
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
-
-
-def comparison_table(rows: Sequence[Mapping[str, Any]]) -> pa.Table:
-    """Return rows of one or more comparisons as a table."""
-    return _table(rows, _COLUMNS)
-
-
-def tolerance_rows(points: Sequence[Point]) -> list[dict[str, Any]]:
-    """Return forces held against bands as rows; what is not known is None."""
-    names = [name for name, *_ in _POINT_COLUMNS]
-    return [dict(zip(names, _values_comparison_records(point), strict=True)) for point in points]
-
-
-def _values_comparison_records(point: Point) -> tuple[Any, ...]:
-    return (
-        point.run,
-        str(point.setting),
-        _finite(point.speed),
-        point.stroke or None,
-        *map(_finite, (point.force, point.low, point.high, point.margin, point.reach)),
-        "measured" if point.is_measured else "model",
-        point.is_met,
-        point.words,
-    )
-
-
-def tolerance_table(rows: Sequence[Mapping[str, Any]]) -> pa.Table:
-    """Return rows of forces held against bands as a table."""
-    return _table(rows, _POINT_COLUMNS)
-
-
-def _table(
-    rows: Sequence[Mapping[str, Any]], columns: Sequence[tuple[str, pa.DataType, str]]
-) -> pa.Table:
-    fields = [pa.field(name, kind, metadata={"description": said}) for name, kind, said in columns]
-    return pa.Table.from_pylist([dict(row) for row in rows], schema=pa.schema(fields))
-
-
-def comparison_record(comparison: RunComparison) -> dict[str, Any]:
-    """Return a comparison as JSON values."""
-    return {
-        "first": _run(comparison.first),
-        "second": _run(comparison.second),
-        "repeats": [_run(run) for run in comparison.repeats],
-        "motion": comparison.motion,
-        "settings": [_setting(setting) for setting in comparison.settings],
-        "sentences": list(comparison.sentences),
-        "circumstances": [
-            {"kind": one.kind, "first": one.first, "second": one.second, "sentence": one.sentence}
-            for one in comparison.circumstances
-        ],
-        "notes": list(comparison.notes),
-        "remarks": list(comparison.remarks),
-        "lines": comparison_rows(comparison),
-    }
-
-
-def _run(run: ComparedRun) -> dict[str, str]:
-    return {"name": run.name, "place": run.place}
-
-
-def _setting(setting: Setting) -> int | str:
-    return setting.cell
-
-
-# Comparisons as Markdown; everything that came from a log or a folder's name is escaped.
+def tolerance_outcome(points: Sequence[Point]) -> str:
+    """Say how many points keep their bands."""
+    units = points[0].units
+    met = sum(one.is_met for one in points)
+    unseen = sum(math.isnan(one.margin) for one in points)
+    said = f"{met} of {len(points)} points within the tolerance"
+    outside = [-one.margin for one in points if one.margin < 0.0]
+    if outside:
+        said += f", {len(outside)} outside, by up to {units.write(max(outside), 'N', '.3g')}"
+    if unseen:
+        said += f", {unseen} not evaluated"
+    measured = sum(one.is_measured for one in points)
+    if measured:
+        said += f"; {measured} compared as measured, without a model"
+    if met == len(points):
+        nearest = min(points, key=lambda one: one.margin)
+        return f"{said}; the nearest edge is {units.write(nearest.margin, 'N', '.3g')} away"
+    return said
 
 
 def comparison_markdown(
@@ -367,7 +281,7 @@ def comparison_markdown(
     source: str = "",
     alone: Sequence[str] = (),
 ) -> str:
-    """Return comparisons, and forces held against bands, as one document.
+    """Return comparisons, and forces held against bands, as one document, everything escaped.
 
     Parameters
     ----------
@@ -389,48 +303,103 @@ def comparison_markdown(
     return "\n".join(parts) + "\n"
 
 
-def tolerance_outcome(points: Sequence[Point]) -> str:
-    """Say how many points keep their bands."""
-    units = points[0].units
-    met = sum(one.is_met for one in points)
-    unseen = sum(bool(one.margin != one.margin) for one in points)
-    said = f"{met} of {len(points)} points within the tolerance"
-    outside = [-one.margin for one in points if one.margin < 0.0]
-    if outside:
-        said += f", {len(outside)} outside, by up to {units.write(max(outside), 'N', '.3g')}"
-    if unseen:
-        said += f", {unseen} not evaluated"
-    measured = sum(one.is_measured for one in points)
-    if measured:
-        said += f"; {measured} compared as measured, without a model"
-    if met == len(points):
-        nearest = min(points, key=lambda one: one.margin)
-        return f"{said}; the nearest edge is {units.write(nearest.margin, 'N', '.3g')} away"
-    return said
-
-
 def _comparison(one: RunComparison) -> Iterator[str]:
     yield from ("", f"## {escape(one.second.name)} beside {escape(one.first.name)}", "")
     yield from _list(f"differs besides: {sentence}" for sentence in one.differing)
     yield from ("", *_list((*one.sentences, *one.to_know, *one.remarks)))
-    for title, sheet in (
-        (one.forces_title[0].upper() + one.forces_title[1:], comparison_force_sheet(one)),
-        ("Parameters", comparison_parameter_sheet(one)),
-        ("Energy, hysteresis, MSE, cavitation", comparison_figure_sheet(one)),
-    ):
-        if sheet.rows:
-            yield from ("", f"### {escape(title)}", "", *markdown_table(sheet))
+    for title, sheet in comparison_sheets(one):
+        yield from ("", f"### {escape(title)}", "", *markdown_table(sheet))
 
 
 def _list(items: Iterable[str]) -> list[str]:
     return [f"- {escape(item)}" for item in items]
 
 
-# Forces held against their bands as a JUnit file, which build servers read.
+# Rows for files and programs
+
+
+def comparison_rows(comparison: RunComparison) -> list[dict[str, Any]]:
+    """Return the lines of a comparison as rows; what is not known is None."""
+    return [_row(comparison, line) for line in comparison.lines]
+
+
+def _row(comparison: RunComparison, line: Difference) -> dict[str, Any]:
+    subject = line.subject
+    values = (
+        *(comparison.first.name, comparison.second.name, subject.kind, subject.name),
+        None if subject.setting is None else str(subject.setting),
+        *(subject.speed, subject.stroke or None, subject.unit),
+        *map(_finite, (line.first.value, line.second.value)),
+        *map(_finite, (line.difference, line.low, line.high)),
+        *map(_finite, (line.percent, line.percent_low, line.percent_high, line.chance)),
+        *(line.verdict.value, line.is_sure, "measured" if line.is_measured else "model"),
+        verdict_of(line),
+    )
+    return dict(zip((name for name, *_ in _COLUMNS), values, strict=True))
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+def comparison_table(rows: Sequence[Mapping[str, Any]]) -> pa.Table:
+    """Return rows of one or more comparisons as a table."""
+    return _table(rows, _COLUMNS)
+
+
+def tolerance_rows(points: Sequence[Point]) -> list[dict[str, Any]]:
+    """Return forces held against bands as rows; what is not known is None."""
+    rows = (
+        (
+            *(point.run, str(point.setting), _finite(point.speed), point.stroke or None),
+            *map(_finite, (point.force, point.low, point.high, point.margin, point.reach)),
+            *("measured" if point.is_measured else "model", point.is_met, point.words),
+        )
+        for point in points
+    )
+    names = [name for name, *_ in _POINT_COLUMNS]
+    return [dict(zip(names, row, strict=True)) for row in rows]
+
+
+def tolerance_table(rows: Sequence[Mapping[str, Any]]) -> pa.Table:
+    """Return rows of forces held against bands as a table."""
+    return _table(rows, _POINT_COLUMNS)
+
+
+def _table(
+    rows: Sequence[Mapping[str, Any]], columns: Sequence[tuple[str, pa.DataType, str]]
+) -> pa.Table:
+    fields = [pa.field(name, kind, metadata={"description": said}) for name, kind, said in columns]
+    return pa.Table.from_pylist([dict(row) for row in rows], schema=pa.schema(fields))
+
+
+def comparison_record(comparison: RunComparison) -> dict[str, Any]:
+    """Return a comparison as JSON values."""
+
+    def run(one: ComparedRun) -> dict[str, str]:
+        return {"name": one.name, "place": one.place}
+
+    return {
+        "first": run(comparison.first),
+        "second": run(comparison.second),
+        "repeats": [run(one) for one in comparison.repeats],
+        "motion": comparison.motion,
+        "settings": [setting.cell for setting in comparison.settings],
+        "sentences": list(comparison.sentences),
+        "circumstances": [
+            {"kind": one.kind, "first": one.first, "second": one.second, "sentence": one.sentence}
+            for one in comparison.circumstances
+        ],
+        "notes": list(comparison.notes),
+        "remarks": list(comparison.remarks),
+        "lines": comparison_rows(comparison),
+    }
 
 
 def junit_report(points: Sequence[Point], *, source: str) -> bytes:
-    """Return a test case for each point, by run; what could not be looked at has failed.
+    """Return a JUnit file, which build servers read: a test case a point, by run.
+
+    What could not be looked at has failed.
 
     Parameters
     ----------
@@ -439,36 +408,31 @@ def junit_report(points: Sequence[Point], *, source: str) -> bytes:
     source : str
         The bands, as they were given.
     """
-    root = Element("testsuites", _counts(points) | {"name": "damperfit compare"})
+
+    def counts(mine: Sequence[Point]) -> dict[str, str]:
+        failures = sum(not point.is_met for point in mine)
+        return {"tests": str(len(mine)), "failures": str(failures), "errors": "0"}
+
+    root = Element("testsuites", counts(points) | {"name": "damperfit compare"})
     for run in dict.fromkeys(point.run for point in points):
         mine = [point for point in points if point.run == run]
-        name = printable(f"{run}, tolerance {source}")
-        suite = SubElement(root, "testsuite", {"name": name} | _counts(mine))
+        title = {"name": printable(f"{run}, tolerance {source}")}
+        suite = SubElement(root, "testsuite", title | counts(mine))
         for point in mine:
-            case = SubElement(
-                suite, "testcase", {"classname": printable(run), "name": printable(_name(point))}
-            )
+            name = f"setting {point.setting}"
+            if not math.isnan(point.speed):
+                name += f", {point.stroke}, {point.units.write_speed(point.speed)}"
+            facts = {"classname": printable(run), "name": printable(name)}
+            case = SubElement(suite, "testcase", facts)
             if not point.is_met:
                 kind = "not evaluated" if math.isnan(point.margin) else "out of tolerance"
-                said = printable(point.words)
-                failure = SubElement(case, "failure", {"type": kind, "message": said})
-                force, low, high = (
-                    point.units.show(value, "N") for value in (point.force, point.low, point.high)
-                )
+                said = {"type": kind, "message": printable(point.words)}
+                forces = (point.force, point.low, point.high)
+                force, low, high = (point.units.show(value, "N") for value in forces)
                 unit = point.units.of("N")
-                failure.text = f"force {force:.5g} {unit}, expected {low:.5g} to {high:.5g} {unit}"
+                SubElement(
+                    case, "failure", said
+                ).text = f"force {force:.5g} {unit}, expected {low:.5g} to {high:.5g} {unit}"
     indent(root)
     text: bytes = tostring(root, encoding="utf-8", xml_declaration=True)
     return text + b"\n"
-
-
-def _counts(points: Sequence[Point]) -> dict[str, str]:
-    failures = sum(not point.is_met for point in points)
-    return {"tests": str(len(points)), "failures": str(failures), "errors": "0"}
-
-
-def _name(point: Point) -> str:
-    where = f"setting {point.setting}"
-    if math.isnan(point.speed):
-        return where
-    return f"{where}, {point.stroke}, {point.units.write_speed(point.speed)}"

@@ -33,7 +33,7 @@ __all__ = [
 _COLOURS = {"ink": "#000000", "muted": "#7d8796"}
 _STYLES: dict[str, dict[str, Any]] = {
     "solid": {"linewidth": 1.6},
-    "wide": {"linewidth": 3.0, "alpha": 0.6},
+    "wide": {"linewidth": 2.6, "alpha": 0.7},
     "thin": {"linewidth": 0.7},
     "dashed": {"linewidth": 1.2, "linestyle": "--"},
     "dotted": {"linewidth": 1.6, "linestyle": ":"},
@@ -242,6 +242,12 @@ def _draw_line(axes: Any, line: Line) -> None:
     if "marker" in style:
         style.setdefault("markersize", 5.0 if len(line.x) <= _MANY else 1.0)
     label = line.label if line.in_legend else "_" + line.label
+    if line.tag:
+        end = int(line.x.argmax())
+        axes.annotate(
+            line.tag, (line.x[end], line.y[end]), (3, 0), textcoords="offset points",
+            color=colour, fontsize=7, va="center",
+        )  # fmt: skip
     if line.low is None or line.high is None:
         axes.plot(line.x, line.y, color=colour, label=label, **style)
     elif "marker" not in style:

@@ -65,6 +65,8 @@ class Line:
         The legend names it.
     low, high : numpy.ndarray or None
         Interval around y, same shape: bars at marks, a band along a line.
+    tag : str
+        What stands at the end of the line, where x is largest.
     """
 
     x: FloatArray
@@ -76,6 +78,7 @@ class Line:
     in_legend: bool = True
     low: FloatArray | None = None
     high: FloatArray | None = None
+    tag: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

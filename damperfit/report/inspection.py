@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 __all__ = ["MANY_ROWS", "VERDICT_COLOURS", "finding_lines", "inspection_sheet", "stretch_sheet"]
 
-VERDICT_COLOURS = {"good": "green", "warnings": "yellow", "curves": "cyan", "refused": "red"}
+VERDICT_COLOURS = {"good": 32, "warnings": 33, "curves": 36, "refused": 31}  # ANSI
 _NOISE_NOTE = "* read above the filter's band; otherwise from the scatter between cycles"
 _WIDTH = 80
 MANY_ROWS = 60  # of a table; two screens

@@ -1,8 +1,7 @@
 """Checks, trends, clicks and findings on their way into run.json and back: one class for both.
 
-Folders of other versions and damaged ones come here too, so nothing is taken on trust. What an
-entry lacks or has of another kind reads as not known: NaN, None, an empty text. An entry that lacks
-what it cannot do without is left out.
+Folders of other versions and damaged ones come here too, so nothing is taken on trust: an entry
+that is another thing is left out.
 """
 
 from __future__ import annotations
@@ -13,16 +12,16 @@ from functools import cache
 from types import NoneType, UnionType
 from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_origin, get_type_hints
 
-from damperfit.adjustment import Click, Outlier, Trend, TrendPoint
+from damperfit.adjustment import Click, Trend
 from damperfit.checks import Check
 from damperfit.recording import Finding
 from damperfit.report.facts import Failure
-from damperfit.tested.setting import Place, Setting, parse_place
+from damperfit.tested.setting import Setting, parse_place
 from damperfit.units.quantities import QuantityError
 from damperfit.units.shown_units import SI, ShownUnits, parse_units
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
 __all__ = [
     "checks_in",
@@ -54,22 +53,7 @@ _KEYS: dict[type, dict[str, str]] = {
         "high": "high_N",
     },
 }
-# Fields without which an entry says nothing.
-_NEEDED: dict[type, frozenset[str]] = {
-    Check: frozenset({"name"}),
-    Click: frozenset({"first", "second", "speed"}),
-    Failure: frozenset({"message"}),
-    Finding: frozenset({"sentence"}),
-    Outlier: frozenset({"setting"}),
-    Trend: frozenset({"parameter"}),
-    TrendPoint: frozenset({"setting", "value"}),
-}
-
 _PLAIN = frozenset({float, int, str, bool, type(None)})
-
-
-class _UnreadableError(Exception):
-    """A value is not of its kind, and its kind has none that says so."""
 
 
 def to_record(one: Any) -> Any:
@@ -106,7 +90,9 @@ def _keys_of(kind: Any) -> tuple[tuple[str, str], ...]:
 
 
 def read_back(kind: type[_T], entry: object) -> _T | None:
-    """Return what `to_record` was given, or None where too much of it is missing.
+    """Return what `to_record` was given; None where the entry is another thing.
+
+    What an entry lacks reads as not known: NaN, None, an empty text.
 
     Parameters
     ----------
@@ -117,16 +103,16 @@ def read_back(kind: type[_T], entry: object) -> _T | None:
 
     Examples
     --------
-    >>> read_back(Check, {"name": "no_cavitation", "passed": "yes"})
+    >>> read_back(Check, {"name": "no_cavitation"})
     Check(name='no_cavitation', passed=None, reason='')
     >>> read_back(Check, {"reason": "of what?"}) is None
     True
     """
     try:
-        found: _T = _read_class(kind, entry)
-    except _UnreadableError:
+        read: _T = _read(kind, entry)
+    except (TypeError, ValueError, OverflowError):
         return None
-    return found
+    return read
 
 
 def checks_in(record: Mapping[str, Any]) -> tuple[Check, ...]:
@@ -226,8 +212,8 @@ def number_in(record: Mapping[str, Any], key: str) -> float | None:
 
 
 def _all(kind: type[_T], record: Mapping[str, Any], key: str) -> tuple[_T, ...]:
-    found = (read_back(kind, entry) for entry in listed_in(record, key))
-    return tuple(one for one in found if one is not None)
+    read = (read_back(kind, entry) for entry in listed_in(record, key))
+    return tuple(one for one in read if one is not None)
 
 
 @cache
@@ -235,59 +221,38 @@ def _hints(kind: Any) -> dict[str, Any]:
     return get_type_hints(kind, localns={"Setting": Setting})
 
 
-def _read_class(kind: Any, entry: object) -> Any:
-    if not isinstance(entry, dict):
-        raise _UnreadableError
-    keys, needed = _KEYS.get(kind, {}), _NEEDED.get(kind, frozenset())
-    values = {}
-    for name, hint in _hints(kind).items():
-        value = _read(hint, entry.get(keys.get(name, name)))
-        if name in needed and (value == "" or value != value):  # noqa: PLR0124 - NaN alone does
-            raise _UnreadableError
-        values[name] = value
-    return kind(**values)
-
-
-def _read(hint: Any, value: object) -> Any:
+def _read(hint: Any, value: Any) -> Any:
     """Return a value as its kind, or what stands for an unknown one."""
     if isinstance(hint, UnionType):
         kinds = [kind for kind in get_args(hint) if kind is not NoneType]
-        like = next((kind for kind in kinds if _is_like(kind, value)), None)
-        if like is None and len(kinds) == len(get_args(hint)):
-            raise _UnreadableError
-        return None if like is None else _read(like, value)
+        if value is None and len(kinds) < len(get_args(hint)):
+            return None
+        is_label = isinstance(value, str)
+        hint = next((kind for kind in kinds if (kind is str) == is_label), kinds[0])
     if get_origin(hint) is tuple:
-        return _read_tuple(get_args(hint), value)
-    if hint is Setting:
-        return _setting(value)
-    if isinstance(hint, type) and is_dataclass(hint):
-        return _read_class(hint, value)
-    return {str: _text, float: _number, int: _whole, bool: _is_true}[hint](value)
-
-
-def _read_tuple(kinds: tuple[Any, ...], value: object) -> tuple[Any, ...]:
-    items = value if isinstance(value, list) else []
-    if Ellipsis not in kinds:
-        if len(items) != len(kinds):
-            raise _UnreadableError
+        kinds, items = list(get_args(hint)), list(value or ())
+        if kinds[-1] is Ellipsis:
+            kinds = kinds[:1] * len(items)
         return tuple(_read(kind, item) for kind, item in zip(kinds, items, strict=True))
-    found = []
-    for item in items:
-        try:
-            found.append(_read(kinds[0], item))
-        except _UnreadableError:
-            continue
-    return tuple(found)
+    if is_dataclass(hint) and hint is not Setting:
+        return _read_class(hint, dict(value))
+    return _READ[hint](value)
 
 
-def _is_like(kind: type, value: object) -> bool:
-    """Whether a value that may be unknown is known."""
-    if kind is Setting:
-        is_label = isinstance(value, str) and isinstance(_place(value), str | float)
-        return is_label or _is_like(int, value)
-    if kind in {int, float}:
-        return math.isfinite(_number(value)) and (kind is float or type(value) is int)
-    return type(value) is kind
+def _read_class(kind: Any, entry: Mapping[str, Any]) -> Any:
+    keys = _KEYS.get(kind, {})
+    values = {
+        name: _read(one, entry.get(keys.get(name, name))) for name, one in _hints(kind).items()
+    }
+    if next(iter(values.values())) == "":  # what the entry is about
+        raise ValueError
+    return kind(**values)
+
+
+def _whole(value: Any) -> int:
+    if isinstance(value, bool) or value != int(value):
+        raise ValueError
+    return int(value)
 
 
 def _number(value: object) -> float:
@@ -298,32 +263,16 @@ def _number(value: object) -> float:
         return math.nan
 
 
-def _whole(value: object) -> int:
-    number = _number(value)
-    if not number.is_integer():  # NaN and infinity are none either
-        raise _UnreadableError
-    return int(number)
-
-
-def _setting(value: object) -> Setting:
-    if not isinstance(value, str):
-        return Setting.of(_whole(value))
-    place = _place(value)
-    if place is None or isinstance(place, int):
-        raise _UnreadableError
-    return Setting.of(place)
-
-
-def _place(text: str) -> Place | None:
-    try:
-        return parse_place(text)
-    except ValueError:
-        return None
-
-
-def _is_true(value: object) -> bool:
-    return value is True
-
-
 def _text(value: object) -> str:
     return value if isinstance(value, str) else "" if value is None else str(value)
+
+
+_READ: dict[Any, Callable[[Any], Any]] = {
+    float: _number,
+    int: _whole,
+    str: _text,
+    bool: lambda value: value is True,
+    Setting: lambda value: Setting.of(
+        parse_place(value) if isinstance(value, str) else _whole(value)
+    ),
+}

@@ -1,21 +1,14 @@
-"""Numbers as text, rounded for reading: by their error where there is one.
-
-A value with a standard error is rounded by it, to two digits of the error (``1.26 ± 0.12``).
-Without one, five significant digits are shown.
-"""
+"""Numbers as text, rounded for reading: by their 95 % interval where there is one."""
 
 from __future__ import annotations
 
 import math
-from typing import TypeGuard
 
 __all__ = [
     "NOTHING",
     "number",
     "percent",
-    "rounded_by_error",
     "stroke_ratio",
-    "with_error",
     "with_interval",
 ]
 
@@ -39,45 +32,57 @@ def number(value: float | None, *, digits: int = 5) -> str:
     return f"{value:.{_decimals(value, digits)}f}"
 
 
-def with_error(value: float | None, error: float | None, *, digits: int = 5) -> str:
-    """Return value and standard error, both rounded to two digits of the error.
-
-    Without an error, ``digits`` significant digits are shown.
-
-    Examples
-    --------
-    >>> with_error(1.2634, 0.1234), with_error(45678.9, 321.0), with_error(2.0, None)
-    ('1.26 ± 0.12', '45680 ± 320', '2.0000')
-    """
-    if value is None or not _is_error(error):
-        return number(value, digits=digits)
-    shown, place = _round_by(value, error), _place(error)
-    return f"{shown} ± {_round_at(error, place)}"
-
-
-def rounded_by_error(
-    value: float | None, error: float | None, *, has_error: bool = True, digits: int = 4
+def with_interval(
+    value: float | None,
+    low: float | None,
+    high: float | None,
+    *,
+    digits: int = 5,
+    plus: str = "",
+    has_error: bool = True,
 ) -> str:
-    """Return value and standard error in few characters, the error in units of the last digit.
+    """Return a value and half of its interval, both to the place that the interval tells.
 
-    Without an error, ``digits`` significant digits are shown; ``has_error`` False rounds by the
-    error but leaves it out.
+    Where the limits are not as far below as above, they stand behind it. Without limits
+    ``digits`` significant digits are shown.
+
+    Parameters
+    ----------
+    value, low, high : float or None
+        The value and its limits.
+    digits : int
+        Significant digits of a value without limits.
+    plus : str
+        "+" for changes, which show their sign.
+    has_error : bool
+        False rounds by the interval but leaves it out.
 
     Examples
     --------
-    >>> rounded_by_error(14.00512, 0.0112), rounded_by_error(45678.9, 321.0)
-    ('14.005(11)', '45680(320)')
-    >>> rounded_by_error(14.00512, 0.0112, has_error=False), rounded_by_error(2.0, None)
-    ('14.005', '2.000')
+    >>> with_interval(14.0049, 13.9842, 14.0257), with_interval(45678.9, 45300.0, 46050.0)
+    ('14.00 ± 0.02', '45700 ± 400')
+    >>> with_interval(0.631, 0.134, 2.963), with_interval(2.0, None, None)
+    ('0.6 (0.1 to 3.0)', '2.0000')
     """
-    if value is None or not _is_error(error):
-        return number(value, digits=digits)
-    shown = _round_by(value, error)
+    if value is None or not math.isfinite(value):
+        return NOTHING
+    ends = [end for end in (low, high) if end is not None and math.isfinite(end)]
+    if len(ends) < 2 or not ends[0] <= value <= ends[1] or ends[0] == ends[1]:
+        return number(value, digits=digits) if not plus else f"{value:+.{digits - 1}g}"
+    below, above = value - ends[0], ends[1] - value
+    half = 0.5 * (ends[1] - ends[0])
+    is_even = max(below, above) <= _UNEVEN * min(below, above)
+    place = _place(half if is_even else max(min(below, above), _LEAST * half))
+    shown = _round_at(value, place, plus)
     if not has_error:
         return shown
-    place = _place(error)
-    step = 10.0 ** min(place, 0)
-    return f"{shown}({round(round(error / 10.0**place) * 10.0**place / step)})"
+    if is_even:
+        return f"{shown} ± {_round_at(half, place)}"
+    return f"{shown} ({_round_at(ends[0], place)} to {_round_at(ends[1], place)})"
+
+
+_UNEVEN, _LEAST = 1.25, 0.1
+_TWO_DIGITS = 19  # an error of these digits or fewer shows two of them, another one
 
 
 def percent(value: float | None) -> str:
@@ -97,36 +102,15 @@ def percent(value: float | None) -> str:
     return f"{value:.{_decimals(value, 3)}f}"
 
 
-def with_interval(value: float | None, high: float | None, *, plus: str = "") -> str:
-    """Return as in "+51.1 ± 0.4", to a digit of half the interval; four digits without one."""
-    if value is None or not math.isfinite(value):
-        return NOTHING
-    if high is None or not math.isfinite(high):
-        return f"{value:{plus}.4g}"
-    reach = high - value
-    decimals = 1 if reach >= 0.05 else 2
-    if 0.0 < reach < 0.005:  # of kilonewtons
-        decimals = -math.floor(math.log10(reach))
-    return f"{value:{plus}.{decimals}f} ± {reach:.{decimals}f}"
-
-
-def _is_error(error: float | None) -> TypeGuard[float]:
-    return error is not None and math.isfinite(error) and error > 0.0
-
-
 def _place(error: float) -> int:
-    """Return the decimal place of the second digit of an error."""
+    """Return the decimal place of the last digit that an error tells."""
     place = math.floor(math.log10(error)) - 1
-    return place + 1 if round(error / 10.0**place) >= 100 else place  # 0.0996 rounds up to 0.10
+    return place if round(error / 10.0**place) <= _TWO_DIGITS else place + 1
 
 
-def _round_at(value: float, place: int) -> str:
+def _round_at(value: float, place: int, plus: str = "") -> str:
     step = 10.0**place
-    return f"{round(value / step) * step:.{max(0, -place)}f}"
-
-
-def _round_by(value: float, error: float) -> str:
-    return _round_at(value, _place(error))
+    return f"{round(value / step) * step + 0.0:{plus}.{max(0, -place)}f}"
 
 
 def _decimals(value: float, digits: int) -> int:

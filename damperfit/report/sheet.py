@@ -1,31 +1,30 @@
-"""A table of strings, and how it is written: for a terminal, a pipe, Markdown, HTML."""
+"""A table of strings, and how it is written: text for a terminal or a pipe, Markdown, HTML.
+
+A cell may be the name of a log, which may hold anything: control characters and reversed writing
+are shown as escapes, and what Markdown or HTML could read as markup is escaped.
+"""
 
 from __future__ import annotations
 
 import re
-import textwrap
 from dataclasses import dataclass
+from html import escape as escape_html
 from typing import TYPE_CHECKING
+from unicodedata import combining, east_asian_width
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-    from rich.console import Console, ConsoleOptions, RenderResult
-    from rich.table import Table
+__all__ = ["Sheet", "escape", "html_table", "markdown_table", "printable", "text_table", "wrapped"]
 
-__all__ = [
-    "Sheet",
-    "TerminalTable",
-    "fitting_columns",
-    "plain_columns",
-    "plain_paragraph",
-    "printable",
-    "sheet_width",
-    "terminal_table",
-]
-
-
-# A table of strings: what every table on the terminal, in report.md and on the page begins as.
+_COLUMNS = 80
+_COLOURS = {"excellent": 32, "passed": 32, "good": 33, "poor": 31, "FAILED": 31}  # ANSI
+# Everything Markdown or the HTML inside it could read as markup, and no more: the report is read as
+# it stands too. An underscore between letters is none; signs and numbers are lists at a start only.
+_SPECIAL = re.compile(r"([\\`*\[\]<>#|~&$@]|(?<![^\W_])_|_(?![^\W_]))")
+_LIST = re.compile(r"^(\d*)([-+.)])(?=\s|$|\2)")
+# Nearly all cells of a table: words and numbers in which there is nothing to look for.
+_PLAIN = re.compile(r"[0-9A-Za-z]+(?:\.[0-9A-Za-z]+)*")
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,15 +49,24 @@ class Sheet:
     is_number: tuple[bool, ...]
     notes: tuple[str, ...] = ()
 
+    def width(self, gap: int, *, folds: bool = False) -> int:
+        """Return the characters of the widest row with ``gap`` blanks between columns.
 
-def sheet_width(sheet: Sheet, *, gap: int) -> int:
-    """Return the characters of the widest row with ``gap`` blanks between columns."""
-    columns = zip(sheet.headings, sheet.units, *sheet.rows, strict=True)
-    widths = [max(len(cell) for cell in column) for column in columns]
-    return sum(widths) + gap * (len(widths) - 1)
-
-
-# Text of logs and configurations as it may be shown: `printable`.
+        Parameters
+        ----------
+        gap : int
+            Blanks.
+        folds : bool
+            Columns of text are as wide as their longest word: they may wrap.
+        """
+        columns = zip(self.headings, self.units, *self.rows, strict=True)
+        widths = [
+            max(_places(part) for cell in column for part in (cell.split() or [""]))
+            if folds and not is_number
+            else max(map(_places, column))
+            for column, is_number in zip(columns, self.is_number, strict=True)
+        ]
+        return sum(widths) + gap * (len(widths) - 1)
 
 
 def printable(text: str) -> str:
@@ -74,179 +82,179 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
 
 
-# Columns and notes of a sheet as plain lines, as rich lays them out in a pipe, without loading it.
-#
-# Rich takes a tenth of a second to load and some milliseconds for ten rows. What needs more than
-# columns side by side, such as cells that wrap or letters two places wide, is left to it.
+def text_table(
+    sheet: Sheet, width: int = _COLUMNS, *, colours: Mapping[str, int] | None = None
+) -> str:
+    """Return a table as lines of text: headings, units, rows, notes below.
 
-# One place wide: ASCII, Latin, Greek and Cyrillic letters and signs, lines, bars, one blank.
-_NARROW = re.compile("[ -~\u00a1-\u00ac\u00ae-\u02ff\u0370-\u0482\u2500-\u25fc]*")
-
-
-def plain_columns(
-    sheet: Sheet, columns: Sequence[int], widths: Sequence[int], *, gap: int, width: int
-) -> list[str] | None:
-    """Return headings, units and rows as lines, None where rich has to say how they are laid out.
+    Where the width does not do, text wraps between words and the columns that are left go into a
+    table below with the first column again: no word and no number is cut.
 
     Parameters
     ----------
     sheet : Sheet
         The table.
-    columns : sequence of int
-        Which of its columns.
-    widths : sequence of int
-        The least width of each column of the sheet.
-    gap : int
-        Blanks between columns.
     width : int
         Characters of a line.
+    colours : mapping of str to int, optional
+        ANSI colours of cells, by the word in them; None: plain. What is not in it has the colour
+        of a grade.
     """
-    shown = []
-    for k in columns:
-        cells = [sheet.headings[k], *([sheet.units[k]] if any(sheet.units) else [])]
-        cells += [row[k] for row in sheet.rows]
-        if not all(_NARROW.fullmatch(cell) and cell == cell.strip() for cell in cells):
-            return None
-        wide = max(widths[k], *map(len, cells))
-        shown.append([f"{cell:{'>' if sheet.is_number[k] else '<'}{wide}}" for cell in cells])
-    if sum(len(column[0]) + gap for column in shown) - gap > width:
-        return None
-    return [(" " * gap).join(line).rstrip() for line in zip(*shown, strict=True)]
+    gap = 2 if sheet.width(2) <= min(_COLUMNS, width) else 1
+    least = _least_widths(sheet, width, gap)
+    known = None if colours is None else {**_COLOURS, **colours}
+    lines: list[str] = []
+    for columns in _parts(least, width, gap):
+        lines += ["", *_part(sheet, columns, least, width, gap, known)]
+    for note in sheet.notes:
+        said = wrapped(printable(note), width)
+        lines += said if known is None else [f"\x1b[2m{line}\x1b[0m" for line in said]
+    return "\n".join(lines[1:])
 
 
-def plain_paragraph(text: str, width: int) -> list[str] | None:
-    """Return a note as lines, None where rich has to say where it breaks."""
-    words = text.split(" ")
-    if not _NARROW.fullmatch(text) or "" in words or max(map(len, words)) > width:
-        return None
-    return textwrap.wrap(text, width, break_long_words=False, break_on_hyphens=False)
+def _part(
+    sheet: Sheet,
+    columns: Sequence[int],
+    least: Sequence[int],
+    width: int,
+    gap: int,
+    colours: Mapping[str, int] | None,
+) -> Iterator[str]:
+    """Yield the lines of some columns side by side."""
+    heads = [sheet.headings, *([sheet.units] if any(sheet.units) else [])]
+    cells = [[printable(row[k]) for k in columns] for row in (*heads, *sheet.rows)]
+    widths = [max(least[k], *(_places(row[at]) for row in cells)) for at, k in enumerate(columns)]
+    while sum(widths) + gap * (len(columns) - 1) > width:
+        spare = [wide - least[k] for k, wide in zip(columns, widths, strict=True)]
+        if not any(one > 0 for one in spare):
+            break
+        widths[max(range(len(columns)), key=lambda at: (spare[at] > 0, widths[at]))] -= 1
+    for number, row in enumerate(cells):
+        folded = [wrapped(cell, wide) for cell, wide in zip(row, widths, strict=True)]
+        for line in range(max(map(len, folded))):
+            shown = []
+            for at, k in enumerate(columns):
+                text = folded[at][line] if line < len(folded[at]) else ""
+                blanks = " " * (widths[at] - _places(text))
+                if colours is not None and text:
+                    code = 1 if number < len(heads) else colours.get(row[at])
+                    text = f"\x1b[{code}m{text}\x1b[0m" if code else text
+                shown.append(blanks + text if sheet.is_number[k] else text + blanks)
+            yield (" " * gap).join(shown).rstrip()
 
 
-# A sheet as a table for the terminal; at most 80 columns wide, and plain in a pipe.
-#
-# A cell may be the name of a log, which may hold anything: rich obeys no markup in a `Text`, but
-# passes escape sequences and reversed writing on, so they are shown as escapes.
-
-_COLUMNS = 80
-_COLOURS = {"excellent": "green", "good": "yellow", "poor": "red"}
-
-
-def terminal_table(sheet: Sheet, *, colours: Mapping[str, str] = _COLOURS) -> TerminalTable:
-    """Return a table for rich or for a pipe: headings, units, rows, notes below.
-
-    On a terminal cells are coloured by their word. Where the screen is too narrow, text wraps
-    between words and the columns that are left go into a table below with the first column again:
-    no word and no number is cut.
-    """
-    return TerminalTable(sheet, colours)
+def wrapped(text: str, width: int) -> list[str]:
+    """Return text as lines of so many places; a word that is longer is folded."""
+    lines = [""]
+    for word in text.split(" "):
+        joined = f"{lines[-1]} {word}" if lines[-1] else word
+        if _places(joined) <= width:
+            lines[-1] = joined
+            continue
+        lines += [""] if lines[-1] else []
+        for letter in word:
+            if lines[-1] and _places(lines[-1] + letter) > width:
+                lines.append("")
+            lines[-1] += letter
+    return lines
 
 
-@dataclass(frozen=True)
-class TerminalTable:
-    """A table that looks at the width of the screen when it is printed.
-
-    Attributes
-    ----------
-    sheet : Sheet
-        What it shows.
-    colours : mapping of str to str
-        Of cells, by the word in them.
-    """
-
-    sheet: Sheet
-    colours: Mapping[str, str]
-
-    def plain_lines(self, width: int) -> list[str] | None:
-        """Return the lines of a pipe, None where only rich can lay them out."""
-        lines: list[str] = []
-        gap, widths, parts = self._layout(width)
-        for number, columns in enumerate(parts):
-            part = plain_columns(self.sheet, columns, widths, gap=gap, width=width)
-            if part is None:
-                return None
-            lines += ["", *part] if number else part
-        for note in self.sheet.notes:
-            told = plain_paragraph(note, width)
-            if told is None:
-                return None
-            lines += told
-        return lines
-
-    def __rich_console__(self, _: Console, options: ConsoleOptions) -> RenderResult:
-        """Yield the table, or its parts one below the other, and the notes."""
-        from rich.text import Text
-
-        gap, widths, parts = self._layout(options.max_width)
-        for number, columns in enumerate(parts):
-            if number:
-                yield ""
-            yield self._table(columns, widths, gap)
-        for note in self.sheet.notes:
-            yield Text(printable(note), style="dim")
-
-    def _layout(self, width: int) -> tuple[int, list[int], list[list[int]]]:
-        """Return the blanks between columns, the least width of each, and what is side by side."""
-        gap = 2 if sheet_width(self.sheet, gap=2) <= min(_COLUMNS, width) else 1
-        return (
-            gap,
-            _least_widths(self.sheet, width, gap),
-            fitting_columns(self.sheet, width, gap=gap),
-        )
-
-    def _table(self, columns: Sequence[int], widths: Sequence[int], gap: int) -> Table:
-        from rich.table import Table
-        from rich.text import Text
-
-        sheet = self.sheet
-        table = Table(box=None, pad_edge=False, padding=(0, gap, 0, 0), header_style="bold")
-        for k in columns:
-            heading, unit = sheet.headings[k], sheet.units[k]
-            table.add_column(
-                Text(f"{heading}\n{unit}" if any(sheet.units) else heading),
-                justify="right" if sheet.is_number[k] else "left",
-                overflow="fold",
-                min_width=widths[k],
-            )
-        for row in sheet.rows:
-            cells = (printable(row[k]) for k in columns)
-            table.add_row(*(Text(cell, style=self.colours.get(cell, "")) for cell in cells))
-        return table
-
-
-def _least_width(sheet: Sheet, column: int) -> int:
-    """Return the width in which nothing of a column is cut: its longest word, or number."""
-    cells = [printable(row[column]) for row in sheet.rows]
-    words = [*sheet.headings[column].split(), *sheet.units[column].split()]
-    words += cells if sheet.is_number[column] else [word for cell in cells for word in cell.split()]
-    return max(map(len, words), default=0)
+def _places(text: str) -> int:
+    """Return the places of a screen that text takes."""
+    if text.isascii():
+        return len(text)
+    return sum(0 if combining(c) else 1 + (east_asian_width(c) in "WF") for c in text)
 
 
 def _least_widths(sheet: Sheet, width: int, gap: int) -> list[int]:
-    """Return the least widths as far as the screen has room for the first column and another."""
-    first, *others = (_least_width(sheet, k) for k in range(len(sheet.headings)))
+    """Return widths that cut no word and no number, as far as the first column leaves room."""
+
+    def least(k: int) -> int:
+        cells = [printable(row[k]) for row in sheet.rows]
+        words = [*sheet.headings[k].split(), *sheet.units[k].split()]
+        words += cells if sheet.is_number[k] else [word for cell in cells for word in cell.split()]
+        return max(map(_places, words), default=0)
+
+    first, *others = map(least, range(len(sheet.headings)))
     room = width - gap - max(others, default=0)
     first = min(first, max(width // 3, room))
     return [first, *(min(one, width - gap - first) for one in others)]
 
 
-def fitting_columns(sheet: Sheet, width: int, *, gap: int) -> list[list[int]]:
-    """Return which columns stand side by side; the first one leads each part.
+def _parts(least: Sequence[int], width: int, gap: int) -> list[list[int]]:
+    """Return which columns stand side by side; the first one leads each part."""
+    parts, used = [[0]], least[0]
+    for k, wide in enumerate(least[1:], start=1):
+        if used + gap + wide > width and len(parts[-1]) > 1:
+            parts.append([0])
+            used = least[0]
+        parts[-1].append(k)
+        used += gap + wide
+    return parts
+
+
+def escape(text: str) -> str:
+    r"""Return text that Markdown shows as it is, on one line, control characters as escapes.
+
+    Examples
+    --------
+    >>> print(escape("<b>|run_1 _2_\x1b[0m (+1 %)"))
+    \<b\>\|run_1 \_2\_\\x1b\[0m (+1 %)
+    """
+    if _PLAIN.fullmatch(text):
+        return text
+    shown = printable(" ".join(text.split()))
+    return _LIST.sub(r"\1\\\2", _SPECIAL.sub(r"\\\1", shown))
+
+
+def markdown_table(sheet: Sheet) -> list[str]:
+    """Return a sheet as the lines of a Markdown table, its notes below; nothing without rows."""
+    if not sheet.rows:
+        return []
+    heads = [
+        f"{escape(heading)}{f' {unit}' if unit else ''}"
+        for heading, unit in zip(sheet.headings, sheet.units, strict=True)
+    ]
+    rules = ["---:" if is_number else "---" for is_number in sheet.is_number]
+    cells = [[escape(cell) for cell in row] for row in sheet.rows]
+    lines = [f"| {' | '.join(row)} |" for row in (heads, rules, *cells)]
+    return [*lines, *(line for note in sheet.notes for line in ("", escape(note)))]
+
+
+def html_table(sheet: Sheet, *, caption: str = "", looks: Mapping[str, str] | None = None) -> str:
+    """Return a sheet as a table of HTML, every text of it escaped.
 
     Parameters
     ----------
     sheet : Sheet
         The table.
-    width : int
-        Characters of the screen.
-    gap : int
-        Blanks between columns.
+    caption : str
+        Above it; none where it is empty.
+    looks : mapping of str to str, optional
+        For a page with a style: classes of cells, by the word in them. None: numbers are set to
+        the right by styles of their own, for a notebook.
     """
-    first, *others = _least_widths(sheet, width, gap)
-    parts, used = [[0]], first
-    for k, least in enumerate(others, start=1):
-        if used + gap + least > width and len(parts[-1]) > 1:
-            parts.append([0])
-            used = first
-        parts[-1].append(k)
-        used += gap + least
-    return parts
+
+    def cell(kind: str, text: str, *, is_number: bool) -> str:
+        how = ""
+        if looks is None:
+            how = " style='text-align:right'" if is_number else ""
+        elif is_number:
+            how = " class=n"
+        elif text in looks:
+            how = f" class={looks[text]}"
+        elif kind == "td" and len(text) <= _WORD and text.isalpha():
+            how = " class=word"
+        return f"<{kind}{how}>{escape_html(printable(text))}</{kind}>"
+
+    def row(kind: str, cells: Iterable[str]) -> str:
+        pairs = zip(cells, sheet.is_number, strict=True)
+        return f"<tr>{''.join(cell(kind, text, is_number=right) for text, right in pairs)}</tr>"
+
+    heads = [row("th", cells) for cells in (sheet.headings, sheet.units) if any(cells)]
+    body = "\n".join(row("td", cells) for cells in sheet.rows)
+    title = f"<caption>{escape_html(printable(caption))}</caption>" if caption else ""
+    return f"<table>{title}<thead>{''.join(heads)}</thead><tbody>\n{body}</tbody></table>"
+
+
+_WORD = 12  # letters of a word that a narrow column does not tear

@@ -2,206 +2,64 @@
 
 from __future__ import annotations
 
-import itertools
 import math
-import re
-from dataclasses import dataclass
 from itertools import combinations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from damperfit.damper.quantity import SETTING
-from damperfit.report.rounding import NOTHING, number, percent, rounded_by_error, with_error
-from damperfit.report.sheet import Sheet, sheet_width
+from damperfit.report.rounding import NOTHING, number, percent, with_interval
+from damperfit.report.sheet import Sheet
 from damperfit.tables import PAPER_QUANTITIES
-from damperfit.tested.setting import clicks_between, lines_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
-
-    from damperfit.tested.setting import Setting
-
-    Row = Mapping[str, Any]
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from damperfit.checks import Check
     from damperfit.damper.quantity import Quantity
+    from damperfit.tested.setting import Setting
     from damperfit.uncertainty import Prediction
 
+    Row = Mapping[str, Any]
+
 __all__ = [
-    "ABSOLUTE_PRESSURES",
     "ASCII_LEVELS",
     "BLOCK_LEVELS",
-    "BRANCHES",
-    "BRANCHES_AND_RATIO",
     "CHECK_WORDS",
-    "DAMPING_SHARE",
-    "FORCE_AS_MEASURED",
-    "MEASURED_BESIDE_MODEL",
-    "PARAMETER_MARKS",
-    "Scale",
     "cavitation_sheet",
     "check_lines",
     "check_sheet",
     "check_summary",
-    "differ",
-    "energy_and_temperature",
-    "errors_and_flags",
-    "flags",
-    "force_and_click_at",
     "grade_counts",
     "held_out_sheet",
     "is_one_for_all",
-    "limit_text",
     "mse_sheet",
-    "over_several_clicks",
     "parameter_line",
     "parameter_sheet",
+    "remarks_on",
     "scale_of",
-    "scaled_units",
-    "setting_sparklines",
     "shared_sentence",
-    "shown_quantities",
-    "simulated_clicks_at",
     "sparkline",
-    "stroke_and_click_at",
-    "summary_sheet",
-    "total_error",
-    "units_and_marks",
 ]
 
-
-# The sentences below the tables: what units, marks and columns mean.
-
-DAMPING_SHARE = "% of the damping: of the force less the gas force at mid-stroke"
-ABSOLUTE_PRESSURES = "Absolute pressures, of the simulation on the motion of the logs."
-BRANCHES = "force at a speed: mean of both branches; hysteresis: opening less closing branch"
-BRANCHES_AND_RATIO = (
-    "Force at a speed: mean of the opening and the closing branch. Hysteresis: opening less "
-    "closing. Ratio: rebound over bump; none where the gas pushes both to one side."
-)
-MEASURED_BESIDE_MODEL = (
-    "force in N, mean of all compared cycles, beside the model's on the same cycles"
-)
-FORCE_AS_MEASURED = "m measured: the model misses the force there by more than 2 %"
+_SHORT = 5  # letters of a unit that fits over a column
+_SAME = 1e-9  # of a value that went through a file
+# Within this factor of a bound a value at its bound is the bound, not a number that was found.
+_AT_BOUND = 2.0
 _MARKS = {
-    "fixed": "f fixed",
-    "absent": "none: does nothing here, the law is fitted without it",
-    "shared": "s shared by all settings",
-    "at_bound": "! ran into a bound",
-    "not_identifiable": "? not determined by these logs",
+    "absent": ("none", "does nothing here, the model is fitted without it"),
+    "fixed": ("f", "fixed"),
+    "shared": ("s", "shared by all settings"),
+    "at_bound": ("!", "ran into a bound"),
+    "not_identifiable": ("?", "not determined by these logs"),
 }
-_BY_CLICK = "s shared by all settings, or by those with one click of the adjuster that it follows"
-
-_OF_MISFIT = (
-    "errors are of noise and of what repeats in the residual; parameters.csv has them apart"
-)
-_MOST_STEPS = 5  # named below a table
-
-
-def units_and_marks(rows: Sequence[Row], names: Sequence[str], units: str) -> tuple[str, ...]:
-    """Return what the units and the marks of a table of parameters mean.
-
-    Parameters
-    ----------
-    rows : sequence of mapping
-        Rows of the table.
-    names : sequence of str
-        Parameters in it.
-    units : str
-        What is said of their units; empty where nothing is.
-    """
-    used = {row[f"{name}_status"] for row in rows for name in names}
-    marks = ", ".join(text for status, text in _MARKS.items() if status in used)
-    if any(_follows_adjuster(rows, name) for name in names):
-        marks = marks.replace(_MARKS["shared"], _BY_CLICK)
-    is_bent = any(row.get(f"{name}_misfit_se") for row in rows for name in names)
-    return tuple(note for note in (units, marks, _OF_MISFIT * is_bent) if note)
-
-
-def _follows_adjuster(rows: Sequence[Row], name: str) -> bool:
-    return len({row[name] for row in rows if row[f"{name}_status"] == "shared"}) > 1
-
-
-def errors_and_flags(
-    rows: Sequence[Row], names: Sequence[str], *, shows_errors: bool, example: str = ""
-) -> Iterator[str]:
-    """Yield how errors are written in the table that `identify` ends with, and its flags.
-
-    Parameters
-    ----------
-    rows : sequence of mapping
-        Rows of the table.
-    names : sequence of str
-        Parameters in it.
-    shows_errors : bool
-        Cells hold the errors.
-    example : str
-        A cell of the table, as in "14.005(11)".
-    """
-    has_errors = any(row[f"{name}_se"] for row in rows for name in names)
-    if shows_errors and has_errors:
-        if example:
-            yield f"{example} means {_spelt_out(example)}, one standard error"
-    elif has_errors:
-        yield "rounded by their standard errors, which are in parameters.csv"
-    if any(row.get("cavitation_fraction") for row in rows):
-        yield "cav.: share of the cycle with a chamber at zero pressure"
-
-
-def _spelt_out(cell: str) -> str:
-    """Return what a cell means.
-
-    Examples
-    --------
-    >>> [_spelt_out(cell) for cell in ("14.005(11)", "45680(320)", "0.80(1.20)", "2.5(3)e6")]
-    ['14.005 +- 0.011', '45680 +- 320', '0.80 +- 1.20', '(2.5 +- 0.3)e6']
-    """
-    value, _, rest = cell.partition("(")
-    error, _, power = rest.partition(")")
-    decimals = len(value.partition(".")[2])
-    if "." not in error:
-        error = f"{int(error) / 10**decimals:.{decimals}f}"
-    return f"({value} +- {error}){power}" if power else f"{value} +- {error}"
-
-
-def force_and_click_at(speed: float) -> str:
-    """Return what a table of forces by setting shows; speed in m/s."""
-    return f"force at {speed:g} m/s and its change by click, with 95 % intervals"
-
-
-def stroke_and_click_at(stroke: str, speed: float, change: str = "click") -> str:
-    """Return what a table of one stroke at several speeds shows; speed of the change in m/s."""
-    return f"{stroke}: force in N; {change}: its change at {speed:g} m/s"
-
-
-def over_several_clicks(settings: Sequence[Setting]) -> tuple[str, ...]:
-    """Return which changes between tested settings are over more than one click, if any are."""
-    steps = [
-        (a, b, clicks_between(a, b) or 0.0)
-        for line in lines_of(settings)
-        for a, b in itertools.pairwise(line.settings)
-    ]
-    wide = [(a, b, n) for a, b, n in steps if n > 1.0]
-    if not wide:
-        return ()
-    named = ", ".join(f"{a} to {b} ({n:g} clicks)" for a, b, n in wide[:_MOST_STEPS])
-    more = f" and {len(wide) - _MOST_STEPS} more" if len(wide) > _MOST_STEPS else ""
-    return (f"the change is over all clicks between two tested settings: {named}{more}",)
-
-
-def simulated_clicks_at(speed: float) -> str:
-    """Return what a table of clicks shows; speed in m/s."""
-    return f"At {speed:g} m/s, simulated, with 95 % intervals."
-
-
-def energy_and_temperature(measured: float, simulated: float, temperature: float | None) -> str:
-    """Return energies per cycle in J and the temperature in degC as a sentence."""
-    warmth = "not logged" if temperature is None else f"{temperature:.1f} degC"
-    energies = f"{measured:.4g} J measured, {simulated:.4g} J simulated"
-    return f"Energy per cycle: {energies}. Temperature: {warmth}."
-
-
-# The parameters, one row per setting, with how each parameter is shown: symbol, unit, mark.
+_BY_CLICK = "shared by all settings, or by those with one click of the adjuster that it follows"
+_OF_MISFIT = "intervals are of noise and of what repeats in the residual; parameters.csv has both"
+_WITHOUT_VALUE = {"absent", "at_bound", "not_identifiable"}
+_GRADES = ("excellent", "good", "poor", "withheld")
+CHECK_WORDS = {True: "passed", False: "FAILED", None: "not evaluated"}
+BLOCK_LEVELS = "▁▂▃▄▅▆▇█"
+ASCII_LEVELS = ".:-=+*#@"  # for terminals and files that know nothing else: more ink is more
+_FEWEST, _MOST = 3, 60  # settings that a sparkline is drawn of
 
 
 class Scale(NamedTuple):
@@ -225,24 +83,11 @@ class Scale(NamedTuple):
             return self.unit
         return f"1e{self.power}" if self.power else "SI"
 
-    @property
-    def unit_with_power(self) -> str:
-        """For a column of units: "1e3 s sqrt(N)/(m kg)"."""
-        if len(self.unit) <= _SHORT or not self.power:
-            return self.unit
-        return f"1e{self.power} {self.unit}"
-
     def say(self, text: str) -> str:
-        """Return a shown value, with or without its error, and its unit."""
+        """Return a shown value, with or without its interval, and its unit."""
         if len(self.unit) <= _SHORT:
             return f"{text} {self.unit}"
-        return f"{f'({text})' if '±' in text else text}e{self.power} {self.unit}"
-
-
-_SHORT = 5
-_SAME = 1e-9  # of a value that went through a file
-# Within this factor of an edge a value at its bound is the edge, not a number that was found.
-_AT_EDGE = 2.0
+        return f"{f'({text})' if ' ' in text else text}e{self.power} {self.unit}"
 
 
 def scale_of(quantity: Quantity) -> Scale:
@@ -253,13 +98,99 @@ def scale_of(quantity: Quantity) -> Scale:
     return Scale(quantity.symbol, quantity.label, unit, quantity.power, shown or quantity.unit)
 
 
-def shown_quantities(rows: Sequence[Row], quantities: Sequence[Quantity]) -> list[Quantity]:
-    """Return the quantities without those that are held at their default at every setting."""
-    return [
-        one
-        for one in quantities
-        if one.default is None or not all(_is_idle(row, one) for row in rows)
+def parameter_sheet(
+    rows: Sequence[Row],
+    quantities: Sequence[Quantity] = PAPER_QUANTITIES,
+    *,
+    columns: int | None = None,
+    levels: str = "",
+) -> Sheet:
+    """Return one row per setting: parameters with their 95 % intervals, MSE, grade, remarks.
+
+    What all settings have in common is a note below. Where so many columns are not enough the
+    intervals go first, then rows and columns change places.
+
+    Parameters
+    ----------
+    rows : sequence of mapping
+        Of the table of parameters.
+    quantities : sequence of Quantity
+        What was fitted.
+    columns : int, optional
+        Characters of a line; None: any.
+    levels : str
+        Characters of a course over the settings below the table, from low to high.
+    """
+    shown = _shown(rows, quantities)
+    own = [
+        one for one in shown if not (is_one_for_all(rows, one.name) and _may_be_shared(one, rows))
     ]
+    courses = tuple(_courses(rows, own, levels)) if levels else ()
+    once = shared_sentence(rows, [one for one in shown if one not in own])
+    common = (*(once.split("; ") if once else ()), *courses)
+    sheets = [_by_setting(rows, own, common, has_errors=True)]
+    if columns is not None:
+        sheets += [
+            _by_setting(rows, own, common, has_errors=False),
+            _by_quantity(rows, own, common),
+        ]
+        sheets = [one for one in sheets if one.width(1, folds=True) <= columns] or sheets[1:2]
+    return sheets[0]
+
+
+def _by_setting(
+    rows: Sequence[Row], shown: Sequence[Quantity], notes: tuple[str, ...], *, has_errors: bool
+) -> Sheet:
+    scales = [scale_of(one) for one in shown]
+    remarks = [remarks_on(row) for row in rows]
+    has_remarks = any(remarks)
+    last = ("remarks",) if has_remarks else ()
+    spread = " ±95 %" if has_errors else ""
+    return Sheet(
+        headings=("set", *(scale.symbol for scale in scales), "MSE", "grade", *last),
+        units=(
+            *("", *(f"{scale.short_unit}{spread * _has_interval(rows, one)}"
+                    for scale, one in zip(scales, shown, strict=True))),
+            *("%", "", *("" for _ in last)),
+        ),
+        rows=tuple(
+            (
+                str(row["setting"]),
+                *(_cell(row, one, has_error=has_errors) for one in shown),
+                *(percent(row["mse_percent"]), row["grade"] or NOTHING),
+                *([said] if has_remarks else []),
+            )
+            for row, said in zip(rows, remarks, strict=True)
+        ),
+        is_number=(True, *(True for _ in shown), True, False, *(False for _ in last)),
+        notes=(*notes, *_legend(rows, shown, has_errors=has_errors)),
+    )  # fmt: skip
+
+
+def _by_quantity(rows: Sequence[Row], shown: Sequence[Quantity], notes: tuple[str, ...]) -> Sheet:
+    """Return a column for each setting: for models of many quantities, where settings are few."""
+    lines = []
+    for one, scale in ((one, scale_of(one)) for one in shown):
+        power = f"1e{scale.power} " if len(scale.unit) > _SHORT and scale.power else ""
+        cells = (_cell(row, one, has_error=False) for row in rows)
+        lines.append((scale.symbol, f"{power}{scale.unit}", *cells))
+    lines += [
+        ("MSE", "%", *(percent(row["mse_percent"]) for row in rows)),
+        ("grade", "", *(row["grade"] or NOTHING for row in rows)),
+        ("remarks", "", *(remarks_on(row) for row in rows)),
+    ]
+    return Sheet(
+        headings=("set", "", *(str(row["setting"]) for row in rows)),
+        units=("",) * (len(rows) + 2),
+        rows=tuple(line for line in lines if any(line[2:])),
+        is_number=(False, False, *(True for _ in rows)),
+        notes=(*notes, *_legend(rows, shown, has_errors=False, has_units=False)),
+    )
+
+
+def _shown(rows: Sequence[Row], quantities: Sequence[Quantity]) -> list[Quantity]:
+    """Return the quantities without those that are held at their default at every setting."""
+    return [one for one in quantities if not rows or not all(_is_idle(row, one) for row in rows)]
 
 
 def _is_idle(row: Row, one: Quantity) -> bool:
@@ -269,172 +200,115 @@ def _is_idle(row: Row, one: Quantity) -> bool:
     return is_default and row[f"{one.name}_status"] in ("fixed", None)
 
 
-PARAMETER_MARKS = {
-    "absent": "none",
-    "fixed": "f",
-    "shared": "s",
-    "at_bound": "!",
-    "not_identifiable": "?",
-}
+def _may_be_shared(quantity: Quantity, rows: Sequence[Row]) -> bool:
+    """Whether one value for all is told once: what is each setting's own keeps its column."""
+    is_shared = all(row[f"{quantity.name}_status"] == "shared" for row in rows)
+    return is_shared or quantity.scope != SETTING or quantity.default is not None
 
 
-def parameter_sheet(
-    rows: Sequence[Row],
-    quantities: Sequence[Quantity] = PAPER_QUANTITIES,
-    *,
-    says_shared_once: bool = False,
-) -> Sheet:
-    """Return one row per setting: parameters with their standard errors, MSE, grade, outcome.
+def is_one_for_all(rows: Sequence[Row], name: str) -> bool:
+    """Whether settings have one value, shared or held, and none by a fit of its own."""
+    values = [row[name] for row in rows if row[name] is not None]
+    held = {row[f"{name}_status"] for row in rows if row[name] is not None} <= {"fixed", "shared"}
+    return bool(values) and held and max(values) - min(values) <= _SAME * abs(values[0])
 
-    Parameters
-    ----------
-    rows : sequence of mapping
-        Of the table of parameters.
-    quantities : sequence of Quantity
-        What was fitted.
-    says_shared_once : bool
-        What all settings have in common is a line below, no column.
+
+def shared_sentence(rows: Sequence[Row], quantities: Sequence[Quantity]) -> str:
+    """Return what all settings have in common, in a line; empty where there is nothing."""
+    said = []
+    for one in _shown(rows, quantities):
+        if not is_one_for_all(rows, one.name):
+            continue
+        row = next(row for row in rows if row[one.name] is not None)
+        how = "shared by all settings" if row[f"{one.name}_status"] == "shared" else "fixed"
+        said.append(f"{one.symbol} = {scale_of(one).say(_value(row, one))}, {how}")
+    return "; ".join(said)
+
+
+def _value(row: Row, quantity: Quantity, *, has_error: bool = True) -> str:
+    """Return a value as it is shown, with its 95 % interval."""
+    factor = scale_of(quantity).factor
+    name = quantity.name
+    numbers = (row[name], row.get(f"{name}_ci_low"), row.get(f"{name}_ci_high"))
+    shown = (None if one is None else factor * one for one in numbers)
+    return with_interval(*shown, digits=4, has_error=has_error)
+
+
+def _cell(row: Row, quantity: Quantity, *, has_error: bool) -> str:
+    status = row[f"{quantity.name}_status"] or ""
+    mark = _MARKS[status][0] if status in _MARKS else ""
+    if status in {"absent", "not_identifiable"}:
+        return mark  # no number that pretends to be known
+    text = _bound(row, quantity) or _value(row, quantity, has_error=has_error)
+    return f"{text} {mark}" if mark else text
+
+
+def _has_interval(rows: Sequence[Row], quantity: Quantity) -> bool:
+    return any(" " in _value(row, quantity) for row in rows)
+
+
+def _bound(row: Row, quantity: Quantity) -> str:
+    """Return a value that ran to a bound as the limit it ran into; empty where it is none.
+
+    A friction too small to be determined may be far from the bound.
     """
-    shown = shown_quantities(rows, quantities)
-    once = ""
-    if says_shared_once:
-        once = shared_sentence(rows, quantities)
-        shown = [one for one in shown if not is_one_for_all(rows, one.name)]
-    scales = [scale_of(one) for one in shown]
-    return Sheet(
-        headings=("set", *(scale.symbol for scale in scales), "MSE", "grade", "outcome"),
-        units=("", *(scale.short_unit for scale in scales), "%", "", ""),
-        rows=tuple(
-            (
-                str(row["setting"]),
-                *(_parameter_cell(row, one) for one in shown),
-                percent(row["mse_percent"]),
-                row["grade"] or NOTHING,
-                (row["outcome"] or NOTHING).replace("_", " "),
-            )
-            for row in rows
-        ),
-        is_number=(True, *(True for _ in shown), True, False, False),
-        notes=(
-            *([once] if once else []),
-            *units_and_marks(rows, [one.name for one in shown], scaled_units(shown)),
-        ),
-    )
-
-
-def scaled_units(quantities: Sequence[Quantity]) -> str:
-    """Return which quantities stand in a power of ten of a long unit; empty where none does."""
-    groups: dict[str, list[str]] = {}
-    for one in quantities:
-        scale = scale_of(one)
-        if scale.short_unit != scale.unit:
-            power = f"1e{scale.power} " if scale.power else ""
-            groups.setdefault(f"{power}{scale.unit}", []).append(scale.symbol)
-    return ", ".join(f"{_listed(symbols)} in {unit}" for unit, symbols in groups.items())
-
-
-def _listed(symbols: Sequence[str]) -> str:
-    *first, last = symbols
-    return f"{', '.join(first)} and {last}" if first else last
+    value, factor = row[quantity.name], scale_of(quantity).factor
+    is_at_bound = row[f"{quantity.name}_status"] == "at_bound"
+    if value is None or not is_at_bound or not quantity.is_logarithmic:
+        return ""
+    low, high = quantity.plausible
+    if value < _AT_BOUND * low:
+        return f"<{max(value, low) * factor:.2g}"
+    return f">{min(value, high) * factor:.2g}" if value > high / _AT_BOUND else ""
 
 
 def parameter_line(row: Row, quantities: Sequence[Quantity] = PAPER_QUANTITIES) -> str:
     """Return the parameters of one setting in a sentence, those not known left out."""
     parts = []
     for one in quantities:
-        name, scale, status = one.name, scale_of(one), row[f"{one.name}_status"]
-        if row[name] is None or _is_idle(row, one):
+        scale, status = scale_of(one), row[f"{one.name}_status"]
+        if row[one.name] is None or _is_idle(row, one):
             continue
         if status == "absent":
             parts.append(f"no {one.label}")
-            continue
-        if status == "not_identifiable":
+        elif status == "not_identifiable":
             parts.append(f"{scale.symbol} cannot be determined")
-            continue
-        error = total_error(row, name)
-        at_edge = status == "at_bound" and limit_text(one, row[name], scale.factor)
-        if at_edge:
-            words = "below" if at_edge.startswith("<") else "above"
-            parts.append(f"{scale.symbol} {words} {scale.say(at_edge[1:])} (at bound)")
-            continue
-        value = with_error(
-            scale.factor * row[name], None if error is None else scale.factor * error
-        )
-        words = "" if status in {"fitted", None} else f" ({status.replace('_', ' ')})"
-        parts.append(f"{scale.symbol} = {scale.say(value)}{words}")
+        elif bound := _bound(row, one):
+            words = "below" if bound.startswith("<") else "above"
+            parts.append(f"{scale.symbol} {words} {scale.say(bound[1:])} (at bound)")
+        else:
+            words = "" if status in {"fitted", None} else f" ({status.replace('_', ' ')})"
+            parts.append(f"{scale.symbol} = {scale.say(_value(row, one))}{words}")
     return f"{', '.join(parts)}." if parts else ""
 
 
-def _parameter_cell(row: Row, quantity: Quantity) -> str:
-    name, factor = quantity.name, scale_of(quantity).factor
-    value, error, status = row[name], total_error(row, name), row[f"{name}_status"]
-    if status in {"absent", "not_identifiable"}:
-        return PARAMETER_MARKS[status]  # no number that pretends to be known
-    at_edge = status == "at_bound" and value is not None and limit_text(quantity, value, factor)
-    text = at_edge or with_error(
-        None if value is None else value * factor, None if error is None else error * factor
+def _legend(
+    rows: Sequence[Row], shown: Sequence[Quantity], *, has_errors: bool, has_units: bool = True
+) -> tuple[str, ...]:
+    """Return what units and marks of a table of parameters mean."""
+    groups: dict[str, list[str]] = {}
+    for scale in map(scale_of, shown):
+        if scale.short_unit != scale.unit and has_units:
+            power = f"1e{scale.power} " if scale.power else ""
+            groups.setdefault(f"{power}{scale.unit}", []).append(scale.symbol)
+    units = ", ".join(f"{_listed(symbols)} in {unit}" for unit, symbols in groups.items())
+    used = {row[f"{one.name}_status"] for row in rows for one in shown}
+    marks = {status: f"{mark} {said}" for status, (mark, said) in _MARKS.items() if status in used}
+    follows = (
+        {row[one.name] for row in rows if row[f"{one.name}_status"] == "shared"} for one in shown
     )
-    mark = PARAMETER_MARKS.get(status or "", "")
-    return f"{text} {mark}" if mark else text
+    if any(len(values) > 1 for values in follows):
+        marks["shared"] = f"s {_BY_CLICK}"
+    is_known = any(_has_interval(rows, one) for one in shown)
+    rounded = "" if has_errors else "rounded by their 95 % intervals, which are in parameters.csv"
+    misfit = any(row.get(f"{one.name}_misfit_se") for row in rows for one in shown)
+    notes = (units, ", ".join(marks.values()), rounded * is_known, _OF_MISFIT * misfit)
+    return tuple(note for note in notes if note)
 
 
-def total_error(row: Row, name: str) -> float | None:
-    """Return the standard error of noise and of the misfit together, SI; None where none is known.
-
-    Older results have no misfit in them.
-    """
-    error = row[f"{name}_se"]
-    bend = row.get(f"{name}_misfit_se")
-    return math.hypot(error, bend) if error is not None and bend else error
-
-
-def is_one_for_all(rows: Sequence[Row], name: str) -> bool:
-    """Whether several settings have one value, shared or held, and none by a fit of its own."""
-    values = [row[name] for row in rows if row[name] is not None]
-    held = {row[f"{name}_status"] for row in rows if row[name] is not None} <= {"fixed", "shared"}
-    return len(values) > 1 and held and max(values) - min(values) <= _SAME * abs(values[0])
-
-
-def shared_sentence(rows: Sequence[Row], quantities: Sequence[Quantity]) -> str:
-    """Return what all settings have in common, in a line; empty where there is nothing."""
-    said = []
-    for one in shown_quantities(rows, quantities):
-        if not is_one_for_all(rows, one.name):
-            continue
-        row, scale = next(row for row in rows if row[one.name] is not None), scale_of(one)
-        error = total_error(row, one.name)
-        value = with_error(
-            scale.factor * row[one.name], None if error is None else scale.factor * error
-        )
-        status = row[f"{one.name}_status"]
-        how = "shared by all settings" if status == "shared" else "fixed"
-        said.append(f"{scale.symbol} = {scale.say(value)}, {how}")
-    return "; ".join(said)
-
-
-def limit_text(quantity: Quantity, value: float, factor: float) -> str:
-    """Return a value that ran to an edge of its range as the limit it ran into.
-
-    Empty where it is none: a friction too small to be determined may be far from the edge.
-    """
-    if not quantity.is_logarithmic:
-        return ""
-    low, high = quantity.plausible
-    if value < _AT_EDGE * low:
-        return f"<{max(value, low) * factor:.2g}"
-    return f">{min(value, high) * factor:.2g}" if value > high / _AT_EDGE else ""
-
-
-# Numbers as one line of characters, for a terminal: `sparkline`; parameters by setting as such.
-#
-# Values that their standard errors cannot tell apart are drawn flat: scaled to the height of a
-# line,
-# chance would look like a course.
-
-BLOCK_LEVELS = "▁▂▃▄▅▆▇█"
-ASCII_LEVELS = ".:-=+*#@"  # for terminals and files that know nothing else: more ink is more
-_WITHOUT_VALUE = {"absent", "at_bound", "not_identifiable"}
-_FEWEST, _MOST = 3, 60  # settings that a sparkline is drawn of
+def _listed(symbols: Sequence[str]) -> str:
+    *first, last = symbols
+    return f"{', '.join(first)} and {last}" if first else last
 
 
 def sparkline(values: Iterable[float | None], *, levels: str = BLOCK_LEVELS) -> str:
@@ -451,9 +325,7 @@ def sparkline(values: Iterable[float | None], *, levels: str = BLOCK_LEVELS) -> 
     """
     known = [math.nan if value is None else float(value) for value in values]
     finite = [value for value in known if math.isfinite(value)]
-    if not finite:
-        return " " * len(known)
-    low, span = min(finite), max(finite) - min(finite)
+    low, span = min(finite, default=0.0), max(finite, default=0.0) - min(finite, default=0.0)
 
     def mark(value: float) -> str:
         if not math.isfinite(value):
@@ -464,245 +336,58 @@ def sparkline(values: Iterable[float | None], *, levels: str = BLOCK_LEVELS) -> 
     return "".join(map(mark, known))
 
 
-def differ(values: Sequence[float], errors: Sequence[float]) -> bool:
-    """Return whether any two values differ by more than the standard error of their difference.
-
-    Parameters
-    ----------
-    values, errors : sequence of float
-        Values and their standard errors, 0 where one is not known.
-
-    Examples
-    --------
-    >>> differ([5.0, 5.4, 5.2], [0.3, 0.3, 0.3]), differ([5.0, 5.5, 5.2], [0.3, 0.3, 0.3])
-    (False, True)
-    """
-    pairs = combinations(zip(values, errors, strict=True), 2)
-    return any(abs(a - b) > math.hypot(e, f) for (a, e), (b, f) in pairs)
-
-
-def setting_sparklines(
-    rows: Sequence[Row], shown: Sequence[Quantity], levels: str
-) -> Iterator[str]:
-    """Yield each parameter over the settings as one line, and the MSE, which spans decades.
-
-    Parameters
-    ----------
-    rows : sequence of mapping
-        Rows of the table of parameters.
-    shown : sequence of Quantity
-        Parameters that are drawn.
-    levels : str
-        Characters from low to high.
-    """
-    fitted = [row for row in rows if row["mse_percent"] is not None]
-    if len(fitted) < _FEWEST or len(rows) > _MOST:
-        return
-    for one in shown:
-        yield from _parameter(rows, one, levels)
+def _courses(rows: Sequence[Row], shown: Sequence[Quantity], levels: str) -> Iterator[str]:
+    """Yield each parameter over the settings as one line, and the MSE, which spans decades."""
     errors = [row["mse_percent"] for row in rows]
-    logs = [math.log10(error) if error else None for error in errors]
     seen = [error for error in errors if error is not None]
-    ends = f"{percent(min(seen))} to {percent(max(seen))} %, on a scale of decades"
-    yield f"{'MSE':<4} {sparkline(logs, levels=levels)}  {ends}"
-
-
-def _parameter(rows: Sequence[Row], quantity: Quantity, levels: str) -> Iterator[str]:
-    """Yield one parameter as a line, and a second one where it says nothing of its course."""
-    name, scale = quantity.name, scale_of(quantity)
-    shown = [None if row[f"{name}_status"] in _WITHOUT_VALUE else row[name] for row in rows]
-    known = [value for value in shown if value is not None]
-    if len(known) < _FEWEST:
+    if len(seen) < _FEWEST or len(rows) > _MOST:
         return
-    places = [k for k, value in enumerate(shown) if value is not None]
-    is_flat = not differ(known, [_error(rows[k][f"{name}_se"]) for k in places])
-    heights = [None if value is None else 0.0 for value in shown] if is_flat else shown
-    ends = " to ".join(number(scale.factor * end, digits=4) for end in (min(known), max(known)))
-    yield f"{scale.symbol:<4} {sparkline(heights, levels=levels)}  {ends} {scale.short_unit}"
-    if is_flat and min(known) < max(known):
-        yield f"{'':<4} drawn flat: no two settings differ by more than their standard errors"
+    for one in shown:
+        scale = scale_of(one)
+        known = {
+            k: (row[one.name], row[f"{one.name}_se"] or 0.0)
+            for k, row in enumerate(rows)
+            if row[f"{one.name}_status"] not in _WITHOUT_VALUE and row[one.name] is not None
+        }
+        if len(known) < _FEWEST:
+            continue
+        values = [value for value, _ in known.values()]
+        # Scaled to the height of a line, values that errors cannot tell apart would have a course.
+        pairs = combinations(known.values(), 2)
+        is_flat = not any(abs(a - b) > math.hypot(e, f) for (a, e), (b, f) in pairs)
+        heights = [
+            0.0 if is_flat else known[k][0] if k in known else None for k in range(len(rows))
+        ]
+        ends = " to ".join(
+            number(scale.factor * end, digits=4) for end in (min(values), max(values))
+        )
+        flat = ", drawn flat: within their standard errors" if is_flat else ""
+        marks = sparkline(heights, levels=levels)
+        yield f"{scale.symbol:<4} {marks}  {ends} {scale.short_unit}{flat}"
+    marks = sparkline([math.log10(error) if error else None for error in errors], levels=levels)
+    ends = f"{percent(min(seen))} to {percent(max(seen))} %, on a scale of decades"
+    yield f"{'MSE':<4} {marks}  {ends}"
 
 
-def _error(error: float | None) -> float:
-    return error if error is not None and math.isfinite(error) else 0.0
-
-
-# The rows that `identify` ends with: all of a run in a table of 80 columns.
-#
-# Parameters stand as value and standard error in the last digits, ``14.005(11)`` for 14.005 ±
-# 0.011.
-# What is the same at all settings moves below the table. Where 80 columns are not enough, the
-# errors
-# go first (values stay rounded by them), then the grade, which the MSE tells too.
-
-_SAME_IDENTIFY_SUMMARY_SHEET = 1e-12
-
-
-@dataclass(frozen=True, slots=True)
-class _Look:
-    """What a table shows of what it could."""
-
-    has_errors: bool
-    has_grade: bool
-    has_flags: bool
-
-
-_LOOKS = (
-    _Look(has_errors=True, has_grade=True, has_flags=True),
-    _Look(has_errors=False, has_grade=True, has_flags=True),
-    _Look(has_errors=False, has_grade=False, has_flags=True),
-    _Look(has_errors=False, has_grade=False, has_flags=False),
-)
-
-
-def summary_sheet(
-    rows: Sequence[Row],
-    *,
-    columns: int = 80,
-    levels: str = BLOCK_LEVELS,
-    quantities: Sequence[Quantity] = PAPER_QUANTITIES,
-) -> Sheet:
-    """Return one row per setting: parameters, MSE, grade, outcome, flags; sparklines below.
+def remarks_on(row: Row, quantities: Sequence[Quantity] = ()) -> str:
+    """Return what makes a setting less than plainly fitted, in words.
 
     Parameters
     ----------
-    rows : sequence of mapping
-        Rows of the table of parameters.
-    columns : int
-        Room for a row.
-    levels : str
-        Characters of the sparklines, from low to high.
+    row : mapping
+        Of the table of parameters.
     quantities : sequence of Quantity
-        What the rows are of.
+        Those whose bounds and want of data are told too; a table marks them in their cells.
     """
-    shown = shown_quantities(rows, quantities)
-    # What is each setting's own has a column, equal at all settings or not.
-    common = [q for q in shown if _is_common(rows, q.name) and not _is_own(q, rows)]
-    shown = [one for one in shown if one not in common]
-    units = scaled_units(quantities)
-    notes = (*_common_notes(rows, common), *setting_sparklines(rows, shown, levels))
-    sheets = [
-        _sheet(rows, shown, look, (*notes, *_legend(rows, shown, look, units))) for look in _LOOKS
-    ]
-    turned = _turned(rows, shown, (*notes, *_legend(rows, shown, _LOOKS[-1], "")))
-    fitting = (one for one in (*sheets, turned) if sheet_width(one, gap=1) <= columns)
-    return next(fitting, sheets[-1])
-
-
-def _is_own(quantity: Quantity, rows: Sequence[Row]) -> bool:
-    is_shared = all(row[f"{quantity.name}_status"] == "shared" for row in rows)
-    return quantity.scope == SETTING and quantity.default is None and not is_shared
-
-
-def _is_common(rows: Sequence[Row], name: str) -> bool:
-    """Whether all settings have one value, and not by fits of their own."""
-    values = [row[name] for row in rows if row[name] is not None]
-    held = {row[f"{name}_status"] for row in rows} <= {"fixed", "shared", None}
-    return (
-        bool(values)
-        and held
-        and max(values) - min(values) <= _SAME_IDENTIFY_SUMMARY_SHEET * abs(values[0])
-    )
-
-
-def _sheet(
-    rows: Sequence[Row], shown: Sequence[Quantity], look: _Look, notes: tuple[str, ...]
-) -> Sheet:
-    scales = [scale_of(one) for one in shown]
-    has = (look.has_grade, True, look.has_flags)
-
-    def last(cells: tuple[str, str, str]) -> tuple[str, ...]:
-        return tuple(cell for cell, is_wanted in zip(cells, has, strict=True) if is_wanted)
-
-    return Sheet(
-        headings=(
-            *("set", *(scale.symbol for scale in scales), "MSE"),
-            *last(("grade", "outcome", "flags")),
-        ),
-        units=("", *(scale.short_unit for scale in scales), "%", *last(("", "", ""))),
-        rows=tuple(
-            (
-                str(row["setting"]),
-                *(_cell(row, one, has_error=look.has_errors) for one in shown),
-                percent(row["mse_percent"]),
-                *last((row["grade"] or NOTHING, row["outcome"].replace("_", " "), _flags(row))),
-            )
-            for row in rows
-        ),
-        is_number=(True, *(True for _ in shown), True, *(False for _ in last(("", "", "")))),
-        notes=notes,
-    )
-
-
-def _turned(rows: Sequence[Row], shown: Sequence[Quantity], notes: tuple[str, ...]) -> Sheet:
-    """Return a column for each setting: for models of many quantities, where settings are few."""
-    lines = [
-        (scale.symbol, scale.unit_with_power, *(_cell(row, one, has_error=False) for row in rows))
-        for one, scale in ((one, scale_of(one)) for one in shown)
-    ]
-    lines += [
-        ("MSE", "%", *(percent(row["mse_percent"]) for row in rows)),
-        ("grade", "", *(row["grade"] or NOTHING for row in rows)),
-        ("outcome", "", *(row["outcome"].replace("_", " ") for row in rows)),
-        ("flags", "", *(_flags(row) for row in rows)),
-    ]
-    filled = tuple(line for line in lines if any(line[2:]))
-    return Sheet(
-        headings=("set", "", *(str(row["setting"]) for row in rows)),
-        units=("",) * (len(rows) + 2),
-        rows=filled,
-        is_number=(False, False, *(True for _ in rows)),
-        notes=notes,
-    )
-
-
-def _cell(row: Row, quantity: Quantity, *, has_error: bool) -> str:
-    name = quantity.name
-    value, error, status = row[name], total_error(row, name), row[f"{name}_status"]
-    if status in {"absent", "not_identifiable"}:
-        return PARAMETER_MARKS[status]
-    factor = scale_of(quantity).factor
-    at_edge = status == "at_bound" and value is not None and limit_text(quantity, value, factor)
-    text = at_edge or rounded_by_error(
-        None if value is None else factor * value,
-        None if error is None else factor * error,
-        has_error=has_error,
-    )
-    mark = PARAMETER_MARKS.get(status or "", "")
-    return f"{text} {mark}" if mark else text
-
-
-def _flags(row: Row) -> str:
-    """Return what else to know of a setting, in a few characters."""
+    outcome = (row.get("outcome") or "outcome unknown").replace("_", " ")
     share = row.get("cavitation_fraction")
-    return f"cav. {100.0 * share:.0f} %" if share else ""
-
-
-def _common_notes(rows: Sequence[Row], shown: Sequence[Quantity]) -> Iterator[str]:
-    for one in shown:
-        name, scale = one.name, scale_of(one)
-        row = next(row for row in rows if row[name] is not None)
-        error = total_error(row, name)
-        text = rounded_by_error(
-            scale.factor * row[name], None if error is None else scale.factor * error
-        )
-        how = {"shared": "shared by all settings", "fixed": "fixed"}[row[f"{name}_status"]]
-        yield f"{scale.symbol} = {scale.say(text)}, {how}"
-
-
-def _legend(
-    rows: Sequence[Row], shown: Sequence[Quantity], look: _Look, units: str
-) -> tuple[str, ...]:
-    names = [one.name for one in shown]
-    cells = (_cell(row, one, has_error=True) for row in rows for one in shown)
-    example = next((cell for cell in cells if re.fullmatch(r"-?[\d.]+\([\d.]+\)\S*", cell)), "")
-    said = errors_and_flags(rows, names, shows_errors=look.has_errors, example=example)
-    return (*units_and_marks(rows, names, units), *said)
-
-
-# The MSE, one row per setting and log; the grades counted; what makes a fit less than plain.
-
-_GRADES = ("excellent", "good", "poor", "withheld")
+    cavitates = f"cavitates {100.0 * share:.0f} % of the time" if share else ""
+    said = [] if outcome == "converged" or (outcome == "cavitating" and cavitates) else [outcome]
+    for status, words in (("at_bound", "at bound"), ("not_identifiable", "not identifiable")):
+        own = [one.symbol for one in quantities if row.get(f"{one.name}_status") == status]
+        if own:
+            said = [one for one in said if one != words] + [f"{_listed(own)} {words}"]
+    return "; ".join([*said, cavitates] if cavitates else said)
 
 
 def mse_sheet(
@@ -710,11 +395,11 @@ def mse_sheet(
     parameters: Sequence[Row],
     quantities: Sequence[Quantity] = PAPER_QUANTITIES,
 ) -> Sheet:
-    """Return one row per setting and log: MSE, noise floor, grade; the outcome per setting."""
+    """Return one row per setting and log: MSE, noise floor, grade; remarks per setting."""
     settings = {row["setting"]: row for row in parameters}
     logs: dict[Setting, list[str]] = {}
     for row in everything:
-        is_fitted_log = row["log"] and not _role(row)
+        is_fitted_log = row["log"] and row.get("role") != "held_out"
         logs.setdefault(row["setting"], []).extend([row["log"]] if is_fitted_log else [])
     rows = []
     for row in everything:
@@ -722,106 +407,72 @@ def mse_sheet(
         is_whole = not row["log"]
         if mine == [row["log"]]:  # the row of its setting says the same
             continue
-        setting = settings.get(row["setting"], {})  # one that was only predicted has no parameters
-        name = row["log"] or (mine[0] if len(mine) == 1 else "all logs")
+        setting = settings.get(row["setting"])  # one that was only predicted has no parameters
+        held_out = "held out: predicted, not fitted" if row.get("role") == "held_out" else ""
         rows.append(
             (
                 str(row["setting"]) if is_whole or not setting else "",
-                name,
+                row["log"] or (mine[0] if len(mine) == 1 else "all logs"),
                 percent(row["mse_percent"]),
                 percent(row["noise_floor_percent"]),
                 row["grade"] or NOTHING,
                 str(row["n_samples"]),
-                setting["outcome"].replace("_", " ") if is_whole else "",
-                flags(setting, quantities) if is_whole else _role(row),
+                remarks_on(setting, quantities) if is_whole and setting else held_out,
             )
         )
     return Sheet(
-        headings=("setting", "log", "MSE", "noise floor", "grade", "samples", "outcome", "flags"),
-        units=("", "", "%", "%", "", "", "", ""),
+        headings=("setting", "log", "MSE", "noise floor", "grade", "samples", "remarks"),
+        units=("", "", "%", "%", "", "", ""),
         rows=tuple(rows),
-        is_number=(True, False, True, True, False, True, False, False),
+        is_number=(True, False, True, True, False, True, False),
     )
 
 
 def grade_counts(rows: Iterable[Row]) -> str:
-    """Return how many rows of a table have each grade, as a sentence."""
+    """Return how many rows of a table have each grade, in words."""
     grades = [row["grade"] for row in rows]
     counts = [f"{grades.count(g)} {g}" for g in _GRADES if g in grades]
-    return f"Grades: {', '.join(counts)} (excellent below 1 %, good below 5 %)."
+    return ", ".join(counts)
 
 
-def flags(row: Row, quantities: Sequence[Quantity] = PAPER_QUANTITIES) -> str:
-    """Return what makes a setting's parameters less than plainly fitted, in words."""
-    symbols = {one.name: one.symbol for one in quantities}
-    marks = {
-        key.removesuffix("_status"): status
-        for key, status in row.items()
-        if key.endswith("_status")
-    }
-    found = [
-        f"{symbols.get(name, name)} {words}"
-        for status, words in (("at_bound", "at bound"), ("not_identifiable", "not identifiable"))
-        for name, found in marks.items()
-        if found == status
-    ]
-    if row.get("cavitation_fraction"):
-        found.append(f"cavitates for {100.0 * row['cavitation_fraction']:.1f} % of the cycle")
-    return "; ".join(found)
-
-
-def _role(row: Row) -> str:
-    return "held out: predicted, not fitted" if row.get("role") == "held_out" else ""
-
-
-# How near each setting is to cavitation, one row per setting.
-
-_BAR = 1e5  # Pa
-
-
-def cavitation_sheet(rows: Sequence[Mapping[str, Any]]) -> Sheet:
+def cavitation_sheet(rows: Sequence[Row]) -> Sheet:
     """Return one row per setting: lowest pressure, share of the cycle, and what may still change.
 
     Columns of another version may be missing; a setting that tells nothing has no row.
     """
-    known = [
-        row
-        for row in rows
-        if row.get("lowest_pressure") is not None or row.get("r_m3_cavitation_margin") is not None
-    ]
+
+    def cell(row: Row, name: str, factor: float) -> str:
+        value = row.get(name)
+        return number(None if value is None else factor * value, digits=3)
+
     return Sheet(
         headings=("setting", "lowest pressure", "in chamber", "cavitates", "R_m3 margin", "gas"),
         units=("", "bar", "", "% of cycle", "%", "bar at least"),
         rows=tuple(
             (
                 str(row["setting"]),
-                number(_times(row.get("lowest_pressure"), 1.0 / _BAR), digits=3),
+                cell(row, "lowest_pressure", 1e-5),
                 str(row.get("lowest_pressure_chamber") or NOTHING),
-                number(_times(row.get("cavitation_fraction"), 100.0), digits=3),
-                number(_times(row.get("r_m3_cavitation_margin"), 100.0), digits=3),
-                number(_times(row.get("safe_gas_pressure"), 1.0 / _BAR), digits=3),
+                cell(row, "cavitation_fraction", 100.0),
+                cell(row, "r_m3_cavitation_margin", 100.0),
+                cell(row, "safe_gas_pressure", 1e-5),
             )
-            for row in known
+            for row in rows
+            if not (row.get("lowest_pressure") is row.get("r_m3_cavitation_margin") is None)
         ),
         is_number=(True,) * 6,
-        notes=(ABSOLUTE_PRESSURES,),
+        notes=("Absolute pressures, of the simulation on the motion of the logs.",),
     )
-
-
-def _times(value: float | None, factor: float) -> float | None:
-    return None if value is None else value * factor
-
-
-# The checklist: one row per check, and how many were passed.
-
-CHECK_WORDS = {True: "passed", False: "FAILED", None: "not evaluated"}
 
 
 def check_summary(checks: Sequence[Check]) -> str:
     """Return how many checks were passed, failed and not looked at."""
-    counts = {word: sum(check.passed is word for check in checks) for word in (True, False, None)}
-    said = f"{counts[True]} of {len(checks)} checks passed"
-    return said + (f", {counts[None]} not evaluated" if counts[None] else "")
+    passed, failed, other = (
+        sum(check.passed is word for check in checks) for word in (True, False, None)
+    )
+    said = f"{passed} of {len(checks)} checks passed"
+    said += f", {failed} failed" if failed else ""
+    return said + (f", {other} not evaluated" if other else "")
 
 
 def check_lines(checks: Sequence[Check]) -> list[str]:
@@ -831,53 +482,47 @@ def check_lines(checks: Sequence[Check]) -> list[str]:
 
 
 def check_sheet(checks: Sequence[Check]) -> Sheet:
-    """Return one row per check."""
+    """Return one row per check, those that failed first."""
+    order = sorted(checks, key=lambda check: check.passed is not False)
     return Sheet(
         headings=("check", "result", "reason"),
         units=("", "", ""),
-        rows=tuple((check.name, CHECK_WORDS[check.passed], check.reason) for check in checks),
+        rows=tuple((check.name, CHECK_WORDS[check.passed], check.reason) for check in order),
         is_number=(False, False, False),
     )
 
 
-# What was held out and how well it is predicted, as rows.
-
-_NO_ONE = "varies"
-
-
-def held_out_sheet(predictions: Iterable[Prediction], *, is_narrow: bool = False) -> Sheet:
+def held_out_sheet(predictions: Iterable[Prediction], *, columns: int | None = None) -> Sheet:
     """Return one row per prediction: the motion, its MSE beside the fitted logs', the verdict.
 
     Parameters
     ----------
     predictions : iterable of Prediction
         What was held out.
-    is_narrow : bool
-        Leave out the motion, for a terminal.
+    columns : int, optional
+        Characters of a line, in which the motion has no room; None: any.
     """
-    rows = []
-    for one in predictions:
-        # What moves beside the steady cycles has no frequency of its own.
-        has_one = one.trace.frequency > 0.0
-        motion = (
-            number(1e3 * one.trace.amplitude, digits=3),
-            number(one.trace.frequency, digits=3) if has_one else _NO_ONE,
-        )
-        rows.append(
-            (
-                str(one.setting),
-                one.trace.name,
-                one.cycles,
-                *(() if is_narrow else motion),
-                percent(one.mse_percent),
-                percent(one.fitted_mse_percent),
-                one.verdict,
-            )
-        )
-    middle = ((), (), ()) if is_narrow else (("ampl.", "freq."), ("mm", "Hz"), (True, True))
+    motion = columns is None
     return Sheet(
-        headings=("set", "held out", "cycles", *middle[0], "MSE", "fitted", "verdict"),
-        units=("", "", "", *middle[1], "%", "%", ""),
-        rows=tuple(rows),
-        is_number=(True, False, False, *middle[2], True, True, False),
+        headings=(
+            *("set", "held out", "cycles"),
+            *(("ampl.", "freq.") if motion else ()),
+            *("MSE", "fitted", "verdict"),
+        ),
+        units=("", "", "", *(("mm", "Hz") if motion else ()), "%", "%", ""),
+        rows=tuple(
+            (
+                *(str(one.setting), one.trace.name, one.cycles),
+                *(_motion(one) if motion else ()),
+                *(percent(one.mse_percent), percent(one.fitted_mse_percent), one.verdict),
+            )
+            for one in predictions
+        ),
+        is_number=(True, False, False, *((True, True) if motion else ()), True, True, False),
     )
+
+
+def _motion(one: Prediction) -> tuple[str, str]:
+    # What moves beside the steady cycles has no frequency of its own.
+    frequency = number(one.trace.frequency, digits=3) if one.trace.frequency > 0.0 else "varies"
+    return number(1e3 * one.trace.amplitude, digits=3), frequency

@@ -1,36 +1,24 @@
-"""Tables, logs and figures in the units that people want."""
+"""Tables and figures in the units that people want: rows scaled, laid out, then relabelled."""
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
-from typing import TYPE_CHECKING, Any, TypeVar
-
-from damperfit.simulation import Characteristics, SpeedForce
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-    from damperfit.adjustment import Click
     from damperfit.damper.quantity import Quantity
-    from damperfit.recording import StretchFigures
-    from damperfit.report.logs import EvaluatedLog
+    from damperfit.report.figures import Line, Panel, Plot
     from damperfit.report.sheet import Sheet
     from damperfit.units.shown_units import ShownUnits
 
-    Figures = TypeVar("Figures", Characteristics, StretchFigures)
-    from damperfit.report.figures import Line, Panel, Plot
-
 __all__ = [
-    "clicks_in_units",
-    "log_in_units",
     "parameters_in_units",
     "plot_in_units",
     "rows_in_units",
     "sheet_in_units",
 ]
-
-
-# Tables for people in the units they want: rows scaled first, then laid out, then relabelled.
 
 _OF_A_PARAMETER = ("", "_se", "_ci_low", "_ci_high", "_misfit_se")
 
@@ -93,71 +81,6 @@ def parameters_in_units(
         for one in quantities
     )
     return [{name: cell(name, value) for name, value in row.items()} for row in rows], shown
-
-
-def clicks_in_units(clicks: Iterable[Click], units: ShownUnits) -> tuple[Click, ...]:
-    """Return changes of force with forces and speeds scaled."""
-    return tuple(
-        replace(
-            one,
-            speed=units.show(one.speed, "m/s"),
-            **{name: units.show(getattr(one, name), "N") for name in ("change", "low", "high")},
-        )
-        for one in clicks
-    )
-
-
-# The figures of a log in the units that people want; its signals stay as they are.
-
-_UNITS = {
-    "peak_force": "N",
-    "peak_speed": "m/s",
-    "hysteresis_speed": "m/s",
-    "hysteresis_rebound": "N",
-    "hysteresis_bump": "N",
-}
-
-
-def log_in_units(view: EvaluatedLog, units: ShownUnits) -> EvaluatedLog:
-    """Return a log whose forces and speeds, read off it, are scaled."""
-    if units.is_si:
-        return view
-    return replace(
-        view,
-        measured=view.measured and _figures(view.measured, units),
-        simulated=view.simulated and _figures(view.simulated, units),
-        stretches=tuple(
-            replace(
-                one,
-                measured=_figures(one.measured, units),
-                simulated=_figures(one.simulated, units),
-            )
-            for one in view.stretches
-        ),
-    )
-
-
-def _figures(read: Figures, units: ShownUnits) -> Figures:
-    scaled = {
-        one.name: units.show(getattr(read, one.name), unit)
-        for one in fields(read)
-        for start, unit in _UNITS.items()
-        if one.name.startswith(start)
-    }
-    if isinstance(read, Characteristics):
-        at = tuple(
-            SpeedForce(
-                units.show(one.speed, "m/s"),
-                units.show(one.rebound, "N"),
-                units.show(one.bump, "N"),
-            )
-            for one in read.speed_forces
-        )
-        return replace(read, **scaled, speed_forces=at)
-    return replace(read, **scaled)
-
-
-# A figure in the units that people want: its axes scaled and named.
 
 
 def plot_in_units(plot: Plot, units: ShownUnits) -> Plot:

@@ -25,7 +25,6 @@ from damperfit.io import (
 )
 from damperfit.io.labels import file_setting
 from damperfit.io.options import SETTING_PATTERN
-from damperfit.problem import Option
 from damperfit.run.log_paths import real_path
 from damperfit.tested.adjuster_words import letters_of
 from damperfit.tested.identity import Identity, identity_in
@@ -109,9 +108,8 @@ class Labels:
         if self.declared is not None:
             if setting is not None and setting != self.declared:
                 raise ConfigurationError(
-                    f"{recording.name} says setting {setting}; leave "
-                    "--setting out, or give it the logs that do not say theirs alone",
-                    where=Option("setting", self.declared),
+                    f"--setting {self.declared}: {recording.name} says setting {setting}; leave "
+                    "--setting out, or give it the logs that do not say theirs alone"
                 )
             setting = self.declared
         if setting is None and path.name in self.guess.settings:
@@ -201,27 +199,24 @@ class Labels:
         if row is not None and not row.places and (columns := _clicks_of(row)):
             declared = ", ".join(f'{column} = ""' for column in columns)
             return LogError(
-                f"line {row.line} of the table of tests does not say its setting; it has "
+                f"{name}: line {row.line} of the table of tests does not say its setting; it has "
                 f"{', '.join(columns)}: where these are adjusters, declare them in the "
                 f"configuration, [adjusters] {declared}; else name the column of the setting "
-                "'setting'",
-                subject=name,
+                "'setting'"
             )
         if len(self.adjusters) > 1:
             own = _places(recording, self.adjusters)
             lacks = ", ".join(one for one in self.adjusters if one not in own)
             example = ", ".join(f"{one}=8" for one in self.adjusters)
             return LogError(
-                f"the log does not give {lacks}; expected lines such as "
+                f"{name}: the log does not give {lacks}; expected lines such as "
                 f"'# {self.adjusters[0]}: 8', columns, named groups of rig.setting_pattern, or a "
-                f"table tests.csv; or give --setting '{example}'",
-                subject=name,
+                f"table tests.csv; or give --setting '{example}'"
             )
         said = f", or {self.guess.advice}" if self.guess.advice else ""
         return LogError(
-            f"the log does not say its adjuster setting; expected a line '# setting: 10', "
-            f"a column 'setting' or a name such as setting_10.csv; or give --setting N{said}",
-            subject=name,
+            f"{name}: the log does not say its adjuster setting; expected a line '# setting: 10', "
+            f"a column 'setting' or a name such as setting_10.csv; or give --setting N{said}"
         )
 
     def row(self, path: Path) -> TestRow | None:

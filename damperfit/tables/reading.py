@@ -299,7 +299,7 @@ def part_in(path: Path) -> Path:
     parts = parts_of(path)
     if len(parts) > 1:
         names = ", ".join(one.name for one in parts)
-        raise ConfigurationError(f"several tests of one damper; name one of {names}", subject=path)
+        raise ConfigurationError(f"{path}: several tests of one damper; name one of {names}")
     return parts[0]
 
 
@@ -319,15 +319,13 @@ def read_part(
         record = json.loads((table.schema.metadata or {}).get(RECORD, b"{}"))
     except (OSError, pa.ArrowInvalid, ValueError) as error:
         raise ConfigurationError(
-            f"damaged ({error}); remove it, and the next damperfit fleet makes it again",
-            subject=path,
+            f"{path}: damaged ({error}); remove it, and the next damperfit fleet makes it again"
         ) from error
     if not record:
         raise ConfigurationError(
-            "does not say which damper and motion it is of: from an earlier version, of "
+            f"{path}: does not say which damper and motion it is of: from an earlier version, of "
             "several dampers, or without a fit; remove it, and the next damperfit fleet makes it "
-            "again",
-            subject=path,
+            "again"
         )
     rows = [row for row in table.to_pylist() if not row["error_kind"]]
     quantities = quantities_in(record, table.column_names)

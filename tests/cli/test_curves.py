@@ -29,7 +29,7 @@ def test_inspect_shows_them_as_a_table(run, curves) -> None:
     assert not told.err
     rows = [" ".join(line.split()) for line in told.out.splitlines()]
     assert "25-4.3 rebound 4 0.400 1600 200.0 420.0 564.0 1110 -" in rows
-    assert "bump 4 0.400 -450.0 -80.00 -150.0 -183.0 -317.0 -" in rows
+    assert "compression 4 0.400 -450.0 -80.00 -150.0 -183.0 -317.0 -" in rows
     assert "1 log: 1 curves without time, which cannot be fitted" in told.out
     assert max(map(len, told.out.splitlines())) <= 80
 

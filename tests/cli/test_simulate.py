@@ -45,7 +45,7 @@ def test_the_table_is_read_at_a_glance(run) -> None:
     text = " ".join(ended.out.split())
     for words in (
         "setting 10: sine of 32 mm at 1.5 Hz, last of 4 cycles",
-        "rebound bump",
+        "rebound compression",
         "peak force N",
         "energy per cycle J",
         "hysteresis at 0.151 m/s N",

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from damperfit.conditioning import condition
-from damperfit.conditioning.timebase import UniformLog, continue_log
+from damperfit.conditioning.continuation import continue_log
+from damperfit.conditioning.timebase import UniformLog
 from tests.conditioning.logs import LAW, recording, sine_log, static_force
 
 RATE = 1024.0

@@ -9,18 +9,8 @@ import numpy as np
 import pytest
 
 from damperfit.conditioning import channels
-from damperfit.conditioning.channels import (
-    Beside,
-    Channel,
-    _clipped,
-    _is_clip,
-    _repeats,
-    _runs,
-    _steps,
-    beside,
-    catches_up,
-    is_cut_displacement,
-)
+from damperfit.conditioning.channels import Channel, _clipped, _is_clip, _repeats, _runs, _steps
+from damperfit.conditioning.stands import Beside, beside, catches_up, is_cut_displacement
 
 
 def channel(values, *, other=None, period=0.0):

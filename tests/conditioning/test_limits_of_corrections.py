@@ -9,14 +9,19 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from damperfit.conditioning import delay as skew
-from damperfit.conditioning import findings as rig_filter
-from damperfit.conditioning import gas_force, polarity, refusals, timebase
-from damperfit.conditioning import polarity as corrections
-from damperfit.conditioning.delay import Skew, estimate_skew
-from damperfit.conditioning.findings import check_velocity
+from damperfit.conditioning import (
+    corrections,
+    gas_force,
+    polarity,
+    refusals,
+    rig_filter,
+    skew,
+    timebase,
+)
 from damperfit.conditioning.gas_force import ForceLevel
 from damperfit.conditioning.options import MAX_SKEW, ConditionOptions
+from damperfit.conditioning.skew import Skew, estimate_skew
+from damperfit.conditioning.velocity import check_velocity
 from damperfit.errors import ConditioningError, ConfigurationError
 from tests.conditioning.logs import recording
 from tests.conditioning.test_limits_of_findings import cycles

@@ -9,17 +9,21 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from damperfit.conditioning import cycles, drive, repeatability
-from damperfit.conditioning import cycles as plateaus
-from damperfit.conditioning import findings as motion
-from damperfit.conditioning import segments as compared_part
-from damperfit.conditioning import segments as moving
-from damperfit.conditioning import segments as stretches
-from damperfit.conditioning import timebase as continuation
+from damperfit.conditioning import (
+    compared_part,
+    continuation,
+    cycles,
+    drive,
+    motion,
+    moving,
+    plateaus,
+    repeatability,
+    stretches,
+)
 from damperfit.conditioning.channels import noise_of
-from damperfit.conditioning.cycles import SteadyRun, _repeats, cycles_of, ends_in_motion, runs_of
 from damperfit.conditioning.options import ConditionOptions
-from damperfit.conditioning.repeatability import scatter_between_cycles
+from damperfit.conditioning.passages import SteadyRun, _repeats, cycles_of, ends_in_motion, runs_of
+from damperfit.conditioning.scatter import scatter_between_cycles
 from damperfit.errors import ConditioningError
 from tests.conditioning.test_limits_of_findings import _log
 from tests.conditioning.test_limits_of_findings import cycles as made

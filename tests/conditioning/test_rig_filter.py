@@ -9,10 +9,8 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfilt
 
-from damperfit.conditioning import ConditionOptions, condition
-from damperfit.conditioning import findings as quality
-from damperfit.conditioning import findings as rig_filter
-from damperfit.conditioning.findings import _fall, _more_below, falls_off
+from damperfit.conditioning import ConditionOptions, condition, quality, rig_filter
+from damperfit.conditioning.rig_filter import _fall, _more_below, falls_off
 from tests.conditioning import logs
 from tests.identification.rig import recording
 

@@ -8,9 +8,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from damperfit.conditioning.delay import _straight
-from damperfit.conditioning.findings import _stretches
-from damperfit.conditioning.polarity import _of_wandering, _removed
+from damperfit.conditioning.corrections import _of_wandering, _removed
+from damperfit.conditioning.motion import _stretches
+from damperfit.conditioning.skew import _straight
 from tests import fakes
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from damperfit.conditioning import ConditionOptions, condition
-from damperfit.conditioning.delay import (
+from damperfit.conditioning.skew import (
     _around,
     _beside,
     _between_samples,

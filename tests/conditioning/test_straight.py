@@ -7,9 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from damperfit.conditioning import ConditionOptions, apply_filter, condition
-from damperfit.conditioning import drive as straight
-from damperfit.conditioning.drive import drive_of_lines
+from damperfit.conditioning import ConditionOptions, apply_filter, condition, straight
+from damperfit.conditioning.straight import drive_of_lines
 from tests.conditioning.logs import recording, sine_log, static_force
 from tests.oracles.motions import rounded, triangles
 

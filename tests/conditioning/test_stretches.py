@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from damperfit.conditioning import condition
-from damperfit.conditioning import segments as compared_part
-from damperfit.conditioning.filters import behind_filter
+from damperfit.conditioning import compared_part, condition
+from damperfit.conditioning.behind_filter import behind_filter
 from damperfit.conditioning.options import ConditionOptions
-from damperfit.conditioning.segments import find_runs, is_one_run
+from damperfit.conditioning.stretches import find_runs, is_one_run
 from damperfit.conditioning.timebase import make_uniform
 from damperfit.errors import ConditioningError
 from tests.conditioning.logs import LAW, recording, static_force

@@ -8,10 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from damperfit.conditioning import ConditionOptions, NominalTest
-from damperfit.conditioning import findings as motion
-from damperfit.conditioning.findings import _temperature, check_velocity
+from damperfit.conditioning import ConditionOptions, NominalTest, motion
 from damperfit.conditioning.log_to_trace import _notes
+from damperfit.conditioning.quality import _temperature
 from damperfit.conditioning.refusals import refuse_fast, refuse_small
 from damperfit.conditioning.timebase import (
     _has_one_or_two_missing,
@@ -19,6 +18,7 @@ from damperfit.conditioning.timebase import (
     _resolution,
     make_uniform,
 )
+from damperfit.conditioning.velocity import check_velocity
 from damperfit.errors import ConditioningError, ConfigurationError
 from damperfit.recording import Recording
 from tests import fakes

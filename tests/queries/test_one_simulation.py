@@ -17,7 +17,7 @@ from damperfit.tables import make_tables, write_table
 from damperfit.uncertainty import Prediction
 from tests import fakes
 from tests.identification.adjusted import HIGH, LOW, SETTINGS, at
-from tests.test_report import FACTS
+from tests.texts import FACTS
 
 BLEED, OPENING = {6: 2e4, 14: 1e4}, {1: 3e6, 3: 4e6}
 

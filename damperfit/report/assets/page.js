@@ -4,7 +4,7 @@
   const off = new Set();
   const drawn = new Set();
   const dark = matchMedia("(prefers-color-scheme: dark)");
-  const WIDTHS = { solid: 2, wide: 5, thin: 1.3, dashed: 1.5, dotted: 1.5, dot_line: 1, triangle_line: 1 };
+  const WIDTHS = { solid: 2, wide: 4, thin: 0.9, dashed: 1.5, dotted: 1.5, dot_line: 1, triangle_line: 1 };
   const DASHES = { dashed: "dash", dotted: "dot", triangle_line: "dash" };
   const SYMBOLS = { points: "circle", triangles: "triangle-up-open", rings: "circle-open", above: "triangle-up", below: "triangle-down", dot_line: "circle", triangle_line: "triangle-up-open" };
   const JOINED = new Set(["dot_line", "triangle_line"]);
@@ -56,7 +56,8 @@
       one.marker = { color: colour, size, symbol: SYMBOLS[line.style], line: { width: few ? 1.5 : 0, color: colour } };
     }
     if (!marked(line) || JOINED.has(line.style)) one.line = { color: colour, width: WIDTHS[line.style], dash: DASHES[line.style] || "solid", simplify: false };
-    if (line.style === "wide") one.opacity = 0.6;  // what lies thin on top of it is seen
+    if (line.style === "wide") one.opacity = 0.7;  // what lies thin on top of it is seen
+    if (line.style === "thin" && keyed) one.opacity = 0.6;
     if (line.up !== null && marked(line)) one.error_y = { type: "data", symmetric: false, array: [...array(line.up)], arrayminus: [...array(line.down)], color: colour, thickness: 1.5, width: 4 };
     return one;
   }
@@ -98,6 +99,11 @@
         shapes.push({ type: "line", xref: "paper", x0: 0, x1: 1, yref, y0: y, y1: y, line: { color: look.muted, width: 1, dash: "dot" } });
         if (word) annotations.push({ xref: "paper", x: 1, xanchor: "right", yref, y: panel.log ? Math.log10(y) : y, yanchor: "bottom", text: word, showarrow: false, font: { size: 11, color: look.muted } });
       }
+      for (const line of panel.lines) {
+        if (!line.tag || off.has(String(line.setting))) continue;
+        const x = array(line.x), y = array(line.y), end = x.indexOf(Math.max(...x));
+        annotations.push({ x: x[end], y: y[end], yref, xanchor: "left", xshift: 3, text: line.tag, showarrow: false, font: { size: 12, color: look[line.colour] || line.colour } });
+      }
       for (const [x0, x1] of panel.bands) {
         shapes.push({ type: "rect", xref: "x", x0, x1, yref: `${yref} domain`, y0: 0, y1: 1, fillcolor: "#d55e00", opacity: 0.2, line: { width: 0 }, layer: "below" });
       }
@@ -120,16 +126,17 @@
       hovermode: "closest",
       uirevision: plot.name,  // a zoom survives switching
     };
-    const [width, height] = div.closest(".first") ? [690, 380] : [340, 235];
+    const [width, height] = div.closest(".first") ? [690, 380] : [340, 235];  // paper
     if (printing) Object.assign(layout, { width, height, showlegend: shown > 1 && shown <= 6 });
     drawn.add(place);
     return Plotly.react(div, data, layout, { responsive: true, displaylogo: false, displayModeBar: "hover", modeBarButtons: [["toImage", "zoom2d", "pan2d", "zoomIn2d", "zoomOut2d", "resetScale2d"]], toImageButtonOptions: { format: "svg", filename: plot.name } });
   }
 
-  const section = (place) => document.getElementById(`plot-${place}`).closest("section");
+  const place_of = (place) => document.getElementById(`plot-${place}`);
+  const away = (place) => place_of(place).closest("[hidden], details:not([open])");
 
   function drawAll() {
-    plots.forEach((_, place) => { if (!drawn.has(place) && !section(place).hidden) draw(place); });
+    plots.forEach((_, place) => { if (!drawn.has(place) && !away(place)) draw(place); });
   }
 
   // What is seen is drawn first, the rest while the page rests.
@@ -137,7 +144,7 @@
   const rest = window.requestIdleCallback || ((work) => setTimeout(work, 10));
   function step() {
     for (const place of queue) {
-      if (drawn.has(place) || section(place).hidden) continue;
+      if (drawn.has(place) || away(place)) continue;
       draw(place);
       rest(step);
       return;
@@ -154,13 +161,13 @@
   requestAnimationFrame(() => setTimeout(() => rest(step), 0));
 
   function redraw() {
-    drawn.forEach((place) => { if (!section(place).hidden) draw(place); });
+    drawn.forEach((place) => { if (!away(place)) draw(place); });
   }
 
   function switched() {
-    document.querySelectorAll("section.log").forEach((one) => { one.hidden = off.has(one.dataset.setting); });
+    document.querySelectorAll(".log").forEach((one) => { one.hidden = off.has(one.dataset.setting); });
     plots.forEach((_, place) => {
-      if (section(place).hidden && drawn.delete(place)) Plotly.purge(`plot-${place}`);
+      if (place_of(place).closest("[hidden]") && drawn.delete(place)) Plotly.purge(`plot-${place}`);
     });
     redraw();
     drawAll();
@@ -192,10 +199,22 @@
   });
   const jump = document.getElementById("jump");
   jump.addEventListener("change", () => {
-    const place = document.querySelector(`section.log[data-setting="${CSS.escape(jump.value)}"]`);
+    const place = document.querySelector(`.log[data-setting="${CSS.escape(jump.value)}"]`);
     if (place && place.hidden) boxes.filter((box) => box.dataset.setting === place.dataset.setting).forEach((box) => { set(box, true); switched(); });
-    if (place) place.scrollIntoView();
+    if (place) enter(place);
     jump.value = "";
   });
+  // What is about one log is folded: its plots are drawn when it is opened, or entered by a link.
+  function enter(place) {
+    if (place.tagName === "DETAILS") place.open = true;
+    place.scrollIntoView();
+  }
+  function entered() {
+    const place = location.hash && document.getElementById(decodeURIComponent(location.hash.slice(1)));
+    if (place) enter(place);
+  }
+  details.forEach((one) => one.addEventListener("toggle", () => { if (one.open) drawAll(); }));
+  addEventListener("hashchange", entered);
+  entered();
   window.damperfit = { plots, colours, drawAll };
 })();

@@ -1,0 +1,221 @@
+"""All texts of reports, from known numbers without a fit: ``python -m tests.texts`` writes them.
+
+They stand in `tests/snapshots/texts.txt`, whose difference is read before a change is kept.
+"""
+
+from __future__ import annotations
+
+import html
+import re
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from matplotlib.text import Text
+
+from damperfit.checks import Check
+from damperfit.identification import Outcome
+from damperfit.report.drawing import compose, fixed_style
+from damperfit.report.facts import Failure, ReportFacts
+from damperfit.report.forces import force_by_setting_sheet, force_sheets, measured_force_sheet
+from damperfit.report.inspection import finding_lines, inspection_sheet
+from damperfit.report.markdown import markdown_report
+from damperfit.report.page import html_report
+from damperfit.report.settings_figures import report_plots
+from damperfit.report.sheet import text_table
+from damperfit.report.tables import check_lines, parameter_sheet
+from damperfit.results import Run
+from damperfit.tables import make_tables
+from tests.fakes import campaign, fit
+from tests.report_folder import make_results
+
+__all__ = ["FACTS", "FORCES", "LOGS", "STATES", "page_words", "texts"]
+
+SNAPSHOT = Path(__file__).parent / "snapshots" / "texts.txt"
+FACTS = ReportFacts(version="1.2.3", procedure=("Procedure: paper.",))
+CHECKS = (
+    Check("no_cavitation", True, "no chamber reaches zero pressure"),
+    Check("trend_monotone", False, "K_e falls from setting 3 to 4"),
+    Check("temperature_in_window", None, "no log has a temperature"),
+)
+
+
+def _advice(outcome: Outcome) -> tuple[tuple[str, str], ...]:
+    return ((outcome.value, outcome.advice),)
+
+
+# What was fitted, what else is told, which settings were expected.
+STATES: dict[str, tuple[Any, ReportFacts, tuple[int, ...]]] = {
+    "good": (
+        campaign(fit(1), fit(2, mse=1.5), fit(3, logs=("a.csv", "b.csv"))),
+        replace(FACTS, checks=CHECKS, tested="damper front left"),
+        (),
+    ),
+    "poor": (
+        campaign(fit(1), fit(2, mse=12.34)),
+        replace(FACTS, gates=("setting 2: MSE 12.3 % is above 5 %",)),
+        (),
+    ),
+    "at_bound": (
+        campaign(fit(1, outcome=Outcome.AT_BOUND, status={"k_e": "at_bound"}, mse=2.5)),
+        replace(FACTS, advice=_advice(Outcome.AT_BOUND)),
+        (),
+    ),
+    "not_identifiable": (
+        campaign(fit(1, outcome=Outcome.NOT_IDENTIFIABLE, status={"k_e": "not_identifiable"})),
+        replace(FACTS, advice=_advice(Outcome.NOT_IDENTIFIABLE)),
+        (),
+    ),
+    "cavitating": (
+        campaign(fit(19, outcome=Outcome.CAVITATING, f_0=-12.5, status={"f_0": "fitted"})),
+        replace(FACTS, advice=_advice(Outcome.CAVITATING)),
+        (),
+    ),
+    "missing": (
+        campaign(fit(1), fit(3)),
+        replace(
+            FACTS,
+            failures=(
+                Failure("setting_02.csv", "runs/setting_02.csv", 2, "LogError", "empty file"),
+            ),
+            warnings=("there is no log of setting 2",),
+            gaps=((2, 2),),
+        ),
+        (1, 2, 3),
+    ),
+    "nothing": (
+        campaign(),
+        replace(
+            FACTS,
+            failures=(Failure("a.csv", "a.csv", None, "LogError", "a.csv: no data rows"),),
+        ),
+        (),
+    ),
+}
+
+
+def _force(setting: Any, speed: float, stroke: str, force: float, **more: Any) -> dict[str, Any]:
+    change = {"change_N": None, "change_ci_low_N": None, "change_ci_high_N": None}
+    return {
+        "setting": setting,
+        "speed_m_per_s": speed,
+        "stroke": stroke,
+        "force_N": force,
+        "force_ci_low_N": force - 0.8,
+        "force_ci_high_N": force + 0.8,
+        "told_from": "model",
+        "measured_N": force + 1.0,
+        "measured_se_N": 0.2,
+        "difference_N": 1.0,
+        **change,
+        **more,
+    }
+
+
+def _clicked(force: float) -> dict[str, float]:
+    return {
+        "change_N": force,
+        "change_ci_low_N": force - 2.0,
+        "change_ci_high_N": force + 2.0,
+        "change_percent": 12.3,
+    }
+
+
+# Rows of the table "adjustment": the second setting is missed by the model in rebound at 0.3 m/s.
+FORCES = [
+    _force(setting, speed, stroke, sign * (100.0 * setting + 2000.0 * speed), **more)
+    for setting in (1, 2)
+    for speed in (0.05, 0.3)
+    for stroke, sign in (("rebound", 1.0), ("bump", -1.0))
+    for more in [
+        {
+            **(_clicked(sign * 100.0) if setting == 2 else {}),
+            **({"told_from": "measured"} if (setting, speed, sign) == (2, 0.3, 1.0) else {}),
+        }
+    ]
+]
+
+LOGS = [
+    {
+        "name": f"run_{n}.csv",
+        "setting": n,
+        "n_samples_read": 5000,
+        "sample_rate_Hz": 500.0,
+        "cycles_used": 13,
+        "cycles_found": 15,
+        "frequency_Hz": 1.5,
+        "amplitude_m": 0.032,
+        "temperature_degC": 26.4,
+        "verdict": "warnings" if n == 2 else "good",
+        "findings": [
+            {"name": "noise", "severity": "note", "sentence": f"noise of {n}.5 N"},
+            *(
+                [{"name": "clipping", "severity": "warning", "sentence": "the force is clipped"}]
+                if n == 2
+                else []
+            ),
+        ],
+        "notes": ["26.4 degC on average"],
+    }
+    for n in (1, 2, 3)
+]
+
+
+def page_words(page: str) -> str:
+    """Return what a page says, a line a row, item or heading."""
+    body = page[page.index("</style>") : page.index('<script type="application/json"')]
+    text = re.sub(r"</(tr|p|li|h\d|summary|figcaption|dd)>", "\n", body)
+    text = re.sub(r"<[^>]+>", "", re.sub(r"</t[dh]>", " | ", text))
+    lines = (" ".join(html.unescape(line).split()) for line in text.splitlines())
+    return "\n".join(line for line in lines if line)
+
+
+def _figure_words(shown: Any) -> str:
+    lines = []
+    for plot in shown.plots:
+        if plot.name.startswith("setting_") and not plot.name.startswith("setting_03"):
+            continue
+        with fixed_style():
+            figure = compose(plot, dpi=60)
+            figure.draw_without_rendering()
+            words = [one.get_text() for one in figure.findobj(Text) if one.get_visible()]
+        said = [word for word in words if word and not re.fullmatch(r"[−\d.e+-]+", word)]
+        lines += [plot.name, *(f"    {word}" for word in (*said, plot.caption))]
+    return "\n".join(lines)
+
+
+def texts() -> dict[str, str]:
+    """Return every text by its name."""
+    told = {}
+    for state, (done, facts, expected) in STATES.items():
+        tables = make_tables(done, expected=expected)
+        rows = tables.parameters.to_pylist()
+        told[f"report.md, {state}"] = markdown_report(tables, facts).rstrip("\n")
+        if rows:
+            told[f"terminal, {state}"] = text_table(parameter_sheet(rows, columns=80))
+    told["terminal, checks"] = "\n".join(check_lines(CHECKS))
+    for name, sheets in (
+        ("by speed", force_sheets(FORCES)),
+        ("by setting", [force_by_setting_sheet(FORCES)]),
+        ("measured", [measured_force_sheet(FORCES)]),
+    ):
+        told[f"terminal, forces {name}"] = "\n\n".join(map(text_table, sheets))
+    told["terminal, inspect"] = "\n".join(
+        [text_table(inspection_sheet(LOGS)), *finding_lines(LOGS, has_notes=True)]
+    )
+    with TemporaryDirectory() as folder:
+        shown = report_plots(Run.load(make_results(Path(folder))))
+        told["report.html"] = page_words(html_report(shown, title="results"))
+        told["figures"] = _figure_words(shown)
+    return told
+
+
+def written(told: dict[str, str]) -> str:
+    """Return the texts as the file that holds them."""
+    return "".join(f"===== {name}\n{text}\n\n" for name, text in told.items())
+
+
+if __name__ == "__main__":
+    SNAPSHOT.parent.mkdir(exist_ok=True)
+    SNAPSHOT.write_text(written(texts()), encoding="utf-8")
