@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from damperfit.conditioning import ConditionOptions, condition, drive
-from damperfit.conditioning.timebase import make_uniform
+from damperfit.conditioning import ConditionOptions, condition
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import compare, normalised_mse
@@ -146,33 +144,3 @@ def test_samples_at_which_a_sine_turns_are_bridged(rate, phase, is_bridged):
         "the motion turns on its samples, where noise decides which way friction acts: "
         f"{len(at)} of them are bridged, of the measured and of the modelled force"
     )
-
-
-@pytest.mark.parametrize(("share", "is_told"), [(0.0041, True), (0.0039, False)])
-@pytest.mark.parametrize(("errors", "is_unclear"), [(3.9, True), (4.1, False)])
-def test_so_many_samples_of_so_little_speed_are_unclear(
-    share, is_told, errors, is_unclear, monkeypatch
-):
-    monkeypatch.setattr(drive, "noise_of", lambda _: 3e-6)
-    log = noisy_sine(1000.0, 0.0)
-    velocity = np.ones(10_000)
-    at = np.linspace(10, 9_990, round(1e4 * share)).astype(int)
-    velocity[at] = errors * 3e-6 * np.sqrt(2.0 * 30.0 * 1e-3) * 2.0 * np.pi * 30.0 / np.sqrt(3.0)
-    stretch = condition(log).stretches[0]
-    stretch = replace(stretch, first=0, stop=10_000)
-    plain = Drive(velocity, velocity, 30.0)
-    found = drive.unclear_turns(plain, make_uniform(log), [stretch])
-    assert found == (at.tolist() if is_told and is_unclear else [])
-
-
-def test_only_rests_of_what_is_compared_drive_without_noise(monkeypatch):
-    starts = ((0, 0.1), (35, 0.2), (95, 0.3), (110, 0.4))
-    rests = [(slice(first, first + 10), level) for first, level in starts]
-    monkeypatch.setattr(drive, "rests_of", lambda *_: rests)
-    noisy = Drive(np.full(120, 9.0), np.full(120, 5.0), 30.0)
-    log = SimpleNamespace(displacement=None, interval=None)
-    found = drive._at_rest(noisy, log, [SimpleNamespace(first=10, stop=100)])
-    assert {level: int(np.sum(found.displacement == level)) for _, level in rests} == {
-        0.1: 0, 0.2: 10, 0.3: 10, 0.4: 0,
-    }  # fmt: skip
-    assert int(np.sum(found.velocity == 0.0)) == 20

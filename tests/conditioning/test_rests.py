@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from damperfit.conditioning import ConditionOptions, condition, rests
+from damperfit.conditioning import ConditionOptions, condition
 from damperfit.conditioning.rests import rests_of, samples_at_rest
 from tests.conditioning.logs import recording, sine_log, static_force
 
@@ -70,58 +70,6 @@ def test_a_rest_has_ten_samples(n, is_found):
     x = np.concatenate([np.full(100, 0.01), np.zeros(n), np.full(100, -0.01)])
     levels = [level for _, level in rests_of(x + np.linspace(0.0, 1e-12, len(x)), 5e-3)]
     assert any(abs(level) < 1e-6 for level in levels) is is_found
-
-
-def bent(n, form, errors):
-    """A rest of so many samples with a slope or a bend of so many errors, far away beside it."""
-    reach = np.linspace(-1.0, 1.0, n)
-    shape = {"slope": reach, "bend": reach**2 - np.mean(reach**2)}[form]
-    part = errors * NOISE * shape / np.linalg.norm(shape)
-    wave = NOISE * np.tile([1.0, -1.0, -1.0, 1.0], 100)  # neither slope nor bend
-    return np.concatenate([0.01 + wave, part + wave[:n], wave - 0.01])
-
-
-@pytest.mark.parametrize("form", ["slope", "bend"])
-@pytest.mark.parametrize(("errors", "is_found"), [(2.8, True), (3.2, False)])
-def test_a_rest_has_neither_slope_nor_bend(form, errors, is_found, monkeypatch):
-    monkeypatch.setattr(rests, "noise_of", lambda _: NOISE)
-    x = bent(20, form, errors)
-    assert any(part.start >= 395 and part.stop <= 425 for part, _ in rests_of(x, 1e-3)) is is_found
-
-
-@pytest.mark.parametrize(("far", "is_left"), [(31.0, True), (29.0, False)])
-def test_a_rest_is_come_to_and_left(far, is_left):
-    x = np.zeros(300)
-    x[:130] = x[170:] = far * NOISE
-    assert rests._is_left(x, slice(100, 200), 0.0, NOISE) is is_left
-    assert rests._is_left(x[:170], slice(100, 170), 0.0, NOISE) is is_left
-    assert not rests._is_left(np.zeros(40), slice(0, 40), 0.0, NOISE)
-
-
-@pytest.mark.parametrize(
-    ("n", "share", "is_level"),
-    [(32, 1.58, True), (32, 1.62, False), (20_000, 1.115, True), (20_000, 1.125, False)],
-)
-def test_a_rest_scatters_as_noise_does(n, share, is_level):
-    part = share * NOISE * (-1.0) ** np.arange(n)
-    assert rests._is_level(part, NOISE) is is_level
-
-
-@pytest.mark.parametrize(("equal", "is_coarse"), [(12, True), (10, False), (8, False)])
-def test_steps_count_where_a_tenth_of_the_samples_are_equal(equal, is_coarse):
-    steps = np.ones(100)
-    steps[:equal] = 0.0
-    found = rests._of_steps(np.concatenate([[0.0], np.cumsum(1e-4 * steps)]))
-    assert found == pytest.approx(1e-4 / np.sqrt(12.0) if is_coarse else 0.0)
-
-
-@pytest.mark.parametrize(("share", "is_found"), [(1.68, True), (1.78, False)])
-def test_rounding_is_noise(share, is_found, monkeypatch):
-    """A millionth of the stroke, which 20 samples may exceed by 1.73."""
-    monkeypatch.setattr(rests, "noise_of", lambda _: 0.0)
-    part = share * 2e-8 * np.tile([1.0, -1.0, -1.0, 1.0], 5)
-    x = np.concatenate([np.linspace(0.01, 0.0031, 400), part, np.linspace(-0.0031, -0.01, 400)])
-    assert bool(rests_of(x, 1e-3)) is is_found
 
 
 def test_a_model_is_driven_without_noise_where_the_motion_rests():

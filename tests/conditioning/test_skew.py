@@ -11,11 +11,6 @@ import pytest
 
 from damperfit.conditioning import ConditionOptions, condition
 from damperfit.conditioning.skew import (
-    _around,
-    _beside,
-    _between_samples,
-    _straight,
-    estimate_skew,
     stands_still,
     take_back,
 )
@@ -26,7 +21,6 @@ from damperfit.errors import ConfigurationError
 from damperfit.identification import FitOptions, identify
 from damperfit.recording import Recording
 from damperfit.simulation import Motion, simulate, sine_motion
-from tests import fakes
 from tests.identification.convergence import made_up
 from tests.identification.rig import recording
 from tests.rig_like.accuracy import body_of
@@ -59,16 +53,6 @@ def skew_of(log, **options):
         one for one in condition(log, ConditionOptions(**options)).findings if one.name == "skew"
     ]
     return finding
-
-
-@pytest.mark.parametrize(
-    ("given", "widened"),
-    [((0.0, 0.5), (-1.0, 1.0)), ((1.0, 1.0), (1.0, 1.0)), ((-3.0, 9.0), (-3.0, 9.0))],
-)
-def test_a_delay_reaches_to_the_samples_beside_it(given, widened) -> None:
-    """Of both ends of the stroke; beyond the last sample nothing is known."""
-    sides = [SimpleNamespace(lag=np.array(lag)) for lag in ((-1.0, 1.0), (-2.0, 3.0))]
-    assert _between_samples(sides, *given) == widened
 
 
 @pytest.mark.parametrize("delay", [-0.001, 0.0, 0.002, 0.005])
@@ -239,47 +223,6 @@ def test_a_skew_without_meaning_is_refused(skew) -> None:
         ConditionOptions(skew=skew)
 
 
-def test_delays_are_tried_alike_on_both_sides() -> None:
-    tried = _around(3e-3, 2e-3, 5e-4)
-    assert tried == pytest.approx(1e-3 + 5e-4 * np.arange(9))
-
-
-def test_its_uncertainty_is_a_fraction_of_a_millisecond() -> None:
-    told = []
-    for noise in (1.0, 8.0, 16.0):
-        sentence = skew_of(late_log(10, 0.002, noise=noise, rate=2000.0)).sentence
-        told.append(float(re.findall(r"\+- ([\d.]+) ms", sentence)[0]))
-    # Half of the friction's own width, what the smooth part leans, and the samples' distance.
-    assert all(0.1 < one < 0.6 for one in told)
-
-
-@pytest.mark.parametrize(("n", "is_enough"), [(7, False), (8, True)])
-def test_forty_samples_beside_the_ends_are_enough(n, *, is_enough) -> None:
-    """At 100 Hz an end has two samples on each side and its own: eight ends have 40."""
-    turns = np.arange((n + 1) * 100) / 100.0
-    x, v = np.sin(2.0 * np.pi * turns), np.cos(2.0 * np.pi * turns)
-    one = fakes.trace(1)
-    stretch = replace(one.fastest, first=10, stop=10 + n * 100, frequency=1.0)
-    trace = replace(
-        one, start_time=0.0, interval=0.01, displacement=0.03 * x, velocity=0.2 * v,
-        force=300.0 * v, stretches=(stretch,),
-    )  # fmt: skip
-    log = UniformLog(0.0, 0.01, trace.displacement, trace.force)
-    assert ("too few samples" in estimate_skew(log, trace).reason) is not is_enough
-
-
-@pytest.mark.parametrize(
-    ("end", "is_whole"), [(0.019, False), (0.020, True), (0.079, True), (0.080, False)]
-)
-def test_an_end_counts_where_the_log_holds_all_samples_beside_it(end, is_whole) -> None:
-    """Twenty samples on each side, of 100."""
-    log = UniformLog(0.0, 1e-3, np.zeros(100), np.arange(100.0))
-    lag, force = _beside(log, np.array([end]))
-    assert len(lag) == len(force) == 41 * is_whole
-    if is_whole:
-        assert force[[0, -1]].tolist() == [1e3 * end - 20.0, 1e3 * end + 20.0]
-
-
 def turning(left):
     """A log at 1 kHz that turns at 50 ms; within 10 ms a share of the way of 20 ms is left."""
     x = np.interp(np.abs(np.arange(101) - 50.0), [0.0, 10.0, 20.0], [0.0, -left, -1.0])
@@ -306,28 +249,6 @@ def test_a_crank_that_goes_through_its_play_is_late_by_nothing() -> None:
         force=force + 4.0 * noise[1],
     )
     assert "rests at the ends" in skew_of(log).sentence
-
-
-@pytest.mark.parametrize(
-    ("cycles", "off"),
-    [((0, 1, 2, 3, 4), (0.0, 3e-3, -5e-3, 2e-3, 1e-3)), ((0, 1, 3, 7), (1e-3, 0.0, -2e-3, 4e-3))],
-)
-def test_ends_of_cycles_are_put_on_the_line_through_them(cycles, off) -> None:
-    """Also where some are missing."""
-    trace = fakes.trace(1)
-    at = 0.7 + np.array(cycles) / trace.frequency + np.array(off)
-    line = np.polyval(np.polyfit(cycles, at, 1), cycles)
-    assert _straight(at, trace) == pytest.approx(line, rel=1e-12)
-
-
-def test_ends_that_tell_no_line_stay() -> None:
-    trace = fakes.trace(1)
-    two, dwell = np.array([0.7, 1.9]), np.array([0.7, 0.701, 0.706])
-    unsteady = replace(trace, stretches=(replace(trace.fastest, cycle_starts=np.empty(0)),))
-    three = 0.7 + np.array([0.0, 1.01, 1.99]) / trace.frequency
-    for at, of in ((two, trace), (dwell, trace), (three, unsteady)):
-        assert np.array_equal(_straight(at, of), at)
-    assert not np.array_equal(_straight(three, trace), three)
 
 
 @pytest.mark.parametrize("rate", [100.0, 150.0, 250.0, 300.0, 350.0, 1000.0])

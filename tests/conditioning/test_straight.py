@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from damperfit.conditioning import ConditionOptions, apply_filter, condition, straight
+from damperfit.conditioning import ConditionOptions, apply_filter, condition
 from damperfit.conditioning.straight import drive_of_lines
 from tests.conditioning.logs import recording, sine_log, static_force
-from tests.oracles.motions import rounded, triangles
+from tests.oracles.motions import triangles
 
 RATE = 1000.0
 EVERY = slice(None)
@@ -81,17 +81,6 @@ def test_a_line_has_ten_samples(n, is_line):
     assert (drive_of_lines(x, 1.0 / RATE, EVERY) is not None) is is_line
 
 
-@pytest.mark.parametrize(("size", "is_clear"), [(9.6, False), (10.4, True)])
-def test_a_corner_stands_ten_times_above_noise_over_16_ms(size, is_clear):
-    """At 5 kHz that is 80 samples to either side; without noise a millionth of the stroke is it."""
-    x = np.abs(np.arange(-1000.0, 1001.0)) * -1.0
-    bend = size * np.sqrt(6.0) * 1e-6 * 1000.0 / 80.0
-    x[:300] -= bend * (300.0 - np.arange(300.0))
-    found = drive_of_lines(x, 2e-4, EVERY)
-    assert (found is not None) is is_clear
-    assert len(straight._turns(x, 80, 1e-3)) == 1 + is_clear
-
-
 @pytest.mark.parametrize(("apart", "is_found"), [(63, True), (57, False)])
 def test_corners_near_each_other_are_found_over_4_ms(apart, is_found):
     """At 5 kHz 20 samples to either side of both and between; over 16 ms they are one bend."""
@@ -105,71 +94,6 @@ def test_corners_of_a_noisy_sensor_are_found():
     x = zigzag(corners, np.array([0.08, -0.08, 0.08, -0.08]), n=2200, noise=4e-5)
     found = drive_of_lines(x, 1.0 / RATE, EVERY)
     np.testing.assert_allclose(found.jumps[:, 0], corners, atol=0.12)
-
-
-def scattered(n, share):
-    """A line with a residual of so much, rms."""
-    at = np.arange(n) - 0.5 * (n - 1)
-    rest = np.random.default_rng(1).standard_normal(n)
-    rest -= rest.mean() + at * (at @ rest) / (at @ at)
-    return 0.3 * at + rest * share / np.sqrt(np.mean(rest**2))
-
-
-@pytest.mark.parametrize(
-    ("n", "share", "is_straight"),
-    [(32, 1.58, True), (32, 1.62, False), (20_000, 1.115, True), (20_000, 1.125, False)],
-)
-def test_a_line_scatters_as_noise_does(n, share, is_straight):
-    """By 1.1 of it, and four errors of that: 0.5 for 32 samples, 0.02 for 20 000."""
-    assert (straight._lines(scattered(n, share), [], 1.0) is not None) is is_straight
-
-
-@pytest.mark.parametrize(("width", "is_sharp"), [(1e-4, True), (1e-3, False), (4e-3, False)])
-def test_a_corner_that_a_rig_turns_is_no_jump(width, is_sharp):
-    drive = rounded(triangles(0.1037, 0.2411), width)
-    x = np.array([drive.displacement(t) for t in np.arange(0.1, 13.0, 1e-3).tolist()])
-    x += 3e-6 * np.random.default_rng(1).standard_normal(len(x))
-    assert (drive_of_lines(x, 1e-3, EVERY) is not None) is is_sharp
-
-
-def crossing(at, turn=200, n=400):
-    """A turn by 1 m a sample there, its lines, and where it is thought to be."""
-    x = np.minimum(np.arange(n) - at, 0.0)
-    lines = straight._lines(x, [turn], 1e-12)
-    return x, [turn], lines
-
-
-@pytest.mark.parametrize(("off", "is_sharp"), [(4.9, True), (5.1, False), (-5.1, False)])
-def test_the_samples_beside_a_corner_lie_on_its_lines(off, is_sharp):
-    x, turns, lines = crossing(200.3)
-    x[201] += 0.01 * off
-    assert (straight._crossings(x, turns, lines, 0.01) is not None) is is_sharp
-
-
-@pytest.mark.parametrize(("off", "is_there"), [(1.45, True), (1.55, False), (-1.55, False)])
-def test_lines_cross_where_the_motion_turns(off, is_there):
-    x = np.minimum(np.arange(400) - 200.0 - off, 0.0)
-    one = straight._Line(98.0, -102.0 - off, 1.0, 197, 1e5)
-    two = straight._Line(300.0, 0.0, 0.0, 197, 1e5)
-    assert (straight._crossings(x, [200], [one, two], 1.0) is not None) is is_there
-
-
-@pytest.mark.parametrize(("errors", "is_at_sample"), [(4.9, True), (5.1, False), (-4.9, True)])
-def test_a_corner_five_errors_from_a_sample_is_at_it(errors, is_at_sample):
-    x, turns, lines = crossing(200.0)
-    error = 1e-3 * np.hypot(lines[0].error(200.0), lines[1].error(200.0))
-    x, turns, lines = crossing(200.0 + errors * error)
-    ((at, place, before, after),) = straight._crossings(x, turns, lines, 1e-3)
-    assert bool(at == 200.0) is is_at_sample
-    assert (before, after) == pytest.approx((1.0, 0.0), abs=1e-9)
-    assert place == pytest.approx(0.0, abs=1e-2)
-
-
-@pytest.mark.parametrize(("errors", "rests"), [(4.9, True), (-4.9, True), (5.1, False)])
-def test_a_line_that_rises_by_less_than_five_errors_rests(errors, rests):
-    line = straight._Line(10.0, 0.3, errors * 1e-3 / np.sqrt(665.0), 20, 665.0)
-    assert bool(line.at_rest(1e-3).slope == 0.0) is rests
-    assert line.at_rest(1e-3).at(10.0) == 0.3
 
 
 def test_a_short_dwell_is_at_rest():

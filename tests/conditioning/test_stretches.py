@@ -5,11 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from damperfit.conditioning import compared_part, condition
-from damperfit.conditioning.behind_filter import behind_filter
+from damperfit.conditioning import condition
 from damperfit.conditioning.options import ConditionOptions
-from damperfit.conditioning.stretches import find_runs, is_one_run
-from damperfit.conditioning.timebase import make_uniform
 from damperfit.errors import ConditioningError
 from tests.conditioning.logs import LAW, recording, static_force
 
@@ -269,44 +266,3 @@ def test_stretches_never_overlap_and_lie_in_the_trace(seed):
     assert ends == sorted(ends)
     assert ends[-1] <= len(trace.force)
     assert all(one.n_samples > 0 for one in trace.stretches)
-
-
-def drifting(seed):
-    """A log of cycles whose size, place and length wander more or less."""
-    random = np.random.default_rng(seed)
-    cycles, rate = random.integers(3, 40), float(random.choice([100, 500]))
-    turn = 2.0 * np.pi * np.arange(int(cycles * rate)) / rate
-    turn = turn + random.uniform(0.0, 0.02) * turn**2 / turn[-1] + random.uniform(0.0, 6.0)
-    size = 1.0 + random.choice([0.0, 0.02, 0.3]) * turn / turn[-1]
-    place = random.choice([0.0, 0.1, 0.6, 4.0]) * turn / turn[-1]
-    x = 0.03 * (size * np.sin(turn) + place) + 3e-6 * random.standard_normal(len(turn))
-    v = np.gradient(x, 1.0 / rate)
-    force = static_force(v) + 4.0 * random.standard_normal(len(x))
-    return recording(np.arange(len(x)) / rate, x, force)
-
-
-def test_one_run_that_is_sure_is_what_a_look_at_its_passages_finds():
-    """Work left out must change no result: hundreds of motions, sure or not."""
-    options, n_sure = ConditionOptions(), 0
-    for log in [drifting(seed) for seed in range(150)] + [patched(seed) for seed in range(60)]:
-        try:
-            behind = behind_filter(make_uniform(log), options)
-        except ConditioningError:  # a corner beyond half the rate
-            continue
-        known = {"interval": behind.log.interval, "steadiness": options.steadiness}
-        known["edges"] = compared_part._edges(behind)
-        if is_one_run(behind.displacement, **known):
-            found, _ = find_runs(behind.displacement, behind.velocity, **known)
-            assert [one.stretch.kind for one in found] == ["steady"]
-            n_sure += 1
-    assert n_sure > 40
-
-
-def test_passages_of_one_steady_run_are_not_looked_at_twice(monkeypatch):
-    def never(*_, **__):
-        raise AssertionError
-
-    monkeypatch.setattr(compared_part, "find_runs", never)
-    assert condition(moved((1.5, 0.03, 14))).n_cycles >= 10
-    with pytest.raises(AssertionError):
-        condition(moved((1.0, 0.03, 6), (2.0, 0.03, 8)))
