@@ -8,15 +8,19 @@ from __future__ import annotations
 
 import traceback
 from contextlib import contextmanager
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, ParamSpec, Self, TypeVar
+
+from damperfit.problem import Problem, as_option
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
 
+    from damperfit.problem import Where, Words
     from damperfit.tested.setting import Setting
 
     OnError = Callable[[Setting, Exception], None]
@@ -45,21 +49,70 @@ __all__ = [
 
 
 class DamperfitError(Exception):
-    """Parent of every error that damperfit raises on purpose."""
+    """Parent of every error that damperfit raises on purpose.
+
+    Parameters
+    ----------
+    text : str
+        What was found and expected, and what to do; a template where `values` are given.
+    code, subject, where
+        As of `damperfit.problem.Problem`.
+    **values
+        Those of the template.
+    """
 
     exit_code = 1
+    code = "failed"
+
+    def __init__(
+        self,
+        text: object = "",
+        *,
+        code: str = "",
+        subject: object = "",
+        where: Where | None = None,
+        **values: Any,
+    ) -> None:
+        super().__init__(text)
+        self.words: Words = as_option
+        self.problem = Problem(
+            code or self.code, str(text), subject=str(subject), where=where, values=values
+        )
+
+    def __str__(self) -> str:
+        return self.problem.sentence(self.words)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _of_problem, (type(self), self.problem), {**self.__dict__, "words": as_option}
+
+    def at(self, where: Where | None = None, *, subject: object = "") -> Self:
+        """Return the same error with where it was asked for, or what it is about."""
+        changes: dict[str, Any] = {} if where is None else {"where": where}
+        if str(subject):
+            changes["subject"] = str(subject)
+        error = copy(self)
+        error.problem = replace(self.problem, **changes)
+        return error
+
+
+def _of_problem(kind: type[DamperfitError], problem: Problem) -> DamperfitError:
+    error = kind.__new__(kind, problem.text)
+    error.problem = problem
+    return error
 
 
 class ConfigurationError(DamperfitError):
     """Wrong usage, option or configuration; nothing was touched."""
 
     exit_code = 2
+    code = "usage"
 
 
 class InstallationError(DamperfitError):
     """The compiled core or an optional library is missing or does not load."""
 
     exit_code = 2
+    code = "installation"
 
 
 class LogError(DamperfitError):
@@ -71,43 +124,58 @@ class LogError(DamperfitError):
         False: the log does not say its adjuster setting either.
     """
 
+    code = "log"
     says_setting = True
 
 
 class ContradictionError(LogError):
     """Logs of one setting contradict each other, or one test is given under two settings."""
 
+    code = "contradiction"
+
 
 class TimelessError(LogError):
     """A file holds speed and force without time: no log that can be fitted, but curves."""
 
+    code = "no-time"
+
 
 class ConditioningError(LogError):
     """One log was read, but its signals cannot be evaluated."""
+
+    code = "unusable"
 
 
 class QualityError(LogError):
     """One log can be evaluated, but has a warning, and strict quality was asked for."""
 
     exit_code = 4
+    code = "strict"
 
 
 class SimulationError(DamperfitError):
     """The model cannot be integrated for these parameters and this displacement."""
+
+    code = "simulation"
 
 
 class FitCancelledError(DamperfitError):
     """The caller asked to stop while a fit was running."""
 
     exit_code = 130
+    code = "cancelled"
 
 
 class OutputError(DamperfitError):
     """Results cannot be written."""
 
+    code = "output"
+
 
 class InternalError(DamperfitError):
     """A bug of damperfit's that one log or one setting has met; the others go on."""
+
+    code = "bug"
 
 
 @dataclass(frozen=True, slots=True)

@@ -33,6 +33,7 @@ import numpy as np
 from damperfit.adjustment import Sine, Stage, fastest_sine, has_lost_errors
 from damperfit.errors import ConfigurationError, OutputError, did_you_mean, refuse_wrong_arguments
 from damperfit.identification.sharing import of_settings
+from damperfit.problem import Option
 from damperfit.recording import natural_order
 from damperfit.store import file_set, settle
 from damperfit.tables import values_from
@@ -322,7 +323,7 @@ class Run:
             return run
         if not place.is_dir():
             raise ConfigurationError(
-                f"{place}: no such folder; expected the results of damperfit identify"
+                "no such folder; expected the results of damperfit identify", subject=place
             )
         settle(place)
         remarks: list[str] = []
@@ -343,8 +344,9 @@ class Run:
                 run.rows(name)
         if not run._rows.get("parameters") and not run._signals:
             raise ConfigurationError(
-                f"{place}: nothing to show, {'; '.join(run._remarks) or 'its tables are empty'}; "
-                "run damperfit identify LOGS --out FOLDER first"
+                f"nothing to show, {'; '.join(run._remarks) or 'its tables are empty'}; "
+                "run damperfit identify LOGS --out FOLDER first",
+                subject=place,
             )
         run._check_settings()
         return run
@@ -622,17 +624,19 @@ class Run:
             option = "--model" if config is None else "--config"
             who = option if config is None else f"{option} {config}"
             raise ConfigurationError(
-                f"{who}: damper.model is {given.damper.name}, but the parameters of {self.source} "
-                f"are of {own.name}; leave {option} out, or run identify again with it"
+                f"damper.model is {given.damper.name}, but the parameters of {self.source} "
+                f"are of {own.name}; leave {option} out, or run identify again with it",
+                subject=who,
             )
         for name, (_, _, unit) in own.ranges.items():
             found, fitted = getattr(given.damper, name), getattr(own, name)
             is_declared = f"damper.{name}" in given.declared
             if is_declared and not math.isclose(found, fitted, rel_tol=_SAME):
                 raise ConfigurationError(
-                    f"--config {config}: damper.{name} is {_in_unit(found, unit)}, but the "
+                    f"damper.{name} is {_in_unit(found, unit)}, but the "
                     f"parameters of {self.source} were fitted with {_in_unit(fitted, unit)} and "
-                    "hold for that damper alone; leave --config out, or run identify again with it"
+                    "hold for that damper alone; leave --config out, or run identify again with it",
+                    where=Option("config", config),
                 )
 
     @property
@@ -938,7 +942,7 @@ class Run:
         """
         where = _path(folder, "run.save", "the path of a folder")
         if where.resolve() == self.folder.resolve():
-            raise OutputError(f"{where}: these results are there already; give another folder")
+            raise OutputError("these results are there already; give another folder", subject=where)
         with file_set(where) as files:
             for name, content in self._files().items():
                 files.path(name).write_bytes(content)
@@ -1017,7 +1021,7 @@ def warmed_to(configuration: Configuration, temperature: str | None) -> Configur
     try:
         asked = parse_quantity(temperature, "temperature")
     except ValueError as error:
-        raise ConfigurationError(f"--temperature {temperature}: {error}") from error
+        raise ConfigurationError(f"{error}", where=Option("temperature", temperature)) from error
     return replace(configuration, damper=at_temperature(configuration.damper, asked))
 
 
@@ -1121,4 +1125,4 @@ def _path(value: object, call: str, expected: str) -> Path:
     if isinstance(value, str | os.PathLike) and os.fspath(value) != "":
         return Path(os.fspath(value))
     found = "''" if isinstance(value, str) else type(value).__name__
-    raise ConfigurationError(f"{call}: found {found}; expected {expected}")
+    raise ConfigurationError(f"found {found}; expected {expected}", subject=call)

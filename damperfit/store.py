@@ -530,8 +530,9 @@ def _refuse_others(target: Path, draft: Path) -> None:
     """
     if target.is_file() and not _is_own_file(target, draft):
         raise ConfigurationError(
-            f"{target}: is there already, and damperfit did not write it as this kind of file; "
-            "nothing was written. Give --overwrite to replace it, or another --out"
+            "is there already, and damperfit did not write it as this kind of file; "
+            "nothing was written. Give --overwrite to replace it, or another --out",
+            subject=target,
         )
 
 

@@ -33,6 +33,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from damperfit.errors import ConfigurationError, InstallationError
 from damperfit.own_process import child_environment
+from damperfit.problem import Option
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -531,8 +532,9 @@ class Cluster:
             self._client = Client(address, timeout=_PATIENCE, set_as_default=False)
         except (OSError, ValueError) as error:
             raise ConfigurationError(
-                f"--scheduler {address}: no scheduler answers ({error}); start one with dask "
-                "scheduler, and workers with dask worker"
+                f"no scheduler answers ({error}); start one with dask "
+                "scheduler, and workers with dask worker",
+                where=Option("scheduler", address),
             ) from error
 
     def close(self) -> None:
@@ -577,7 +579,8 @@ class Cluster:
             return time.monotonic()
         if time.monotonic() - since > _ALONE:
             raise ConfigurationError(
-                f"--scheduler: no worker for {_ALONE:.0f} s; start some with dask worker"
+                f"no worker for {_ALONE:.0f} s; start some with dask worker",
+                where=Option("scheduler"),
             )
         return since
 

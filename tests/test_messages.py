@@ -95,68 +95,6 @@ def test_messages_name_what_exists() -> None:
     assert wrong == {}
 
 
-# What a reader who grew up with English stumbles over; "is no such" and "is no proof" are fine.
-STILTED = re.compile(
-    r"\b(?:is|are) no (?:log|logs|gate|failure|test|tests|number|vector|vectors|valid|text|plain)\b"
-    r"|\btold\b|(?<!cannot )(?<!can )\btells? (?!whether|rebound)|\bstands?\b(?! out| behind)"
-    r"|\blook(?:ed)? (?:at|which|there|whether)\b|\bput right\b|\bat no speed\b|\banew\b"
-    r"|\bat an excellent\b|\bpass(?:es)? the same filter\b|\bnobody said\b"
-    r"|\bspeaks? for\b|\bcannot act\b|\bsay (?:rig|conditioning|damper)\.",
-    re.IGNORECASE,
-)
-
-
-def stilted(text: str) -> str:
-    """Return the first phrase that is no idiom; empty where there is none."""
-    text = " ".join(text.split())
-    for fine in ("as they stand", "name what stands before it"):
-        text = text.replace(fine, "")
-    found = STILTED.search(text)
-    return found[0] if found else ""
-
-
-def test_messages_are_idiomatic() -> None:
-    wrong = {
-        f"{path.relative_to(SOURCE)}:{line}": text
-        for path in FILES
-        for line, text in _texts(path)
-        if " " in text and stilted(text)
-    }
-    assert wrong == {}
-
-
-@pytest.mark.parametrize(
-    "path",
-    [
-        *sorted((SOURCE / "manual" / "pages").glob("*.md")),
-        SOURCE / "configuration" / "defaults.toml",
-        SOURCE.parent / "README.md",
-    ],
-    ids=lambda path: path.name,
-)
-def test_pages_are_idiomatic(path) -> None:
-    lines = path.read_text(encoding="utf-8").splitlines()
-    assert [line for line in lines if stilted(line)] == []
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        "notes.csv: this is no log",
-        "the friction is told by three logs",
-        "the table tells no parameter",
-        "the rest stands in run.json",
-        "check not looked at",
-        "the earlier results are put right",
-        "at no speed the force is -130 N",
-        "--share has no fit and cannot act",
-        "say rig.centre = '3mm'",
-    ],
-)
-def test_stilted_phrases_are_found(text) -> None:
-    assert stilted(text)
-
-
 def test_names_are_found_at_all() -> None:
     texts = [text for path in FILES for _, text in _texts(path)]
     assert len({option for text in texts for option in OPTION.findall(text)}) > 25

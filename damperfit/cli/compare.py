@@ -35,6 +35,7 @@ from damperfit.cli.options import (
     VersionOption,
 )
 from damperfit.errors import ConfigurationError
+from damperfit.problem import Option
 
 if TYPE_CHECKING:
     from damperfit.comparison import ComparisonOptions, RunComparison
@@ -110,7 +111,9 @@ def compare(
     reading = _reading(config, rig, rig_profile, is_measured=measured)
     bands = parse_bands(tolerance)
     if junit is not None and bands is None:
-        raise ConfigurationError("--junit: holds the points of --tolerance, which was not given")
+        raise ConfigurationError(
+            "holds the points of --tolerance, which was not given", where=Option("junit")
+        )
     summary = summary_file() if github_summary else None
     options = comparison_options(
         velocities=velocity or (),

@@ -23,6 +23,7 @@ from damperfit.cli.options import (
     VersionOption,
 )
 from damperfit.errors import ConfigurationError
+from damperfit.problem import Option
 
 if TYPE_CHECKING:
     from damperfit.exporting import Target
@@ -92,7 +93,7 @@ def export(
     folder, stem = _destination(results, out, target)
     check_places(folder)
     run = exported_run(results, config=config, temperature=temperature)
-    for remark in run.remarks:
+    for remark in run.run.remarks:
         say(f"damperfit: {results}: {remark}")
     made = target.export(run, ExportOptions(stem, speed, shown, mark))
     checked = check_export(run, made) if check else ()
@@ -103,7 +104,7 @@ def export(
             "units": target.units,
             "sign": target.sign,
             "files": [str(path) for path in written],
-            "remarks": list(run.remarks),
+            "remarks": list(run.run.remarks),
             "notes": list(made.notes),
         }
         document |= {"lost_in_a_table": made.lost} if made.lost else {}
@@ -112,7 +113,7 @@ def export(
         ]
         rows = [{**asdict(one), "setting": one.setting.cell} for one in checked]
         print_json(document | ({"check": rows} if check else {}))
-        return 1 if run.remarks else 0
+        return 1 if run.run.remarks else 0
     if not quiet:
         more = f" and {len(written) - 1} more" if len(written) > 1 else ""
         used = target.units if shown.is_si else f"{shown.of('m/s')}, {shown.of('N')}"
@@ -125,7 +126,7 @@ def export(
             say(f"note: {note}")
     if checked:
         print_lines([f"check, {one}" for one in checked])
-    return 1 if run.remarks else 0
+    return 1 if run.run.remarks else 0
 
 
 def _chosen(target: Target, units: str | None, decimal: str) -> tuple[ShownUnits, str]:
@@ -146,7 +147,7 @@ def _chosen(target: Target, units: str | None, decimal: str) -> tuple[ShownUnits
                 f"and marks of its own ({target.units}); leave it out"
             )
     if decimal not in {".", ","}:
-        raise ConfigurationError(f"--decimal {decimal}: expected . or ,")
+        raise ConfigurationError("expected . or ,", where=Option("decimal", decimal))
     return SI if units is None else parse_units(units), decimal
 
 

@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 
 from damperfit.errors import ConfigurationError, OutputError
+from damperfit.problem import Option
 
 __all__ = ["append_summary", "summary_file"]
 
@@ -23,7 +24,8 @@ def summary_file() -> Path:
     name = os.environ.get("GITHUB_STEP_SUMMARY", "")
     if not name:
         raise ConfigurationError(
-            "--github-summary: GITHUB_STEP_SUMMARY is not set; it is only inside GitHub Actions"
+            "GITHUB_STEP_SUMMARY is not set; it is only inside GitHub Actions",
+            where=Option("github_summary"),
         )
     return Path(name)
 
@@ -42,4 +44,6 @@ def append_summary(path: Path, report: str, *, instead: str) -> None:
             # Actions refuses a step's summary above 1 MiB as a whole.
             file.write(text if len(text) < _MOST_BYTES else f"{instead}\n".encode())
     except OSError as error:
-        raise OutputError(f"--github-summary: cannot write {path}: {error.strerror}") from error
+        raise OutputError(
+            f"cannot write {path}: {error.strerror}", where=Option("github_summary")
+        ) from error

@@ -57,6 +57,7 @@ from damperfit.cli.options import (
 )
 from damperfit.cli.report import check_kind, write_report
 from damperfit.errors import ConfigurationError
+from damperfit.problem import Option
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -167,8 +168,9 @@ def identify(
     check_kind("--figures", figures)
     if max_mse == 0.0:
         raise ConfigurationError(
-            "--max-mse 0: expected more than 0, as every fit leaves some misfit; for no gate leave "
-            "the option out (output.max_mse_percent = 0)"
+            "expected more than 0, as every fit leaves some misfit; for no gate leave "
+            "the option out (output.max_mse_percent = 0)",
+            where=Option("max_mse", "0"),
         )
     summary = summary_file() if github_summary else None
     start_file, start_values = starts_of(start)

@@ -76,7 +76,7 @@ def init(
         check_places(out.parent)
     if not is_printed and out.exists() and not overwrite:
         raise ConfigurationError(
-            f"{out}: is there already; give --overwrite to replace it, or --out"
+            "is there already; give --overwrite to replace it, or --out", subject=out
         )
     given = assignments(set_ or [], option="--set", example="rod_diameter=12mm")
     is_asked = _is_terminal() and not quiet

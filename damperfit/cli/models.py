@@ -32,6 +32,7 @@ from damperfit.cli.options import (
     VersionOption,
 )
 from damperfit.errors import ConfigurationError, did_you_mean
+from damperfit.problem import Option
 
 if TYPE_CHECKING:
     from damperfit.run.auto_model import LawChoice
@@ -71,8 +72,8 @@ def models(
 
     if layout is not None and layout not in LAYOUTS:
         raise ConfigurationError(
-            f"--layout: no layout {layout!r}; there are {', '.join(LAYOUTS)}."
-            f"{did_you_mean(layout, LAYOUTS)}"
+            f"no layout {layout!r}; there are {', '.join(LAYOUTS)}.{did_you_mean(layout, LAYOUTS)}",
+            where=Option("layout"),
         )
     start_file, start_values = starts_of(start)
     configuration = configured(

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from damperfit.errors import ConfigurationError
+from damperfit.problem import Option
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
@@ -129,8 +130,9 @@ def refuse_what_cannot_act(
         )
     if rivals and not is_law_open:
         raise ConfigurationError(
-            "--rivals: models are ranked where the logs choose the law; add --model auto, or ask "
-            "damperfit models LOGS --rivals"
+            "models are ranked where the logs choose the law; add --model auto, or ask "
+            "damperfit models LOGS --rivals",
+            where=Option("rivals"),
         )
 
 
@@ -155,7 +157,7 @@ def rig_entries(texts: Iterable[str] | None) -> list[tuple[str, str, Any]]:
                 found = tomllib.loads(f"{key} = {text}")
                 break
         else:
-            raise ConfigurationError(f"--rig {key}={value}: {key!r} is not a key")
+            raise ConfigurationError(f"{key!r} is not a key", where=Option("rig", value, key))
         for name, entry in found.items():
             is_table = isinstance(entry, dict) and isinstance(keys.get(name), dict)
             keys[name] = keys[name] | entry if is_table else entry
@@ -178,11 +180,14 @@ def covaried(
     if word is None:
         return None
     if word != "temperature":
-        raise ConfigurationError(f"--covariate {word}: expected temperature, the only one there is")
+        raise ConfigurationError(
+            "expected temperature, the only one there is", where=Option("covariate", word)
+        )
     if model == "auto":
         raise ConfigurationError(
-            "--covariate temperature: choose the law first, from logs of one temperature "
-            "(damperfit models), then name it: --model NAME"
+            "choose the law first, from logs of one temperature "
+            "(damperfit models), then name it: --model NAME",
+            where=Option("covariate", "temperature"),
         )
     overlay = [] if model is None else [("--model", "damper.model", model)]
     configuration = configured(config, *overlay)
@@ -263,7 +268,7 @@ def declared_setting(text: str | None, configuration: Configuration) -> Setting 
     try:
         return None if text is None else parse_setting(text, configuration.reading.adjusters)
     except ValueError as error:
-        raise ConfigurationError(f"--setting {text}: {error}") from error
+        raise ConfigurationError(f"{error}", where=Option("setting", text)) from error
 
 
 def refuse_beside(option: str, others: Mapping[str, Any], *, why: str) -> None:

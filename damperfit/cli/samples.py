@@ -12,6 +12,7 @@ from damperfit.cli.console import print_json, print_lines, say
 from damperfit.cli.option_values import check_places, configured
 from damperfit.cli.options import ConfigOption, DebugOption, JsonOption, QuietOption, VersionOption
 from damperfit.errors import ConfigurationError
+from damperfit.problem import Option
 
 if TYPE_CHECKING:
     from damperfit.configuration.options import Configuration
@@ -145,5 +146,7 @@ def _numbers(text: str) -> tuple[int, ...]:
     except ValueError:
         numbers = []
     if not 0 < len(numbers) <= _MOST:
-        raise ConfigurationError(f"--settings {text}: expected a list such as 1,5,10-12")
+        raise ConfigurationError(
+            "expected a list such as 1,5,10-12", where=Option("settings", text)
+        )
     return tuple(dict.fromkeys(numbers))

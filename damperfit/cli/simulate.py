@@ -40,6 +40,7 @@ from damperfit.cli.options import (
     VersionOption,
 )
 from damperfit.errors import ConfigurationError
+from damperfit.problem import Option
 
 if TYPE_CHECKING:
     from damperfit.queries.one_simulation import SimulatedTest
@@ -121,7 +122,7 @@ def simulate(
     if temperature is not None and isinstance(configuration.damper, Warmed):
         damper += f" Simulated at {configuration.damper.oil_temperature:g} degC."
     if displacement is not None and not displacement.exists():
-        raise ConfigurationError(f"--displacement {displacement}: no such file")
+        raise ConfigurationError("no such file", where=Option("displacement", displacement))
     simulated = simulate_test(choice, configuration, log=displacement)
     notes = tuple(notes_on_simulation(configuration.damper, choice.parameters))
     if not quiet:

@@ -25,6 +25,7 @@ from damperfit.cli.options import (
 )
 from damperfit.cli.report import check_kind
 from damperfit.errors import ConfigurationError
+from damperfit.problem import Option
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -90,11 +91,14 @@ def sweep(
     configuration, damper = damper_of(choice, given, config=config)
     variations = [parse_variation(text, configuration.damper) for text in vary or []]
     if len({variation.name for variation in variations}) < len(variations):
-        raise ConfigurationError("--vary: a name is given twice; put its factors into one list")
+        raise ConfigurationError(
+            "a name is given twice; put its factors into one list", where=Option("vary")
+        )
     if paper and configuration.damper.name != "purdy":
         raise ConfigurationError(
-            f"--paper: the figures are of the paper's model; these parameters are of "
-            f"{configuration.damper.name!r}: give --vary NAME=F1,F2,..."
+            f"the figures are of the paper's model; these parameters are of "
+            f"{configuration.damper.name!r}: give --vary NAME=F1,F2,...",
+            where=Option("paper"),
         )
     if not quiet:
         say(f"damperfit: {damper}")

@@ -17,9 +17,10 @@ if TYPE_CHECKING:
 
     from damperfit.comparison.run import ComparedRun, FittedRun
     from damperfit.damper.model import Model
+    from damperfit.tested.setting import Setting
     from damperfit.units.shown_units import ShownUnits
 
-__all__ = ["Circumstance", "circumstances", "have_common_logs"]
+__all__ = ["Circumstance", "circumstances", "have_common_logs", "identical_settings"]
 
 _SAME = 1e-9  # 4.6bara and 460000 are one pressure, but for the last digit
 _WARMER = 2.0  # degC; forces fall as the oil thins
@@ -155,6 +156,22 @@ def _first_names(names: Sequence[str]) -> str:
 def have_common_logs(first: ComparedRun, second: ComparedRun) -> bool:
     """Whether any log stands behind both."""
     return bool(_hashes(first).keys() & _hashes(second).keys())
+
+
+def identical_settings(runs: Sequence[ComparedRun], settings: Sequence[Setting]) -> list[Setting]:
+    """Return the settings at which all runs have the same logs, byte for byte."""
+    known: list[dict[int | str, set[str]]] = []
+    for run in runs:
+        known.append({})
+        for one in _inputs(run):
+            known[-1].setdefault(one["setting"], set()).add(str(one["sha256"]))
+    first, *others = known
+    return [
+        setting
+        for setting in settings
+        if setting.cell in first
+        and all(first[setting.cell] == one.get(setting.cell) for one in others)
+    ]
 
 
 def _hashes(run: ComparedRun) -> dict[str, str]:

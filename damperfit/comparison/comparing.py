@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from damperfit.adjustment import named_speeds
-from damperfit.comparison.circumstances import Circumstance, circumstances
+from damperfit.comparison.circumstances import (
+    Circumstance,
+    circumstances,
+    identical_settings,
+)
 from damperfit.comparison.forces import force_readings, tare_notes
 from damperfit.comparison.measured import (
     SAME_MOTION,
@@ -23,6 +27,7 @@ from damperfit.comparison.parameters import (
 from damperfit.comparison.reading import (
     Difference,
     Reading,
+    Sameness,
     Topic,
     compared,
     surely_different,
@@ -95,7 +100,9 @@ class RunComparison:
     motion : str
         At which forces are compared, for people.
     lines : tuple of Difference
-        Forces, parameters, figures.
+        Measured forces, forces, parameters, figures.
+    identical : tuple of Setting
+        At which both have the same logs, byte for byte.
     notes : tuple of str
         What a reader must know; nothing is missing.
     remarks : tuple of str
@@ -113,24 +120,33 @@ class RunComparison:
     settings: tuple[Setting, ...]
     motion: str
     lines: tuple[Difference, ...]
+    identical: tuple[Setting, ...] = ()
     notes: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
     traces: tuple[str, ...] = ()
     units: ShownUnits = SI
 
     def of(self, kind: str) -> tuple[Difference, ...]:
-        """Return the lines of a kind: "force", "parameter" or "figure"."""
+        """Return the lines of a kind: "measured", "force", "parameter" or "figure"."""
         return tuple(line for line in self.lines if line.subject.kind == kind)
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        """The outcome in words, forces first."""
-        return tuple(
-            sentence
-            for kind, words in (("force", "forces"), ("parameter", "parameters"))
-            if (lines := self.of(kind))
-            for sentence in (outcome_of(lines, words, self.units),)
-        )
+        """The outcome in words: what was measured first, then forces and parameters."""
+        measured: tuple[Difference, ...] = self.of("measured")
+        if measured:
+            measured += tuple(one for one in self.of("figure") if one.is_measured)
+        groups = [
+            (measured, "measured forces and energies"),
+            (self.of("force"), "forces"),
+            (self.of("parameter"), "parameters"),
+        ]
+        told = []
+        if self.identical and len(self.identical) == len(self.settings):
+            told = ["measured: identical, both have the same logs, byte for byte"]
+            groups = groups[1:]
+        told += [outcome_of(lines, words, self.units) for lines, words in groups if lines]
+        return tuple(told)
 
     @property
     def is_without_model(self) -> bool:
@@ -191,6 +207,7 @@ def compare_runs(
     if options.is_measured or len(fitted) < len(runs):
         motion = _EACH
         forces = measured_readings(runs, settings, speeds=options.speeds)
+        measured: _Tables = tuple({} for _ in runs)
         is_same = True
         parameters: _Tables = tuple({} for _ in runs)
         of_figures: Iterator[Difference] = iter(())
@@ -200,19 +217,22 @@ def compare_runs(
         forces = force_readings(
             runs, settings, sine, speeds=speeds, jobs=options.jobs, on_error=take
         )
+        measured = measured_readings(runs, settings, kind="measured")
         parameters = parameter_readings(fitted, settings)
         is_same = _is_one_test(fitted)
         of_figures = figure_lines(fitted[0], fitted[-1], settings)
     figures = figure_readings(runs, settings)
     merged: _Tables = tuple(
-        {**a, **b, **c} for a, b, c in zip(forces, parameters, figures, strict=True)
+        {**a, **b, **c, **d}
+        for a, b, c, d in zip(measured, forces, parameters, figures, strict=True)
     )
     if not any(merged[0]):
         raise ConfigurationError(
             f"{first.place} and {second.place}: nothing can be compared at setting "
             f"{listed_settings(settings)}: no motion is common to both"
         )
-    lines = _lines(merged, is_same_motion=is_same)
+    identical = tuple(identical_settings(runs, settings))
+    lines = tuple(_identical(one, identical) for one in _lines(merged, is_same_motion=is_same))
     return RunComparison(
         first,
         second,
@@ -221,6 +241,7 @@ def compare_runs(
         settings,
         motion,
         (*lines, *of_figures),
+        identical,
         notes=(
             *_on_repeats(repeats),
             *_not_compared(settings, lines),
@@ -249,6 +270,13 @@ def _lines(tables: _Tables, *, is_same_motion: bool) -> tuple[Difference, ...]:
         for kind in kinds
         for line in surely_different([one for one in found if one.subject.kind == kind])
     )
+
+
+def _identical(line: Difference, settings: Sequence[Setting]) -> Difference:
+    """Return what was measured of the same logs as the same, whatever a filter has made of it."""
+    if not line.is_measured or line.subject.setting not in settings:
+        return line
+    return replace(line, verdict=Sameness.SAME, is_sure=False, words="identical: the same logs")
 
 
 def _common(runs: Sequence[ComparedRun]) -> tuple[Setting, ...]:
@@ -294,9 +322,10 @@ def _speeds(sine: Sine, options: ComparisonOptions) -> tuple[float, ...]:
     if not speeds or max(speeds) >= sine.peak_speed:
         at = f"{max(speeds):g} m/s" if speeds else "the named test speeds"
         raise ConfigurationError(
-            f"{at}: not reached by a sine of {1e3 * sine.amplitude:.4g} mm at "
+            f"not reached by a sine of {1e3 * sine.amplitude:.4g} mm at "
             f"{sine.frequency:.4g} Hz, which peaks at {sine.peak_speed:.3g} m/s; give a lower "
-            "--velocity, or a larger --amplitude or --frequency"
+            "--velocity, or a larger --amplitude or --frequency",
+            subject=at,
         )
     return tuple(speeds)
 

@@ -48,7 +48,11 @@ def common_tests(runs: Sequence[ComparedRun], setting: Setting) -> tuple[_Group,
 
 
 def measured_readings(
-    runs: Sequence[ComparedRun], settings: Sequence[Setting], *, speeds: Sequence[float] = ()
+    runs: Sequence[ComparedRun],
+    settings: Sequence[Setting],
+    *,
+    speeds: Sequence[float] = (),
+    kind: str = "force",
 ) -> tuple[dict[Topic, Reading], ...]:
     """Return measured forces by setting, speed and stroke, of each run.
 
@@ -60,6 +64,8 @@ def measured_readings(
         That all have.
     speeds : sequence of float
         m/s; none: the named test speeds that all reach.
+    kind : str
+        Of the subjects: "force", or "measured" beside the model's forces.
     """
     found: tuple[dict[Topic, Reading], ...] = tuple({} for _ in runs)
     scatters = [repeat_scatter(run) for run in runs]
@@ -70,7 +76,8 @@ def measured_readings(
         top = min(test.peak_speed for group in groups for test in group)
         for speed in speeds or [one for one in NAMED_SPEEDS if one <= top]:
             for stroke in STROKES:
-                subject = Topic("force", "force", "force", "N", setting, speed, stroke)
+                name = "force" if kind == "force" else "measured_force"
+                subject = Topic(kind, name, "force", "N", setting, speed, stroke)
                 for table, group, scatter in zip(found, groups, scatters, strict=True):
                     table[subject] = _force(group, speed, stroke, scatter)
     return found

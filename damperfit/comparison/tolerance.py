@@ -13,6 +13,7 @@ from damperfit.comparison.forces import force_readings
 from damperfit.comparison.measured import measured_readings
 from damperfit.comparison.reading import half_interval
 from damperfit.errors import ConfigurationError
+from damperfit.problem import Option
 from damperfit.units.quantities import parse_quantity
 from damperfit.units.shown_units import SI
 
@@ -162,11 +163,12 @@ def parse_tolerance(text: str) -> Tolerance:
             newtons = parse_quantity(part.strip(), "force")
         except ConfigurationError as error:
             raise ConfigurationError(
-                f"--tolerance {text}: expected per cent, newtons, both as in 5%,10N, or the name "
-                "of a file with nominal forces"
+                "expected per cent, newtons, both as in 5%,10N, or the name "
+                "of a file with nominal forces",
+                where=Option("tolerance", text),
             ) from error
     if not (share > 0.0 or newtons > 0.0) or newtons < 0.0:
-        raise ConfigurationError(f"--tolerance {text}: expected a tolerance above zero")
+        raise ConfigurationError("expected a tolerance above zero", where=Option("tolerance", text))
     return Tolerance(text, share, newtons)
 
 
@@ -187,14 +189,17 @@ def read_bands(path: Path) -> Tolerance:
             rows = [line for line in file if line.strip() and not line.startswith("#")]
     except (OSError, UnicodeDecodeError) as error:
         said = getattr(error, "strerror", None) or error
-        raise ConfigurationError(f"--tolerance {path}: cannot be read: {said}") from error
+        raise ConfigurationError(
+            f"cannot be read: {said}", where=Option("tolerance", path)
+        ) from error
     reader = csv.DictReader(rows)
     names = {_UNIT.sub("", (one or "").strip().lower()): one for one in reader.fieldnames or ()}
     has_band = {"force", "tolerance"} <= names.keys() or {"low", "high"} <= names.keys()
     if not {"speed", "stroke"} <= names.keys() or not has_band:
         raise ConfigurationError(
-            f"--tolerance {path}: expected the columns speed, stroke, and force with tolerance, "
-            f"or low and high; found {', '.join(reader.fieldnames or ()) or 'nothing'}"
+            f"expected the columns speed, stroke, and force with tolerance, "
+            f"or low and high; found {', '.join(reader.fieldnames or ()) or 'nothing'}",
+            where=Option("tolerance", path),
         )
     bands = []
     for number, row in enumerate(reader, start=2):
@@ -202,9 +207,11 @@ def read_bands(path: Path) -> Tolerance:
         try:
             bands.append(_band(cells))
         except (ConfigurationError, ValueError) as error:
-            raise ConfigurationError(f"--tolerance {path}: row {number}: {error}") from error
+            raise ConfigurationError(
+                f"row {number}: {error}", where=Option("tolerance", path)
+            ) from error
     if not bands:
-        raise ConfigurationError(f"--tolerance {path}: no row below the headings")
+        raise ConfigurationError("no row below the headings", where=Option("tolerance", path))
     return Tolerance(str(path), bands=tuple(bands))
 
 

@@ -6,15 +6,14 @@ become uniform samples, `cycles` which cycles count, `scatter` how much they dif
 
 from __future__ import annotations
 
-from damperfit.conditioning.beside_cycles import TRANSIENTS, transients
 from damperfit.conditioning.cycles import clean_cycles
-from damperfit.conditioning.derivatives import differentiate
-from damperfit.conditioning.filters import apply_filter, design_filter
+from damperfit.conditioning.filters import apply_filter, design_filter, differentiate
+from damperfit.conditioning.findings import examine_raw
 from damperfit.conditioning.log_to_trace import condition
 from damperfit.conditioning.measured_characteristics import branch_forces, figures_of
 from damperfit.conditioning.options import ConditionOptions, GasFacts, NominalTest, OffsetFacts
-from damperfit.conditioning.quality import examine_raw
-from damperfit.conditioning.scatter import noise_floor
+from damperfit.conditioning.repeatability import noise_floor
+from damperfit.conditioning.segments import TRANSIENTS, transients
 
 __all__ = [
     "TRANSIENTS",

@@ -8,24 +8,253 @@ Positions are fractional samples, from the cubic Hermite piece of (x, v).
 from __future__ import annotations
 
 import math
+from bisect import bisect_left, insort
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from damperfit.compiled_core import compiled_core
-from damperfit.conditioning.plateaus import level_share, off_level
 from damperfit.statistics import mean_of, median, percentiles
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
+    FloatArray = NDArray[np.float64]
     from damperfit.recording import Stretch
 
-    FloatArray = NDArray[np.float64]
     IntArray = NDArray[np.int64]
+    from collections.abc import Iterator
 
-__all__ = ["Cycles", "clean_cycles", "crossings", "find_cycles"]
+__all__ = [
+    "FEWEST",
+    "TURN",
+    "Cycles",
+    "SteadyRun",
+    "Turns",
+    "clean_cycles",
+    "crossings",
+    "cycles_of",
+    "ends_in_motion",
+    "fastest_frequency",
+    "find_cycles",
+    "level_parts",
+    "level_share",
+    "like_halves",
+    "off_level",
+    "run_of",
+    "runs_of",
+    "turning_points",
+]
+
+
+# Which of a run's cycles are one and the same test: a cycle that leads over to another is not.
+#
+# Cycles whose neighbours are alike may still drift from one speed to another, or end with a cycle
+# of another frequency. So a run is cut where a cycle leaves the level of those before it, by more
+# than 1 % of the period or 2 % of the amplitude (rigs repeat a period to 0.3 %), or by what this
+# rig's cycles scatter, if that is more. Parts that keep their level are the tests, where they are
+# half of the run and more; a part of a sweep uses up its whole allowance by drifting. A run that
+# wanders without levels is one test of an unsteady rig as long as it stays within twice the
+# steadiness, else a sweep. At last half strokes are taken off both ends that are longer, shorter,
+# higher or lower than the others of their direction.
+
+_PERIOD, _AMPLITUDE = 0.01, 0.02
+# A quarter of the second differences of normal scatter s are below 0.78 s: 4.4 of them are 3.4 s,
+# which is five median deviations.
+_USUAL = 4.4
+_KEPT = 0.6  # of the allowance; what drifts through more is on its way
+_ONE = 0.4  # of the least allowance; 0.6 / 1.5
+_SHARE = 0.5  # of the run
+_RECENT = 200  # half cycles that say the level; of all of them an hour's log would take minutes
+
+
+def level_parts(
+    period: FloatArray, amplitude: FloatArray, *, fewest: int, steadiness: float
+) -> Sequence[tuple[int, int]]:
+    """Return first and stop of the parts of a run that are steady tests.
+
+    Parameters
+    ----------
+    period, amplitude : numpy.ndarray
+        Shape (n,), of cycles that begin at each half of one.
+    fewest : int
+        Cycles that a part must have.
+    steadiness : float
+        Share within which an unsteady rig's cycles may wander.
+    """
+    if len(period) >= fewest and all(
+        _is_one(values, min(least, steadiness))
+        for values, least in ((period, _PERIOD), (amplitude, _AMPLITUDE))
+    ):
+        return ((0, len(period)),)
+    allowed = _allowed(period, _PERIOD, steadiness), _allowed(amplitude, _AMPLITUDE, steadiness)
+    whole = _trimmed(period, amplitude, 0, len(period), allowed)
+    parts = [
+        part
+        for first, stop in _parts(period, amplitude, allowed)
+        if (part := _trimmed(period, amplitude, first, stop, allowed))[1] - part[0] >= fewest
+        and _keeps_level(period, *part, allowed[0])
+        and _keeps_level(amplitude, *part, allowed[1])
+    ]
+    if sum(stop - first for first, stop in parts) >= _SHARE * len(period):
+        return parts
+    inside = period[slice(*whole)]
+    if len(inside) < fewest or np.log(inside.max() / inside.min()) > 2.0 * steadiness:
+        return ()
+    return (whole,)
+
+
+def like_halves(
+    passages: FloatArray, turns: FloatArray, first: int, stop: int, *, near: float
+) -> tuple[int, int]:
+    """Take off both ends of a part the half strokes that are of another motion.
+
+    Parameters
+    ----------
+    passages : numpy.ndarray
+        At which cycles begin, two in a cycle, samples.
+    turns : numpy.ndarray
+        Displacement at the turn before each passage, and after the last, m.
+    first, stop : int
+        Cycles of the part; the last of them ends at passage ``stop + 1``.
+    near : float
+        Samples by which the filter may move a passage beside a break.
+    """
+    while stop - first > 1:
+        halves = np.diff(passages[first : stop + 2])
+        tops = turns[first + 1 : stop + 2]
+        usual = _by_direction(halves)
+        shorter = float(usual.min())
+        is_off = np.abs(halves / usual - 1.0) > max(_PERIOD, near / shorter)
+        usual = _by_direction(tops)
+        swing = max(_AMPLITUDE, 2.0 * near / shorter) * 0.5 * float(np.ptp(usual))
+        is_off |= np.abs(tops - usual) > swing
+        if is_off[0]:
+            first += 1
+        elif is_off[-1]:
+            stop -= 1
+        else:
+            break
+    return first, stop
+
+
+def _by_direction(values: FloatArray) -> FloatArray:
+    """Return the median of the half strokes of each one's direction."""
+    usual = np.empty(len(values))
+    for k in (0, 1):
+        usual[k::2] = median(values[k::2])
+    return usual
+
+
+def off_level(values: FloatArray, kind: str, steadiness: float) -> NDArray[np.bool_]:
+    """Return which cycles are off the level of the others.
+
+    Parameters
+    ----------
+    values : numpy.ndarray
+        Shape (n,), periods or amplitudes of cycles one after the other.
+    kind : str
+        "period" or "amplitude".
+    steadiness : float
+        Share that is never allowed to be exceeded.
+    """
+    least = _PERIOD if kind == "period" else _AMPLITUDE
+    middle = median(values)
+    allowed = _allowed(values, least, steadiness, lag=1)
+    return np.asarray(np.abs(values - middle) > allowed * middle)
+
+
+def level_share(periods: FloatArray, steadiness: float) -> float:
+    """Return the share by which cycles one after the other may differ in period, and be one test.
+
+    Parameters
+    ----------
+    periods : numpy.ndarray
+        Shape (n,).
+    steadiness : float
+        Share that is never allowed to be exceeded.
+    """
+    return _allowed(periods, _PERIOD, steadiness, lag=1)
+
+
+def _is_one(values: FloatArray, least: float) -> bool:
+    """Whether values lie so near to each other that nothing below cuts, trims or tilts them.
+
+    All differ from any of their medians by less than the least allowance; a line through them
+    goes over 1.5 times their range at most, and 0.6 of the allowance is what it may.
+    """
+    return float(values.max() - values.min()) <= _ONE * least * float(values.min())
+
+
+def _allowed(values: FloatArray, least: float, steadiness: float, *, lag: int = 2) -> float:
+    """Return the share by which a cycle may be off the others; steps and drifts do not widen it."""
+    bent = values[2 * lag :] - 2.0 * values[lag:-lag] + values[: -2 * lag]
+    if not len(bent):
+        return least
+    rank = (len(bent) - 1) // 4
+    scatter = float(np.partition(np.abs(bent), rank)[rank]) / median(values)
+    return min(max(least, _USUAL * scatter), steadiness)
+
+
+def _parts(
+    period: FloatArray, amplitude: FloatArray, allowed: tuple[float, float]
+) -> list[tuple[int, int]]:
+    """Cut a run where a cycle is off the median of the last ones since the last cut."""
+    channels = list(zip((period.tolist(), amplitude.tolist()), allowed, strict=True))
+    # In order at all times: a median sought anew for each cycle takes far longer.
+    recent: list[list[float]] = [[values[0]] for values, _ in channels]
+    parts, first = [], 0
+    for k in range(1, len(period) + 1):
+        if k < len(period) and all(
+            abs(values[k] / _middle(order) - 1.0) <= share
+            for (values, share), order in zip(channels, recent, strict=True)
+        ):
+            for (values, _), order in zip(channels, recent, strict=True):
+                insort(order, values[k])
+                if k - first >= _RECENT:
+                    del order[bisect_left(order, values[k - _RECENT])]
+            continue
+        parts.append((first, k))
+        first = k
+        recent = [values[k : k + 1] for values, _ in channels]
+    return parts
+
+
+def _middle(order: list[float]) -> float:
+    """Return the median of values in order."""
+    half = len(order) // 2
+    return order[half] if len(order) % 2 else 0.5 * (order[half - 1] + order[half])
+
+
+def _trimmed(
+    period: FloatArray,
+    amplitude: FloatArray,
+    first: int,
+    stop: int,
+    allowed: tuple[float, float],
+) -> tuple[int, int]:
+    """Take cycles off both ends of a run that are not like those inside."""
+    is_off = np.zeros(stop - first, dtype=bool)
+    for values, share in zip((period, amplitude), allowed, strict=True):
+        middle = median(values[first:stop])
+        is_off |= np.abs(values[first:stop] - middle) > share * middle
+    while stop > first and is_off[0]:
+        first, is_off = first + 1, is_off[1:]
+    while stop > first and is_off[-1]:
+        stop, is_off = stop - 1, is_off[:-1]
+    return first, stop
+
+
+def _keeps_level(values: FloatArray, first: int, stop: int, allowed: float) -> bool:
+    """Whether a straight line through a part stays within its allowance."""
+    part = values[first:stop]
+    place = np.arange(len(part)) - 0.5 * (len(part) - 1)
+    slope = float(place @ part) / float(place @ place)
+    return abs(slope) * (len(part) - 1) <= _KEPT * allowed * median(part)
+
 
 _HYSTERESIS = 0.25  # of the amplitude
 _MIN_SHARE = 0.1  # of all cycles; noise has many, but hardly two alike in a row
@@ -265,3 +494,181 @@ def _whole_cycles(crossings: FloatArray, period: float, n: int) -> int:
     length = float(crossings[-1] - crossings[0])
     length += sum(part for part in (ahead, behind) if part <= 0.55 * period + 1.0)
     return int(length / period + 0.02)
+
+
+# Cycles of a motion that may change its speed, and the runs of them that repeat.
+#
+# A motion is read as turning points: a turn counts when the way back from it is a fiftieth of the
+# whole range, so that small strokes beside large ones are seen and noise is not. A cycle runs
+# from one passage through the middle of its own stroke to the next but one. Cycles whose
+# neighbours have their period, amplitude and middle within `steadiness` make a run, or several
+# where its level changes (`damperfit.conditioning.cycles`).
+
+TURN = 0.02  # of the whole range
+FEWEST = 3  # passages at which a cycle begins: two whole cycles
+_CUT = 0.8  # of a cycle may be ahead of a run's first passage: the turn before it, cut
+_ALIKE = 0.1  # of the amplitude; the period is rounded to a sample
+
+
+class Turns(NamedTuple):
+    """Cycles that begin at each passage through the middle of a stroke, up or down.
+
+    So many samples from a passage to the next but one; half the stroke and the middle of both
+    strokes between.
+    """
+
+    at_turns: FloatArray
+    passages: FloatArray
+    period: FloatArray
+    amplitude: FloatArray
+    middle: FloatArray
+
+
+class SteadyRun(NamedTuple):
+    """The run's passages as first found, samples; medians of its cycles, samples and m."""
+
+    first: float
+    last: float
+    period: float
+    amplitude: float
+    middle: float
+
+
+def run_of(seen: Turns, first: int, stop: int) -> SteadyRun:
+    """Return the facts of a run.
+
+    Parameters
+    ----------
+    seen : Turns
+        Of the whole log.
+    first, stop : int
+        Its cycles.
+    """
+    medians = (median(values[first:stop]) for values in (seen.period, seen.amplitude, seen.middle))
+    return SteadyRun(float(seen.passages[first]), float(seen.passages[stop + 1]), *medians)
+
+
+def cycles_of(x: FloatArray) -> Turns:
+    """Return the cycles of a motion.
+
+    Parameters
+    ----------
+    x : numpy.ndarray
+        Displacement, shape (n,), m.
+    """
+    turns = turning_points(x, TURN * float(np.ptp(x)))
+    passages = np.empty(max(len(turns) - 1, 0))
+    if len(turns):
+        compiled_core().passages(np.ascontiguousarray(x, np.float64), turns, passages)
+    at_turns = x[turns]
+    strokes = np.abs(np.diff(at_turns))
+    return Turns(
+        at_turns,
+        passages,
+        np.asarray(passages[2:] - passages[: max(len(passages) - 2, 0)]),
+        0.25 * (strokes[:-2] + strokes[1:-1]),
+        0.25 * (at_turns[:-3] + 2.0 * at_turns[1:-2] + at_turns[2:-1]),
+    )
+
+
+def turning_points(x: FloatArray, reach: float) -> IntArray:
+    """Return the samples at which the motion turns, valleys and peaks by turns.
+
+    Parameters
+    ----------
+    x : numpy.ndarray
+        Shape (n,), m.
+    reach : float
+        Way back from a turn from which on it counts, m.
+    """
+    samples = np.ascontiguousarray(x, np.float64)
+    turns = np.empty(len(samples), np.int64)
+    return turns[: compiled_core().turns(samples, turns, reach)].copy()
+
+
+def runs_of(seen: Turns, steadiness: float, *, near: float) -> Iterator[tuple[int, int]]:
+    """Yield first and stop of the cycles of each run.
+
+    Parameters
+    ----------
+    seen : Turns
+        Of the whole log.
+    steadiness : float
+        Share within which neighbours must be alike.
+    near : float
+        Samples by which a filter may move a passage beside a break.
+    """
+    period, amplitude, middle = seen.period, seen.amplitude, seen.middle
+    smaller = np.minimum(amplitude[:-1], amplitude[1:])
+    alike = (
+        (np.abs(np.log(period[1:] / period[:-1])) <= steadiness)
+        & (np.abs(np.log(amplitude[1:] / amplitude[:-1])) <= steadiness)
+        & (np.abs(np.diff(middle)) <= steadiness * smaller)
+    )
+    first = 0
+    for k in range(len(period)):
+        if k == len(alike) or not alike[k]:
+            part = slice(first, k + 1)
+            for begin, stop in level_parts(
+                period[part], amplitude[part], fewest=FEWEST, steadiness=steadiness
+            ):
+                run = like_halves(
+                    seen.passages, seen.at_turns, first + begin, first + stop, near=near
+                )
+                if run[1] - run[0] >= FEWEST:
+                    yield run
+            first = k + 1
+
+
+def ends_in_motion(
+    displacement: FloatArray, steadiness: float
+) -> tuple[float | None, float | None]:
+    """Return the samples in a cycle of the steady motion a log begins in, and ends in; else None.
+
+    Parameters
+    ----------
+    displacement : numpy.ndarray
+        Shape (n,), as logged: a filter would bend the ends.
+    steadiness : float
+        Share within which neighbours must be alike.
+    """
+    seen = cycles_of(displacement)
+    if len(seen.passages) < FEWEST:
+        return None, None
+    runs = [run_of(seen, *run) for run in runs_of(seen, steadiness, near=1.0)]
+    if not runs:
+        return None, None
+    begin, end = runs[0], runs[-1]
+    return (
+        begin.period if _repeats(displacement, begin.first, begin) else None,
+        end.period
+        if _repeats(displacement[::-1], len(displacement) - 1.0 - end.last, end)
+        else None,
+    )
+
+
+def _repeats(x: FloatArray, ahead: float, run: SteadyRun) -> bool:
+    """Whether what is ahead of a run's first passage is of the same motion: no rest, no run-up."""
+    n, period = math.ceil(ahead), round(run.period)
+    if ahead > _CUT * run.period or n + period >= len(x):
+        return False
+    return float(np.abs(x[: n + 1] - x[period : period + n + 1]).max()) < _ALIKE * run.amplitude
+
+
+def fastest_frequency(displacement: FloatArray, steadiness: float) -> float:
+    """Return the frequency of a motion's fastest part, cycles per sample; 0 where nothing moves.
+
+    Parameters
+    ----------
+    displacement : numpy.ndarray
+        Shape (n,), as logged.
+    steadiness : float
+        Share within which neighbours must be alike.
+    """
+    seen = cycles_of(displacement)
+    if len(seen.passages) < FEWEST:
+        return 0.0
+    runs = [run_of(seen, *run) for run in runs_of(seen, steadiness, near=1.0)]
+    if runs:
+        return 1.0 / max(runs, key=lambda run: run.amplitude / run.period).period
+    return 1.0 / percentiles(seen.period, 5.0)[0]

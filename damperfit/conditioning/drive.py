@@ -1,4 +1,4 @@
-r"""The displacement that drives the model: its sensor noise taken off, the motion left whole.
+"""The displacement that drives the model: its sensor noise taken off, the motion left whole.
 
 A damper answers the displacement as it was. The filter that force and displacement pass before
 they are compared would take the corners off a triangle wave before a model that is not linear
@@ -24,30 +24,160 @@ the drive is wider: a jump of the velocity must not be smeared into what is comp
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from damperfit.conditioning.channels import noise_of
-from damperfit.conditioning.derivatives import differentiate
-from damperfit.conditioning.filters import apply_filter, design_filter, fading_samples
-from damperfit.conditioning.rests import rests_of
+from damperfit.conditioning.filters import (
+    apply_filter,
+    design_filter,
+    differentiate,
+    fading_samples,
+)
 from damperfit.recording import Drive
 from damperfit.statistics import mean_of, median, variance_of
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator
 
     from numpy.typing import NDArray
 
+    FloatArray = NDArray[np.float64]
+    from collections.abc import Sequence
+
     from damperfit.conditioning.options import ConditionOptions
-    from damperfit.conditioning.stretches import FoundStretch
+    from damperfit.conditioning.segments import FoundStretch
     from damperfit.conditioning.timebase import UniformLog
     from damperfit.recording import Stretch
 
-    FloatArray = NDArray[np.float64]
+__all__ = [
+    "content_beyond",
+    "drive_of_lines",
+    "make_drive",
+    "rests_of",
+    "samples_at_rest",
+    "unclear_turns",
+]
 
-__all__ = ["content_beyond", "make_drive", "unclear_turns"]
+
+# Where a motion rests: a dwell between strokes, in which noise of the displacement is no speed.
+#
+# What drives the model of a motion with corners is hardly filtered, and at rest the noise in its
+# speed turns the friction from one sample to the next. Behind the compared filter that friction
+# is nearly none, with a scatter: a fit has it a third too small, and all that goes with it.
+#
+# A part rests where its samples lie about one level as noise does, without slope and without
+# bend, and where the motion comes to it and leaves it at a speed. The crest of a slow sine lies
+# within noise too, but half its length further on it has gone three times as far as its ends are:
+# 12 times the noise. Within a rest the model is driven by the level, at no speed; what friction
+# holds there nobody knows.
+
+_SHORTEST = 0.02  # s; what is shorter turns little friction
+_FEWEST = 10  # samples
+_CLEAR = 3.0  # errors of a slope and of a bend, and of samples that belong to a rest
+_GONE = 30.0  # times the noise, half a length beyond
+_SCATTER = 4.0  # errors by which the noise of a rest may exceed that of the log
+_NOISE_KNOWN = 0.1  # share to which that is known
+_ROUNDING = 1e-6  # of the stroke
+_TAKEN = 0.9  # of the samples differ from the one before, where steps are finer than the noise
+
+
+def rests_of(displacement: FloatArray, interval: float) -> list[tuple[slice, float]]:
+    """Return the parts in which a motion rests, in order of time, and the level of each, m.
+
+    Parameters
+    ----------
+    displacement : numpy.ndarray
+        As logged, shape (n,), m.
+    interval : float
+        s.
+    """
+    n = max(_FEWEST, math.ceil(_SHORTEST / interval))
+    hop = n // 2
+    starts = np.arange(0, len(displacement) - n + 1, hop)
+    away = np.abs(displacement[starts + n - 1] - displacement[starts])
+    noise = max(noise_of(displacement), _ROUNDING * float(np.ptp(displacement)))
+    noise = max(noise, _of_steps(displacement))
+    near = starts[away <= 2.0 * _SCATTER * noise]
+    if not len(near):
+        return []
+    reach = np.linspace(-1.0, 1.0, n)
+    forms = np.stack([reach, reach**2 - mean_of(reach**2)])
+    forms /= np.linalg.norm(forms, axis=1)[:, None]
+    slopes = np.abs(displacement[near[:, None] + np.arange(n)] @ forms.T)
+    flat = near[(slopes <= _CLEAR * noise).all(axis=1)].tolist()
+    still = [start for start in flat if _is_level(displacement[start : start + n], noise)]
+    found = []
+    for begin, end in _joined(displacement, still, n, noise):
+        rest = _widened(displacement, begin, end, noise, hop)
+        level = mean_of(displacement[rest])
+        if _is_level(displacement[rest], noise) and _is_left(displacement, rest, level, noise):
+            found.append((rest, level))
+    return found
+
+
+def samples_at_rest(velocity: FloatArray) -> list[int]:
+    """Return how many samples each part has in which a drive is at no speed.
+
+    Parameters
+    ----------
+    velocity : numpy.ndarray
+        Of what drives the model, shape (n,), m/s.
+    """
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], velocity == 0.0, [False]])))
+    return [int(n) for n in edges[1::2] - edges[::2] if n >= _FEWEST]
+
+
+def _of_steps(x: FloatArray) -> float:
+    """Return the noise of the steps that a converter takes where many samples are equal, m."""
+    steps = np.abs(np.diff(x))
+    taken = steps[steps > 0.0]
+    is_coarse = 0 < len(taken) < _TAKEN * len(steps)
+    return float(taken.min()) / math.sqrt(12.0) if is_coarse else 0.0
+
+
+def _is_level(part: FloatArray, noise: float) -> bool:
+    """Whether samples scatter about their mean as noise does."""
+    allowed = 1.0 + _NOISE_KNOWN + _SCATTER / math.sqrt(2.0 * len(part))
+    return float(np.std(part)) <= allowed * noise
+
+
+def _is_left(x: FloatArray, part: slice, level: float, noise: float) -> bool:
+    """Whether the motion comes to a rest and leaves it at a speed, as far as the log goes."""
+    half = (part.stop - part.start) // 2
+    sides = (x[max(part.start - half, 0) : part.start], x[part.stop : part.stop + half])
+    far = [bool(np.any(np.abs(side - level) >= _GONE * noise)) for side in sides if len(side)]
+    return bool(far) and all(far)
+
+
+def _joined(x: FloatArray, starts: list[int], n: int, noise: float) -> Iterator[tuple[int, int]]:
+    """Yield the parts that looks at one level make; noise alone refuses one in 200 between."""
+    levels = [mean_of(x[start : start + n]) for start in starts]
+    breaks = [
+        k
+        for k in range(1, len(starts))
+        if starts[k] - starts[k - 1] > 2 * n or abs(levels[k] - levels[k - 1]) > _CLEAR * noise
+    ]
+    for first, stop in pairwise([0, *breaks, len(starts)]):
+        if stop > first:
+            yield starts[first], starts[stop - 1] + n
+
+
+def _widened(x: FloatArray, begin: int, end: int, noise: float, hop: int) -> slice:
+    """Return a part with the samples beside it that lie at its level too."""
+    level = mean_of(x[begin:end])
+    before = np.abs(x[max(begin - hop, 0) : begin][::-1] - level) > _CLEAR * noise
+    behind = np.abs(x[end : end + hop] - level) > _CLEAR * noise
+    return slice(begin - _before_two(before), end + _before_two(behind))
+
+
+def _before_two(far: NDArray[np.bool_]) -> int:
+    """Return how many come before two that are far: one alone is noise, once in 400."""
+    places = np.flatnonzero(far & np.append(far[1:], True))
+    return int(places[0]) if len(places) else len(far)
+
 
 # Velocity that the compared filter may take away, over all of it. A sine loses less, a triangle of
 # 0.2 m/s and +-32 mm an eighth (`tests/test_told_figures.py`).
@@ -62,7 +192,7 @@ _UNCLEAR = 4.0  # times the noise of the speed; a sample at so little has fricti
 _ON_SAMPLES = 0.004  # of the samples: 1 % cost 2 % of the friction and of R_m3
 _HALF = math.log(2.0)  # median over mean of the power of noise
 _LINES = 8.0  # that tell the noise of an order, near enough
-_CLEAR = 8.0  # a line of pure noise is so much above its mean once in 3000
+_CLEAR_DRIVE = 8.0  # a line of pure noise is so much above its mean once in 3000
 
 
 # Hz; hum and what rectifiers make of it. A line there is hum where it has so many times the power
@@ -242,7 +372,7 @@ def _of_cycles(rest: FloatArray, stretch: Stretch) -> _Spectrum:
     motion = np.zeros(len(power))
     # A line of noise is exponential: above its mean by half of its own size on average.
     motion[: n_orders * n_cycles : n_cycles] = np.maximum(table[:, 0] - between, 0.0)
-    motion[: n_orders * n_cycles : n_cycles] *= table[:, 0] > _CLEAR * between
+    motion[: n_orders * n_cycles : n_cycles] *= table[:, 0] > _CLEAR_DRIVE * between
     for order in _hum(stretch.frequency, n_orders):
         beside = [k for k in range(order - 2, order + 3) if k != order and 0 < k < n_orders]
         if table[order, 0] > _ALONE * max((table[k, 0] for k in beside), default=math.inf):
@@ -343,3 +473,179 @@ def content_beyond(displacement: FloatArray, interval: float, corner: float) -> 
     power = np.abs(np.fft.rfft(velocity * np.hanning(len(velocity) + 2)[1:-1])) ** 2
     frequency = np.fft.rfftfreq(len(velocity), interval)
     return math.sqrt(float(np.sum(power[frequency > corner])) / max(float(np.sum(power)), 1e-300))
+
+
+# A motion of straight lines: at even speeds, with corners that are sharp between two samples.
+#
+# At the corners of a triangle the force tells most of K_e, and a speed that jumps between two
+# samples is in no sample. But where the recorded motion is straight on both sides within its
+# noise, the lines cross where it turned: to a thousandth of a sample, of 128 samples with 3 um of
+# noise that turn by 0.5 m/s. What drives the model is then these lines, and a jump of the speed
+# where they cross.
+#
+# It is taken for straight only as a whole: lines whose samples lie off them by no more than noise
+# does, and corners whose nearest samples do too. A turn that a rig takes 0.5 ms for at 1 kHz lies
+# 30 um off its lines and drives the model as any motion does (`damperfit.conditioning.drive`).
+
+_LEVERS = (4e-3, 16e-3)  # s; a turn is looked for in samples so far apart; noise needs the longer
+_CLEAR_STRAIGHT = 10.0  # times the noise of that look
+_FARTHEST = 5.0  # times the noise, of the samples beside a corner
+_BESIDE_STRAIGHT = 1.5  # samples between where it is seen to turn and where the lines cross
+_AT_SAMPLE = 5.0  # errors of where the lines cross: nearer to a sample than that, it is there
+_LENGTHENED = 2  # times that a part is lengthened, by what shows a turn and a line behind it
+_AT_REST = 5.0  # errors of a slope: a line that rises by less rests
+
+
+class _Line(NamedTuple):
+    """A straight part: its middle, where it is there, slope, samples, and their squared reach."""
+
+    middle: float
+    level: float
+    slope: float
+    n: int
+    power: float
+
+    def at(self, sample: Any) -> Any:
+        """Return the place at samples, m."""
+        return self.level + self.slope * (sample - self.middle)
+
+    def error(self, sample: float) -> float:
+        """Return its error there for a noise of 1."""
+        return math.sqrt(1.0 / self.n + (sample - self.middle) ** 2 / self.power)
+
+    def at_rest(self, noise: float) -> _Line:
+        """Return the line, level where it only seems to rise: friction would slide one way."""
+        is_level = abs(self.slope) <= _AT_REST * noise / math.sqrt(self.power)
+        return self._replace(slope=0.0) if is_level else self
+
+
+def drive_of_lines(displacement: FloatArray, interval: float, part: slice) -> Drive | None:
+    """Return the drive of a log that moves in straight lines; None where it does not.
+
+    Parameters
+    ----------
+    displacement : numpy.ndarray
+        As logged, shape (n,), m.
+    interval : float
+        s.
+    part : slice
+        The samples that drive the model. Beyond them the drive is what was logged, without sense,
+        but for a few samples where a line would be too short to be told by those of the part.
+    """
+    first, stop, _ = part.indices(len(displacement))
+    for seconds in _LEVERS:
+        lever = max(2, round(seconds / interval))
+        for times in range(_LENGTHENED + 1):
+            more = times * (lever + _FEWEST)
+            longer = slice(max(first - more, 0), min(stop + more, len(displacement)))
+            x = displacement[longer]
+            noise = max(noise_of(x), _ROUNDING * float(np.ptp(x)))
+            turns = _turns(x, lever, noise)
+            if not turns:
+                break
+            found = _found(x, turns, lever, noise)
+            if found is not None:
+                return _driving(displacement, interval, longer, *found)
+    return None
+
+
+def _found(
+    x: FloatArray, turns: list[int], lever: int, noise: float
+) -> tuple[list[_Line], FloatArray] | None:
+    """Return the lines and where they cross; None where a part of it is not straight."""
+    turns = _refined(x, turns, lever)
+    lines = _lines(x, turns, noise)
+    if not lines:
+        return None
+    lines = [line.at_rest(noise) for line in lines]
+    jumps = _crossings(x, turns, lines, noise)
+    return None if jumps is None else (lines, jumps)
+
+
+def _driving(
+    displacement: FloatArray, interval: float, part: slice, lines: list[_Line], jumps: FloatArray
+) -> Drive:
+    first, n = part.start, part.stop - part.start
+    whole, speed = displacement.copy(), np.zeros(len(displacement))
+    # A sample at which it turns has the speed after it.
+    edges = [0, *np.ceil(jumps[:, 0]).astype(np.int64).tolist(), n]
+    for line, (begin, end) in zip(lines, pairwise(edges), strict=True):
+        whole[first + begin : first + end] = line.at(np.arange(begin, end))
+        speed[first + begin : first + end] = line.slope / interval
+    jumps[:, 0] += first
+    jumps[:, 2:] /= interval
+    return Drive(whole, speed, math.inf, jumps)
+
+
+def _turns(x: FloatArray, lever: int, noise: float) -> list[int] | None:
+    """Return the samples nearest to where the motion turns; None where it bends or none does."""
+    if len(x) < 4 * lever + _FEWEST:
+        return None
+    bend = np.abs(x[: -2 * lever] - 2.0 * x[lever:-lever] + x[2 * lever :])
+    over = np.flatnonzero(bend > _CLEAR_STRAIGHT * math.sqrt(6.0) * noise)
+    if not len(over):
+        return None
+    turns = []
+    for run in np.split(over, np.flatnonzero(np.diff(over) > lever) + 1):
+        # A sharp corner is seen over two levers, a bend over its own length too.
+        if len(run) > 2 * lever + 1:
+            return None
+        turns.append(int(run[np.argmax(bend[run])]) + lever)
+    return turns
+
+
+def _refined(x: FloatArray, turns: list[int], lever: int) -> list[int]:
+    """Return the turns where lines that keep off them cross: noise moves the top of a long look."""
+    lines = _lines(x, turns, math.inf, margin=lever // 2)
+    if lines is None:
+        return turns
+    found = []
+    for turn, (one, two) in zip(turns, pairwise(lines), strict=True):
+        step = two.slope - one.slope
+        moved = (one.at(turn) - two.at(turn)) / step if step else math.inf
+        found.append(round(turn + moved) if abs(moved) <= lever else turn)
+    return found
+
+
+def _lines(x: FloatArray, turns: list[int], noise: float, *, margin: int = 1) -> list[_Line] | None:
+    """Return the lines before, between and behind turns; None where one is not straight."""
+    lines = []
+    for before, behind in pairwise([-margin - 1, *turns, len(x) + margin]):
+        at = np.arange(before + margin + 1, behind - margin)
+        n = len(at)
+        if n < _FEWEST:
+            return None
+        middle = 0.5 * float(at[0] + at[-1])
+        reach = at - middle
+        power = float(reach @ reach)
+        level, slope = float(np.mean(x[at])), float(reach @ x[at]) / power
+        rest = x[at] - level - slope * reach
+        allowed = 1.0 + _NOISE_KNOWN + _SCATTER / math.sqrt(2.0 * n)
+        if math.sqrt(float(rest @ rest) / n) > allowed * noise:
+            return None
+        lines.append(_Line(middle, level, slope, n, power))
+    return lines
+
+
+def _crossings(
+    x: FloatArray, turns: list[int], lines: list[_Line], noise: float
+) -> FloatArray | None:
+    """Return where each line crosses the next, counted as in `Motion.jumps`, m a sample.
+
+    None where lines cross elsewhere than the motion turns, or its samples there lie beside them.
+    """
+    jumps = np.empty((len(turns), 4))
+    for k, (turn, (one, two)) in enumerate(zip(turns, pairwise(lines), strict=True)):
+        step = two.slope - one.slope
+        at = turn + (one.at(turn) - two.at(turn)) / step if step else math.inf
+        if not abs(at - turn) < _BESIDE_STRAIGHT:
+            return None
+        beside = np.arange(turn - 1, turn + 2)
+        there = np.where(beside < at, one.at(beside), two.at(beside))
+        if np.max(np.abs(x[beside] - there)) > _FARTHEST * noise:
+            return None
+        error = noise * math.hypot(one.error(at), two.error(at)) / abs(step)
+        if abs(at - round(at)) <= _AT_SAMPLE * error:
+            at = float(round(at))
+        jumps[k] = at, 0.5 * (one.at(at) + two.at(at)), one.slope, two.slope
+    return jumps

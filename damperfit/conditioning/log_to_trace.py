@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from damperfit.conditioning.behind_filter import FilteredLog
-from damperfit.conditioning.beside_cycles import transients
-from damperfit.conditioning.compared_part import ComparedPart, choose_compared
-from damperfit.conditioning.corner import with_corner
-from damperfit.conditioning.corrections import (
+from damperfit.conditioning.delay import take_back
+from damperfit.conditioning.drive import drive_of_lines, make_drive, unclear_turns
+from damperfit.conditioning.filters import FilteredLog, apply_filter, fading_samples, with_corner
+from damperfit.conditioning.findings import bridge_spikes, check_velocity, examine
+from damperfit.conditioning.measured_characteristics import with_figures
+from damperfit.conditioning.options import ConditionOptions
+from damperfit.conditioning.polarity import (
     describe_level,
     describe_middle,
     find_skew,
@@ -20,11 +22,6 @@ from damperfit.conditioning.corrections import (
     middle_of,
     put_right,
 )
-from damperfit.conditioning.drive import make_drive, unclear_turns
-from damperfit.conditioning.filters import apply_filter, fading_samples
-from damperfit.conditioning.measured_characteristics import with_figures
-from damperfit.conditioning.options import ConditionOptions
-from damperfit.conditioning.quality import bridge_spikes, examine
 from damperfit.conditioning.refusals import (
     oversize,
     refuse_dead,
@@ -32,12 +29,9 @@ from damperfit.conditioning.refusals import (
     refuse_stroke,
     refuse_swapped,
 )
-from damperfit.conditioning.scatter import with_noise
-from damperfit.conditioning.skew import take_back
-from damperfit.conditioning.straight import drive_of_lines
-from damperfit.conditioning.stretches import FoundStretch
+from damperfit.conditioning.repeatability import with_noise
+from damperfit.conditioning.segments import ComparedPart, FoundStretch, choose_compared, transients
 from damperfit.conditioning.timebase import UniformLog, make_uniform
-from damperfit.conditioning.velocity import check_velocity
 from damperfit.errors import ConditioningError, ConfigurationError
 from damperfit.recording import Drive, FilterDesign, Recording, Stretch, Trace
 from damperfit.statistics import mean_of

@@ -153,16 +153,19 @@ class ConditionOptions:
             found = getattr(self, name)
             if found not in FILTER_KINDS:
                 raise ConfigurationError(
-                    f"{name}: unknown kind {found!r}; expected {', '.join(FILTER_KINDS)}."
-                    f"{did_you_mean(str(found), FILTER_KINDS)}"
+                    f"unknown kind {found!r}; expected {', '.join(FILTER_KINDS)}."
+                    f"{did_you_mean(str(found), FILTER_KINDS)}",
+                    subject=name,
                 )
         for name in ("filter_order", "rig_filter_order"):
             if not 1 <= getattr(self, name) <= 12:
-                raise ConfigurationError(f"{name}: found {getattr(self, name)}, expected 1 to 12")
+                raise ConfigurationError(
+                    f"found {getattr(self, name)}, expected 1 to 12", subject=name
+                )
         for name in ("filter_corner", "rig_filter_corner"):
             if not 0.0 < getattr(self, name) < math.inf:
                 raise ConfigurationError(
-                    f"{name}: found {getattr(self, name):g} Hz, expected more than 0"
+                    f"found {getattr(self, name):g} Hz, expected more than 0", subject=name
                 )
         if self.spikes not in SPIKES:
             raise ConfigurationError(
@@ -186,7 +189,9 @@ class ConditionOptions:
 def _refuse_limits(options: ConditionOptions) -> None:
     for name in ("max_amplitude", "max_force"):
         if not getattr(options, name) > 0.0:
-            raise ConfigurationError(f"{name}: found {getattr(options, name)}, expected above 0")
+            raise ConfigurationError(
+                f"found {getattr(options, name)}, expected above 0", subject=name
+            )
     if not 0.0 <= options.min_amplitude < options.max_amplitude:
         raise ConfigurationError(
             f"min_amplitude: found {options.min_amplitude:g} m, expected 0 or more and less than "

@@ -6,23 +6,24 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.conditioning.corner import fitting_corner
+from damperfit.compiled_core import compiled_core
 from damperfit.conditioning.cycles import clean_cycles
-from damperfit.conditioning.harmonics import harmonic_powers
+from damperfit.conditioning.filters import fitting_corner
 from damperfit.errors import ConditioningError
+from damperfit.statistics import mean_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    FloatArray = NDArray[np.float64]
     from damperfit.conditioning.cycles import Cycles
     from damperfit.conditioning.options import ConditionOptions
     from damperfit.conditioning.timebase import UniformLog
     from damperfit.recording import Recording, Trace
 
-    FloatArray = NDArray[np.float64]
-
 __all__ = [
     "MIN_CYCLES",
+    "harmonic_powers",
     "oversize",
     "refuse_dead",
     "refuse_fast",
@@ -30,6 +31,40 @@ __all__ = [
     "refuse_stroke",
     "refuse_swapped",
 ]
+
+
+# How strong the harmonics of a motion are in a channel.
+
+
+def harmonic_powers(values: FloatArray, turns: float, n_powers: int) -> FloatArray:
+    """Return the power of the harmonics of a motion in whole cycles of a channel.
+
+    Parameters
+    ----------
+    values : numpy.ndarray
+        Shape (n,); its mean is taken off.
+    turns : float
+        Turns of the motion in a sample.
+    n_powers : int
+        As many, from the first on; 16 at most.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (n_powers,), a quarter of the square of each one's amplitude.
+
+    Examples
+    --------
+    >>> angle = 2.0 * np.pi * np.arange(300) / 100
+    >>> harmonic_powers(2.0 * np.sin(angle) + 0.2 * np.sin(3.0 * angle), 0.01, 3).round(6)
+    array([1.  , 0.  , 0.01])
+    """
+    powers = np.empty(n_powers)
+    samples = np.ascontiguousarray(values, np.float64)
+    mean = mean_of(samples)
+    compiled_core().harmonics(samples, powers, mean, 2.0 * np.pi * turns)
+    return powers
+
 
 MIN_CYCLES = 3
 _MIN_SAMPLES = 20
@@ -43,8 +78,9 @@ def refuse_dead(recording: Recording) -> None:
     n = len(recording.time)
     if n < _MIN_SAMPLES:
         raise ConditioningError(
-            f"{recording.name}: {n} sample{'s' * (n != 1)}; expected at least {MIN_CYCLES} whole "
-            "cycles of a steady test; record a longer log"
+            f"{n} sample{'s' * (n != 1)}; expected at least {MIN_CYCLES} whole "
+            "cycles of a steady test; record a longer log",
+            subject=recording.name,
         )
     for channel, values in (
         ("displacement", recording.displacement),
@@ -54,14 +90,16 @@ def refuse_dead(recording: Recording) -> None:
         # A constant that passed a change of units differs by rounding only.
         if float(np.ptp(values)) <= 1e-12 * abs(middle):
             raise ConditioningError(
-                f"{recording.name}: the {channel} is constant ({middle:g}) in all {n} rows; "
-                "expected a steady periodic test; check sensor and column"
+                f"the {channel} is constant ({middle:g}) in all {n} rows; "
+                "expected a steady periodic test; check sensor and column",
+                subject=recording.name,
             )
         if (largest := float(np.abs(values).max())) > _ABSURD:
             unit = "m" if channel == "displacement" else "N"
             raise ConditioningError(
-                f"{recording.name}: the {channel} reaches {largest:.3g} {unit}, which no rig "
-                "reaches; declare its unit, or check sensor and column"
+                f"the {channel} reaches {largest:.3g} {unit}, which no rig "
+                "reaches; declare its unit, or check sensor and column",
+                subject=recording.name,
             )
 
 
@@ -87,9 +125,10 @@ def refuse_small(trace: Trace, options: ConditionOptions) -> None:
     """Refuse a motion that no rig makes: its unit was misread."""
     if trace.amplitude < options.min_amplitude:
         raise ConditioningError(
-            f"{trace.name}: displacement swings +-{1e3 * trace.amplitude:.4g} mm, expected at "
+            f"displacement swings +-{1e3 * trace.amplitude:.4g} mm, expected at "
             f"least +-{1e3 * options.min_amplitude:g} mm; was m read as mm? Declare the unit "
-            "(rig.units.displacement) or lower conditioning.min_amplitude"
+            "(rig.units.displacement) or lower conditioning.min_amplitude",
+            subject=trace.name,
         )
 
 
@@ -105,11 +144,12 @@ def refuse_swapped(trace: Trace) -> None:
     driven = _harmonic_share(trace, trace.displacement)
     if driven > _ANSWERS and driven > _MORE * (answers := _harmonic_share(trace, trace.force)):
         raise ConditioningError(
-            f"{trace.name}: force and displacement look swapped: what is read as displacement has "
+            f"force and displacement look swapped: what is read as displacement has "
             f"{100.0 * driven:.2g} % of its power in harmonics, what is read as force "
             f"{100.0 * answers:.1g} %, but it is the displacement that a machine drives; "
             "declare rig.columns = {displacement = ..., force = ...} and rig.units, for files "
-            "that differ in a profile each"
+            "that differ in a profile each",
+            subject=trace.name,
         )
 
 
@@ -135,8 +175,9 @@ def refuse_fast(name: str, log: UniformLog, cycles: Cycles, options: ConditionOp
     frequency = 1.0 / (cycles.period * log.interval)
     if (is_rig or options.filter != "none") and frequency >= corner:
         raise ConditioningError(
-            f"{name}: the motion found has {frequency:.3g} Hz, not below the filter "
-            f"corner of {corner:g} Hz; {_raised(is_rig, frequency, log)}"
+            f"the motion found has {frequency:.3g} Hz, not below the filter "
+            f"corner of {corner:g} Hz; {_raised(is_rig, frequency, log)}",
+            subject=name,
         )
 
 
@@ -161,6 +202,7 @@ def refuse_stroke(trace: Trace, options: ConditionOptions) -> None:
     if abs(x) < 10.0 * max(l_1, l_2):
         hint = "declare the right unit (rig.units.displacement) or centre (rig.centre)"
     raise ConditioningError(
-        f"{trace.name}: stroke beyond the chamber: x reaches {x:.4g} m, expected {at} "
-        f"(l_1 = {l_1:g} m, l_2 = {l_2:g} m; x = 0 at {trace.centre:.4g} m of the log); {hint}"
+        f"stroke beyond the chamber: x reaches {x:.4g} m, expected {at} "
+        f"(l_1 = {l_1:g} m, l_2 = {l_2:g} m; x = 0 at {trace.centre:.4g} m of the log); {hint}",
+        subject=trace.name,
     )

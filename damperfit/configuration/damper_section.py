@@ -149,7 +149,7 @@ def damper_of_record(record: Mapping[str, Any]) -> Model:
         first = error.errors(include_url=False)[0]
         place = ".".join(("damper", *map(str, first["loc"])))
         raise ConfigurationError(
-            f"{place}: {first['msg'].removeprefix('Value error, ')}, found {first['input']!r}"
+            f"{first['msg'].removeprefix('Value error, ')}, found {first['input']!r}", subject=place
         ) from error
 
 

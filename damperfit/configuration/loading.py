@@ -195,19 +195,21 @@ def _defaults() -> dict[str, Any]:
 def _read(path: Path) -> str:
     try:
         if path.is_file() and path.stat().st_size > _MAX_BYTES:
-            raise ConfigurationError(f"{path}: larger than 1 MB; this is not a configuration file")
+            raise ConfigurationError(
+                "larger than 1 MB; this is not a configuration file", subject=path
+            )
         return path.read_text(encoding="utf-8-sig")
     except OSError as error:
-        raise ConfigurationError(f"{path}: cannot be read: {error.strerror}") from error
+        raise ConfigurationError(f"cannot be read: {error.strerror}", subject=path) from error
     except UnicodeDecodeError as error:
-        raise ConfigurationError(f"{path}: not UTF-8 text, at byte {error.start}") from error
+        raise ConfigurationError(f"not UTF-8 text, at byte {error.start}", subject=path) from error
 
 
 def _parse(layer: _Layer) -> dict[str, Any]:
     try:
         return tomllib.loads(layer.text)
     except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise ConfigurationError(f"{layer.name}: not valid TOML: {error}") from error
+        raise ConfigurationError(f"not valid TOML: {error}", subject=layer.name) from error
 
 
 def _check_keys(layer: _Layer, *, known: Mapping[str, Any]) -> None:
@@ -215,11 +217,14 @@ def _check_keys(layer: _Layer, *, known: Mapping[str, Any]) -> None:
     for section, values in layer.values.items():
         if section not in known:
             raise ConfigurationError(
-                f"{layer.place(section)}: unknown section [{section}]; "
-                f"there are {_listed(known)}.{did_you_mean(section, known)}"
+                f"unknown section [{section}]; "
+                f"there are {_listed(known)}.{did_you_mean(section, known)}",
+                subject=layer.place(section),
             )
         if not isinstance(values, dict):
-            raise ConfigurationError(f"{layer.name}: {section} is a section: write [{section}]")
+            raise ConfigurationError(
+                f"{section} is a section: write [{section}]", subject=layer.name
+            )
         if section not in _WHOLE:
             _check_section(layer, values, known[section], section)
 

@@ -245,5 +245,5 @@ def declared_settings(
         try:
             found.add(parse_setting(str(label), adjusters))
         except ValueError as error:
-            raise ConfigurationError(f"{key}: found {label!r}, {error}") from error
+            raise ConfigurationError(f"found {label!r}, {error}", subject=key) from error
     return tuple(sorted(found))

@@ -49,12 +49,13 @@ class Cylinder:
             is_number = isinstance(value, Real)
             if not is_number:
                 raise ConfigurationError(
-                    f"{name}: expected a number{' in ' + unit if unit else ''}, found {value!r}"
+                    f"expected a number{' in ' + unit if unit else ''}, found {value!r}",
+                    subject=name,
                 )
             if not low <= value <= high:
                 in_unit = f" {unit}" if unit else ""
                 raise ConfigurationError(
-                    f"{name}: expected {low:g} to {high:g}{in_unit}, found {value:g}{in_unit}"
+                    f"expected {low:g} to {high:g}{in_unit}, found {value:g}{in_unit}", subject=name
                 )
         if self.rod_diameter >= self.piston_diameter:
             raise ConfigurationError(

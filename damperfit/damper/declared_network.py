@@ -121,21 +121,24 @@ def _declared(table: Mapping[str, Any], place: int) -> DeclaredPassage:
     for key in ("from", "to"):
         if table[key] not in _CHAMBERS or isinstance(table[key], bool | float):
             raise ConfigurationError(
-                f"{where}: {key} = {table[key]!r}; expected chamber 1 (rod side), 2 (full bore) or "
-                "3 (gas)"
+                f"{key} = {table[key]!r}; expected chamber 1 (rod side), 2 (full bore) or 3 (gas)",
+                subject=where,
             )
     if table["from"] == table["to"]:
         raise ConfigurationError(f"{where} leads from chamber {table['from']} to itself")
     law, name, two_way = table["law"], table["name"], table.get("two_way", False)
     if not isinstance(law, str) or law not in LAWS:
         near = did_you_mean(str(law), LAWS)
-        raise ConfigurationError(f"{where}: no law {law!r}; there are {', '.join(LAWS)}.{near}")
+        raise ConfigurationError(
+            f"no law {law!r}; there are {', '.join(LAWS)}.{near}", subject=where
+        )
     if not isinstance(name, str) or not _NAME.fullmatch(name):
         raise ConfigurationError(
-            f"{where}: name = {name!r}; expected small letters, digits and _, as in 'base_valve'"
+            f"name = {name!r}; expected small letters, digits and _, as in 'base_valve'",
+            subject=where,
         )
     if not isinstance(two_way, bool):
-        raise ConfigurationError(f"{where}: two_way = {two_way!r}; expected true or false")
+        raise ConfigurationError(f"two_way = {two_way!r}; expected true or false", subject=where)
     return DeclaredPassage(table["from"], table["to"], name, law, two_way)
 
 

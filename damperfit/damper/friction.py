@@ -84,8 +84,9 @@ class Friction:
         if (self.breakaway == NONE) is not (self.stribeck_speed == NONE):
             missing = "stribeck_speed" if self.stribeck_speed == NONE else "breakaway"
             raise ConfigurationError(
-                f"{missing}: found 'none'; breakaway and stribeck_speed are two numbers of one "
-                "thing: set both, each to 'fit' or to a value, or neither"
+                "found 'none'; breakaway and stribeck_speed are two numbers of one "
+                "thing: set both, each to 'fit' or to a value, or neither",
+                subject=missing,
             )
 
     @property

@@ -73,8 +73,8 @@ def check_part(name: str, found: str | float, one: Quantity) -> None:
     low, high = one.plausible
     if not low <= float(found) <= high:
         raise ConfigurationError(
-            f"{name}: found {float(found):g}; expected {low:g} to {high:g} {one.unit}, {NONE!r} or "
-            f"{FIT!r}"
+            f"found {float(found):g}; expected {low:g} to {high:g} {one.unit}, {NONE!r} or {FIT!r}",
+            subject=name,
         )
 
 

@@ -18,6 +18,7 @@ import numpy as np
 from damperfit.damper.model import Model
 from damperfit.damper.quantity import DAMPER, VISCOUS, Quantity
 from damperfit.errors import ConfigurationError
+from damperfit.problem import Option
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -212,8 +213,9 @@ def at_temperature(damper: Model, temperature: float) -> Model:
     """
     if not isinstance(damper, Warmed):
         raise ConfigurationError(
-            "--temperature: these parameters do not follow a temperature; fit logs of several "
-            "temperatures with damperfit identify --covariate temperature"
+            "these parameters do not follow a temperature; fit logs of several "
+            "temperatures with damperfit identify --covariate temperature",
+            where=Option("temperature"),
         )
     return replace(damper, temperature=temperature)
 

@@ -80,7 +80,9 @@ def configured(
     options: dict[str, str] = {}
     for keyword, entry in entries.items():
         if not (isinstance(entry, tuple) and len(entry) == 2 and str(entry[0]).count(".") == 1):
-            raise ConfigurationError(f"{call}: no keyword {keyword!r}; help({call}) lists them")
+            raise ConfigurationError(
+                f"no keyword {keyword!r}; help({call}) lists them", subject=call
+            )
     for name, mapping in (("rig", rig), ("units", units)):
         _mapping(call, name, mapping)
     for keyword, (place, value) in entries.items():
@@ -200,7 +202,7 @@ def known_as_setting(setting: Any, call: str) -> Setting | int | str | None:
         number = float(setting)
         return int(number) if number.is_integer() else str(number)
     raise ConfigurationError(
-        f"{call}: found {type(setting).__name__}; expected a setting such as 10 or 'R12 C8'"
+        f"found {type(setting).__name__}; expected a setting such as 10 or 'R12 C8'", subject=call
     )
 
 

@@ -410,7 +410,8 @@ def _folder_of(given: object, call: str) -> Path:
     if isinstance(given, str | Path):
         return path_of(given, call, "a result, or the path of a results folder")
     raise ConfigurationError(
-        f"{call}: found {type(given).__name__}; expected a result, or the path of a results folder"
+        f"found {type(given).__name__}; expected a result, or the path of a results folder",
+        subject=call,
     )
 
 

@@ -51,29 +51,32 @@ def as_files(logs: object, *, call: str) -> Iterator[list[str]]:
     """
     several = logs if isinstance(logs, list | tuple) else (logs,)
     if any(isinstance(one, str) and not one for one in several):  # it would be this folder
-        raise ConfigurationError(f"{call}: found ''; {_EXPECTED}")
+        raise ConfigurationError(f"found ''; {_EXPECTED}", subject=call)
     if isinstance(logs, str | os.PathLike):
         yield [os.fspath(logs)]
         return
     if isinstance(logs, Trace | Recording):
-        raise ConfigurationError(f"{call}: found a {type(logs).__name__}; {_EXPECTED}")
+        raise ConfigurationError(f"found a {type(logs).__name__}; {_EXPECTED}", subject=call)
     if _is_frame(logs):
         raise ConfigurationError(
-            f"{call}: found a data frame without a label; give {{'10': frame}}, where '10' is the "
-            "setting of the adjuster"
+            "found a data frame without a label; give {'10': frame}, where '10' is the "
+            "setting of the adjuster",
+            subject=call,
         )
     if isinstance(logs, Mapping):
         with TemporaryDirectory(prefix="damperfit-frames-") as folder:
             yield _written(logs, Path(folder), call)
         return
     if not isinstance(logs, Iterable):
-        raise ConfigurationError(f"{call}: found {type(logs).__name__}; {_EXPECTED}")
+        raise ConfigurationError(f"found {type(logs).__name__}; {_EXPECTED}", subject=call)
     paths = list(logs)
     for one in paths:
         if not isinstance(one, str | os.PathLike):
-            raise ConfigurationError(f"{call}: found {type(one).__name__} in a list; {_EXPECTED}")
+            raise ConfigurationError(
+                f"found {type(one).__name__} in a list; {_EXPECTED}", subject=call
+            )
     if not paths:
-        raise ConfigurationError(f"{call}: found no log; {_EXPECTED}")
+        raise ConfigurationError(f"found no log; {_EXPECTED}", subject=call)
     yield [os.fspath(one) for one in paths]
 
 
@@ -103,7 +106,7 @@ def _written(frames: Mapping[Any, Any], folder: Path, call: str) -> list[str]:
     from pyarrow import ArrowException
 
     if not frames:
-        raise ConfigurationError(f"{call}: found no log; {_EXPECTED}")
+        raise ConfigurationError(f"found no log; {_EXPECTED}", subject=call)
     rows = []
     for k, (label, value) in enumerate(frames.items()):
         frame = _frame(label, value, call)
@@ -111,7 +114,9 @@ def _written(frames: Mapping[Any, Any], folder: Path, call: str) -> list[str]:
         try:
             frame.to_parquet(path, index=False)
         except (ValueError, TypeError, ArrowException) as error:
-            raise LogError(f"{label}: the data frame cannot be read as a log: {error}") from error
+            raise LogError(
+                f"the data frame cannot be read as a log: {error}", subject=label
+            ) from error
         rows.append((path.name, str(label)))
     with (folder / "tests.csv").open("w", newline="", encoding="utf-8") as file:
         csv.writer(file).writerows([("file", "setting"), *rows])
@@ -130,18 +135,18 @@ def _frame(label: object, value: object, call: str) -> pd.DataFrame:
         frame = value
     elif isinstance(value, Mapping):
         if value and all(np.ndim(one) == 0 for one in value.values()):
-            raise LogError(f"{label}: found single numbers; give columns of one length")
+            raise LogError("found single numbers; give columns of one length", subject=label)
         try:
             frame = pd.DataFrame(dict(value))
         except ValueError as error:
-            raise LogError(f"{label}: {error}; give columns of one length") from error
+            raise LogError(f"{error}; give columns of one length", subject=label) from error
     else:
         raise ConfigurationError(
-            f"{call}: {label!r} is of type {type(value).__name__}; {_EXPECTED}"
+            f"{label!r} is of type {type(value).__name__}; {_EXPECTED}", subject=call
         )
     if not len(frame.columns):
         raise LogError(
-            f"{label}: the data frame has no columns; expected time, displacement, force"
+            "the data frame has no columns; expected time, displacement, force", subject=label
         )
     # Where time is the index of a frame it is a column of a log.
     if frame.index.name is not None and frame.index.name not in frame.columns:

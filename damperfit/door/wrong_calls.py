@@ -97,8 +97,9 @@ def refuse_part(place: Path, call: str) -> None:
 
     if is_part(place):
         raise ConfigurationError(
-            f"{call}: {place} is a part of a fleet, which keeps no more than a table; expected a "
-            "folder that damperfit identify wrote; pandas reads parts"
+            f"{place} is a part of a fleet, which keeps no more than a table; expected a "
+            "folder that damperfit identify wrote; pandas reads parts",
+            subject=call,
         )
 
 
@@ -120,9 +121,11 @@ def path_of(value: object, call: str, expected: str) -> Path:
         It is neither, or empty.
     """
     if "\0" in str(value):
-        raise ConfigurationError(f"{call}: found {value!r}; a NUL cannot stand in a path")
+        raise ConfigurationError(f"found {value!r}; a NUL cannot stand in a path", subject=call)
     if isinstance(value, str | os.PathLike) and os.fspath(value) != "":
         return Path(os.path.expanduser(os.fspath(value)))  # noqa: PTH111 - of ~nobody it raises
     if isinstance(value, str):  # as a path it would be the folder that one is in
-        raise ConfigurationError(f"{call}: found ''; expected {expected}, '.' for this folder")
-    raise ConfigurationError(f"{call}: found {type(value).__name__}; expected {expected}")
+        raise ConfigurationError(
+            f"found ''; expected {expected}, '.' for this folder", subject=call
+        )
+    raise ConfigurationError(f"found {type(value).__name__}; expected {expected}", subject=call)

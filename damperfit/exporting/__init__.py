@@ -5,7 +5,7 @@ there is and how each is written, `check` holds what was written against the log
 writes to disk. (`damperfit.export` is the function, so the package has another name.)
 """
 
-from damperfit.exporting.source import ExportedRun, ExportedSetting, Tested, exported_run
+from damperfit.exporting.source import ExportedRun, exported_run
 from damperfit.exporting.targets import TARGETS, Export, ExportOptions, Target, find_target
 
 __all__ = [
@@ -13,9 +13,7 @@ __all__ = [
     "Export",
     "ExportOptions",
     "ExportedRun",
-    "ExportedSetting",
     "Target",
-    "Tested",
     "exported_run",
     "find_target",
 ]

@@ -23,6 +23,7 @@ from damperfit.conditioning.filters import apply_filter, completed, design_filte
 from damperfit.configuration.loading import load_configuration
 from damperfit.errors import ConfigurationError, SimulationError
 from damperfit.exporting.fmu import PLATFORMS, exported_damper
+from damperfit.problem import Option
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -91,17 +92,19 @@ def check_export(run: ExportedRun, export: Export) -> tuple[SettingCheck, ...]:
     SimulationError
         The FMU refuses a step.
     """
-    if not run.signals:
+    if not run.run.signals:
         raise ConfigurationError(
-            f"--check: {run.name} has no responses.parquet to check against; run damperfit "
-            "identify LOGS again, and export its results folder"
+            f"{run.run.name} has no responses.parquet to check against; run damperfit "
+            "identify LOGS again, and export its results folder",
+            where=Option("check"),
         )
     name, content = next(iter(export.files.items()))
     if not name.endswith(".fmu"):
         if not export.lost:
             raise ConfigurationError(
-                f"--check: nothing here runs the equations of {name}; check the FMU of the same "
-                "damper: --to fmu2 --check"
+                f"nothing here runs the equations of {name}; check the FMU of the same "
+                "damper: --to fmu2 --check",
+                where=Option("check"),
             )
         return tuple(_checks(run, export.tables, _of_table))
     settings = dict(zip(exported_damper(run).settings, export.tables, strict=True))
@@ -110,7 +113,7 @@ def check_export(run: ExportedRun, export: Export) -> tuple[SettingCheck, ...]:
         unit = _Unit(content, Path(folder))
 
         def forces(log: LogSignals, part: slice) -> FloatArray:
-            return unit.force(places[log.setting], run.solver.dead_band, log, part)
+            return unit.force(places[log.setting], run.run.solver.dead_band, log, part)
 
         return tuple(_checks(run, export.tables, lambda _: forces))
 
@@ -121,12 +124,12 @@ def _checks(
     """Compare the settings one by one; samples beyond a table are left out."""
     for table in tables:
         forces, rows, n_beyond = make(table), [], 0
-        for log in run.signals:
+        for log in run.run.signals:
             if log.setting != table.setting:
                 continue
             for part in _segments(log.time):
                 interval = float(np.median(np.diff(log.time[part])))
-                design = _filter(run.record, 1.0 / interval)
+                design = _filter(run.run.record, 1.0 / interval)
                 force = apply_filter(design, forces(log, part))
                 inner = slice(round(_RUN_IN / interval), len(force) - round(_EDGE / interval))
                 both = log.force_measured[part][inner], log.force[part][inner]
@@ -200,8 +203,9 @@ class _Unit:
         path = next((one for one in paths if one.is_file()), None)
         if path is None:
             raise ConfigurationError(
-                f"--check: the FMU holds no library for {here}; python -m "
-                "damperfit.exporting.fmu_build builds it"
+                f"the FMU holds no library for {here}; python -m "
+                "damperfit.exporting.fmu_build builds it",
+                where=Option("check"),
             )
         self.library = ct.CDLL(str(path))
         self.library.fmi3InstantiateCoSimulation.restype = ct.c_void_p

@@ -18,8 +18,9 @@ from datetime import UTC, datetime
 from functools import cache, lru_cache
 from importlib import metadata, resources
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
+from damperfit import __version__
 from damperfit.damper.network import BODY_NUMBERS
 from damperfit.damper.purdy.parameters import Damper
 from damperfit.damper.valve_dampers import ValveDamper
@@ -29,9 +30,9 @@ from damperfit.exporting.fmu_description import (
     STATES,
     Number,
     descriptions,
-    rendered,
 )
 from damperfit.exporting.header import determined_line, taken_out, tested_range
+from damperfit.exporting.writers import rendered
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -65,6 +66,14 @@ _TOLERANCE_OF_VALVES = 0.03
 # What is the rig's, in the order of reading.c: by the name of its quantity.
 _RIG = ("k_s", "play", "f_0", "lag", "moving_mass")
 _RIG_NUMBERS = ("series_stiffness", "play")  # of them those that the core has among its numbers
+# Geometry and oil, in the order of reading.c.
+_OF_PAPER = (
+    *("annulus_area", "piston_area", "rod_area", "chamber_1_volume", "chamber_2_volume"),
+    *("gas_volume", "oil_density"),
+)
+_OF_VALVES = (
+    *("annulus_area", "piston_area", "chamber_1_volume", "chamber_2_volume", "oil_density"),
+)
 _LONGEST = 400  # letters of a string that every C compiler takes
 _COMMENT = re.compile(rb"[ \t]*/\*.*?\*/", re.DOTALL)
 _DOCUMENTED = (0.005, 0.025, 0.05, 0.13, 0.25)  # m/s: forces on the page
@@ -136,8 +145,8 @@ def exported_damper(run: ExportedRun) -> ExportedDamper:
         [getattr(one.values, name) if name in one.values.names else 0.0 for name in _RIG]
         for one in run.settings
     ]
-    tolerance = max(run.solver.tolerance, _TOLERANCE_OF_VALVES if is_of_valves else 0.0)
-    tested = run.tested
+    tolerance = max(run.run.solver.tolerance, _TOLERANCE_OF_VALVES if is_of_valves else 0.0)
+    tested = run.run.tested
     lines = [
         *_head(run, damper, columns),
         f"solver {tolerance!r} {_MAX_STEPS}",
@@ -185,29 +194,12 @@ def _value(damper: Damper | ValveDamper, values: Values, name: str) -> float:
 
 
 def _head(run: ExportedRun, damper: Damper | ValveDamper, columns: Sequence[str]) -> list[str]:
+    air = damper.rod_area * damper.ambient_pressure
     if isinstance(damper, Damper):
-        geometry = (
-            damper.annulus_area,
-            damper.piston_area,
-            damper.rod_area,
-            damper.chamber_1_volume,
-            damper.chamber_2_volume,
-            damper.gas_volume,
-            damper.oil_density,
-            damper.rod_area * damper.ambient_pressure,
-        )
-        return [f"purdy {_joined(geometry)}"]
+        return [f"purdy {_joined([*(getattr(damper, name) for name in _OF_PAPER), air])}"]
     network = damper.network
     place = {"": -1} | {name: k for k, name in enumerate(columns)}
-    body = (
-        damper.annulus_area,
-        damper.piston_area,
-        damper.chamber_1_volume,
-        damper.chamber_2_volume,
-        damper.oil_density,
-        damper.rod_area * network.ambient_pressure,
-        run.solver.rounding,
-    )
+    body = [*(getattr(damper, name) for name in _OF_VALVES), air, run.run.solver.rounding]
     counts = (int(network.has_floating_piston), len(network.passages), len(columns))
     rows = (
         (one.start, one.end, *(place[name] for name in one.numbers), int(one.is_two_way))
@@ -291,15 +283,17 @@ def _documentation(run: ExportedRun, damper: ExportedDamper, tables: Sequence[Fo
     ]
     return rendered(
         "index.html",
-        run=run,
+        run=run.run,
+        model=run.damper,
+        version=__version__,
         damper=damper,
         rows=rows,
         speeds=[f"{sign * v:+g}" for v in _DOCUMENTED for sign in (1.0, -1.0)],
-        tested=tested_range(run.tested),
+        tested=tested_range(run.run.tested),
         taken_out=taken_out(run),
         determined=determined_line(tables),
         band=f"{1e3 * FRICTION_BAND:g}",
-    )
+    ).encode("utf-8", "xmlcharrefreplace")
 
 
 def _bare(code: bytes) -> bytes:
@@ -338,21 +332,8 @@ def _licence() -> bytes:
     return b"MIT License: https://opensource.org/license/mit\n"
 
 
-@dataclass(frozen=True, slots=True)
-class Platform:
-    """Where a library runs.
-
-    Attributes
-    ----------
-    name : str
-        As FMI 3.0 has it, and as the folder of its library is called.
-    fmi2 : str
-        As FMI 2.0 has it; empty: unknown there.
-    suffix : str
-        Of its library.
-    zig : str
-        Its name to the Zig compiler.
-    """
+class Platform(NamedTuple):
+    """Where a library runs: its names in FMI 3.0 and 2.0 (empty: unknown there) and to Zig."""
 
     name: str
     fmi2: str

@@ -76,7 +76,7 @@ def build(platform: Platform) -> Path:
             (folder / DIGEST).write_text(sources_digest(), encoding="ascii")
         except OSError as error:
             raise OutputError(
-                f"{folder}: {error.strerror}; run this as whoever installed damperfit"
+                f"{error.strerror}; run this as whoever installed damperfit", subject=folder
             ) from error
     return folder / platform.library
 

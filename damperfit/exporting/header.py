@@ -9,18 +9,19 @@ import math
 from itertools import groupby
 from typing import TYPE_CHECKING
 
+from damperfit import __version__
 from damperfit.damper.mounting import NONE
 from damperfit.damper.quantity import RIG
 from damperfit.exporting.tables import road_misses
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Iterator, Sequence
 
-    from damperfit.exporting.source import ExportedRun, Tested
+    from damperfit.exporting.source import ExportedRun
     from damperfit.exporting.tables import ForceTable, RoadMiss
+    from damperfit.results import Tested
 
 __all__ = [
-    "commented",
     "determined_line",
     "gas_line",
     "header_lines",
@@ -64,10 +65,10 @@ def _lines(
     run: ExportedRun, tables: Sequence[ForceTable], sign: str, gas: str, *, has_table: bool
 ) -> Iterator[str]:
     settings = ", ".join(str(one.setting) for one in tables)
-    yield f"damperfit {run.version}: {run.name}, setting {settings}"
-    yield "identity: " + ("; ".join(f"{k} {v}" for k, v in run.identity.items()) or "not named")
+    yield f"damperfit {__version__}: {run.run.name}, setting {settings}"
+    yield "identity: " + ("; ".join(f"{k} {v}" for k, v in run.run.identity.items()) or "not named")
     yield f"model: {run.damper.sentence}"
-    yield f"tested: {tested_range(run.tested)}"
+    yield f"tested: {tested_range(run.run.tested)}"
     yield f"MSE of the fit: {_mse(tables)}"
     if has_table:
         yield "table: force of the damper alone at constant speed, in the middle of the stroke"
@@ -78,7 +79,7 @@ def _lines(
         yield road_line(run, tables)
     yield f"gas: {gas}"
     yield f"sign: {sign}"
-    yield f"results: sha256 {run.digest or 'not known'}"
+    yield f"results: sha256 {run.run.digest or 'not known'}"
 
 
 def tested_range(tested: Tested) -> str:
@@ -100,11 +101,6 @@ def tested_range(tested: Tested) -> str:
 def one_line(text: str) -> str:
     """Return text that ends no comment and holds no control characters."""
     return "".join(letter if letter.isprintable() else " " for letter in text)
-
-
-def commented(lines: Iterable[str], mark: str) -> str:
-    """Return lines as comments, each ended."""
-    return "".join(f"{mark} {line}".rstrip() + "\n" for line in lines)
 
 
 def taken_out(run: ExportedRun) -> str:

@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -32,7 +32,8 @@ if TYPE_CHECKING:
 
     from damperfit.damper.model import Model, Values
     from damperfit.damper.quasi_static import QuasiStatic
-    from damperfit.exporting.source import ExportedRun, ExportedSetting
+    from damperfit.exporting.source import ExportedRun
+    from damperfit.results import SettingResult
     from damperfit.simulation import SolverOptions
     from damperfit.tested.setting import Setting
 
@@ -117,6 +118,11 @@ class ForceTable:
             return "untested"
         return "tested" if abs(speed) <= self.determined * (1.0 + 1e-9) else "not determined"
 
+    def rows(self, side: float = 1.0) -> list[tuple[float, float]]:
+        """Return speeds and forces, rising; with side -1 those of bump are positive."""
+        pairs = zip(side * self.speeds, side * self.forces, strict=True)
+        return sorted((float(v) + 0.0, float(force) + 0.0) for v, force in pairs)
+
     def said_at(self, speed: float) -> str:
         """Return a force with its 95 % interval in words; nothing beyond the table."""
         if abs(speed) > self.end:
@@ -130,18 +136,10 @@ class ForceTable:
         return np.asarray(np.interp(displacement, self.gas_displacements, self.gas_forces))
 
 
-@dataclass(frozen=True, slots=True)
-class RoadMiss:
-    """Force of a table less that of the whole model on a road.
+class RoadMiss(NamedTuple):
+    """Force of a table less the model's on a road on which the damper reaches `speed`, m/s.
 
-    Attributes
-    ----------
-    speed : float
-        Highest speed of the damper on it, m/s.
-    rms : float
-        N.
-    percent : float
-        Mean square over the variance of the model's force, as an MSE.
+    `rms` in N; `percent` is its mean square over the variance of the model's force, as an MSE.
     """
 
     speed: float
@@ -173,7 +171,7 @@ def force_tables(
     SimulationError
         The model cannot be simulated.
     """
-    tested = [_rounded_down(one.speed or run.motion.peak_speed) for one in run.settings]
+    tested = [_rounded_down(run.tested_speed(one.setting)) for one in run.settings]
     if max(tested) < 1.02 * min(tested):  # the same test, but for noise
         tested = [min(tested)] * len(tested)
     curves = [_Curve(run, one) for one in run.settings]
@@ -226,7 +224,7 @@ def _check_extension(extend: float, rows: Sequence[ForceTable]) -> None:
 class _Curve:
     """The characteristic of one setting at any speeds, each of them asked for once."""
 
-    def __init__(self, run: ExportedRun, setting: ExportedSetting) -> None:
+    def __init__(self, run: ExportedRun, setting: SettingResult) -> None:
         self.run, self.of = run, setting
         rest = self.at(np.zeros(1), setting.values)
         self.tare, self.level = rest.tare, float(rest.forces[0]) - rest.tare
@@ -248,17 +246,18 @@ class _Curve:
 
         Of a quantity without a limit the force is taken at the ends between which it may be.
         """
-        names, values = self.of.uncertain, self.of.values
-        found = self.at(speeds, values, names)
-        covariance = self.of.covariance
+        values, covariance = self.of.values, self.of.covariance
+        names = () if covariance is None else (*self.of.own, *self.of.shared)
+        kept = [k for k, name in enumerate(names) if name in values.names]
+        covariance = np.zeros((0, 0)) if covariance is None else covariance[np.ix_(kept, kept)]
+        found = self.at(speeds, values, [names[k] for k in kept])
         down = _NORMAL**2 * np.einsum("in,ij,jn->n", found.slopes, covariance, found.slopes)
         up = down.copy()
-        for name, ends in self.of.unlimited.items():
-            low, high = values.quantity(name).plausible
+        for name in self.of.unlimited:
+            least, most = values.quantity(name).plausible
+            ends = (max(self.of.intervals[name][0] or 0.0, least), most)
             moved = [
-                self.at(speeds, values.replace({name: min(max(end, low), high)})).forces
-                - found.forces
-                for end in ends
+                self.at(speeds, values.replace({name: end})).forces - found.forces for end in ends
             ]
             down += np.minimum(np.minimum(*moved), 0.0) ** 2
             up += np.maximum(np.maximum(*moved), 0.0) ** 2
@@ -320,7 +319,7 @@ def _table(run: ExportedRun, curve: _Curve, tested: float, grid: FloatArray) -> 
     is_wide = np.maximum(down, up) > allowed
     wide = set(np.abs(grid[is_wide]).tolist())
     good = [v for v in np.abs(grid[inside]).tolist() if v not in wide]
-    stroke, values = run.motion.amplitude, curve.of.values
+    stroke, values = run.run.motion.amplitude, curve.of.values
     x = np.linspace(-stroke, stroke, _GAS_POINTS)
     gas = run.damper.rest_force(x)
     tare = sum(getattr(values, one.name) for one in values.quantities if one.is_offset)
@@ -340,7 +339,7 @@ def _table(run: ExportedRun, curve: _Curve, tested: float, grid: FloatArray) -> 
         np.zeros(1) if gas is None else x,
         np.array([curve.level]) if gas is None else gas,
         gas is not None,
-        len(curve.of.uncertain) > 0,
+        curve.of.covariance is not None,
     )
 
 
@@ -392,7 +391,7 @@ def road_misses(run: ExportedRun, table: ForceTable) -> tuple[RoadMiss, ...]:
     misses = []
     for speed in _ROAD_SPEEDS if is_reached else [share * table.end for share in _SLOWER]:
         scale = min(speed / top, table.stroke / widest)
-        force = _on_road(damper, bare, scale, run.solver)[first:]
+        force = _on_road(damper, bare, scale, run.run.solver)[first:]
         x, v = scale * road.displacement[first:], scale * road.velocity[first:]
         miss = np.interp(v, table.speeds, table.forces) + table.at_rest(x) - force
         square = float(np.mean(miss * miss))

@@ -1,19 +1,20 @@
-"""The targets of ``damperfit export``, a line each, and the writing of what they hold."""
+"""The targets of ``damperfit export``: entries of ``targets.toml``, and what makes them."""
 
 from __future__ import annotations
 
+import tomllib
 from dataclasses import dataclass
 from functools import partial
+from importlib import resources
 from typing import TYPE_CHECKING
 
-from damperfit.damper.purdy.parameters import Damper
 from damperfit.errors import ConfigurationError, did_you_mean
-from damperfit.exporting import text_tables as text
 from damperfit.exporting.fmu import missing_platforms, write_fmu
 from damperfit.exporting.header import determined_line, road_line
-from damperfit.exporting.modelica import modelica
+from damperfit.exporting.spreadsheets import csv_files, write_xlsx
 from damperfit.exporting.tables import force_tables
-from damperfit.exporting.workbook import TABLE_NAMES, write_xlsx
+from damperfit.exporting.writers import matlab_files, modelica, text_of
+from damperfit.problem import Option
 from damperfit.units.shown_units import SI, ShownUnits
 
 if TYPE_CHECKING:
@@ -82,32 +83,19 @@ class Target:
     ----------
     name : str
         As on the command line.
-    title : str
-        What it is, in a few words.
+    title, units, sign, place : str
+        For people: what it is, its units of speed and force, what is positive, where it goes.
     file : str
         Pattern of its files' names: ``{stem}.csv``, or ``{stem}_s{setting}.dpr`` for one a setting;
         several with a comma between.
-    units : str
-        Of speed and force, or "SI".
-    sign : str
-        What is positive, in words.
-    place : str
-        Where it goes, for people.
-    write : callable
-        Makes of run, tables and options the text of a file, which holds one table or all, or the
-        bytes of several files by name.
-    encoding : str
-        Of text; what it cannot hold becomes a question mark.
-    notes : callable
-        What to say when it was written, a sentence each.
+    template, encoding : str
+        Of a text that a template makes; what the encoding cannot hold becomes a question mark.
     has_table : bool
         It holds force by speed.
-    physics_of : tuple of type
+    physics_of : sequence of str
         Models whose own equations it holds instead.
-    takes : tuple of str
+    takes : sequence of str
         Options that only some targets heed: "units", "decimal".
-    beside : tuple of str
-        Patterns of files that are written as far as the results hold what goes into them.
     """
 
     name: str
@@ -116,22 +104,15 @@ class Target:
     units: str
     sign: str
     place: str
-    write: Callable[[ExportedRun, Sequence[ForceTable], ExportOptions], str | Mapping[str, bytes]]
+    template: str = ""
     encoding: str = "utf-8"
-    notes: Callable[[], tuple[str, ...]] = tuple
     has_table: bool = True
-    physics_of: tuple[type[Model], ...] = ()
-    takes: tuple[str, ...] = ()
-    beside: tuple[str, ...] = ()
+    physics_of: Sequence[str] = ()
+    takes: Sequence[str] = ()
 
     def has_table_of(self, damper: Model) -> bool:
         """Whether the file of this damper holds a table."""
-        return self.has_table and not isinstance(damper, self.physics_of)
-
-    @property
-    def suffixes(self) -> tuple[str, ...]:
-        """Of its files, with the dot."""
-        return tuple("." + one.rpartition(".")[2] for one in self.file.split(", "))
+        return self.has_table and damper.name not in self.physics_of
 
     def place_of(self, out: Path) -> tuple[Path, str]:
         """Return the folder to write to, and what the files' names begin with.
@@ -148,10 +129,12 @@ class Target:
         """
         if not out.suffix or out.is_dir():
             return out, "damper"
-        if out.suffix.lower() not in self.suffixes:
+        suffixes = ["." + one.rpartition(".")[2] for one in self.file.split(", ")]
+        if out.suffix.lower() not in suffixes:
             raise ConfigurationError(
-                f"--out {out}: {self.name} writes {' and '.join(self.suffixes)} files; give a "
-                "name that ends so, or a folder"
+                f"{self.name} writes {' and '.join(suffixes)} files; give a "
+                "name that ends so, or a folder",
+                where=Option("out", out),
             )
         return out.parent, out.stem
 
@@ -174,150 +157,43 @@ class Target:
         tables = force_tables(
             run, extend=options.extend, common=not is_one_each, whole=not has_table
         )
+        write = text_of(self.template) if self.template else _WRITERS[self.name]
         files: dict[str, bytes] = {}
         for group in [(one,) for one in tables] if is_one_each else [tables]:
-            made = self.write(run, group, options)
+            made = write(run, group, options)
             if isinstance(made, str):
                 name = self.file.format(stem=options.stem, setting=group[0].slug)
                 lost = "xmlcharrefreplace" if made.startswith("<?xml") else "replace"
                 made = {name: made.encode(self.encoding, lost)}
             files |= made
+        fmi = {"fmu2": 2, "fmu3": 3}.get(self.name)
         return Export(
             files,
             tables,
             road_line(run, tables) if has_table else "",
             determined_line(tables),
-            (*run.notes, *self.notes()),
+            (*run.notes, *(missing_platforms(fmi) if fmi else ())),
         )
 
 
-_REBOUND = "rebound is positive, and so is its force"
-_ROD_OUT = "rebound (rod out) is positive, and so is the force that resists it"
-
-# By name; a new target is a function and a line here.
+# What no template makes.
+_WRITERS: Mapping[
+    str,
+    Callable[[ExportedRun, Sequence[ForceTable], ExportOptions], str | Mapping[str, bytes]],
+] = {
+    "csv": csv_files,
+    "xlsx": write_xlsx,
+    "matlab": matlab_files,
+    "modelica": modelica,
+    "fmu2": partial(write_fmu, version=2),
+    "fmu3": partial(write_fmu, version=3),
+}
+# By name; a new target is a template and an entry there.
 TARGETS: Mapping[str, Target] = {
-    one.name: one
-    for one in (
-        Target(
-            "csv",
-            "table of force by setting and speed, and the tables of the results",
-            "{stem}.csv",
-            "m/s, N",
-            _REBOUND,
-            "a spreadsheet, a script",
-            text.csv_files,
-            takes=("units", "decimal"),
-            beside=("{stem}_about.txt", *(f"{{stem}}_{name}.csv" for name in TABLE_NAMES)),
-        ),
-        Target(
-            "xlsx",
-            "workbook, one sheet a table, with units and frozen headings",
-            "{stem}.xlsx",
-            "m/s, N",
-            _REBOUND,
-            "Excel, LibreOffice",
-            write_xlsx,
-            takes=("units",),
-        ),
-        Target(
-            "combitable",
-            "text file of CombiTable1D and CombiTable2D, all settings",
-            "{stem}.txt",
-            "m/s, N",
-            _REBOUND,
-            "Modelica.Blocks.Tables, tableOnFile; smoothness linear, extrapolation lastTwoPoints",
-            text.combitable,
-        ),
-        Target(
-            "modelica",
-            "model without libraries: the paper's physics, for other models the table",
-            "{stem}.mo",
-            "m, m/s, N",
-            "rebound (tension) is positive, and so is its force",
-            "any Modelica tool; setting counts the settings from 1",
-            modelica,
-            physics_of=(Damper,),
-        ),
-        Target(
-            "adams",
-            "Adams/Car damper property file, TeimOrbit; MotionView reads it too",
-            "{stem}_s{setting}.dpr",
-            "mm/s, N",
-            _REBOUND,
-            "dampers.tbl of a database",
-            text.adams_dpr,
-            "ascii",
-        ),
-        Target(
-            "adams-xml",
-            "Adams/Car damper property file, XML, with the gas force as constant preload",
-            "{stem}_s{setting}.xml",
-            "mm/s, N",
-            _REBOUND,
-            "dampers.tbl of a database",
-            text.adams_xml,
-            "iso-8859-1",
-        ),
-        Target(
-            "carmaker",
-            "CarMaker Infofile, Damp_Push and Damp_Pull",
-            "{stem}_s{setting}.txt",
-            "m/s, N",
-            "both tables without sign; Push is bump, Pull is rebound",
-            "the vehicle's Infofile, for SuspF or SuspR",
-            text.carmaker,
-        ),
-        Target(
-            "carsim",
-            "CarSim and TruckSim block FD_TABLE",
-            "{stem}_s{setting}.par",
-            "mm/s, N",
-            "COMPRESSION is positive, and so is its force",
-            "the shock absorber's data set, pasted",
-            text.carsim,
-            "ascii",
-        ),
-        Target(
-            "matlab",
-            "MATLAB and Octave script and data file, velocity by setting",
-            "{stem}.m, {stem}.mat",
-            "m/s, N",
-            _REBOUND,
-            "the path; breakpoints and table of a 2-D Lookup Table",
-            text.matlab_files,
-        ),
-        Target(
-            "chrono",
-            "Chrono YAML, damping_curve_data of a TSDA",
-            "{stem}_s{setting}.yaml",
-            "m/s, N",
-            "rebound is positive, and so is the curve; Chrono applies it with a minus",
-            "tsdas of a model, with bodies and points added",
-            text.chrono,
-        ),
-        Target(
-            "fmu2",
-            "FMU of FMI 2.0, co-simulation and model exchange, all settings",
-            "{stem}.fmu",
-            "SI",
-            _ROD_OUT,
-            "any vehicle simulator; inputs displacement and velocity",
-            partial(write_fmu, version=2),
-            has_table=False,
-            notes=partial(missing_platforms, 2),
-        ),
-        Target(
-            "fmu3",
-            "FMU of FMI 3.0, co-simulation and model exchange, all settings",
-            "{stem}.fmu",
-            "SI",
-            _ROD_OUT,
-            "simulators that know FMI 3.0; inputs displacement and velocity",
-            partial(write_fmu, version=3),
-            has_table=False,
-            notes=partial(missing_platforms, 3),
-        ),
-    )
+    name: Target(name, **entry)
+    for name, entry in tomllib.loads(
+        resources.files("damperfit.exporting").joinpath("targets.toml").read_text("utf-8")
+    ).items()
 }
 
 
@@ -331,7 +207,8 @@ def find_target(name: str) -> Target:
     """
     if name not in TARGETS:
         raise ConfigurationError(
-            f"--to {name}: expected one of {', '.join(TARGETS)}.{did_you_mean(name, TARGETS)} "
-            "damperfit export --list shows them"
+            f"expected one of {', '.join(TARGETS)}.{did_you_mean(name, TARGETS)} "
+            "damperfit export --list shows them",
+            where=Option("to", name),
         )
     return TARGETS[name]

@@ -109,7 +109,7 @@ def write_part(
         with replaced(path) as file:
             pq.write_table(table, file, write_page_checksum=True)
     except OSError as error:
-        raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from error
+        raise OutputError(f"cannot be written: {error.strerror or error}", subject=path) from error
 
 
 def forget_earlier(folder: Path) -> None:
@@ -184,7 +184,8 @@ def _tables(folder: Path) -> Iterator[pa.Table]:
             table = pq.ParquetFile(path, page_checksum_verification=True).read()
         except (OSError, pa.ArrowInvalid) as error:
             raise ConfigurationError(
-                f"{path}: damaged ({error}); remove it, and the next damperfit fleet makes it again"
+                f"damaged ({error}); remove it, and the next damperfit fleet makes it again",
+                subject=path,
             ) from error
         yield table.replace_schema_metadata(None).add_column(
             0, SERIAL, pa.array([owner_in(path)] * table.num_rows, pa.string())
@@ -209,7 +210,7 @@ def collect(folder: Path) -> pa.Table:
     tables: Sequence[pa.Table] = list(_tables(folder))
     if not tables:
         raise ConfigurationError(
-            f"{folder}: no parts of a fleet there; run damperfit fleet LOGS first"
+            "no parts of a fleet there; run damperfit fleet LOGS first", subject=folder
         )
     table = pa.concat_tables(tables, promote_options="default").combine_chunks()
     with file_set(folder) as files:

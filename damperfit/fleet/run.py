@@ -39,6 +39,7 @@ from damperfit.fleet.sources import (
     recognised,
 )
 from damperfit.io import TestsTable, is_tests_table, read_tests
+from damperfit.problem import Option
 from damperfit.queries.baseline import compared_record
 from damperfit.recording import natural_order
 from damperfit.run.labelling import labels_for
@@ -141,7 +142,8 @@ def share_of(text: str) -> Share:
     number, of = (int(part) for part in found.groups()) if found else (0, 0)
     if not 1 <= number <= of:
         raise ConfigurationError(
-            f"--part {text}: expected I/N with I from 1 to N, such as 3/100 for the third of 100"
+            "expected I/N with I from 1 to N, such as 3/100 for the third of 100",
+            where=Option("part", text),
         )
     return Share(number, of)
 

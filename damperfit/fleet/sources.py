@@ -85,7 +85,7 @@ def _file_system(root: str) -> Any:
     try:
         store = fs.FileSystem.from_uri(root)[0]
     except Exception as error:
-        raise ConfigurationError(f"{root}: no such store: {error}") from error
+        raise ConfigurationError(f"no such store: {error}", subject=root) from error
     return _with_patience(store)
 
 
@@ -167,8 +167,9 @@ def _whole_list(store: Any, wanted: Any, address: str) -> Any:
         return _in_time(lambda: store.get_file_info(wanted), _LISTED)
     except _NoAnswerError:
         raise UnreachableError(
-            f"{address}: the list of its objects was not complete within {_LISTED:g} s; "
-            "give the folders in it one by one"
+            f"the list of its objects was not complete within {_LISTED:g} s; "
+            "give the folders in it one by one",
+            subject=address,
         ) from None
 
 
@@ -255,7 +256,7 @@ def _patiently(act: Callable[[], Any], address: str, *, is_long: bool = False) -
         except OSError as error:
             if k + 1 == _TRIES:
                 raise UnreachableError(
-                    f"{address}: cannot be fetched, tried {_TRIES} times: {error}"
+                    f"cannot be fetched, tried {_TRIES} times: {error}", subject=address
                 ) from error
             time.sleep(_PAUSE * 2**k)
     raise AssertionError
@@ -379,7 +380,7 @@ def find_sources(wanted: Iterable[str]) -> tuple[FleetLog, ...]:
         else:
             sources = _below(own, common or own)
         if not sources:
-            raise ConfigurationError(f"{text}: no log in it; expected files such as {_SHOWN}")
+            raise ConfigurationError(f"no log in it; expected files such as {_SHOWN}", subject=text)
         for one in sources:
             found.setdefault(one.place, one)
     if not found and not files:
@@ -404,7 +405,9 @@ def _common(folders: Sequence[Path]) -> Path | None:
 
 def _below(folder: Path, root: Path) -> list[FleetLog]:
     def refuse(error: OSError) -> None:
-        raise ConfigurationError(f"{error.filename}: cannot be read: {error.strerror}") from error
+        raise ConfigurationError(
+            f"cannot be read: {error.strerror}", subject=error.filename
+        ) from error
 
     files = (
         Path(place, name)

@@ -17,6 +17,7 @@ import numpy as np
 from damperfit.comparison import Point
 from damperfit.errors import ConfigurationError
 from damperfit.fleet.parts import SERIAL, SYMBOL
+from damperfit.problem import Option
 from damperfit.simulation.characteristics import NAMED_SPEEDS
 from damperfit.tables import PAPER_QUANTITIES
 from damperfit.tested.setting import Setting, parse_place
@@ -551,6 +552,7 @@ def _unseen(name: str, setting: str, wanted: Nominal, reason: str) -> Point:
 def _refuse_speed(speed: float, source: str) -> None:
     if not any(abs(one - speed) <= _NEAR for one in NAMED_SPEEDS):
         raise ConfigurationError(
-            f"--tolerance {source}: a fleet has no forces at {speed:g} m/s; expected its named "
-            f"speeds, {', '.join(f'{one:g}' for one in NAMED_SPEEDS)} m/s"
+            f"a fleet has no forces at {speed:g} m/s; expected its named "
+            f"speeds, {', '.join(f'{one:g}' for one in NAMED_SPEEDS)} m/s",
+            where=Option("tolerance", source),
         )

@@ -253,8 +253,9 @@ def _by_setting(traces: Sequence[Trace]) -> dict[Setting, tuple[Trace, ...]]:
     for trace in traces:
         if trace.setting is None:
             raise LogError(
-                f"{trace.name}: the setting is not known; write '# setting: N' into the log, "
-                "name it setting_N, or give --setting N."
+                "the setting is not known; write '# setting: N' into the log, "
+                "name it setting_N, or give --setting N.",
+                subject=trace.name,
             )
         groups[Setting.of(trace.setting)].append(trace)
     return {setting: tuple(sorted(groups[setting], key=_by_name)) for setting in sorted(groups)}

@@ -3,7 +3,7 @@
 Where the speed jumps, as at the corners of a triangle, the force of some milliseconds follows from
 the microns and microseconds of the turn, which no sensor tells: noise of a few um there bent R_m3
 of two triangles. These samples are simulated, shown and in every MSE, but the fit takes no notice
-of them, unless the motion is straight on both sides (`damperfit.conditioning.straight`).
+of them, unless the motion is straight on both sides (`damperfit.conditioning.drive`).
 """
 
 from __future__ import annotations

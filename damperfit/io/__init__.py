@@ -70,9 +70,10 @@ def read_logs(
         if not holds_curves(tables, options):
             raise
         raise TimelessError(
-            f"{source.name}: speed and force without time, and a fit needs force and displacement "
+            f"speed and force without time, and a fit needs force and displacement "
             f"over time; damperfit inspect shows the curves, damperfit settings {source.name} "
-            "finds a force among them"
+            "finds a force among them",
+            subject=source.name,
         ) from error
 
 
@@ -123,7 +124,7 @@ def read_log(path: str | os.PathLike[str], options: ReadOptions = _DEFAULTS) -> 
     recordings = read_logs(path, options)
     if len(recordings) != 1:
         name = recordings[0].name.removesuffix(" part 1")
-        raise LogError(f"{name}: holds {len(recordings)} tests; read_logs gives them all")
+        raise LogError(f"holds {len(recordings)} tests; read_logs gives them all", subject=name)
     return recordings[0]
 
 

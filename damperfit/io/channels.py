@@ -186,7 +186,7 @@ def choose_channels(
     if lost:
         problems.insert(0, _missing(lost, columns, hint))
     if problems:
-        raise LogError(f"{where}: {joined_problems(problems)}")
+        raise LogError(f"{joined_problems(problems)}", subject=where)
     for name in options.adjusters:
         columns_of = [i for i, column in enumerate(columns) if _is_named(column, name)]
         if name not in chosen and len(columns_of) == 1:
@@ -217,8 +217,9 @@ def unit_of_channel(
     if choice.unit is None:
         first = units_of(CHANNELS[channel])[0]
         raise LogError(
-            f"{where}: column {choice.name} has no unit of {channel}; write it into the name or "
-            f"declare it in rig.units (--rig units.{channel}={first})"
+            f"column {choice.name} has no unit of {channel}; write it into the name or "
+            f"declare it in rig.units (--rig units.{channel}={first})",
+            subject=where,
         )
     return choice.unit
 
@@ -252,16 +253,16 @@ def _declared_index(
     if isinstance(declared, int):
         if not 1 <= declared <= len(columns):
             raise LogError(
-                f"{where}: {channel} is declared as column {declared}, "
-                f"but there are {len(columns)} columns"
+                f"{channel} is declared as column {declared}, but there are {len(columns)} columns",
+                subject=where,
             )
         return declared - 1
     found = [i for i, column in enumerate(columns) if column.name == declared.strip()]
     if not found:
         hint = did_you_mean(declared, [column.name for column in columns])
         raise LogError(
-            f"{where}: no column {visible(declared)} for {channel}; "
-            f"there are {_listed(columns)}.{hint}"
+            f"no column {visible(declared)} for {channel}; there are {_listed(columns)}.{hint}",
+            subject=where,
         )
     if len(found) > 1:
         raise LogError(_duplicate(channel, found, columns, where))
@@ -296,7 +297,9 @@ def _found_index(
     names = " or ".join(_label(i, columns[i]) for i in found)
     if channel in EXTRAS:
         return None, f"{channel}: left out; it could be column {names}: declare which"
-    raise LogError(f"{where}: {channel} could be column {names}; declare which in rig.columns")
+    raise LogError(
+        f"{channel} could be column {names}; declare which in rig.columns", subject=where
+    )
 
 
 def _candidates(channel: str, columns: Sequence[Column]) -> list[tuple[bool, int, int]]:
@@ -355,7 +358,9 @@ def _with_unit(
     dimension = CHANNELS[channel]
     if column.is_clock:
         if channel != "time":
-            raise LogError(f"{where}: column {name} holds times of day, declared as {channel}")
+            raise LogError(
+                f"column {name} holds times of day, declared as {channel}", subject=where
+            )
         note = f"time: wall clock in column {name}"
         return ChannelChoice(index, name, find_unit("s", dimension), note)
     inside = split_name(column.name)[1]
@@ -370,9 +375,10 @@ def _with_unit(
         if channel in EXTRAS:
             return ChannelChoice(index, name, None, f"{channel}: left out; it has no unit")
         raise LogError(
-            f"{where}: column {name} has no unit, needed for {channel}; write it into the name, "
+            f"column {name} has no unit, needed for {channel}; write it into the name, "
             f"as in {channel}_{units_of(dimension)[0]}, or declare it in rig.units "
-            f"(--rig units.{channel}={units_of(dimension)[0]})"
+            f"(--rig units.{channel}={units_of(dimension)[0]})",
+            subject=where,
         )
     try:
         return ChannelChoice(index, name, find_unit(found, dimension))
@@ -381,4 +387,4 @@ def _with_unit(
             return ChannelChoice(index, name, None, f"velocity: left out; column {name}: {error}")
         volts = _is_in(found, "voltage")
         advice = f" For volts declare rig.scales and the unit in rig.units of the {channel}."
-        raise LogError(f"{where}: column {name}: {error}{advice * volts}") from error
+        raise LogError(f"column {name}: {error}{advice * volts}", subject=where) from error

@@ -201,7 +201,7 @@ def ask_child(reader: ChildReader, source: Source, options: ReadOptions) -> Chil
         else:
             child.end()
         if outcome.is_judged or outcome.is_late or not child.is_worn:
-            raise LogError(f"{source.name}: {_reason(outcome, reader.reads, child.seconds)}")
+            raise LogError(f"{_reason(outcome, reader.reads, child.seconds)}", subject=source.name)
 
 
 @dataclass(frozen=True, slots=True)

@@ -166,7 +166,7 @@ def _head(data: bytes, n_lines: int, name: str, first_line: int) -> list[HeadLin
         if text.strip():
             lines.append(HeadLine(number, found.start(), text))
     if not lines:
-        raise LogError(f"{name}: nothing but blank lines")
+        raise LogError("nothing but blank lines", subject=name)
     return lines
 
 

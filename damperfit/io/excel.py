@@ -122,9 +122,11 @@ def _check_archive(source: Source, options: ReadOptions) -> None:
     with refusing_damage("ZIP archive", name=name), opened(io.BytesIO(source.data)) as archive:
         members = archive.infolist()
         if not any(member.filename.startswith("xl/workbook") for member in members):
-            raise LogError(f"{name}: {_other_archive([member.filename for member in members])}")
+            raise LogError(
+                f"{_other_archive([member.filename for member in members])}", subject=name
+            )
         if len(members) > _MAX_MEMBERS:
-            raise LogError(f"{name}: {len(members)} members, expected a workbook of few")
+            raise LogError(f"{len(members)} members, expected a workbook of few", subject=name)
         claimed = sum(member.file_size for member in members)
         check_size(claimed, limit=options.max_bytes, what="the workbook", name=name)
 

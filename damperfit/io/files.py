@@ -85,14 +85,14 @@ def read_source(path: str | os.PathLike[str], *, max_bytes: int) -> Source:
         if Path(path).is_symlink():
             there = _one_line(str(Path(path).readlink()))
             raise LogError(
-                f"{shown}: a link to {there}, which is not there; link it again, or remove it"
+                f"a link to {there}, which is not there; link it again, or remove it", subject=shown
             ) from error
-        raise LogError(f"{shown}: no such file") from error
+        raise LogError("no such file", subject=shown) from error
     except IsADirectoryError as error:
-        raise LogError(f"{shown}: is a folder; name the logs in it") from error
+        raise LogError("is a folder; name the logs in it", subject=shown) from error
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
-        raise LogError(f"{shown}: file unreadable: {reason}") from error
+        raise LogError(f"file unreadable: {reason}", subject=shown) from error
     return Source(name, shown, data, _hashed(data))
 
 
@@ -122,13 +122,15 @@ def _one_line(text: str) -> str:
 def _content(file: FileIO, shown: str, max_bytes: int) -> bytes:
     before = os.fstat(file.fileno())
     if stat.S_ISDIR(before.st_mode):
-        raise LogError(f"{shown}: is a folder; name the logs in it")
+        raise LogError("is a folder; name the logs in it", subject=shown)
     if not stat.S_ISREG(before.st_mode):
-        raise LogError(f"{shown}: is not a regular file (a pipe or device); give a file on disk")
+        raise LogError(
+            "is not a regular file (a pipe or device); give a file on disk", subject=shown
+        )
     if before.st_size > max_bytes:
         raise LogError(
-            f"{shown}: {before.st_size} bytes, more than the limit of {max_bytes} "
-            "(rig.max_log_bytes)"
+            f"{before.st_size} bytes, more than the limit of {max_bytes} (rig.max_log_bytes)",
+            subject=shown,
         )
     # A file that says it is empty may not be (/proc); one byte more shows a file that grows.
     data = _read_up_to(file, min(before.st_size, max_bytes) + 1)
@@ -137,9 +139,9 @@ def _content(file: FileIO, shown: str, max_bytes: int) -> bytes:
         after.st_size,
         after.st_mtime_ns,
     ):
-        raise LogError(f"{shown}: file changed during read; wait until the rig has written it")
+        raise LogError("file changed during read; wait until the rig has written it", subject=shown)
     if not data:
-        raise LogError(f"{shown}: empty file (0 bytes)")
+        raise LogError("empty file (0 bytes)", subject=shown)
     return data
 
 
@@ -177,16 +179,16 @@ def unpack(source: Source, *, max_bytes: int) -> tuple[Source, tuple[str, ...]]:
     try:
         data = _unpacked(source.data, name, max_bytes)
     except EOFError as error:
-        raise LogError(f"{name}: truncated gzip; the end of the file is missing") from error
+        raise LogError("truncated gzip; the end of the file is missing", subject=name) from error
     except (gzip.BadGzipFile, zlib.error) as error:
         # The file begins as gzip does: only what stands behind a member can be no gzip.
         is_behind = str(error).startswith("Not a gzipped file")
         reason = "odd bytes at its end" if is_behind else str(error)
-        raise LogError(f"{name}: damaged gzip: {reason}; copy the log again") from error
+        raise LogError(f"damaged gzip: {reason}; copy the log again", subject=name) from error
     if not data:
-        raise LogError(f"{name}: empty file inside the gzip")
+        raise LogError("empty file inside the gzip", subject=name)
     if data.startswith(_MAGIC):
-        raise LogError(f"{name}: a gzip inside a gzip; unpack it once")
+        raise LogError("a gzip inside a gzip; unpack it once", subject=name)
     return replace(source, data=data), ("gzip: unpacked",)
 
 
@@ -199,8 +201,8 @@ def _unpacked(packed: bytes, name: str, max_bytes: int) -> bytes:
             n_bytes += len(part)
             if n_bytes > max_bytes:
                 raise LogError(
-                    f"{name}: more than the limit of {max_bytes} bytes when unpacked "
-                    "(rig.max_log_bytes)"
+                    f"more than the limit of {max_bytes} bytes when unpacked (rig.max_log_bytes)",
+                    subject=name,
                 )
             parts.append(part)
     return b"".join(parts)
@@ -261,7 +263,7 @@ def to_utf8(
         data = data.replace(b"\0", b"?")  # no number, so its row is dropped
     _refuse_nul(data, name)
     if _CONTROL.search(data, 0, _HEAD):
-        raise LogError(f"{name}: binary data in no known format")
+        raise LogError("binary data in no known format", subject=name)
     if not data.isascii():
         try:
             data.decode("utf-8")
@@ -275,15 +277,15 @@ def _decoded(data: bytes, encoding: str, name: str) -> bytes:
     try:
         return data.decode(encoding).encode("utf-8")
     except UnicodeError as error:
-        raise LogError(f"{name}: is not valid {encoding.upper()}") from error
+        raise LogError(f"is not valid {encoding.upper()}", subject=name) from error
 
 
 def _refuse_pages(data: bytes, name: str) -> None:
     start = data[:200].lstrip().lower()
     if start.startswith((b"<!doctype html", b"<html", b"<head", b"<body")):
-        raise LogError(f"{name}: this is HTML, a web page, not a log; download the log again")
+        raise LogError("this is HTML, a web page, not a log; download the log again", subject=name)
     if start.startswith(b"<?xml"):
-        raise LogError(f"{name}: this is XML; export the log as delimited text")
+        raise LogError("this is XML; export the log as delimited text", subject=name)
 
 
 def _refuse_nul(data: bytes, name: str) -> None:
@@ -292,13 +294,14 @@ def _refuse_nul(data: bytes, name: str) -> None:
         return
     if not data.strip(b"\0"):
         raise LogError(
-            f"{name}: {len(data)} bytes, all of them NUL; the log was never written to the disk: "
-            "copy it again from the rig"
+            f"{len(data)} bytes, all of them NUL; the log was never written to the disk: "
+            "copy it again from the rig",
+            subject=name,
         )
     head = data[:64]
     if len(head) >= 8 and (not any(head[1::2]) or not any(head[::2])):
         raise LogError(
-            f"{name}: looks like UTF-16 without a byte order mark; save the log as UTF-8"
+            "looks like UTF-16 without a byte order mark; save the log as UTF-8", subject=name
         )
     line = data.count(b"\n", 0, offset) + 1
     raise LogError(f"{name}, line {line}: NUL byte at byte offset {offset}; the file is damaged")

@@ -169,14 +169,17 @@ def make_curves(
     """
     if any(has_channel("time", table.columns, options) for table in tables):
         raise LogError(
-            f"{source.name}: has a time column, so it is a log, not a curve; fit it by damperfit "
-            f"identify {source.name}"
+            f"has a time column, so it is a log, not a curve; fit it by damperfit "
+            f"identify {source.name}",
+            subject=source.name,
         )
     curves = [curve for table in tables for curve in _table_curves(table, source, options)]
     if len(curves) > _MAX_CURVES:
-        raise LogError(f"{source.name}: {len(curves)} curves, more than the limit of {_MAX_CURVES}")
+        raise LogError(
+            f"{len(curves)} curves, more than the limit of {_MAX_CURVES}", subject=source.name
+        )
     if not curves:
-        raise LogError(f"{source.name}: no speed with a force beside it")
+        raise LogError("no speed with a force beside it", subject=source.name)
     return tuple(replace(curve, notes=(*notes, *curve.notes)) for curve in curves)
 
 
@@ -328,7 +331,7 @@ def _units(
         except LogError as error:
             problems.setdefault(kind, str(error).removeprefix(f"{where}: "))
     if problems:
-        raise LogError(f"{where}: {joined_problems(list(problems.values()))}")
+        raise LogError(f"{joined_problems(list(problems.values()))}", subject=where)
     return units
 
 
@@ -344,9 +347,11 @@ def _curve(
     force = np.concatenate([f for _, f, _ in signed])
     said = dict.fromkeys(note for _, _, note in signed if note)
     if not np.isfinite(force).all() or not np.isfinite(velocity).all():
-        raise LogError(f"{source.name}: a speed or force {label} is infinite")
+        raise LogError(f"a speed or force {label} is infinite", subject=source.name)
     if not len(force):
-        raise LogError(f"{source.name}: no points of {visible(label) if label else 'the curve'}")
+        raise LogError(
+            f"no points of {visible(label) if label else 'the curve'}", subject=source.name
+        )
     return ForceCurve(
         name=source.name,
         path=source.path,
@@ -374,13 +379,15 @@ def _signed(
     if speed.min(initial=0.0) < 0.0 < speed.max(initial=0.0):
         if float(np.mean(speed * force)) < 0.0:
             raise LogError(
-                f"{name}: forces are positive where speeds are negative; declare which counts "
-                "positive in bump: rig.reverse_force or rig.reverse_displacement = true"
+                "forces are positive where speeds are negative; declare which counts "
+                "positive in bump: rig.reverse_force or rig.reverse_displacement = true",
+                subject=name,
             )
         return speed, force, "rebound: where speeds are positive, as logged"
     if force.min(initial=0.0) < 0.0 < force.max(initial=0.0):
         return np.copysign(speed, force), force, "rebound: where forces are positive, as logged"
     raise LogError(
-        f"{name}: all speeds and forces are of one sign, which leaves open which is rebound; name "
-        "the column of the force rebound or bump"
+        "all speeds and forces are of one sign, which leaves open which is rebound; name "
+        "the column of the force rebound or bump",
+        subject=name,
     )

@@ -185,16 +185,17 @@ def find_format(source: Source) -> Format:
             return known
     for magic, reason in _REFUSED:
         if source.data.startswith(magic):
-            raise LogError(f"{source.name}: {reason}")
+            raise LogError(f"{reason}", subject=source.name)
     if source.data.startswith(b"ustar", _TAR):
-        raise LogError(f"{source.name}: {_ARCHIVE}")
+        raise LogError(f"{_ARCHIVE}", subject=source.name)
     if is_json(source.data):
         return _JSON
     suffix = PurePath(source.name).suffix.lower()
     named = next((known for known in FORMATS if suffix in known.suffixes), _TEXT)
     if named is not _TEXT and is_binary(source.data):
         raise LogError(
-            f"{source.name}: is named like {named.name} and does not begin like it; it is damaged "
-            "or of a version that is not read"
+            f"is named like {named.name} and does not begin like it; it is damaged "
+            "or of a version that is not read",
+            subject=source.name,
         )
     return _TEXT

@@ -119,7 +119,7 @@ def group_tables(
     """
     filled = [group for group in groups if group.channels]
     if not filled:
-        raise LogError(f"{name}: no channels of numbers")
+        raise LogError("no channels of numbers", subject=name)
     tests = [group for group in filled if _is_test(group, options)] if len(filled) > 1 else filled
     if not tests:
         tests = [_merged(filled)]
@@ -185,7 +185,7 @@ def _load(
         shown = ", ".join(f"{channel} {n}" for channel, n in lengths.items())
         if not group.is_cut:
             raise LogError(
-                f"{name}: channels of different length: {shown} values; log them together"
+                f"channels of different length: {shown} values; log them together", subject=name
             )
         notes = (f"kept: the first {n_common} values, which all channels have, of {shown}",)
     claimed = 8 * sum(lengths.values())
@@ -202,8 +202,9 @@ def _values(channel: str, column: GroupChannel, name: str) -> FloatArray:
     values = np.asarray(column.load(), dtype=np.float64)
     if values.shape != (column.length,):
         raise LogError(
-            f"{name}: {channel}: {column.length} values are declared but {values.size} found; "
-            "copy the log again"
+            f"{channel}: {column.length} values are declared but {values.size} found; "
+            "copy the log again",
+            subject=name,
         )
     return values
 
@@ -214,10 +215,12 @@ def _time(chosen: Mapping[str, GroupChannel], n: int, name: str) -> FloatArray:
         shown = ", ".join(
             f"{channel} every {step} s from {start:g} s" for channel, (step, start) in steps.items()
         )
-        raise LogError(f"{name}: channels of different rate or start: {shown}; log them together")
+        raise LogError(
+            f"channels of different rate or start: {shown}; log them together", subject=name
+        )
     first = next(iter(chosen.values()))
     if first.interval is None or not np.isfinite(first.interval) or first.interval <= 0.0:
-        raise LogError(f"{name}: the interval between values is {first.interval} s")
+        raise LogError(f"the interval between values is {first.interval} s", subject=name)
     return first.start + first.interval * np.arange(n, dtype=np.float64)
 
 
@@ -306,19 +309,23 @@ def find_extent(data: bytes, *, name: str) -> Extent:
         if at and at + _LEAD_IN > len(data) and b"TDSm".startswith(data[at : at + 4]):
             return Extent(total, at, -1)
         if at + _LEAD_IN > len(data) or data[at : at + 4] != b"TDSm":
-            raise LogError(f"{name}: truncated or damaged TDMS file: no segment at byte {at}")
+            raise LogError(f"truncated or damaged TDMS file: no segment at byte {at}", subject=name)
         (contents,) = struct.unpack_from("<I", data, at + 4)
         order = ">" if contents & _IS_BIG_ENDIAN else "<"
         _, n_bytes, n_before_values = struct.unpack_from(f"{order}IQQ", data, at + 8)
         if contents & _IS_DAQMX:
-            raise LogError(f"{name}: raw DAQmx values in TDMS are not supported; export as CSV")
+            raise LogError(
+                "raw DAQmx values in TDMS are not supported; export as CSV", subject=name
+            )
         values_at, end = at + _LEAD_IN + n_before_values, at + _LEAD_IN + n_bytes
         is_sound = values_at <= end if contents & _HAS_VALUES else values_at == end
         if is_sound and values_at <= len(data):
             said_to = _end_of_metadata(data[:values_at], at + _LEAD_IN, order, contents)
             is_sound = 0 <= said_to <= values_at and not any(data[said_to:values_at])
         if n_bytes != _OPEN and not is_sound:
-            raise LogError(f"{name}: damaged TDMS file: the segment at byte {at} is inconsistent")
+            raise LogError(
+                f"damaged TDMS file: the segment at byte {at} is inconsistent", subject=name
+            )
         if n_bytes == _OPEN or end > len(data):
             has_values = contents & _HAS_VALUES and values_at <= len(data)
             held = len(data) - values_at if has_values else 0
@@ -392,22 +399,25 @@ def read_tdms(source: Source, options: ReadOptions) -> tuple[Table, ...]:
         check_size(n_values, limit=options.max_bytes, what="the file", name=name)
         if n_values > 8 * extent.n_stored:
             raise LogError(
-                f"{name}: damaged TDMS file: {n_values} values are declared, but only "
-                f"{extent.n_stored} bytes are there; copy the log again"
+                f"damaged TDMS file: {n_values} values are declared, but only "
+                f"{extent.n_stored} bytes are there; copy the log again",
+                subject=name,
             )
         lost = _lost(nptdms, source.data, extent, lengths, limit=options.max_bytes)
         if lost and not options.allow_truncated:
             raise LogError(
-                f"{name}: truncated TDMS file: {lost}; copy the log again, or keep what all "
-                "channels have by --allow-truncated"
+                f"truncated TDMS file: {lost}; copy the log again, or keep what all "
+                "channels have by --allow-truncated",
+                subject=name,
             )
         file = nptdms.TdmsFile.read(io.BytesIO(source.data))
         groups = [_group(group, file, name, is_cut=bool(lost)) for group in file.groups()]
         n_read = sum(_n_bytes(channel) for group in file.groups() for channel in group.channels())
     if n_read > extent.n_stored or (n_read < extent.n_stored and not lost):
         raise LogError(
-            f"{name}: truncated or damaged TDMS file: {extent.n_stored} bytes of values are "
-            f"declared but {n_read} can be read; copy the log again"
+            f"truncated or damaged TDMS file: {extent.n_stored} bytes of values are "
+            f"declared but {n_read} can be read; copy the log again",
+            subject=name,
         )
     tables = group_tables(groups, options, name=name, notes=(_NO_CHECKSUMS,))
     if not lost:
@@ -526,9 +536,9 @@ def read_mdf(source: Source, options: ReadOptions) -> tuple[Table, ...]:
     name = source.name
     if not source.data[8:16].startswith(b"4."):
         version = source.data[8:16].decode("latin-1").strip("\0 ")
-        raise LogError(f"{name}: MDF version {version!r}; expected 4, convert the log")
+        raise LogError(f"MDF version {version!r}; expected 4, convert the log", subject=name)
     if source.data.startswith(b"UnFinMF"):
-        raise LogError(f"{name}: truncated MDF file: the recording was not finished")
+        raise LogError("truncated MDF file: the recording was not finished", subject=name)
     _check_blocks(source.data, name=name, limit=options.max_bytes)
     groups = read_groups_in_child(_MDF, source, options)
     return group_tables(groups, options, name=name)
@@ -598,12 +608,12 @@ def _check_blocks(data: bytes, *, name: str, limit: int) -> None:
         _refuse_many(len(successors), name)
     check_size(unpacked, limit=limit, what="the MDF file", name=name)
     for start in _ring(successors):
-        raise LogError(f"{name}: damaged MDF file: the block at byte {start} leads to itself")
+        raise LogError(f"damaged MDF file: the block at byte {start} leads to itself", subject=name)
 
 
 def _refuse_many(n_blocks: int, name: str) -> None:
     if n_blocks > _MAX_BLOCKS:
-        raise LogError(f"{name}: more than {_MAX_BLOCKS} blocks in the MDF file")
+        raise LogError(f"more than {_MAX_BLOCKS} blocks in the MDF file", subject=name)
 
 
 _CHAINED = (b"##DG", b"##CG", b"##CN", b"##DL", b"##HL", b"##FH", b"##AT", b"##EV", b"##CH")
@@ -611,13 +621,13 @@ _CHAINED = (b"##DG", b"##CG", b"##CN", b"##DL", b"##HL", b"##FH", b"##AT", b"##E
 
 def _block(data: bytes, at: int, name: str) -> tuple[bytes, tuple[int, ...]]:
     if at + 24 > len(data):
-        raise LogError(f"{name}: truncated MDF file; the end of the file is missing")
+        raise LogError("truncated MDF file; the end of the file is missing", subject=name)
     kind = data[at : at + 4]
     length, n_links = struct.unpack_from("<QQ", data, at + 8)
     if not kind.startswith(b"##") or length < 24 + 8 * n_links:
-        raise LogError(f"{name}: damaged MDF file: no block at byte {at}; copy the log again")
+        raise LogError(f"damaged MDF file: no block at byte {at}; copy the log again", subject=name)
     if at + length > len(data):
-        raise LogError(f"{name}: truncated MDF file; the block at byte {at} is not whole")
+        raise LogError(f"truncated MDF file; the block at byte {at} is not whole", subject=name)
     return kind, struct.unpack_from(f"<{n_links}Q", data, at + 24)
 
 
@@ -667,7 +677,7 @@ def read_matlab(source: Source, options: ReadOptions) -> tuple[Table, ...]:
     is_old = source.data.startswith(b"MATLAB 5.0")
     if is_old and not _is_whole(source.data):  # SciPy reads what is left without a word
         raise LogError(
-            f"{source.name}: truncated MATLAB file; the end is missing, or it is damaged"
+            "truncated MATLAB file; the end is missing, or it is damaged", subject=source.name
         )
     (group,) = read_groups_in_child(_MAT if is_old else _MAT73, source, options)
     others = dict(group.metadata)  # name -> what it is instead
@@ -680,7 +690,8 @@ def read_matlab(source: Source, options: ReadOptions) -> tuple[Table, ...]:
             f"; save its fields as variables: save(file, '-struct', {struct})" if struct else ""
         )
         raise LogError(
-            f"{source.name}: no vectors of numbers; the file holds {held or 'nothing'}{advice}"
+            f"no vectors of numbers; the file holds {held or 'nothing'}{advice}",
+            subject=source.name,
         )
     used = tuple(channel for channel in group.channels if channel.length == usual)
     rest = {channel.name.partition(":")[0] for channel in group.channels}

@@ -67,13 +67,16 @@ def read_json(source: Source, options: ReadOptions) -> tuple[Table, ...]:
     tables = list(_tables(document, {}, name))
     if not tables and _QUOTED.search(data):
         raise LogError(
-            f"{name}: the numbers of this JSON are in quotes and so are text; write them "
-            "without, as in 0.012"
+            "the numbers of this JSON are in quotes and so are text; write them "
+            "without, as in 0.012",
+            subject=name,
         )
     if not tables:
-        raise LogError(f"{name}: this is JSON without columns or rows of numbers; {_EXPECTED}")
+        raise LogError(
+            f"this is JSON without columns or rows of numbers; {_EXPECTED}", subject=name
+        )
     if len(tables) > _MAX_TABLES:
-        raise LogError(f"{name}: {len(tables)} tables, more than the limit of {_MAX_TABLES}")
+        raise LogError(f"{len(tables)} tables, more than the limit of {_MAX_TABLES}", subject=name)
     return tuple(
         _Values(name, columns, options.bad_rows == "drop").table(
             metadata, (*notes, "format: JSON"), part
@@ -88,7 +91,7 @@ def _parsed(text: str, name: str) -> Any:
         if len(found) < len(pairs):
             keys = [key for key, _ in pairs]
             double = next(key for key in keys if keys.count(key) > 1)
-            raise LogError(f"{name}: this is JSON with two values for {visible(double)}")
+            raise LogError(f"this is JSON with two values for {visible(double)}", subject=name)
         return found
 
     decoder = json.JSONDecoder(parse_int=float, object_pairs_hook=once)
@@ -105,10 +108,12 @@ def _parsed(text: str, name: str) -> Any:
     except json.JSONDecodeError as error:
         place = f"line {error.lineno}, column {error.colno}"
         raise LogError(
-            f"{name}: this is JSON, damaged in {place}: {error.msg}; copy the log again"
+            f"this is JSON, damaged in {place}: {error.msg}; copy the log again", subject=name
         ) from error
     except RecursionError as error:
-        raise LogError(f"{name}: this is JSON, nested too deep for a log; {_EXPECTED}") from error
+        raise LogError(
+            f"this is JSON, nested too deep for a log; {_EXPECTED}", subject=name
+        ) from error
 
 
 _Columns = dict[str, tuple[str | None, list[Any]]]  # name -> unit and values
@@ -208,7 +213,7 @@ def _from_rows(rows: list[Any], name: str) -> _Columns:
             units, start = [text.strip("()[] ") for text in rows[1]], 2
     if len(set(names)) < len(names):
         double = next(one for one in names if names.count(one) > 1)
-        raise LogError(f"{name}: two columns are named {visible(double)}")
+        raise LogError(f"two columns are named {visible(double)}", subject=name)
     for number, row in enumerate(rows[1:], start=2):
         if len(row) != n:
             raise LogError(
@@ -243,7 +248,7 @@ class _Values:
         lengths = {raw[i][0]: len(raw[i][1]) for i in wanted.values()}
         if len(set(lengths.values())) > 1:
             shown = ", ".join(f"{visible(one)} {n}" for one, n in lengths.items())
-            raise LogError(f"{self.name}: columns of different length: {shown} values")
+            raise LogError(f"columns of different length: {shown} values", subject=self.name)
         is_bad = np.zeros(next(iter(lengths.values())), dtype=bool)
         channels, first = {}, ""
         for channel, index in wanted.items():

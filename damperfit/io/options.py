@@ -137,18 +137,21 @@ class Declarations:
         for name in _SIGNS:
             if getattr(self, name) not in (True, False, "detect"):
                 raise ConfigurationError(
-                    f"{name}: found {getattr(self, name)!r}, expected true, false or 'detect'"
+                    f"found {getattr(self, name)!r}, expected true, false or 'detect'", subject=name
                 )
         self._check_channels()
         for name in ("skip_lines", "sample_rate", "pause"):
             if not 0.0 <= getattr(self, name) < math.inf:
-                raise ConfigurationError(f"{name}: found {getattr(self, name)}, expected 0 or more")
+                raise ConfigurationError(
+                    f"found {getattr(self, name)}, expected 0 or more", subject=name
+                )
         for name, words in _WORDS.items():
             found = getattr(self, name)
             if found not in words:
                 shown = " or ".join(repr(word) for word in words if word)
                 raise ConfigurationError(
-                    f"{name}: found {found!r}, expected {shown}.{did_you_mean(str(found), words)}"
+                    f"found {found!r}, expected {shown}.{did_you_mean(str(found), words)}",
+                    subject=name,
                 )
         if self.thousands and self.thousands in {self.decimal, self.separator}:
             raise ConfigurationError(f"thousands: {self.thousands!r} already has another meaning")
@@ -159,8 +162,9 @@ class Declarations:
             for channel in getattr(self, what):
                 if channel not in known:
                     raise ConfigurationError(
-                        f"{what}: no channel {channel!r}; there are {', '.join(known)}."
-                        f"{did_you_mean(channel, known)}"
+                        f"no channel {channel!r}; there are {', '.join(known)}."
+                        f"{did_you_mean(channel, known)}",
+                        subject=what,
                     )
         for fact in self.tested_at:
             if fact not in FACTS:

@@ -51,7 +51,7 @@ def read_parquet(source: Source, options: ReadOptions) -> tuple[Table, ...]:
 
     name = source.name
     if len(source.data) < 12 or not source.data.endswith(_MAGIC):
-        raise LogError(f"{name}: truncated Parquet; the end of the file is missing")
+        raise LogError("truncated Parquet; the end of the file is missing", subject=name)
     with refusing_damage("Parquet", name=name):
         file = parquet.ParquetFile(pa.BufferReader(source.data), page_checksum_verification=True)
         schema = file.schema_arrow
@@ -121,7 +121,7 @@ def _load(file: Any, fields: list[Any], wanted: Mapping[str, int], name: str) ->
         is_number = pa.types.is_integer(kind) or pa.types.is_floating(kind)
         is_time = _is_clock(kind) or pa.types.is_duration(kind)
         if not (is_number or pa.types.is_decimal(kind) or is_time):
-            raise LogError(f"{name}: {channel} is of type {kind}, expected numbers")
+            raise LogError(f"{channel} is of type {kind}, expected numbers", subject=name)
     columns = sorted({fields[index].name for index in wanted.values()})
     with refusing_damage("Parquet", name=name):
         table = file.read(columns=columns, use_threads=False)
@@ -142,8 +142,9 @@ def _check_counts(metadata: Any, n_read: int, name: str) -> None:
     n_held = sum(metadata.row_group(i).num_rows for i in groups)
     if not metadata.num_rows == n_held == n_read:
         raise LogError(
-            f"{name}: damaged Parquet: {metadata.num_rows} rows are declared, {n_held} held and "
-            f"{n_read} read; copy the log again"
+            f"damaged Parquet: {metadata.num_rows} rows are declared, {n_held} held and "
+            f"{n_read} read; copy the log again",
+            subject=name,
         )
 
 

@@ -167,8 +167,9 @@ def make_recordings(
     ]
     if settings and len(settings) != len(parts):
         raise LogError(
-            f"{source.name}: {len(parts)} tests found, but {len(settings)} settings declared for "
-            "them (part_settings)"
+            f"{len(parts)} tests found, but {len(settings)} settings declared for "
+            "them (part_settings)",
+            subject=source.name,
         )
     if len(parts) > 1:
         notes = (*notes, f"{len(parts)} tests in this file")
@@ -204,7 +205,7 @@ def _table_parts(table: Table, source: Source, options: ReadOptions) -> list[Rec
     samples = table.load({channel: choice.index for channel, choice in choices.items()})
     n = len(samples.channels["force"])
     if not n:
-        raise LogError(f"{name}: no data rows")
+        raise LogError("no data rows", subject=name)
     channels = _si_channels(samples, choices, options, name)
     temperature, temperature_notes = _extra(channels, "temperature")
     velocity, velocity_notes = _extra(channels, "velocity")
@@ -292,7 +293,7 @@ def _si_channels(
     if len(problems) == 1:
         raise LogError(f"{name}, {problems[0]}")
     if problems:
-        raise LogError(f"{name}: {joined_problems(problems)}")
+        raise LogError(f"{joined_problems(problems)}", subject=name)
     return channels
 
 
@@ -349,8 +350,9 @@ def _cuts(
     edges = [int(i) for i in np.flatnonzero(is_cut) if i >= first]
     if len(edges) - 1 > _MAX_PARTS:
         raise LogError(
-            f"{name}: time jumps {len(edges) - 2} times; these are not tests but a faulty clock: "
-            "declare rig.sample_rate"
+            f"time jumps {len(edges) - 2} times; these are not tests but a faulty clock: "
+            "declare rig.sample_rate",
+            subject=name,
         )
     return list(pairwise(edges))
 

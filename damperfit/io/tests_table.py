@@ -178,16 +178,18 @@ def read_tests(path: Path, adjusters: Sequence[str]) -> TestsTable:
     """
     try:
         if path.stat().st_size > _MAX_BYTES:
-            raise ConfigurationError(f"{path}: larger than 10 MB; this is not a table of tests")
+            raise ConfigurationError(
+                "larger than 10 MB; this is not a table of tests", subject=path
+            )
         text = _text(path.read_bytes())
     except (OSError, ValueError) as error:
         said = getattr(error, "strerror", None) or error
-        raise ConfigurationError(f"{path}: cannot be read: {said}") from error
+        raise ConfigurationError(f"cannot be read: {said}", subject=path) from error
     lines = text.splitlines()
     heading = next((k for k, line in enumerate(lines) if line.strip()), None)
     if heading is None:
         raise ConfigurationError(
-            f"{path}: is empty; expected a line of names, as in 'file,setting'"
+            "is empty; expected a line of names, as in 'file,setting'", subject=path
         )
     names = [name.strip() for name in _fields(lines[heading])]
     at = _column_of(_FILE, names)
@@ -239,7 +241,7 @@ def _row(filled: dict[str, str], adjusters: Sequence[str], where: str, *, line: 
             else:
                 others[name] = cell
         except ValueError as error:
-            raise ConfigurationError(f"{where}: {name}: found '{cell}', {error}") from error
+            raise ConfigurationError(f"{name}: found '{cell}', {error}", subject=where) from error
     known = identity_in(others)
     used = set(known.describe().values())
     more = tuple((name, cell) for name, cell in others.items() if cell not in used)

@@ -235,7 +235,7 @@ def _load_in_pieces(text: TextRows, wanted: Mapping[str, int]) -> Samples:
     n_bad = sum(piece.n_bad for piece in pieces)
     first_bad = next((piece.first_bad for piece in pieces if piece.first_bad), "")
     if not any(piece.n for piece in pieces):
-        raise LogError(f"{text.name}: no data rows{'; first: ' * bool(first_bad)}{first_bad}")
+        raise LogError(f"no data rows{'; first: ' * bool(first_bad)}{first_bad}", subject=text.name)
 
     def place(index: int) -> str:
         for piece in pieces:
@@ -381,19 +381,21 @@ def _row(
     text: TextRows, line: str, wanted: Mapping[str, int], where: str
 ) -> dict[str, float | str]:
     if line.count('"') % 2:
-        raise LogError(f"{where}: a quote opens and does not close in the line")
+        raise LogError("a quote opens and does not close in the line", subject=where)
     fields = fields_of(line, text.dialect.separator)
     if len(fields) != text.n_fields:
         has_names = text.dialect.names_line and not text.dialect.is_short
         line_above = text.dialect.names_line if has_names else text.dialect.data_line
         raise LogError(
-            f"{where}: found {len(fields)} field{'s' * (len(fields) != 1)}, expected "
-            f"{text.n_names} fields as in line {line_above}{_advice(text)}"
+            f"found {len(fields)} field{'s' * (len(fields) != 1)}, expected "
+            f"{text.n_names} fields as in line {line_above}{_advice(text)}",
+            subject=where,
         )
     if text.n_fields > text.n_names and fields[-1]:
         raise LogError(
-            f"{where}: found {visible(fields[-1])} after the last named column; "
-            f"expected {text.n_names} fields"
+            f"found {visible(fields[-1])} after the last named column; "
+            f"expected {text.n_names} fields",
+            subject=where,
         )
     return {
         channel: _stamp(fields[index], channel, where)
@@ -405,7 +407,7 @@ def _row(
 
 def _stamp(field: str, channel: str, where: str) -> str:
     if not is_stamp(field):
-        raise LogError(f"{where}: {channel} is {visible(field)}, expected a time of day")
+        raise LogError(f"{channel} is {visible(field)}, expected a time of day", subject=where)
     return field
 
 
@@ -419,14 +421,16 @@ def _number(text: TextRows, field: str, channel: str, where: str) -> float:
     if _NUMBER.fullmatch(plain) or not plain or plain.lower() in _NOT_FINITE:
         value = float(plain or "nan")
         if text.drops_bad_rows and channel not in EXTRAS and not np.isfinite(value):
-            raise LogError(f"{where}: {channel} is {visible(field)}, expected a finite number")
+            raise LogError(
+                f"{channel} is {visible(field)}, expected a finite number", subject=where
+            )
         return value
     hint = _advice(text)
     if is_grouped:
         hint = "; if it has a mark of thousands, declare rig.thousands"
         if is_grouped["mark"] == "," != text.dialect.decimal:
             hint += ", if a decimal comma, rig.decimal"
-    raise LogError(f"{where}: {channel} is {visible(field)}, expected a number{hint}")
+    raise LogError(f"{channel} is {visible(field)}, expected a number{hint}", subject=where)
 
 
 # Blocks of one file whose titles alone tell time: a record without a column for it.
@@ -589,7 +593,7 @@ def _without_lines(data: bytes, n_lines: int, name: str) -> tuple[bytes, int]:
     for _ in range(n_lines):
         end = _LINE_END.search(data, start)
         if end is None:
-            raise LogError(f"{name}: fewer lines than the {n_lines} to skip (skip_lines)")
+            raise LogError(f"fewer lines than the {n_lines} to skip (skip_lines)", subject=name)
         start = end.end()
     return data[start:], n_lines
 
@@ -615,7 +619,7 @@ def _blocks(data: bytes, first_line: int, name: str) -> list[_Block]:
             blocks.append(_Block(piece, line, name, decimal, title, preamble))
         line += _count_lines(piece)
     if not blocks:
-        raise LogError(f"{name}: no data rows after 'Data Acquisition' in line {line - 1}")
+        raise LogError(f"no data rows after 'Data Acquisition' in line {line - 1}", subject=name)
     return blocks
 
 
@@ -668,7 +672,7 @@ def _without_cut_row(text: bytes, start: int, name: str) -> tuple[bytes, tuple[F
     if not text[end:].strip():
         return text[:end], ()
     if end == start:
-        raise LogError(f"{name}: no data rows; the only one has no line end and may be cut")
+        raise LogError("no data rows; the only one has no line end and may be cut", subject=name)
     words = "no final newline; the last row may be cut and was dropped; is the log whole?"
     return text[:end], (Finding("cut_row", "warning", words, 1.0),)
 

@@ -95,7 +95,8 @@ def adjuster_of(
     if not run.settings:
         why = f" ({'; '.join(run.remarks)})" if run.remarks else ""
         raise ConfigurationError(
-            f"{run.place}: no setting has all parameters{why}; run damperfit identify LOGS first"
+            f"no setting has all parameters{why}; run damperfit identify LOGS first",
+            subject=run.place,
         )
     damper = run.damper
     own = run.motion_of_tests if amplitude and frequency else run.motion

@@ -136,8 +136,9 @@ def read_baseline(path: Path, *, config: Path | None = None) -> Baseline:
         document = json.loads(path.read_text(encoding="utf-8"))
         if document[_KEY] != _VERSION:
             raise ConfigurationError(
-                f"{path}: a baseline of form {document[_KEY]} (damperfit "
-                f"{document.get('version')}), and this damperfit knows {_VERSION}; save it again"
+                f"a baseline of form {document[_KEY]} (damperfit "
+                f"{document.get('version')}), and this damperfit knows {_VERSION}; save it again",
+                subject=path,
             )
         record, rows = document["record"], document["parameters"]
         quantities = quantities_in(record, list(rows[0]) if rows else ())
@@ -146,8 +147,9 @@ def read_baseline(path: Path, *, config: Path | None = None) -> Baseline:
         tests = tuple(_test(one) for one in document["tests"])
     except (OSError, ValueError, TypeError, KeyError, IndexError, AttributeError) as error:
         raise ConfigurationError(
-            f"{path}: a damaged baseline ({type(error).__name__}: {error}); save it again with "
-            "damperfit compare RESULTS --save FILE"
+            f"a damaged baseline ({type(error).__name__}: {error}); save it again with "
+            "damperfit compare RESULTS --save FILE",
+            subject=path,
         ) from error
     run = results.Run(
         record, {"parameters": parameters}, quantities=quantities, place=path, config=config

@@ -11,6 +11,7 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import REFERENCE_SOURCE, reference_parameters
 from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.identification import unlimited_in, values_from_others
+from damperfit.problem import Option
 from damperfit.report.facts import listed_names
 from damperfit.results import Run
 from damperfit.store import settle
@@ -127,8 +128,8 @@ def choose_parameters(
     if all(one.name in replaced for one in damper.quantities if one.default is None):
         if table is not None:
             raise ConfigurationError(
-                f"--parameters {table}: nothing is taken from it, as --set gives all "
-                "parameters; leave one of the two out"
+                "nothing is taken from it, as --set gives all parameters; leave one of the two out",
+                where=Option("parameters", table),
             )
         chosen_name = None if setting is None else _meant(setting)
         given = damper.values(_replaced(damper.quantities, replaced))
@@ -149,7 +150,8 @@ def choose_parameters(
         chosen = _meant(setting)
         if isinstance(chosen.cell, str):
             raise ConfigurationError(
-                f"--setting {setting}: not in the reference set; expected a whole number, 1 to 20"
+                "not in the reference set; expected a whole number, 1 to 20",
+                where=Option("setting", setting),
             )
         found = ChosenParameters(reference_parameters(chosen.cell), chosen, "")
         source = f"setting {chosen} of the {REFERENCE_SOURCE}"
@@ -161,7 +163,7 @@ def choose_parameters(
         if chosen not in known and together is None:
             there = ", ".join(str(number) for number in sorted(known)) or "none"
             raise ConfigurationError(
-                f"{path}: no parameters of setting {chosen}; there are {there}"
+                f"no parameters of setting {chosen}; there are {there}", subject=path
             )
         unlimited = {one.setting: frozenset(one.unlimited) for one in run.settings}
         parameters = known[chosen] if together is None else together
@@ -202,7 +204,7 @@ def _meant(setting: Setting | int | str, known: Collection[Setting] = ()) -> Set
     try:
         return named.get(setting.strip().casefold()) or parse_setting(setting, adjusters)
     except ValueError as error:
-        raise ConfigurationError(f"--setting {setting}: {error}") from error
+        raise ConfigurationError(f"{error}", where=Option("setting", setting)) from error
 
 
 def _table(given: Path | None, folder: Path) -> Path | None:
@@ -228,7 +230,7 @@ def table_meant(given: Path) -> Path:
     settle(given)  # what an interrupted run put there may be none of the results
     found = _table_in(given)
     if found is None:
-        raise ConfigurationError(f"{given}: no {_TABLES[0]} in this folder")
+        raise ConfigurationError(f"no {_TABLES[0]} in this folder", subject=given)
     return found
 
 

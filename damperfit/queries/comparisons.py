@@ -19,6 +19,7 @@ from damperfit.comparison import (
 )
 from damperfit.configuration.loading import load_configuration
 from damperfit.errors import ConfigurationError
+from damperfit.problem import Option
 from damperfit.queries.runs_to_compare import (
     LogRuns,
     Pair,
@@ -81,7 +82,7 @@ def comparison_options(
     read = partial(parse_quantity, option="--velocity")
     speeds = sorted({abs(read(text, "velocity")) for text in velocities})
     if speeds and speeds[0] == 0.0:
-        raise ConfigurationError("--velocity 0: expected a speed other than zero")
+        raise ConfigurationError("expected a speed other than zero", where=Option("velocity", "0"))
     if (amplitude is None) != (frequency is None):
         raise ConfigurationError(
             "--amplitude and --frequency make the sine together; give both or neither"
@@ -215,8 +216,9 @@ def one_run(
     named = [name for name in logs.groups.get(place, {}) if name]
     if named:
         raise ConfigurationError(
-            f"{place}: logs of {len(named)} dampers ({', '.join(named[:3])}"
-            f"{', ...' * (len(named) > 3)}); a baseline is of one: give its folder"
+            f"logs of {len(named)} dampers ({', '.join(named[:3])}"
+            f"{', ...' * (len(named) > 3)}); a baseline is of one: give its folder",
+            subject=place,
         )
     if place in logs.by_place:
         return logs.by_place[place]
@@ -247,7 +249,8 @@ def _refuse_repeats(repeats: Sequence[Path], pairs: Sequence[Pair]) -> None:
         word = taken.get(place.resolve(), "given twice" if place.resolve() in seen else "")
         if word:
             raise ConfigurationError(
-                f"--repeats {place}: is {word}; give further runs of the reference, each once"
+                f"is {word}; give further runs of the reference, each once",
+                where=Option("repeats", place),
             )
         seen.add(place.resolve())
 

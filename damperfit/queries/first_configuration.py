@@ -146,8 +146,9 @@ def _read(path: Path, options: ReadOptions) -> tuple[tuple[Recording, ...], dict
         if all(map(_is_likely, found)):
             return found, units
     raise LogError(
-        f"{path.name}: columns without units, and no common units give plausible values: "
-        f"declare rig.units ({', '.join(lacking)})"
+        f"columns without units, and no common units give plausible values: "
+        f"declare rig.units ({', '.join(lacking)})",
+        subject=path.name,
     )
 
 

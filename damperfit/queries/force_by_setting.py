@@ -19,6 +19,7 @@ from damperfit.adjustment import (
 )
 from damperfit.errors import ConfigurationError, Mishap, mishap_of
 from damperfit.identification.sharing import of_settings
+from damperfit.problem import Option
 from damperfit.queries.rig_in_forces import notes_on_settings
 from damperfit.tested.setting import Setting, lines_of
 from damperfit.units.quantities import parse_quantity
@@ -102,16 +103,19 @@ def parse_question(
     'bump'
     """
     if stroke is not None and stroke not in STROKES:
-        raise ConfigurationError(f"--stroke {stroke}: expected {' or '.join(STROKES)}")
+        raise ConfigurationError(f"expected {' or '.join(STROKES)}", where=Option("stroke", stroke))
     if force is not None and velocity is None:
         raise ConfigurationError(
-            f"--force {force}: at which speed? Give --velocity too, as in --velocity 0.2m/s"
+            "at which speed? Give --velocity too, as in --velocity 0.2m/s",
+            where=Option("force", force),
         )
     if velocity is None:
         return Question(stroke=stroke)
     speed = parse_quantity(velocity, "velocity", option="--velocity")
     if speed == 0.0:
-        raise ConfigurationError(f"--velocity {velocity}: expected a speed other than zero")
+        raise ConfigurationError(
+            "expected a speed other than zero", where=Option("velocity", velocity)
+        )
     if force is None:
         side = "bump" if speed < 0.0 and stroke is None else stroke
         return Question(abs(speed), None, side)
@@ -136,8 +140,9 @@ def tabulate_forces(
     if not speeds or max(speeds) >= sine.peak_speed:
         at = f"{question.speed:g} m/s" if question.speed else "the named test speeds"
         raise ConfigurationError(
-            f"{at}: not reached by {adjuster.source}, which peaks at {sine.peak_speed:.3g} m/s; "
-            "give a lower --velocity, or a larger --amplitude or --frequency"
+            f"not reached by {adjuster.source}, which peaks at {sine.peak_speed:.3g} m/s; "
+            "give a lower --velocity, or a larger --amplitude or --frequency",
+            subject=at,
         )
     mishaps: dict[Setting, Mishap] = {}
 

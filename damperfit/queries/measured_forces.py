@@ -89,8 +89,9 @@ def measured_forces(
         side = f" in {question.stroke}" if question.stroke else ""
         names = ", ".join(path.name for path in paths)
         raise ConfigurationError(
-            f"{at}: no curve of {names} has points on both sides of it{side}; the highest "
-            f"measured speed is {max(tops, default=0.0):.3g} m/s"
+            f"no curve of {names} has points on both sides of it{side}; the highest "
+            f"measured speed is {max(tops, default=0.0):.3g} m/s",
+            subject=at,
         )
     sentence = "" if question.force is None else _answer(question, forces)
     return MeasuredForces(curves, speeds, sentence)

@@ -107,7 +107,7 @@ def pairs_of(
     """
     for path in paths:
         if not path.exists() and path not in logs.groups:
-            raise ConfigurationError(f"{path}: no such file or folder")
+            raise ConfigurationError("no such file or folder", subject=path)
     groups = [_inside(path, logs) for path in paths]
     if len(paths) == 1:
         if len(groups[0]) < 2:
@@ -122,8 +122,9 @@ def pairs_of(
     for path, group in zip(paths, groups, strict=True):
         if not group:
             raise ConfigurationError(
-                f"{path}: is one run, and others that were given hold several; give folders of "
-                "several dampers, or single runs, not both"
+                "is one run, and others that were given hold several; give folders of "
+                "several dampers, or single runs, not both",
+                subject=path,
             )
     return _paired(paths, groups)
 
@@ -251,32 +252,34 @@ def read_run(path: Path, *, config: Path | None = None, is_measured: bool = Fals
     if is_part(path):
         if is_measured:
             raise ConfigurationError(
-                f"{path}: a part of a fleet keeps no measured cycles; give --measured the logs, or "
-                "results of damperfit identify"
+                "a part of a fleet keeps no measured cycles; give --measured the logs, or "
+                "results of damperfit identify",
+                subject=path,
             )
         return _of_run(results.Run.load(path, config=config), (), is_measured=False)
     if path.is_dir():
         return _of_folder(path, config, is_measured=is_measured)
     if not path.is_file():
-        raise ConfigurationError(f"{path}: no such file or folder")
+        raise ConfigurationError("no such file or folder", subject=path)
     if is_baseline(path):
         baseline = read_baseline(path, config=config)
         if not baseline.results.rows("parameters") and not is_measured:
             raise ConfigurationError(
-                f"{path}: a baseline of measured curves, nothing was fitted; give --measured"
+                "a baseline of measured curves, nothing was fitted; give --measured", subject=path
             )
         return _of_run(baseline.results, baseline.tests, is_measured=is_measured)
     raise ConfigurationError(
-        f"{path}: neither a results folder nor a baseline; to compare logs and files of "
-        "curves, give --measured"
+        "neither a results folder nor a baseline; to compare logs and files of "
+        "curves, give --measured",
+        subject=path,
     )
 
 
 def _of_folder(folder: Path, config: Path | None, *, is_measured: bool) -> ComparedRun:
     if not _is_results(folder):
         raise ConfigurationError(
-            f"{folder}: holds no results of damperfit identify; expected run.json and "
-            "parameters.parquet"
+            "holds no results of damperfit identify; expected run.json and parameters.parquet",
+            subject=folder,
         )
     run = results.Run.load(folder, parts=("parameters", "responses"), config=config)
     return _of_run(run, tuple(_tests(run)), is_measured=is_measured)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from damperfit.damper.purdy.figures import FAMILIES
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper
 from damperfit.errors import ConfigurationError, did_you_mean
+from damperfit.problem import Option
 from damperfit.queries.one_simulation import simulate_test
 
 if TYPE_CHECKING:
@@ -98,21 +99,24 @@ def parse_variation(text: str, damper: Model = PURDY_DAMPER) -> Variation:
     name = name.lower()
     if not (name and equals and factors):
         raise ConfigurationError(
-            f"--vary {text}: expected NAME=F1,F2,..., as in {damper.names[0]}=0.8,1,1.2"
+            f"expected NAME=F1,F2,..., as in {damper.names[0]}=0.8,1,1.2",
+            where=Option("vary", text),
         )
     units = swept_units(damper)
     if name not in units:
         known = ", ".join(units)
         hint = did_you_mean(name, units)
-        raise ConfigurationError(f"--vary {text}: no {name!r}; there are {known}.{hint}")
+        raise ConfigurationError(
+            f"no {name!r}; there are {known}.{hint}", where=Option("vary", text)
+        )
     values = tuple(_factor(part, text) for part in factors.split(","))
     may_be_zero = [one.name for one in damper.quantities if one.may_vanish or one.is_offset]
     if min(values) == 0.0 and name not in may_be_zero:
         raise ConfigurationError(
-            f"--vary {text}: {name} times 0 is not a damper; give factors above 0"
+            f"{name} times 0 is not a damper; give factors above 0", where=Option("vary", text)
         )
     if len(set(values)) < len(values):
-        raise ConfigurationError(f"--vary {text}: a factor is given twice")
+        raise ConfigurationError("a factor is given twice", where=Option("vary", text))
     return Variation(name, values)
 
 
@@ -120,9 +124,13 @@ def _factor(text: str, whole: str) -> float:
     try:
         value = float(text)
     except ValueError as error:
-        raise ConfigurationError(f"--vary {whole}: {text!r} is not a number") from error
+        raise ConfigurationError(
+            f"{text!r} is not a number", where=Option("vary", whole)
+        ) from error
     if not (math.isfinite(value) and value >= 0.0):
-        raise ConfigurationError(f"--vary {whole}: {text}: expected a factor of 0 or more")
+        raise ConfigurationError(
+            f"{text}: expected a factor of 0 or more", where=Option("vary", whole)
+        )
     return value
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from damperfit.conditioning.held_force import YIELDS, held_share
+from damperfit.conditioning.gas_force import YIELDS, held_share
 from damperfit.configuration.options import GAS, gas_in_words
 from damperfit.configuration.what_is_tested import followed, unmatched
 from damperfit.damper.purdy.parameters import Damper

@@ -15,6 +15,7 @@ from damperfit.damper.valve_dampers import AMBIENT
 from damperfit.damper.warmed import BETA, Warmed
 from damperfit.errors import ConfigurationError, DamperfitError
 from damperfit.identification import GivenStart, Status, identify
+from damperfit.problem import Option
 from damperfit.run.duplicate_tests import moves_alike
 from damperfit.uncertainty import Objection
 
@@ -255,9 +256,10 @@ def check_temperatures(
     if lacking:
         more = f" and {len(lacking) - 1} more" if len(lacking) > 1 else ""
         raise ConfigurationError(
-            f"--covariate temperature: {lacking[0]}{more} {'have' if more else 'has'} no "
+            f"{lacking[0]}{more} {'have' if more else 'has'} no "
             "temperature; expected a channel, a line '# temperature: 31', a column of tests.csv or "
-            "tested_at in a profile"
+            "tested_at in a profile",
+            where=Option("covariate", "temperature"),
         )
 
 
@@ -291,9 +293,10 @@ def with_reference(
         if f"{min(known):.1f}" == f"{max(known):.1f}":
             ends = f"{min(known):.1f}"
         raise ConfigurationError(
-            f"--covariate temperature: the logs are {'' if ' ' in ends else 'all '}of {ends} degC; "
+            f"the logs are {'' if ' ' in ends else 'all '}of {ends} degC; "
             f"the effect of temperature cannot be determined over less than "
-            f"{LEAST_WARMTH:g} K: test colder or warmer too, or leave the option out"
+            f"{LEAST_WARMTH:g} K: test colder or warmer too, or leave the option out",
+            where=Option("covariate", "temperature"),
         )
     _check_told(configuration, damper, traces)
     reference = damper.reference
@@ -316,9 +319,10 @@ def _check_told(configuration: Configuration, damper: Warmed, traces: Sequence[T
     alone = [one for one, known in warmths.items() if max(known) - min(known) < LEAST_WARMTH]
     if options.procedure == "plain" and alone:
         raise ConfigurationError(
-            f"--covariate temperature: setting {alone[0]} was tested within {LEAST_WARMTH:g} K, "
+            f"setting {alone[0]} was tested within {LEAST_WARMTH:g} K, "
             "and procedure plain fits each setting by itself, so that beta cannot be determined "
-            "there: take procedure joint, with one beta for all settings, or leave the option out"
+            "there: take procedure joint, with one beta for all settings, or leave the option out",
+            where=Option("covariate", "temperature"),
         )
     is_open = options.is_detecting or bool(options.follows)
     held = {*(options.share or ()), *options.fixed}
@@ -326,7 +330,8 @@ def _check_told(configuration: Configuration, damper: Warmed, traces: Sequence[T
         names = damper.viscous
         if held.isdisjoint(names):
             raise ConfigurationError(
-                f"--covariate temperature: each setting was tested within {LEAST_WARMTH:g} K, and "
+                f"each setting was tested within {LEAST_WARMTH:g} K, and "
                 f"{' and '.join(names)} are each setting's own, so that beta cannot be determined: "
-                "test one setting cold and warm, or share one of them (--share)"
+                "test one setting cold and warm, or share one of them (--share)",
+                where=Option("covariate", "temperature"),
             )

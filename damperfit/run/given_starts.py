@@ -12,6 +12,7 @@ from damperfit.damper.quantity import FRICTION, GAS_AMOUNT, OFFSET, STIFFNESS
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
 from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.identification import GivenStart, check_start
+from damperfit.problem import Option
 from damperfit.tables import read_known_numbers
 
 if TYPE_CHECKING:
@@ -44,9 +45,10 @@ def with_given_start(configuration: Configuration) -> Configuration:
     named = {name for numbers in known.values() for name in numbers}
     if not named & {one.name for one in damper.quantities if one.role not in _EVERYWHERE}:
         raise ConfigurationError(
-            f"--start {path}: its parameters ({', '.join(sorted(named))}) belong to another model "
+            f"its parameters ({', '.join(sorted(named))}) belong to another model "
             f"than {damper.name} ({', '.join(damper.names)}); name that model by --model, or give "
-            "--start NAME=VALUE"
+            "--start NAME=VALUE",
+            where=Option("start", path),
         )
     own = {
         setting: {name: one for name, one in numbers.items() if name in damper.names}
@@ -76,14 +78,15 @@ def start_of_laws(configuration: Configuration, named: Mapping[str, str]) -> Giv
     for name, text in named.items():
         if name not in quantities:
             raise ConfigurationError(
-                f"--start {name}={text}: no law has a parameter {name!r}; there are "
-                f"{', '.join(quantities)}.{did_you_mean(name, quantities)}"
+                f"no law has a parameter {name!r}; there are "
+                f"{', '.join(quantities)}.{did_you_mean(name, quantities)}",
+                where=Option("start", text, name),
             )
         try:
             numbers[name] = parameter_value(quantities[name], text)
             check_start(quantities[name], numbers[name], is_fixed=False, is_held=False)
         except ConfigurationError as error:
-            raise ConfigurationError(f"--start: {error}") from error
+            raise ConfigurationError(f"{error}", where=Option("start")) from error
     path = configuration.start_table
     return GivenStart(numbers, {} if path is None else _read(path))
 
@@ -108,5 +111,7 @@ def _read(path: Path) -> dict[Setting, dict[str, float]]:
             f"--start {error}; expected parameters that identify wrote, or NAME=VALUE"
         ) from error
     if not known:
-        raise ConfigurationError(f"--start {table}: its rows contain no parameter to start from")
+        raise ConfigurationError(
+            "its rows contain no parameter to start from", where=Option("start", table)
+        )
     return known

@@ -44,7 +44,7 @@ def with_traces(batch: LogBatch, traces: Sequence[Trace], setting: Setting | Non
     known = [one if one.setting is not None else replace(one, setting=setting) for one in traces]
     for one in known:
         if one.setting is None:
-            raise LogError(f"{one.name}: this trace has no setting; give setting=N")
+            raise LogError("this trace has no setting; give setting=N", subject=one.name)
     names = Counter([*(one.log for one in batch.logs), *(one.name for one in known)])
     if twice := [name for name, count in names.items() if count > 1]:
         raise ConfigurationError(

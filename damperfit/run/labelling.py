@@ -25,6 +25,7 @@ from damperfit.io import (
 )
 from damperfit.io.labels import file_setting
 from damperfit.io.options import SETTING_PATTERN
+from damperfit.problem import Option
 from damperfit.run.log_paths import real_path
 from damperfit.tested.adjuster_words import letters_of
 from damperfit.tested.identity import Identity, identity_in
@@ -108,8 +109,9 @@ class Labels:
         if self.declared is not None:
             if setting is not None and setting != self.declared:
                 raise ConfigurationError(
-                    f"--setting {self.declared}: {recording.name} says setting {setting}; leave "
-                    "--setting out, or give it the logs that do not say theirs alone"
+                    f"{recording.name} says setting {setting}; leave "
+                    "--setting out, or give it the logs that do not say theirs alone",
+                    where=Option("setting", self.declared),
                 )
             setting = self.declared
         if setting is None and path.name in self.guess.settings:
@@ -199,24 +201,27 @@ class Labels:
         if row is not None and not row.places and (columns := _clicks_of(row)):
             declared = ", ".join(f'{column} = ""' for column in columns)
             return LogError(
-                f"{name}: line {row.line} of the table of tests does not say its setting; it has "
+                f"line {row.line} of the table of tests does not say its setting; it has "
                 f"{', '.join(columns)}: where these are adjusters, declare them in the "
                 f"configuration, [adjusters] {declared}; else name the column of the setting "
-                "'setting'"
+                "'setting'",
+                subject=name,
             )
         if len(self.adjusters) > 1:
             own = _places(recording, self.adjusters)
             lacks = ", ".join(one for one in self.adjusters if one not in own)
             example = ", ".join(f"{one}=8" for one in self.adjusters)
             return LogError(
-                f"{name}: the log does not give {lacks}; expected lines such as "
+                f"the log does not give {lacks}; expected lines such as "
                 f"'# {self.adjusters[0]}: 8', columns, named groups of rig.setting_pattern, or a "
-                f"table tests.csv; or give --setting '{example}'"
+                f"table tests.csv; or give --setting '{example}'",
+                subject=name,
             )
         said = f", or {self.guess.advice}" if self.guess.advice else ""
         return LogError(
-            f"{name}: the log does not say its adjuster setting; expected a line '# setting: 10', "
-            f"a column 'setting' or a name such as setting_10.csv; or give --setting N{said}"
+            f"the log does not say its adjuster setting; expected a line '# setting: 10', "
+            f"a column 'setting' or a name such as setting_10.csv; or give --setting N{said}",
+            subject=name,
         )
 
     def row(self, path: Path) -> TestRow | None:

@@ -88,38 +88,43 @@ def matches(pattern: str, *, keeps_missing: bool = False) -> list[Path]:
         files = [hit for hit in hits if not _is_folder(hit)]
         if hits and not files:
             raise ConfigurationError(
-                f"{pattern}: the pattern matches only folders; for the logs in them give "
-                f"{pattern.rstrip('/')}/*.csv"
+                f"the pattern matches only folders; for the logs in them give "
+                f"{pattern.rstrip('/')}/*.csv",
+                subject=pattern,
             )
         if not files:
-            raise ConfigurationError(f"{pattern}: the pattern matches no file")
+            raise ConfigurationError("the pattern matches no file", subject=pattern)
         return files
     if keeps_missing and pattern.strip():
         return [path]
     if pattern == "-":
         raise ConfigurationError("-: logs are not read from a pipe; give files, or write one first")
-    raise ConfigurationError(f"{pattern}: no such file")
+    raise ConfigurationError("no such file", subject=pattern)
 
 
 def _logs_in(folder: Path, *, keeps_missing: bool) -> list[Path]:
     try:
         entries = sorted(folder.iterdir())
     except OSError as error:
-        raise ConfigurationError(f"{folder}: cannot be read: {error.strerror or error}") from error
+        raise ConfigurationError(
+            f"cannot be read: {error.strerror or error}", subject=folder
+        ) from error
     names = (one for one in entries if one.name[0] != "." and not _is_folder(one))
     found = [one for one in names if one.name.lower().endswith(LOG_SUFFIXES)]
     if found and all(map(is_own_table, found)):
         if keeps_missing:
             return []
         raise ConfigurationError(
-            f"{folder}: contains only files that damperfit wrote; give the folder with the logs"
+            "contains only files that damperfit wrote; give the folder with the logs",
+            subject=folder,
         )
     if not found:
         if keeps_missing:
             return [folder]
         raise ConfigurationError(
-            f"{folder}: no log in this folder; expected files such as "
-            f".csv, .txt, .xlsx, .mat or .tdms; for logs in its subfolders give {folder}/*/*.csv"
+            f"no log in this folder; expected files such as "
+            f".csv, .txt, .xlsx, .mat or .tdms; for logs in its subfolders give {folder}/*/*.csv",
+            subject=folder,
         )
     return found
 
@@ -130,7 +135,9 @@ def _listed(pattern: str, *, keeps_missing: bool) -> list[Path]:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except (OSError, ValueError) as error:
         said = getattr(error, "strerror", None) or error
-        raise ConfigurationError(f"{pattern}: the list {path} cannot be read: {said}") from error
+        raise ConfigurationError(
+            f"the list {path} cannot be read: {said}", subject=pattern
+        ) from error
     found: list[Path] = []
     for number, line in enumerate(lines, start=1):
         text = line.strip()
@@ -145,7 +152,7 @@ def _listed(pattern: str, *, keeps_missing: bool) -> list[Path]:
                 f"{path}:{number}: {error}; paths in a list count from where the command is run"
             ) from error
     if not found:
-        raise ConfigurationError(f"{pattern}: the list names no log")
+        raise ConfigurationError("the list names no log", subject=pattern)
     return found
 
 

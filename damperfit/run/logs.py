@@ -342,7 +342,7 @@ def _take_test(
     if configuration.rig.is_strict and trace.warnings:
         more = f" (and {len(trace.warnings) - 1} more)" if len(trace.warnings) > 1 else ""
         text = "refused because of a warning, as strict quality was requested"
-        refused = QualityError(f"{recording.name}: {text}: {trace.warnings[0]}{more}")
+        refused = QualityError(f"{text}: {trace.warnings[0]}{more}", subject=recording.name)
         return _failed(known, refused, trace.findings)
     return _Taken(known, trace, identity=identity)
 

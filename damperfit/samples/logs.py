@@ -265,8 +265,9 @@ def _check_own(folder: Path, names: Sequence[str]) -> None:
                 is_own = file.read(100).startswith(heads[path.name])
         if not is_own:
             raise ConfigurationError(
-                f"{path}: is there, and was not written by samples; choose another folder, or move "
-                "that file"
+                "is there, and was not written by samples; choose another folder, or move "
+                "that file",
+                subject=path,
             )
 
 

@@ -209,7 +209,7 @@ def _refuse_wave(amplitude: float, frequency: float, cycles: float, sample_rate:
     for name, (value, unit) in (wanted | {"sample_rate": (sample_rate, " Hz")}).items():
         if not 0.0 < value < math.inf:
             raise ConfigurationError(
-                f"{name}: expected a finite number above 0, found {value:g}{unit}"
+                f"expected a finite number above 0, found {value:g}{unit}", subject=name
             )
 
 

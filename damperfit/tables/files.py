@@ -151,7 +151,7 @@ def write_table(path: Path, table: pa.Table, *, suffix: str | None = None) -> No
     elif suffix == ".csv":
         _write_csv(path, table)
     else:
-        raise ConfigurationError(f"{path.name}: tables are written as .csv or .parquet")
+        raise ConfigurationError("tables are written as .csv or .parquet", subject=path.name)
 
 
 def _write_csv(path: Path, table: pa.Table) -> None:
@@ -238,7 +238,7 @@ def read_parameter_rows(
             for setting, row in known.items()
         )
     except (ValueError, TypeError) as error:
-        raise ConfigurationError(f"{path}: not a parameters table: {error}") from error
+        raise ConfigurationError(f"not a parameters table: {error}", subject=path) from error
 
 
 def unlimited_names(row: Mapping[str, Any], quantities: Sequence[Quantity]) -> tuple[str, ...]:
@@ -269,7 +269,7 @@ def _by_setting(
             for setting, row in _rows_by_setting(path, quantities, needed=needed).items()
         }
     except (ValueError, TypeError) as error:
-        raise ConfigurationError(f"{path}: not a parameters table: {error}") from error
+        raise ConfigurationError(f"not a parameters table: {error}", subject=path) from error
 
 
 def _rows_by_setting(
@@ -289,13 +289,15 @@ def _rows_by_setting(
             if (setting := read_setting(row, adjusters_in(tuple(row), quantities))) is not None
         }
     except OSError as error:
-        raise ConfigurationError(f"{path}: cannot be read: {error.strerror or error}") from error
+        raise ConfigurationError(
+            f"cannot be read: {error.strerror or error}", subject=path
+        ) from error
     except KeyError as error:
         raise ConfigurationError(
-            f"{path}: not a parameters table: it has no column {error}"
+            f"not a parameters table: it has no column {error}", subject=path
         ) from error
     except (ValueError, TypeError, csv.Error, pa.ArrowException) as error:
-        raise ConfigurationError(f"{path}: not a parameters table: {error}") from error
+        raise ConfigurationError(f"not a parameters table: {error}", subject=path) from error
 
 
 def _without_default(quantities: Sequence[Quantity]) -> tuple[str, ...]:

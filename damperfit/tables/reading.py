@@ -299,7 +299,7 @@ def part_in(path: Path) -> Path:
     parts = parts_of(path)
     if len(parts) > 1:
         names = ", ".join(one.name for one in parts)
-        raise ConfigurationError(f"{path}: several tests of one damper; name one of {names}")
+        raise ConfigurationError(f"several tests of one damper; name one of {names}", subject=path)
     return parts[0]
 
 
@@ -319,13 +319,15 @@ def read_part(
         record = json.loads((table.schema.metadata or {}).get(RECORD, b"{}"))
     except (OSError, pa.ArrowInvalid, ValueError) as error:
         raise ConfigurationError(
-            f"{path}: damaged ({error}); remove it, and the next damperfit fleet makes it again"
+            f"damaged ({error}); remove it, and the next damperfit fleet makes it again",
+            subject=path,
         ) from error
     if not record:
         raise ConfigurationError(
-            f"{path}: does not say which damper and motion it is of: from an earlier version, of "
+            "does not say which damper and motion it is of: from an earlier version, of "
             "several dampers, or without a fit; remove it, and the next damperfit fleet makes it "
-            "again"
+            "again",
+            subject=path,
         )
     rows = [row for row in table.to_pylist() if not row["error_kind"]]
     quantities = quantities_in(record, table.column_names)

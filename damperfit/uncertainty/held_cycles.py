@@ -53,7 +53,8 @@ def split_cycles(trace: Trace, cycles: float) -> tuple[Trace, Trace]:
         n = max(stretch.n_cycles for stretch in trace.stretches)
         held = max(1, round(cycles))
         raise LogError(
-            f"{trace.name}: {n} steady cycle{'s' if n > 1 else ''}, of which {held} are to be held "
-            "out: none is left to fit; hold out fewer, or give a longer log"
+            f"{n} steady cycle{'s' if n > 1 else ''}, of which {held} are to be held "
+            "out: none is left to fit; hold out fewer, or give a longer log",
+            subject=trace.name,
         )
     return replace(trace, stretches=tuple(fitted)), replace(trace, stretches=tuple(held_out))

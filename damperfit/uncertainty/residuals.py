@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.conditioning.held_force import YIELDS, held_shares
+from damperfit.conditioning.gas_force import YIELDS, held_shares
 from damperfit.identification.setting import EXCELLENT
 from damperfit.identification.sharing import listed_settings
 from damperfit.statistics import median, variance_of

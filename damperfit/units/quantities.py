@@ -272,7 +272,7 @@ def parse_quantity(text: str | float, dimension: str, *, option: str = "") -> fl
         return _parsed(text, dimension)
     except QuantityError as error:
         if option:
-            raise QuantityError(f"{option}: {error}") from error
+            raise QuantityError(f"{error}", subject=option) from error
         raise
 
 

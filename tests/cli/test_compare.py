@@ -395,7 +395,7 @@ def test_two_models_have_their_forces_compared_as_measured(run, campaigns) -> No
     assert main(["identify", *logs, "--model", "linear", "--out", "linear", "--quiet"]) in {0, 1}
     ended = run("compare", campaigns / "before", "linear", "--json")
     (found,) = json.loads(ended.out)["comparisons"]
-    assert {line["kind"] for line in found["lines"]} == {"force", "figure"}
+    assert {line["kind"] for line in found["lines"]} == {"measured", "force", "figure"}
     forces = [line for line in found["lines"] if line["kind"] == "force"]
     # A straight line misses the force somewhere at every setting: it is not asked at the others.
     assert {line["told_from"] for line in forces} == {"measured"}
@@ -428,16 +428,16 @@ def test_what_two_models_of_the_same_logs_measured_says_nothing_of_the_models(
     document = json.loads(Path("out/comparison.json").read_text())
     (found,) = document["comparisons"]
     words = {line["words"] for line in found["lines"] if line["kind"] == "force"}
-    assert words == {"same within errors (measured)"}
+    assert words == {"identical: the same logs (measured)"}
     assert {point["told_from"] for point in document["points"]} == {"measured"}
     assert all(point["words"].endswith("(measured)") for point in document["points"])
     for name in ("comparison.html", "comparison.md"):
         text = Path("out", name).read_text()
-        for part in ("same within errors (measured)", "says nothing about the models"):
+        for part in ("identical: the same logs (measured)", "says nothing about the models"):
             assert part in text
         assert "Forces as measured at the tests" in text
     by_model = run("compare", campaigns / "before", campaigns / "again", "--tolerance", "9%")
-    assert "measured force" not in by_model.out
+    assert "forces as measured" not in by_model.out
     assert "(measured)" not in by_model.out
 
 

@@ -72,7 +72,6 @@ def test_what_a_command_raises_ends_in_one_line_and_a_code(
         raise error
 
     monkeypatch.setattr(door, "app", fail)
-    monkeypatch.setattr(door, "silence_broken_pipe", lambda: None)
     assert main(["config"]) == code
     seen = capsys.readouterr()
     assert seen.out == ""

@@ -11,8 +11,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from damperfit.conditioning import ConditionOptions, condition
+from damperfit.conditioning.delay import estimate_skew
 from damperfit.conditioning.gas_force import force_level
-from damperfit.conditioning.skew import estimate_skew
 from damperfit.conditioning.timebase import make_uniform
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters

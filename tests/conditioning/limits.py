@@ -19,7 +19,7 @@ import numpy as np
 from scipy.signal import butter, sosfilt
 
 from damperfit.conditioning import condition
-from damperfit.conditioning.rig_filter import _fall
+from damperfit.conditioning.findings import _fall
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import DamperfitError

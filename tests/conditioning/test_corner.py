@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from damperfit.conditioning import ConditionOptions, condition
-from damperfit.conditioning.corner import fitting_corner, with_corner
+from damperfit.conditioning.filters import fitting_corner, with_corner
 from damperfit.configuration.loading import load_configuration
 from damperfit.errors import ConditioningError
 from tests.conditioning.logs import recording, sine_log, static_force

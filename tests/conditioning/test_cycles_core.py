@@ -8,14 +8,12 @@ import pytest
 from damperfit.compiled_core import compiled_core
 from damperfit.conditioning import apply_filter, design_filter
 from damperfit.conditioning.channels import Channel, find_spikes, noise_of
-from damperfit.conditioning.cycles import _tops, crossings
+from damperfit.conditioning.cycles import _tops, crossings, cycles_of, turning_points
+from damperfit.conditioning.delay import _REACH, _in_order, _scan, _without_smooth
 from damperfit.conditioning.drive import _errors, _Spectrum
 from damperfit.conditioning.gas_force import _branches, _inverse
-from damperfit.conditioning.harmonics import harmonic_powers
-from damperfit.conditioning.passages import cycles_of, turning_points
-from damperfit.conditioning.repeatability import _cycle_means
-from damperfit.conditioning.scatter import _scatter
-from damperfit.conditioning.skew import _REACH, _in_order, _scan, _without_smooth
+from damperfit.conditioning.refusals import harmonic_powers
+from damperfit.conditioning.repeatability import _cycle_means, _scatter
 from damperfit.passed_speeds import at_speeds, in_both_strokes
 from tests.oracles import cycles as slow
 

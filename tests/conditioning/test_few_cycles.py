@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from damperfit.conditioning import condition
-from damperfit.conditioning.continuation import continue_log
-from damperfit.conditioning.timebase import UniformLog
+from damperfit.conditioning.timebase import UniformLog, continue_log
 from tests.conditioning.logs import LAW, recording, sine_log, static_force
 
 RATE = 1024.0

@@ -8,7 +8,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from damperfit.conditioning import motion, repeatability
+from damperfit.conditioning import findings as motion
+from damperfit.conditioning import repeatability
 from damperfit.conditioning.channels import (
     Channel,
     _is_clip,

@@ -17,7 +17,7 @@ from damperfit.conditioning import (
     differentiate,
     examine_raw,
 )
-from damperfit.conditioning.quality import bridge_spikes
+from damperfit.conditioning.findings import bridge_spikes
 from damperfit.damper.purdy.closed_forms import incompressible_force
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters

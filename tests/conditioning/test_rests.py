@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from damperfit.conditioning import ConditionOptions, condition
-from damperfit.conditioning.rests import rests_of, samples_at_rest
+from damperfit.conditioning.drive import rests_of, samples_at_rest
 from tests.conditioning.logs import recording, sine_log, static_force
 
 RATE = 1000.0

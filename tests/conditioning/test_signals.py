@@ -9,8 +9,7 @@ from scipy.signal import butter, sosfilt, sosfilt_zi, sosfiltfilt
 
 from damperfit.compiled_core import compiled_core
 from damperfit.conditioning import apply_filter, design_filter
-from damperfit.conditioning.derivatives import differentiate
-from damperfit.conditioning.filters import completed, fading_samples
+from damperfit.conditioning.filters import completed, differentiate, fading_samples
 
 RANDOM = np.random.default_rng(7)
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from damperfit.conditioning import ConditionOptions, condition
-from damperfit.conditioning.skew import (
+from damperfit.conditioning.delay import (
     stands_still,
     take_back,
 )

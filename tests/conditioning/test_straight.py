@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from damperfit.conditioning import ConditionOptions, apply_filter, condition
-from damperfit.conditioning.straight import drive_of_lines
+from damperfit.conditioning.drive import drive_of_lines
 from tests.conditioning.logs import recording, sine_log, static_force
 from tests.oracles.motions import triangles
 

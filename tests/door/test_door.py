@@ -399,7 +399,8 @@ def test_logs_are_inspected(result):
 
 def test_results_are_compared(result):
     same = damperfit.compare(result, pickle.loads(pickle.dumps(result)))  # noqa: S301
-    assert same.sentences[0].startswith("forces: all 20 the same")
+    assert same.sentences[0].startswith("measured: identical")
+    assert same.sentences[1].startswith("forces: all 20 the same")
     assert len(same.to_frame()) > 20
     assert "same within errors" in same._repr_html_()
 

@@ -12,9 +12,10 @@ from pathlib import Path
 import pytest
 
 from damperfit.damper.purdy.reference import reference_parameters
-from damperfit.exporting import TARGETS, ExportOptions, exported_run
+from damperfit.exporting import TARGETS, ExportedRun, ExportOptions, exported_run
 from damperfit.exporting import fmu as libraries
 from damperfit.exporting.fmu_build import build
+from damperfit.results import Run
 from damperfit.tables import make_tables, write_table
 from tests.exporting.fmi2_client import Unit, unzip
 from tests.fakes import campaign, fit
@@ -22,20 +23,23 @@ from tests.fakes import campaign, fit
 SETTINGS = (1, 10, 20)
 
 
-def _log(setting: int) -> dict:
-    stretch = {
-        "kind": "steady",
-        "amplitude_m": 0.032,
-        "frequency_Hz": 1.5,
-        "peak_speed_m_per_s": 0.30159,
-    }
+def log_of(setting: int, speed: float = 0.30159) -> dict:
+    """A log as run.json has it: a fast segment and a slow one."""
+    fast = {"amplitude_m": 0.032, "frequency_Hz": 1.5, "peak_speed_m_per_s": speed}
     slow = {"amplitude_m": 0.01, "frequency_Hz": 0.5, "peak_speed_m_per_s": 0.0314}
     return {
         "log": f"setting_{setting:02d}.csv",
         "setting": setting,
         "temperature_degC": 25.0 + 0.1 * setting,
-        "stretches": [stretch, slow | {"kind": "steady"}],
+        "stretches": [one | {"kind": "steady"} for one in (fast, slow)],
     }
+
+
+def told(handed: ExportedRun, **record: object) -> ExportedRun:
+    """The same with other entries in run.json."""
+    rows = {"parameters": handed.run.rows("parameters")}
+    run = Run({**handed.run.record, **record}, rows, quantities=handed.run.quantities)
+    return replace(handed, run=run)
 
 
 @pytest.fixture(scope="session")
@@ -52,7 +56,7 @@ def results(tmp_path_factory) -> Path:
         "schema_version": 2,
         "test": {"damper": "front left", "serial": 'A <7> & "8"', "rig": "synthetic"},
         "configuration": {"damper": {"model": "purdy", "gas_pressure": "4.6bara"}},
-        "inputs": [_log(n) for n in SETTINGS],
+        "inputs": [log_of(n) for n in SETTINGS],
     }
     (folder / "run.json").write_text(json.dumps(record), encoding="utf-8")
     return folder

@@ -14,8 +14,9 @@ import pytest
 from damperfit.damper.mounting import Mounting
 from damperfit.damper.valve_dampers import TwinTube
 from damperfit.errors import ConfigurationError
-from damperfit.exporting import TARGETS, ExportedSetting
+from damperfit.exporting import TARGETS
 from damperfit.exporting.check import check_export
+from damperfit.results import SettingResult
 from damperfit.simulation import Motion, SolverOptions, simulate
 from damperfit.tested.setting import Setting
 from tests.cli.conftest import run  # noqa: F401
@@ -37,7 +38,7 @@ def on_rig(handed, rig):
     mounting, known = RIGS[rig]
     damper = TwinTube(mounting=mounting)
     settings = tuple(
-        ExportedSetting(Setting.of(n), damper.values(one | known))
+        SettingResult(Setting.of(n), damper.values(one | known))
         for n, one in ((1, SOFT), (2, STIFF))
     )
     return replace(handed, damper=damper, settings=settings)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes as ct
-import re
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -97,22 +96,6 @@ def test_it_is_the_damper_of_fmi_2_bit_for_bit(folder, unit) -> None:
     code, reached = one.step(0.5, 1e-3)
     assert (code, reached) == (2, 0.5)  # fmi3Discard
     one.call("FreeInstance")
-
-
-@runs_here
-def test_all_functions_of_the_standard_are_there(folder) -> None:
-    library = ct.CDLL(str(folder / "binaries" / "x86_64-linux" / "damperfit.so"))
-    door = (SOURCES / name for name in ("fmi3.c", "fmi3_absent.c"))
-    text = "".join(one.read_text(encoding="ascii") for one in door)
-    names = set(re.findall(r"FMI3\((\w+)\)\(", text)) | set(
-        re.findall(r"NOTHING_TO_DO\((\w+)\)\n", text)
-    )
-    kinds = set(re.findall(r"NONE_OF\((\w+)\)\n", text))
-    names = {one for one in names if "#" not in one and one not in {"Get", "Set", "name"}}
-    names |= {f"{verb}{kind}" for kind in kinds for verb in ("Get", "Set")}
-    assert len(names) == 75
-    for name in names:
-        assert getattr(library, f"fmi3{name}")
 
 
 @runs_here

@@ -11,8 +11,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from damperfit.damper.models import MODELS
-from damperfit.exporting import TARGETS, ExportedSetting, ExportOptions
+from damperfit.exporting import TARGETS, ExportOptions
 from damperfit.exporting.tables import force_tables
+from damperfit.results import SettingResult
 from damperfit.simulation import simulate, sine_motion
 from damperfit.tested.setting import Setting
 from tests.test_every_model import truth_of
@@ -120,7 +121,7 @@ def test_equations_name_their_paper_and_nothing_of_a_table(handed) -> None:
 def test_another_model_gives_its_table_and_its_force_at_rest(handed) -> None:
     model = MODELS["monotube"](gas_pressure=2.5e6)
     values = truth_of(model)
-    settings = tuple(ExportedSetting(Setting.of(k), values.replace(f_f=50.0 * k)) for k in (1, 2))
+    settings = tuple(SettingResult(Setting.of(k), values.replace(f_f=50.0 * k)) for k in (1, 2))
     mine = replace(handed, damper=model, settings=settings)
     read, head = Read(text_of(mine)), text_of(mine).partition("parameter ")[0]
     assert "the table" in head

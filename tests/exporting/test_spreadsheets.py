@@ -5,15 +5,15 @@ from __future__ import annotations
 import csv
 import io
 from dataclasses import replace
-from types import MappingProxyType
 
+import numpy as np
 import openpyxl
 import pytest
 
 from damperfit.exporting import TARGETS, ExportOptions
 from damperfit.exporting.tables import force_tables
-from damperfit.exporting.workbook import _column
 from damperfit.units.shown_units import parse_units
+from tests.exporting.conftest import told
 
 POUND = 4.4482216152605
 
@@ -64,7 +64,7 @@ def test_units_are_converted_in_cells_headings_and_units(handed) -> None:
 
 
 def test_text_cannot_become_a_formula_and_bytes_are_the_same_each_time(handed) -> None:
-    evil = replace(handed, identity=MappingProxyType({"damper": "=1+1\x07<&"}))
+    evil = told(handed, test={"damper": "=1+1\x07<&"})
     cells = [str(row[0].value) for row in workbook(evil)["about"].rows]
     assert "identity: damper =1+1 <&" in cells
     assert all(
@@ -74,10 +74,16 @@ def test_text_cannot_become_a_formula_and_bytes_are_the_same_each_time(handed) -
     assert first == second
 
 
-def test_columns_are_lettered_as_spreadsheets_do() -> None:
-    assert [_column(k) for k in (0, 25, 26, 51, 52, 701, 702)] == [
-        *("A", "Z", "AA", "AZ", "BA", "ZZ", "AAA")
-    ]
+def test_each_force_has_its_interval_in_a_column_of_its_own(handed) -> None:
+    settings = tuple(
+        replace(one, own=("f_f",), shared=(), covariance=np.array([[1e-4]]))
+        for one in handed.settings
+    )
+    forces = workbook(replace(handed, settings=settings))["forces"]
+    heads = [cell.value for cell in forces[1]]
+    assert heads[4:] == [f"± 95 % of setting {n}" for n in (1, 10, 20)]
+    assert forces["E3"].value == pytest.approx(1.959964 * 0.01 * 50.0, rel=1e-4)
+    assert len(heads) < 27
 
 
 def test_a_decimal_comma_comes_with_semicolons(handed) -> None:

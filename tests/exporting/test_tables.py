@@ -12,10 +12,12 @@ from damperfit.damper.models import MODELS
 from damperfit.damper.mounting import Mounting
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
 from damperfit.errors import ConfigurationError
-from damperfit.exporting import TARGETS, ExportedSetting, ExportOptions
+from damperfit.exporting import TARGETS, ExportOptions
 from damperfit.exporting.tables import force_tables, road_misses, standard_road
+from damperfit.results import SettingResult
 from damperfit.samples.any_model import made_up_values
 from damperfit.tested.setting import Setting
+from tests.exporting.conftest import log_of, told
 from tests.exporting.reading_back import READERS
 from tests.oracles.steady import purdy_force, steady_force
 from tests.test_every_model import truth_of
@@ -31,9 +33,7 @@ TABLES = sorted(READERS)
 
 
 def of_valves(handed, damper):
-    settings = tuple(
-        ExportedSetting(Setting.of(n), made_up_values(damper, n, 0.3), speed=0.302) for n in (1, 10)
-    )
+    settings = tuple(SettingResult(Setting.of(n), made_up_values(damper, n, 0.3)) for n in (1, 10))
     return replace(handed, damper=damper, settings=settings)
 
 
@@ -95,7 +95,7 @@ def test_each_quantity_s_error_and_their_correlation_are_in_the_interval(handed)
     first = handed.settings[0]
 
     def half(names, covariance):
-        one = replace(first, uncertain=names, covariance=np.array(covariance))
+        one = replace(first, own=names, shared=(), covariance=np.array(covariance))
         (table,) = force_tables(replace(handed, settings=(one,)))
         assert table.has_interval == bool(np.any(covariance))
         return table.speeds, 0.5 * (table.high - table.low)
@@ -113,7 +113,7 @@ def test_each_quantity_s_error_and_their_correlation_are_in_the_interval(handed)
 
 def test_a_table_ends_where_the_logs_do_not_determine_the_force(handed) -> None:
     """r_m1 to 10 % moves the force by 40 % where the orifice rules, hardly where friction does."""
-    wide = replace(handed.settings[1], uncertain=("r_m1",), covariance=np.array([[0.01]]))
+    wide = replace(handed.settings[1], own=("r_m1",), covariance=np.array([[0.01]]))
     run = replace(handed, settings=(handed.settings[0], wide))
     sure, unsure = force_tables(run)
     assert sure.end == sure.determined == pytest.approx(0.301)
@@ -130,7 +130,7 @@ def test_a_table_ends_where_the_logs_do_not_determine_the_force(handed) -> None:
     assert force_tables(run, extend=0.25)[0].end == sure.end
     assert [asked.range_of(v) for v in (0.02, 0.2, 0.4)] == ["tested", "not determined", "untested"]
     assert "to 0.0" in TARGETS["carsim"].export(run).determined
-    lost = replace(wide, covariance=np.array([[4.0]]), uncertain=("f_f",))
+    lost = replace(wide, covariance=np.array([[4.0]]), own=("f_f",))
     with pytest.raises(ConfigurationError, match=r"setting 10: .* --extend 0.301m/s"):
         force_tables(replace(handed, settings=(lost,)))
     assert force_tables(replace(handed, settings=(lost,)), whole=True)[0].determined == 0.0
@@ -140,8 +140,9 @@ def test_a_blow_off_that_no_log_limits_widens_the_force_beyond_its_opening(hande
     run = of_valves(handed, DAMPERS[0])
     values = run.settings[1].values
     opening = values.compression_opening
-    free = {"compression_opening": (0.9 * opening, np.inf)}
-    one = replace(run.settings[1], unlimited=free)
+    row = {"compression_opening_status": "not_identifiable"}
+    row["compression_opening_ci_low"] = 0.9 * opening
+    one = replace(run.settings[1], row=row)
     (table,) = force_tables(replace(run, settings=(one,)), extend=0.5)
     below, beyond = (int(np.argmin(np.abs(table.speeds - v))) for v in (-0.05, -0.5))
     assert table.forces[below] - table.low[below] < 1.0
@@ -150,8 +151,7 @@ def test_a_blow_off_that_no_log_limits_widens_the_force_beyond_its_opening(hande
 
 
 def test_a_setting_tested_more_slowly_ends_there(handed) -> None:
-    slow = replace(handed.settings[0], speed=0.1)
-    run = replace(handed, settings=(slow, *handed.settings[1:]))
+    run = told(handed, inputs=[log_of(1, 0.1), *(log_of(n, 0.30159) for n in (10, 20))])
     assert [one.end for one in force_tables(run)] == pytest.approx([0.1, 0.301, 0.301])
     assert {one.end for one in force_tables(run, common=True)} == {0.1}
 
@@ -183,7 +183,7 @@ def test_limits_of_extending(handed, speed, is_refused) -> None:
 @pytest.mark.parametrize("name", sorted(MODELS))
 def test_every_model_has_a_table(handed, name) -> None:
     model = MODELS[name]()
-    one = ExportedSetting(Setting.of(1), truth_of(model))
+    one = SettingResult(Setting.of(1), truth_of(model))
     run = replace(handed, damper=model, settings=(one,))
     (table,) = force_tables(run)
     assert np.isfinite(table.forces).all()
@@ -194,7 +194,7 @@ def test_every_model_has_a_table(handed, name) -> None:
 def test_labels_that_differ_in_signs_alone_have_files_of_their_own(handed) -> None:
     values = handed.settings[0].values
     labels = ("soft 1", "soft/1", "Soft_1")
-    settings = tuple(ExportedSetting(Setting((("bump", one),)), values) for one in labels)
+    settings = tuple(SettingResult(Setting((("bump", one),)), values) for one in labels)
     files = TARGETS["adams"].export(replace(handed, settings=settings)).files
     assert len({name.casefold() for name in files}) == 3
 
@@ -218,14 +218,14 @@ def test_how_far_dynamics_are_from_the_table_is_told_at_three_speeds(handed) -> 
     lost = TARGETS["csv"].export(handed).lost
     assert f"{shares[2][0]:.2g} % MSE" in lost
     assert "at setting 20" in lost
-    slow = tuple(replace(one, speed=0.1) for one in handed.settings)
-    (table, *_) = force_tables(replace(handed, settings=slow))
-    assert [one.speed for one in road_misses(handed, table)] == pytest.approx([0.02, 0.04, 0.1])
+    slow = told(handed, inputs=[log_of(n, 0.1) for n in (1, 10, 20)])
+    (table, *_) = force_tables(slow)
+    assert [one.speed for one in road_misses(slow, table)] == pytest.approx([0.02, 0.04, 0.1])
 
 
 def test_a_damper_without_storage_loses_hardly_anything(handed) -> None:
     linear = MODELS["linear"]()
-    one = ExportedSetting(Setting.of(1), truth_of(linear))
+    one = SettingResult(Setting.of(1), truth_of(linear))
     run = replace(handed, damper=linear, settings=(one,))
     (table,) = force_tables(run)
     assert max(miss.percent for miss in road_misses(run, table)) < 0.5  # friction at rest
@@ -236,7 +236,7 @@ def test_all_targets_of_twenty_settings_take_seconds(handed) -> None:
         replace(
             handed.settings[k % 3],
             setting=Setting.of(k),
-            values=handed.settings[k % 3].values.replace(f_f=40.0 + k),
+            parameters=handed.settings[k % 3].values.replace(f_f=40.0 + k),
         )
         for k in range(1, 21)
     )

@@ -6,18 +6,20 @@ import hashlib
 import json
 import math
 from dataclasses import replace
-from types import MappingProxyType
 
 import numpy as np
 import pytest
 
+from damperfit import __version__
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import ConfigurationError
-from damperfit.exporting import TARGETS, ExportedSetting, ExportOptions, exported_run, find_target
+from damperfit.exporting import TARGETS, ExportOptions, exported_run, find_target
 from damperfit.exporting.tables import force_tables
+from damperfit.results import SettingResult
 from damperfit.tables import make_tables, write_table
 from damperfit.tested.setting import Setting
+from tests.exporting.conftest import told
 from tests.exporting.reading_back import READERS, combi_matrices, mat_variables
 from tests.fakes import campaign, fit
 
@@ -54,7 +56,7 @@ def test_every_target_writes_files_of_its_pattern_and_says_what_it_is(name, hand
     slugs = [one.setting.slug for one in handed.settings]
     patterns = target.file.split(", ")
     possible = {one.format(stem="front", setting=slug) for slug in slugs for one in patterns}
-    beside = {one.format(stem="front") for one in target.beside}
+    beside = {"front_about.txt", "front_parameters.csv"} if name == "csv" else set()
     assert set(files) - beside == possible
     assert all(files.values())
 
@@ -118,7 +120,7 @@ def test_every_file_says_whose_it_is_and_what_is_in_it(name, handed) -> None:
     run = replace(
         handed,
         settings=tuple(
-            replace(one, uncertain=("f_f",), covariance=np.array([[1e-4]]))
+            replace(one, own=("f_f",), shared=(), covariance=np.array([[1e-4]]))
             for one in handed.settings
         ),
     )
@@ -128,9 +130,9 @@ def test_every_file_says_whose_it_is_and_what_is_in_it(name, handed) -> None:
         text = " ".join(text.split())
         facts = (
             "front left", "A <7>", "stroke to +-32 mm", "speed to 0.3016 m/s", "0.5 to 1.5 Hz",
-            "25.1 to 27 degC", "MSE of the fit", "gas:", "rebound", run.digest, "taken out:",
+            "25.1 to 27 degC", "MSE of the fit", "gas:", "rebound", run.run.digest, "taken out:",
             "determined (tested, 95 % interval within 10 %): to 0.301 m/s at setting",
-            f"damperfit {run.version}",
+            f"damperfit {__version__}",
         )  # fmt: skip
         for fact in facts:
             assert fact in text, (file, fact)
@@ -144,7 +146,7 @@ def test_every_force_carries_its_interval(handed) -> None:
     run = replace(
         handed,
         settings=tuple(
-            replace(one, uncertain=("f_f",), covariance=np.array([[4e-4]]))
+            replace(one, own=("f_f",), shared=(), covariance=np.array([[4e-4]]))
             for one in handed.settings[:1]
         ),
     )
@@ -166,7 +168,7 @@ def test_every_force_carries_its_interval(handed) -> None:
 
 def test_a_text_of_a_log_cannot_leave_its_comment(handed) -> None:
     evil = "x\n[CURVE]\r\n--> ]]> \x00 *) \u2028 end"
-    spoilt = replace(handed, identity=MappingProxyType({"damper": evil, "operator": 'a"b--<'}))
+    spoilt = told(handed, test={"damper": evil, "operator": 'a"b--<'})
     for name in TABLES:
         assert len(READERS[name](written(name, spoilt))) == 3, name
     assert "[CURVE]" in written("modelica", spoilt)["damper.mo"].decode().splitlines()[2]
@@ -175,7 +177,7 @@ def test_a_text_of_a_log_cannot_leave_its_comment(handed) -> None:
 def test_settings_that_are_no_numbers_carry_their_labels(handed) -> None:
     values = handed.settings[0].values
     places = [(("rebound", r), ("bump", b)) for r, b in ((1, 2), (3, 4))]
-    settings = tuple(ExportedSetting(Setting(place), values) for place in places)
+    settings = tuple(SettingResult(Setting(place), values) for place in places)
     run = replace(handed, settings=settings)
     matrices = combi_matrices(written("combitable", run)["damper.txt"])
     assert matrices["force"][0].tolist() == [0.0, 1.0, 2.0]
@@ -206,12 +208,12 @@ def test_damper_values_motion_and_range_come_back(handed, results) -> None:
     assert [one.setting.cell for one in handed.settings] == [1, 10, 20]
     assert handed.settings[1].values == reference_parameters(10)
     assert handed.settings[1].mse_percent == 0.0123
-    assert handed.settings[1].speed == 0.30159
-    assert (handed.motion.amplitude, handed.motion.frequency) == (0.032, 1.5)
-    assert handed.identity["damper"] == "front left"
+    assert handed.tested_speed(Setting.of(10)) == 0.30159
+    assert (handed.run.motion.amplitude, handed.run.motion.frequency) == (0.032, 1.5)
+    assert handed.run.identity["damper"] == "front left"
     table = (results / "parameters.parquet").read_bytes()
-    assert handed.digest == hashlib.sha256(table).hexdigest()
-    tested = handed.tested
+    assert handed.run.digest == hashlib.sha256(table).hexdigest()
+    tested = handed.run.tested
     assert (tested.n_logs, tested.stroke, tested.speed) == (3, 0.032, 0.30159)
     assert tested.frequencies == (0.5, 1.5)
     assert tested.temperatures == pytest.approx((25.1, 27.0))
@@ -222,16 +224,16 @@ def test_a_log_of_another_setting_adds_nothing_to_the_range(folder) -> None:
     fast = {"kind": "steady", "amplitude_m": 0.05, "frequency_Hz": 9.0, "peak_speed_m_per_s": 2.8}
     record["inputs"].append({"log": "x.csv", "setting": 7, "stretches": [fast]})
     (folder / "run.json").write_text(json.dumps(record))
-    assert exported_run(folder).tested.speed == 0.30159
+    assert exported_run(folder).run.tested.speed == 0.30159
 
 
 def test_a_folder_without_run_json_is_exported_with_remarks(folder) -> None:
     (folder / "run.json").unlink()
     run = exported_run(folder)
     assert len(run.settings) == 3
-    assert run.tested.speed is None
-    assert any("the paper's is assumed" in remark for remark in run.remarks)
-    assert any("nominal one is used" in remark for remark in run.remarks)
+    assert run.run.tested.speed is None
+    assert any("the paper's is assumed" in remark for remark in run.run.remarks)
+    assert any("nominal one is used" in remark for remark in run.run.remarks)
     assert force_tables(run)[0].end == pytest.approx(0.301)
 
 

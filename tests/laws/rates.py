@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.conditioning import condition
-from damperfit.conditioning.held_force import YIELDS, held_share
+from damperfit.conditioning.gas_force import YIELDS, held_share
 from damperfit.damper.force_channel import behind_lag
 from damperfit.damper.friction import Friction
 from damperfit.damper.mounting import FIT, NONE, Mounting

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from damperfit.conditioning import condition
-from damperfit.conditioning.held_force import YIELDS, _shares, held_share
+from damperfit.conditioning.gas_force import YIELDS, _shares, held_share
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, identify
@@ -307,7 +307,7 @@ def test_a_tenth_of_the_speed_is_that_of_the_faster_stroke(sign, monkeypatch) ->
         asked.append(speeds)
         return None, 30.0 * np.array([1.0, -1.0]).reshape(2, 1, 1, 1) * np.ones((2, 2, 1, 1)), None
 
-    monkeypatch.setattr("damperfit.conditioning.held_force.in_both_strokes", passed)
+    monkeypatch.setattr("damperfit.conditioning.gas_force.in_both_strokes", passed)
     velocity = sign * np.array([-0.1, 0.0, 0.4])
     assert _shares(velocity, np.array([[0.0, 50.0, 120.0]])) == pytest.approx(0.5)
     assert asked == [(pytest.approx(0.04),)]

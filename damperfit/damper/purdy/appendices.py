@@ -106,7 +106,8 @@ class Tube:
         """Refuse a tube that is not there."""
         if not (self.wall_thickness > 0 and self.inner_diameter > 0 and self.youngs_modulus > 0):
             raise ConfigurationError(
-                f"{self}: thickness, diameter and Young's modulus must all be positive; give SI"
+                "thickness, diameter and Young's modulus must all be positive; give SI",
+                subject=self,
             )
 
 

@@ -106,7 +106,7 @@ class Rival(Model):
             force, slopes = self.law(values, motion, options)
         n = len(force)
         if not np.all(np.isfinite(force)):
-            raise SimulationError(f"{self.title}: the force is not a finite number.")
+            raise SimulationError("the force is not a finite number.", subject=self.title)
         return Response(
             time=motion.start_time + motion.interval * np.arange(n, dtype=np.float64),
             displacement=motion.displacement,

@@ -1,57 +1,50 @@
-"""An Excel workbook: one sheet a table, headings and units frozen above it; no library is needed.
+"""Spreadsheets: CSV files, and an Excel workbook for which no library is needed.
 
-Text is stored as text, so that no cell can become a formula, and the bytes depend on the results
-alone: every entry of the archive has one fixed date.
+Text of the workbook is stored as text, so that no cell can become a formula, and the bytes depend
+on the results alone: every entry of the archive has one fixed date.
 """
 
 from __future__ import annotations
 
+import csv
 import io
 import math
 import zipfile
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
-from xml.sax.saxutils import escape, quoteattr
+from xml.sax.saxutils import escape
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from damperfit.errors import ConfigurationError
 from damperfit.exporting.header import gas_line, header_lines
+from damperfit.exporting.writers import rendered
+from damperfit.tables import safe_cell
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from damperfit.exporting.source import ExportedRun
     from damperfit.exporting.tables import ForceTable
     from damperfit.exporting.targets import ExportOptions
     from damperfit.units.shown_units import ShownUnits
 
-__all__ = ["TABLE_NAMES", "PlainTable", "stored_tables", "write_xlsx"]
+__all__ = ["TABLE_NAMES", "csv_files", "write_xlsx"]
 
 TABLE_NAMES = ("parameters", "mse", "adjustment", "characteristics")
 _SIGN = "forces, displacement and velocity are positive in rebound (rod out)"
 _DATE = (1980, 1, 1, 0, 0, 0)
 _MAIN = "http://schemas.openxmlformats.org/spreadsheetml/2006/main"
-_LINKS = "http://schemas.openxmlformats.org/officeDocument/2006/relationships"
-_PARTS = "http://schemas.openxmlformats.org/package/2006"
-_KINDS = "application/vnd.openxmlformats-officedocument.spreadsheetml"
 _HEAD = '<?xml version="1.0" encoding="UTF-8" standalone="yes"?>\n'
-_BOLD, _GREY = 1, 2  # places of the styles below
-_FONT = '<sz val="11"/><name val="Calibri"/><family val="2"/>'
-_STYLES = (
-    f'{_HEAD}<styleSheet xmlns="{_MAIN}"><fonts count="3"><font>{_FONT}</font>'
-    f"<font><b/>{_FONT}</font><font><i/>{_FONT}</font></fonts>"
-    '<fills count="2"><fill><patternFill patternType="none"/></fill>'
-    '<fill><patternFill patternType="gray125"/></fill></fills><borders count="1"><border><left/>'
-    "<right/><top/><bottom/><diagonal/></border></borders>"
-    '<cellStyleXfs count="1"><xf numFmtId="0" fontId="0" fillId="0" borderId="0"/></cellStyleXfs>'
-    '<cellXfs count="3"><xf numFmtId="0" fontId="0" fillId="0" borderId="0" xfId="0"/>'
-    '<xf numFmtId="0" fontId="1" fillId="0" borderId="0" xfId="0" applyFont="1"/>'
-    '<xf numFmtId="0" fontId="2" fillId="0" borderId="0" xfId="0" applyFont="1"/></cellXfs>'
-    '<cellStyles count="1"><cellStyle name="Normal" xfId="0" builtinId="0"/></cellStyles>'
-    "</styleSheet>"
-)
+_BOLD, _GREY = 1, 2  # places in templates/xlsx_styles.xml
+_PARTS = {
+    "[Content_Types].xml": "xlsx_types.xml",
+    "_rels/.rels": "xlsx_rels.xml",
+    "xl/workbook.xml": "xlsx_workbook.xml",
+    "xl/_rels/workbook.xml.rels": "xlsx_workbook_rels.xml",
+    "xl/styles.xml": "xlsx_styles.xml",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +107,7 @@ def stored_tables(run: ExportedRun, units: ShownUnits) -> Iterator[PlainTable]:
         One cannot be read.
     """
     for name in TABLE_NAMES:
-        path = run.folder / f"{name}.parquet"
+        path = run.run.folder / f"{name}.parquet"
         if not path.is_file():
             continue
         try:
@@ -122,7 +115,7 @@ def stored_tables(run: ExportedRun, units: ShownUnits) -> Iterator[PlainTable]:
                 table = file.read()
         except (OSError, ValueError, pa.ArrowException) as error:
             raise ConfigurationError(
-                f"{path}: cannot be read: {error}; run damperfit identify LOGS again"
+                f"cannot be read: {error}; run damperfit identify LOGS again", subject=path
             ) from error
         yield _plain(name, table, units)
 
@@ -142,44 +135,8 @@ def _plain(name: str, table: pa.Table, units: ShownUnits) -> PlainTable:
 
 
 def _archive(sheets: Sequence[PlainTable]) -> bytes:
-    numbered = list(enumerate(sheets, 1))
-    names = "".join(
-        f'<sheet name={quoteattr(sheet.name)} sheetId="{k}" r:id="rId{k}"/>'
-        for k, sheet in numbered
-    )
-    links = "".join(
-        f'<Relationship Id="rId{k}" Type="{_LINKS}/worksheet" Target="worksheets/sheet{k}.xml"/>'
-        for k, _ in numbered
-    )
-    kinds = "".join(
-        f'<Override PartName="/xl/worksheets/sheet{k}.xml" ContentType="{_KINDS}.worksheet+xml"/>'
-        for k, _ in numbered
-    )
-    relationships = f'{_HEAD}<Relationships xmlns="{_PARTS}/relationships">'
-    parts = {
-        "[Content_Types].xml": (
-            f'{_HEAD}<Types xmlns="{_PARTS}/content-types"><Default Extension="rels" '
-            'ContentType="application/vnd.openxmlformats-package.relationships+xml"/>'
-            '<Default Extension="xml" ContentType="application/xml"/>'
-            f'<Override PartName="/xl/workbook.xml" ContentType="{_KINDS}.sheet.main+xml"/>'
-            f'<Override PartName="/xl/styles.xml" ContentType="{_KINDS}.styles+xml"/>'
-            f"{kinds}</Types>"
-        ),
-        "_rels/.rels": (
-            f'{relationships}<Relationship Id="rId1" Type="{_LINKS}/officeDocument" '
-            'Target="xl/workbook.xml"/></Relationships>'
-        ),
-        "xl/workbook.xml": (
-            f'{_HEAD}<workbook xmlns="{_MAIN}" xmlns:r="{_LINKS}"><sheets>{names}</sheets>'
-            "</workbook>"
-        ),
-        "xl/_rels/workbook.xml.rels": (
-            f'{relationships}{links}<Relationship Id="rId{len(sheets) + 1}" '
-            f'Type="{_LINKS}/styles" Target="styles.xml"/></Relationships>'
-        ),
-        "xl/styles.xml": _STYLES,
-        **{f"xl/worksheets/sheet{k}.xml": _sheet(sheet) for k, sheet in numbered},
-    }
+    parts = {name: rendered(template, sheets=sheets) for name, template in _PARTS.items()}
+    parts |= {f"xl/worksheets/sheet{k}.xml": _sheet(one) for k, one in enumerate(sheets, 1)}
     file = io.BytesIO()
     with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.comment = b"damperfit"
@@ -228,3 +185,66 @@ def _column(place: int) -> str:
         place, rest = divmod(place - 1, 26)
         letters = chr(ord("A") + rest) + letters
     return letters
+
+
+def csv_files(
+    run: ExportedRun, tables: Sequence[ForceTable], options: ExportOptions
+) -> Mapping[str, bytes]:
+    """Return a row for each setting and speed, every table of the results, and what it is about.
+
+    With a decimal comma the cells stand between semicolons, as spreadsheets of those countries read
+    and write them. What other targets say in a comment stands in a text file: CSV has no comments.
+    """
+    shown, mark, stem = options.units, options.decimal, options.stem
+    columns = ("force_N", "force_ci_low_N", "force_ci_high_N")
+    rows = []
+    for table in tables:
+        forces = [shown.show(one, "N") for one in (table.forces, table.low, table.high)]
+        speeds = zip(table.speeds, shown.show(table.speeds, "m/s"), *forces, strict=True)
+        for at, speed, force, *ends in speeds:
+            numbers = [f"{speed:.6g}", f"{force:.3f}", *(f"{end:.3f}" for end in ends)]
+            numbers = [one.replace(".", mark) for one in numbers]
+            ends_known = numbers[2:] if table.has_interval else ["", ""]
+            rows.append([str(table.setting), *numbers[:2], table.range_of(at), *ends_known])
+    force, *ends = (shown.column(name, "N") for name in columns)
+    head = ("setting", shown.column("speed_m_per_s", "m/s"), force, "range", *ends)
+    gas = gas_line(tables[0], place="add it to the force")
+    about = "\n".join(header_lines(run, tables, sign=_SIGN, gas=gas)) + "\n"
+    files = {
+        f"{stem}.csv": _csv(head, rows, mark),
+        f"{stem}_about.txt": about.encode("utf-8", "backslashreplace"),
+    }
+    for stored in stored_tables(run, shown):
+        named = [_heading(*pair) for pair in zip(stored.headings, stored.units, strict=True)]
+        cells = ([_csv_cell(one, mark) for one in row] for row in zip(*stored.columns, strict=True))
+        files[f"{stem}_{stored.name}.csv"] = _csv(named, cells, mark)
+    return files
+
+
+def _csv(head: Sequence[str], rows: Iterable[Sequence[str]], mark: str) -> bytes:
+    text = io.StringIO()
+    writer = csv.writer(text, delimiter=";" if mark == "," else ",", lineterminator="\n")
+    writer.writerow(head)
+    writer.writerows([_safe(cell) for cell in row] for row in rows)
+    return text.getvalue().encode("utf-8", "backslashreplace")
+
+
+def _heading(name: str, unit: str) -> str:
+    """Return the name with its unit, where it does not end with it already."""
+    is_said = not unit or name.endswith("_" + unit.replace("/", "_per_"))
+    return name if is_said else f"{name} [{unit}]"
+
+
+def _csv_cell(cell: Any, mark: str) -> str:
+    if cell is None or (isinstance(cell, float) and not math.isfinite(cell)):
+        return ""
+    return repr(cell).replace(".", mark) if isinstance(cell, float) else str(cell)
+
+
+def _safe(cell: str) -> str:
+    """Return a cell that no spreadsheet takes for a formula; numbers stay numbers."""
+    try:
+        float(cell.replace(",", "."))
+    except ValueError:
+        return safe_cell(cell)
+    return cell

@@ -1,0 +1,132 @@
+"""What is lost without a piece of the program: the table of `bench_numbers` with the piece off.
+
+    python -m tests.ablation                          # the pieces
+    python -m tests.ablation NAME ... --only valves   # these off, together
+    python -m tests.ablation NAME --run tests.laws.rates --dampers 6
+
+A piece is switched off by replacing one function. `ablation.toml` keeps what was measured: the
+piece, on which data, what is lost without it. A step of a fit or a search stays in the program only
+with a row there that shows a loss that a user would see.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import runpy
+import sys
+from typing import TYPE_CHECKING, Any
+
+from tests.bench_numbers import CASES, compared, load_frozen
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+__all__ = ["PIECES", "switched_off"]
+
+
+def _law(_: Any, law: Any, *__: Any, **___: Any) -> Any:
+    """Return the law that a step of a search was given."""
+    return law
+
+
+def _first(given: Any, *_: Any, **__: Any) -> Any:
+    return given
+
+
+def _nothing(*_: Any, **__: Any) -> str:
+    return ""
+
+
+# By name: module, what is replaced (a class's function as Class.name), and by what.
+PIECES: dict[str, tuple[str, str, Callable[..., Any]]] = {
+    "ports first": ("laws.search", "_Search.ported", lambda _, found: list(found)),
+    "crossed": ("laws.course", "Course.crossed", _law),
+    "bleeds": ("laws.search", "with_bleeds_told", _law),
+    "giving": ("laws.search", "with_what_gives_told", _law),
+    "strokes": ("laws.search", "with_strokes_told", _law),
+    "strokes in course": ("laws.course", "with_strokes_told", _law),
+    "grown": ("laws.search", "_Search.needed_by_some", _law),
+    "needed elsewhere": ("laws.course", "needed_at", _nothing),
+    "without early": ("laws.search", "_Search.without_early", _law),
+    "without unseen": ("laws.search", "_Search.without_unseen", _law),
+    "layouts again": ("laws.search", "_Search.in_its_layout", _law),
+    "turning": ("laws.search", "with_turning_told", _law),
+    "supposed": ("laws.search", "with_supposed_told", _law),
+    "yielding": ("laws.search", "_Search.yielding", _law),
+    "back from": ("laws.course", "Course.back_from", _law),
+    "one friction rank": (
+        "laws.course",
+        "Course.rank",
+        lambda _, offered, __: offered.sort(key=lambda pair: pair[1].score),
+    ),
+    "no worse": ("laws.course", "Course.no_worse", _law),
+    "both ways": ("laws.law_fit", "from_both_ways", lambda _, ended, spent, **__: (ended, spent)),
+    "lent": ("run.one_law", "lent", lambda own, *_, **__: own),
+    # One model of all settings.
+    "joint both ways": ("laws.law_of_all", "with_both_ways", lambda _, at: at),
+    "joint led back": ("laws.together", "_Course.led_back", lambda _, law, tried, __: (law, tried)),
+    "joint turned": ("laws.together", "_Course.turned", lambda *given: given[3:5]),
+    "joint swapped": ("laws.together", "_Course.swapped", lambda *given: given[2:4]),
+    "joint cheaper": ("laws.together", "_Course.cheaper", lambda *given: given[4:6]),
+    "joint bare": ("laws.together", "_Course.bare", lambda _, __, tried: tried),
+    "joint put in": ("laws.thinning", "Thinning.put_in", lambda *given: given[3:5]),
+    # Fits.
+    "restarts": ("identification.multistart", "reconsidered", lambda _, first, __: first),
+    "neighbours": ("identification.campaign", "beside_neighbours", _first),
+    "idle parts": ("identification.campaign", "without_idle_parts", _first),
+    "one friction": ("identification.campaign", "with_one_friction", _first),
+    "coarse looks": ("identification.looks", "Looks._rougher", lambda _, __: None),
+    "joint restarts": (
+        "identification.joint_procedure",
+        "unstrained",
+        lambda _, solution, *__: solution,
+    ),
+    "known step": ("identification.descent", "known_step", lambda *_, **__: None),
+    "last step": ("identification.descent", "last_step", lambda *_, **__: None),
+    "kinks step": ("identification.descent", "step_among_kinks", lambda *_: None),
+    "beside earlier": (
+        "identification.paper.procedure",
+        "beside_earlier",
+        lambda _, start: start,
+    ),
+}
+
+
+def switched_off(name: str) -> None:
+    """Switch a piece off in this process."""
+    module, path, instead = PIECES[name]
+    owner: Any = importlib.import_module(f"damperfit.{module}")
+    *classes, attribute = path.split(".")
+    for one in classes:
+        owner = getattr(owner, one)
+    getattr(owner, attribute)  # it is there
+    setattr(owner, attribute, instead)
+
+
+def main() -> None:
+    """Print the pieces, the table without some, or run a module without some."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("names", nargs="*", help="comma-separated or apart")
+    parser.add_argument("--only", nargs="+", default=[""], help="beginnings of names of cases")
+    parser.add_argument("--jobs", type=int, default=2, help="cases at once")
+    parser.add_argument("--run", nargs=argparse.REMAINDER, help="a module and its arguments")
+    given = parser.parse_args()
+    names = [name for one in given.names for name in one.split(",")]
+    unknown = [name for name in names if name not in PIECES]
+    if unknown or not names:
+        print("\n".join(PIECES))
+        sys.exit(int(bool(unknown)))
+    if given.run:
+        for name in names:
+            switched_off(name)
+        sys.argv = given.run
+        runpy.run_module(given.run[0], run_name="__main__", alter_sys=True)
+        return
+    cases = [case for case in CASES if case.name.startswith(tuple(given.only))]
+    command = ("-m", "tests.ablation", ",".join(names), "--run", "damperfit")
+    compared(cases, load_frozen(), command=command, jobs=given.jobs)
+
+
+if __name__ == "__main__":
+    main()
