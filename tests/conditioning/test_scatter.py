@@ -10,8 +10,28 @@ import pytest
 
 from damperfit.conditioning import ConditionOptions, apply_filter, condition, noise_floor
 from damperfit.conditioning.repeatability import noise_beside_motion
+from tests import fakes
 from tests.conditioning.logs import sine_log
-from tests.conditioning.test_limits_of_findings import cycles
+
+PERIOD = 200
+
+
+def cycles(n):
+    """n cycles of 200 samples at 300 Hz, 1.5 Hz."""
+    turns = np.arange(n * PERIOD) / PERIOD
+    wave, slope = np.sin(2.0 * np.pi * turns), np.cos(2.0 * np.pi * turns)
+    one = fakes.trace(1)
+    starts = PERIOD * np.arange(n + 1.0)
+    segment = replace(one.fastest, first=0, stop=n * PERIOD, cycle_starts=starts)
+    return replace(
+        one,
+        interval=1.0 / 300.0,
+        displacement=0.032 * wave,
+        velocity=0.3 * slope,
+        force=1000.0 * slope,
+        stretches=(segment,),
+        n_cycles_found=n,
+    )
 
 
 def smooth_log(cycles, rate):
