@@ -6,6 +6,11 @@
 #include <stdlib.h>
 #include <string.h>
 
+/* Signatures are the standard's: not every argument matters here. */
+#if defined(__GNUC__)
+#pragma GCC diagnostic ignored "-Wunused-parameter"
+#endif
+
 typedef struct {
     ex_instance e;
     fmi2CallbackFunctions host;
@@ -38,8 +43,6 @@ FMI2_DOOR const char *FMI2(GetVersion)(void)
 
 FMI2_DOOR fmi2Status FMI2(SetDebugLogging)(fmi2Component c, fmi2Boolean on, size_t n, const fmi2String names[])
 {
-    (void)n;
-    (void)names;
     ((component *)c)->is_logging = on;
     return fmi2OK;
 }
@@ -50,7 +53,6 @@ FMI2_DOOR fmi2Component FMI2(Instantiate)(fmi2String name, fmi2Type type, fmi2St
 {
     char why[EX_WHY];
     component *c = calloc(1, sizeof *c);
-    (void)visible;
     if (!c)
         return NULL;
     if (functions)
@@ -78,17 +80,12 @@ FMI2_DOOR void FMI2(FreeInstance)(fmi2Component c)
 FMI2_DOOR fmi2Status FMI2(SetupExperiment)(fmi2Component c, fmi2Boolean has_tolerance, fmi2Real tolerance,
                                            fmi2Real start, fmi2Boolean has_stop, fmi2Real stop)
 {
-    (void)has_tolerance;
-    (void)tolerance;
-    (void)has_stop;
-    (void)stop;
     ((component *)c)->last_time = start;
     return ended(c, ex_set(&((component *)c)->e, EX_TIME, start));
 }
 
 FMI2_DOOR fmi2Status FMI2(EnterInitializationMode)(fmi2Component c)
 {
-    (void)c;
     return fmi2OK;
 }
 
@@ -99,7 +96,6 @@ FMI2_DOOR fmi2Status FMI2(ExitInitializationMode)(fmi2Component c)
 
 FMI2_DOOR fmi2Status FMI2(Terminate)(fmi2Component c)
 {
-    (void)c;
     return fmi2OK;
 }
 
@@ -136,31 +132,23 @@ static fmi2Status none_of_them(fmi2Component c, size_t n)
 
 FMI2_DOOR fmi2Status FMI2(GetBoolean)(fmi2Component c, const fmi2ValueReference r[], size_t n, fmi2Boolean value[])
 {
-    (void)r;
-    (void)value;
     return none_of_them(c, n);
 }
 
 FMI2_DOOR fmi2Status FMI2(SetBoolean)(fmi2Component c, const fmi2ValueReference r[], size_t n,
                                       const fmi2Boolean value[])
 {
-    (void)r;
-    (void)value;
     return none_of_them(c, n);
 }
 
 FMI2_DOOR fmi2Status FMI2(GetString)(fmi2Component c, const fmi2ValueReference r[], size_t n, fmi2String value[])
 {
-    (void)r;
-    (void)value;
     return none_of_them(c, n);
 }
 
 FMI2_DOOR fmi2Status FMI2(SetString)(fmi2Component c, const fmi2ValueReference r[], size_t n,
                                      const fmi2String value[])
 {
-    (void)r;
-    (void)value;
     return none_of_them(c, n);
 }
 
@@ -179,14 +167,12 @@ FMI2_DOOR fmi2Status FMI2(SetFMUstate)(fmi2Component c, fmi2FMUstate state)
 
 FMI2_DOOR fmi2Status FMI2(FreeFMUstate)(fmi2Component c, fmi2FMUstate *state)
 {
-    (void)c;
     ex_forget(state);
     return fmi2OK;
 }
 
 FMI2_DOOR fmi2Status FMI2(SerializedFMUstateSize)(fmi2Component c, fmi2FMUstate state, size_t *size)
 {
-    (void)state;
     *size = ex_serialised_size(&((component *)c)->e);
     return fmi2OK;
 }
@@ -211,7 +197,6 @@ FMI2_DOOR fmi2Status FMI2(GetDirectionalDerivative)(fmi2Component c, const fmi2V
 
 FMI2_DOOR fmi2Status FMI2(EnterEventMode)(fmi2Component c)
 {
-    (void)c;
     return fmi2OK;
 }
 
@@ -226,15 +211,12 @@ FMI2_DOOR fmi2Status FMI2(NewDiscreteStates)(fmi2Component c, fmi2EventInfo *inf
 
 FMI2_DOOR fmi2Status FMI2(EnterContinuousTimeMode)(fmi2Component c)
 {
-    (void)c;
     return fmi2OK;
 }
 
 FMI2_DOOR fmi2Status FMI2(CompletedIntegratorStep)(fmi2Component c, fmi2Boolean no_setting_back,
                                                    fmi2Boolean *enter_event_mode, fmi2Boolean *terminate)
 {
-    (void)c;
-    (void)no_setting_back;
     *enter_event_mode = fmi2False;
     *terminate = fmi2False;
     return fmi2OK;
@@ -274,9 +256,6 @@ FMI2_DOOR fmi2Status FMI2(GetNominalsOfContinuousStates)(fmi2Component c, fmi2Re
 FMI2_DOOR fmi2Status FMI2(SetRealInputDerivatives)(fmi2Component c, const fmi2ValueReference r[], size_t n,
                                                    const fmi2Integer order[], const fmi2Real value[])
 {
-    (void)r;
-    (void)order;
-    (void)value;
     return n == 0 ? fmi2OK : report(c, fmi2Error, "derivatives of inputs are not taken: the velocity is an input");
 }
 
@@ -284,9 +263,6 @@ FMI2_DOOR fmi2Status FMI2(SetRealInputDerivatives)(fmi2Component c, const fmi2Va
 FMI2_DOOR fmi2Status FMI2(GetRealOutputDerivatives)(fmi2Component c, const fmi2ValueReference r[], size_t n,
                                                     const fmi2Integer order[], fmi2Real value[])
 {
-    (void)c;
-    (void)r;
-    (void)order;
     for (size_t i = 0; i < n; i++)
         value[i] = 0.0;
     return fmi2OK;
@@ -295,7 +271,6 @@ FMI2_DOOR fmi2Status FMI2(GetRealOutputDerivatives)(fmi2Component c, const fmi2V
 FMI2_DOOR fmi2Status FMI2(DoStep)(fmi2Component c, fmi2Real time, fmi2Real interval, fmi2Boolean no_setting_back)
 {
     component *own = c;
-    (void)no_setting_back;
     if (interval == 0.0)
         return fmi2OK;
     const int code = ex_step(&own->e, time, interval);
@@ -312,8 +287,6 @@ FMI2_DOOR fmi2Status FMI2(CancelStep)(fmi2Component c)
 
 FMI2_DOOR fmi2Status FMI2(GetStatus)(fmi2Component c, const fmi2StatusKind kind, fmi2Status *value)
 {
-    (void)c;
-    (void)kind;
     *value = fmi2OK;
     return fmi2Discard;
 }
@@ -328,15 +301,11 @@ FMI2_DOOR fmi2Status FMI2(GetRealStatus)(fmi2Component c, const fmi2StatusKind k
 
 FMI2_DOOR fmi2Status FMI2(GetIntegerStatus)(fmi2Component c, const fmi2StatusKind kind, fmi2Integer *value)
 {
-    (void)c;
-    (void)kind;
-    (void)value;
     return fmi2Discard;
 }
 
 FMI2_DOOR fmi2Status FMI2(GetBooleanStatus)(fmi2Component c, const fmi2StatusKind kind, fmi2Boolean *value)
 {
-    (void)c;
     if (kind != fmi2Terminated)
         return fmi2Discard;
     *value = fmi2False;
@@ -345,8 +314,6 @@ FMI2_DOOR fmi2Status FMI2(GetBooleanStatus)(fmi2Component c, const fmi2StatusKin
 
 FMI2_DOOR fmi2Status FMI2(GetStringStatus)(fmi2Component c, const fmi2StatusKind kind, fmi2String *value)
 {
-    (void)c;
-    (void)kind;
     *value = "";
     return fmi2Discard;
 }
