@@ -12,12 +12,11 @@ from pathlib import Path
 import pytest
 
 from damperfit.damper.purdy.reference import reference_parameters
-from damperfit.exporting import TARGETS, ExportedRun, ExportOptions, exported_run
+from damperfit.exporting import ExportedRun, exported_run
 from damperfit.exporting import fmu as libraries
 from damperfit.exporting.fmu_build import build
 from damperfit.results import Run
 from damperfit.tables import make_tables, write_table
-from tests.exporting.fmi2_client import Unit, unzip
 from tests.fakes import campaign, fit
 
 SETTINGS = (1, 10, 20)
@@ -84,28 +83,3 @@ def _library_is_built() -> None:
         fcntl.flock(lock, fcntl.LOCK_EX)
         if here not in libraries.built():
             build(here)
-
-
-@pytest.fixture(scope="session")
-def content(handed) -> bytes:
-    return TARGETS["fmu2"].export(handed, ExportOptions()).files["damper.fmu"]
-
-
-@pytest.fixture(scope="session")
-def folder_of_unit(content, tmp_path_factory):
-    # What importers must not stumble over: blanks, per cent and umlauts in the path.
-    return unzip(content, tmp_path_factory.mktemp("fmu") / "a b%20ü")
-
-
-@pytest.fixture
-def unit(folder_of_unit):
-    made = []
-
-    def make(**how) -> Unit:
-        made.append(Unit(folder_of_unit, **how))
-        return made[-1]
-
-    yield make
-    for one in made:
-        if one.component:
-            one.close()

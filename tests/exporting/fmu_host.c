@@ -1,5 +1,5 @@
 /* Steps an FMU 2.0 as a simulator does, 1 ms a step on the standard sine, and prints the processor's
- * time by step: tests/handover/test_fmu_importers.py compiles and runs it. */
+ * time by step: tests/exporting/test_fmu_importers.py compiles and runs it. */
 #include "fmi2_declarations.h"
 
 #include <math.h>

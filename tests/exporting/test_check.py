@@ -20,9 +20,8 @@ from damperfit.results import SettingResult
 from damperfit.simulation import Motion, SolverOptions, simulate
 from damperfit.tested.setting import Setting
 from tests.cli.conftest import run  # noqa: F401
-from tests.exporting.fmi2_client import ERROR, OK, Unit, unzip
-from tests.exporting.test_fmu import rms, runs_here, sine
-from tests.exporting.test_fmu_valves import SOFT, STIFF
+from tests.exporting.clients import ERROR, OK, Unit, unzip
+from tests.exporting.units import SOFT, STIFF, rms, runs_here, sine
 
 SAMPLES = Path(__file__).parents[2] / "sample_runs"
 RIGS = {

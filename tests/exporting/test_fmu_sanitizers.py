@@ -7,8 +7,7 @@ from pathlib import Path
 
 from damperfit.exporting.fmu import exported_damper, source_files
 from tests.core_sanitizers.test_core_sanitizers import build, compiler, kept  # noqa: F401
-from tests.exporting.test_fmu_valve_equations import SEALED, known_of
-from tests.exporting.test_fmu_valves import LAYOUTS, SOFT, STIFF, of_valves
+from tests.exporting.units import exported
 
 DRIVER = Path(__file__).parent / "fmu_driver.c"
 
@@ -25,9 +24,8 @@ def test_the_exported_damper_is_clean_under_sanitizers(
     program = tmp_path / "driver"
     built = build(compiler, sources, program, kept)
     assert built.returncode == 0, built.stderr
-    sealed = [known_of("seals", one) for one in (SOFT, STIFF)]
-    for one in (handed, of_valves(handed, LAYOUTS[1]), of_valves(handed, SEALED, sealed)):
-        damper = exported_damper(one)
+    for name in ("paper", "monotube", "seals"):
+        damper = exported_damper(exported(handed, name))
         (tmp_path / "damper.txt").write_text(damper.text, encoding="ascii")
         command = [program, tmp_path, damper.token]
         driven = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
