@@ -4,9 +4,9 @@
     run = damperfit.identify("sample_runs/*.csv")
     run.setting(10).simulate("sine", amplitude=0.04, frequency=2.0).force
 
-`read`, `inspect`, `identify`, `simulate`, `compare`, `export`, `load`, `Damper`, `Motion` and
-`Run` are looked up when they are first used: importing damperfit imports nothing else, so that
-``damperfit --help`` starts at once. The layers below are importable by their own names.
+The functions of `damperfit.api`, one a command, `Damper`, `Motion` and `Run` are looked up when
+they are first used: importing damperfit imports nothing else, so that ``damperfit --help`` starts
+at once. The layers below are importable by their own names.
 """
 
 TYPE_CHECKING = False  # nothing may be imported before `own_process.begin`, not even __future__
@@ -22,13 +22,25 @@ _DOOR = {
     "Damper": "damperfit.damper.purdy.parameters",
     "Motion": "damperfit.simulation.motion",
     "Run": "damperfit.results",
-    "compare": "damperfit.door.calls",
-    "export": "damperfit.door.calls",
-    "identify": "damperfit.door.calls",
-    "inspect": "damperfit.door.calls",
-    "load": "damperfit.door.calls",
-    "read": "damperfit.door.calls",
-    "simulate": "damperfit.door.calls",
+    **dict.fromkeys(
+        (
+            "compare",
+            "export",
+            "fleet",
+            "identify",
+            "init",
+            "inspect",
+            "load",
+            "models",
+            "read",
+            "report",
+            "samples",
+            "settings",
+            "simulate",
+            "sweep",
+        ),
+        "damperfit.api",
+    ),
 }
 
 

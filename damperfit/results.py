@@ -157,7 +157,7 @@ class SettingResult(Stage):
         known = self._cell("mse_percent")
         return math.nan if known is None else float(known)
 
-    def simulate(self, wave: str = "sine", **motion: Any) -> Any:
+    def simulate(self, wave: str | None = None, **motion: Any) -> Any:
         """Simulate this setting; keywords as of `damperfit.simulate`."""
         import damperfit
 

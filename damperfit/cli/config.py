@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
+from damperfit.cli.command import Shown, command
 from damperfit.cli.console import print_json, print_lines
-from damperfit.cli.options import (
-    ConfigOption,
-    DebugOption,
-    JsonOption,
-    QuietOption,
-    VersionOption,
-)
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 __all__ = ["config"]
 
 
-def config(
-    config: ConfigOption = None,
-    json: JsonOption = False,
-    quiet: QuietOption = False,
-    debug: DebugOption = False,
-    version: VersionOption = False,
-) -> int:
+def _config(config: Path | None = None) -> None:
+    """Take what the command takes."""
+
+
+@command(_config, name="config")
+def config(how: Shown, config: Path | None) -> int:
     """Print the complete configuration in force, as TOML.
 
     Example: damperfit config > my_damper.toml
@@ -29,7 +27,7 @@ def config(
     from damperfit.run.ending import json_values
 
     configuration = load_configuration(config)
-    if json:
+    if how.json:
         print_json(json_values(configuration.document))
     else:
         print_lines(configuration_toml(configuration).splitlines())

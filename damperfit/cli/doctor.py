@@ -8,8 +8,8 @@ import time
 from typing import TYPE_CHECKING
 
 from damperfit import __version__
+from damperfit.cli.command import Shown, command
 from damperfit.cli.console import print_json, print_lines
-from damperfit.cli.options import DebugOption, JsonOption, VersionOption
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -29,9 +29,8 @@ _EXTRAS = (
 )
 
 
-def doctor(
-    json: JsonOption = False, debug: DebugOption = False, version: VersionOption = False
-) -> int:
+@command(None, name="doctor", shown=("json", "debug", "version"))
+def doctor(how: Shown) -> int:
     """Show what works on this machine: version, core, extras, a one-second fit.
 
     Example: damperfit doctor
@@ -40,7 +39,7 @@ def doctor(
     found = {"damperfit": __version__, "python": python, "executable": sys.executable}
     checks = {name: _tried(check) for name, check in (("core", _core), ("fit", _fit))}
     extras = {extra: _version(name) for extra, name, _ in _EXTRAS}
-    if json:
+    if how.json:
         results = {name: {"works": ok, "said": said} for name, (ok, said) in checks.items()}
         print_json({**found, "checks": results, "extras": extras})
     else:
@@ -49,8 +48,8 @@ def doctor(
             print_lines([f"{name:<10} {'works: ' if ok else 'FAILS: '}{said}"])
         for extra, name, purpose in _EXTRAS:
             there = extras[extra]
-            how = f"{name} {there}" if there else f"not there: pip install 'damperfit[{extra}]'"
-            print_lines([f"{extra:<10} {purpose}: {how}"])
+            said = f"{name} {there}" if there else f"not there: pip install 'damperfit[{extra}]'"
+            print_lines([f"{extra:<10} {purpose}: {said}"])
     return 0 if all(ok for ok, _ in checks.values()) else 1
 
 

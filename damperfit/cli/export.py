@@ -3,177 +3,69 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from pathlib import Path
 from textwrap import wrap
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Any
 
-import typer
-
+from damperfit import api
+from damperfit.cli.command import Shown, command
 from damperfit.cli.console import print_json, print_lines, say, screen_columns
-from damperfit.cli.option_values import check_places
-from damperfit.cli.options import (
-    ConfigOption,
-    DebugOption,
-    JsonOption,
-    OverwriteOption,
-    QuietOption,
-    ResultsArgument,
-    TemperatureOption,
-    UnitsOption,
-    VersionOption,
-)
-from damperfit.errors import ConfigurationError
-from damperfit.problem import Option
 
 if TYPE_CHECKING:
     from damperfit.exporting import Target
-    from damperfit.units.shown_units import ShownUnits
 
 __all__ = ["export"]
 
 
-def export(
-    results: ResultsArgument = Path("results"),
-    to: Annotated[
-        str | None, typer.Option(metavar="TARGET", help="What to write; --list shows them.")
-    ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="PATH",
-            help="A file if it has a suffix, else a folder.  [default: export in the results "
-            "folder]",
-        ),
-    ] = None,
-    extend: Annotated[
-        str | None,
-        typer.Option(
-            metavar="SPEED", help="Extend tables beyond the tested speed; marked as untested."
-        ),
-    ] = None,
-    units: UnitsOption = None,
-    decimal: Annotated[
-        str, typer.Option(metavar="MARK", help="Decimal mark in CSV files: a point or a comma.")
-    ] = ".",
-    temperature: TemperatureOption = None,
-    check: Annotated[
-        bool,
-        typer.Option(
-            "--check", help="Run what was written against the logs of the run; show the error."
-        ),
-    ] = False,
-    list_: Annotated[
-        bool, typer.Option("--list", help="Show the targets with file, units and sign.")
-    ] = False,
-    overwrite: OverwriteOption = False,
-    config: ConfigOption = None,
-    json: JsonOption = False,
-    quiet: QuietOption = False,
-    debug: DebugOption = False,
-    version: VersionOption = False,
-) -> int:
+@command(api.export, shown=("list", "json", "quiet", "debug", "version"))
+def export(how: Shown, **given: Any) -> int:
     """Hand an identified damper over to a simulator or a spreadsheet.
 
     Example: damperfit export results --to csv
     """
-    from damperfit.exporting import TARGETS, ExportOptions, exported_run, find_target
-    from damperfit.exporting.check import check_export
-    from damperfit.units.quantities import parse_quantity
+    from damperfit.exporting import TARGETS, find_target
 
-    if list_:
-        _show(tuple(TARGETS.values()), is_json=json)
+    if how.list:
+        _show(tuple(TARGETS.values()), is_json=how.json)
         return 0
-    if to is None:
-        raise ConfigurationError(
-            f"export: to what? Give --to {'|'.join(TARGETS)}; --list shows what they are"
-        )
-    target = find_target(to)
-    shown, mark = _chosen(target, units, decimal)
-    speed = None if extend is None else parse_quantity(extend, "velocity", option="--extend")
-    folder, stem = _destination(results, out, target)
-    check_places(folder)
-    run = exported_run(results, config=config, temperature=temperature)
-    for remark in run.run.remarks:
-        say(f"damperfit: {results}: {remark}")
-    made = target.export(run, ExportOptions(stem, speed, shown, mark))
-    checked = check_export(run, made) if check else ()
-    written = _write(folder, dict(made.files), spares_others=not overwrite)
-    if json:
+    files = api.export(**given)
+    target = find_target(given["to"])
+    for remark in files.remarks:
+        say(f"damperfit: {given['results']}: {remark}")
+    made = files.made
+    if made is None:
+        return 1 if files.remarks else 0
+    if how.json:
         document: dict[str, object] = {
-            "target": to,
+            "target": target.name,
             "units": target.units,
             "sign": target.sign,
-            "files": [str(path) for path in written],
-            "remarks": list(run.run.remarks),
-            "notes": list(made.notes),
+            "files": [str(path) for path in files],
+            "remarks": list(files.remarks),
+            "notes": list(files.notes),
         }
         document |= {"lost_in_a_table": made.lost} if made.lost else {}
         document["determined"] = [
             {"setting": one.setting.cell, "speed_m_per_s": one.determined} for one in made.tables
         ]
-        rows = [{**asdict(one), "setting": one.setting.cell} for one in checked]
-        print_json(document | ({"check": rows} if check else {}))
-        return 1 if run.run.remarks else 0
-    if not quiet:
-        more = f" and {len(written) - 1} more" if len(written) > 1 else ""
+        rows = [{**asdict(one), "setting": one.setting.cell} for one in files.checked]
+        print_json(document | ({"check": rows} if given["check"] else {}))
+        return 1 if files.remarks else 0
+    if not how.quiet:
+        from damperfit.units.shown_units import SI, parse_units
+
+        shown = SI if given["units"] is None else parse_units(given["units"])
+        more = f" and {len(files) - 1} more" if len(files) > 1 else ""
         used = target.units if shown.is_si else f"{shown.of('m/s')}, {shown.of('N')}"
-        say(f"damperfit: {written[0]} written{more}; {used}; {target.sign}")
+        say(f"damperfit: {files[0]} written{more}; {used}; {target.sign}")
         notes = [made.lost] if made.lost else []
-        if speed is not None:
+        if given["extend"] is not None:
             tested = max(one.tested for one in made.tables)
             notes.append(f"beyond {tested:.4g} m/s the tables are untested")
-        for note in (*notes, *made.notes, made.determined):
+        for note in (*notes, *files.notes, made.determined):
             say(f"note: {note}")
-    if checked:
-        print_lines([f"check, {one}" for one in checked])
-    return 1 if run.run.remarks else 0
-
-
-def _chosen(target: Target, units: str | None, decimal: str) -> tuple[ShownUnits, str]:
-    """Return units and decimal mark, where the target heeds them.
-
-    Raises
-    ------
-    ConfigurationError
-        It does not, or they are none.
-    """
-    from damperfit.units.shown_units import SI, parse_units
-
-    given = {"units": units is not None, "decimal": decimal != "."}
-    for option, is_given in given.items():
-        if is_given and option not in target.takes:
-            raise ConfigurationError(
-                f"--{option} {units if option == 'units' else decimal}: {target.name} has units "
-                f"and marks of its own ({target.units}); leave it out"
-            )
-    if decimal not in {".", ","}:
-        raise ConfigurationError("expected . or ,", where=Option("decimal", decimal))
-    return SI if units is None else parse_units(units), decimal
-
-
-def _destination(results: Path, out: Path | None, target: Target) -> tuple[Path, str]:
-    """Return the folder to write to, and what the files' names begin with.
-
-    Raises
-    ------
-    ConfigurationError
-        The suffix of ``out`` is not the target's.
-    """
-    if out is None:
-        from damperfit.tables.reading import is_part, written_of
-
-        place = written_of(results, "export")
-        return place if is_part(results) else place / "export", "damper"
-    return target.place_of(out)
-
-
-def _write(folder: Path, files: dict[str, bytes], *, spares_others: bool) -> list[Path]:
-    from damperfit.store import file_set
-
-    with file_set(folder, spares_others=spares_others) as drafts:
-        for name, content in files.items():
-            drafts.path(name).write_bytes(content)
-    return [folder / name for name in files]
+    if files.checked:
+        print_lines([f"check, {one}" for one in files.checked])
+    return 1 if files.remarks else 0
 
 
 def _show(targets: tuple[Target, ...], *, is_json: bool) -> None:

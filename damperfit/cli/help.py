@@ -2,32 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
 import typer
 
+from damperfit.cli.command import Shown, command
 from damperfit.cli.console import print_json, print_lines, print_renderable
-from damperfit.cli.options import (
-    DebugOption,
-    JsonOption,
-    QuietOption,
-    VersionOption,
-)
 
 __all__ = ["show_help"]
 
 
-def show_help(
-    context: typer.Context,
-    topic: Annotated[
-        str | None,
-        typer.Argument(metavar="TOPIC", help="A page of the manual, or a command."),
-    ] = None,
-    json: JsonOption = False,
-    quiet: QuietOption = False,
-    debug: DebugOption = False,
-    version: VersionOption = False,
-) -> int:
+def _help(topic: str | None = None) -> None:
+    """Take what the command takes."""
+
+
+@command(_help, name="help", takes_context=True)
+def show_help(how: Shown, context: typer.Context, topic: str | None) -> int:
     """Show a page of the manual, or list the pages.
 
     Example: damperfit help trust
@@ -37,7 +25,7 @@ def show_help(
     commands = {} if context.parent is None else getattr(context.parent.command, "commands", {})
     if topic is None:
         pages = [read_page(one) for one in TOPICS]
-        if json:
+        if how.json:
             print_json({"topics": {page.topic: page.title for page in pages}})
         else:
             wide = max(map(len, TOPICS))
@@ -50,9 +38,10 @@ def show_help(
             )
     elif topic not in TOPICS and topic in commands:
         text = commands[topic].get_help(typer.Context(commands[topic], context.parent, topic))
-        print_json({"command": topic, "text": text}) if json else print_lines(text.splitlines())
+        record = {"command": topic, "text": text}
+        print_json(record) if how.json else print_lines(text.splitlines())
     else:
-        _show(topic, json=json, commands=tuple(commands))
+        _show(topic, json=how.json, commands=tuple(commands))
     return 0
 
 

@@ -7,13 +7,14 @@ import shlex
 import sys
 from glob import glob
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Any
 
 import typer
 
+from damperfit import api
+from damperfit.asked import assignments
+from damperfit.cli.command import Shown, command
 from damperfit.cli.console import print_lines, say
-from damperfit.cli.option_values import assignments, check_places
-from damperfit.cli.options import DebugOption, QuietOption, VersionOption
 from damperfit.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -23,82 +24,37 @@ __all__ = ["init"]
 
 _STDOUT = "-"
 _MODEL = "purdy"
+_FILE = Path("my_damper.toml")
 
 
-def init(
-    logs: Annotated[
-        list[str] | None,
-        typer.Argument(
-            metavar="[LOGS...]", help="Logs of the damper: units, setting and signs are guessed."
-        ),
-    ] = None,
-    model: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME", help="purdy, twin_tube, monotube, through_flow ...  [default: purdy]"
-        ),
-    ] = None,
-    set_: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set",
-            metavar="KEY=VALUE",
-            help="A key of [damper], as in rod_diameter=12mm; may be given several times.",
-        ),
-    ] = None,
-    out: Annotated[
-        Path, typer.Option(metavar="FILE.toml", help="Where to write; - prints it.")
-    ] = Path("my_damper.toml"),
-    overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Replace the file if it is there.")
-    ] = False,
-    quiet: QuietOption = False,
-    debug: DebugOption = False,
-    version: VersionOption = False,
-) -> int:
+@command(api.init, shown=("quiet", "debug", "version"))
+def init(how: Shown, logs: list[str] | None, **given: Any) -> int:
     """Write a commented configuration for a damper of your own, and inspect its logs with it.
 
     On a terminal it asks for what is not given.
 
     Example: damperfit init runs/*.csv --model monotube --set rod_diameter=12mm
     """
-    from damperfit.queries.first_configuration import (
-        Guessed,
-        check_damper,
-        first_configuration,
-        guess_from_logs,
-    )
-    from damperfit.run.log_paths import expand
-    from damperfit.store import write_text
-
-    is_printed = str(out) == _STDOUT
-    if not is_printed:
-        check_places(out.parent)
-    if not is_printed and out.exists() and not overwrite:
-        raise ConfigurationError(
-            "is there already; give --overwrite to replace it, or --out", subject=out
-        )
-    given = assignments(set_ or [], option="--set", example="rod_diameter=12mm")
-    is_asked = _is_terminal() and not quiet
-    model = model or (_asked_model() if is_asked else _MODEL)
-    check_damper(model, given)
-    paths = expand(logs) if logs else ()
-    guessed = guess_from_logs(paths, model, given) if paths else Guessed({}, {})
-    if is_asked:
-        given = _asked(model, given)
-    text = first_configuration(model, given, guessed)
-    if is_printed:
-        print_lines(text.splitlines())
+    out = given["out"] or _FILE
+    path = None if str(out) == _STDOUT else out
+    asked = {**given, "out": path, "set": assignments(given["set"] or [], option="--set",
+             example="rod_diameter=12mm")}  # fmt: skip
+    is_refused = path is not None and path.exists() and not given["overwrite"]
+    if _is_terminal() and not how.quiet and not is_refused:
+        asked["model"] = given["model"] or _asked_model()
+        asked["set"] = _asked(asked["model"], asked["set"])
+    made = api.init(logs, **asked)
+    if path is None:
+        print_lines(made.text.splitlines())
         return 0
-    write_text(out, text)
-    if not quiet:
-        for sentence in guessed.why:
+    if not how.quiet:
+        for sentence in made.why:
             say(f"note: {sentence}")
-        for sentence in guessed.open:
+        for sentence in made.open:
             say(f"warning: {sentence}")
         say(f"damperfit: {out} written; measure the keys that begin with #, and remove the #")
-    code = _inspected(logs, out, is_quiet=quiet) if logs else 0
-    if code == 0 and not quiet:
+    code = _inspected(logs, out, is_quiet=how.quiet) if logs else 0
+    if code == 0 and not how.quiet:
         say(f"next: damperfit identify {_shown(logs or ['LOGS'])} --config {shlex.quote(str(out))}")
     return code
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from damperfit import api
+from damperfit.cli.command import Shown, command
 from damperfit.cli.console import (
     one_line,
     print_json,
@@ -12,23 +14,6 @@ from damperfit.cli.console import (
     say,
     say_failures,
     screen_columns,
-)
-from damperfit.cli.option_values import configured, declared_setting, rig_entries
-from damperfit.cli.options import (
-    ConfigOption,
-    DebugOption,
-    JobsOption,
-    JsonOption,
-    LogsArgument,
-    QuietOption,
-    RigOption,
-    RigProfileOption,
-    SettingOption,
-    SkewOption,
-    StrictOption,
-    TestsOption,
-    TruncatedOption,
-    VersionOption,
 )
 
 if TYPE_CHECKING:
@@ -39,61 +24,26 @@ __all__ = ["inspect"]
 _WIDEST = 80  # columns of sentences: longer lines are hard to read
 
 
-def inspect(
-    logs: LogsArgument,
-    setting: SettingOption = None,
-    tests: TestsOption = None,
-    strict: StrictOption = False,
-    skew: SkewOption = None,
-    rig_profile: RigProfileOption = None,
-    rig: RigOption = None,
-    allow_truncated: TruncatedOption = False,
-    jobs: JobsOption = None,
-    config: ConfigOption = None,
-    json: JsonOption = False,
-    quiet: QuietOption = False,
-    debug: DebugOption = False,
-    version: VersionOption = False,
-) -> int:
+@command(api.inspect)
+def inspect(how: Shown, **given: Any) -> int:
     """Show what is in the logs and what is wrong with them; fit nothing.
 
     Example: damperfit inspect runs/*.csv
     """
+    batch = api.inspect(**given).batch
     from damperfit.run.ending import log_documents, reading_ending
-    from damperfit.run.log_paths import expand
-    from damperfit.run.logs import Purpose, read_batch
     from damperfit.run.remarks import skipped_files
-    from damperfit.workers import available_cores
 
-    configuration = configured(
-        config,
-        ("--tests", "test.table", str(tests) if tests is not None else None),
-        *rig_entries(rig),
-        ("--strict", "rig.strict", strict or None),
-        ("--skew", "rig.skew", skew),
-        ("--rig-profile", "rig.profile", rig_profile),
-        ("--allow-truncated", "rig.allow_truncated", allow_truncated or None),
-        is_law_open=True,  # no model is asked for; the file may be one for --model auto
-    )
-    paths = expand(logs)
-    workers = jobs or available_cores()
-    batch = read_batch(
-        paths,
-        configuration,
-        jobs=workers,
-        setting=declared_setting(setting, configuration),
-        purpose=Purpose.INSPECT,
-    )
-    say_failures(batch.failures, is_debug=debug)
-    if not quiet:
+    say_failures(batch.failures, is_debug=how.debug)
+    if not how.quiet:
         for note in batch.notes:
             say(f"note: {note}")
         for warning in (*skipped_files(batch), *batch.remarks):
             say(f"warning: {warning}")
-    if json:
+    if how.json:
         print_json(log_documents(batch))
     else:
-        _show(batch, has_notes=not quiet)
+        _show(batch, has_notes=not how.quiet)
     return int(reading_ending(batch).value)
 
 

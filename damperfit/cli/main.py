@@ -11,13 +11,14 @@ import sys
 import traceback
 from copy import copy
 from functools import cache, wraps
-from inspect import Parameter, signature
+from inspect import signature
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
 
+from damperfit.cli.command import of_presentation, with_options
 from damperfit.cli.compare import compare
 from damperfit.cli.config import config
 from damperfit.cli.console import say, say_lines, shield_streams, unprinted
@@ -31,7 +32,6 @@ from damperfit.cli.inspect import inspect
 from damperfit.cli.log_file import LogFile, log_file_of, record
 from damperfit.cli.models import models
 from damperfit.cli.option_values import with_typed_option
-from damperfit.cli.options import DebugOption, LogFileOption, VersionOption
 from damperfit.cli.panels import PanelledCommand, UncutCommands
 from damperfit.cli.report import report
 from damperfit.cli.samples import samples
@@ -79,14 +79,8 @@ def _as_registered(command: Callable[..., int]) -> Callable[..., int]:
         except KeyboardInterrupt:
             raise typer.Abort from None
 
-    own = signature(command, eval_str=True)
-    one = Parameter("log_file", Parameter.KEYWORD_ONLY, default=None, annotation=LogFileOption)
-    call.__signature__ = own.replace(parameters=[*own.parameters.values(), one])  # type: ignore[attr-defined]
-    call.__annotations__ = {
-        **{known.name: known.annotation for known in own.parameters.values()},
-        "log_file": LogFileOption,
-    }
-    return call
+    own = signature(command).parameters.values()
+    return with_options(call, [*own, of_presentation("log_file")])
 
 
 class _Commands(typer.Typer):
@@ -139,11 +133,13 @@ for _command in (
 app.command(_TELLS_OF_ALL, cls=PanelledCommand)(_as_registered(show_help))
 
 
-@app.callback()
-def _root(
-    version: VersionOption = False, debug: DebugOption = False, log_file: LogFileOption = None
-) -> None:
+def _root(**_: Any) -> None:
     """Find the parameters of a damper model from rig logs, at every adjuster setting."""
+
+
+app.callback()(
+    with_options(_root, [of_presentation(name) for name in ("version", "debug", "log_file")])
+)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from textwrap import wrap
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Any
 
-import typer
-
+from damperfit import api
+from damperfit.cli.command import Shown, command
 from damperfit.cli.console import (
     print_json,
     print_lines,
@@ -15,24 +15,6 @@ from damperfit.cli.console import (
     say_failures,
     screen_columns,
 )
-from damperfit.cli.option_values import configured, declared_setting, rig_entries, starts_of
-from damperfit.cli.options import (
-    ConfigOption,
-    DebugOption,
-    HoldOutOption,
-    JobsOption,
-    JsonOption,
-    LogsArgument,
-    QuietOption,
-    RigOption,
-    RigProfileOption,
-    RivalsOption,
-    SettingOption,
-    StartOption,
-    VersionOption,
-)
-from damperfit.errors import ConfigurationError, did_you_mean
-from damperfit.problem import Option
 
 if TYPE_CHECKING:
     from damperfit.run.auto_model import LawChoice
@@ -40,70 +22,22 @@ if TYPE_CHECKING:
 __all__ = ["models"]
 
 
-def models(
-    logs: LogsArgument,
-    hold_out: HoldOutOption = None,
-    layout: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME",
-            help="Layout of the damper, if known: twin_tube, monotube, through_flow.",
-        ),
-    ] = None,
-    rivals: RivalsOption = False,
-    start: StartOption = None,
-    setting: SettingOption = None,
-    rig_profile: RigProfileOption = None,
-    rig: RigOption = None,
-    jobs: JobsOption = None,
-    config: ConfigOption = None,
-    json: JsonOption = False,
-    quiet: QuietOption = False,
-    debug: DebugOption = False,
-    version: VersionOption = False,
-) -> int:
+@command(api.models)
+def models(how: Shown, **given: Any) -> int:
     """Fit one damper law after the other to the logs and say which one they support.
 
     Example: damperfit models runs/*.csv --config damper.toml --hold-out '*_check.csv'
     """
-    from damperfit.laws.other_layouts import LAYOUTS
-    from damperfit.run.auto_model import choose_law
-    from damperfit.run.given_starts import start_of_laws
 
-    if layout is not None and layout not in LAYOUTS:
-        raise ConfigurationError(
-            f"no layout {layout!r}; there are {', '.join(LAYOUTS)}.{did_you_mean(layout, LAYOUTS)}",
-            where=Option("layout"),
-        )
-    start_file, start_values = starts_of(start)
-    configuration = configured(
-        config,
-        *rig_entries(rig),
-        ("--rig-profile", "rig.profile", rig_profile),
-        ("--hold-out", "identification.hold_out", hold_out or None),
-        ("--start", "identification.start", start_file),
-        is_law_open=True,
-    )
-    if not quiet:
-        for note in configuration.notes:
-            say(f"note: {note}")
-    choice = choose_law(
-        configuration,
-        logs,
-        layout=layout,
-        jobs=jobs,
-        setting=declared_setting(setting, configuration),
-        start=start_of_laws(configuration, start_values),
-        on_law=lambda law: None if quiet else say(f"damperfit: tried {law.tried.title}"),
-        on_rival=(lambda one: None if quiet else say(f"damperfit: tried {one.title}"))
-        if rivals
-        else None,
-    )
-    if not quiet:
-        for remark in choice.remarks:
-            say(f"note: {remark}")
-    say_failures(choice.failures, is_debug=debug)
-    if json:
+    def tell(line: str) -> None:
+        if not how.quiet:
+            say(line)
+
+    choice = api.models(**given, on_law=lambda title: tell(f"damperfit: tried {title}"))
+    for remark in (*choice.assumed, *choice.remarks):
+        tell(f"note: {remark}")
+    say_failures(choice.failures, is_debug=how.debug)
+    if how.json:
         print_json(choice.document())
     else:
         _show(choice)

@@ -7,51 +7,15 @@ from typing import TYPE_CHECKING, Any
 
 from typer.core import TyperCommand, TyperGroup
 
+from damperfit.keywords import PANELS
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-__all__ = ["PANELS", "PanelledCommand", "UncutCommands", "panel_of", "without_range"]
+__all__ = ["PanelledCommand", "UncutCommands", "without_range"]
 
-# What stands in no panel stands last, under "Options".
-PANELS = {
-    "Logs": (
-        *("--setting", "--tests", "--rig", "--rig-profile", "--skew", "--allow-truncated"),
-        "--measured",
-    ),
-    "Damper": ("--config", "--model", "--set", "--layout", "--parameters", "--settings"),
-    "Rig": ("--force-noise", "--displacement-noise", "--rig-filter", "--seed"),
-    "Fit": (
-        *("--free", "--fix", "--procedure", "--share", "--bulk-modulus", "--start", "--starts"),
-        *("--rivals", "--covariate"),
-    ),
-    "Motion": (
-        *("--wave", "--amplitude", "--frequency", "--cycles", "--sample-rate", "--max-steps"),
-        *("--velocity", "--stroke", "--force", "--vary", "--paper"),
-        *("--displacement", "--temperature"),
-    ),
-    "Trust": ("--hold-out", "--hold-out-cycles", "--profile", "--repeats"),
-    "Gates": ("--strict", "--max-mse", "--check", "--tolerance", "--junit"),
-    "Work": ("--jobs", "--scheduler", "--part"),
-    "Output": (
-        *("--out", "--overwrite", "--report", "--figures", "--plot", "--to", "--list"),
-        *("--github-summary", "--save", "--collect", "--units", "--decimal", "--extend"),
-        *("--json", "--quiet", "--log-file"),
-    ),
-}
-_OTHERS = "Options"
 _RANGE = re.compile(r"\s*\[x[<>]=\d+\]")
 _WHOLE = 1000  # characters of a summary: none is that long
-
-
-def panel_of(option: str) -> str:
-    """Return the panel that an option stands in.
-
-    Examples
-    --------
-    >>> panel_of("--hold-out"), panel_of("--help")
-    ('Trust', 'Options')
-    """
-    return next((panel for panel, names in PANELS.items() if option in names), _OTHERS)
 
 
 class UncutCommands(TyperGroup):
@@ -86,9 +50,9 @@ class PanelledCommand(TyperCommand):
         for param in self.get_params(ctx):
             record = None if param.param_type_name == "argument" else param.get_help_record(ctx)
             if record is not None:
-                panel = getattr(param, "rich_help_panel", None) or panel_of(_long(param))
+                panel = getattr(param, "rich_help_panel", None) or PANELS[-1]
                 rows.setdefault(panel, []).append((record[0], without_range(record[1])))
-        for panel in (*PANELS, _OTHERS):
+        for panel in PANELS:
             if panel in rows:
                 with formatter.section(panel):
                     formatter.write_dl(rows[panel])
@@ -115,8 +79,3 @@ def _word(param: Any) -> str:
 
 def _need(param: Any) -> str:
     return " [required]" if param.required else ""
-
-
-def _long(param: Any) -> str:
-    names: list[str] = list(param.opts)
-    return next((name for name in names if name.startswith("--")), names[0])

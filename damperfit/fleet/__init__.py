@@ -4,4 +4,10 @@ LOGS --sources--> files --tasks--> DamperTask (one damper) --engine--> one_dampe
      parts --collect--> one table
 """
 
+import sys
+
+from damperfit.wrong_calls import FunctionPackage
+
 __all__: list[str] = []
+
+sys.modules[__name__].__class__ = FunctionPackage  # `damperfit.fleet(...)` is the function

@@ -427,6 +427,8 @@ class LawChoice:
         Of these, what may be taken for each other: layouts, a lag and an elasticity.
     open_layouts : tuple of str
         Layouts that the logs exclude only with a gas pressure that nobody has declared.
+    assumed : tuple of str
+        What the configuration takes of the damper where nobody has declared it.
     """
 
     search: LawSearch
@@ -439,6 +441,7 @@ class LawChoice:
     undecided: tuple[str, ...] = ()
     alike: tuple[str, ...] = ()
     open_layouts: tuple[str, ...] = ()
+    assumed: tuple[str, ...] = ()
 
     @property
     def layouts_alike(self) -> tuple[str, ...]:
@@ -574,6 +577,7 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
         (*doubts, *undecided(search, found, evidence)),
         (*doubts, *interchangeable_parts(search, found, evidence)),
         (Monotube.name,) if is_open else (),
+        configuration.notes,
     )
 
 

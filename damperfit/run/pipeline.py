@@ -82,6 +82,29 @@ def run(
         The results cannot be written; earlier results are untouched. At the end of a run it is an
         `UnwrittenError` that holds the result.
     """
+    ((_, result),) = run_each(
+        configuration, logs,
+        jobs=jobs, setting=setting, traces=traces, watch=watch, is_one=True,
+    )  # fmt: skip
+    return result
+
+
+def run_each(  # noqa: PLR0913 - what `run` takes
+    configuration: Configuration,
+    logs: Sequence[str],
+    *,
+    jobs: int | None = None,
+    setting: Setting | None = None,
+    traces: Sequence[Trace] = (),
+    watch: Watch = Watch(),
+    is_one: bool = False,
+) -> Iterator[tuple[str, RunResult]]:
+    """Identify the dampers in the logs one after the other; each writes a set of its own.
+
+    Several dampers write into folders of their own inside the results' folder, by serial number or
+    name. Parameters and errors are those of `run`; each damper is yielded with its name, empty
+    where there is one. With ``is_one`` logs of several are refused.
+    """
     workers = jobs or available_cores()
     _check_adjusters(configuration)
     check_writable(configuration.output.folder)
@@ -89,36 +112,11 @@ def run(
         parts = _read(
             configuration, logs, jobs=workers, setting=setting, watch=watch, traces=traces
         )
-        if len(parts) > 1:
+        if is_one and len(parts) > 1:
             raise ConfigurationError(
-                f"logs of {len(parts)} dampers: {', '.join(one.owner for one in parts)}; run_each "
-                "gives each a result of its own"
+                f"logs of {len(parts)} dampers: {', '.join(one.owner for one in parts)}; give the "
+                "logs of one, or let damperfit identify on the command line give each a result"
             )
-        result = parts[0].run(watch)
-        if result.campaign.fits:
-            forget_others(configuration.output.folder, [""])
-        return result
-
-
-def run_each(
-    configuration: Configuration,
-    logs: Sequence[str],
-    *,
-    jobs: int | None = None,
-    setting: Setting | None = None,
-    watch: Watch = Watch(),
-) -> Iterator[tuple[str, RunResult]]:
-    """Identify the dampers in the logs one after the other; each writes a set of its own.
-
-    Several dampers write into folders of their own inside the results' folder, by serial number or
-    name. Parameters and errors are those of `run`; each damper is yielded with its name, empty
-    where there is one.
-    """
-    workers = jobs or available_cores()
-    _check_adjusters(configuration)
-    check_writable(configuration.output.folder)
-    with reserved(configuration.output.folder):
-        parts = _read(configuration, logs, jobs=workers, setting=setting, watch=watch)
         for one in parts:
             try:
                 result = one.run(watch)

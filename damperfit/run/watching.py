@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import logging
 import time
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
+    from contextlib import AbstractContextManager
 
-    from damperfit.identification import Fit
+    from damperfit.configuration.options import Configuration
+    from damperfit.run.auto_model import LawChoice
 
 __all__ = ["Clock", "Watch"]
 
@@ -50,11 +52,20 @@ class Watch:
     on_start : callable
         Called with the number of settings when all logs are read.
     on_fit : callable
-        Called with each `Fit` when it is done, from any thread.
+        Called with each `Fit`, log or damper when it is done, from any thread.
     cancelled : callable
         Asked now and then; once it says True, finished settings are written and the run ends.
+    on_law : callable
+        Called with the name of each law that was tried, where the logs choose it.
+    on_choice : callable
+        Called with the choice, what was asked for, and what is fitted.
+    during_work : callable
+        Makes a context that is entered while logs are read and fitted.
     """
 
     on_start: Callable[[int], None] = lambda _: None
-    on_fit: Callable[[Fit], None] = lambda _: None
+    on_fit: Callable[[object], None] = lambda _: None
     cancelled: Callable[[], bool] = lambda: False
+    on_law: Callable[[str], None] = lambda _: None
+    on_choice: Callable[[LawChoice, Configuration, Configuration], None] = lambda *_: None
+    during_work: Callable[[], AbstractContextManager[object]] = nullcontext

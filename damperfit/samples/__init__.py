@@ -7,9 +7,12 @@ a fit of these logs also tests the compiled core. Other models are simulated as 
 
 from __future__ import annotations
 
+import sys
+
 from damperfit.samples.any_model import SimulatedCycle, simulated_cycle
 from damperfit.samples.logs import SampleOptions, make_samples
 from damperfit.samples.steady import SteadyCycle, steady_cycle
+from damperfit.wrong_calls import FunctionPackage
 
 __all__ = [
     "SampleOptions",
@@ -19,3 +22,5 @@ __all__ = [
     "simulated_cycle",
     "steady_cycle",
 ]
+
+sys.modules[__name__].__class__ = FunctionPackage  # `damperfit.samples(...)` is the function

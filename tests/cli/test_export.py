@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import json
-import sys
 
 import pytest
 
+from damperfit.shown import Files
 from tests.report_folder import make_results
-
-export = sys.modules["damperfit.cli.export"]
 
 
 @pytest.fixture(scope="module")
@@ -87,8 +85,9 @@ def test_what_a_table_loses_is_told(run, results, tmp_path) -> None:
 
 def test_files_and_units_that_were_written_are_named(run, results, tmp_path, monkeypatch) -> None:
     path = tmp_path / "damper.csv"
-    for n, more in ((1, ""), (2, " and 1 more"), (4, " and 3 more")):
-        monkeypatch.setattr(export, "_write", lambda *_, n=n, **__: [path] * n)
+    for number, more in ((1, ""), (2, " and 1 more"), (4, " and 3 more")):
+        files = Files([path] * number)
+        monkeypatch.setattr("damperfit.api.export", lambda *_, files=files, **__: files)
         assert f"{path} written{more}; m/s, N; " in run("export", results, "--to", "csv").err
     said = run("export", results, "--to", "csv", "--units", "in/s,lbf").err
     assert " written and 3 more; in/s, lbf; " in said

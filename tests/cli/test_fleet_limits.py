@@ -7,14 +7,17 @@ from types import SimpleNamespace
 
 import pytest
 
-from damperfit.cli.fleet import _collect, _held_lines, _say
+from damperfit.cli.fleet import _held_lines, _say
+from damperfit.shown import FleetDone
 
 
 @pytest.mark.parametrize(("n", "more"), [(20, 0), (21, 1), (22, 2)])
 def test_twenty_failures_are_told_one_by_one(capsys, n, more) -> None:
     failures = [f"{k}.csv: empty" for k in range(n)]
     one = SimpleNamespace(owner="SN1", failures=failures, gates=(), n_failures=n)
-    _say([one], 1, Path("parts"), is_quiet=True, is_stopped=False)
+    found = FleetDone(Path("parts"))
+    found.done, found.n_tasks = [one], 1
+    _say(found, is_quiet=True)
     said = capsys.readouterr().err
     assert said.count(".csv: empty") == 20
     assert (f"and {more} more failures" in said) is bool(more)
@@ -28,9 +31,10 @@ def test_a_fleet_is_held_against_the_bands_that_are_given(bands, monkeypatch, tm
     monkeypatch.setattr("damperfit.fleet.survey.survey", lambda _: "survey")
     monkeypatch.setattr("damperfit.fleet.survey.fleet_against_bands", lambda *given: given)
     monkeypatch.setattr("damperfit.fleet.page.write_page", lambda *given: pages.append(given))
-    held = _collect(tmp_path, bands, is_reported=True, is_quiet=True)
-    assert held == (None if bands is None else ("survey", "bands"))
-    assert pages == [(tmp_path, "survey", held)]
+    found = FleetDone(tmp_path)
+    found.collect(bands, is_reported=True)
+    assert found.held == (None if bands is None else ("survey", "bands"))
+    assert pages == [(tmp_path, "survey", found.held)]
 
 
 @pytest.mark.parametrize(

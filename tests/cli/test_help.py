@@ -8,8 +8,8 @@ import pytest
 import typer
 
 from damperfit.cli.main import app, main
-from damperfit.cli.panels import PANELS
 from damperfit.damper.models import MODELS
+from damperfit.keywords import PANELS
 
 COMMANDS = [command.name or command.callback.__name__ for command in app.registered_commands]
 PLAIN = {"--help", "--version", "--debug"}  # options that stand in no panel
@@ -35,14 +35,8 @@ def options_of(text: str) -> dict[str, list[str]]:
 @pytest.mark.parametrize("command", COMMANDS)
 def test_every_option_stands_in_its_panel(command, capsys):
     found = options_of(help_of(command, capsys))
-    for panel, options in found.items():
-        if panel == "Options":
-            continue
-        # Of `simulate` and `sweep` a setting says which damper it is, not which log.
-        also = {"--setting"} if panel == "Damper" else set()
-        assert set(options) <= {*PANELS[panel], *also}, panel
     assert PLAIN <= set(found["Options"])
-    assert list(found) == [name for name in (*PANELS, "Options") if name in found]
+    assert list(found) == [name for name in PANELS if name in found]
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -67,11 +61,6 @@ def test_what_may_be_left_out_stands_in_brackets(capsys):
     assert "identify [OPTIONS] LOGS...\n" in help_of("identify", capsys)
     assert "fleet [OPTIONS] [LOGS...]\n" in help_of("fleet", capsys)
     assert "export [OPTIONS] [RESULTS]\n" in help_of("export", capsys)
-
-
-def test_no_option_stands_in_two_panels():
-    options = [option for names in PANELS.values() for option in names]
-    assert len(options) == len(set(options))
 
 
 def test_completion_is_offered(capsys):

@@ -6,8 +6,8 @@ import json
 
 import pytest
 
+from damperfit.asked import starts_of
 from damperfit.cli import main
-from damperfit.cli.option_values import starts_of
 from damperfit.configuration.loading import load_configuration
 from damperfit.errors import ConfigurationError
 from damperfit.identification import campaign

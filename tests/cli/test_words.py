@@ -14,10 +14,10 @@ from damperfit.cli.console import print_renderable, screen_columns
 from damperfit.damper.purdy.figures import FAMILIES
 from damperfit.errors import ConfigurationError
 from damperfit.identification import Outcome
+from damperfit.shown import Files, Sweep
 from tests.fakes import campaign, fit
 
 identify = sys.modules["damperfit.cli.identify"]
-report = sys.modules["damperfit.cli.report"]
 
 
 def test_arguments_are_those_behind_the_program_s_name(monkeypatch, capsys) -> None:
@@ -32,10 +32,10 @@ def test_arguments_are_those_behind_the_program_s_name(monkeypatch, capsys) -> N
 @pytest.mark.parametrize(("n", "more"), [(1, ""), (2, " and 1 figures"), (10, " and 9 figures")])
 def test_a_report_counts_its_figures(n, more, run, tmp_path, monkeypatch) -> None:
     files = [tmp_path / f"{k}.html" for k in range(n)]
-    monkeypatch.setattr(report, "write_report", lambda *_, **__: ((), files))
+    monkeypatch.setattr("damperfit.api.report", lambda **_: Files(files))
     ended = run("report", tmp_path)
     assert (ended.code, ended.err) == (0, f"damperfit: {files[0]} written{more}\n")
-    monkeypatch.setattr(report, "write_report", lambda *_, **__: (("x is missing",), files))
+    monkeypatch.setattr("damperfit.api.report", lambda **_: Files(files, remarks=["x is missing"]))
     ended = run("report", tmp_path, "--quiet")
     assert (ended.code, ended.err) == (1, f"damperfit: {tmp_path}: x is missing\n")
 
@@ -83,7 +83,6 @@ def test_figures_of_the_paper_have_its_numbers() -> None:
 def test_pressures_are_drawn_of_the_member_that_cavitates_most(shares, title, monkeypatch) -> None:
     drawn = []
     monkeypatch.setattr("damperfit.report.log_figures.sweep_plot", lambda *_, **__: "loops")
-    monkeypatch.setattr("damperfit.report.forces.sweep_records", lambda *_: [])
     monkeypatch.setattr(
         "damperfit.report.log_figures.sweep_pressure_plot",
         lambda one, **said: drawn.append((one, said)),
@@ -93,8 +92,9 @@ def test_pressures_are_drawn_of_the_member_that_cavitates_most(shares, title, mo
         for factor, share in zip((0.5, 1.0, 2.0), shares, strict=True)
     ]
     variation = SimpleNamespace(name="r_m1")
-    sweep = sys.modules["damperfit.cli.sweep"]
-    sweep._lay_out([(variation, members, False)])
+    done = object.__new__(Sweep)
+    done.sweeps = ((variation, members, False),)
+    assert done.plots[0] == "loops"
     if title is None:
         assert drawn == []
     else:
@@ -106,20 +106,17 @@ def test_pressures_are_drawn_of_the_member_that_cavitates_most(shares, title, mo
 def test_an_option_that_is_not_given_leaves_the_configuration_alone(run, monkeypatch) -> None:
     seen = {}
 
-    def caught(_, *options, **_more):
-        seen.update({name: value for name, _, value in options})
+    def caught(*_, overlay, **__):
+        seen.update(overlay)
         raise ConfigurationError("seen")
 
-    monkeypatch.setattr(identify, "configured", caught)
+    monkeypatch.setattr("damperfit.configuration.loading.load_configuration", caught)
     assert "seen" in run("identify", "a.csv").err
-    assert "--fix" in seen
-    assert not [name for name, value in seen.items() if value is not None]
+    assert seen == {}
 
 
 @pytest.mark.parametrize(("is_quiet", "rivals"), [(False, True), (False, False), (True, True)])
-def test_laws_are_named_as_they_are_tried_unless_quiet(
-    is_quiet, rivals, monkeypatch, capsys
-) -> None:
+def test_laws_are_named_as_they_are_tried_unless_quiet(is_quiet, rivals, monkeypatch, run) -> None:
     def choose(*_, on_law, on_rival, **__):
         on_law(SimpleNamespace(tried=SimpleNamespace(title="a law")))
         if on_rival is not None:
@@ -127,12 +124,9 @@ def test_laws_are_named_as_they_are_tried_unless_quiet(
         return SimpleNamespace(supported="it", alike=("A or B.",))
 
     monkeypatch.setattr("damperfit.run.auto_model.choose_law", choose)
-    monkeypatch.setattr("damperfit.run.auto_model.with_chosen_law", lambda *_: "chosen")
-    monkeypatch.setattr("damperfit.run.given_starts.start_of_laws", lambda *_: None)
-    monkeypatch.setattr(identify, "declared_setting", lambda *_: None)
-    how = {"jobs": 1, "rivals": rivals, "is_quiet": is_quiet}
-    assert identify._with_law(None, [], None, {}, **how) == "chosen"
-    said = capsys.readouterr().err
+    monkeypatch.setattr("damperfit.run.auto_model.with_chosen_law", lambda asked, _: asked)
+    quiet, also = ["--quiet"] * is_quiet, ["--rivals"] * rivals
+    said = run("identify", "no.csv", "--model", "auto", *quiet, *also).err
     assert ("tried a law" in said) is not is_quiet
     assert ("tried a rival" in said) is (rivals and not is_quiet)
     assert ("the logs support it.\n" in said) is not is_quiet

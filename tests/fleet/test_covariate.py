@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import pandas as pd
 import pytest
 
+from damperfit.asked import covaried
 from damperfit.cli.main import main
-from damperfit.cli.option_values import covaried
 from damperfit.errors import ConfigurationError
 from damperfit.queries.adjuster_results import read_adjuster_results
 from tests.fleet.test_fleet_command import Here
@@ -84,7 +83,8 @@ def test_a_fleet_without_it_has_no_such_column(three, tmp_path, monkeypatch) -> 
 def test_a_temperature_that_the_file_names_stays(tmp_path, told, of_fleet, there) -> None:
     config = tmp_path / "rig.toml"
     config.write_text(told, encoding="utf-8")
-    found = covaried("temperature", model=None, config=config, of_fleet=of_fleet)
+    given = {"covariate": "temperature", "config": config}
+    found = covaried("fleet", given, of_fleet=of_fleet)
     assert found == there
 
 
@@ -92,7 +92,6 @@ def test_a_mistake_of_the_file_is_told_as_of_any_run(tmp_path, capsys) -> None:
     config = tmp_path / "rig.toml"
     config.write_text("[damper]\nrod_diametre = 3\n", encoding="utf-8")
     with pytest.raises(ConfigurationError, match="rod_diametre"):
-        covaried("temperature", model=None, config=config)
+        covaried("fleet", {"covariate": "temperature", "config": config})
     assert main(["fleet", "x", "--covariate", "speed", "--config", str(config)]) == 2
     assert "--covariate speed: expected temperature" in capsys.readouterr().err
-    assert json.dumps(covaried(None, model=None)) == "null"

@@ -8,7 +8,7 @@ from dataclasses import fields
 
 import pytest
 
-from damperfit.cli import option_values
+from damperfit.asked import configured
 from damperfit.configuration.loading import configuration_toml, load_configuration
 from damperfit.errors import ConfigurationError
 from damperfit.io import ReadOptions, read_log
@@ -50,7 +50,7 @@ def in_force(folder, rig: dict, profile: dict, command_line: dict) -> ReadOption
     path = folder / "rig.toml"
     path.write_text("\n".join([*lines, *_entries(profile)]), encoding="utf-8")
     texts = [f"{key}={json.dumps(value)}" for key, value in command_line.items()]
-    configuration = option_values.configured(path, *option_values.rig_entries(texts))
+    configuration = configured("inspect", {"config": path, "rig": texts})
     return configuration.reading.for_file("bench_1.csv")[0]
 
 

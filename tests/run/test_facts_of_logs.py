@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from damperfit.cli import option_values
+from damperfit.asked import configured
 from damperfit.errors import ConfigurationError
 from damperfit.io import TestRow
 from damperfit.run.logs import read_batch
@@ -38,10 +38,7 @@ def configuration(folder, *, rig_=None, profile=None, typed=None, skew=None):
     path = folder / "rig.toml"
     path.write_text("\n".join(lines), encoding="utf-8")
     texts = [f"tested_at.{key}={json.dumps(value)}" for key, value in (typed or {}).items()]
-    entries = option_values.rig_entries(texts)
-    if skew is not None:
-        entries.append(("--skew", "rig.skew", skew))
-    return option_values.configured(path, *entries)
+    return configured("inspect", {"config": path, "rig": texts, "skew": skew})
 
 
 def _table(facts):

@@ -10,8 +10,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from damperfit.asked import configured, covaried
 from damperfit.cli.main import main
-from damperfit.cli.option_values import configured, covaried
 from damperfit.conditioning import ConditionOptions, condition
 from damperfit.conditioning.repeatability import _trend_of_peaks
 from damperfit.configuration.loading import load_configuration
@@ -236,12 +236,12 @@ def test_what_cannot_be_is_refused(damper, fit, says) -> None:
 
 
 def test_the_option_is_one_word() -> None:
-    assert covaried(None, model=None) is None
-    assert covaried("temperature", model="twin_tube") == "mean"
+    assert covaried("identify", {}) is None
+    assert covaried("identify", {"covariate": "temperature", "model": "twin_tube"}) == "mean"
     with pytest.raises(ConfigurationError, match="--covariate speed: expected temperature"):
-        covaried("speed", model=None)
+        covaried("identify", {"covariate": "speed"})
     with pytest.raises(ConfigurationError, match="choose the law first"):
-        covaried("temperature", model="auto")
+        covaried("identify", {"covariate": "temperature", "model": "auto"})
 
 
 @pytest.mark.parametrize(("apart", "unlike"), [(0.48, False), (0.52, True)])
@@ -281,9 +281,7 @@ def results(tmp_path_factory):
             (folder / one.name).write_text("\n".join([*lines, ""]), encoding="utf-8")
     out = folder / "results"
     configuration = configured(
-        None,
-        ("--covariate", "damper.reference_temperature", covaried("temperature", model=None)),
-        ("--out", "output.folder", str(out)),
+        "identify", {"out": out}, ("covariate", "damper.reference_temperature", "mean")
     )
     assert run(configuration, [str(folder / "*.csv")], jobs=1).campaign.fits
     return out
@@ -355,9 +353,7 @@ def test_logs_without_a_temperature_do_not_contradict_each_other(tmp_path, resul
         kept = [line for line in text if not line.startswith("# temperature")]
         (tmp_path / path.name).write_text("".join(kept), encoding="utf-8")
     configuration = configured(
-        None,
-        ("--covariate", "damper.reference_temperature", covaried("temperature", model=None)),
-        ("--out", "output.folder", str(tmp_path / "out")),
+        "identify", {"out": tmp_path / "out"}, ("covariate", "damper.reference_temperature", "mean")
     )
     with pytest.raises(ConfigurationError, match="and 1 more have no temperature"):
         run(configuration, [str(tmp_path / "setting_01_*.csv")], jobs=1)

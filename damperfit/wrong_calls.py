@@ -4,25 +4,41 @@ from __future__ import annotations
 
 import os
 import re
+from contextlib import contextmanager
+from contextvars import ContextVar
+from copy import copy
+from dataclasses import replace
 from functools import partial, wraps
+from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, ParamSpec, TypeVar
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 from damperfit.errors import ConfigurationError, DamperfitError, refuse_wrong_arguments
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
     P = ParamSpec("P")
     R = TypeVar("R")
 
-__all__ = ["answers_wrong_calls", "in_words_of_a_call", "path_of", "refuse_part"]
+__all__ = [
+    "FunctionPackage",
+    "answers_wrong_calls",
+    "as_typed",
+    "in_words_of_a_call",
+    "is_typed",
+    "path_of",
+    "spelled",
+]
+
+_IS_TYPED: ContextVar[bool] = ContextVar("is_typed", default=False)
 
 # A keyword takes the place of an option: with its value, with a word for it, or alone.
 _WORDS = (
     (
         r"only (damperfit) identify --model auto and damperfit models let",
-        r"only the command line, \1 models LOGS, lets",
+        r"only \1.identify(logs, model='auto') and \1.models(logs) let",
     ),
     (r"--rig units\.(\w+)=([^\s)]+)", r"units={'\1': '\2'}"),
     (r"--rig (\w+)=([^\s)]+)", r"rig={'\1': \2}"),
@@ -34,6 +50,42 @@ _WORDS = (
     (r"(?<!export )--([a-z][a-z-]*) ('[^']*')", r"\1=\2"),
     (r"(?<!export )--([a-z][a-z-]*)", r"\1="),
 )
+
+
+class FunctionPackage(ModuleType):
+    """A package of the name of a function: called, it is the function of `damperfit.api`."""
+
+    def __call__(self, *arguments: Any, **given: Any) -> Any:
+        """Do what the function does."""
+        function = getattr(import_module("damperfit.api"), self.__name__.rpartition(".")[2])
+        return function(*arguments, **given)
+
+
+@contextmanager
+def as_typed() -> Iterator[None]:
+    """While the block runs, what is asked for was typed: options are named, and no keywords."""
+    token = _IS_TYPED.set(True)
+    try:
+        yield
+    finally:
+        _IS_TYPED.reset(token)
+
+
+def is_typed() -> bool:
+    """Whether what is asked for was typed as options."""
+    return _IS_TYPED.get()
+
+
+def spelled(call: str, keyword: str) -> str:
+    """Return what the user has written for a keyword, for messages.
+
+    Examples
+    --------
+    >>> spelled("damperfit.identify", "hold_out")
+    'damperfit.identify(hold_out=...)'
+    """
+    option = f"--{keyword.replace('_', '-')}"
+    return option if is_typed() else f"{call}({keyword}=...)"
 
 
 def in_words_of_a_call(message: str) -> str:
@@ -75,32 +127,18 @@ def answers_wrong_calls(call: str) -> Callable[[Callable[P, R]], Callable[P, R]]
             try:
                 return checked(*args, **kwargs)
             except DamperfitError as error:
-                said = in_words_of_a_call(str(error))
+                said = str(error) if is_typed() else in_words_of_a_call(str(error))
                 if said == str(error):
                     raise
-                raise type(error)(said) from error
+                worded = copy(error)
+                worded.problem = replace(
+                    error.problem, text=said, subject="", where=None, values={}
+                )
+                raise worded from error
 
         return answering
 
     return decorated
-
-
-def refuse_part(place: Path, call: str) -> None:
-    """Refuse one damper of a fleet where a whole results folder is read.
-
-    Raises
-    ------
-    ConfigurationError
-        It is a part, or the folder of one.
-    """
-    from damperfit.tables.reading import is_part
-
-    if is_part(place):
-        raise ConfigurationError(
-            f"{place} is a part of a fleet, which keeps no more than a table; expected a "
-            "folder that damperfit identify wrote; pandas reads parts",
-            subject=call,
-        )
 
 
 def path_of(value: object, call: str, expected: str) -> Path:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from damperfit.errors import ConfigurationError, LogError
 from damperfit.recording import Recording, Trace
+from damperfit.wrong_calls import is_typed
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -49,6 +50,9 @@ def as_files(logs: object, *, call: str) -> Iterator[list[str]]:
     LogError
         A frame has columns of different lengths, or none.
     """
+    if is_typed():
+        yield list(logs)  # type: ignore[call-overload]
+        return
     several = logs if isinstance(logs, list | tuple) else (logs,)
     if any(isinstance(one, str) and not one for one in several):  # it would be this folder
         raise ConfigurationError(f"found ''; {_EXPECTED}", subject=call)

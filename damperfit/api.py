@@ -1,0 +1,1313 @@
+"""The jobs of damperfit as functions; the commands call them and print what they return.
+
+Every option of a command is a keyword of the function of the same name (`damperfit.keywords` says
+what each is), with the same checks and the same sentences. A function writes nothing unless it is
+told where to, but for `export` and `report`, whose job it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+from tempfile import mkdtemp
+from typing import TYPE_CHECKING, Any
+
+from damperfit.asked import (
+    configured,
+    covaried,
+    declared_setting,
+    known_as_setting,
+    refuse_beside,
+    refuse_idle,
+    starts_of,
+    values_given,
+    workers,
+)
+from damperfit.errors import ConfigurationError, DamperfitError, LogError
+from damperfit.problem import Option
+from damperfit.wrong_calls import (
+    answers_wrong_calls,
+    in_words_of_a_call,
+    is_typed,
+    path_of,
+    spelled,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping, Sequence
+
+    from damperfit.configuration.options import Configuration
+    from damperfit.damper.model import Model
+    from damperfit.fleet.run import DamperTask, Done
+    from damperfit.recording import Recording
+    from damperfit.results import Run
+    from damperfit.run.auto_model import LawChoice
+    from damperfit.run.result import RunResult
+    from damperfit.run.watching import Watch
+    from damperfit.shown import (
+        Comparison,
+        Files,
+        FirstConfiguration,
+        FleetDone,
+        Inspection,
+        SettingForces,
+        Simulation,
+        Sweep,
+    )
+    from damperfit.tested.setting import Setting
+
+__all__ = [
+    "compare",
+    "export",
+    "fleet",
+    "identify",
+    "identify_each",
+    "init",
+    "inspect",
+    "load",
+    "models",
+    "read",
+    "report",
+    "samples",
+    "settings",
+    "simulate",
+    "sweep",
+]
+
+FIGURE_KINDS = ("png", "svg", "pdf")
+_FEW = 3
+_AUTO = "auto"
+_RESULTS = Path("results")
+
+
+@answers_wrong_calls("damperfit.read")
+def read(
+    log: object,
+    *,
+    units: Mapping[str, str] | None = None,
+    rig: Mapping[str, Any] | Sequence[str] | None = None,
+    config: str | Path | None = None,
+) -> Recording:
+    """Return one log as it was logged, in SI and with the project's signs.
+
+    Parameters
+    ----------
+    log : path, or mapping of one label to a data frame
+        Any format that `damperfit inspect` reads.
+    units : mapping of str to str, optional
+        Units of columns that do not say theirs, as in ``{"force": "kN"}``.
+    rig, config
+        As of `identify`.
+
+    Raises
+    ------
+    LogError
+        It cannot be read, or holds several tests.
+    """
+    from damperfit.io import read_log
+    from damperfit.run.given_logs import as_files
+
+    configuration = configured("read", {"units": units, "rig": rig, "config": config})
+    with as_files(log, call="damperfit.read") as paths:
+        if len(paths) > 1:
+            raise ConfigurationError("damperfit.read: found several logs; give one")
+        return read_log(paths[0], configuration.reading)
+
+
+@answers_wrong_calls("damperfit.inspect")
+def inspect(  # noqa: PLR0913 - one keyword an option of the command line
+    logs: object,
+    *,
+    setting: Setting | int | str | None = None,
+    tests: str | Path | None = None,
+    strict: bool = False,
+    skew: str | float | None = None,
+    rig_profile: str | None = None,
+    rig: Mapping[str, Any] | Sequence[str] | None = None,
+    allow_truncated: bool = False,
+    jobs: int | None = None,
+    config: str | Path | None = None,
+    units: Mapping[str, str] | None = None,
+) -> Inspection:
+    """Show what is in logs and what is wrong with them; fit nothing.
+
+    Parameters
+    ----------
+    logs, setting, tests, strict, skew, rig_profile, rig, allow_truncated, jobs, config, units
+        As of `identify`.
+    """
+    given = dict(locals())
+    from damperfit.run.given_logs import as_files
+    from damperfit.run.log_paths import expand
+    from damperfit.run.logs import Purpose, read_batch
+    from damperfit.shown import Inspection
+
+    # No model is asked for; the file may be one for `model="auto"`.
+    configuration = configured("inspect", given, is_law_open=True)
+    with as_files(logs, call="damperfit.inspect") as paths:
+        batch = read_batch(
+            expand(paths),
+            configuration,
+            jobs=workers(jobs, "damperfit.inspect"),
+            setting=declared_setting(setting, configuration),
+            purpose=Purpose.INSPECT,
+        )
+    return Inspection(batch)
+
+
+@answers_wrong_calls("damperfit.identify")
+def identify(  # noqa: PLR0913 - one keyword an option of the command line
+    logs: object,
+    *,
+    free: Sequence[str] | str | None = None,
+    fix: Mapping[str, Any] | None = None,
+    model: str | None = None,
+    rivals: bool = False,
+    procedure: str | None = None,
+    share: Sequence[str] | str | None = None,
+    hold_out: Sequence[str] | str | None = None,
+    hold_out_cycles: float | None = None,
+    covariate: str | None = None,
+    bulk_modulus: str | None = None,
+    starts: int | None = None,
+    start: Mapping[str, Any] | str | Path | None = None,
+    profile: Sequence[str] | str | None = None,
+    max_mse: float | None = None,
+    check: Sequence[str] | str | None = None,
+    setting: Setting | int | str | None = None,
+    tests: str | Path | None = None,
+    strict: bool = False,
+    skew: str | float | None = None,
+    rig_profile: str | None = None,
+    rig: Mapping[str, Any] | None = None,
+    allow_truncated: bool = False,
+    out: str | Path | None = None,
+    report: bool = False,
+    figures: str | None = None,
+    units: Mapping[str, str] | str | None = None,
+    jobs: int | None = None,
+    config: str | Path | None = None,
+    damper: Model | Mapping[str, Any] | None = None,
+    watch: Watch | None = None,
+) -> Run:
+    """Fit every setting in the logs of one damper.
+
+    Parameters
+    ----------
+    logs : path, pattern, trace, recording, list of such, or mapping of labels to data frames
+        A label is the setting, as in ``{"10": frame}`` or ``{"R12 C8": frame}``; a frame, or a
+        mapping of arrays, has time, displacement and force, with units in its names
+        (``displacement_mm``) or in `units`.
+    model : str, optional
+        Of `damperfit models`; "auto": the one that the logs support.
+    setting : optional
+        Setting of logs that do not say theirs.
+    units : mapping, or str
+        Units of columns that do not say theirs, keys of [rig.units]; as text those that results
+        are shown in, as the option has them.
+    rig : mapping, optional
+        Keys of [rig].
+    start : mapping, or path
+        Values that the fits start from, or the parameters of an earlier run.
+    out : path, optional
+        Folder for the results; by default they go when the result does.
+    config : path, optional
+        TOML file.
+    damper : Model or mapping, optional
+        The damper, or keys of [damper]; the paper's where neither it nor `config` says it.
+    watch : Watch, optional
+        Who looks on: progress, and the wish to stop.
+    free, fix, rivals, procedure, share, hold_out, hold_out_cycles, covariate, bulk_modulus, \
+starts, profile, max_mse, check, tests, strict, skew, rig_profile, allow_truncated, report, \
+figures, jobs
+        As the options of `damperfit identify`; ``fix={"f_f": "50N"}``.
+
+    Returns
+    -------
+    Run
+        It has the settings that could be fitted; `Run.failures` tells of the others.
+
+    Raises
+    ------
+    ConfigurationError
+        A keyword is wrong, or the logs are of several dampers.
+    LogError
+        No log could be fitted.
+    """
+    given = dict(locals())
+    from damperfit.results import Run
+
+    if out is None and (report or figures):
+        raise ConfigurationError("damperfit.identify: a report is written; give out=FOLDER")
+    folder = (
+        Path(mkdtemp(prefix="damperfit-result-"))
+        if out is None
+        else path_of(out, "damperfit.identify(out=...)", "the path of a folder")
+    )
+    (one,) = identify_each(**{**given, "out": folder}, is_one=True)
+    if one.error is not None:
+        raise one.error
+    if not one.result.campaign.fits:
+        said = [in_words_of_a_call(failure.message) for failure in one.result.facts.failures]
+        more = f" (and {len(said) - _FEW} more)" if len(said) > _FEW else ""
+        raise LogError(f"no setting could be fitted: {'; '.join(said[:_FEW])}{more}")
+    return Run.load(folder, parts=("parameters", "mse"), is_temporary=out is None)
+
+
+class Identified:
+    """What was identified of one damper, as it was found, and where it was written."""
+
+    def __init__(self, owner: str, result: RunResult, configuration: Configuration) -> None:
+        from damperfit.run.dampers import folder_name
+
+        self.owner, self.result, self.configuration = owner, result, configuration
+        folder = configuration.output.folder
+        self.folder = folder / folder_name(owner) if owner else folder
+        self.error: DamperfitError | None = None  # why it, or its report, is not written
+
+    @property
+    def is_written(self) -> bool:
+        """Whether its folder has the results."""
+        from damperfit.run.unwritten import UnwrittenError
+
+        return not isinstance(self.error, UnwrittenError)
+
+
+def identify_each(
+    logs: Any, *, is_one: bool = False, watch: Watch | None = None, **given: Any
+) -> list[Identified]:
+    """Fit every setting in the logs of one damper or several, each into a folder of its own.
+
+    Parameters
+    ----------
+    logs, watch, **given
+        As of `identify`; without ``out`` results go where the configuration says.
+    is_one : bool
+        Whether logs of several dampers are refused.
+    """
+    from damperfit.run.given_logs import as_files, in_memory
+    from damperfit.run.pipeline import run_each
+    from damperfit.run.unwritten import UnwrittenError
+    from damperfit.run.watching import Watch
+
+    watch = watch or Watch()
+    configuration = _identification(given)
+    jobs = workers(given.get("jobs"), "damperfit.identify")
+    declared = declared_setting(given.get("setting"), configuration)
+    unread, traces = in_memory(logs, configuration.conditioning)
+    found: list[Identified] = []
+    with ExitStack() as stack:
+        is_ready = bool(traces) and not unread
+        call = "damperfit.identify"
+        paths = [] if is_ready else stack.enter_context(as_files(unread, call=call))
+        if given.get("model") == _AUTO:
+            configuration = _chosen(configuration, paths, declared, given, watch, jobs)
+        runs = run_each(
+            configuration, paths,
+            jobs=jobs, setting=declared, traces=traces, watch=watch, is_one=is_one,
+        )  # fmt: skip
+        try:
+            with watch.during_work():
+                for owner, result in runs:
+                    found.append(Identified(owner, result, configuration))
+        except UnwrittenError as error:
+            found.append(Identified(error.owner, error.result, configuration))
+            found[-1].error = error
+    page, figures = given.get("report", False), given.get("figures")
+    for one in found:
+        if one.result.campaign.fits and (page or figures) and one.is_written:
+            try:
+                _write_report(one.folder, one.folder, page=page, figures=figures)
+            except DamperfitError as error:
+                one.error = error
+    return found
+
+
+def _identification(given: Mapping[str, Any]) -> Configuration:
+    """The configuration that `identify` is asked for, once nothing is asked in vain."""
+    _check_kind(given.get("figures"))
+    if given.get("max_mse") == 0.0:
+        raise ConfigurationError(
+            "expected more than 0, as every fit leaves some misfit; for no gate leave the option "
+            "out (output.max_mse_percent = 0)",
+            where=Option("max_mse", "0"),
+        )
+    is_open = given.get("model") == _AUTO
+    start_file, start_values = starts_of(given.get("start"))
+    configuration = configured(
+        "identify",
+        {**given, "model": None if is_open else given.get("model")},
+        ("covariate", "damper.reference_temperature", covaried("identify", given)),
+        ("start", "identification.start", start_file),
+        ("start", "identification.start_values", None if is_open else start_values or None),
+        is_law_open=is_open,
+    )
+    procedure = configuration.identification.procedure
+    advice = "add --procedure joint" if is_typed() else "give procedure='joint'"
+    if given.get("share") is not None and procedure != "joint":
+        name = spelled("damperfit.identify", "share")
+        if is_typed():
+            name = f"{name} {','.join(given['share'])} has no effect"
+        raise ConfigurationError(
+            f"{name}: only procedure joint fits shared parameters, found procedure {procedure}; "
+            f"{advice}"
+        )
+    if is_open and configuration.identification.free:
+        raise ConfigurationError(
+            "--free has no effect: with --model auto the logs choose what is fitted; hold a "
+            "parameter with --fix, or name the model"
+        )
+    if given.get("rivals") and not is_open:
+        raise ConfigurationError(
+            "models are ranked where the logs choose the law; add --model auto, or ask damperfit "
+            "models LOGS --rivals",
+            where=Option("rivals"),
+        )
+    return configuration
+
+
+def _chosen(
+    configuration: Configuration,
+    paths: list[str],
+    setting: Setting | None,
+    given: Mapping[str, Any],
+    watch: Watch,
+    jobs: int,
+) -> Configuration:
+    """Let the logs choose the law."""
+    from damperfit.run.auto_model import choose_law, with_chosen_law
+    from damperfit.run.given_starts import start_of_laws
+
+    choice = choose_law(
+        configuration,
+        paths,
+        jobs=jobs,
+        setting=setting,
+        start=start_of_laws(configuration, starts_of(given.get("start"))[1]),
+        on_law=lambda law: watch.on_law(law.tried.title),
+        on_rival=(lambda law: watch.on_law(law.title)) if given.get("rivals") else None,
+    )
+    made = with_chosen_law(configuration, choice)
+    watch.on_choice(choice, configuration, made)
+    return made
+
+
+def _check_kind(kind: str | None) -> None:
+    if kind is not None and kind not in FIGURE_KINDS:
+        raise ConfigurationError(
+            f"expected one of {', '.join(FIGURE_KINDS)}", where=Option("figures", kind)
+        )
+
+
+@answers_wrong_calls("damperfit.models")
+def models(  # noqa: PLR0913 - one keyword an option of the command line
+    logs: object,
+    *,
+    hold_out: Sequence[str] | str | None = None,
+    layout: str | None = None,
+    rivals: bool = False,
+    start: Mapping[str, Any] | str | Path | None = None,
+    setting: Setting | int | str | None = None,
+    rig_profile: str | None = None,
+    rig: Mapping[str, Any] | None = None,
+    jobs: int | None = None,
+    config: str | Path | None = None,
+    damper: Model | Mapping[str, Any] | None = None,
+    on_law: Callable[[str], None] = lambda _: None,
+) -> LawChoice:
+    """Fit one damper law after the other to the logs and say which one they support.
+
+    Parameters
+    ----------
+    layout : str, optional
+        twin_tube, monotube or through_flow, if it is known.
+    on_law : callable
+        Called with the name of each law that was tried.
+    logs, hold_out, rivals, start, setting, rig_profile, rig, jobs, config, damper
+        As of `identify`.
+
+    Returns
+    -------
+    LawChoice
+        `LawChoice.supported` names the law; `identify(model="auto")` fits it.
+    """
+    given = dict(locals())
+    from damperfit.errors import did_you_mean
+    from damperfit.laws.other_layouts import LAYOUTS
+    from damperfit.run.auto_model import choose_law
+    from damperfit.run.given_logs import as_files
+    from damperfit.run.given_starts import start_of_laws
+
+    if layout is not None and layout not in LAYOUTS:
+        raise ConfigurationError(
+            f"no layout {layout!r}; there are {', '.join(LAYOUTS)}.{did_you_mean(layout, LAYOUTS)}",
+            where=Option("layout"),
+        )
+    start_file, start_values = starts_of(start)
+    configuration = configured(
+        "models", given, ("start", "identification.start", start_file), is_law_open=True
+    )
+    with as_files(logs, call="damperfit.models") as paths:
+        return choose_law(
+            configuration,
+            paths,
+            layout=layout,
+            jobs=workers(jobs, "damperfit.models"),
+            setting=declared_setting(setting, configuration),
+            start=start_of_laws(configuration, start_values),
+            on_law=lambda law: on_law(law.tried.title),
+            on_rival=(lambda law: on_law(law.title)) if rivals else None,
+        )
+
+
+@answers_wrong_calls("damperfit.load")
+def load(folder: str | Path) -> Run:
+    """Return the run in a folder, as `damperfit identify` wrote it.
+
+    Raises
+    ------
+    ConfigurationError
+        There is no such folder, or no results in it.
+    """
+    from damperfit.results import Run
+    from damperfit.tables.reading import is_part
+
+    place = path_of(folder, "damperfit.load", "the path of a results folder")
+    if is_part(place):
+        raise ConfigurationError(
+            f"{place} is a part of a fleet, which keeps no more than a table; expected a folder "
+            "that damperfit identify wrote; pandas reads parts",
+            subject="damperfit.load",
+        )
+    return Run.load(place, parts=("parameters", "mse"))
+
+
+@answers_wrong_calls("damperfit.simulate")
+def simulate(  # noqa: PLR0913 - one keyword an option of the command line
+    setting: Setting | Run | int | str | None = None,
+    *,
+    parameters: Run | str | Path | None = None,
+    set: Mapping[str, Any] | None = None,  # noqa: A002 - the option's name
+    amplitude: float | str | None = None,
+    frequency: float | str | None = None,
+    cycles: float | None = None,
+    sample_rate: float | str | None = None,
+    wave: str | None = None,
+    max_steps: int | None = None,
+    temperature: str | float | None = None,
+    displacement: str | Path | None = None,
+    out: str | Path | None = None,
+    plot: str | Path | None = None,
+    overwrite: bool = False,
+    config: str | Path | None = None,
+    damper: Model | Mapping[str, Any] | None = None,
+) -> Simulation:
+    """Simulate one setting.
+
+    Parameters
+    ----------
+    setting : optional
+        Whose parameters; not needed where `set` gives all of them.
+    parameters : Run or path, optional
+        Results, their folder or a parameters table; by default ``results``, if it is there, else
+        the reference set.
+    set : mapping, optional
+        Parameters that replace the setting's.
+    amplitude, frequency, cycles, sample_rate : optional
+        Of the wave, SI or text with a unit; by default those of the test.
+    wave : str
+        sine or triangle.
+    max_steps : int, optional
+        Samples or steps beyond which a simulation is refused.
+    temperature : optional
+        Of the oil, as in "40degC", after ``identify(covariate="temperature")``.
+    displacement : path, optional
+        A log whose displacement drives the damper instead.
+    out, plot : path, optional
+        Files for the signals and for the loops.
+    overwrite : bool
+        Replace files of another origin.
+    config, damper
+        As of `identify`.
+    """
+    given = dict(locals())
+    from damperfit.damper.warmed import Warmed
+    from damperfit.queries.one_simulation import simulate_test
+    from damperfit.queries.rig_in_forces import notes_on_simulation
+    from damperfit.results import warmed_to
+    from damperfit.shown import Simulation
+
+    if displacement is not None:
+        names = ("amplitude", "frequency", "cycles", "sample_rate", "wave", "max_steps")
+        of_a_wave = {f"--{name.replace('_', '-')}": given[name] for name in names}
+        refuse_beside("--displacement", of_a_wave, why="the log is the motion")
+    own = configured("simulate", {**given, "displacement": None, "out": None, "plot": None})
+    log = _path(displacement, "simulate", "displacement", "the path of a log")
+    files = {
+        "out": _suffixed(out, "simulate", "out", (".csv", ".parquet")),
+        "plot": _suffixed(plot, "simulate", "plot", (".png", ".svg", ".pdf")),
+    }
+    _check_places(*(path.parent for path in files.values() if path is not None))
+    choice, configuration, sentence = _parameters("simulate", given, own)
+    configuration = warmed_to(configuration, None if temperature is None else str(temperature))
+    if temperature is not None and isinstance(configuration.damper, Warmed):
+        sentence += f" Simulated at {configuration.damper.oil_temperature:g} degC."
+    if log is not None and not log.exists():
+        raise ConfigurationError("no such file", where=Option("displacement", log))
+    test = simulate_test(choice, configuration, log=log)
+    notes = tuple(notes_on_simulation(configuration.damper, choice.parameters))
+    done = Simulation(test, sentence, configuration.notes, notes)
+    done.write(files["out"], files["plot"], spares_others=not overwrite)
+    return done
+
+
+def _parameters(
+    command: str, given: Mapping[str, Any], configuration: Configuration
+) -> tuple[Any, Configuration, str]:
+    """What to simulate with: the parameters, the damper that they belong to, and a line on it."""
+    from damperfit.queries.chosen_parameters import choose_parameters
+    from damperfit.queries.one_simulation import damper_of
+    from damperfit.results import Run
+
+    call, setting, table = f"damperfit.{command}", given["setting"], given["parameters"]
+    if isinstance(setting, Run):
+        raise ConfigurationError(
+            f"{call}: found a result in place of a setting; give {call}(10, parameters=result), or "
+            "result.setting(10).simulate()"
+        )
+    table = table.folder if isinstance(table, Run) else table
+    known = "a result, or the path of results or of a parameters table"
+    choice = choose_parameters(
+        known_as_setting(setting, f"{call}(setting=...)"),
+        table=_path(table, command, "parameters", known),
+        replaced=values_given(given["set"], call, "set"),
+        folder=configuration.output.folder,
+        damper=configuration.damper,
+    )
+    config = _path(given["config"], command, "config", "the path of a TOML file")
+    return (choice, *damper_of(choice, configuration, config=config))
+
+
+def _path(value: object, command: str, keyword: str, expected: str) -> Path | None:
+    call = f"damperfit.{command}({keyword}=...)"
+    return None if value is None else path_of(value, call, expected)
+
+
+def _suffixed(value: object, command: str, keyword: str, known: tuple[str, ...]) -> Path | None:
+    path = _path(value, command, keyword, "the path of a file")
+    if path is not None and path.suffix.lower() not in known:
+        raise ConfigurationError(
+            f"expected a name that ends in {', '.join(known)}", where=Option(keyword, path)
+        )
+    return path
+
+
+def _check_places(*folders: Path | None) -> None:
+    """Refuse what can never be written, before any work is done."""
+    from damperfit.store import check_writable
+
+    for folder in folders:
+        if folder is not None:
+            check_writable(folder)
+
+
+@answers_wrong_calls("damperfit.sweep")
+def sweep(  # noqa: PLR0913 - one keyword an option of the command line
+    setting: Setting | int | str | None = None,
+    *,
+    vary: Mapping[str, Sequence[float]] | Sequence[str] | str | None = None,
+    paper: bool = False,
+    parameters: Run | str | Path | None = None,
+    set: Mapping[str, Any] | None = None,  # noqa: A002 - the option's name
+    max_steps: int | None = None,
+    figures: str = "png",
+    out: str | Path | None = None,
+    overwrite: bool = False,
+    config: str | Path | None = None,
+) -> Sweep:
+    """Scale one parameter by factors and show what it does to the force.
+
+    Parameters
+    ----------
+    vary : mapping of str to sequence of float, or text
+        As in ``{"r_m1": [0.8, 1, 1.2]}`` or "r_m1=0.8,1,1.2".
+    paper : bool
+        Figures 4 to 9 of the paper.
+    figures : str
+        png, svg or pdf.
+    out : path, optional
+        Folder for the table and the figures.
+    setting, parameters, set, max_steps, overwrite, config
+        As of `simulate`.
+    """
+    given = dict(locals())
+    from damperfit.queries.sweep import PAPER_SWEEPS, parse_variation
+    from damperfit.shown import Sweep
+
+    _check_kind(figures)
+    texts: Any = [vary] if isinstance(vary, str) else vary or []
+    if isinstance(texts, dict):
+        texts = [f"{name}={','.join(map(str, factors))}" for name, factors in texts.items()]
+    if not texts and not paper:
+        raise ConfigurationError("nothing to vary: give --vary NAME=F1,F2,... or --paper")
+    folder = _path(out, "sweep", "out", "the path of a folder")
+    _check_places(folder)
+    own = configured("sweep", {"config": config, "max_steps": max_steps})
+    given["setting"] = "10" if paper and setting is None else setting
+    choice, configuration, sentence = _parameters("sweep", given, own)
+    variations = [parse_variation(text, configuration.damper) for text in texts]
+    if len({variation.name for variation in variations}) < len(variations):
+        raise ConfigurationError(
+            "a name is given twice; put its factors into one list", where=Option("vary")
+        )
+    if paper and configuration.damper.name != "purdy":
+        raise ConfigurationError(
+            f"the figures are of the paper's model; these parameters are of "
+            f"{configuration.damper.name!r}: give --vary NAME=F1,F2,...",
+            where=Option("paper"),
+        )
+    wanted = [(v, False) for v in variations] + [(v, True) for v in PAPER_SWEEPS if paper]
+    done = Sweep(choice, configuration, sentence, wanted)
+    if folder is not None:
+        done.write(folder, kind=figures, spares_others=not overwrite)
+    return done
+
+
+@answers_wrong_calls("damperfit.settings")
+def settings(  # noqa: PLR0913 - one keyword an option of the command line
+    results: Run | str | Path | Sequence[str | Path] = _RESULTS,
+    *,
+    force: str | float | None = None,
+    velocity: str | float | None = None,
+    stroke: str | None = None,
+    amplitude: str | float | None = None,
+    frequency: str | float | None = None,
+    temperature: str | float | None = None,
+    rig: Mapping[str, Any] | None = None,
+    rig_profile: str | None = None,
+    units: str | None = None,
+    jobs: int | None = None,
+    config: str | Path | None = None,
+) -> SettingForces:
+    """Show force by setting and what a click changes; find the setting for a force.
+
+    Parameters
+    ----------
+    results : Run, path or list of paths
+        What `identify` found, or files of measured curves.
+    force, velocity : optional
+        Which setting gives the force at the speed? As in "900N" and "0.2m/s"; minus: bump.
+    stroke : str, optional
+        rebound or bump, instead of a sign.
+    amplitude, frequency, temperature : optional
+        Of the motion that is simulated; by default those of the test.
+    units : str, optional
+        In which it is shown, as in "N,mm/s".
+    rig, rig_profile, jobs, config
+        As of `identify`.
+    """
+    given = dict(locals())
+    from damperfit.queries.adjuster_results import read_adjuster_results
+    from damperfit.queries.force_by_setting import parse_question, tabulate_forces
+    from damperfit.results import Run
+    from damperfit.shown import SettingForces
+    from damperfit.units.shown_units import SI, parse_units
+
+    shown = SI if units is None else parse_units(units)
+    said = {name: _text(given[name]) for name in ("force", "velocity", "stroke")}
+    question = parse_question(**said)
+    places = results if isinstance(results, list | tuple) else [results]
+    paths = [
+        one.folder
+        if isinstance(one, Run)
+        else path_of(one, "damperfit.settings", "a result, or the path of a results folder")
+        for one in places
+    ] or [_RESULTS]
+    reading = {name: given[name] for name in ("rig", "rig_profile", "config")}
+    if all(path.is_file() for path in paths):
+        from damperfit.queries.measured_forces import measured_forces
+
+        refuse_idle(
+            given,
+            ("amplitude", "frequency", "temperature", "units"),
+            f"the forces of {paths[0]} were measured, not simulated",
+        )
+        options = configured("settings", reading, is_law_open=True).reading
+        curves = measured_forces(paths, question, reading=options)
+        return SettingForces(paths, question, shown, curves=curves)
+    if len(paths) > 1:
+        raise ConfigurationError(
+            f"found {', '.join(map(str, paths[:3]))}; expected one results folder, or files of "
+            "measured curves alone"
+        )
+    refuse_idle(given, ("rig", "rig_profile"), f"{paths[0]} holds results, and no log is read")
+    adjuster = read_adjuster_results(
+        paths[0],
+        config=_path(config, "settings", "config", "the path of a TOML file"),
+        amplitude=_text(amplitude),
+        frequency=_text(frequency),
+        temperature=_text(temperature),
+    )
+    forces = tabulate_forces(adjuster, question, jobs=workers(jobs, "damperfit.settings"))
+    return SettingForces(paths, question, shown, adjuster=adjuster, forces=forces)
+
+
+def _text(value: object) -> str | None:
+    return None if value is None else str(value)
+
+
+@answers_wrong_calls("damperfit.compare")
+def compare(  # noqa: PLR0913 - one keyword an option of the command line
+    *runs: Run | str | Path,
+    repeats: Sequence[str | Path] | None = None,
+    tolerance: str | Path | None = None,
+    measured: bool = False,
+    velocity: Sequence[str | float] | str | float | None = None,
+    amplitude: str | float | None = None,
+    frequency: str | float | None = None,
+    out: str | Path | None = None,
+    save: str | Path | None = None,
+    junit: str | Path | None = None,
+    units: str | None = None,
+    rig_profile: str | None = None,
+    rig: Mapping[str, Any] | None = None,
+    jobs: int | None = None,
+    config: str | Path | None = None,
+) -> Comparison:
+    """Show what differs between results, and whether it is more than chance.
+
+    Parameters
+    ----------
+    *runs : Run or path
+        The first is the reference.
+    repeats : sequence of path
+        Repeats of the reference; their scatter is the yardstick.
+    tolerance : str, optional
+        "5%", "20N" or a table of bands.
+    measured : bool
+        Compare what was measured; logs are read too.
+    velocity : sequence of speed
+        As in ``["0.1m/s", "0.3m/s"]``; by default the named test speeds.
+    amplitude, frequency : optional
+        Of the motion that is simulated.
+    out, save, junit : path, optional
+        Folder for page, Markdown, JSON and tables; the reference as a baseline; JUnit XML.
+    units, rig_profile, rig, jobs, config
+        As of `settings`.
+    """
+    given = dict(locals())
+    from damperfit.queries.comparisons import (
+        Compared,
+        compare_all,
+        comparison_options,
+        parse_bands,
+    )
+    from damperfit.results import Run
+    from damperfit.shown import Comparison
+
+    places, names = [_folder_of(one, "damperfit.compare") for one in runs], _names_of_unsaved(runs)
+    is_alone = len(runs) == 1 and not (tolerance or save)
+    if not places or (is_alone and isinstance(runs[0], Run)):
+        raise ConfigurationError(
+            f"damperfit.compare: found {'one result' if places else 'no result'}; expected two or "
+            "more, or tolerance=FILE with nominal forces"
+        )
+    if tolerance is not None and not isinstance(tolerance, str | Path):
+        raise ConfigurationError(
+            f"damperfit.compare(tolerance=...): found {tolerance!r}; expected '5%', '20N' or the "
+            "path of a table of bands"
+        )
+    if not isinstance(measured, bool):
+        raise ConfigurationError(
+            f"damperfit.compare(measured=...): found {measured!r}; expected True or False"
+        )
+    speeds = [velocity] if isinstance(velocity, str | float | int) else velocity or ()
+    if not isinstance(speeds, Iterable):
+        raise ConfigurationError(
+            f"damperfit.compare(velocity=...): found {velocity!r}; expected speeds such as "
+            "['0.1m/s', '0.3m/s']"
+        )
+    expected = "the path of a file or folder"
+    paths = {name: _path(given[name], "compare", name, expected)
+             for name in ("out", "save", "junit")}  # fmt: skip
+    kept = [paths[name] for name in ("save", "junit")]
+    _check_places(paths["out"], *(path.parent for path in kept if path is not None))
+    reading = None
+    if measured:
+        asked = {name: given[name] for name in ("rig", "rig_profile", "config")}
+        reading = configured("compare", asked, is_law_open=True)
+    else:
+        refuse_idle(given, ("rig", "rig_profile"), "no log is read without --measured")
+    bands = parse_bands(_text(tolerance))
+    if junit is not None and bands is None:
+        raise ConfigurationError(
+            "holds the points of --tolerance, which was not given", where=Option("junit")
+        )
+    options = comparison_options(
+        velocities=list(speeds),
+        amplitude=amplitude,
+        frequency=frequency,
+        is_measured=measured,
+        jobs=workers(jobs, "damperfit.compare"),
+        units=units,
+    )
+    options = replace(options, names=names)
+    file = _path(config, "compare", "config", "the path of a TOML file")
+    if paths["save"] is not None:
+        from damperfit.queries.baseline import baseline_text
+        from damperfit.queries.comparisons import one_run
+        from damperfit.store import write_text
+
+        run = one_run(places[0], options, config=file, reading=reading)
+        write_text(paths["save"], baseline_text(run))
+        if len(places) == 1 and bands is None:
+            return Comparison(Compared((), (), ()))
+    found = compare_all(
+        places, options, repeats=[Path(one) for one in repeats or ()], tolerance=bands, config=file,
+        reading=reading,
+    )  # fmt: skip
+    done = Comparison(found, _text(tolerance) or "")
+    done.write(paths["out"], paths["junit"])
+    return done
+
+
+@answers_wrong_calls("damperfit.export")
+def export(  # noqa: PLR0913 - one keyword an option of the command line
+    results: Run | str | Path = _RESULTS,
+    to: str | None = None,
+    out: str | Path | None = None,
+    *,
+    extend: float | str | None = None,
+    units: str | None = None,
+    decimal: str = ".",
+    temperature: str | float | None = None,
+    check: bool = False,
+    overwrite: bool = False,
+    config: str | Path | None = None,
+) -> Files:
+    """Hand a damper over to another program.
+
+    Parameters
+    ----------
+    results : Run or path
+        What `identify` found.
+    to : str
+        A target of `damperfit export --list`.
+    out : path, optional
+        A file if it has a suffix of the target's, else a folder; by default ``export`` in the
+        results' own.
+    extend : speed, optional
+        Tables beyond the tested speed, from the model.
+    units, decimal : str, optional
+        Of a table, as in "N,mm/s"; its decimal mark.
+    temperature : optional
+        Of the oil, after ``identify(covariate="temperature")``.
+    check : bool
+        Hold what was written against the logs of the run.
+    overwrite : bool
+        Replace files that are there already, also those that damperfit did not write.
+    config : path, optional
+        TOML file.
+
+    Returns
+    -------
+    Files
+        A tuple of the paths that were written, with `Files.remarks` and `Files.notes`.
+    """
+    from damperfit.exporting import TARGETS, ExportOptions, exported_run, find_target
+    from damperfit.exporting.check import check_export
+    from damperfit.shown import Files
+    from damperfit.store import file_set
+    from damperfit.tables.reading import is_part, written_of
+    from damperfit.units.quantities import parse_quantity
+    from damperfit.units.shown_units import SI, parse_units
+
+    if to is None and is_typed():
+        raise ConfigurationError(
+            f"export: to what? Give --to {'|'.join(TARGETS)}; --list shows what they are"
+        )
+    if to is None:
+        raise ConfigurationError(
+            "damperfit.export: no target given; give one, as in damperfit.export(results, 'fmu2'); "
+            "damperfit export --list names them all"
+        )
+    target = find_target(str(to))
+    for option, value, default in (("units", units, None), ("decimal", decimal, ".")):
+        if value != default and option not in target.takes:
+            raise ConfigurationError(
+                f"{target.name} has units and marks of its own ({target.units}); leave it out",
+                where=Option(option, value),
+            )
+    if decimal not in {".", ","}:
+        raise ConfigurationError("expected . or ,", where=Option("decimal", decimal))
+    shown = SI if units is None else parse_units(units)
+    speed = None if extend is None else parse_quantity(extend, "velocity", option="--extend")
+    folder = _folder_of(results, "damperfit.export")
+    if out is None and getattr(results, "is_temporary", False):
+        raise ConfigurationError(
+            "damperfit.export: these results are in no folder of yours; give out=FOLDER"
+        )
+    where, stem = written_of(folder, "export"), "damper"
+    where = where if is_part(folder) else where / "export"
+    if out is not None:
+        asked = path_of(out, "damperfit.export(out=...)", "the path of a file or folder")
+        where, stem = target.place_of(asked)
+    _check_places(where)
+    file = _path(config, "export", "config", "the path of a TOML file")
+    run = exported_run(folder, config=file, temperature=_text(temperature))
+    made = target.export(run, ExportOptions(stem, speed, shown, decimal))
+    checked = check_export(run, made) if check else ()
+    with file_set(where, spares_others=not overwrite) as drafts:
+        for name, content in made.files.items():
+            drafts.path(name).write_bytes(content)
+    return Files(
+        (where / name for name in made.files),
+        remarks=run.run.remarks,
+        notes=made.notes,
+        made=made,
+        checked=tuple(checked),
+    )
+
+
+@answers_wrong_calls("damperfit.report")
+def report(
+    results: Run | str | Path,
+    *,
+    figures: str | None = None,
+    out: str | Path | None = None,
+    units: str | None = None,
+    config: str | Path | None = None,
+) -> Files:
+    """Write report.html, one page that opens anywhere, from results.
+
+    Parameters
+    ----------
+    results : Run or path
+        What `identify` found.
+    figures : str, optional
+        Also write the figures as files: png, svg or pdf.
+    out : path, optional
+        Folder; by default that of the results.
+    units : str, optional
+        As in "N,mm/s"; by default those of the run.
+    config : path, optional
+        Only checked: damper and rig are those of the run.
+    """
+    _check_kind(figures)
+    configured("report", {"config": config})
+    from damperfit.tables.reading import written_of
+
+    folder = _folder_of(results, "damperfit.report")
+    where = _path(out, "report", "out", "the path of a folder")
+    _check_places(where)
+    where = where or written_of(folder, "reports")
+    return _write_report(folder, where, page=True, figures=figures, units=units)
+
+
+def _write_report(
+    results: Path, folder: Path, *, page: bool, figures: str | None, units: str | None = None
+) -> Files:
+    """Write the page and the figures of a results folder."""
+    from damperfit.report.page import html_report
+    from damperfit.report.settings_figures import report_plots
+    from damperfit.results import Run
+    from damperfit.shown import Files
+    from damperfit.store import file_set
+    from damperfit.units.shown_units import parse_units
+
+    run = Run.load(results)
+    shown = report_plots(run, None if units is None else parse_units(units))
+    written: list[Path] = []
+    if page:
+        text = html_report(shown, title=run.name)
+        with file_set(folder) as files:
+            files.path("report.html").write_bytes(text.encode("utf-8", "backslashreplace"))
+        written.append(folder / "report.html")
+    if figures is not None:
+        from damperfit.report.drawing import draw_plot
+
+        with file_set(folder / "figures") as files:
+            for plot in shown.plots:
+                draw_plot(files.path(f"{plot.name}.{figures}"), plot, kind=figures)
+        written += [folder / "figures" / f"{plot.name}.{figures}" for plot in shown.plots]
+    return Files(written, remarks=run.remarks)
+
+
+@answers_wrong_calls("damperfit.fleet")
+def fleet(  # noqa: PLR0913 - one keyword an option of the command line
+    logs: Sequence[str] | str | None = None,
+    *,
+    out: str | Path = Path("fleet"),
+    jobs: int | None = None,
+    scheduler: str | None = None,
+    part: str | None = None,
+    collect: bool = False,
+    report: bool = False,
+    tolerance: str | Path | None = None,
+    model: str | None = None,
+    procedure: str | None = None,
+    covariate: str | None = None,
+    tests: str | Path | None = None,
+    strict: bool = False,
+    rig_profile: str | None = None,
+    rig: Mapping[str, Any] | None = None,
+    config: str | Path | None = None,
+    watch: Watch | None = None,
+) -> FleetDone:
+    """Fit many dampers, one part each; finished ones are not fitted again.
+
+    Parameters
+    ----------
+    logs : folders, files, patterns or addresses
+        Of all dampers; None: the parts that are there.
+    out : path
+        Folder of the fleet's parts.
+    scheduler : str, optional
+        Address of a Dask cluster.
+    part : str, optional
+        "I/N": only part I of N.
+    collect, report : bool
+        Write one table of all parts; a page of the fleet.
+    tolerance : str, optional
+        Band around the median, or a table of bands.
+    watch : Watch, optional
+        Who looks on: progress by damper, and the wish to stop.
+    jobs, model, procedure, covariate, tests, strict, rig_profile, rig, config
+        As of `identify`.
+    """
+    given = dict(locals())
+    from damperfit.fleet.run import planned, share_of
+    from damperfit.queries.comparisons import parse_bands
+    from damperfit.run.watching import Watch
+    from damperfit.shown import FleetDone
+
+    watch = watch or Watch()
+
+    folder = path_of(out, "damperfit.fleet(out=...)", "the path of a folder")
+    logs = [logs] if isinstance(logs, str) else logs
+    asked = [f"--{name}" for name in ("collect", "report", "tolerance") if given[name]]
+    if not logs and not asked:
+        raise ConfigurationError(
+            "fleet: expected LOGS, or --collect or --report for the parts that are there"
+        )
+    if scheduler is not None and jobs is not None:
+        raise ConfigurationError(
+            "--jobs cannot be combined with --scheduler: the cluster has its own workers; leave "
+            "one out"
+        )
+    if part is not None and asked:
+        raise ConfigurationError(
+            f"{asked[0]} cannot be combined with --part: other parts may not be done yet; collect "
+            f"with damperfit fleet --out {out} {asked[0]} when all are"
+        )
+    bands = parse_bands(_text(tolerance))
+    table = _path(tests, "fleet", "tests", "the path of a table of tests")
+    configuration = configured(
+        "fleet",
+        {**given, "tests": None if table is None else table.resolve()},
+        ("covariate", "damper.reference_temperature", covaried("fleet", given, of_fleet=True)),
+    )
+    share = None if part is None else share_of(part)
+    done = FleetDone(folder)
+    if logs:
+        _check_places(folder)
+        tasks = planned(configuration, logs, folder, share)
+        done.n_tasks = len(tasks)
+        cores = workers(jobs, "damperfit.fleet")
+        with watch.during_work():
+            watch.on_start(done.n_tasks)
+            for one in _worked_through(
+                configuration, tasks, folder, scheduler=scheduler, jobs=cores,
+                cancelled=watch.cancelled,
+            ):  # fmt: skip
+                done.done.append(one)
+                watch.on_fit(one)
+            done.is_stopped = watch.cancelled()
+    if asked and not done.is_stopped:
+        try:
+            done.collect(bands, is_reported=report)
+        except DamperfitError as error:
+            if not is_typed():
+                raise
+            done.error = error  # what was done is told first
+    return done
+
+
+def _worked_through(
+    configuration: Configuration,
+    tasks: Sequence[DamperTask],
+    folder: Path,
+    *,
+    scheduler: str | None,
+    jobs: int,
+    cancelled: Callable[[], bool],
+) -> Iterator[Done]:
+    """Do the tasks where the user wants them done: in processes here, or on a Dask cluster."""
+    from damperfit.fleet.run import run_fleet
+    from damperfit.workers import Cluster, Processes
+
+    place = folder.resolve()
+    if scheduler is None:
+        engine = Processes(min(jobs, max(1, len(tasks))))
+        yield from run_fleet(configuration, tasks, place, engine, cancelled=cancelled)
+        return
+    cluster = Cluster(scheduler)
+    try:
+        yield from run_fleet(configuration, tasks, place, cluster, cancelled=cancelled)
+    finally:
+        cluster.close()
+
+
+@answers_wrong_calls("damperfit.samples")
+def samples(  # noqa: PLR0913 - one keyword an option of the command line
+    folder: str | Path,
+    *,
+    settings: str | Sequence[int] = "1-20",
+    parameters: str | Path | None = None,
+    cycles: float = 15.0,
+    sample_rate: str | float = "500Hz",
+    force_noise: str | float = "4N",
+    displacement_noise: str | float = "8um",
+    rig_filter: str | float = "0Hz",
+    seed: int = 2000,
+    model: str | None = None,
+    config: str | Path | None = None,
+    watch: Watch | None = None,
+) -> Files:
+    """Write synthetic rig logs with known parameters.
+
+    Parameters
+    ----------
+    folder : path
+        For the logs.
+    settings : text or sequence of int
+        As in "1,5,10-12".
+    parameters : path, optional
+        True values, with damper and motion: a parameters table or a results folder.
+    cycles, sample_rate : optional
+        Of a log.
+    force_noise, displacement_noise : optional
+        Of the sensors, rms.
+    rig_filter : optional
+        Corner of a filter in the rig; 0: none.
+    seed : int
+        Of the noise.
+    model, config
+        As of `identify`.
+    watch : Watch, optional
+        Who looks on: progress by log.
+    """
+    from damperfit.queries.sample_options import as_options, numbers_in, truth_of
+    from damperfit.run.watching import Watch
+    from damperfit.samples import SampleOptions, make_samples
+    from damperfit.shown import Files
+    from damperfit.units.quantities import parse_quantity
+
+    where = path_of(folder, "damperfit.samples", "the path of a folder")
+    _check_places(where)
+    loaded = configured("samples", {"config": config, "model": model})
+    truth, sentence = None, loaded.damper_sentence
+    if parameters is not None:
+        given = path_of(parameters, "damperfit.samples(parameters=...)", "the path of parameters")
+        file = _path(config, "samples", "config", "the path of a TOML file")
+        truth, loaded, sentence = truth_of(given, loaded, file)
+    try:
+        options = SampleOptions(
+            settings=numbers_in(settings),
+            cycles=cycles,
+            sample_rate=parse_quantity(sample_rate, "frequency", option="--sample-rate"),
+            amplitude=loaded.rig.amplitude,
+            frequency=loaded.rig.frequency,
+            force_noise=parse_quantity(force_noise, "force", option="--force-noise"),
+            displacement_noise=parse_quantity(
+                displacement_noise, "length", option="--displacement-noise"
+            ),
+            rig_filter=parse_quantity(rig_filter, "frequency", option="--rig-filter"),
+            seed=seed,
+            damper=loaded.damper,
+        )
+    except ConfigurationError as error:
+        raise ConfigurationError(as_options(str(error))) from error
+    watch = watch or Watch()
+    with watch.during_work():
+        watch.on_start(len(options.settings))
+        logs = make_samples(where, options, parameters=truth, on_log=watch.on_fit)
+    return Files((*logs, where / "truth.csv", where / "README.md"), notes=(sentence,))
+
+
+@answers_wrong_calls("damperfit.init")
+def init(
+    logs: Sequence[str] | str | None = None,
+    *,
+    model: str | None = None,
+    set: Mapping[str, Any] | None = None,  # noqa: A002 - the option's name
+    out: str | Path | None = None,
+    overwrite: bool = False,
+) -> FirstConfiguration:
+    """Make a commented configuration for a damper of your own, with what its logs tell.
+
+    Parameters
+    ----------
+    logs : paths or patterns, optional
+        Of the damper: units, setting and signs are guessed.
+    model : str, optional
+        By default the paper's, purdy.
+    set : mapping, optional
+        Keys of [damper], as in ``{"rod_diameter": "12mm"}``.
+    out : path, optional
+        The file to write.
+    overwrite : bool
+        Replace it if it is there.
+    """
+    from damperfit.queries.first_configuration import (
+        Guessed,
+        check_damper,
+        first_configuration,
+        guess_from_logs,
+    )
+    from damperfit.run.log_paths import expand
+    from damperfit.shown import FirstConfiguration
+    from damperfit.store import write_text
+
+    path = _path(out, "init", "out", "the path of a file")
+    _check_places(None if path is None else path.parent)
+    if path is not None and path.exists() and not overwrite:
+        raise ConfigurationError(
+            "is there already; give --overwrite to replace it, or --out", subject=str(path)
+        )
+    keys = {name: str(value) for name, value in (set or {}).items()}
+    kind = model or "purdy"
+    check_damper(kind, keys)
+    paths = expand([logs] if isinstance(logs, str) else list(logs)) if logs else ()
+    guessed = guess_from_logs(paths, kind, keys) if paths else Guessed({}, {})
+    text = first_configuration(kind, keys, guessed)
+    if path is not None:
+        write_text(path, text)
+    return FirstConfiguration(text, guessed.why, guessed.open)
+
+
+def _folder_of(given: object, call: str) -> Path:
+    """Return the folder of results, or of the path to them."""
+    from damperfit.results import Run
+
+    if isinstance(given, Run):
+        return given.folder
+    if isinstance(given, str | Path):
+        return path_of(given, call, "a result, or the path of a results folder")
+    raise ConfigurationError(
+        f"found {type(given).__name__}; expected a result, or the path of a results folder",
+        subject=call,
+    )
+
+
+def _names_of_unsaved(runs: Iterable[object]) -> dict[Path, str]:
+    """Return what to call the results among some runs that are in no folder of the user's."""
+    from damperfit.results import Run
+
+    names: dict[Path, str] = {}
+    for k, one in enumerate(runs, 1):
+        if isinstance(one, Run) and one.is_temporary:
+            names.setdefault(one.folder, f"result {k}")
+    return names

@@ -1,0 +1,708 @@
+"""What the functions return: it prints itself, gives data frames and JSON, and writes itself."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from dataclasses import asdict
+from functools import cached_property
+from html import escape
+from json import dumps
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from damperfit.report.sheet import html_table, text_table
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+    from typing import Self
+
+    import numpy as np
+    import pandas as pd
+    from numpy.typing import NDArray
+
+    from damperfit.adjustment import Answer, Wanted
+    from damperfit.comparison import Tolerance
+    from damperfit.configuration.options import Configuration
+    from damperfit.exporting import Export
+    from damperfit.exporting.check import SettingCheck
+    from damperfit.fleet.run import Done
+    from damperfit.fleet.survey import HeldFleet
+    from damperfit.queries.adjuster_results import AdjusterResults
+    from damperfit.queries.chosen_parameters import ChosenParameters
+    from damperfit.queries.comparisons import Compared
+    from damperfit.queries.force_by_setting import ForcesBySetting, Question
+    from damperfit.queries.measured_forces import MeasuredForces
+    from damperfit.queries.one_simulation import SimulatedTest
+    from damperfit.queries.sweep import Variation
+    from damperfit.report.figures import Plot
+    from damperfit.report.forces import SweepMember
+    from damperfit.report.sheet import Sheet
+    from damperfit.run.logs import LogBatch
+    from damperfit.store import FileSet
+    from damperfit.units.shown_units import ShownUnits
+
+    FloatArray = NDArray[np.float64]
+
+__all__ = [
+    "Comparison",
+    "Files",
+    "FirstConfiguration",
+    "FleetDone",
+    "Inspection",
+    "SettingForces",
+    "Simulation",
+    "Sweep",
+]
+
+
+class Inspection:
+    """What is in logs.
+
+    Attributes
+    ----------
+    batch : LogBatch
+        What was found of each.
+    """
+
+    def __init__(self, batch: LogBatch) -> None:
+        self.batch = batch
+
+    @property
+    def failures(self) -> tuple[str, ...]:
+        """Logs that cannot be used, a sentence each."""
+        return tuple(failure.message for failure in self.batch.failures)
+
+    @property
+    def findings(self) -> tuple[str, ...]:
+        """What their data show, a sentence each."""
+        from damperfit.report.inspection import finding_lines
+
+        return tuple(finding_lines([log.facts for log in self.batch.logs], has_notes=True))
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return one row a log: setting, rate, cycles, frequency, amplitude, verdict ..."""
+        import pandas as pd
+
+        rows = []
+        for log in self.batch.logs:
+            flat: dict[str, Any] = {
+                k: v for k, v in log.facts.items() if isinstance(v, str | int | float | bool)
+            }
+            setting = log.facts.get("setting")
+            flat["setting"] = None if setting is None else str(setting)
+            rows.append({"log": log.log, **flat})
+        return pd.DataFrame(rows)
+
+    def _sheet(self) -> Sheet:
+        from damperfit.report.inspection import inspection_sheet
+
+        return inspection_sheet([log.facts for log in self.batch.logs])
+
+    def __repr__(self) -> str:
+        n, n_bad = len(self.batch.logs), len(self.batch.failures)
+        return f"<Inspection: {n} log{'' if n == 1 else 's'}, {n_bad} cannot be used>"
+
+    def __str__(self) -> str:
+        return "\n".join([text_table(self._sheet()), *self.findings])
+
+    def _repr_html_(self) -> str:
+        return html_table(self._sheet(), caption=repr(self)[1:-1])
+
+
+class Comparison:
+    """What differs between results.
+
+    Attributes
+    ----------
+    compared : Compared
+        Every pair.
+    tolerance : str
+        What it was held against, as it was given.
+    """
+
+    def __init__(self, compared: Compared, tolerance: str = "") -> None:
+        self.compared, self.tolerance = compared, tolerance
+
+    def document(self) -> dict[str, Any]:
+        """Return all of it as JSON values."""
+        from damperfit.report.compared import comparison_record, tolerance_rows
+
+        found = self.compared
+        return {
+            "comparisons": [comparison_record(one) for one in found.comparisons],
+            "tolerance": self.tolerance or None,
+            "points": tolerance_rows(found.points),
+            "alone": list(found.alone),
+            "remarks": list(found.remarks),
+        }
+
+    @property
+    def markdown(self) -> str:
+        """The comparison as a page of Markdown."""
+        from damperfit.report.compared import comparison_markdown
+
+        found = self.compared
+        return comparison_markdown(
+            found.comparisons, found.points, source=self.tolerance, alone=found.alone
+        )
+
+    def write(self, out: Path | None, junit: Path | None) -> None:
+        """Write page, Markdown, JSON and tables into a folder; the points as JUnit XML."""
+        from damperfit.report.compared import junit_report
+        from damperfit.report.page import comparison_page
+        from damperfit.store import file_set
+
+        found = self.compared
+        if out is not None:
+            page = comparison_page(
+                found.comparisons, found.points, source=self.tolerance, alone=found.alone
+            )
+            text = dumps(self.document(), indent=2, ensure_ascii=False, allow_nan=False)
+            with file_set(out) as files:
+                for name, one in (("html", page), ("md", self.markdown), ("json", text + "\n")):
+                    path = files.path(f"comparison.{name}")
+                    path.write_bytes(one.encode("utf-8", "backslashreplace"))
+                self._write_tables(files)
+        if junit is not None:
+            with file_set(junit.parent) as files:
+                path = files.path(junit.name)
+                path.write_bytes(junit_report(found.points, source=self.tolerance))
+
+    def _write_tables(self, files: FileSet) -> None:
+        from damperfit.report.compared import (
+            comparison_rows,
+            comparison_table,
+            tolerance_rows,
+            tolerance_table,
+        )
+        from damperfit.tables import write_table
+
+        rows = [row for one in self.compared.comparisons for row in comparison_rows(one)]
+        tables = {"differences": comparison_table(rows)}
+        if self.compared.points:
+            tables["tolerance"] = tolerance_table(tolerance_rows(self.compared.points))
+        for name, table in tables.items():
+            for suffix in (".csv", ".parquet"):
+                write_table(files.path(name + suffix), table, suffix=suffix)
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """Verdicts in words."""
+        return tuple(line for one in self.compared.comparisons for line in one.sentences)
+
+    @property
+    def is_met(self) -> bool:
+        """Whether every force is within its band, where a tolerance was given."""
+        return all(point.is_met for point in self.compared.points)
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return one row a difference: values of both, interval of the difference, verdict."""
+        from damperfit.report.compared import comparison_rows, comparison_table
+
+        rows = [row for one in self.compared.comparisons for row in comparison_rows(one)]
+        frame: pd.DataFrame = comparison_table(rows).to_pandas()
+        return frame
+
+    def _sheets(self) -> list[Sheet]:
+        from damperfit.report.compared import comparison_force_sheet
+
+        return [comparison_force_sheet(one) for one in self.compared.comparisons]
+
+    def __repr__(self) -> str:
+        n = len(self.compared.comparisons)
+        first = f": {self.sentences[0]}" if self.sentences else ""
+        return f"<Comparison of {n} pair{'' if n == 1 else 's'}{first}>"
+
+    def __str__(self) -> str:
+        return "\n".join([*self.sentences, *map(text_table, self._sheets())])
+
+    def _repr_html_(self) -> str:
+        said = "".join(f"<p>{escape(line)}</p>" for line in self.sentences)
+        return said + "".join(map(html_table, self._sheets()))
+
+
+class Simulation:
+    """A simulated test: signals in SI, positive in rebound, and the figures of its last cycle.
+
+    Attributes
+    ----------
+    test : SimulatedTest
+        What was simulated.
+    damper : str
+        Whose damper it is, a sentence.
+    configured_notes, notes : tuple of str
+        What was assumed of the damper, and what is in these forces, a sentence each.
+    """
+
+    def __init__(
+        self,
+        test: SimulatedTest,
+        damper: str,
+        configured_notes: tuple[str, ...] = (),
+        notes: tuple[str, ...] = (),
+    ) -> None:
+        self.test, self.damper = test, damper
+        self.configured_notes, self.notes = configured_notes, notes
+
+    @property
+    def title(self) -> str:
+        """Setting and motion."""
+        setting = self.test.choice.setting
+        return ("" if setting is None else f"setting {setting}: ") + self.test.motion
+
+    def document(self) -> dict[str, Any]:
+        """Return what was found as JSON values."""
+        from damperfit.run.ending import json_values
+
+        test = self.test
+        document: dict[str, Any] = json_values(
+            {
+                "setting": test.choice.setting,
+                "damper": self.damper,
+                "notes": list(self.notes),
+                "warnings": list(test.warnings),
+                "source": test.choice.source,
+                "motion": test.motion,
+                "frequency_Hz": test.frequency,
+                "parameters": asdict(test.choice.parameters),
+                "characteristics": asdict(test.characteristics),
+            }
+        )
+        return document
+
+    def write(self, out: Path | None, plot: Path | None, *, spares_others: bool = True) -> None:
+        """Write the signals and the loops, each where it is given a file."""
+        from damperfit.store import file_set
+
+        with ExitStack() as stack:
+            sets = []
+            if out is not None:
+                from damperfit.tables import time_series_table, write_table
+
+                sets.append(stack.enter_context(file_set(out.parent, spares_others=spares_others)))
+                table = time_series_table(self.test.response)
+                write_table(sets[-1].path(out.name), table, suffix=out.suffix)
+            if plot is not None:
+                from damperfit.report.drawing import draw_loops
+
+                sets.append(stack.enter_context(file_set(plot.parent, spares_others=spares_others)))
+                path, kind = sets[-1].path(plot.name), plot.suffix[1:].lower()
+                test = self.test
+                draw_loops(path, test.response, test.frequency, kind=kind, title=self.title)
+            for files in sets:  # both before either is exchanged
+                files.spare()
+
+    @property
+    def time(self) -> FloatArray:
+        """Time stamps (n,), s."""
+        return self.test.response.time
+
+    @property
+    def displacement(self) -> FloatArray:
+        """Displacement (n,), m."""
+        return self.test.response.displacement
+
+    @property
+    def velocity(self) -> FloatArray:
+        """Velocity (n,), m/s."""
+        return self.test.response.velocity
+
+    @property
+    def force(self) -> FloatArray:
+        """Force (n,), N."""
+        return self.test.response.force
+
+    @property
+    def pressures(self) -> FloatArray:
+        """Absolute pressures of the chambers (3, n), Pa."""
+        return self.test.response.pressures
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What to know before believing the figures, a sentence each."""
+        return self.test.warnings
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return the signals as a data frame, with units in the names of its columns."""
+        from damperfit.tables import time_series_table
+
+        frame: pd.DataFrame = time_series_table(self.test.response).to_pandas()
+        return frame
+
+    def plot(self) -> Any:
+        """Draw force against velocity and against displacement; return both matplotlib axes."""
+        from damperfit.report.drawing import matplotlib_of_files
+
+        matplotlib_of_files()
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(9.0, 3.8), layout="constrained")
+        FigureCanvasAgg(figure)
+        left, right = figure.subplots(1, 2, sharey=True)
+        left.plot(self.velocity, self.force)
+        right.plot(1e3 * self.displacement, self.force)
+        left.set(xlabel="velocity, m/s", ylabel="force, N")
+        right.set(xlabel="displacement, mm")
+        return [left, right]
+
+    def __repr__(self) -> str:
+        force, setting = self.force, self.test.choice.setting
+        return (
+            f"<Simulation: {self.test.motion}; force {force.min():.0f} to {force.max():.0f} N"
+            f"{'' if setting is None else f'; setting {setting}'}>"
+        )
+
+
+class Files(tuple[Path, ...]):  # noqa: SLOT001 - it has attributes
+    """The paths that were written, and what to know of them.
+
+    Attributes
+    ----------
+    remarks : tuple of str
+        What was missing or damaged in the results.
+    notes : tuple of str
+        What was assumed or left out.
+    made : Export or None
+        What was exported.
+    checked : tuple
+        What was exported, held against the logs, a sentence and figures each.
+    """
+
+    remarks: tuple[str, ...]
+    notes: tuple[str, ...]
+    made: Export | None
+    checked: tuple[SettingCheck, ...]
+
+    def __new__(  # noqa: D102 - a tuple
+        cls,
+        paths: Iterable[Path],
+        *,
+        remarks: Iterable[str] = (),
+        notes: Iterable[str] = (),
+        made: Export | None = None,
+        checked: tuple[SettingCheck, ...] = (),
+    ) -> Self:
+        self = super().__new__(cls, paths)
+        self.remarks, self.notes = tuple(remarks), tuple(notes)
+        self.made, self.checked = made, checked
+        return self
+
+
+class FirstConfiguration(NamedTuple):
+    """A commented configuration.
+
+    Attributes
+    ----------
+    text : str
+        TOML.
+    why, open : tuple of str
+        What the logs have told, and what is left to measure, a sentence each.
+    """
+
+    text: str
+    why: tuple[str, ...]
+    open: tuple[str, ...]
+
+
+class Sweep:
+    """What parameters do to the force.
+
+    Attributes
+    ----------
+    damper, source : str
+        Whose parameters, a sentence each.
+    notes, warnings : tuple of str
+        What to know before believing it.
+    sweeps : tuple
+        Each variation with its members, and whether it is a figure of the paper.
+    records : list of dict
+        A row a member.
+    """
+
+    def __init__(
+        self,
+        choice: ChosenParameters,
+        configuration: Configuration,
+        damper: str,
+        wanted: Sequence[tuple[Variation, bool]],
+    ) -> None:
+        from damperfit.report.forces import sweep_records
+
+        self.damper, self.source, self.notes = damper, choice.source, configuration.notes
+        self.model = configuration.damper
+        self.sweeps = tuple(
+            (one, self._members(choice, configuration, one), is_paper) for one, is_paper in wanted
+        )
+        self.records: list[dict[str, Any]] = []
+        for one, members, _ in self.sweeps:
+            self.records += sweep_records(one.name, members)
+        speeds = [m.response.velocity for _, members, _ in self.sweeps for m in members]
+        fastest = max(float(max(one.max(), -one.min())) for one in speeds)
+        oil = getattr(configuration.damper, "temperature", None)
+        self.warnings = choice.warnings(fastest, oil)
+
+    @staticmethod
+    def _members(
+        choice: ChosenParameters, configuration: Configuration, variation: Variation
+    ) -> tuple[SweepMember, ...]:
+        from damperfit.queries.sweep import run_sweep
+        from damperfit.report.forces import SweepMember
+
+        return tuple(
+            SweepMember(
+                member.factor,
+                member.value,
+                member.simulated.frequency,
+                member.simulated.response,
+                member.simulated.characteristics,
+            )
+            for member in run_sweep(choice, configuration, variation=variation)
+        )
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """What each variation does, in words."""
+        from damperfit.report.forces import sweep_sentence
+
+        return tuple(sweep_sentence(one.name, members) for one, members, _ in self.sweeps)
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return a row a factor."""
+        import pandas as pd
+
+        return pd.DataFrame(self.records)
+
+    @cached_property
+    def plots(self) -> tuple[Plot, ...]:
+        """Its figures."""
+        from damperfit.damper.purdy.figures import FAMILIES
+        from damperfit.report.log_figures import sweep_plot, sweep_pressure_plot
+
+        plots = []
+        known = {one.name: one for one in FAMILIES}
+        for variation, members, is_paper in self.sweeps:
+            name = variation.name
+            number = known[name].number if is_paper else 0
+            of_pressures = known[name].of_pressures if is_paper else 0
+            file_name = f"figure_{number}_{name}" if number else f"sweep_{name}"
+            title = f"Force against velocity, {name} varied"
+            plots.append(sweep_plot(name, members, file_name=file_name, title=title))
+            worst = max(members, key=lambda member: member.cavitation)
+            if worst.cavitation > 0.0 or of_pressures:
+                first = f"figure_{of_pressures or 7}" if number else "sweep"
+                file_name = f"{first}_{name}_pressures"
+                title = f"Chamber pressures, {name} x{worst.factor:g}"
+                plots.append(sweep_pressure_plot(worst, file_name=file_name, title=title))
+        return tuple(plots)
+
+    def write(self, folder: Path, *, kind: str = "png", spares_others: bool = True) -> None:
+        """Write sweep.csv and the figures into a folder."""
+        import csv
+
+        from damperfit.report.drawing import draw_plot
+        from damperfit.store import file_set
+
+        with file_set(folder, spares_others=spares_others) as files:
+            for plot in self.plots:
+                draw_plot(files.path(f"{plot.name}.{kind}"), plot, kind=kind)
+            with files.path("sweep.csv").open("w", encoding="utf-8", newline="") as file:
+                writer = csv.DictWriter(file, list(self.records[0]), lineterminator="\n")
+                writer.writeheader()
+                writer.writerows(self.records)
+
+    def __repr__(self) -> str:
+        names = ", ".join(one.name for one, _, _ in self.sweeps)
+        return f"<Sweep of {names}: {len(self.records)} rows>"
+
+
+class SettingForces:
+    """Force by setting and what a click changes; or the forces of measured curves.
+
+    Attributes
+    ----------
+    question : Question
+        What was asked: a force, a speed, a stroke.
+    units : ShownUnits
+        In which it is shown.
+    adjuster, forces : optional
+        Of results: what was read of them, and the forces.
+    curves : optional
+        Of files of measured curves.
+    """
+
+    def __init__(
+        self,
+        places: Sequence[Path],
+        question: Question,
+        units: ShownUnits,
+        *,
+        adjuster: AdjusterResults | None = None,
+        forces: ForcesBySetting | None = None,
+        curves: MeasuredForces | None = None,
+    ) -> None:
+        self.places, self.question, self.units = tuple(places), question, units
+        self.adjuster, self.forces, self.curves = adjuster, forces, curves
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What was missing or damaged in the results."""
+        if self.adjuster is None or self.forces is None:
+            return ()
+        return (*self.adjuster.remarks, *self.forces.remarks)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What to know of these forces, a sentence each."""
+        if self.curves is not None:
+            return tuple(dict.fromkeys(n for one in self.curves.curves for n in one.notes))
+        return () if self.forces is None else tuple(self.forces.notes)
+
+    @property
+    def sentence(self) -> str:
+        """The answer to the question; empty where none was asked."""
+        if self.curves is not None:
+            return self.curves.sentence
+        wanted = () if self.forces is None else self.forces.wanted
+        return "; ".join(one.sentence for one in wanted)
+
+    def document(self) -> dict[str, Any]:
+        """Return all of it as JSON values."""
+        from damperfit.report.records import to_record
+        from damperfit.run.ending import json_values
+        from damperfit.tables import adjustment_rows
+
+        document: dict[str, Any] = {}
+        if self.curves is not None:
+            document = {
+                "source": ", ".join(map(str, self.places)),
+                "question": None if self.question.force is None else to_record(self.question),
+                "sentence": self.sentence or None,
+                "forces": self.curves.rows(),
+            }
+        elif self.adjuster is not None and self.forces is not None:
+            sine, wanted = self.adjuster.sine, self.forces.wanted
+            document = {
+                "motion": {"amplitude_m": sine.amplitude, "frequency_Hz": sine.frequency},
+                "source": self.adjuster.source,
+                "question": to_record(self.question) if wanted else None,
+                "sentence": self.sentence or None,
+                "answers": [_answer(one, answer) for one in wanted for answer in one.answers],
+                "forces": adjustment_rows(self.forces.levels, self.forces.clicks),
+                "remarks": list(self.remarks),
+                "notes": list(self.notes),
+            }
+        found: dict[str, Any] = json_values(document)
+        return found
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return a row a setting, speed and stroke."""
+        import pandas as pd
+
+        return pd.DataFrame(self.document()["forces"])
+
+    def __repr__(self) -> str:
+        said = self.sentence or f"{len(self.document()['forces'])} rows"
+        return f"<SettingForces: {said}>"
+
+
+def _answer(wanted: Wanted, answer: Answer) -> dict[str, Any]:
+    from damperfit.report.records import to_record
+
+    along = {"adjuster": wanted.adjuster, "held": wanted.held} if wanted.held else {}
+    record: dict[str, Any] = to_record(answer)
+    return record | along
+
+
+class FleetDone:
+    """What became of the dampers of a fleet.
+
+    Attributes
+    ----------
+    folder : pathlib.Path
+        Of the parts.
+    done : list of Done
+        The dampers that were looked at.
+    n_tasks : int
+        Dampers that were to be done.
+    is_stopped : bool
+        Whether the user has stopped it.
+    held : HeldFleet or None
+        The fleet against bands, where they were given.
+    n_rows : int or None
+        Rows of the table of all parts, where it was written.
+    page : pathlib.Path or None
+        The page, where it was written.
+    error : Exception or None
+        Why the parts could not be collected.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.done: list[Done] = []
+        self.n_tasks, self.is_stopped = 0, False
+        self.held: HeldFleet | None = None
+        self.n_rows: int | None = None
+        self.page: Path | None = None
+        self.error: Exception | None = None
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """How many dampers ended in which way."""
+        from damperfit.fleet.run import State
+
+        return {state.value: sum(one.state is state for one in self.done) for state in State}
+
+    @property
+    def code(self) -> int:
+        """Exit code; failures of parts that were there count like those of new ones."""
+        if self.is_stopped:
+            return 130
+        has_failed = any(one.n_failures for one in self.done)
+        if has_failed:
+            return 1 if any(one.n_settings for one in self.done) else 3
+        is_missed = self.held is not None and bool(self.held.missed)
+        return 4 if is_missed or any(one.n_gates for one in self.done) else 0
+
+    def document(self) -> dict[str, Any]:
+        """Return all of it as JSON values."""
+        from damperfit.report.compared import tolerance_rows
+
+        held = self.held
+        return {
+            "dampers": self.n_tasks,
+            **self.counts,
+            "logs": sum(one.n_logs for one in self.done),
+            "settings": sum(one.n_settings for one in self.done),
+            "interrupted": self.is_stopped,
+            "failures": [
+                {"damper": one.owner, "message": line} for one in self.done for line in one.failures
+            ],
+            "gates_missed": [
+                {"damper": one.owner, "message": line} for one in self.done for line in one.gates
+            ],
+            "tolerance": None if held is None else held.source,
+            "dampers_out_of_tolerance": [] if held is None else [one.run for one in held.worst],
+            "points": [] if held is None else tolerance_rows(held.missed),
+        }
+
+    def collect(self, bands: Tolerance | None, *, is_reported: bool) -> None:
+        """Make the one table of all parts, its page, and hold its forces against bands."""
+        from damperfit.fleet.parts import collect as collected
+
+        table = collected(self.folder)
+        self.n_rows = table.num_rows
+        if bands is None and not is_reported:
+            return
+        from damperfit.fleet.survey import fleet_against_bands, survey
+
+        found = survey(table)
+        self.held = None if bands is None else fleet_against_bands(found, bands)
+        if is_reported:
+            from damperfit.fleet.page import write_page
+
+            write_page(self.folder, found, self.held)
+            self.page = self.folder / "fleet.html"
+
+    def __repr__(self) -> str:
+        return f"<FleetDone: {self.n_tasks} dampers, {self.counts}>"

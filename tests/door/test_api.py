@@ -1,0 +1,54 @@
+"""Every option of a command is a keyword of the function of the same name, and vice versa."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from inspect import signature, unwrap
+
+import pytest
+import typer
+
+import damperfit
+from damperfit import api, keywords
+from damperfit.cli.main import app
+from damperfit.configuration.loading import load_configuration
+from damperfit.errors import ConfigurationError
+from damperfit.keywords import PRESENTATION, PYTHON_ONLY, keyword_of
+
+COMMANDS = typer.main.get_command(app).commands
+OF_MACHINE = {"config", "doctor", "help"}  # nothing of them is asked from Python
+BOTH = sorted(set(COMMANDS) - OF_MACHINE)
+
+
+@pytest.mark.parametrize("name", BOTH)
+def test_options_are_keywords_and_keywords_are_options(name) -> None:
+    options = {param.name for param in COMMANDS[name].params} - {*PRESENTATION}
+    taken = set(signature(unwrap(getattr(api, name))).parameters)
+    taken = {one for one in taken if not {one, f"{name}.{one}"} & {*PYTHON_ONLY}}
+    assert options == taken
+
+
+@pytest.mark.parametrize("name", ["fleet", "report", "samples"])
+def test_a_package_of_the_same_name_is_called_like_the_function(name) -> None:
+    import_module(f"damperfit.{name}")
+    with pytest.raises(ConfigurationError, match=f"damperfit.{name}"):
+        getattr(damperfit, name)(no_such=1)
+
+
+def test_functions_without_a_command_read() -> None:
+    assert set(api.__all__) - set(COMMANDS) == {"identify_each", "load", "read"}
+
+
+def test_what_sets_a_key_sets_one_that_is_there() -> None:
+    document = load_configuration().document
+    for name, one in keywords._KEYWORDS.items():
+        if one.key:
+            section, _, key = one.key.partition(".")
+            assert key in document[section], name
+
+
+@pytest.mark.parametrize("name", BOTH)
+def test_an_option_shows_what_its_keyword_is(name) -> None:
+    for param in COMMANDS[name].params:
+        if param.param_type_name == "option" and param.name != "help":
+            assert param.help == keyword_of(name, param.name).help
