@@ -6,6 +6,7 @@ import json
 
 import pytest
 
+import damperfit
 from damperfit.shown import Files
 from tests.report_folder import make_results
 
@@ -85,8 +86,9 @@ def test_what_a_table_loses_is_told(run, results, tmp_path) -> None:
 
 def test_files_and_units_that_were_written_are_named(run, results, tmp_path, monkeypatch) -> None:
     path = tmp_path / "damper.csv"
+    made = damperfit.export(results, to="csv", out=tmp_path).made
     for number, more in ((1, ""), (2, " and 1 more"), (4, " and 3 more")):
-        files = Files([path] * number)
+        files = Files([path] * number, made=made)
         monkeypatch.setattr("damperfit.api.export", lambda *_, files=files, **__: files)
         assert f"{path} written{more}; m/s, N; " in run("export", results, "--to", "csv").err
     said = run("export", results, "--to", "csv", "--units", "in/s,lbf").err

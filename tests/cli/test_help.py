@@ -70,6 +70,7 @@ def test_completion_is_offered(capsys):
 
 # Options that mean another thing in another command, or have another default there.
 OF_THEIR_OWN = {
+    "--check": "identify takes names of checks; export has one",
     "--out": "each command writes something else",
     "--report": "of a run, or of a fleet",
     "--setting": "of logs that are read, or whose parameters are used",
