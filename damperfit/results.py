@@ -33,6 +33,7 @@ import numpy as np
 from damperfit.adjustment import Sine, Stage, fastest_sine, has_lost_errors
 from damperfit.errors import ConfigurationError, OutputError, did_you_mean, refuse_wrong_arguments
 from damperfit.identification.sharing import of_settings
+from damperfit.io.files import read_bytes
 from damperfit.problem import Option
 from damperfit.recording import natural_order
 from damperfit.store import file_set, settle
@@ -951,7 +952,7 @@ class Run:
     def _files(self) -> dict[str, bytes]:
         # What begins with a point is a lock or half a file.
         paths = (one for one in self.folder.iterdir() if one.is_file() and one.name[0] != ".")
-        return {path.name: path.read_bytes() for path in sorted(paths)}
+        return {path.name: read_bytes(path) for path in sorted(paths)}
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the files of a folder: what a pickle holds; else all that is known."""

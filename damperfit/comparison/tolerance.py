@@ -6,6 +6,7 @@ import csv
 import math
 import re
 from dataclasses import dataclass, replace
+from io import StringIO
 from typing import TYPE_CHECKING
 
 from damperfit.adjustment import STROKES
@@ -13,6 +14,7 @@ from damperfit.comparison.forces import force_readings
 from damperfit.comparison.measured import measured_readings
 from damperfit.comparison.reading import half_interval
 from damperfit.errors import ConfigurationError
+from damperfit.io.files import read_text
 from damperfit.problem import Option
 from damperfit.units.quantities import parse_quantity
 from damperfit.units.shown_units import SI
@@ -185,8 +187,8 @@ def read_bands(path: Path) -> Tolerance:
         It cannot be read as such a table.
     """
     try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            rows = [line for line in file if line.strip() and not line.startswith("#")]
+        lines = StringIO(read_text(path), newline="")
+        rows = [line for line in lines if line.strip() and not line.startswith("#")]
     except (OSError, UnicodeDecodeError) as error:
         said = getattr(error, "strerror", None) or error
         raise ConfigurationError(

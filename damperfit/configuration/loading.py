@@ -25,6 +25,7 @@ from damperfit.configuration.damper_section import damper_defaults
 from damperfit.configuration.schema import build_configuration
 from damperfit.damper.models import model_named
 from damperfit.errors import ConfigurationError, did_you_mean
+from damperfit.io.files import IrregularFileError, read_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -194,11 +195,11 @@ def _defaults() -> dict[str, Any]:
 
 def _read(path: Path) -> str:
     try:
-        if path.is_file() and path.stat().st_size > _MAX_BYTES:
-            raise ConfigurationError(
-                "larger than 1 MB; this is not a configuration file", subject=path
-            )
-        return path.read_text(encoding="utf-8-sig")
+        return read_text(path, max_bytes=_MAX_BYTES)
+    except IrregularFileError as error:
+        raise ConfigurationError(
+            f"{error.strerror}; this is not a configuration file", subject=path
+        ) from error
     except OSError as error:
         raise ConfigurationError(f"cannot be read: {error.strerror}", subject=path) from error
     except UnicodeDecodeError as error:

@@ -8,6 +8,7 @@ parsing it.
 from __future__ import annotations
 
 import codecs
+import errno
 import gzip
 import hashlib
 import io
@@ -28,15 +29,21 @@ if TYPE_CHECKING:
     from io import FileIO
 
 __all__ = [
+    "IrregularFileError",
     "Source",
     "is_binary",
     "is_json",
+    "open_regular",
+    "read_bytes",
     "read_source",
+    "read_text",
+    "regular",
     "to_utf8",
     "unpack",
 ]
 
 
+MAX_TEXT = 100_000_000  # bytes of a file that is no log
 _HASHED_BESIDE = 4_000_000  # bytes; below it, starting a thread costs more than it saves
 
 
@@ -65,6 +72,58 @@ class Source:
         return self.hashed()
 
 
+class IrregularFileError(OSError):
+    """What a path names is a pipe or a device, or more than what is to be read of it."""
+
+
+def open_regular(path: str | os.PathLike[str]) -> FileIO:
+    """Open a file to be read, if it is one on disk; nothing else is waited for.
+
+    Raises
+    ------
+    OSError
+        It is missing, a folder, or cannot be read; `IrregularFileError` of a pipe or a device.
+    """
+    # Without O_NONBLOCK, opening a FIFO waits for its writer for ever.
+    flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+    number = os.open(path, flags)
+    kind = os.fstat(number).st_mode
+    if stat.S_ISREG(kind):
+        return os.fdopen(number, "rb", buffering=0)
+    os.close(number)
+    if stat.S_ISDIR(kind):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), os.fspath(path))
+    text = "is not a regular file (a pipe or device)"
+    raise IrregularFileError(errno.EINVAL, text, os.fspath(path))
+
+
+def regular(path: Path) -> Path:
+    """Return a path that a library may open; as `open_regular`."""
+    open_regular(path).close()
+    return path
+
+
+def read_bytes(path: str | os.PathLike[str], *, max_bytes: int = MAX_TEXT) -> bytes:
+    """Return a file's bytes up to a limit, of whatever a user names beside logs.
+
+    Raises
+    ------
+    OSError
+        As `open_regular`; or the file is larger.
+    """
+    with open_regular(path) as file:
+        data = _read_up_to(file, max_bytes + 1)
+    if len(data) > max_bytes:
+        text = f"is larger than {max_bytes / 1e6:g} MB"
+        raise IrregularFileError(errno.EFBIG, text, os.fspath(path))
+    return data
+
+
+def read_text(path: str | os.PathLike[str], *, max_bytes: int = MAX_TEXT) -> str:
+    """Return a file's text in UTF-8; as `read_bytes`, or UnicodeDecodeError."""
+    return read_bytes(path, max_bytes=max_bytes).decode("utf-8-sig")
+
+
 def read_source(path: str | os.PathLike[str], *, max_bytes: int) -> Source:
     """Return a regular file's bytes.
 
@@ -77,9 +136,7 @@ def read_source(path: str | os.PathLike[str], *, max_bytes: int) -> Source:
     shown = _one_line(os.fsencode(path).decode("utf-8", "backslashreplace"))
     name = Path(shown).name or shown
     try:
-        # Without O_NONBLOCK, opening a FIFO waits for its writer for ever.
-        flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
-        with os.fdopen(os.open(path, flags), "rb", buffering=0) as file:
+        with open_regular(path) as file:
             data = _content(file, shown, max_bytes)
     except FileNotFoundError as error:
         if Path(path).is_symlink():
@@ -90,6 +147,8 @@ def read_source(path: str | os.PathLike[str], *, max_bytes: int) -> Source:
         raise LogError("no such file", subject=shown) from error
     except IsADirectoryError as error:
         raise LogError("is a folder; name the logs in it", subject=shown) from error
+    except IrregularFileError as error:
+        raise LogError(f"{error.strerror}; give a file on disk", subject=shown) from error
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise LogError(f"file unreadable: {reason}", subject=shown) from error
@@ -121,12 +180,6 @@ def _one_line(text: str) -> str:
 
 def _content(file: FileIO, shown: str, max_bytes: int) -> bytes:
     before = os.fstat(file.fileno())
-    if stat.S_ISDIR(before.st_mode):
-        raise LogError("is a folder; name the logs in it", subject=shown)
-    if not stat.S_ISREG(before.st_mode):
-        raise LogError(
-            "is not a regular file (a pipe or device); give a file on disk", subject=shown
-        )
     if before.st_size > max_bytes:
         raise LogError(
             f"{before.st_size} bytes, more than the limit of {max_bytes} (rig.max_log_bytes)",

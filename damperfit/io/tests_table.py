@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from damperfit.errors import ConfigurationError, did_you_mean
+from damperfit.io.files import IrregularFileError, open_regular, read_bytes
 from damperfit.tested.identity import IDENTITY_KEYS, Identity, identity_in
 from damperfit.tested.setting import ADJUSTER, parse_place, parse_setting
 from damperfit.units.quantities import parse_quantity, says_absolute_or_gauge
@@ -153,7 +154,7 @@ def is_tests_table(path: Path) -> bool:
     if path.name.casefold() != "tests.csv":
         return False
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             first = _text(file.read(4096)).splitlines()
     except OSError:
         return False
@@ -177,11 +178,11 @@ def read_tests(path: Path, adjusters: Sequence[str]) -> TestsTable:
         setting, or tells a file twice in two ways.
     """
     try:
-        if path.stat().st_size > _MAX_BYTES:
-            raise ConfigurationError(
-                "larger than 10 MB; this is not a table of tests", subject=path
-            )
-        text = _text(path.read_bytes())
+        text = _text(read_bytes(path, max_bytes=_MAX_BYTES))
+    except IrregularFileError as error:
+        raise ConfigurationError(
+            f"{error.strerror}; this is not a table of tests", subject=path
+        ) from error
     except (OSError, ValueError) as error:
         said = getattr(error, "strerror", None) or error
         raise ConfigurationError(f"cannot be read: {said}", subject=path) from error

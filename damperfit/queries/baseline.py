@@ -12,6 +12,7 @@ import numpy as np
 from damperfit import __version__, results
 from damperfit.comparison import MeasuredTest
 from damperfit.errors import ConfigurationError
+from damperfit.io.files import open_regular, read_text
 from damperfit.tables import column_names, quantities_in
 from damperfit.tables.columns import adjusters_in, read_setting, setting_cells
 from damperfit.tested.setting import Setting
@@ -118,9 +119,9 @@ def is_baseline(path: Path) -> bool:
     if path.suffix.lower() != ".json":
         return False
     try:
-        with path.open(encoding="utf-8") as file:
-            return f'"{_KEY}"' in file.read(200)
-    except (OSError, UnicodeDecodeError):
+        with open_regular(path) as file:
+            return f'"{_KEY}"'.encode() in file.read(200)
+    except OSError:
         return False
 
 
@@ -133,7 +134,7 @@ def read_baseline(path: Path, *, config: Path | None = None) -> Baseline:
         It is damaged, or of a later damperfit.
     """
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
+        document = json.loads(read_text(path))
         if document[_KEY] != _VERSION:
             raise ConfigurationError(
                 f"a baseline of form {document[_KEY]} (damperfit "

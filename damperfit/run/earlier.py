@@ -11,6 +11,7 @@ import re
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
+from damperfit.io.files import open_regular, read_bytes
 from damperfit.store import file_set
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ _WRITTEN = re.compile(
 def holds_fits(folder: Path) -> bool:
     """Whether a folder holds the results of a run that fitted something."""
     try:
-        with (folder / "parameters.csv").open("rb") as file:
+        with open_regular(folder / "parameters.csv") as file:
             rows = [line for line in file.read(100_000).splitlines() if line.strip()]
     except OSError:
         return False
@@ -70,7 +71,7 @@ def forget_others(folder: Path, written: Sequence[str]) -> None:
 
 def _is_part(folder: Path) -> bool:
     try:
-        record = json.loads((folder / "run.json").read_bytes())
+        record = json.loads(read_bytes(folder / "run.json"))
     except (OSError, ValueError):
         return False
     beside = record.get(BESIDE) if isinstance(record, dict) else None

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from damperfit.errors import ConfigurationError
+from damperfit.io.files import read_text
 from damperfit.io.formats import LOG_SUFFIXES
 from damperfit.recording import natural_order
 from damperfit.run.own_tables import is_own_table
@@ -132,7 +133,7 @@ def _logs_in(folder: Path, *, keeps_missing: bool) -> list[Path]:
 def _listed(pattern: str, *, keeps_missing: bool) -> list[Path]:
     path = Path(pattern[1:])
     try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
+        lines = read_text(path).splitlines()
     except (OSError, ValueError) as error:
         said = getattr(error, "strerror", None) or error
         raise ConfigurationError(

@@ -26,6 +26,7 @@ from damperfit.errors import (
 )
 from damperfit.identification.blas_threads import one_blas_thread
 from damperfit.io import is_tests_table, read_curves, read_logs
+from damperfit.io.files import open_regular
 from damperfit.io.formats import FORMATS
 from damperfit.recording import Finding
 from damperfit.report.facts import Failure
@@ -394,6 +395,6 @@ _NO_SETTING_EITHER = ". Nor does the log say its adjuster setting: give --settin
 def _hash(path: Path) -> str:
     with suppress(OSError):
         if path.is_file():
-            with path.open("rb") as file:
+            with open_regular(path) as file:
                 return hashlib.file_digest(file, "sha256").hexdigest()
     return ""

@@ -7,6 +7,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from damperfit.damper.purdy.quantities import QUANTITIES
+from damperfit.io.files import open_regular
 from damperfit.units.quantities import units_of
 
 if TYPE_CHECKING:
@@ -48,12 +49,13 @@ def is_own_table(path: Path) -> bool:
     with suppress(OSError):
         if not path.is_file():
             return False
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             begin = file.read(_BEGIN)
         if begin.startswith(b"PAR1"):
             return _says_so(path)
         if path.name == "run.json":
-            return b'"schema_version"' in path.read_bytes()[:4096]
+            with open_regular(path) as file:
+                return b'"schema_version"' in file.read(4096)
         if _LOGGED.match(begin) or _EXPORTED.match(begin):
             return True
         heading = _UNIT.sub(b"", begin.partition(b"\n")[0]).replace(b";", b",")
@@ -80,7 +82,7 @@ def is_own_log_file(path: Path) -> bool:
     OSError
         The file cannot be read.
     """
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         return _LOGGED.match(file.read(_BEGIN)) is not None
 
 

@@ -7,6 +7,7 @@ import logging
 from typing import TYPE_CHECKING, Any
 
 from damperfit.identification import Campaign, identify
+from damperfit.io.files import open_regular
 from damperfit.tables import profiles_table
 from damperfit.workers import executor, told_here
 
@@ -104,5 +105,5 @@ def comparisons(
 
 def sha256_of(path: Path) -> str:
     """Return the hash of a file, hexadecimal."""
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()

@@ -10,6 +10,7 @@ from __future__ import annotations
 import csv
 import json
 from contextlib import suppress
+from io import StringIO
 from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
@@ -17,6 +18,7 @@ import pyarrow.parquet as pq
 
 from damperfit.errors import ConfigurationError
 from damperfit.identification.outcome import Status
+from damperfit.io.files import read_text, regular
 from damperfit.store import settle
 from damperfit.tables.arrays import float_array, repeated
 from damperfit.tables.columns import adjusters_in, read_setting, setting_cells, table_schema
@@ -312,7 +314,7 @@ def table_quantities(path: Path) -> tuple[Quantity, ...]:
     facts = read_facts(path)
     if "quantities" not in facts:
         with suppress(OSError, ValueError, RecursionError):
-            record = json.loads((path.parent / "run.json").read_text(encoding="utf-8"))
+            record = json.loads(read_text(path.parent / "run.json"))
             facts = record if isinstance(record, dict) else {}
     return quantities_in(facts)
 
@@ -320,7 +322,7 @@ def table_quantities(path: Path) -> tuple[Quantity, ...]:
 def read_facts(path: Path) -> dict[str, Any]:
     """Return what a Parquet table tells of the run that wrote it; empty where it tells nothing."""
     try:
-        entry = (pq.read_schema(path).metadata or {}).get(b"damperfit", b"{}")
+        entry = (pq.read_schema(regular(path)).metadata or {}).get(b"damperfit", b"{}")
         facts = json.loads(entry)
     except (OSError, ValueError, RecursionError, pa.ArrowException):
         return {}
@@ -331,7 +333,7 @@ def _read_rows(
     path: Path, quantities: Sequence[Quantity], needed: Sequence[str], wanted: Sequence[str]
 ) -> list[dict[str, Any]]:
     if path.suffix.lower() == ".parquet":
-        with pq.ParquetFile(path, page_checksum_verification=True) as file:
+        with pq.ParquetFile(regular(path), page_checksum_verification=True) as file:
             table = file.read()
         rows: list[dict[str, Any]] = table.select(
             [
@@ -341,9 +343,9 @@ def _read_rows(
             ]
         ).to_pylist()
         return _complete(rows, table.column_names, needed)
-    with path.open(encoding="utf-8-sig", newline="") as file:
-        reader = csv.DictReader(line for line in file if not line.startswith("#"))
-        return _complete(list(reader), reader.fieldnames or (), needed)
+    lines = StringIO(read_text(path), newline="")
+    reader = csv.DictReader(line for line in lines if not line.startswith("#"))
+    return _complete(list(reader), reader.fieldnames or (), needed)
 
 
 def _complete(

@@ -12,6 +12,7 @@ import hashlib
 import json
 from contextlib import suppress
 from dataclasses import dataclass
+from io import StringIO
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 from urllib.parse import unquote
@@ -21,6 +22,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from damperfit.errors import ConfigurationError
+from damperfit.io.files import read_text, regular
 from damperfit.tables.columns import (
     adjusters_in,
     column_kinds,
@@ -111,7 +113,7 @@ def has_table(folder: Path, record: Mapping[str, Any], table: str) -> bool:
 def read_quantities(folder: Path, record: Mapping[str, Any]) -> tuple[Quantity, ...]:
     """What the table of parameters is of: as it says itself, else run.json, else its columns."""
     try:
-        schema = pq.read_schema(folder / "parameters.parquet")
+        schema = pq.read_schema(regular(folder / "parameters.parquet"))
         facts = json.loads((schema.metadata or {}).get(b"damperfit", b"{}"))
         if isinstance(facts, dict) and "quantities" in facts:
             return quantities_in(facts)
@@ -119,7 +121,7 @@ def read_quantities(folder: Path, record: Mapping[str, Any]) -> tuple[Quantity, 
     except (*_BROKEN, RecursionError):
         columns = []
         with suppress(OSError, UnicodeDecodeError):
-            text = (folder / "parameters.csv").read_text(encoding="utf-8-sig")
+            text = read_text(folder / "parameters.csv")
             columns = text.partition("\n")[0].split(",")
     return quantities_in(record, columns)
 
@@ -127,7 +129,7 @@ def read_quantities(folder: Path, record: Mapping[str, Any]) -> tuple[Quantity, 
 def read_record(path: Path, remarks: list[str]) -> dict[str, Any]:
     """Return run.json; empty, with a remark, where it cannot be read."""
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
+        document = json.loads(read_text(path))
     except FileNotFoundError:
         remarks.append("run.json is missing: rig, inputs and warnings are not known")
     except (OSError, ValueError, RecursionError) as error:
@@ -198,14 +200,13 @@ def _cell(value: Any, kind: type) -> Any:
 
 
 def _parquet_rows(path: Path) -> list[dict[str, Any]]:
-    with pq.ParquetFile(path, page_checksum_verification=True) as file:
+    with pq.ParquetFile(regular(path), page_checksum_verification=True) as file:
         rows: list[dict[str, Any]] = file.read().to_pylist()
     return rows
 
 
 def _csv_rows(path: Path) -> list[dict[str, Any]]:
-    with path.open(encoding="utf-8-sig", newline="") as file:
-        return list(csv.DictReader(file, strict=True))
+    return list(csv.DictReader(StringIO(read_text(path), newline=""), strict=True))
 
 
 def read_signals(
@@ -214,7 +215,7 @@ def read_signals(
     """Yield the signals of each log; a damaged row group costs that log alone."""
     path = folder / "responses.parquet"
     try:
-        with pq.ParquetFile(path, page_checksum_verification=True) as file:
+        with pq.ParquetFile(regular(path), page_checksum_verification=True) as file:
             wanted = ("setting", "log", *_SIGNALS)
             missing = [name for name in wanted if name not in file.schema_arrow.names]
             if missing:
@@ -315,7 +316,7 @@ def read_part(
     """
     path = part_in(path)
     try:
-        table = pq.ParquetFile(path, page_checksum_verification=True).read()
+        table = pq.ParquetFile(regular(path), page_checksum_verification=True).read()
         record = json.loads((table.schema.metadata or {}).get(RECORD, b"{}"))
     except (OSError, pa.ArrowInvalid, ValueError) as error:
         raise ConfigurationError(
