@@ -52,6 +52,7 @@ from damperfit.tables.reading import (
     read_rows,
     read_signals,
     read_table,
+    rows_of,
     title_of,
 )
 from damperfit.tested.setting import Setting
@@ -61,6 +62,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     import pandas as pd
+    import pyarrow as pa
 
     from damperfit.configuration.options import Configuration
     from damperfit.damper.model import Model, Values
@@ -251,6 +253,8 @@ class Run:
         Of the oil, where the damper follows it; the reference temperature by default.
     is_temporary : bool
         Whether the folder goes with the object.
+    tables : mapping of str to pyarrow.Table, optional
+        Its tables as they were made, by name, where it was not read.
     """
 
     def __init__(  # noqa: PLR0913 - what a run is made of
@@ -265,7 +269,9 @@ class Run:
         config: Path | None = None,
         temperature: str | None = None,
         is_temporary: bool = False,
+        tables: Mapping[str, pa.Table] | None = None,
     ) -> None:
+        self._tables = dict(tables or {})
         self.record: dict[str, Any] = dict(record or {})
         self.quantities = quantities
         self.place = place
@@ -379,6 +385,8 @@ class Run:
         """
         if name not in self._rows:
             known: tuple[dict[str, Any], ...] = ()
+            if name in self._tables:
+                known = rows_of(self._tables[name], name, self.quantities)
             is_needed = name in {"parameters", "mse"}
             if self._is_folder and (is_needed or has_table(self.folder, self.record, name)):
                 known = read_rows(self.folder, name, self._remarks, self.quantities)
@@ -873,6 +881,9 @@ class Run:
         import pandas as pd
 
         name = str(name)
+        if name in self._tables:
+            frame: pd.DataFrame = self._tables[name].to_pandas()
+            return frame
         path = self.folder / f"{name}.parquet"
         if name in TABLES and self._is_folder and path.exists():
             return pd.read_parquet(path)

@@ -69,7 +69,8 @@ def identify(how: Shown, **given: Any) -> int:
         if summary is not None:
             from damperfit.report.markdown import markdown_report
 
-            append_summary(summary, markdown_report(result.tables, result.facts), instead=_TOO_LONG)
+            text = markdown_report(result.laid_out, result.facts)
+            append_summary(summary, text, instead=_TOO_LONG)
         if not how.json and result.campaign.fits:
             _show(result, one.configuration, owner=one.owner)
     if how.json:
@@ -105,11 +106,13 @@ def _show(result: RunResult, configuration: Configuration, *, owner: str) -> Non
     if owner:
         print_lines([f"damper {owner}", ""])
     tables, units = result.tables, configuration.output.units
-    forces = rows_in_units(tables.adjustment.to_pylist(), units)
+    forces = rows_in_units(tables["adjustment"].to_pylist(), units)
     for sheet in force_sheets(forces):
         print_table(sheet_in_units(sheet, units))
         print_lines([""])
-    rows, quantities = parameters_in_units(tables.parameters.to_pylist(), tables.quantities, units)
+    rows, quantities = parameters_in_units(
+        tables["parameters"].to_pylist(), result.quantities, units
+    )
     print_table(parameter_sheet(rows, quantities, columns=screen_columns(), levels=spark_levels()))
     if result.facts.held_out:
         print_lines([""])

@@ -540,11 +540,11 @@ def _part_rows(result: RunResult, damper: str) -> Iterator[dict[str, Any]]:
 
     known = result.record["test"]
     forces: dict[str, dict[str, float]] = {}
-    for row in result.tables.adjustment.to_pylist():
+    for row in result.tables["adjustment"].to_pylist():
         name = _force_column(row["stroke"], row["speed_m_per_s"])
         forces.setdefault(str(row["setting"]), {})[name] = row["force_N"]
-    for row in result.tables.parameters.to_pylist():
-        names = adjusters_in(list(row), result.tables.quantities)
+    for row in result.tables["parameters"].to_pylist():
+        names = adjusters_in(list(row), result.quantities)
         places = {name: str(row[name]) for name in names}
         setting = str(row["setting"])
         yield {

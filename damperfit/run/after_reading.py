@@ -5,7 +5,6 @@ A module of its own, so that a run can load all of this while copies of it read.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 # Not used here, and long to load.
@@ -68,7 +67,9 @@ def write_found(
     if not found.campaign.fits and watch.cancelled():
         return found.result(mishaps.failures)
     if not found.campaign.fits and holds_fits(configuration.output.folder):
-        return replace(found.result(mishaps.failures), keeps_earlier=True)
+        result = found.result(mishaps.failures)
+        result.keeps_earlier = True
+        return result
     whole = [found]  # whoever writes takes it out: nobody else keeps what the simulations left
     found = found.without_responses
     try:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+from damperfit.results import Run
 from damperfit.run.run_json import ending_of, record, report_facts
 from damperfit.run.work import profile_points
 from damperfit.tables import make_tables
@@ -25,9 +26,8 @@ if TYPE_CHECKING:
 __all__ = ["Found", "RunResult"]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class RunResult:
-    """What a run found.
+class RunResult(Run):
+    """A run as `identify` has it: its tables in memory, the fits behind them, how it ended.
 
     Attributes
     ----------
@@ -35,52 +35,42 @@ class RunResult:
         How it ended.
     campaign : Campaign
         The fits.
-    tables : Tables
-        Parameters and MSE.
+    laid_out : Tables
+        Parameters, MSE and forces by click.
     facts : ReportFacts
         Failures, warnings, procedure.
-    record : dict
-        What stands in run.json.
-    profiles : pyarrow.Table or None
-        Points of the profiles that were asked for.
-    characteristics : pyarrow.Table or None
-        What is read off each stretch; None where nothing was written.
-    valves : pyarrow.Table or None
-        Flow against pressure of each valve; None where the model has none.
     keeps_earlier : bool
         Nothing was fitted, and nothing written: the folder keeps the results that it had.
     """
 
-    ending: Ending
-    campaign: Campaign
-    tables: Tables
-    facts: ReportFacts
-    record: dict[str, Any]
-    profiles: pa.Table | None = None
-    characteristics: pa.Table | None = None
-    valves: pa.Table | None = None
-    keeps_earlier: bool = False
+    def __init__(
+        self,
+        laid_out: Tables,
+        campaign: Campaign,
+        facts: ReportFacts,
+        record: dict[str, Any],
+        *,
+        ending: Ending,
+        beside: Mapping[str, pa.Table | None],
+    ) -> None:
+        always = {name: getattr(laid_out, name) for name in ("parameters", "mse", "adjustment")}
+        more = {name: table for name, table in beside.items() if table is not None}
+        super().__init__(record, quantities=laid_out.quantities, tables=always | more)
+        self.laid_out = laid_out
+        self.campaign = campaign
+        self.facts = facts
+        self.ending = ending
+        self.keeps_earlier = False
 
     @property
-    def written(self) -> dict[str, pa.Table]:
+    def tables(self) -> dict[str, pa.Table]:
         """Tables by the name of their files."""
-        always = {
-            "parameters": self.tables.parameters,
-            "mse": self.tables.mse,
-            "adjustment": self.tables.adjustment,
-        }
-        more = {
-            "characteristics": self.characteristics,
-            "valves": self.valves,
-            "profiles": self.profiles,
-        }
-        return always | {name: table for name, table in more.items() if table is not None}
+        return self._tables
 
     def document(self) -> dict[str, Any]:
         """Return run.json and the rows of both tables as one JSON document."""
         return self.record | {
-            "parameters": self.tables.parameters.to_pylist(),
-            "mse": self.tables.mse.to_pylist(),
+            name: self._tables[name].to_pylist() for name in ("parameters", "mse")
         }
 
 
@@ -117,9 +107,7 @@ class Found:
         )
         ending = ending_of(self.campaign, facts)
         return RunResult(
-            ending=ending,
-            campaign=self.campaign,
-            tables=make_tables(
+            make_tables(
                 self.campaign,
                 assessment=judgement.assessment,
                 predictions=judgement.predictions,
@@ -127,11 +115,13 @@ class Found:
                 expected=self.configuration.rig.settings,
                 provenance=self.origin,
             ),
-            facts=facts,
-            record=record(
-                self.configuration, self.batch, facts, self.campaign, judgement, ending=ending
-            ),
-            profiles=profile_points(self.configuration, judgement, self.origin),
-            characteristics=characteristics,
-            valves=valves,
+            self.campaign,
+            facts,
+            record(self.configuration, self.batch, facts, self.campaign, judgement, ending=ending),
+            ending=ending,
+            beside={
+                "characteristics": characteristics,
+                "valves": valves,
+                "profiles": profile_points(self.configuration, judgement, self.origin),
+            },
         )

@@ -6,7 +6,6 @@ read the characteristics off them, while this one makes the tables and the repor
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from damperfit.report.markdown import markdown_report
@@ -77,8 +76,8 @@ def write_results(
 
     def account() -> RunResult:
         result = light.result(mishaps.failures, valves=valves)
-        _write_tables(files, result.written, configuration)
-        report = markdown_report(result.tables, result.facts)
+        _write_tables(files, result.tables, configuration)
+        report = markdown_report(result.laid_out, result.facts)
         files.path(_REPORT).write_bytes(report.encode("utf-8", "backslashreplace"))
         return result
 
@@ -98,9 +97,9 @@ def write_results(
             readings.rows = [row for of_log in rows for row in of_log]
             if mishaps.failures != told:  # with what has come to nothing meanwhile
                 result = account()
-    result = replace(result, characteristics=readings.table(found.origin))
-    _write_tables(files, {_READ_OFF: result.characteristics}, configuration)
-    for name in set(_ON_REQUEST) - result.written.keys():
+    result.tables[_READ_OFF] = readings.table(found.origin)
+    _write_tables(files, {_READ_OFF: result.tables[_READ_OFF]}, configuration)
+    for name in set(_ON_REQUEST) - result.tables.keys():
         for suffix in (".parquet", ".csv"):
             files.without(name + suffix)
     files.without(PAGE)

@@ -56,6 +56,7 @@ __all__ = [
     "read_rows",
     "read_signals",
     "read_table",
+    "rows_of",
     "title_of",
     "written_of",
 ]
@@ -179,6 +180,15 @@ def read_rows(
             whole = [{name: row.get(name) for name in kinds} for row in rows]
             return tuple(row for row in whole if row["setting"] is not None)
     return ()
+
+
+def rows_of(
+    table: pa.Table, name: str, quantities: Sequence[Quantity] = PAPER_QUANTITIES
+) -> tuple[dict[str, Any], ...]:
+    """Return the rows of a table in memory, as `read_rows` reads them from a file."""
+    kinds = column_kinds(name, quantities)
+    rows = (_clean(row, kinds, quantities) for row in table.to_pylist())
+    return tuple({name: row.get(name) for name in kinds} for row in rows)
 
 
 def _clean(
