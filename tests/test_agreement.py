@@ -103,6 +103,11 @@ class Outlets:
         return (self.folder / "run" / "report.html").read_text(encoding="utf-8")
 
     @cached_property
+    def page_text(self) -> str:
+        """What people read of the page."""
+        return re.sub(r"<script.*?</script>|<[^>]*>", " ", self.page, flags=re.DOTALL)
+
+    @cached_property
     def fleet(self) -> pd.Series:
         out = self.folder / "fleet"
         self.command("fleet", str(self.folder / "log.csv"), "--out", str(out), "--jobs", "1")
@@ -138,9 +143,9 @@ def agrees(shown: float | str, stored: float) -> bool:
 
 
 def shows(text: str, stored: float, *, factor: float = 1.0) -> bool:
-    """Whether some number of three digits or more in a text is a stored one."""
+    """Whether some number of two digits or more in a text is a stored one."""
     numbers = re.findall(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[+-]?\d+)?", text.replace("−", "-"))
-    known = [one for one in numbers if len(re.sub(r"\D|e.*", "", one).lstrip("0")) >= 3]
+    known = [one for one in numbers if len(re.sub(r"\D|e.*", "", one).lstrip("0")) >= 2]
     return any(agrees(one, factor * stored) for one in known)
 
 
@@ -171,9 +176,10 @@ def test_what_is_read_off_a_segment(shown: Outlets, name: str) -> None:
     assert shown.run.record["stretches"][place][key] == stored
     assert shown.inspected["stretches"][place][key] == stored
     if heading is not None:
-        titles = ("Characteristics as measured", "Segments as measured")
-        rows = next(rows for title in titles if (rows := shown.rows_of_report(title)))
-        assert agrees(rows[place][heading], stored)
+        for row in shown.rows_of_report("Segments as measured")[place : place + 1]:
+            assert agrees(row[heading], stored)
+        # The speed of a single segment stands in the figure alone.
+        assert shows(shown.page_text, stored) or name == "peak_speed_rebound"
     if (line := _line(shown, name)) is not None:
         assert agrees(line["first_value"], stored)
         assert agrees(line["second_value"], stored)
@@ -187,7 +193,6 @@ def _line(shown: Outlets, name: str) -> dict | None:
     return next((line for line in shown.compared if line["name"] == name), None)
 
 
-@pytest.mark.xfail(reason="the page reads the energy off the last cycle itself", strict=False)
 def test_the_energy_of_a_cycle_on_the_page(shown: Outlets) -> None:
     pairs = re.findall(r"Energy per cycle: (\S+) J measured, (\S+) J simulated", shown.page)
     rows = [row for row in shown.run.rows("characteristics") if row["point"] == "peak"]
@@ -227,7 +232,7 @@ def test_the_mse(shown: Outlets) -> None:
     assert agrees(shown.fleet["mse_percent"], stored)
     assert shows(_row_of_setting((shown.folder / "identify.txt").read_text()), stored)
     assert agrees(shown.rows_of_report("Parameters")[0]["MSE %"], stored)
-    assert shows(re.sub(r"<script.*?</script>", "", shown.page, flags=re.DOTALL), stored)
+    assert shows(shown.page_text, stored)
     line = _line(shown, "mse")
     assert line is None or agrees(line["first_value"], stored)
     out = shown.folder / "about"
@@ -241,7 +246,8 @@ def test_the_mse(shown: Outlets) -> None:
 
 
 def _row_of_setting(text: str) -> str:
-    return next(line for line in text.splitlines() if line.split()[:1] == [str(SETTING)])
+    rows = [line for line in text.splitlines() if line.split()[:1] == [str(SETTING)]]
+    return "; ".join(rows)
 
 
 @pytest.mark.parametrize("name", ["r_m1", "r_m2", "k_e"])
@@ -259,7 +265,10 @@ def test_the_parameters(shown: Outlets, name: str) -> None:
     assert agrees(line["first_value"], stored)
     told = re.sub(r"\([\d.]+\)", "", _row_of_setting((shown.folder / "identify.txt").read_text()))
     assert shows(told, stored, factor=factor)
-    assert shows(shown.rows_of_report("Parameters")[0][heading], stored, factor=factor)
+    cells = shown.rows_of_report("Parameters")[0].items()
+    (cell,) = (text for head, text in cells if head.startswith(heading))
+    assert shows(cell, stored, factor=factor)
+    assert shows(shown.page_text, stored, factor=factor)
 
 
 def test_the_force_at_the_named_speeds(shown: Outlets) -> None:
