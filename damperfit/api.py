@@ -750,7 +750,8 @@ def settings(  # noqa: PLR0913 - one keyword an option of the command line
         frequency=_text(frequency),
         temperature=_text(temperature),
     )
-    forces = tabulate_forces(adjuster, question, jobs=workers(jobs, "damperfit.settings"))
+    workers(jobs, "damperfit.settings")  # refused where it is no number; none is needed
+    forces = tabulate_forces(adjuster, question)
     return SettingForces(paths, question, shown, adjuster=adjuster, forces=forces)
 
 

@@ -30,7 +30,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from damperfit.adjustment import Sine, Stage, fastest_sine, has_lost_errors
+from damperfit.adjustment.motions import Sine, fastest_sine
+from damperfit.adjustment.stage import Stage, has_lost_errors, open_limits
 from damperfit.errors import ConfigurationError, OutputError, did_you_mean, refuse_wrong_arguments
 from damperfit.identification.sharing import of_settings
 from damperfit.io.files import read_bytes
@@ -76,6 +77,7 @@ __all__ = ["LogResult", "Run", "SettingResult", "Tested"]
 
 TABLES = ("parameters", "mse", "adjustment", "characteristics", "valves", "responses", "profiles")
 _OF_PARAMETERS = ("parameters.parquet", "parameters.csv")
+_BEYOND = 1.05  # times what was tested, or less than that part of it
 _SAME = 1e-9  # 4.6bara and 460000 are one pressure, but for the last digit
 _FAN = "fan"  # force against velocity of all settings
 _SHOWN_FAILURES = 5
@@ -98,11 +100,31 @@ class Tested:
         Lowest and highest, Hz and degrees Celsius.
     """
 
+    __test__ = False  # no class of tests
+
     n_logs: int = 0
     stroke: float | None = None
     speed: float | None = None
     frequencies: tuple[float, float] | None = None
     temperatures: tuple[float, float] | None = None
+
+    def outside(
+        self,
+        *,
+        amplitude: float | None = None,
+        frequency: float | None = None,
+        speed: float | None = None,
+    ) -> Iterator[str]:
+        """Yield what of a motion, SI, was never tested, as in "15 Hz (tested: 1.5 Hz)"."""
+        if amplitude and self.stroke and amplitude > _BEYOND * self.stroke:
+            tested = f"{1e3 * self.stroke:.4g} mm"
+            yield f"an amplitude of {1e3 * amplitude:.4g} mm (tested: up to {tested})"
+        low, high = self.frequencies or (0.0, math.inf)
+        if frequency and not low / _BEYOND <= frequency <= high * _BEYOND:
+            tested = f"{low:.3g} Hz" if high <= _BEYOND * low else f"{low:.3g} to {high:.3g} Hz"
+            yield f"{frequency:.4g} Hz (tested: {tested})"
+        if speed and self.speed and speed > _BEYOND * self.speed:
+            yield f"{speed:.3g} m/s (tested: up to {self.speed:.3g} m/s)"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -443,6 +465,11 @@ class Run:
             for entry in _listed(self.record, "uncertainty")
             if isinstance(entry, dict) and "setting" in entry
         }
+        tops: dict[Any, float] = {}
+        for log in _listed(self.record, "inputs"):
+            for _, _, speed in _motions(log) if isinstance(log, dict) else ():
+                cell = log.get("setting")
+                tops[cell] = max(speed, tops.get(cell, 0.0))
         found = []
         for row in sorted(self.rows("parameters"), key=lambda row: Setting.of(row["setting"])):
             values = _values(row, self.quantities)
@@ -450,7 +477,19 @@ class Run:
                 setting = Setting.of(row["setting"])
                 names, shared, covariance = _errors(values, row, known.get(setting.cell, {}))
                 own = tuple(name for name in names if name not in shared)
-                found.append(SettingResult(setting, values, own, shared, covariance, row, self))
+                found.append(
+                    SettingResult(
+                        setting,
+                        values,
+                        own,
+                        shared,
+                        covariance,
+                        top_speed=tops.get(setting.cell, math.inf),
+                        open_limits=_open_limits(values, row),
+                        row=row,
+                        run=self,
+                    )
+                )
         return tuple(found)
 
     @refuse_wrong_arguments("run.setting")
@@ -1065,6 +1104,18 @@ def _values(row: Mapping[str, Any], quantities: tuple[Quantity, ...]) -> Values 
     return values_from(quantities, known) if len(known) == len(quantities) else None
 
 
+def _open_limits(
+    values: Values, row: Mapping[str, Any]
+) -> tuple[tuple[str, tuple[float, float]], ...]:
+    """Return between which values the logs leave open what they do not determine."""
+    limits = {
+        name: (row.get(f"{name}_ci_low"), row.get(f"{name}_ci_high"))
+        for name in values.names
+        if row.get(f"{name}_status") == "not_identifiable"
+    }
+    return open_limits(values, limits)
+
+
 def _errors(
     values: Values, row: Mapping[str, Any], entry: Mapping[str, Any]
 ) -> tuple[tuple[str, ...], tuple[str, ...], Any]:
@@ -1083,10 +1134,13 @@ def _errors(
             *(name for name in names if name not in shared),
             *(name for name in names if name in shared),
         )
-        scales = [
-            getattr(values, name) if values.quantity(name).is_logarithmic else 1.0 for name in names
-        ]
-        errors = np.array([float(row[f"{name}_se"]) for name in names]) / np.array(scales)
+        errors = entry.get("errors")
+        if errors is None:  # older runs told those of the values alone
+            errors = [
+                float(row[f"{name}_se"])
+                / (getattr(values, name) if values.quantity(name).is_logarithmic else 1.0)
+                for name in names
+            ]
         correlation = np.array(entry["correlation"], dtype=np.float64)
         covariance = correlation.reshape(len(names), len(names)) * np.outer(errors, errors)
     except (KeyError, TypeError, ValueError):

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import NDArray
 
-    from damperfit.adjustment import Answer, Wanted
+    from damperfit.adjustment.wanted import Answer, Wanted
     from damperfit.comparison import Tolerance
     from damperfit.configuration.options import Configuration
     from damperfit.exporting import Export
@@ -588,7 +588,7 @@ class SettingForces:
                 "question": to_record(self.question) if wanted else None,
                 "sentence": self.sentence or None,
                 "answers": [_answer(one, answer) for one in wanted for answer in one.answers],
-                "forces": adjustment_rows(self.forces.levels, self.forces.clicks),
+                "forces": adjustment_rows(self.forces.forces, self.forces.clicks),
                 "remarks": list(self.remarks),
                 "notes": list(self.notes),
             }

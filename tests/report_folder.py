@@ -70,7 +70,7 @@ def make_results(folder: Path, settings: Iterable[int] = ()) -> Path:
             "speed_m_per_s": row["speed_rebound_m_per_s"],
             "stroke": stroke,
             "force_N": row[f"simulated_{stroke}_N"],
-            "told_from": "model",
+            "origin": "model",
         }
         for row in rows
         for stroke in ("rebound", "bump")

@@ -8,7 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from damperfit.adjustment import Adjustment, Click, Outlier, Trend
+from damperfit.adjustment.across_settings import Adjustment
+from damperfit.adjustment.click_changes import Click
+from damperfit.adjustment.trends import Outlier, Trend
 from damperfit.checks import (
     CHECK_LISTS,
     CHECKS,

@@ -450,7 +450,6 @@ def test_a_run_in_copies_is_byte_for_byte_that_in_one_thread(
         "damperfit.run.tested_at.condition",
         "damperfit.identification.setting.descend",
         "damperfit.uncertainty.intervals.linearise_at_fit",
-        "damperfit.adjustment.forces._read_off",
         "damperfit.run.readings.characteristic_rows",
     ],
 )

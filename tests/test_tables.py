@@ -12,7 +12,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from damperfit.adjustment import Adjustment, Click, Level
+from damperfit.adjustment.across_settings import Adjustment
+from damperfit.adjustment.click_changes import Click
+from damperfit.adjustment.force_at import Force
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters
 from damperfit.errors import ConfigurationError
 from damperfit.identification import Outcome, compare
@@ -319,15 +321,17 @@ def test_a_table_that_is_none_is_refused_in_a_sentence(
 
 def test_a_change_of_force_stands_in_the_row_of_the_harder_setting_number_by_number() -> None:
     first, second = (
-        Level(setting, 0.3, "bump", -100.0 * setting, 2.0, 2.0, np.zeros(0), is_cavitating=False)
+        Force(setting, 0.3, "bump", -100.0 * setting, 2.0, 2.0, np.zeros(0), gas=-20.0, tare=3.0)
         for setting in (1, 2)
     )
     click = Click(1, 2, 0.3, "bump", -100.0, -105.5, -94.5, 90.0, 84.0, 96.0)
-    told = Adjustment(levels=(first, second), clicks=(click,))
+    told = Adjustment(forces=(first, second), clicks=(click,))
     plain, changed = make_tables(campaign(fit(1), fit(2)), adjustment=told).adjustment.to_pylist()
     beside = {
         "force_misfit_se_N": 0.0, "measured_N": None, "measured_se_N": None,
-        "difference_N": None, "told_from": "model",
+        "difference_N": None, "origin": "model", "model_N": None, "gas_N": -20.0,
+        "friction_N": None, "tare_N": 3.0, "tested": "yes", "measured_as": None,
+        "measured_opening_N": None, "measured_closing_N": None, "measured_peak_N": None,
     }  # fmt: skip
     assert plain == beside | {
         "setting": 1, "speed_m_per_s": 0.3, "stroke": "bump", "force_N": -100.0, "force_se_N": 2.0,

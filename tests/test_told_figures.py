@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfilt
 
-from damperfit.adjustment import Stage, forces, levels
 from damperfit.conditioning import ConditionOptions, apply_filter, condition, design_filter
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
@@ -28,7 +27,6 @@ from damperfit.simulation import (
     sine_motion,
     triangle_motion,
 )  # fmt: skip
-from damperfit.tested.setting import Setting
 from tests.conditioning.test_skew import late_log
 from tests.identification.rig import trace
 from tests.oracles.motions import logged
@@ -39,18 +37,6 @@ THREE = FitOptions("plain", ("r_m1", "r_m2", "k_e"), {"r_m3": 2.597e6, "f_f": 50
 
 def fitted(log, damper=PURDY_DAMPER, options=THREE):
     return identify([log], damper, options).fits[0]
-
-
-def test_forces_at_a_speed_need_no_more_samples(monkeypatch) -> None:
-    """`adjustment/forces.py`: from 1000 samples a cycle to 4000."""
-    stages = [Stage(Setting.of(n), reference_parameters(n)) for n in SETTINGS]
-    sine, speeds = forces.Sine(0.032, 1.5), (0.05, 0.1, 0.2)
-    coarse = levels(stages, PURDY_DAMPER, sine, speeds=speeds)
-    monkeypatch.setattr(forces, "_SAMPLES_PER_CYCLE", 4 * forces._SAMPLES_PER_CYCLE)
-    fine = levels(stages, PURDY_DAMPER, sine, speeds=speeds)
-    assert len(coarse) == 18
-    off = [abs(a.force - b.force) for a, b in zip(coarse, fine, strict=True)]
-    assert 0.02 < max(off) < 0.1
 
 
 @pytest.mark.parametrize(("samples", "least", "most"), [(33, 40.0, 55.0), (333, 0.3, 0.6)])

@@ -6,12 +6,15 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from damperfit.adjustment.click_changes import Click, clicks
-from damperfit.adjustment.forces import Sine, levels_coming, named_speeds, sine_of
-from damperfit.adjustment.level import Level, offset_sentence
-from damperfit.adjustment.measured import credible_forces
+from damperfit.adjustment.force_at import (
+    Force,
+    credible_forces,
+    force_at,
+    named_speeds,
+    offset_sentence,
+)
 from damperfit.adjustment.stage import stage_of
 from damperfit.adjustment.trends import Trend, find_trends
-from damperfit.simulation import SolverOptions
 
 if TYPE_CHECKING:
     from damperfit.damper.model import Model
@@ -30,17 +33,14 @@ class Adjustment:
     ----------
     trends : tuple of Trend
         One for each parameter that was fitted setting by setting.
-    sine : Sine or None
-        Motion of the forces; None without a fit.
-    levels : tuple of Level
-        Force of the model by setting, named speed and stroke, the measured one beside it.
+    forces : tuple of Force
+        By setting, named speed and stroke: of one origin at a speed and stroke.
     clicks : tuple of Click
-        Its change between neighbouring settings.
+        Their change between neighbouring settings.
     """
 
     trends: tuple[Trend, ...] = ()
-    sine: Sine | None = None
-    levels: tuple[Level, ...] = ()
+    forces: tuple[Force, ...] = ()
     clicks: tuple[Click, ...] = ()
 
     @property
@@ -53,9 +53,7 @@ class Adjustment:
     def of_offset(self) -> tuple[str, ...]:
         """What became of the rigs' offsets in forces by setting; empty where there are none."""
         said = offset_sentence(
-            [level.tare for level in self.levels],
-            is_whole=True,
-            holds_gas=any(level.holds_gas for level in self.levels),
+            [one.tare for one in self.forces], holds_gas=any(one.holds_gas for one in self.forces)
         )
         return (f"forces by setting: {said}",) if said else ()
 
@@ -65,11 +63,9 @@ def compare_settings(
     assessment: Assessment,
     damper: Model,
     *,
-    solver: SolverOptions = SolverOptions(tolerance=1e-2),
-    jobs: int = 1,
     on_error: OnError | None = None,
 ) -> Adjustment:
-    """Lay the settings of a campaign beside each other; two simulated cycles a setting.
+    """Lay the settings of a campaign beside each other.
 
     Parameters
     ----------
@@ -79,32 +75,19 @@ def compare_settings(
         The same campaign judged.
     damper : Model
         The damper's model.
-    solver : SolverOptions
-        How exactly to integrate.
-    jobs : int
-        Threads.
     on_error : callable, optional
         Told of a setting and the error that it met; without it such an error is raised.
     """
     if not campaign.fits:
         return Adjustment()
-    known = {one.setting: one for one in assessment.uncertainties}
-    sine = sine_of([log.trace for fit in campaign.fits for log in fit.logs])
-    with levels_coming(
-        [stage_of(fit, known.get(fit.setting)) for fit in campaign.fits],
+    stages = [stage_of(fit, assessment) for fit in campaign.fits]
+    found = force_at(
+        stages,
         damper,
-        sine,
-        speeds=named_speeds(sine),
-        solver=solver,
-        jobs=jobs,
+        named_speeds(max(one.top_speed for one in stages)),
         measured=assessment.forces,
         on_error=on_error,
-    ) as coming:
-        trends = find_trends(campaign.fits, known)
-        found = coming()
-    return Adjustment(
-        trends=trends,
-        sine=sine,
-        levels=found,
-        clicks=clicks(credible_forces(found), damper),
     )
+    told = credible_forces(found)
+    known = {one.setting: one for one in assessment.uncertainties}
+    return Adjustment(trends=find_trends(campaign.fits, known), forces=told, clicks=clicks(told))

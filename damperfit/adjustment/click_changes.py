@@ -21,8 +21,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from damperfit.adjustment.level import Level
-    from damperfit.damper.model import Model
+    from damperfit.adjustment.force_at import Force
     from damperfit.tested.setting import Setting
 
     FloatArray = NDArray[np.float64]
@@ -65,20 +64,16 @@ class Click:
     adjuster: str = ADJUSTER
 
 
-def clicks(found: Sequence[Level], damper: Model) -> tuple[Click, ...]:
+def clicks(found: Sequence[Force]) -> tuple[Click, ...]:
     """Return the change of force between neighbouring settings, by speed and stroke.
 
     Neighbours differ in one adjuster alone; words are no neighbours.
 
     Parameters
     ----------
-    found : sequence of Level
-        As `levels` returns them.
-    damper : Model
-        For the gas force.
+    found : sequence of Force
+        As `force_at` returns them.
     """
-    rest = damper.rest_force(0.0)
-    gas = 0.0 if rest is None else float(rest)
     lines = lines_of(level.setting for level in found)
     levels_of = {
         setting: sorted(few, key=lambda one: one.speed)
@@ -90,16 +85,19 @@ def clicks(found: Sequence[Level], damper: Model) -> tuple[Click, ...]:
         for a, b in itertools.pairwise(line.settings)
         for first, second in zip(levels_of[a], levels_of[b], strict=True)
     ]
-    return _clicks(pairs, gas) if pairs else ()
+    return _clicks(pairs) if pairs else ()
 
 
-def _clicks(pairs: Sequence[tuple[Level, Level, str]], gas: float) -> tuple[Click, ...]:
+def _clicks(pairs: Sequence[tuple[Force, Force, str]]) -> tuple[Click, ...]:
     """Return what is changed from the first to the second of each pair along an adjuster."""
     firsts, seconds = [pair[0] for pair in pairs], [pair[1] for pair in pairs]
     before = np.array([one.bare_force for one in firsts])
     changes = np.array([one.bare_force for one in seconds]) - before
     reaches = NORMAL_95 * _spreads(firsts, seconds, np.ones(len(pairs)))
-    dampings = before - gas
+    # What the logs leave open may be at the one end for one setting and at the other for the next.
+    is_open = [max(*a.undetermined, *b.undetermined) for a, b in zip(firsts, seconds, strict=True)]
+    reaches = np.maximum(reaches, is_open)
+    dampings = np.array([one.damping for one in firsts])
     dampings[dampings == 0.0] = math.nan
     ratios = 1.0 + changes / dampings
     percents = 100.0 * (ratios - 1.0)
@@ -120,7 +118,7 @@ def _clicks(pairs: Sequence[tuple[Level, Level, str]], gas: float) -> tuple[Clic
     )
 
 
-def _spreads(firsts: Sequence[Level], seconds: Sequence[Level], ratios: FloatArray) -> FloatArray:
+def _spreads(firsts: Sequence[Force], seconds: Sequence[Force], ratios: FloatArray) -> FloatArray:
     """Return the standard errors of second - ratio first; NaN where one of both is not known."""
     n = max(len(one.carried) for one in (*firsts, *seconds))
     before, after = (_errors(few, n) for few in (firsts, seconds))
@@ -133,7 +131,7 @@ def _spreads(firsts: Sequence[Level], seconds: Sequence[Level], ratios: FloatArr
     return np.where(is_alike, spreads, math.nan)
 
 
-def _errors(levels: Sequence[Level], n: int) -> FloatArray:
+def _errors(levels: Sequence[Force], n: int) -> FloatArray:
     """Errors of levels one below the other: rest, misfit, and n of shared values."""
     found = np.zeros((len(levels), 2 + n))
     for row, one in zip(found, levels, strict=True):

@@ -12,7 +12,7 @@ K dtheta and a rest that is the setting's alone (up to 1/n for n settings in a m
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,15 +25,24 @@ if TYPE_CHECKING:
     from damperfit.damper.model import Values
     from damperfit.identification import Fit
     from damperfit.tested.setting import Setting
-    from damperfit.uncertainty import Uncertainty
+    from damperfit.uncertainty import Assessment
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["Parts", "Stage", "errors_parted", "has_lost_errors", "split", "stage_of"]
+__all__ = [
+    "Parts",
+    "Stage",
+    "errors_parted",
+    "has_lost_errors",
+    "open_limits",
+    "split",
+    "stage_of",
+]
 
 # Of the shared values' covariance, directions of less than this share are nothing but rounding.
 _NOTHING = 1e-15
-_FITTED = "fitted"  # `Status.FITTED`, which takes too long to import here
+# Of `Status`, which takes too long to import here.
+_FITTED, _NOT_IDENTIFIABLE = "fitted", "not_identifiable"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,6 +59,10 @@ class Stage:
         Values with an error: the setting's own, and those in common to all settings.
     covariance : numpy.ndarray or None
         Of ln y (f_0: of f_0, N), own before shared, shape (k, k). None: nothing is known.
+    top_speed : float
+        Highest speed that the setting was tested at, m/s; infinite: not known.
+    open_limits : tuple of (str, (float, float))
+        Quantities that the logs do not determine, and between which values they leave them open.
     """
 
     setting: Setting
@@ -57,6 +70,8 @@ class Stage:
     own: tuple[str, ...] = ()
     shared: tuple[str, ...] = ()
     covariance: FloatArray | None = None
+    top_speed: float = math.inf
+    open_limits: tuple[tuple[str, tuple[float, float]], ...] = ()
 
     @property
     def offsets(self) -> tuple[str, ...]:
@@ -88,14 +103,35 @@ class Stage:
         return math.sqrt(max(float(self.covariance[np.ix_(at, at)].sum()), 0.0))
 
 
-def stage_of(fit: Fit, known: Uncertainty | None) -> Stage:
-    """Return a fit and its uncertainty as one stage of the adjuster."""
-    if known is None:
-        return Stage(fit.setting, fit.parameters)
-    if has_lost_errors(known.names, fit.status):
-        return Stage(fit.setting, fit.parameters)
+def stage_of(fit: Fit, assessment: Assessment) -> Stage:
+    """Return a fit and what is known of its errors as one stage of the adjuster."""
+    known = next((one for one in assessment.uncertainties if one.setting == fit.setting), None)
+    top = max(one.peak_speed for log in fit.logs for one in log.trace.stretches)
+    limits = {
+        name: assessment.plausible_limits(fit, name)
+        for name, status in fit.status.items()
+        if status == _NOT_IDENTIFIABLE
+    }
+    stage = Stage(
+        fit.setting, fit.parameters, top_speed=top, open_limits=open_limits(fit.parameters, limits)
+    )
+    if known is None or has_lost_errors(known.names, fit.status):
+        return stage
     own = known.names[: len(known.names) - len(known.shared)]
-    return Stage(fit.setting, fit.parameters, own, known.shared, known.covariance)
+    return replace(stage, own=own, shared=known.shared, covariance=known.covariance)
+
+
+def open_limits(
+    parameters: Values, limits: Mapping[str, tuple[float | None, float | None]]
+) -> tuple[tuple[str, tuple[float, float]], ...]:
+    """Return between which values quantities are left open: where one is missing the plausible."""
+    found = []
+    for name, (low, high) in limits.items():
+        one = parameters.quantity(name)
+        if not one.is_offset:
+            least, most = one.plausible
+            found.append((name, (least if low is None else low, most if high is None else high)))
+    return tuple(found)
 
 
 def has_lost_errors(names: Sequence[str], status: Mapping[str, str]) -> bool:

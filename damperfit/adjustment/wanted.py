@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from damperfit.adjustment.force_at import MEASURED, MODEL
 from damperfit.tested.setting import ADJUSTER, Setting, lines_of
 from damperfit.units.shown_units import SI
 
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from scipy.interpolate import PchipInterpolator
 
-    from damperfit.adjustment.level import Level
+    from damperfit.adjustment.force_at import Force
     from damperfit.tested.setting import SettingLine
     from damperfit.units.shown_units import ShownUnits
 
@@ -96,6 +97,8 @@ class Wanted:
         Which was looked along.
     held : str
         Where the other adjusters stand, for people; empty where there are none.
+    origin : str
+        Of the forces that it was looked for among.
     """
 
     force: float
@@ -106,6 +109,7 @@ class Wanted:
     hardest: tuple[Setting, float]
     adjuster: str = ADJUSTER
     held: str = ""
+    origin: str = MODEL
 
     @property
     def sentence(self) -> str:
@@ -116,6 +120,8 @@ class Wanted:
         """Return the sentence with forces and speeds in the units that people want."""
         wanted = units.write(self.force, "N", ".5g")
         asked = f"{wanted} in {self.stroke} at {units.write_speed(self.speed)}"
+        if self.origin == MEASURED:
+            asked += ", as measured"
         if self.held:
             asked += f", along {self.adjuster} with {self.held}"
         if not self.answers:
@@ -176,7 +182,7 @@ class _Stop:
     """A level and its place on the line of settings that is looked along."""
 
     at: float
-    level: Level
+    level: Force
 
     @property
     def force(self) -> float:
@@ -189,13 +195,13 @@ class _Stop:
 
 
 def which_setting(
-    found: Sequence[Level], force: float, *, line: SettingLine | None = None
+    found: Sequence[Force], force: float, *, line: SettingLine | None = None
 ) -> Wanted:
     """Return the settings at which a force is reached.
 
     Parameters
     ----------
-    found : sequence of Level
+    found : sequence of Force
         One speed and stroke.
     force : float
         N, positive in rebound.
@@ -224,6 +230,7 @@ def which_setting(
         hardest=(ordered[hardest].level.setting, ordered[hardest].force),
         adjuster=along.adjuster,
         held=along.held,
+        origin=found[0].origin,
     )
 
 

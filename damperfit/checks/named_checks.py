@@ -11,7 +11,7 @@ from collections import defaultdict
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from damperfit.adjustment import in_few_words
+from damperfit.adjustment.trend_words import in_few_words
 from damperfit.checks.physical_checks import PHYSICAL_CHECKS
 from damperfit.identification import Status
 from damperfit.identification.sharing import of_runs, of_settings
@@ -21,7 +21,7 @@ from damperfit.uncertainty.withheld import doubted_cavitation
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
-    from damperfit.adjustment import Adjustment
+    from damperfit.adjustment.across_settings import Adjustment
     from damperfit.identification import Campaign, Fit
     from damperfit.recording import Trace
     from damperfit.tested.setting import Setting

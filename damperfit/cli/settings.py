@@ -88,8 +88,8 @@ def _show(
             [part for one in forces.wanted for part in wrap(one.said_in(units), screen_columns())]
             + [""]
         )
-    rows = rows_in_units(adjustment_rows(forces.levels, forces.clicks), units)
-    print_lines([f"force by setting, {units.say_lengths(adjuster.source)}", ""])
+    rows = rows_in_units(adjustment_rows(forces.forces, forces.clicks), units)
+    print_lines([f"force by setting, {adjuster.source}", ""])
     if question.speed is not None:
         both = question.stroke is None or question.force is not None
         strokes = ("rebound", "bump") if both else (question.stroke or "",)

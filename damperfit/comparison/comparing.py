@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
-from damperfit.adjustment import named_speeds
+from damperfit.adjustment.force_at import REPEATS, named_speeds
 from damperfit.comparison.circumstances import (
     Circumstance,
     circumstances,
@@ -42,7 +43,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
 
-    from damperfit.adjustment import Sine
+    from damperfit.adjustment.motions import Sine
     from damperfit.comparison.run import ComparedRun, FittedRun
     from damperfit.errors import Mishap
     from damperfit.tested.setting import Setting
@@ -50,7 +51,7 @@ if TYPE_CHECKING:
 
 __all__ = ["ComparisonOptions", "RunComparison", "compare_runs"]
 
-_EACH = "the motion of each test"
+_EACH, _CONSTANT = "the motion of each test", "constant speed"
 _FEW_REPEATS = 3  # fewer tell little of a scatter
 _Tables = tuple[dict[Topic, Reading], ...]
 
@@ -62,7 +63,7 @@ class ComparisonOptions:
     Attributes
     ----------
     sine : Sine or None
-        The motion at which forces are given; None: the tests' own.
+        Whose peak speed the named test speeds go up to; None: the slower test's.
     speeds : tuple of float
         m/s, positive; none: the named test speeds.
     is_measured : bool
@@ -212,11 +213,9 @@ def compare_runs(
         parameters: _Tables = tuple({} for _ in runs)
         of_figures: Iterator[Difference] = iter(())
     else:
-        sine, motion = _motion(runs, options)
-        speeds = _speeds(sine, options)
-        forces = force_readings(
-            runs, settings, sine, speeds=speeds, jobs=options.jobs, on_error=take
-        )
+        motion = _CONSTANT
+        speeds = _speeds(fitted, options)
+        forces = force_readings(runs, settings, speeds=speeds, on_error=take)
         measured = measured_readings(runs, settings, kind="measured")
         parameters = parameter_readings(fitted, settings)
         is_same = _is_one_test(fitted)
@@ -245,6 +244,7 @@ def compare_runs(
         notes=(
             *_on_repeats(repeats),
             *_not_compared(settings, lines),
+            *_untested(fitted, lines, options.units),
             *_notes(runs, forces, lines, options.units),
         ),
         remarks=tuple(dict.fromkeys(one.message for one in mishaps)),
@@ -292,21 +292,6 @@ def _listed(run: ComparedRun) -> str:
     return of_settings(run.settings) if run.settings else "none"
 
 
-def _motion(runs: Sequence[ComparedRun], options: ComparisonOptions) -> tuple[Sine, str]:
-    """Return the motion of the model's forces: the one asked for, else the slowest of the tests."""
-    if options.sine is not None:
-        sine, whose = options.sine, "a sine"
-    else:
-        sines = [run.fitted.sine for run in runs if run.fitted is not None]
-        sine = min(sines, key=lambda one: one.peak_speed)
-        whose = "the tests' sine"
-        if _is_near(sine, sines[0]):
-            sine = sines[0]
-        if not all(_is_near(one, sine) for one in sines):
-            whose = "the slower test's sine"
-    return sine, f"{whose} of {1e3 * sine.amplitude:.4g} mm at {sine.frequency:.4g} Hz"
-
-
 def _is_near(a: Sine, b: Sine) -> bool:
     ratios = (a.amplitude / b.amplitude, a.frequency / b.frequency)
     return all(abs(ratio - 1.0) <= SAME_MOTION for ratio in ratios)
@@ -317,17 +302,18 @@ def _is_one_test(fitted: Sequence[FittedRun]) -> bool:
     return all(_is_near(one.sine, fitted[0].sine) for one in fitted)
 
 
-def _speeds(sine: Sine, options: ComparisonOptions) -> tuple[float, ...]:
-    speeds = options.speeds or named_speeds(sine)
-    if not speeds or max(speeds) >= sine.peak_speed:
-        at = f"{max(speeds):g} m/s" if speeds else "the named test speeds"
+def _speeds(fitted: Sequence[FittedRun], options: ComparisonOptions) -> tuple[float, ...]:
+    """Return the speeds asked for, else the named ones that the sine or all tests have reached."""
+    if options.speeds:
+        return options.speeds
+    top = min(run.sine.peak_speed for run in fitted)
+    if options.sine is not None:
+        top = options.sine.peak_speed
+    if not (speeds := named_speeds(top)):
         raise ConfigurationError(
-            f"not reached by a sine of {1e3 * sine.amplitude:.4g} mm at "
-            f"{sine.frequency:.4g} Hz, which peaks at {sine.peak_speed:.3g} m/s; give a lower "
-            "--velocity, or a larger --amplitude or --frequency",
-            subject=at,
+            f"none is reached by {top:.3g} m/s; give --velocity", subject="the named test speeds"
         )
-    return tuple(speeds)
+    return speeds
 
 
 def _on_repeats(repeats: Sequence[ComparedRun]) -> Iterator[str]:
@@ -344,6 +330,22 @@ def _not_compared(settings: Sequence[Setting], lines: Sequence[Difference]) -> I
     lost = [one for one in settings if compared and one not in compared]
     if lost:
         yield f"{of_settings(lost)}: no motion is common to both: not compared"
+
+
+def _untested(
+    fitted: Sequence[FittedRun], lines: Sequence[Difference], units: ShownUnits
+) -> Iterator[str]:
+    """Say which forces are at a speed that not every run has tested."""
+    top = min((stage.top_speed for run in fitted for stage in run.stages), default=math.inf)
+    speeds = {line.subject.speed for line in lines if not line.is_measured} - {None}
+    beyond = sorted(speed for speed in speeds if speed and speed > (1.0 + REPEATS) * top)
+    if beyond:
+        listed = ", ".join(units.write_speed(speed) for speed in beyond)
+        reached = units.write_speed(float(f"{top:.3g}"))
+        yield (
+            f"{listed} was never tested (tested: up to {reached}): the forces there are the "
+            "models', extrapolated"
+        )
 
 
 def _notes(

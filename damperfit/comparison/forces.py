@@ -1,4 +1,4 @@
-"""Forces by setting, speed and stroke of fitted runs at one motion, as model or measurement tells.
+"""Forces by setting, speed and stroke of fitted runs, as model or measurement tells.
 
 At a setting where a model misses the measured force of any run by more than it may, the measured
 forces of all are compared, at every speed: a model that misses one is not asked for the next, and a
@@ -11,14 +11,14 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from damperfit.adjustment import STROKES, beside_measured, levels, said_offsets
+from damperfit.adjustment.force_at import STROKES, force_at, said_offsets
 from damperfit.comparison.measured import repeat_scatter
 from damperfit.comparison.reading import Reading, Topic
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from damperfit.adjustment import Level, Sine
+    from damperfit.adjustment.force_at import Force
     from damperfit.comparison.run import ComparedRun, FittedRun
     from damperfit.errors import OnError
     from damperfit.tested.setting import Setting
@@ -31,13 +31,11 @@ _Key = tuple["Setting", float, str]
 def force_readings(
     runs: Sequence[ComparedRun],
     settings: Sequence[Setting],
-    sine: Sine,
     *,
     speeds: Sequence[float],
-    jobs: int = 1,
     on_error: OnError | None = None,
 ) -> tuple[dict[Topic, Reading], ...]:
-    """Return the forces of each run at one motion.
+    """Return the forces of each run at some speeds.
 
     Parameters
     ----------
@@ -45,22 +43,16 @@ def force_readings(
         All of them fitted.
     settings : sequence of Setting
         That all have.
-    sine : Sine
-        The motion.
     speeds : sequence of float
-        m/s, below its peak.
-    jobs : int
-        Threads.
+        m/s.
     on_error : callable, optional
         Told of a setting and the error that it met; without it such an error is raised.
     """
     bare = _known_tares(runs, settings)
     tables = [
         {
-            key: level if key[0] in bare else level.whole
-            for key, level in _levels(
-                run, settings, sine, speeds=speeds, jobs=jobs, on_error=on_error
-            ).items()
+            key: one if key[0] in bare else one.with_tare
+            for key, one in _forces(run, settings, speeds=speeds, on_error=on_error).items()
         }
         for run in runs
     ]
@@ -69,7 +61,7 @@ def force_readings(
     missed = {
         key
         for key in common
-        if key[0] in doubted and all(math.isfinite(table[key].measured) for table in tables)
+        if key[0] in doubted and all(table[key].measured is not None for table in tables)
     }
     found = []
     for run, table in zip(runs, tables, strict=True):
@@ -77,7 +69,7 @@ def force_readings(
         found.append(
             {
                 Topic("force", "force", "force", "N", *key): _reading(
-                    run, table[key].as_measured if key in missed else table[key], scatter
+                    run, table[key].as_read if key in missed else table[key], scatter
                 )
                 for key in common
             }
@@ -121,32 +113,25 @@ def _knows_gas(run: ComparedRun) -> bool:
     return _fitted(run).damper.rest_force(0.0) is not None
 
 
-def _levels(
+def _forces(
     run: ComparedRun,
     settings: Sequence[Setting],
-    sine: Sine,
     *,
     speeds: Sequence[float],
-    jobs: int,
     on_error: OnError | None,
-) -> dict[_Key, Level]:
+) -> dict[_Key, Force]:
     fitted = _fitted(run)
-    wanted = set(settings)
-    found = levels(
-        [stage for stage in fitted.stages if stage.setting in wanted],
+    stages = {stage.setting: stage for stage in fitted.stages}
+    found = force_at(
+        [stages[setting] for setting in settings if setting in stages],
         fitted.damper,
-        sine,
-        speeds=speeds,
-        solver=fitted.solver,
-        jobs=jobs,
+        speeds,
+        measured=fitted.forces,
         on_error=on_error,
     )
     by_place = {(one.setting, one.speed, one.stroke): one for one in found}
     order = [(a, b, c) for a in settings for b in speeds for c in STROKES]
-    beside = beside_measured(
-        [by_place[key] for key in order if key in by_place], fitted.forces, sine
-    )
-    return {(one.setting, one.speed, one.stroke): one for one in beside}
+    return {key: by_place[key] for key in order if key in by_place}
 
 
 def _fitted(run: ComparedRun) -> FittedRun:
@@ -154,10 +139,9 @@ def _fitted(run: ComparedRun) -> FittedRun:
     return run.fitted
 
 
-def _reading(run: ComparedRun, level: Level, scatter: tuple[float, float]) -> Reading:
+def _reading(run: ComparedRun, level: Force, scatter: tuple[float, float]) -> Reading:
     fitted = _fitted(run)
-    rest = fitted.damper.rest_force(0.0)
-    damping = level.force - (0.0 if rest is None else float(rest))
+    damping = level.force - (0.0 if math.isnan(level.gas) else level.gas)
     share, freedom = scatter
     n_logs = fitted.rows[level.setting].get("n_logs") or 1
     return Reading(

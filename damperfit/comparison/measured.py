@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.special import chdtri
 
-from damperfit.adjustment import STROKES
+from damperfit.adjustment.force_at import STROKES
 from damperfit.comparison.reading import Reading, Topic
 from damperfit.comparison.run import MeasuredTest, same_motion
 from damperfit.simulation import NAMED_SPEEDS

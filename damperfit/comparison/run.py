@@ -13,7 +13,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from damperfit.adjustment import Sine, Stage
+    from damperfit.adjustment.motions import Sine
+    from damperfit.adjustment.stage import Stage
     from damperfit.damper.model import Model
     from damperfit.damper.quantity import Quantity
     from damperfit.simulation import SolverOptions

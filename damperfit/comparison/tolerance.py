@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from io import StringIO
 from typing import TYPE_CHECKING
 
-from damperfit.adjustment import STROKES
+from damperfit.adjustment.force_at import REPEATS, STROKES
 from damperfit.comparison.forces import force_readings
 from damperfit.comparison.measured import measured_readings
 from damperfit.comparison.reading import half_interval
@@ -299,11 +299,11 @@ def _forces(
     if options.is_measured or run.fitted is None:
         (table,) = measured_readings((run,), run.settings, speeds=speeds)
     else:
-        sine = options.sine or run.fitted.sine
-        reached = [speed for speed in speeds if speed < sine.peak_speed - _NEAR]
+        top = (options.sine or run.fitted.sine).peak_speed
+        reached = [speed for speed in speeds if speed <= (1.0 + REPEATS) * top]
         table = {}
         if reached:
-            (table,) = force_readings((run,), run.settings, sine, speeds=reached, jobs=options.jobs)
+            (table,) = force_readings((run,), run.settings, speeds=reached)
     return {
         (one.setting, one.speed, one.stroke): reading
         for one, reading in table.items()

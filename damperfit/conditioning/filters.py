@@ -54,6 +54,7 @@ __all__ = [
     "behind_filter",
     "complete_causal",
     "completed",
+    "corner_of",
     "design_filter",
     "differentiate",
     "fading_samples",
@@ -191,6 +192,17 @@ def gain_at(design: FilterDesign, frequency: float, *, sample_rate: float) -> fl
     z = np.exp(-2j * np.pi * frequency / sample_rate * np.arange(3))
     one_pass = np.prod(np.abs(design.sections[:, :3] @ z) / np.abs(design.sections[:, 3:] @ z))
     return float(one_pass**2 if design.is_zero_phase else one_pass)
+
+
+def corner_of(design: FilterDesign, *, sample_rate: float) -> float:
+    """Return where a sine's power is halved, both passes counted, Hz; infinite where nothing is."""
+    if not len(design.sections):
+        return math.inf
+    frequencies = np.geomspace(1e-4, 0.5, 200) * sample_rate
+    z = np.exp(-2j * np.pi * np.outer(np.arange(3), frequencies) / sample_rate)
+    gains = np.abs(np.prod((design.sections[:, :3] @ z) / (design.sections[:, 3:] @ z), axis=0))
+    falls = np.flatnonzero((gains**2 if design.is_zero_phase else gains) < math.sqrt(0.5))
+    return float(frequencies[falls[0]]) if len(falls) else math.inf
 
 
 def settling_samples(design: FilterDesign) -> int:

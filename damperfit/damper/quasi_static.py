@@ -102,7 +102,8 @@ def ideal_values(damper: Model, values: Values, *, with_tare: bool = False) -> V
     """
     values = _as_declared(damper, values)
     keeps = with_tare or damper.rest_force(0.0) is None
-    changes = {one.name: one.ideal for one in values.quantities if one.ideal is not None}
+    # By the damper's: results of before quantities had an ideal value do not tell theirs.
+    changes = {one.name: one.ideal for one in damper.quantities if one.ideal is not None}
     offsets = {one.name: 0.0 for one in values.quantities if one.is_offset and not keeps}
     return values.replace(changes | offsets)
 
@@ -157,7 +158,7 @@ def quasi_static(
     values = _as_declared(damper, values)
     ideal = ideal_values(damper, values, with_tare=with_tare)
     gas = damper.rest_force(displacement)
-    is_out = {one.name for one in values.quantities if one.ideal is not None}
+    is_out = {one.name for one in damper.quantities if one.ideal is not None}
     if gas is not None and not with_tare:
         is_out |= {one.name for one in values.quantities if one.is_offset}
     seals = [one.name for one in values.quantities if one.role == FRICTION]

@@ -121,6 +121,10 @@ class SettledCycle:
         rows *= self.factor
         return rows
 
+    def taken_by_filter(self, signal: FloatArray) -> FloatArray:
+        """Return what the filter takes off a signal of a response in the compared cycle, (n,)."""
+        return np.asarray(signal[-len(self.force) :] - self._filtered([signal])[0])
+
     def over(self, stretch: Stretch, signals: Sequence[FloatArray]) -> FloatArray:
         """Return signals of a response, behind the filter, at the samples of the stretch: (k, n).
 

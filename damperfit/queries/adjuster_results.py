@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from damperfit.adjustment import Sine, Stage
+from damperfit.adjustment.motions import Sine
 from damperfit.damper.warmed import Warmed
 from damperfit.errors import ConfigurationError
 from damperfit.results import Run
@@ -16,6 +16,7 @@ from damperfit.units.quantities import parse_quantity
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from damperfit.adjustment.stage import Stage
     from damperfit.damper.model import Model
     from damperfit.simulation import SolverOptions
     from damperfit.uncertainty import SpeedForces
@@ -34,9 +35,9 @@ class AdjusterResults:
     damper : Model
         Geometry, oil and gas of the run.
     sine : Sine
-        The test's own motion, or the one asked for.
+        The test's own motion, or the one asked for: the named speeds go up to its peak.
     source : str
-        Where the motion comes from, for people.
+        At what forces are given, for people.
     solver : SolverOptions
         How exactly to integrate.
     remarks : tuple of str
@@ -100,9 +101,22 @@ def adjuster_of(
         )
     damper = run.damper
     own = run.motion_of_tests if amplitude and frequency else run.motion
-    sine, source = _motion(own, amplitude, frequency)
+    sine = _motion(own, amplitude, frequency)
+    notes = list(run.notes)
+    if sine is not own:
+        outside = run.tested.outside
+        beyond = list(
+            outside(amplitude=sine.amplitude, frequency=sine.frequency, speed=sine.peak_speed)
+        )
+        if beyond:
+            notes.append(f"never tested: {', '.join(beyond)}")
+        notes.append(
+            f"the sine of {1e3 * sine.amplitude:.4g} mm at {sine.frequency:.4g} Hz says which "
+            "speeds are shown; the forces are those at constant speed, whatever the stroke"
+        )
+    source = "at constant speed"
     if isinstance(damper, Warmed):
-        source += f", at {damper.oil_temperature:g} degC"
+        source += f" and {damper.oil_temperature:g} degC"
     refuse_amplitude(sine.amplitude, damper.travel)
     return AdjusterResults(
         run.settings,
@@ -112,22 +126,19 @@ def adjuster_of(
         run.solver,
         (*run.remarks, *run.remarks_on_errors),
         run.speed_forces,
-        run.notes,
+        tuple(notes),
     )
 
 
-def _motion(own: Sine | None, amplitude: str | None, frequency: str | None) -> tuple[Sine, str]:
+def _motion(own: Sine | None, amplitude: str | None, frequency: str | None) -> Sine:
     """Return the motion asked for, else the test's own."""
     size = parse_quantity(amplitude, "length", option="--amplitude") if amplitude else None
     rate = parse_quantity(frequency, "frequency", option="--frequency") if frequency else None
     for option, value in (("--amplitude", size), ("--frequency", rate)):
         if value is not None and value <= 0.0:
             raise ConfigurationError(f"{option} {value:g}: expected more than 0")
+    if own is not None and size is None and rate is None:
+        return own
     a = size if size is not None else own.amplitude if own else math.nan
     f = rate if rate is not None else own.frequency if own else math.nan
-    sine = f"sine of {1e3 * a:.4g} mm at {f:.4g} Hz"
-    if size is not None or rate is not None:
-        return Sine(a, f), f"a {sine}"
-    if own is not None and not own.was_run:
-        return Sine(a, f), f"a {sine}, the stroke and highest speed of the test"
-    return Sine(a, f), f"the test's {sine}"
+    return Sine(a, f)

@@ -13,7 +13,7 @@ from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.identification import unlimited_in, values_from_others
 from damperfit.problem import Option
 from damperfit.report.facts import listed_names
-from damperfit.results import Run
+from damperfit.results import Run, Tested
 from damperfit.store import settle
 from damperfit.tables import table_quantities
 from damperfit.tables.reading import is_part, part_in
@@ -27,8 +27,6 @@ if TYPE_CHECKING:
 
 __all__ = ["ChosenParameters", "choose_parameters", "table_meant"]
 
-# Rigs repeat a speed to a per cent or two.
-_BEYOND = 1.05
 _WARMER = 1.0  # K; so much a log drifts by itself
 _TABLES = ("parameters.parquet", "parameters.csv")
 
@@ -51,10 +49,8 @@ class ChosenParameters:
         Those to which the logs of their setting set no upper limit.
     is_combined : bool
         No log of the setting was fitted: they come from other settings with its clicks.
-    tested_speed : float or None
-        Peak speed that the logs of the run reach, m/s; None: not known.
-    temperatures : tuple of float or None
-        Coldest and warmest of these logs, degrees Celsius.
+    tested : Tested
+        What the logs of the run covered.
     """
 
     parameters: Values
@@ -63,20 +59,24 @@ class ChosenParameters:
     table: Path | None = None
     unlimited: tuple[str, ...] = ()
     is_combined: bool = False
-    tested_speed: float | None = None
-    temperatures: tuple[float, float] | None = None
+    tested: Tested = Tested()
 
-    def warnings(self, peak_speed: float, temperature: float | None = None) -> tuple[str, ...]:
-        """Return what to know before believing a force at so many m/s and degrees Celsius."""
-        is_beyond = self.tested_speed is not None and peak_speed > _BEYOND * self.tested_speed
+    def warnings(
+        self,
+        peak_speed: float,
+        temperature: float | None = None,
+        *,
+        amplitude: float | None = None,
+        frequency: float | None = None,
+    ) -> tuple[str, ...]:
+        """Return what to know before believing a force on such a motion (SI) at so many degC."""
         said, names = [], listed_names(self.unlimited)
-        if is_beyond:
-            said.append(
-                f"peak speed {peak_speed:.3g} m/s: the tests reach {self.tested_speed:.3g} m/s; "
-                "beyond that the force is extrapolated"
-            )
-        if temperature is not None and self.temperatures is not None:
-            low, high = self.temperatures
+        outside = self.tested.outside
+        is_beyond = any(outside(speed=peak_speed))
+        if beyond := list(outside(amplitude=amplitude, frequency=frequency, speed=peak_speed)):
+            said.append(f"never tested: {', '.join(beyond)}; there the force is extrapolated")
+        if temperature is not None and self.tested.temperatures is not None:
+            low, high = self.tested.temperatures
             if temperature < low - _WARMER or temperature > high + _WARMER:
                 said.append(
                     f"{temperature:.3g} degC: the tests were at {low:.3g} to {high:.3g} degC; "
@@ -172,8 +172,7 @@ def choose_parameters(
             names = frozenset(unlimited_in(together, known, unlimited))
         left = tuple(name for name in parameters.names if name in names and name not in values)
         found = ChosenParameters(
-            parameters, chosen, "", path, left, together is not None, run.tested.speed,
-            run.tested.temperatures,
+            parameters, chosen, "", path, left, together is not None, run.tested
         )  # fmt: skip
         source = f"setting {chosen} of {path}"
         if together is not None:

@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from damperfit.adjustment import Sine
+from damperfit.adjustment.motions import Sine
 from damperfit.comparison import (
     ComparisonOptions,
     RunComparison,

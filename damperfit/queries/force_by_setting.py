@@ -5,18 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from damperfit.adjustment import (
+from damperfit.adjustment.click_changes import Click, clicks
+from damperfit.adjustment.force_at import (
     STROKES,
-    Click,
-    Level,
-    Wanted,
-    beside_measured,
-    clicks,
+    Force,
     credible_forces,
-    levels,
+    determined_speed,
+    force_at,
     named_speeds,
-    which_setting,
 )
+from damperfit.adjustment.wanted import Wanted, which_setting
 from damperfit.errors import ConfigurationError, Mishap, mishap_of
 from damperfit.identification.sharing import of_settings
 from damperfit.problem import Option
@@ -28,6 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from damperfit.queries.adjuster_results import AdjusterResults
+    from damperfit.tested.setting import SettingLine
 
 __all__ = ["ForcesBySetting", "Question", "parse_question", "tabulate_forces"]
 
@@ -57,8 +56,8 @@ class ForcesBySetting:
 
     Attributes
     ----------
-    levels : tuple of Level
-        By setting, speed and stroke.
+    forces : tuple of Force
+        By setting, speed and stroke: of one origin at a speed and stroke.
     clicks : tuple of Click
         Between neighbouring settings.
     wanted : tuple of Wanted
@@ -71,7 +70,7 @@ class ForcesBySetting:
         What a reader must know of the forces; nothing is missing.
     """
 
-    levels: tuple[Level, ...]
+    forces: tuple[Force, ...]
     clicks: tuple[Click, ...]
     wanted: tuple[Wanted, ...]
     remarks: tuple[str, ...]
@@ -125,46 +124,35 @@ def parse_question(
     return Question(abs(speed), -abs(wanted) if stroke == "bump" else wanted, stroke)
 
 
-def tabulate_forces(
-    adjuster: AdjusterResults, question: Question, *, jobs: int = 1
-) -> ForcesBySetting:
+def tabulate_forces(adjuster: AdjusterResults, question: Question) -> ForcesBySetting:
     """Return forces and clicks of an adjuster, and where a wanted force is found.
 
     Raises
     ------
     ConfigurationError
-        The motion does not reach the speed, or there are not two settings to look between.
+        No named speed is reached, or there are not two settings to look between.
     """
-    sine = adjuster.sine
-    speeds = named_speeds(sine) if question.speed is None else (question.speed,)
-    if not speeds or max(speeds) >= sine.peak_speed:
-        at = f"{question.speed:g} m/s" if question.speed else "the named test speeds"
+    speeds = named_speeds(adjuster.sine.peak_speed) if question.speed is None else (question.speed,)
+    if not speeds:
         raise ConfigurationError(
-            f"not reached by {adjuster.source}, which peaks at {sine.peak_speed:.3g} m/s; "
-            "give a lower --velocity, or a larger --amplitude or --frequency",
-            subject=at,
+            f"none is reached by {adjuster.sine.peak_speed:.3g} m/s; give --velocity, or a larger "
+            "--amplitude or --frequency",
+            subject="the named test speeds",
         )
     mishaps: dict[Setting, Mishap] = {}
 
     def take(setting: Setting, error: Exception) -> None:
         mishaps[setting] = mishap_of(error, f"simulating setting {setting}")
 
-    modelled = levels(
-        adjuster.stages,
-        adjuster.damper,
-        sine,
-        speeds=speeds,
-        solver=adjuster.solver,
-        jobs=jobs,
-        on_error=take,
+    found = force_at(
+        adjuster.stages, adjuster.damper, speeds, measured=adjuster.forces, on_error=take
     )
-    found = beside_measured(modelled, adjuster.forces, sine)
-    credible = credible_forces(found)
-    done = {level.setting for level in found}
+    told = credible_forces(found)
+    done = {one.setting for one in found}
     remarks = tuple(
         mishaps[stage.setting].message
         if stage.setting in mishaps
-        else f"setting {stage.setting} cannot be simulated at {adjuster.source}"
+        else f"setting {stage.setting} cannot be simulated {adjuster.source}"
         for stage in adjuster.stages
         if stage.setting not in done
     )
@@ -174,44 +162,88 @@ def tabulate_forces(
             raise ConfigurationError(
                 "one setting is not enough to find which gives a force; fit more logs"
             )
-        mine = [level for level in credible if level.stroke == question.stroke]
+        mine = [one for one in told if one.stroke == question.stroke]
         lines = [line for line in lines_of(done) if len(line.settings) > 1]
         if not lines:
             raise ConfigurationError(
                 "no two settings differ in the clicks of one adjuster alone; --velocity without "
                 "--force shows the forces of all"
             )
-        wanted = tuple(which_setting(mine, question.force, line=line) for line in lines)
-    changes = clicks(credible, adjuster.damper)
+        wanted = tuple(_answer(mine, question.force, line) for line in lines)
     notes = (
         *adjuster.notes,
         *notes_on_settings(adjuster.damper, adjuster.stages),
-        *_cavitation_notes(adjuster, found),
-        *_measured_notes(credible),
+        *_untested_notes(adjuster, told),
+        *_cavitation_notes(found),
+        *_measured_notes(told),
     )
     traces = tuple(mishaps[setting].trace for setting in sorted(mishaps))
-    return ForcesBySetting(found, changes, wanted, remarks, notes, traces)
+    return ForcesBySetting(told, clicks(told), wanted, remarks, notes, traces)
 
 
-def _cavitation_notes(adjuster: AdjusterResults, found: Sequence[Level]) -> Iterator[str]:
-    """Say at which settings the damper cavitates on the motion that was asked for."""
-    settings = {level.setting for level in found if level.is_cavitating}
-    if settings:
+def _answer(forces: Sequence[Force], wanted: float, line: SettingLine) -> Wanted:
+    """Return the answer on the forces that are told; where they miss it, on the measured ones."""
+    answer = which_setting(forces, wanted, line=line)
+    measured = [one.as_measured for one in forces if one.measured is not None]
+    has_line = sum(one.setting in line.numbers for one in measured) > 1
+    if not answer.answers and has_line:
+        as_measured = which_setting(measured, wanted, line=line)
+        return as_measured if as_measured.answers else answer
+    return answer
+
+
+def _untested_notes(adjuster: AdjusterResults, told: Sequence[Force]) -> Iterator[str]:
+    """Say which speeds no test of a setting has reached, and what the logs leave open there."""
+    untested = {one.setting: one.speed for one in told if not one.is_tested}
+    if not untested:
+        return
+    stages = [stage for stage in adjuster.stages if stage.setting in untested]
+    top = min(stage.top_speed for stage in stages)
+    yield (
+        f"{max(untested.values()):g} m/s was never tested at {of_settings(untested)} (tested: up "
+        f"to {top:.3g} m/s): the force there is the model's, extrapolated"
+    )
+    loose = [one.setting for one in told if not (one.is_tested or one.is_determined)]
+    if loose:
+        reached = min(determined_speed(stage, adjuster.damper) for stage in stages)
         yield (
-            f"a chamber cavitates at {adjuster.source} at {of_settings(settings)}: "
-            "the forces there are the model's with an empty chamber"
+            f"the logs do not determine the force there at {of_settings(dict.fromkeys(loose))}: "
+            f"within 5 % it is known up to {reached:.3g} m/s; the intervals are what is left open"
         )
 
 
-def _measured_notes(found: Sequence[Level]) -> Iterator[str]:
-    """Say where measured forces are shown in place of the model's, and by how much it misses."""
-    missed = [level for level in found if level.is_measured and level.disagrees]
+def _cavitation_notes(found: Sequence[Force]) -> Iterator[str]:
+    """Say at which settings and from which speed on the damper cavitates."""
+    empty = [one for one in found if one.is_cavitating]
+    if empty:
+        settings = dict.fromkeys(one.setting for one in empty)
+        yield (
+            f"a chamber cavitates from {min(one.speed for one in empty):g} m/s on at "
+            f"{of_settings(settings)}: the forces there are the model's with an empty chamber"
+        )
+
+
+def _measured_notes(told: Sequence[Force]) -> Iterator[str]:
+    """Say where measured forces are given in place of the model's, and where peaks differ."""
+    missed = [one for one in told if one.is_measured and one.disagrees]
     if missed:
-        worst = max(missed, key=lambda level: abs(level.difference / level.measured))
-        share = 100.0 * abs(worst.difference / worst.measured)
-        where = of_settings(dict.fromkeys(level.setting for level in missed))
+        worst = max(missed, key=lambda one: abs(one.difference / one.measured_force))
+        share = 100.0 * abs(worst.difference / worst.measured_force)
+        where = of_settings(dict.fromkeys(one.setting for one in missed))
         yield (
             f"the model misses measured forces at {where}, most by {share:.2g} % at "
-            f"{worst.speed:g} m/s in {worst.stroke} (setting {worst.setting}): measured forces, "
-            "the mean of all compared cycles, are given at those speeds"
+            f"{worst.speed:g} m/s in {worst.stroke} (setting {worst.setting}): measured forces "
+            "are given at those speeds"
+        )
+    peaks = [
+        (abs(seen.peak - seen.force), seen, one)
+        for one in told
+        if (seen := one.measured) is not None and seen.peak_differs
+    ]
+    if peaks:
+        _, seen, one = max(peaks, key=lambda peak: peak[0])
+        yield (
+            f"the largest force of a segment is not that at its peak speed, most at setting "
+            f"{one.setting} in {one.stroke} at {one.speed:g} m/s: {seen.peak:.4g} N for "
+            f"{seen.force:.4g} N; measured forces are those at the peak speed"
         )

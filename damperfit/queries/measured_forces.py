@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from damperfit.adjustment import STROKES
+from damperfit.adjustment.force_at import STROKES
 from damperfit.errors import ConfigurationError
 from damperfit.io import ForceCurve, read_curves
 from damperfit.simulation import NAMED_SPEEDS

@@ -85,7 +85,12 @@ class SimulatedTest:
     def warnings(self) -> tuple[str, ...]:
         """What to know before believing the figures, a sentence each."""
         fastest = float(np.max(np.abs(self.response.velocity)))
-        said = list(self.choice.warnings(fastest, self.temperature))
+        amplitude = 0.5 * float(np.ptp(self.response.displacement))
+        said = list(
+            self.choice.warnings(
+                fastest, self.temperature, amplitude=amplitude, frequency=self.frequency
+            )
+        )
         if self.samples_a_cycle < _FEW_SAMPLES:
             said.append(
                 f"{self.samples_a_cycle:.3g} samples a cycle: peaks, hysteresis and forces at a "

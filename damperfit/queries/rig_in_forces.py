@@ -4,25 +4,26 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from damperfit.adjustment import offset_sentence
+from damperfit.adjustment.force_at import offset_sentence
 from damperfit.damper.quantity import RIG
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from damperfit.adjustment import Stage
+    from damperfit.adjustment.stage import Stage
     from damperfit.damper.model import Model, Values
 
 __all__ = ["notes_on_settings", "notes_on_simulation"]
 
 
 def notes_on_settings(damper: Model, stages: Sequence[Stage]) -> Iterator[str]:
-    """Yield what of the rig is in forces by setting, and that its offset is not."""
+    """Yield what of the rig is left out of forces by setting."""
     holds_gas = damper.rest_force(0.0) is None
     if said := offset_sentence([stage.offset for stage in stages], holds_gas=holds_gas):
         yield said
-    if stages:
-        yield from _on_rig(_mounting(stages[0].parameters))
+    if stages and (parts := _mounting(stages[0].parameters)):
+        listed, verb = _listed(parts)
+        yield f"the rig's {listed} {verb} in measured forces, not in the model's"
 
 
 def notes_on_simulation(damper: Model, values: Values) -> Iterator[str]:
@@ -42,9 +43,13 @@ def _mounting(values: Values) -> list[str]:
 def _on_rig(parts: Sequence[str]) -> Iterator[str]:
     if not parts:
         return
-    *before, last = parts
-    listed = f"{', '.join(before)} and {last}" if before else last
+    listed, verb = _listed(parts)
     yield (
-        f"the rig's {listed} {'are' if before else 'is'} in these forces; what damperfit export "
-        "writes is of the damper alone"
+        f"the rig's {listed} {verb} in these forces; what damperfit settings shows and damperfit "
+        "export writes is of the damper alone"
     )
+
+
+def _listed(parts: Sequence[str]) -> tuple[str, str]:
+    *before, last = parts
+    return (f"{', '.join(before)} and {last}", "are") if before else (last, "is")

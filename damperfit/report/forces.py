@@ -13,7 +13,6 @@ from damperfit.report.inspection import MANY_ROWS
 from damperfit.report.rounding import NOTHING, number, percent, stroke_ratio, with_interval
 from damperfit.report.sheet import Sheet
 from damperfit.report.tables import BLOCK_LEVELS, sparkline
-from damperfit.statistics import NORMAL_95
 from damperfit.tested.setting import Setting, clicks_between, lines_of
 
 if TYPE_CHECKING:
@@ -152,13 +151,9 @@ def _force_and_click(row: Row) -> tuple[str, str, str]:
 
 
 def _force(row: Row, *, has_error: bool = True) -> str:
-    """Return the force to show: the model's, or as measured where the model misses it."""
+    """Return the force, marked where it was measured."""
     limits = [row.get(name) for name in ("force_N", "force_ci_low_N", "force_ci_high_N")]
-    mark = ""
-    if row.get("told_from") == "measured":
-        force, error, mark = row["measured_N"], row.get("measured_se_N"), "*"
-        reach = None if error is None else NORMAL_95 * error
-        limits = [force, *(None if reach is None else force + s * reach for s in (-1.0, 1.0))]
+    mark = "*" if row.get("origin") == "measured" else ""
     if has_error:
         return with_interval(*limits, digits=4) + mark
     return number(limits[0], digits=4) + mark
@@ -208,7 +203,7 @@ def _notes_on_clicks(places: Places) -> tuple[str, ...]:
 
 
 def _marks(rows: Iterable[Row]) -> tuple[str, ...]:
-    return (_AS_MEASURED,) if any(row.get("told_from") == "measured" for row in rows) else ()
+    return (_AS_MEASURED,) if any(row.get("origin") == "measured" for row in rows) else ()
 
 
 def measured_force_sheet(rows: Sequence[Row]) -> Sheet:
@@ -225,7 +220,7 @@ def measured_force_sheet(rows: Sequence[Row]) -> Sheet:
     table = {(row["setting"], row["speed_m_per_s"], row["stroke"]): row for row in known}
     fastest = max((row["speed_m_per_s"] for row in known), default=0.0)
     missed = {
-        (row["setting"], row["speed_m_per_s"]) for row in known if row["told_from"] == "measured"
+        (row["setting"], row["speed_m_per_s"]) for row in known if row.get("origin") == "measured"
     }
     places = sorted(
         {(a, b) for a, b, _ in table if b == fastest or (a, b) in missed},
@@ -236,7 +231,7 @@ def measured_force_sheet(rows: Sequence[Row]) -> Sheet:
         if not row:
             return (NOTHING,) * 3
         measured, difference = row["measured_N"], row["difference_N"]
-        mark = "*" if row["told_from"] == "measured" else ""
+        mark = "*" if row.get("origin") == "measured" else ""
         modelled = number(measured - difference, digits=4)
         return number(measured, digits=4) + mark, modelled, f"{difference:+.1f}"
 

@@ -12,7 +12,8 @@ from functools import cache
 from types import NoneType, UnionType
 from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_origin, get_type_hints
 
-from damperfit.adjustment import Click, Trend
+from damperfit.adjustment.click_changes import Click
+from damperfit.adjustment.trends import Trend
 from damperfit.checks import Check
 from damperfit.recording import Finding
 from damperfit.report.facts import Failure

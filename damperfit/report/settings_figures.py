@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from damperfit.adjustment import Trend
+    from damperfit.adjustment.trends import Trend
     from damperfit.damper.quantity import Quantity
     from damperfit.results import Run
 

@@ -9,7 +9,7 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from damperfit.adjustment import Adjustment, compare_settings
+from damperfit.adjustment.across_settings import Adjustment, compare_settings
 from damperfit.checks import Subject, run_checks, unchecked
 from damperfit.damper.valve_dampers import ValveDamper
 from damperfit.errors import Mishap
@@ -116,18 +116,11 @@ def judge(
     jobs : int
         Threads.
     """
-    damper, solver = configuration.damper, configuration.identification.solver
+    damper = configuration.damper
     judged = reconsider(campaign, assessment)
     adjustment = mishaps.spared(
         "comparing the settings",
-        lambda: compare_settings(
-            judged,
-            assessment,
-            damper,
-            solver=solver,
-            jobs=jobs,
-            on_error=mishaps.at_setting(_TASK),
-        ),
+        lambda: compare_settings(judged, assessment, damper, on_error=mishaps.at_setting(_TASK)),
         Adjustment(),
     )
     predictions = _predicted(configuration, parted, judged, assessment, mishaps, jobs=jobs)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from damperfit import __version__
-from damperfit.adjustment import Adjustment
+from damperfit.adjustment.across_settings import Adjustment
 from damperfit.checks import Check, missed_gates
 from damperfit.damper.cavitation import describe_cavitation
 from damperfit.identification import Outcome, Status, describe_searches
@@ -280,16 +280,13 @@ def _stretches(fit: Fit) -> Iterator[dict[str, Any]]:
 
 
 def _across(adjustment: Adjustment, campaign: Campaign) -> dict[str, Any]:
-    """Return trends, and the changes of force by click at the sine that stands for the tests."""
+    """Return trends, and the changes of force by click."""
     units = {one.name: one.unit for one in campaign.quantities}
-    sine = adjustment.sine
-    motion = {} if sine is None else {"amplitude_m": sine.amplitude, "frequency_Hz": sine.frequency}
     return {
         "trends": [
             {**to_record(trend), "unit": units[trend.parameter]} for trend in adjustment.trends
         ],
         "clicks": [to_record(click) for click in adjustment.clicks],
-        "clicks_motion": motion,
     }
 
 

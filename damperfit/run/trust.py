@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from damperfit.identification import Status
 from damperfit.identification.sharing import of_settings
 from damperfit.report.records import to_record
@@ -81,6 +83,7 @@ def _trust(campaign: Campaign, assessment: Assessment) -> Iterator[dict[str, Any
             "parameters": list(known.names),
             "shared": list(known.shared),
             "correlation": known.correlation.tolist(),
+            "errors": np.sqrt(np.diag(known.covariance)).tolist(),
             "jackknife_over_sandwich": {
                 name: interval.cycle_ratio for name, interval in known.intervals.items()
             },

@@ -19,8 +19,8 @@ __all__ = ["PAPER_QUANTITIES", "quantities_in", "quantity_records", "values_from
 
 # Older results do not tell theirs: they are the paper's.
 PAPER_QUANTITIES = PURDY_DAMPER.quantities
-# Nor does what was written before quantities had a role.
-_ROLES = {one.label: one.role for one in PAPER_QUANTITIES}
+# Nor does what was written before quantities had a role and an ideal value.
+_LATER = {one.label: {"role": one.role, "ideal": one.ideal} for one in PAPER_QUANTITIES}
 
 
 def quantity_records(quantities: Sequence[Quantity]) -> list[dict[str, Any]]:
@@ -64,8 +64,7 @@ def quantities_in(facts: Mapping[str, Any], columns: Sequence[str] = ()) -> tupl
 def _quantity(record: Mapping[str, Any]) -> Quantity:
     known = {one.name: record[one.name] for one in fields(Quantity) if one.name in record}
     ranges = {key: _range(ends) for key, ends in known.items() if isinstance(ends, list)}
-    role = _ROLES.get(known["label"], "")
-    return Quantity(**{"role": role} | known | ranges)
+    return Quantity(**_LATER.get(known["label"], {}) | known | ranges)
 
 
 def _range(ends: Sequence[float | None]) -> tuple[float, float]:

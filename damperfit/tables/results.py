@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
 
-from damperfit.adjustment import Adjustment, credible_forces
+from damperfit.adjustment.across_settings import Adjustment
 from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.identification.outcome import Status
 from damperfit.identification.setting import EXCELLENT
@@ -25,7 +25,8 @@ if TYPE_CHECKING:
 
     import pandas as pd
 
-    from damperfit.adjustment import Click, Level
+    from damperfit.adjustment.click_changes import Click
+    from damperfit.adjustment.force_at import Force
     from damperfit.damper.quantity import Quantity
     from damperfit.identification import Campaign, Fit, LogFit
     from damperfit.simulation import Response
@@ -154,7 +155,7 @@ def make_tables(
         quantities=quantities,
         parameters=lay("parameters", [rows[setting] for setting in sorted(rows)]),
         mse=lay("mse", list(_mse_rows(campaign, predictions, reasons))),
-        adjustment=lay("adjustment", adjustment_rows(adjustment.levels, adjustment.clicks)),
+        adjustment=lay("adjustment", adjustment_rows(adjustment.forces, adjustment.clicks)),
     )
 
 
@@ -272,13 +273,13 @@ def profiles_table(
     )
 
 
-def adjustment_rows(levels: Sequence[Level], clicks: Sequence[Click]) -> list[dict[str, Any]]:
+def adjustment_rows(forces: Sequence[Force], clicks: Sequence[Click]) -> list[dict[str, Any]]:
     """Return the rows of the table "adjustment".
 
     Parameters
     ----------
-    levels : sequence of Level
-        Forces by setting, speed and stroke.
+    forces : sequence of Force
+        By setting, speed and stroke, as they are told.
     clicks : sequence of Click
         Their changes; the rows of the lowest setting have none. With several adjusters a setting
         has a row for each that has a neighbour below it.
@@ -287,25 +288,49 @@ def adjustment_rows(levels: Sequence[Level], clicks: Sequence[Click]) -> list[di
     for click in clicks:
         changes[click.second, click.speed, click.stroke].append(click)
     rows = []
-    for level, credible in zip(levels, credible_forces(levels), strict=True):
-        row: dict[str, Any] = {
-            "setting": level.setting,
-            "speed_m_per_s": level.speed,
-            "stroke": level.stroke,
-            "force_N": _finite(level.force),
-            "force_se_N": _finite(level.error),
-            "force_ci_low_N": _finite(level.low),
-            "force_ci_high_N": _finite(level.high),
-            "force_misfit_se_N": _finite(level.misfit),
-            "measured_N": _finite(level.measured),
-            "measured_se_N": _finite(level.measured_error),
-            "difference_N": _finite(level.difference),
-            "told_from": "measured" if credible.is_measured else "model",
-        }
-        for one in changes.get((level.setting, level.speed, level.stroke), [None]):
-            changed = {} if one is None else {"changed": one.adjuster}
-            rows.append(row | _change(one) | changed)
+    for one in forces:
+        row = _force_row(one)
+        for click_or_none in changes.get((one.setting, one.speed, one.stroke), [None]):
+            changed = {} if click_or_none is None else {"changed": click_or_none.adjuster}
+            rows.append(row | _change(click_or_none) | changed)
     return rows
+
+
+def _force_row(one: Force) -> dict[str, Any]:
+    seen = one.measured
+    tare = one.tare if seen is not None and one.measured_force != seen.force else 0.0
+    branches: dict[str, Any] = {}
+    if seen is not None:
+        branches = {
+            "measured_as": seen.kind,
+            "measured_opening_N": _finite(seen.opening - tare),
+            "measured_closing_N": _finite(seen.closing - tare),
+            "measured_peak_N": _finite(seen.peak - tare),
+        }
+    return {
+        "setting": one.setting,
+        "speed_m_per_s": one.speed,
+        "stroke": one.stroke,
+        "force_N": _finite(one.force),
+        "force_se_N": _finite(one.error),
+        "force_ci_low_N": _finite(one.low),
+        "force_ci_high_N": _finite(one.high),
+        "force_misfit_se_N": _finite(one.misfit),
+        "measured_N": _finite(one.measured_force),
+        "measured_se_N": _finite(one.measured_error),
+        "difference_N": _finite(one.difference),
+        "origin": one.origin,
+        "model_N": _finite(one.model_force),
+        "gas_N": _finite(one.gas),
+        "friction_N": _finite(one.friction),
+        "tare_N": _finite(one.tare),
+        "tested": "yes" if one.is_tested else "no",
+        "measured_as": None,
+        "measured_opening_N": None,
+        "measured_closing_N": None,
+        "measured_peak_N": None,
+        **branches,
+    }
 
 
 def _change(click: Click | None) -> dict[str, Any]:

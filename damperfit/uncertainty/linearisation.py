@@ -77,6 +77,9 @@ class LogLinearisation:
         Shape (n,), modelled force behind the filter, N.
     pressures : numpy.ndarray
         Shape (3,), lowest absolute pressure of each chamber, Pa.
+    rounding : tuple of (numpy.ndarray, numpy.ndarray)
+        Of each stretch velocity, m/s, and what the filter takes off the model's force there, N;
+        of what repeats in one cycle.
     """
 
     residuals: FloatArray
@@ -84,6 +87,7 @@ class LogLinearisation:
     slopes: tuple[Slopes, ...]
     force: FloatArray
     pressures: FloatArray
+    rounding: tuple[tuple[FloatArray, FloatArray], ...] = ()
 
     @property
     def jacobian(self) -> FloatArray:
@@ -187,7 +191,7 @@ def linearise_at_fit(
         trace, part = log.trace, log.trace.compared
         cycles = log.cycles_of(values, damper, solver)
         rows = _rows(log, weight, () if is_short else cycles)
-        force, pressures, seen = _seen(log, rows, values, damper, solver)
+        force, pressures, seen, rounding = _seen(log, rows, values, damper, solver)
         others = other_frictions(log, values, damper, solver=solver, rows=rows, slopes=seen)
         pressed.append(pressed_on(damper, pressures[:, part]))
         residuals, slopes = trace.force[part] - force[part], []
@@ -205,6 +209,7 @@ def linearise_at_fit(
                 slopes=tuple(slopes),
                 force=force[part],
                 pressures=pressures[:, part].min(axis=1).astype(np.float64),
+                rounding=tuple(rounding),
             )
         )
     wider = widening(_short_stretches(fit, logs, sums.lags)) if is_short else 1.0
@@ -260,8 +265,13 @@ def _seen(
     parameters: Values,
     damper: Model,
     solver: SolverOptions,
-) -> tuple[FloatArray, NDArray[np.floating[Any]], list[FloatArray]]:
-    """The model's force and pressures, and the sensitivities at the rows of each stretch, (k, m).
+) -> tuple[
+    FloatArray,
+    NDArray[np.floating[Any]],
+    list[FloatArray],
+    list[tuple[FloatArray, FloatArray]],
+]:
+    """The model's force and pressures, the sensitivities at rows, (k, m), and the `rounding`.
 
     What repeats has the mean cycle's sensitivities: they differ from those of the log by what the
     noise of the displacement does, and cost far less.
@@ -269,7 +279,7 @@ def _seen(
     names = (*damper.names, *damper.conditions)
     trace, kept = log.trace, log.seen
     if kept is not None and (cycles := log.cycles_of(parameters, damper, solver)):
-        parts = []
+        parts, rounding = [], []
         for cycle, where in zip(cycles, rows, strict=True):
             response = simulate(
                 parameters,
@@ -279,11 +289,16 @@ def _seen(
                 options=cycle.solver(solver),
             )
             parts.append(where.seen(cycle, list(response.sensitivities.values())))
-        return kept.force, kept.pressures, parts
+            taken = cycle.taken_by_filter(response.force)
+            rounding.append((cycle.motion.velocity[-len(taken) :], taken))
+        return kept.force, kept.pressures, parts, rounding
     seen = compare(parameters, trace, damper, sensitivities=names, solver=solver)
     whole = _sensitivities(trace, seen)
     parts = [whole[:, stretch.window] for stretch in trace.stretches]
-    return seen.force, seen.response.pressures, parts
+    taken = seen.response.force - seen.force
+    windows = [stretch.window for stretch in trace.stretches]
+    rounding = [(trace.velocity[one], taken[one]) for one in windows]
+    return seen.force, seen.response.pressures, parts, rounding
 
 
 def _sensitivities(trace: Trace, seen: SimulatedLog) -> FloatArray:

@@ -1,23 +1,32 @@
-"""The measured force at a speed beside the model's: mean of all compared cycles of a setting.
+"""The measured force at a speed, and what the model misses there.
 
-At the motion that was tested the force is known, whatever model is bent to it. Measured force and
-residual are read where the velocity passes a speed, on the opening and on the closing branch, in
-every cycle; their means differ by what the model misses there. What repeats in the residual at
-like speeds of the same stroke is an error of the model's force that no noise explains.
+Of a setting that was tested at several speeds it is the peak velocity pick-off (PVP): the force at
+the peak speed of each segment, between segments a straight line. Of a setting that was tested at
+one speed it is the loop where it passes a speed (CVP), on the opening and on the closing branch,
+and their mean. A loop has passed the filter, which smears the jump of the friction over some
+milliseconds: what it takes off the model's force on the same cycles is put back, half of it is in
+the interval, and nearer to a reversal than a quarter of the corner's period there is no value.
+
+Beside it stands the residual where the force is read: measured less modelled force, rig and filter
+in both. What repeats in the residual at like speeds of the same stroke is an error of the model's
+force that no noise explains.
 """
 
 from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from statistics import median
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.passed_speeds import in_both_strokes
+from damperfit.conditioning.filters import corner_of
+from damperfit.conditioning.measured_characteristics import counted_edges, peak_velocity_forces
+from damperfit.passed_speeds import at_speeds
 from damperfit.simulation import NAMED_SPEEDS
+from damperfit.statistics import NORMAL_95
 from damperfit.uncertainty.repeating import residual_scatter
 
 if TYPE_CHECKING:
@@ -25,25 +34,78 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from damperfit.recording import Stretch, Trace
+    from damperfit.recording import Stretch
     from damperfit.tested.setting import Setting
     from damperfit.uncertainty.linearisation import Linearisation
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["SAME_MOTION", "SpeedForces", "speed_forces"]
+__all__ = ["CVP", "PVP", "SAME_MOTION", "MeasuredForce", "SpeedForces", "speed_forces"]
 
-# Strokes, speeds and frequencies that differ by less are one motion.
+PVP, CVP = "pvp", "cvp"
+# Strokes and speeds that differ by less are those of one test.
 SAME_MOTION = 0.05
-# Shares of the peak speed at which forces are read besides the named ones.
+# Shares of the peak speed at which a loop is read besides the named speeds.
 _SHARES = tuple(k / 20.0 for k in range(1, 20))
 # Speeds within this factor are alike: the misfit there is the error of the force here.
 _ALIKE = 2.0
+# Of the corner's period; the step of a filter is over by then but for some per cent.
+_NEAR_A_REVERSAL = 0.25
+_PEAKS_DIFFER = 0.02
+# A test at 0.26 m/s peaks at 0.258 or 0.262.
+_REPEATS = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class MeasuredForce:
+    """The measured force at a speed.
+
+    Attributes
+    ----------
+    force, error : float
+        N, the rig's tare in it; its standard error, with what was put back for the filter.
+    scatter, rounding : float
+        Standard error by the cycles alone; what was put back, N.
+    difference : float
+        Measured less modelled force, as they were read, N.
+    misfit : float
+        What repeats in the residual at like speeds, N.
+    opening, closing : float
+        Of a loop: the two branches, N; NaN of a peak.
+    peak : float
+        Of a peak: the largest force of the stroke, N; NaN of a loop.
+    kind : str
+        `PVP` or `CVP`.
+    between : (float, float)
+        Speeds of the segments that it lies between, m/s; the same where it is at one.
+    """
+
+    force: float
+    error: float
+    scatter: float
+    rounding: float
+    difference: float
+    misfit: float
+    opening: float
+    closing: float
+    peak: float
+    kind: str
+    between: tuple[float, float]
+
+    @property
+    def as_read(self) -> MeasuredForce:
+        """The same with nothing put back: no model has a part in it."""
+        return replace(self, force=self.force - self.rounding, error=self.scatter, rounding=0.0)
+
+    @property
+    def peak_differs(self) -> bool:
+        """Whether the largest force of the stroke is off that at the peak speed by over 2 %."""
+        return abs(self.peak - self.force) > _PEAKS_DIFFER * abs(self.force)
 
 
 @dataclass(frozen=True, slots=True)
 class SpeedForces:
-    """Force over speed of one setting and stroke, at the fastest motion that it was tested with.
+    """Measured force over speed of one setting and stroke.
 
     Attributes
     ----------
@@ -51,50 +113,77 @@ class SpeedForces:
         Which.
     stroke : str
         "rebound" or "bump".
-    amplitude, frequency : float
-        Of the motion, m and Hz.
     half_range : float
         Half the range of the measured force, N.
     speeds : tuple of float
         m/s, positive and rising.
     measured, measured_se : tuple of float
-        Mean of opening and closing branch over all compared cycles, and its standard error, N;
-        NaN for a single cycle.
+        Force with what the filter took put back, and its standard error, N; NaN for one cycle.
     difference : tuple of float
-        Measured less modelled force on the same cycles, behind the same filter, N.
+        Measured less modelled force as they were read, N.
     misfit : tuple of float
         What repeats in the residual at like speeds, root mean square, N; 0 where nothing does.
+    kind : str
+        `PVP` or `CVP`; "" of older versions, whose loops have what the filter made of them.
+    rounding : tuple of float
+        What was put back for the filter, N.
+    opening, closing : tuple of float
+        Of a loop: its branches, N.
+    peak_forces : tuple of float
+        Of peaks: the largest force of the stroke in the segment, N.
     """
 
     setting: Setting
     stroke: str
-    amplitude: float
-    frequency: float
     half_range: float
     speeds: tuple[float, ...]
     measured: tuple[float, ...]
     measured_se: tuple[float, ...]
     difference: tuple[float, ...]
     misfit: tuple[float, ...]
+    kind: str = ""
+    rounding: tuple[float, ...] = ()
+    opening: tuple[float, ...] = ()
+    closing: tuple[float, ...] = ()
+    peak_forces: tuple[float, ...] = ()
 
-    def is_at(self, amplitude: float, frequency: float) -> bool:
-        """Whether this is the force of that motion."""
-        ratios = (self.amplitude / amplitude, self.frequency / frequency)
-        return all(abs(ratio - 1.0) <= SAME_MOTION for ratio in ratios)
-
-    def at(self, speed: float) -> tuple[float, float, float, float] | None:
-        """Return measured force, its error, difference and misfit at a speed; None beyond it."""
-        if not self.speeds or not self.speeds[0] <= speed <= self.speeds[-1]:
+    def at(self, speed: float) -> MeasuredForce | None:
+        """Return the force at a speed; None where it was not measured."""
+        if not self.kind or not self.speeds:
             return None
-        rows = (self.measured, self.measured_se, self.difference, self.misfit)
-        before = bisect_right(self.speeds, speed) - 1
-        if self.speeds[before] == speed:
-            a, b, c, d = (row[before] for row in rows)
-            return a, b, c, d
-        low, high = self.speeds[before : before + 2]
-        share = (speed - low) / (high - low)
-        a, b, c, d = (row[before] + share * (row[before + 1] - row[before]) for row in rows)
-        return a, b, c, d
+        low, high = self.speeds[0] / (1.0 + _REPEATS), self.speeds[-1] * (1.0 + _REPEATS)
+        if not low <= speed <= high:
+            return None
+        before = min(max(bisect_right(self.speeds, speed) - 1, 0), max(len(self.speeds) - 2, 0))
+        after = min(before + 1, len(self.speeds) - 1)
+        ends = self.speeds[before], self.speeds[after]
+        for place, end in ((before, ends[0]), (after, ends[1])):
+            if abs(speed / end - 1.0) <= 1e-9:
+                before, after, ends = place, place, (end, end)
+                break
+        share = 0.0 if ends[0] == ends[1] else (speed - ends[0]) / (ends[1] - ends[0])
+
+        def read(row: tuple[float, ...]) -> float:
+            return row[before] + share * (row[after] - row[before]) if row else math.nan
+
+        scatter, rounding = read(self.measured_se), read(self.rounding)
+        return MeasuredForce(
+            force=read(self.measured),
+            error=math.hypot(scatter, 0.5 * rounding / NORMAL_95),
+            scatter=scatter,
+            rounding=rounding,
+            difference=read(self.difference),
+            misfit=read(self.misfit),
+            opening=read(self.opening),
+            closing=read(self.closing),
+            peak=read(self.peak_forces),
+            kind=self.kind,
+            between=ends,
+        )
+
+    def misfit_near(self, speed: float) -> float:
+        """Return the misfit at a speed, or at the nearest that was measured, N."""
+        return float(np.interp(speed, self.speeds, self.misfit)) if self.speeds else 0.0
 
 
 def speed_forces(linearised: Linearisation, *, is_structured: bool) -> tuple[SpeedForces, ...]:
@@ -107,87 +196,151 @@ def speed_forces(linearised: Linearisation, *, is_structured: bool) -> tuple[Spe
     is_structured : bool
         Whether more repeats in its residuals than noise explains.
     """
-    parts = list(_fastest(linearised))
-    if not parts:
+    segments = sorted(_segments(linearised), key=lambda one: one.stretch.peak_speed)
+    if not segments:
         return ()
-    peak = min(min(float(v.max()), float(-v.min())) for _, v, *_ in parts)
-    speeds = tuple(
-        sorted(
-            {round(share * peak, 6) for share in _SHARES} | {s for s in NAMED_SPEEDS if s < peak}
-        )
-    )
-    half_range = 0.5 * max(float(np.ptp(force)) for _, _, force, _ in parts)
-    amplitude = median(one.amplitude for one, *_ in parts)
-    frequency = median(one.frequency for one, *_ in parts)
+    tests: list[list[_Segment]] = [[]]
+    for one in segments:
+        first = tests[-1][0].stretch.peak_speed if tests[-1] else one.stretch.peak_speed
+        if one.stretch.peak_speed > (1.0 + SAME_MOTION) * first:
+            tests.append([])
+        tests[-1].append(one)
+    half_range = 0.5 * max(float(np.ptp(one.force)) for one in segments)
+    is_loop = len(tests) == 1
     found = []
-    each = [_at_speeds(part, speeds) for part in parts]
-    both = each[0] if len(each) == 1 else np.mean(each, axis=0)
-    # The highest may be passed by the first sample alone, and so on no branch.
-    passed = np.flatnonzero(np.isfinite(both[:, 0]).all(axis=0))
-    both, speeds = both[:, :, passed], tuple(speeds[k] for k in passed)
-    for stroke, towards, rows in zip(("rebound", "bump"), (1.0, -1.0), both, strict=True):
-        misfit = [_misfit(parts, towards, speed) if is_structured else 0.0 for speed in speeds]
-        errors = rows[1] / math.sqrt(len(parts))
+    for place, (stroke, sign) in enumerate((("rebound", 1.0), ("bump", -1.0))):
+        rows = np.array([_mean_peak(test, place) for test in tests]).T
+        if is_loop:
+            rows = np.hstack([_of_loop(tests[0], sign), rows])
+        rows = rows[:, np.isfinite(rows[[_SPEED, _FORCE, _DIFFERENCE]]).all(axis=0)]
+        rows = rows[:, np.argsort(rows[_SPEED], kind="stable")]
+        speed, force, error, difference, back, opening, closing, largest = map(tuple, rows.tolist())
         found.append(
             SpeedForces(
                 setting=linearised.fit.setting,
                 stroke=stroke,
-                amplitude=amplitude,
-                frequency=frequency,
                 half_range=half_range,
-                speeds=speeds,
-                measured=tuple(rows[0].tolist()),
-                measured_se=tuple(errors.tolist()),
-                difference=tuple(rows[2].tolist()),
-                misfit=tuple(misfit),
+                speeds=speed,
+                measured=force,
+                measured_se=error,
+                difference=difference,
+                misfit=tuple(_misfit(segments, speed, sign))
+                if is_structured
+                else (0.0,) * len(speed),
+                kind=CVP if is_loop else PVP,
+                rounding=back,
+                opening=opening if is_loop else (),
+                closing=closing if is_loop else (),
+                peak_forces=() if is_loop else largest,
             )
         )
     return tuple(found)
 
 
-_Part = tuple["Stretch", "FloatArray", "FloatArray", "FloatArray"]
+def _mean_peak(test: Sequence[_Segment], place: int) -> FloatArray:
+    rows = np.array([one.peaks[place] for one in test])
+    means = np.asarray(rows.mean(axis=0))
+    means[_ERROR] = math.sqrt(float(np.mean(rows[:, _ERROR] ** 2)) / len(test))
+    return means
 
 
-def _fastest(linearised: Linearisation) -> Iterator[_Part]:
-    """Yield the steady stretches of the fastest motion: velocity, measured force, residual."""
-    steady: list[tuple[Trace, Stretch, FloatArray]] = [
-        (log.trace, one, seen.residuals[place])
-        for log, seen in zip(linearised.fit.logs, linearised.logs, strict=True)
-        for one, place in zip(log.trace.stretches, log.trace.places, strict=True)
-        if one.n_cycles
-    ]
-    top = max((one.peak_speed for _, one, _ in steady), default=0.0)
-    near = [part for part in steady if part[1].peak_speed >= (1.0 - SAME_MOTION) * top]
-    strokes = median(one.amplitude for _, one, _ in near) if near else 0.0
-    for trace, one, residuals in near:
-        if abs(one.amplitude / strokes - 1.0) <= SAME_MOTION:
-            yield one, trace.velocity[one.window], trace.force[one.window], residuals
+# Rows of a table of forces: these, what was put back, both branches, the stroke's largest force.
+_SPEED, _FORCE, _ERROR, _DIFFERENCE = range(4)
 
 
-def _at_speeds(part: _Part, speeds: Sequence[float]) -> FloatArray:
-    """Return mean force of both branches, standard error of its mean, mean residual: (2, 3, k).
+@dataclass(frozen=True, slots=True, eq=False)
+class _Segment:
+    """One steady segment: its samples, and of each stroke what is read at its peaks."""
 
-    In rebound and in bump.
-    """
-    _, velocity, force, residuals = part
-    counts, means, squares = in_both_strokes(velocity, np.stack([force, residuals]), speeds)
+    stretch: Stretch
+    velocity: FloatArray
+    force: FloatArray
+    residuals: FloatArray
+    rounding: tuple[FloatArray, FloatArray]
+    slowest: float  # m/s; a slower passage is too near to a reversal
+    peaks: FloatArray  # (2, 8), rows as above
+
+
+def _segments(linearised: Linearisation) -> Iterator[_Segment]:
+    for log, seen in zip(linearised.fit.logs, linearised.logs, strict=True):
+        trace = log.trace
+        corner = corner_of(trace.model_filter, sample_rate=1.0 / trace.interval)
+        for one, place, rounding in zip(trace.stretches, trace.places, seen.rounding, strict=True):
+            if not one.n_cycles:
+                continue
+            velocity, force = trace.velocity[one.window], trace.force[one.window]
+            residuals = seen.residuals[place]
+            slowest = _slope_at_reversals(velocity) / trace.interval * _NEAR_A_REVERSAL / corner
+            edges = counted_edges(one) - one.first
+            clean = slice(max(int(edges[0]), 0), int(edges[-1]))
+            part = velocity[clean], np.stack([force, residuals])[:, clean], edges[:-1] - edges[0]
+            peaks = np.array([_peak(part, sign) for sign in (1.0, -1.0)])
+            yield _Segment(one, velocity, force, residuals, rounding, slowest, peaks)
+
+
+def _slope_at_reversals(velocity: FloatArray) -> float:
+    """Return how much the speed changes in a sample where it passes zero, m/s."""
+    turns = np.flatnonzero(velocity[:-1] * velocity[1:] <= 0.0)
+    return float(np.median(np.abs(np.diff(velocity)[turns]))) if len(turns) else 0.0
+
+
+def _peak(part: tuple[FloatArray, FloatArray, NDArray[np.int64]], sign: float) -> FloatArray:
+    velocity, signals, begins = part
+    speed, (force, residual), errors = peak_velocity_forces(sign * velocity, signals, begins)
+    largest = sign * float(np.mean(np.maximum.reduceat(sign * signals[0], begins)))
+    return np.array([speed, force, errors[1], residual, 0.0, force, force, largest])
+
+
+def _of_loop(test: Sequence[_Segment], sign: float) -> FloatArray:
+    """Return the rows of a loop at named speeds and shares of its peak speed, below the peak."""
+    strokes = median(one.stretch.amplitude for one in test)
+    alike = [one for one in test if abs(one.stretch.amplitude / strokes - 1.0) <= SAME_MOTION]
+    top = min(float(one.peaks[:, _SPEED].min()) for one in alike)
+    slowest = max(one.slowest for one in alike)
+    asked = {round(share * top, 6) for share in _SHARES} | set(NAMED_SPEEDS)
+    speeds = sorted(speed for speed in asked if slowest <= speed < 0.99 * top)
+    rows = np.array([_loop_of(one, sign, speeds) for one in alike])
+    rows[:, _ERROR] **= 2
+    means = rows.mean(axis=0)
+    means[_ERROR] = np.sqrt(means[_ERROR] / len(alike))
+    return np.asarray(means)
+
+
+def _loop_of(one: _Segment, sign: float, speeds: Sequence[float]) -> FloatArray:
+    signals = np.stack([one.force, one.residuals])
+    counts, means, squares = at_speeds(one.velocity, signals, speeds, sign=sign)
+    velocity, taken = one.rounding
+    back = at_speeds(velocity, taken[None], speeds, sign=sign)[1][..., 0]
     # A mean of squares about the mean, of one less than there are.
     variances = np.full(counts.shape, math.nan)
     np.divide(squares[..., 1], counts - 1.0, out=variances, where=counts > 1.0)
     variances /= np.maximum(counts, 1.0)
-    found = np.empty((2, 3, len(speeds)))
-    found[:, ::2] = 0.5 * np.swapaxes(means[:, 0] + means[:, 1], 1, 2)
-    found[:, 1] = 0.5 * np.sqrt(variances[:, 0] + variances[:, 1])
+    branches = means[..., 0] + back
+    return np.array(
+        [
+            speeds,
+            branches.mean(axis=0),
+            0.5 * np.sqrt(variances.sum(axis=0)),
+            means[..., 1].mean(axis=0),
+            back.mean(axis=0),
+            *branches,
+            np.full(len(speeds), math.nan),
+        ]
+    )
+
+
+def _misfit(segments: Sequence[_Segment], speeds: Sequence[float], sign: float) -> list[float]:
+    """Return the root mean square of what repeats in a stroke at speeds like these, N."""
+    parts = [
+        (sign * one.velocity, one.residuals**2, residual_scatter(one.residuals, one.stretch))
+        for one in segments
+    ]
+    found = []
+    for speed in speeds:
+        squares = []
+        for along, residuals, noise in parts:
+            alike = residuals[(along >= speed / _ALIKE) & (along <= speed * _ALIKE)]
+            if len(alike):
+                squares.append(float(np.mean(alike)) - (noise if math.isfinite(noise) else 0.0))
+        found.append(math.sqrt(max(float(np.mean(squares)), 0.0)) if squares else 0.0)
     return found
-
-
-def _misfit(parts: Sequence[_Part], towards: float, speed: float) -> float:
-    """Return the root mean square of what repeats in a stroke at speeds like this one, N."""
-    squares = []
-    for stretch, velocity, _, residuals in parts:
-        along = towards * velocity
-        alike = residuals[(along >= speed / _ALIKE) & (along <= speed * _ALIKE)]
-        noise = residual_scatter(residuals, stretch)
-        if len(alike):
-            squares.append(float(np.mean(alike**2)) - (noise if math.isfinite(noise) else 0.0))
-    return math.sqrt(max(float(np.mean(squares)), 0.0)) if squares else 0.0

@@ -12,11 +12,15 @@ import argparse
 
 import numpy as np
 
-from damperfit.adjustment import Stage, clicks, compare_settings, levels, named_speeds
+from damperfit.adjustment.across_settings import compare_settings
+from damperfit.adjustment.click_changes import clicks
+from damperfit.adjustment.force_at import force_at
+from damperfit.adjustment.stage import Stage
 from damperfit.conditioning import condition
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import identify
+from damperfit.tested.setting import Setting
 from damperfit.uncertainty import assess
 from tests.uncertainty.coverage import SETTINGS, MadeUpCampaign, clean_logs, noisy
 
@@ -30,20 +34,17 @@ def main() -> None:
     clean = [condition(log) for log in logs]
     rng = np.random.default_rng(4)
     force_hits, click_hits = [], []
-    truth = [Stage(setting, reference_parameters(setting)) for setting in SETTINGS]
+    truth = [Stage(Setting.of(setting), reference_parameters(setting)) for setting in SETTINGS]
     for _ in range(n):
         campaign = identify(noisy(made_up, logs, clean, rng), PURDY_DAMPER)
         found = compare_settings(campaign, assess(campaign, PURDY_DAMPER), PURDY_DAMPER)
-        assert found.sine is not None
-        true = levels(truth, PURDY_DAMPER, found.sine, speeds=named_speeds(found.sine))
+        speeds = sorted({one.speed for one in found.forces})
+        true = force_at(truth, PURDY_DAMPER, speeds)
         force_hits.append(
-            [a.low <= b.force <= a.high for a, b in zip(found.levels, true, strict=True)]
+            [a.low <= b.force <= a.high for a, b in zip(found.forces, true, strict=True)]
         )
         click_hits.append(
-            [
-                a.low <= b.change <= a.high
-                for a, b in zip(found.clicks, clicks(true, PURDY_DAMPER), strict=True)
-            ]
+            [a.low <= b.change <= a.high for a, b in zip(found.clicks, clicks(true), strict=True)]
         )
     print(f"forces: covered {100.0 * np.mean(force_hits):.1f} %, by place", end=" ")
     print(*np.round(100.0 * np.mean(force_hits, axis=0)).astype(int))

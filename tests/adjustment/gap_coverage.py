@@ -14,7 +14,9 @@ from functools import cache
 
 import numpy as np
 
-from damperfit.adjustment import Sine, Stage, levels, which_setting
+from damperfit.adjustment.force_at import force_at
+from damperfit.adjustment.stage import Stage
+from damperfit.adjustment.wanted import which_setting
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.tested.setting import Setting
@@ -27,7 +29,7 @@ SETTINGS = range(1, 21)
 def forces_by_click():
     """Forces of all settings, with an error of 0.15 N, by speed and stroke."""
     stages = [Stage(Setting.of(s), reference_parameters(s)) for s in SETTINGS]
-    found = levels(stages, PURDY_DAMPER, Sine(0.032, 1.5), speeds=SPEEDS)
+    found = force_at(stages, PURDY_DAMPER, SPEEDS)
     table = {}
     for level in found:
         by_setting = table.setdefault((level.speed, level.stroke), {})

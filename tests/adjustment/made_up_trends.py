@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from damperfit.adjustment import Trend, find_trends
+from damperfit.adjustment.trends import Trend, find_trends
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import Fit
 from damperfit.uncertainty import Interval, Uncertainty

@@ -9,17 +9,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from damperfit.adjustment import (
-    Sine,
-    find_trends,
-    forces,
-    named_speeds,
-    selection,
-    trends,
-    which_setting,
-)
+from damperfit.adjustment import selection, trends
 from damperfit.adjustment.curves import LEAST_SCATTER, Points, fit_curve, scatter_of
-from damperfit.adjustment.forces import fastest_sine
+from damperfit.adjustment.motions import fastest_sine
 from damperfit.adjustment.selection import (
     _Candidate,
     _is_jump,
@@ -29,9 +21,8 @@ from damperfit.adjustment.selection import (
     _worst,
     choose,
 )
-from damperfit.adjustment.trends import _usual_scatter
-from damperfit.errors import SimulationError
-from damperfit.queries.adjuster_results import _motion
+from damperfit.adjustment.trends import _usual_scatter, find_trends
+from damperfit.adjustment.wanted import which_setting
 from damperfit.statistics import student_quantile
 from tests.adjustment import made_up_trends
 from tests.adjustment.test_wanted import forces_by_click
@@ -226,11 +217,6 @@ def test_values_that_are_not_sound_are_passed_over_and_those_behind_them_count()
     assert found[7] == pytest.approx(1e4)
 
 
-def test_speeds_are_those_below_the_peak() -> None:
-    assert Sine(0.032, 1.5).peak_speed == pytest.approx(0.3016, abs=1e-4)
-    assert named_speeds(Sine(0.0318, 1.5)) == (0.05, 0.1, 0.13, 0.26)
-
-
 def test_between_settings_apart_the_curve_itself_is_in_doubt() -> None:
     forces = [100.0, 200.0, 500.0]
     near = which_setting(forces_by_click(forces, error=1.0), 300.0).answers[0]
@@ -310,9 +296,6 @@ def test_a_motion_is_a_sine_within_a_tenth_of_its_frequency(off, is_sine) -> Non
     found = fastest_sine([(0.032, off * frequency, 0.3)])
     assert found.frequency == pytest.approx(off * frequency if is_sine else frequency)
     assert found.was_run is is_sine
-    whose = "the test's sine of 32 mm" if is_sine else "a sine of 32 mm"
-    assert _motion(found, None, None)[1].startswith(whose)
-    assert _motion(found, "20mm", None)[1].startswith("a sine of 20 mm")
 
 
 @pytest.mark.parametrize(("times", "is_jump"), [(7.8, False), (8.2, True), (-7.8, False)])
@@ -397,22 +380,3 @@ def test_a_curve_is_drawn_at_whole_clicks_and_at_the_settings_and_ends_with_the_
     drawn = trends._curve_points(tested, curve)
     assert [one.setting for one in drawn] == [1, 2, 3, 4, 5, 5.5]
     assert [one.found is None for one in drawn] == [False] * 4 + [True, False]
-
-
-@pytest.mark.parametrize(("frequency", "lead"), [(1.5, 0.5), (2.0, 0.5), (4.0, 1.0), (12.0, 3.0)])
-def test_a_level_settles_for_half_a_cycle_or_a_quarter_of_a_second(
-    monkeypatch, frequency, lead
-) -> None:
-    asked = []
-
-    def simulated(_, __, motion, *, options, **___):
-        asked.append((motion, options))
-        raise SimulationError("no")
-
-    monkeypatch.setattr(forces, "simulate", simulated)
-    stage = SimpleNamespace(setting=1, parameters=None, own=(), shared=())
-    forces.levels([stage], None, Sine(0.01, frequency), speeds=(0.1,))
-    ((motion, solver),) = asked
-    assert solver.settling == pytest.approx(lead / frequency)
-    n = len(motion.displacement) - 1
-    assert n == pytest.approx((1.0 + lead) * forces._SAMPLES_PER_CYCLE, abs=1)

@@ -9,20 +9,24 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from damperfit.adjustment import Level, Sine, Stage, which_setting
+from damperfit.adjustment.force_at import Force
+from damperfit.adjustment.motions import Sine
+from damperfit.adjustment.stage import Stage
+from damperfit.adjustment.wanted import which_setting
 from damperfit.damper.rivals.linear import Bilinear
 from damperfit.errors import ConfigurationError
 from damperfit.queries.adjuster_results import AdjusterResults
 from damperfit.queries.force_by_setting import Question, tabulate_forces
 from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting, lines_of
+from damperfit.uncertainty import SpeedForces
 from tests.adjustment import gap_coverage
 
 
 def forces_by_click(forces, *, settings=None, error=0.5, stroke="rebound"):
     settings = settings or range(1, len(forces) + 1)
     return [
-        Level(setting, 0.2, stroke, float(force), error, error, np.zeros(0), is_cavitating=False)
+        Force(setting, 0.2, stroke, float(force), error, error, np.zeros(0))
         for setting, force in zip(settings, forces, strict=True)
     ]
 
@@ -164,3 +168,30 @@ def test_a_force_is_asked_of_two_settings_at_least() -> None:
     assert [answer.position for answer in wanted.answers] == pytest.approx([1.5])
     with pytest.raises(ConfigurationError, match="one setting is not enough"):
         tabulate_forces(replace(adjuster, stages=told[:1]), question)
+
+
+def test_a_force_that_the_measured_ones_hold_is_answered_as_measured() -> None:
+    """ "No setting gives 2200 N" stood beside a measured 2212 N."""
+    model = Bilinear()
+    stages = tuple(
+        Stage(Setting.of(n), model.values({"c_r": 1000.0 * n, "c_b": 1000.0, "f_0": 0.0}))
+        for n in (1, 2)
+    )
+    # Some per cent off, which the errors of the cycles allow.
+    measured = tuple(
+        SpeedForces(
+            Setting.of(n), "rebound", 300.0, (0.05, 0.1), (0.0, 110.0 * n), (9.0, 9.0),
+            (0.0, 10.0 * n), (0.0, 0.0), kind="pvp", rounding=(0.0, 0.0),
+        )
+        for n in (1, 2)
+    )  # fmt: skip
+    adjuster = AdjusterResults(
+        stages, model, Sine(0.032, 1.5), "", SolverOptions(), (), forces=measured
+    )
+    question = Question(0.1, force=212.0, stroke="rebound")
+    (wanted,) = tabulate_forces(adjuster, question).wanted
+    assert "in rebound at 0.1 m/s, as measured: setting 1.9" in wanted.sentence
+    (wanted,) = tabulate_forces(adjuster, replace(question, force=180.0)).wanted
+    assert "as measured" not in wanted.sentence
+    (wanted,) = tabulate_forces(adjuster, replace(question, force=500.0)).wanted
+    assert "no setting gives it" in wanted.sentence

@@ -19,7 +19,8 @@ from typing import Any
 
 import numpy as np
 
-from damperfit.adjustment import sine_of, stage_of
+from damperfit.adjustment.motions import fastest_sine
+from damperfit.adjustment.stage import stage_of
 from damperfit.comparison import (
     ComparedRun,
     ComparisonOptions,
@@ -72,13 +73,14 @@ def fitted_run(traces: list[Trace], *, name: str) -> ComparedRun:
     """Return what `compare` would read from the results folder of these logs."""
     campaign = identify(traces, PURDY_DAMPER)
     assessment = assess(campaign, PURDY_DAMPER)
-    known = {one.setting: one for one in assessment.uncertainties}
     tables = make_tables(campaign, assessment=assessment)
     rows = tables.parameters.to_pylist()
     fitted = FittedRun(
         PURDY_DAMPER,
-        tuple(stage_of(fit, known.get(fit.setting)) for fit in campaign.fits),
-        sine_of(traces),
+        tuple(stage_of(fit, assessment) for fit in campaign.fits),
+        fastest_sine(
+            [(s.amplitude, s.frequency, s.peak_speed) for trace in traces for s in trace.stretches]
+        ),
         assessment.forces,
         {fit.setting: row for fit, row in zip(campaign.fits, rows, strict=True)},
         campaign.quantities,

@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from damperfit.adjustment import Sine, Stage
+from damperfit.adjustment.motions import Sine
+from damperfit.adjustment.stage import Stage
 from damperfit.comparison import ComparedRun, FittedRun, circumstances
 from damperfit.comparison.parameters import comparable_quantities
 from damperfit.damper.purdy.parameters import PURDY_DAMPER

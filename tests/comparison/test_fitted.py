@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
 
-from damperfit.adjustment import Sine, Stage
-from damperfit.comparison import ComparedRun, ComparisonOptions, FittedRun
-from damperfit.comparison.comparing import _motion
+from damperfit.adjustment.motions import Sine
+from damperfit.adjustment.stage import Stage
+from damperfit.comparison import ComparisonOptions, FittedRun
+from damperfit.comparison.comparing import _speeds
 from damperfit.comparison.forces import freedom_of
 from damperfit.comparison.parameters import figure_lines, parameter_readings
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
@@ -65,16 +65,12 @@ def test_what_the_logs_do_not_tell_is_not_compared(status) -> None:
     assert not told["r_m1", SETTINGS[1]]
 
 
-def test_of_two_motions_the_slower_is_the_one_that_both_can_tell_of() -> None:
-    slow, fast = Sine(0.02, 1.0), Sine(0.032, 1.5)
-    for sines in ((slow, fast), (fast, slow)):
-        runs = [ComparedRun("a", "a", _fitted(sine), (), {}) for sine in sines]
-        found, words = _motion(runs, ComparisonOptions())
-        assert found == slow
-        assert words.startswith("the slower test's sine of 20 mm at 1 Hz")
-    near = replace(fast, frequency=1.49)
-    runs = [ComparedRun("a", "a", _fitted(sine), (), {}) for sine in (fast, near)]
-    assert _motion(runs, ComparisonOptions())[0] == fast
+def test_speeds_are_those_that_all_tests_have_reached() -> None:
+    slow, fast = _fitted(Sine(0.02, 1.1)), _fitted(Sine(0.032, 1.5))
+    assert _speeds([slow, fast], ComparisonOptions()) == (0.05, 0.1, 0.13)
+    faster = ComparisonOptions(sine=Sine(0.032, 1.5))
+    assert _speeds([slow, fast], faster) == (0.05, 0.1, 0.13, 0.26, 0.3)
+    assert _speeds([slow], ComparisonOptions(speeds=(0.7,))) == (0.7,)
 
 
 def test_misfits_and_margins_are_told_in_per_cent() -> None:

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from damperfit.adjustment import Sine, Stage
+from damperfit.adjustment.motions import Sine
+from damperfit.adjustment.stage import Stage
 from damperfit.comparison import ComparedRun, ComparisonOptions, FittedRun, Sameness, compare_runs
 from damperfit.comparison.forces import force_readings, tare_notes
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
@@ -47,7 +48,7 @@ def run(name, tare, **how):
 
 
 def readings(*runs):
-    return force_readings(runs, SETTINGS, SINE, speeds=(0.1,))
+    return force_readings(runs, SETTINGS, speeds=(0.1,))
 
 
 def compared(*runs):
@@ -102,7 +103,7 @@ def test_beside_a_model_that_knows_no_gas_the_offsets_stay() -> None:
     values = model.values({"c_r": 2e3, "c_b": 1e3, "f_0": -120.0})
     plain = replace(fitted(0.0), damper=model, stages=tuple(Stage(one, values) for one in SETTINGS))
     a, b = run("a", 25.0), ComparedRun("b", "b", plain, (), {})
-    paired, _ = force_readings((a, b), SETTINGS, SINE, speeds=(0.1,))
+    paired, _ = force_readings((a, b), SETTINGS, speeds=(0.1,))
     (alone,) = readings(a)
     for topic, one in paired.items():
         assert one.value == alone[topic].value

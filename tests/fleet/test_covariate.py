@@ -57,8 +57,8 @@ def test_a_part_is_asked_for_at_another_temperature(fleet: Path) -> None:
     cold, warm = (
         read_adjuster_results(fleet / "serial=D1", temperature=asked) for asked in (None, "60degC")
     )
-    assert cold.source.endswith(", at 26 degC")
-    assert warm.source.endswith(", at 60 degC")
+    assert cold.source.endswith(" and 26 degC")
+    assert warm.source.endswith(" and 60 degC")
 
 
 def test_a_fleet_without_it_has_no_such_column(three, tmp_path, monkeypatch) -> None:

@@ -12,7 +12,7 @@ from damperfit.errors import ConfigurationError
 from damperfit.identification import Campaign, Status
 from damperfit.queries.chosen_parameters import ChosenParameters, choose_parameters
 from damperfit.report.markdown import markdown_report
-from damperfit.results import Run
+from damperfit.results import Run, Tested
 from damperfit.tables import make_tables, write_table
 from damperfit.uncertainty import Prediction
 from tests import fakes
@@ -78,7 +78,7 @@ def test_a_value_that_no_log_limits_is_named_where_it_acts(suffix: str, tmp_path
     assert given.warnings(0.1) == ()
     own = choose_parameters(setting="LS6 HS3", table=path, replaced={})
     assert own.warnings(9.0) == ()  # nobody knows what was tested
-    faster = replace(own, tested_speed=0.1)
+    faster = replace(own, tested=Tested(1, 0.03, 0.1, (0.5, 0.5)))
     assert faster.warnings(0.1) == ()
     assert "r_m2: the logs of setting LS6 HS3 set no upper limit" in faster.warnings(0.2)[1]
     assert choose_parameters(setting="LS6 HS1", table=path, replaced={}).warnings(0.1) == ()
@@ -86,25 +86,31 @@ def test_a_value_that_no_log_limits_is_named_where_it_acts(suffix: str, tmp_path
 
 @pytest.mark.parametrize(("speed", "n"), [(0.209, 0), (0.211, 1)])
 def test_a_speed_beyond_the_tests_is_extrapolated(speed: float, n: int) -> None:
-    one = ChosenParameters(fakes.fit(1).parameters, None, "", tested_speed=0.2)
+    tested = Tested(1, 0.03, 0.2, (1.0, 1.5))
+    one = ChosenParameters(fakes.fit(1).parameters, None, "", tested=tested)
     assert len(one.warnings(speed)) == n
     if n:
         assert one.warnings(speed) == (
-            "peak speed 0.211 m/s: the tests reach 0.2 m/s; beyond that the force is extrapolated",
+            "never tested: 0.211 m/s (tested: up to 0.2 m/s); there the force is extrapolated",
         )
+    assert one.warnings(0.1, amplitude=0.031, frequency=1.55) == ()
+    (said,) = one.warnings(0.1, amplitude=0.11, frequency=15.0)
+    assert "110 mm (tested: up to 30 mm), 15 Hz (tested: 1 to 1.5 Hz)" in said
 
 
 @pytest.mark.parametrize(("warmth", "n"), [
     (19.05, 0), (18.95, 1), (55.95, 0), (56.05, 1), (None, 0),
 ])  # fmt: skip
 def test_a_temperature_beyond_the_tests_is_extrapolated(warmth: float | None, n: int) -> None:
-    one = ChosenParameters(fakes.fit(1).parameters, None, "", temperatures=(20.0, 55.0))
+    one = ChosenParameters(
+        fakes.fit(1).parameters, None, "", tested=Tested(temperatures=(20.0, 55.0))
+    )
     said = one.warnings(0.1, warmth)
     assert len(said) == n
     if n:
         ends = "the tests were at 20 to 55 degC; beyond that the viscosity is extrapolated"
         assert said == (f"{warmth:.3g} degC: {ends}",)
-    assert replace(one, temperatures=None).warnings(0.1, warmth) == ()
+    assert replace(one, tested=Tested()).warnings(0.1, warmth) == ()
 
 
 def test_the_run_tells_at_which_temperatures_it_was(tmp_path: Path) -> None:
@@ -113,7 +119,7 @@ def test_the_run_tells_at_which_temperatures_it_was(tmp_path: Path) -> None:
     logs = [{"temperature_degC": 21.5}, {"temperature_degC": None}, {"temperature_degC": 48.0}]
     record = {"configuration": {"damper": {}}, "inputs": logs}
     (tmp_path / "run.json").write_text(json.dumps(record))
-    assert choose_parameters(setting=1, table=path, replaced={}).temperatures == (21.5, 48.0)
+    assert choose_parameters(setting=1, table=path, replaced={}).tested.temperatures == (21.5, 48.0)
 
 
 def test_an_upper_limit_or_rigid_oil_is_no_doubt(tmp_path: Path) -> None:

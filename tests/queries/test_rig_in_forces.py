@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from damperfit.adjustment import Stage
+from damperfit.adjustment.stage import Stage
 from damperfit.damper.mounting import FIT, Mounting
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
@@ -13,7 +13,10 @@ from damperfit.damper.valve_dampers import ThroughFlow
 from damperfit.queries.rig_in_forces import notes_on_settings, notes_on_simulation
 from damperfit.tested.setting import Setting
 
-ALONE = "in these forces; what damperfit export writes is of the damper alone"
+ALONE = (
+    "in these forces; what damperfit settings shows and damperfit export writes is of the damper "
+    "alone"
+)
 
 
 def mounted(offset=0.0, **parts):
@@ -46,7 +49,7 @@ def test_forces_by_setting_name_the_mounting_and_that_the_tare_is_left_out() -> 
     damper, values = mounted(12.0, series_stiffness=FIT)
     tare, rig = notes_on_settings(damper, [Stage(Setting.of(1), values)])
     assert tare.startswith("the force offset (12 N) is the rig's tare")
-    assert rig == f"the rig's series stiffness is {ALONE}"
+    assert rig == "the rig's series stiffness is in measured forces, not in the model's"
 
 
 def test_the_papers_damper_has_no_rig_in_it() -> None:

@@ -189,7 +189,7 @@ JUDGING = {
     "diagnosing": ("damperfit.uncertainty.assessment.diagnose", _is_two),
     "intervals": ("damperfit.uncertainty.intervals._of_setting", _is_two),
     "profiles in doubt": ("damperfit.uncertainty.assessment.doubtful_profiles", _is_two),
-    "forces": ("damperfit.adjustment.forces._read_off", lambda stage, *_: stage.setting == 2),
+    "forces": ("damperfit.adjustment.force_at._forces_of", lambda stage, *_: stage.setting == 2),
 }
 
 
@@ -326,7 +326,7 @@ def test_simulating_with_a_log_that_meets_a_bug_is_one_line(call, samples, monke
 
 def test_settings_tell_the_one_that_meets_a_bug(call, samples, monkeypatch) -> None:
     assert identify(call, samples).code == 0
-    name = "damperfit.adjustment.forces._read_off"
+    name = "damperfit.adjustment.force_at._forces_of"
     monkeypatch.setattr(name, broken_at(_found(name), lambda stage, *_: stage.setting == 2))
     ended = call("settings", "results", "--json")
     assert ended.code == 1

@@ -299,8 +299,8 @@ def test_a_run_tells_beta_and_the_temperature_of_its_resistances(results) -> Non
 
 def test_results_are_asked_for_at_another_temperature(results) -> None:
     there = read_adjuster_results(results, temperature="60degC")
-    assert there.source.endswith(", at 60 degC")
-    assert read_adjuster_results(results).source.endswith(", at 43 degC")
+    assert there.source.endswith(" and 60 degC")
+    assert read_adjuster_results(results).source.endswith(" and 43 degC")
     (stage, _) = there.stages
     motion = Motion(1e-3, *wave())
     found = simulate(stage.parameters, there.damper, motion).force

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from damperfit.adjustment import compare_settings
+from damperfit.adjustment.across_settings import compare_settings
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.identification import FitOptions, Outcome, Sharing
 from damperfit.recording import Finding

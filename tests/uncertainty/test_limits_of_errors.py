@@ -12,7 +12,6 @@ import pytest
 from damperfit.recording import Finding
 from damperfit.uncertainty import (
     Assessment,
-    SpeedForces,
     correlated_noise,
     speed_forces,
     withheld,
@@ -22,7 +21,7 @@ from damperfit.uncertainty.few_samples import ShortStretch, widening
 from damperfit.uncertainty.intervals import _sums_of_others
 from damperfit.uncertainty.prediction import _by_chance, _enough, _is_same_motion
 from damperfit.uncertainty.profiles import interpolated_limit
-from damperfit.uncertainty.speed_forces import _fastest, _misfit
+from damperfit.uncertainty.speed_forces import _misfit
 from damperfit.uncertainty.withheld import _jumps
 from tests.uncertainty.test_words import diagnosis, known
 
@@ -80,33 +79,12 @@ def test_a_limit_is_told_between_points_that_are_near(low, high, is_near) -> Non
     assert interpolated_limit([(0.0, 0.0), (0.2, low), (0.3, high)], 1.0)[1] is is_near
 
 
-@pytest.mark.parametrize("of", ["amplitude", "frequency"])
-@pytest.mark.parametrize(("factor", "is_at"), [(1.049, True), (1.051, False)])
-def test_forces_are_those_of_a_motion_within_five_per_cent(of, factor, is_at) -> None:
-    motion = {"amplitude": 0.03, "frequency": 1.5}
-    tested = motion | {of: factor * motion[of]}
-    forces = SpeedForces(None, "bump", **tested, half_range=1.0, speeds=(), measured=(),
-                         measured_se=(), difference=(), misfit=())  # fmt: skip
-    assert forces.is_at(**motion) is is_at
-
-
-@pytest.mark.parametrize(("speed", "n"), [(0.286, 2), (0.284, 1)])
-def test_the_fastest_motion_is_that_within_five_per_cent(speed, n) -> None:
-    stretches = [steady(speed=one) for one in (0.3, speed)]
-    trace = SimpleNamespace(
-        stretches=stretches, places=[slice(0, 2)] * 2, velocity=np.ones(4), force=np.ones(4)
-    )
-    log, seen = SimpleNamespace(trace=trace), SimpleNamespace(residuals=np.ones(4))
-    linearised = SimpleNamespace(fit=SimpleNamespace(logs=[log]), logs=[seen])
-    assert len(list(_fastest(linearised))) == n
-
-
 @pytest.mark.parametrize(("factor", "is_alike"), [(1.95, True), (2.05, False)])
 def test_the_misfit_at_a_speed_is_that_within_a_factor_of_two(monkeypatch, factor, is_alike):
     monkeypatch.setattr(speed_forces, "residual_scatter", lambda *_: math.nan)
     for speed in (0.1 * factor, 0.1 / factor):
-        part = (None, np.array([speed]), None, np.array([7.0]))
-        assert _misfit([part], 1.0, 0.1) == (7.0 if is_alike else 0.0)
+        part = SimpleNamespace(stretch=None, velocity=np.array([speed]), residuals=np.array([7.0]))
+        assert _misfit([part], [0.1], 1.0) == [7.0 if is_alike else 0.0]
 
 
 @pytest.mark.parametrize(("share", "has_yielded"), [(0.39, False), (0.41, True)])

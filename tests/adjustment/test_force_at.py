@@ -1,0 +1,378 @@
+"""Force of a setting at a speed: the right error, shared errors that cancel, tares left out."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from damperfit.adjustment.across_settings import Adjustment
+from damperfit.adjustment.click_changes import clicks
+from damperfit.adjustment.force_at import (
+    credible_forces,
+    determined_speed,
+    force_at,
+    named_speeds,
+)
+from damperfit.adjustment.motions import Sine, fastest_sine
+from damperfit.adjustment.stage import Stage, errors_parted, open_limits, split, stage_of
+from damperfit.adjustment.wanted import which_setting
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
+from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.damper.quasi_static import quasi_static
+from damperfit.damper.rivals.linear import Bilinear
+from damperfit.identification import Status
+from damperfit.queries.adjuster_results import AdjusterResults
+from damperfit.queries.force_by_setting import Question, tabulate_forces
+from damperfit.results import Tested
+from damperfit.simulation import SolverOptions
+from damperfit.tested.setting import Setting
+from damperfit.uncertainty import Assessment, SpeedForces, Uncertainty
+from tests import fakes
+from tests.laws.valve_logs import VALUES, damper
+
+OWN, SHARED = ("r_m1", "r_m2", "k_e"), ("r_m3", "f_f")
+TARES = (11.6, 36.6, -3.4)
+
+
+def stage(setting, covariance=None, **more):
+    known = (OWN, SHARED, covariance)
+    return Stage(Setting.of(setting), reference_parameters(setting), *known, **more)
+
+
+def covariance(seed, *, own=2e-3, shared=4e-3):
+    random = np.random.default_rng(seed)
+    root = random.standard_normal((5, 5)) * np.array([own] * 3 + [shared] * 2)[:, None]
+    return root @ root.T
+
+
+def forces(*stages, speed=0.1):
+    return force_at(stages, PURDY_DAMPER, (speed,))
+
+
+def test_forces_are_those_at_constant_speed_with_their_parts() -> None:
+    found = force_at([stage(10)], PURDY_DAMPER, (0.1, 0.26))
+    order = [(0.1, "rebound"), (0.1, "bump"), (0.26, "rebound"), (0.26, "bump")]
+    assert [(one.speed, one.stroke) for one in found] == order
+    curve = quasi_static(PURDY_DAMPER, reference_parameters(10), [0.1, -0.1, 0.26, -0.26])
+    assert [one.force for one in found] == pytest.approx(curve.forces)
+    for one in found:
+        assert np.isnan(one.error)
+        assert one.gas == pytest.approx(curve.rest)
+        assert abs(one.friction) == pytest.approx(50.0)
+        assert one.damping == pytest.approx(one.force - curve.rest)
+    assert named_speeds(0.302) == (0.05, 0.1, 0.13, 0.26, 0.3)
+    assert named_speeds(0.2555) == (0.05, 0.1, 0.13, 0.26)  # nominal 0.26 m/s
+
+
+def test_errors_of_many_forces_are_those_of_each_alone() -> None:
+    one = stage(10, covariance(3))
+    slopes = np.random.default_rng(4).standard_normal((5, 6))
+    parts = errors_parted(one)
+    rests, carried = split(one, parts, slopes)
+    for k, g in enumerate(slopes.T):
+        own, shared = g[:3], g[3:]
+        assert rests[k] ** 2 == pytest.approx(own @ parts.rest @ own)
+        assert carried[k] == pytest.approx((shared + own @ parts.follow) @ parts.root)
+        assert rests[k] ** 2 + carried[k] @ carried[k] == pytest.approx(g @ one.covariance @ g)
+
+
+@pytest.mark.parametrize("setting", [2, 18])
+def test_the_error_is_that_of_the_covariance(setting) -> None:
+    cov, truth = covariance(setting), reference_parameters(setting)
+    for one, sign in zip(forces(stage(setting, cov), speed=0.2), (1.0, -1.0), strict=True):
+        slopes = []
+        for name in (*OWN, *SHARED):
+            up, down = (
+                quasi_static(
+                    PURDY_DAMPER,
+                    truth.replace({name: getattr(truth, name) * (1.0 + h)}),
+                    sign * 0.2,
+                ).forces[0]
+                for h in (1e-3, -1e-3)
+            )
+            slopes.append((up - down) / 2e-3)
+        assert one.error == pytest.approx(np.sqrt(slopes @ cov @ slopes), rel=5e-3)
+
+
+def test_errors_of_shared_parameters_cancel_between_neighbours() -> None:
+    shared_only = np.zeros((5, 5))
+    shared_only[3:, 3:] = np.diag([1e-2, 1e-1]) ** 2
+    found = forces(stage(9, shared_only), stage(10, shared_only))
+    for one in found:
+        assert one.rest == 0.0
+        assert one.error > 2.0
+    for click in clicks(found):
+        assert click.high - click.change < 0.1 * 1.96 * found[0].error
+
+
+def test_errors_of_the_settings_own_parameters_add_up() -> None:
+    own_only = np.zeros((5, 5))
+    own_only[:3, :3] = np.diag([1e-3, 1e-3, 1e-2]) ** 2
+    found = forces(stage(9, own_only), stage(10, own_only), speed=0.26)
+    by_place = {(one.setting, one.stroke): one for one in found}
+    for click in clicks(found):
+        a, b = by_place[9, click.stroke], by_place[10, click.stroke]
+        assert click.change == b.force - a.force
+        reach = 1.96 * np.hypot(a.error, b.error)
+        assert click.high - click.change == pytest.approx(reach, rel=1e-4)
+        damping = a.force + PURDY_DAMPER.rod_area * PURDY_DAMPER.gas_pressure
+        assert click.percent == pytest.approx(100.0 * click.change / damping)
+        share = 196.0 * np.hypot(b.error, (1.0 + click.change / damping) * a.error) / abs(damping)
+        assert click.percent_high - click.percent == pytest.approx(share, rel=1e-4)
+        assert click.percent > 0.0  # harder, in rebound and in bump alike
+
+
+def test_clicks_join_neighbours_over_gaps() -> None:
+    found = forces(*(stage(n) for n in (1, 5, 6)))
+    assert [(c.first, c.second, c.stroke) for c in clicks(found)] == [
+        (a, b, stroke) for a, b in ((1, 5), (5, 6)) for stroke in ("rebound", "bump")
+    ]
+    assert clicks(found[:2]) == ()
+
+
+def _assessed(known) -> Assessment:
+    return SimpleNamespace(uncertainties=(known,), plausible_limits=lambda *_: (None, None))
+
+
+def test_a_shared_value_that_no_log_tells_is_shared_all_the_same() -> None:
+    """Used to be taken for the setting's own, with the covariance of another parameter."""
+    cov = covariance(3)
+    plain = fakes.fit(1)
+    known = Uncertainty(plain.setting, {}, (*OWN, *SHARED), cov, SHARED)
+    for name in SHARED:
+        unsound = replace(plain, status={**plain.status, name: Status.NOT_IDENTIFIABLE})
+        found = stage_of(unsound, _assessed(known))
+        assert (found.own, found.shared) == (OWN, SHARED)
+        assert found.covariance is cov
+
+
+@pytest.mark.parametrize(
+    ("status", "has_errors"),
+    [
+        ({"r_m1": Status.FITTED, "k_e": Status.FITTED}, False),
+        ({"r_m1": Status.FIXED, "k_e": Status.FITTED}, True),
+        ({"r_m1": Status.AT_BOUND, "k_e": Status.FITTED}, True),
+    ],
+)
+def test_a_setting_without_a_minimum_has_no_error_from_shared_values_alone(
+    status, has_errors
+) -> None:
+    """Two of three triangle logs met no minimum; "+30.12 +- 0.01 N" was said of a click."""
+    log = SimpleNamespace(trace=SimpleNamespace(stretches=[SimpleNamespace(peak_speed=0.3)]))
+    fit = SimpleNamespace(
+        setting=Setting.of(9), parameters=reference_parameters(9), status=status, logs=[log]
+    )
+    known = SimpleNamespace(
+        setting=fit.setting, names=("k_e", "r_m3"), shared=("r_m3",), covariance=np.eye(2) * 1e-4
+    )
+    found = stage_of(fit, _assessed(known))
+    assert (found.covariance is not None) is has_errors
+    assert np.isfinite(forces(found)[0].error) == has_errors
+
+
+def test_clicks_beside_a_setting_without_errors_or_with_other_shared_values_have_none() -> None:
+    """Used to end in a broadcasting error."""
+    bare = Stage(Setting.of(10), reference_parameters(10))
+    other = replace(stage(10, covariance(9)[:3, :3]), shared=())
+    for second in (bare, other):
+        for click in clicks(forces(stage(9, covariance(1)), second)):
+            assert np.isfinite(click.change)
+            assert np.isnan([click.low, click.high, click.percent_low, click.percent_high]).all()
+
+
+def test_shared_errors_cancel_whatever_rounding_does_to_their_directions() -> None:
+    """Two shared parameters of like error have eigenvectors that hang on the last digit."""
+    found = []
+    for setting, sign in ((9, 1.0), (10, -1.0)):
+        cov = np.zeros((5, 5))
+        cov[3:, 3:] = 1e-2**2 * (np.eye(2) + sign * 1e-13 * np.array([[0.0, 1.0], [1.0, 0.0]]))
+        found += forces(stage(setting, cov))
+    for click in clicks(found):
+        assert click.high - click.change < 0.1 * 1.96 * found[0].error
+
+
+def test_a_covariance_that_breaks_costs_its_setting_alone() -> None:
+    met = []
+    stages = [stage(k, covariance(k)) for k in (8, 9, 10)]
+    stages[1] = replace(stages[1], covariance=covariance(9)[:4])
+    found = force_at(stages, PURDY_DAMPER, (0.1,), on_error=lambda *one: met.append(one[0]))
+    assert met == [9]
+    assert [one.setting for one in found] == [8, 8, 10, 10]
+    with pytest.raises(ValueError, match="square"):
+        force_at(stages, PURDY_DAMPER, (0.1,))
+
+
+# ---- what the logs do not determine ----
+
+
+def _with_a_blow_off_that_no_log_opens(**more) -> Stage:
+    """Tested to 0.05 m/s, where the bleed alone lets the oil through."""
+    values = damper().values(VALUES, rebound_opening=2e6)
+    limits = open_limits(values, {"rebound_opening": (4e5, None)})
+    names = ("rebound_bleed", "f_f")
+    known = {"own": names, "covariance": np.diag([1e-3, 1e-2]) ** 2, "open_limits": limits}
+    return Stage(Setting.of(1), values, **{"top_speed": 0.05} | known | more)
+
+
+def test_a_blow_off_that_no_log_opens_is_in_the_interval_beyond_the_tested_speed() -> None:
+    """It was exported with +154 % at 1 m/s, under the sentence of settings that are right."""
+    one = _with_a_blow_off_that_no_log_opens()
+    found = force_at([one], damper(), (0.03, 0.05, 0.1, 0.4))
+    rebound = {x.speed: x for x in found if x.stroke == "rebound"}
+    opened, shut = (
+        quasi_static(damper(), one.parameters.replace(rebound_opening=p), [0.4]).forces[0]
+        for p in (4e5, 1e8)
+    )
+    assert rebound[0.4].low - 1e-6 <= opened < 0.7 * shut <= shut <= rebound[0.4].high + 1e-6
+    assert not rebound[0.4].is_determined
+    assert not rebound[0.4].is_tested
+    for speed in (0.03, 0.05):
+        assert rebound[speed].is_determined
+        assert rebound[speed].is_tested
+        assert rebound[speed].high - rebound[speed].force == pytest.approx(rebound[speed].reach)
+    assert all(x.is_determined for x in found if x.stroke == "bump")
+    assert determined_speed(one, damper()) < 0.09
+    assert determined_speed(replace(one, open_limits=()), damper()) == pytest.approx(0.25)
+    assert math.isnan(determined_speed(replace(one, covariance=None), damper()))
+
+
+def test_a_speed_that_was_never_tested_is_answered_with_a_sentence() -> None:
+    several = tuple(
+        replace(_with_a_blow_off_that_no_log_opens(), setting=Setting.of(n)) for n in (1, 2)
+    )
+    adjuster = AdjusterResults(several, damper(), Sine(0.02, 0.4), "", SolverOptions(), ())
+    notes = tabulate_forces(adjuster, Question(0.4)).notes
+    assert any("0.4 m/s was never tested at settings 1, 2 (tested: up to 0.05" in x for x in notes)
+    assert any("do not determine the force there at settings 1, 2" in x for x in notes)
+    tested = tabulate_forces(adjuster, Question(0.05)).notes
+    assert not any("never tested" in x or "determine" in x for x in tested)
+
+
+def test_what_was_never_tested_is_named() -> None:
+    tested = Tested(2, 0.032, 0.3, (1.5, 2.0))
+    assert list(tested.outside(amplitude=0.033, frequency=2.05, speed=0.31)) == []
+    assert list(tested.outside(amplitude=0.11, frequency=15.0, speed=0.63)) == [
+        "an amplitude of 110 mm (tested: up to 32 mm)",
+        "15 Hz (tested: 1.5 to 2 Hz)",
+        "0.63 m/s (tested: up to 0.3 m/s)",
+    ]
+    assert list(Tested().outside(amplitude=1.0, frequency=1.0, speed=1.0)) == []
+    assert fastest_sine([(0.032, 1.5, 0.3016), (0.02, 2.0, 0.2513)]) == Sine(0.032, 1.5)
+
+
+# ---- tares ----
+
+
+def tared(tares=TARES, covariance=None, settings=(5, 5, 5)):
+    own = () if covariance is None else ("r_m1", "k_e", "f_0")
+    return [
+        Stage(Setting.of(n), replace(reference_parameters(k), f_0=tare), own, (), covariance)
+        for n, (k, tare) in enumerate(zip(settings, tares, strict=True), start=1)
+    ]
+
+
+def of_offset(correlation):
+    """Of ln r_m1, ln k_e and f_0 in N, whose error is 5 N."""
+    errors = np.array([1e-2, 2e-2, 5.0])
+    matrix = np.eye(3)
+    matrix[0, 2] = matrix[2, 0] = correlation
+    return matrix * np.outer(errors, errors)
+
+
+def test_a_tare_is_in_no_force_and_no_effect_of_a_click() -> None:
+    found, bare = forces(*tared()), forces(*tared((0.0,) * 3))
+    assert [one.force for one in found] == pytest.approx([one.force for one in bare], abs=1e-9)
+    for click in clicks(found):
+        assert click.change == pytest.approx(0.0, abs=1e-9)
+        assert click.percent == pytest.approx(0.0, abs=1e-9)
+    whole = [one.with_tare for one in found]
+    for one, other in zip(clicks(found), clicks(whole), strict=True):
+        assert one.change == pytest.approx(other.change, abs=1e-9)
+        assert one.percent == pytest.approx(other.percent, abs=1e-9)
+    different = [clicks(forces(*tared(t, settings=(5, 6, 7)))) for t in ((12.0,) * 3, (0.0,) * 3)]
+    with_it, without = ([one.percent for one in few] for few in different)
+    assert with_it == pytest.approx(without)
+    rebound = [one for one in found if one.stroke == "rebound"]
+    assert which_setting(rebound, rebound[0].force + 20.0).answers == ()
+
+
+@pytest.mark.parametrize("correlation", [-0.9, 0.0, 0.9])
+def test_the_error_of_a_tare_is_none_of_the_damper(correlation) -> None:
+    known = of_offset(correlation)
+    alone = [
+        Stage(one.setting, one.parameters, ("r_m1", "k_e"), (), known[:2, :2]) for one in tared()
+    ]
+    found, expected = forces(*tared(covariance=known)), forces(*alone)
+    for one, bare in zip(found, expected, strict=True):
+        assert one.error == pytest.approx(bare.error)
+        assert one.with_tare.force - one.force == pytest.approx(one.tare)
+        assert one.with_tare.error != pytest.approx(bare.error, rel=0.05)
+        if correlation == 0.0:
+            assert one.with_tare.error == pytest.approx(np.hypot(one.error, 5.0))
+        assert one.with_tare.with_tare is not one
+    for one, bare in zip(clicks(found), clicks(expected), strict=True):
+        assert one.high - one.low == pytest.approx(bare.high - bare.low)
+
+
+def test_measured_forces_beside_the_model_are_without_it_too() -> None:
+    stages = tared(covariance=of_offset(0.0))
+    rig = [
+        SpeedForces(
+            one.setting, one.stroke, 500.0, (0.05, 0.1), (one.with_tare.force + 80.0,) * 2,
+            (0.5,) * 2, (80.0,) * 2, (0.0,) * 2, kind="pvp", rounding=(0.0, 0.0),
+        )
+        for one in forces(*stages)
+    ]  # fmt: skip
+    found = force_at(stages, PURDY_DAMPER, (0.1,), measured=rig)
+    for one in found:
+        assert one.measured_force == pytest.approx(one.force + 80.0)
+        assert one.with_tare.measured_force == pytest.approx(one.measured_force + one.tare)
+    shown = credible_forces(found)
+    assert all(one.is_measured and one.model_force == one.force - 80.0 for one in shown)
+    # What is taken off a measured force has an error.
+    assert all(one.error == pytest.approx(np.hypot(0.5, 5.0)) for one in shown)
+    for click in clicks(shown):
+        assert click.change == pytest.approx(0.0, abs=1e-9)
+
+
+def test_where_no_gas_is_known_the_offset_stays_in_the_force_and_out_of_the_click() -> None:
+    model = Bilinear()
+    stages = [
+        Stage(Setting.of(n), model.values({"c_r": 2000.0, "c_b": 1500.0, "f_0": offset}))
+        for n, offset in enumerate((-120.0, -95.0), start=1)
+    ]
+    found = force_at(stages, model, (0.1,))
+    by_stroke = {one.stroke: one.force for one in found if one.setting == Setting.of(1)}
+    assert by_stroke == pytest.approx({"rebound": 80.0, "bump": -270.0}, abs=0.1)
+    for click in clicks(found):
+        assert click.change == pytest.approx(0.0, abs=1e-9)
+    harder = [
+        replace(one, parameters=one.parameters.replace(c_r=2000.0 * factor))
+        for one, factor in zip(stages, (1.0, 1.1), strict=True)
+    ]
+    rebound, _ = clicks(force_at(harder, model, (0.1,)))
+    assert rebound.percent == pytest.approx(10.0, abs=0.01)
+    adjuster = AdjusterResults((stages[0],), model, Sine(0.032, 1.5), "", SolverOptions(), ())
+    (note,) = tabulate_forces(adjuster, Question(0.1)).notes
+    assert note.startswith("the model knows no gas: its force offset (-120 N)")
+
+
+@pytest.mark.parametrize(
+    ("tares", "said"),
+    [
+        ((0.0, 0.0, 0.0), None),
+        ((12.0, 12.0, 12.0), "the force offset (12 N) is the rig's tare"),
+        (TARES, "the force offset (-3.4 to 36.6 N) is the rig's tare"),
+    ],
+)
+def test_one_line_says_that_a_tare_is_left_out(tares, said) -> None:
+    stages = tuple(tared(tares))
+    adjuster = AdjusterResults(stages, PURDY_DAMPER, Sine(0.032, 1.5), "", SolverOptions(), ())
+    notes = [note for note in tabulate_forces(adjuster, Question(0.1)).notes if "offset" in note]
+    sentences = Adjustment(forces=forces(*stages)).sentences
+    assert [note.startswith(said or "") for note in notes] == [True] * (said is not None)
+    assert [said in one for one in sentences] == [True] * (said is not None)
