@@ -12,7 +12,7 @@ from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from tempfile import mkdtemp
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 from damperfit.asked import (
     configured,
@@ -26,6 +26,7 @@ from damperfit.asked import (
     workers,
 )
 from damperfit.errors import ConfigurationError, DamperfitError, LogError
+from damperfit.keywords import with_keywords
 from damperfit.problem import Option
 from damperfit.wrong_calls import (
     answers_wrong_calls,
@@ -58,6 +59,9 @@ if TYPE_CHECKING:
     )
     from damperfit.tested.setting import Setting
 
+    P = ParamSpec("P")
+    R = TypeVar("R")
+
 __all__ = [
     "compare",
     "export",
@@ -76,13 +80,20 @@ __all__ = [
     "sweep",
 ]
 
+
+def _function(function: Callable[P, R]) -> Callable[P, R]:
+    """Return a function that documents its keywords, and answers wrong calls in a sentence."""
+    function.__doc__ = with_keywords(function)
+    return answers_wrong_calls(f"damperfit.{function.__name__}")(function)
+
+
 FIGURE_KINDS = ("png", "svg", "pdf")
 _FEW = 3
 _AUTO = "auto"
 _RESULTS = Path("results")
 
 
-@answers_wrong_calls("damperfit.read")
+@_function
 def read(
     log: object,
     *,
@@ -96,9 +107,7 @@ def read(
     ----------
     log : path, or mapping of one label to a data frame
         Any format that `damperfit inspect` reads.
-    units : mapping of str to str, optional
-        Units of columns that do not say theirs, as in ``{"force": "kN"}``.
-    rig, config
+    units, rig, config
         As of `identify`.
 
     Raises
@@ -116,7 +125,7 @@ def read(
         return read_log(paths[0], configuration.reading)
 
 
-@answers_wrong_calls("damperfit.inspect")
+@_function
 def inspect(  # noqa: PLR0913 - one keyword an option of the command line
     logs: object,
     *,
@@ -135,8 +144,10 @@ def inspect(  # noqa: PLR0913 - one keyword an option of the command line
 
     Parameters
     ----------
-    logs, setting, tests, strict, skew, rig_profile, rig, allow_truncated, jobs, config, units
-        As of `identify`.
+    logs : path, pattern, list of such, or mapping of labels to data frames
+        As of `identify`, like the other keywords.
+    units : mapping of str to str, optional
+        Units of columns that do not say theirs.
     """
     given = dict(locals())
     from damperfit.run.given_logs import as_files
@@ -157,7 +168,7 @@ def inspect(  # noqa: PLR0913 - one keyword an option of the command line
     return Inspection(batch)
 
 
-@answers_wrong_calls("damperfit.identify")
+@_function
 def identify(  # noqa: PLR0913 - one keyword an option of the command line
     logs: object,
     *,
@@ -200,29 +211,19 @@ def identify(  # noqa: PLR0913 - one keyword an option of the command line
         A label is the setting, as in ``{"10": frame}`` or ``{"R12 C8": frame}``; a frame, or a
         mapping of arrays, has time, displacement and force, with units in its names
         (``displacement_mm``) or in `units`.
+    fix, start, rig : mapping
+        As in ``{"f_f": "50N"}``; keys of [rig]. `start` may be a path too.
     model : str, optional
-        Of `damperfit models`; "auto": the one that the logs support.
-    setting : optional
-        Setting of logs that do not say theirs.
+        "auto": the one that the logs support.
     units : mapping, or str
-        Units of columns that do not say theirs, keys of [rig.units]; as text those that results
-        are shown in, as the option has them.
-    rig : mapping, optional
-        Keys of [rig].
-    start : mapping, or path
-        Values that the fits start from, or the parameters of an earlier run.
+        Units of columns that do not say theirs, as in ``{"force": "kN"}``; as text those that
+        results are shown in.
     out : path, optional
         Folder for the results; by default they go when the result does.
-    config : path, optional
-        TOML file.
     damper : Model or mapping, optional
         The damper, or keys of [damper]; the paper's where neither it nor `config` says it.
     watch : Watch, optional
         Who looks on: progress, and the wish to stop.
-    free, fix, rivals, procedure, share, hold_out, hold_out_cycles, covariate, bulk_modulus, \
-starts, profile, max_mse, check, tests, strict, skew, rig_profile, allow_truncated, report, \
-figures, jobs
-        As the options of `damperfit identify`; ``fix={"f_f": "50N"}``.
 
     Returns
     -------
@@ -401,7 +402,7 @@ def _check_kind(kind: str | None) -> None:
         )
 
 
-@answers_wrong_calls("damperfit.models")
+@_function
 def models(  # noqa: PLR0913 - one keyword an option of the command line
     logs: object,
     *,
@@ -421,12 +422,10 @@ def models(  # noqa: PLR0913 - one keyword an option of the command line
 
     Parameters
     ----------
-    layout : str, optional
-        twin_tube, monotube or through_flow, if it is known.
+    logs, start, rig, damper
+        As of `identify`, like the other keywords.
     on_law : callable
         Called with the name of each law that was tried.
-    logs, hold_out, rivals, start, setting, rig_profile, rig, jobs, config, damper
-        As of `identify`.
 
     Returns
     -------
@@ -462,7 +461,7 @@ def models(  # noqa: PLR0913 - one keyword an option of the command line
         )
 
 
-@answers_wrong_calls("damperfit.load")
+@_function
 def load(folder: str | Path) -> Run:
     """Return the run in a folder, as `damperfit identify` wrote it.
 
@@ -484,7 +483,7 @@ def load(folder: str | Path) -> Run:
     return Run.load(place, parts=("parameters", "mse"))
 
 
-@answers_wrong_calls("damperfit.simulate")
+@_function
 def simulate(  # noqa: PLR0913 - one keyword an option of the command line
     setting: Setting | Run | int | str | None = None,
     *,
@@ -511,25 +510,10 @@ def simulate(  # noqa: PLR0913 - one keyword an option of the command line
     setting : optional
         Whose parameters; not needed where `set` gives all of them.
     parameters : Run or path, optional
-        Results, their folder or a parameters table; by default ``results``, if it is there, else
-        the reference set.
+        Results, their folder or a parameters table.
     set : mapping, optional
         Parameters that replace the setting's.
-    amplitude, frequency, cycles, sample_rate : optional
-        Of the wave, SI or text with a unit; by default those of the test.
-    wave : str
-        sine or triangle.
-    max_steps : int, optional
-        Samples or steps beyond which a simulation is refused.
-    temperature : optional
-        Of the oil, as in "40degC", after ``identify(covariate="temperature")``.
-    displacement : path, optional
-        A log whose displacement drives the damper instead.
-    out, plot : path, optional
-        Files for the signals and for the loops.
-    overwrite : bool
-        Replace files of another origin.
-    config, damper
+    damper : Model or mapping, optional
         As of `identify`.
     """
     given = dict(locals())
@@ -613,7 +597,7 @@ def _check_places(*folders: Path | None) -> None:
             check_writable(folder)
 
 
-@answers_wrong_calls("damperfit.sweep")
+@_function
 def sweep(  # noqa: PLR0913 - one keyword an option of the command line
     setting: Setting | int | str | None = None,
     *,
@@ -633,14 +617,10 @@ def sweep(  # noqa: PLR0913 - one keyword an option of the command line
     ----------
     vary : mapping of str to sequence of float, or text
         As in ``{"r_m1": [0.8, 1, 1.2]}`` or "r_m1=0.8,1,1.2".
-    paper : bool
-        Figures 4 to 9 of the paper.
-    figures : str
-        png, svg or pdf.
-    out : path, optional
-        Folder for the table and the figures.
-    setting, parameters, set, max_steps, overwrite, config
+    setting, parameters, set
         As of `simulate`.
+    out : path, optional
+        Folder for the table and the figures; without it none is written.
     """
     given = dict(locals())
     from damperfit.queries.sweep import PAPER_SWEEPS, parse_variation
@@ -675,7 +655,7 @@ def sweep(  # noqa: PLR0913 - one keyword an option of the command line
     return done
 
 
-@answers_wrong_calls("damperfit.settings")
+@_function
 def settings(  # noqa: PLR0913 - one keyword an option of the command line
     results: Run | str | Path | Sequence[str | Path] = _RESULTS,
     *,
@@ -697,15 +677,9 @@ def settings(  # noqa: PLR0913 - one keyword an option of the command line
     ----------
     results : Run, path or list of paths
         What `identify` found, or files of measured curves.
-    force, velocity : optional
-        Which setting gives the force at the speed? As in "900N" and "0.2m/s"; minus: bump.
-    stroke : str, optional
-        rebound or bump, instead of a sign.
-    amplitude, frequency, temperature : optional
-        Of the motion that is simulated; by default those of the test.
-    units : str, optional
-        In which it is shown, as in "N,mm/s".
-    rig, rig_profile, jobs, config
+    force, velocity : number or text, optional
+        As in "900N" and "0.2m/s".
+    rig : mapping, optional
         As of `identify`.
     """
     given = dict(locals())
@@ -759,7 +733,7 @@ def _text(value: object) -> str | None:
     return None if value is None else str(value)
 
 
-@answers_wrong_calls("damperfit.compare")
+@_function
 def compare(  # noqa: PLR0913 - one keyword an option of the command line
     *runs: Run | str | Path,
     repeats: Sequence[str | Path] | None = None,
@@ -783,20 +757,10 @@ def compare(  # noqa: PLR0913 - one keyword an option of the command line
     ----------
     *runs : Run or path
         The first is the reference.
-    repeats : sequence of path
-        Repeats of the reference; their scatter is the yardstick.
-    tolerance : str, optional
-        "5%", "20N" or a table of bands.
-    measured : bool
-        Compare what was measured; logs are read too.
     velocity : sequence of speed
-        As in ``["0.1m/s", "0.3m/s"]``; by default the named test speeds.
-    amplitude, frequency : optional
-        Of the motion that is simulated.
+        As in ``["0.1m/s", "0.3m/s"]``.
     out, save, junit : path, optional
         Folder for page, Markdown, JSON and tables; the reference as a baseline; JUnit XML.
-    units, rig_profile, rig, jobs, config
-        As of `settings`.
     """
     given = dict(locals())
     from damperfit.queries.comparisons import (
@@ -874,7 +838,7 @@ def compare(  # noqa: PLR0913 - one keyword an option of the command line
     return done
 
 
-@answers_wrong_calls("damperfit.export")
+@_function
 def export(  # noqa: PLR0913 - one keyword an option of the command line
     results: Run | str | Path = _RESULTS,
     to: str | None = None,
@@ -896,21 +860,6 @@ def export(  # noqa: PLR0913 - one keyword an option of the command line
         What `identify` found.
     to : str
         A target of `damperfit export --list`.
-    out : path, optional
-        A file if it has a suffix of the target's, else a folder; by default ``export`` in the
-        results' own.
-    extend : speed, optional
-        Tables beyond the tested speed, from the model.
-    units, decimal : str, optional
-        Of a table, as in "N,mm/s"; its decimal mark.
-    temperature : optional
-        Of the oil, after ``identify(covariate="temperature")``.
-    check : bool
-        Hold what was written against the logs of the run.
-    overwrite : bool
-        Replace files that are there already, also those that damperfit did not write.
-    config : path, optional
-        TOML file.
 
     Returns
     -------
@@ -972,7 +921,7 @@ def export(  # noqa: PLR0913 - one keyword an option of the command line
     )
 
 
-@answers_wrong_calls("damperfit.report")
+@_function
 def report(
     results: Run | str | Path,
     *,
@@ -987,12 +936,6 @@ def report(
     ----------
     results : Run or path
         What `identify` found.
-    figures : str, optional
-        Also write the figures as files: png, svg or pdf.
-    out : path, optional
-        Folder; by default that of the results.
-    units : str, optional
-        As in "N,mm/s"; by default those of the run.
     config : path, optional
         Only checked: damper and rig are those of the run.
     """
@@ -1036,7 +979,7 @@ def _write_report(
     return Files(written, remarks=run.remarks)
 
 
-@answers_wrong_calls("damperfit.fleet")
+@_function
 def fleet(  # noqa: PLR0913 - one keyword an option of the command line
     logs: Sequence[str] | str | None = None,
     *,
@@ -1063,20 +1006,8 @@ def fleet(  # noqa: PLR0913 - one keyword an option of the command line
     ----------
     logs : folders, files, patterns or addresses
         Of all dampers; None: the parts that are there.
-    out : path
-        Folder of the fleet's parts.
-    scheduler : str, optional
-        Address of a Dask cluster.
-    part : str, optional
-        "I/N": only part I of N.
-    collect, report : bool
-        Write one table of all parts; a page of the fleet.
-    tolerance : str, optional
-        Band around the median, or a table of bands.
     watch : Watch, optional
         Who looks on: progress by damper, and the wish to stop.
-    jobs, model, procedure, covariate, tests, strict, rig_profile, rig, config
-        As of `identify`.
     """
     given = dict(locals())
     from damperfit.fleet.run import planned, share_of
@@ -1161,7 +1092,7 @@ def _worked_through(
         cluster.close()
 
 
-@answers_wrong_calls("damperfit.samples")
+@_function
 def samples(  # noqa: PLR0913 - one keyword an option of the command line
     folder: str | Path,
     *,
@@ -1181,22 +1112,8 @@ def samples(  # noqa: PLR0913 - one keyword an option of the command line
 
     Parameters
     ----------
-    folder : path
-        For the logs.
     settings : text or sequence of int
         As in "1,5,10-12".
-    parameters : path, optional
-        True values, with damper and motion: a parameters table or a results folder.
-    cycles, sample_rate : optional
-        Of a log.
-    force_noise, displacement_noise : optional
-        Of the sensors, rms.
-    rig_filter : optional
-        Corner of a filter in the rig; 0: none.
-    seed : int
-        Of the noise.
-    model, config
-        As of `identify`.
     watch : Watch, optional
         Who looks on: progress by log.
     """
@@ -1238,7 +1155,7 @@ def samples(  # noqa: PLR0913 - one keyword an option of the command line
     return Files((*logs, where / "truth.csv", where / "README.md"), notes=(sentence,))
 
 
-@answers_wrong_calls("damperfit.init")
+@_function
 def init(
     logs: Sequence[str] | str | None = None,
     *,
@@ -1253,14 +1170,10 @@ def init(
     ----------
     logs : paths or patterns, optional
         Of the damper: units, setting and signs are guessed.
-    model : str, optional
-        By default the paper's, purdy.
     set : mapping, optional
         Keys of [damper], as in ``{"rod_diameter": "12mm"}``.
     out : path, optional
         The file to write.
-    overwrite : bool
-        Replace it if it is there.
     """
     from damperfit.queries.first_configuration import (
         Guessed,

@@ -7,9 +7,21 @@ options of both. An entry ``command.keyword`` goes before that of the keyword al
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from inspect import signature
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-__all__ = ["PANELS", "PRESENTATION", "PYTHON_ONLY", "Keyword", "keyword_of", "option_of"]
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+__all__ = [
+    "PANELS",
+    "PRESENTATION",
+    "PYTHON_ONLY",
+    "Keyword",
+    "keyword_of",
+    "option_of",
+    "with_keywords",
+]
 
 # Options that say how a command talks, and keywords that take objects of Python.
 PRESENTATION = ("json", "quiet", "debug", "version", "log_file", "github_summary", "list")
@@ -478,3 +490,47 @@ def option_of(name: str) -> str:
     '--hold-out'
     """
     return f"--{name.replace('_', '-')}"
+
+
+# What a keyword takes in Python.
+_TYPES = {
+    "text": "str",
+    "texts": "list of str",
+    "names": "list of str",
+    "quantities": "list of str",
+    "values": "mapping",
+    "pairs": "mapping",
+    "number": "float",
+    "count": "int",
+    "workers": "int",
+    "path": "path",
+    "paths": "list of path",
+    "flag": "bool",
+}
+
+
+def with_keywords(function: Callable[..., Any]) -> str:
+    """Return the docstring of a function with those of its keywords that it does not tell itself.
+
+    Parameters
+    ----------
+    function : callable
+        Of `damperfit.api`.
+    """
+    known = function.__doc__ or ""
+    told = {
+        name.strip().lstrip("*")
+        for line in known.splitlines()
+        if line[:4].isspace() and line[4:5].strip()
+        for name in line.partition(" : ")[0].split(",")
+    }
+    lines = []
+    for name in signature(function).parameters:
+        one = _KEYWORDS.get(f"{function.__name__}.{name}") or _KEYWORDS.get(name)
+        if one is not None and one.kind in _TYPES and name not in told:
+            lines += [f"    {name} : {_TYPES[one.kind]}", f"        {one.help}"]
+    if not lines:
+        return known
+    return "\n".join(
+        [known.rstrip(), "", "    Other Parameters", "    ----------------", *lines, ""]
+    )
