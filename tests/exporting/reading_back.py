@@ -10,7 +10,7 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import scipy.io
 
-__all__ = ["READERS", "combi_matrices", "mat_variables"]
+__all__ = ["READERS", "SIGNS", "combi_matrices", "mat_variables"]
 
 Curves = dict[str, tuple[np.ndarray, np.ndarray]]
 
@@ -167,4 +167,16 @@ READERS = {
     "combitable": _combitable,
     "matlab": _matlab,
     "csv": _csv,
+}
+# By target: velocity unit in m/s; sign of velocity and of force in the file where the rod moves
+# out. CarMaker has no sign: Pull is the side of rebound.
+SIGNS = {
+    "adams": (1e-3, 1, 1),
+    "adams-xml": (1e-3, 1, 1),
+    "carmaker": (1.0, 0, 0),
+    "carsim": (1e-3, -1, -1),
+    "chrono": (1.0, 1, 1),
+    "combitable": (1.0, 1, 1),
+    "csv": (1.0, 1, 1),
+    "matlab": (1.0, 1, 1),
 }

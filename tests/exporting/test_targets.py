@@ -20,22 +20,10 @@ from damperfit.results import SettingResult
 from damperfit.tables import make_tables, write_table
 from damperfit.tested.setting import Setting
 from tests.exporting.conftest import told
-from tests.exporting.reading_back import READERS, combi_matrices, mat_variables
+from tests.exporting.reading_back import READERS, SIGNS, combi_matrices, mat_variables
 from tests.fakes import campaign, fit
 
 TABLES = sorted(READERS)
-# By target: velocity unit in m/s; sign of velocity and of force in the file where the rod moves
-# out. CarMaker has no sign: Pull is the side of rebound.
-SIGNS = {
-    "adams": (1e-3, 1, 1),
-    "adams-xml": (1e-3, 1, 1),
-    "carmaker": (1.0, 0, 0),
-    "carsim": (1e-3, -1, -1),
-    "chrono": (1.0, 1, 1),
-    "combitable": (1.0, 1, 1),
-    "csv": (1.0, 1, 1),
-    "matlab": (1.0, 1, 1),
-}
 
 
 def written(name, run, **options):
