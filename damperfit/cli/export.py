@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
@@ -45,7 +46,11 @@ def export(how: Shown, **given: Any) -> int:
         }
         document |= {"lost_in_a_table": made.lost} if made.lost else {}
         document["determined"] = [
-            {"setting": one.setting.cell, "speed_m_per_s": one.determined} for one in made.tables
+            {
+                "setting": one.setting.cell,
+                "speed_m_per_s": None if math.isnan(one.determined) else one.determined,
+            }
+            for one in made.tables
         ]
         rows = [{**asdict(one), "setting": one.setting.cell} for one in files.checked]
         print_json(document | ({"check": rows} if given["check"] else {}))

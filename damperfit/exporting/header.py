@@ -155,25 +155,28 @@ def gas_line(table: ForceTable, *, place: str, is_bump_positive: bool = False) -
 
 def determined_line(tables: Sequence[ForceTable]) -> str:
     """Return up to which speed the logs determine the force of each setting."""
-    speeds = [(f"{one.determined:.3g} m/s", str(one.setting)) for one in tables]
+    speeds = [
+        ("not known" if math.isnan(one.determined) else f"{one.determined:.2g} m/s", one)
+        for one in tables
+    ]
     parts = []
     for speed, group in groupby(speeds, key=lambda pair: pair[0]):
-        names = [name for _, name in group]
+        names = [str(one.setting) for _, one in group]
         which = names[0] if len(names) == 1 else f"{names[0]} to {names[-1]}"
-        parts.append(f"to {speed} at setting{'s' * (len(names) > 1)} {which}")
-    sentence = f"determined (tested, 95 % interval within 10 %): {', '.join(parts)}"
-    if not any(one.has_interval for one in tables):
-        sentence += "; the run tells no errors, so that only the tested speed is known"
-    return sentence
+        parts.append(f"{speed} at setting{'s' * (len(names) > 1)} {which}")
+    tested = dict.fromkeys(f"{one.tested:.3g}" for one in tables)
+    return (
+        f"force determined by the logs (95 % interval within 5 %) to {', '.join(parts)}; tested to "
+        f"{' to '.join((min(tested), max(tested)) if len(tested) > 1 else tested)} m/s"
+    )
 
 
 def _beyond(tables: Sequence[ForceTable]) -> str:
     if any(one.is_extended for one in tables):
-        end = max(one.end for one in tables)
-        least = min(one.determined for one in tables)
+        end, tested = max(one.end for one in tables), min(one.tested for one in tables)
         return (
-            f"beyond {least:.4g} m/s UNTESTED or not determined: up to {end:.4g} m/s the table is "
-            "the model's"
+            f"beyond {tested:.4g} m/s UNTESTED: up to {end:.4g} m/s the table is the model's, "
+            "unmeasured there"
         )
     return (
         f"beyond {tables[0].end:.4g} m/s there is nothing: do not let a program hold the last "

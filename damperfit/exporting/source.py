@@ -5,16 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from damperfit.damper.warmed import Warmed
 from damperfit.errors import ConfigurationError
-from damperfit.results import Run, segments_in
+from damperfit.results import Run
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from damperfit.damper.model import Model
     from damperfit.results import SettingResult
-    from damperfit.tested.setting import Setting
 
 __all__ = ["ExportedRun", "exported_run"]
 
@@ -40,17 +41,12 @@ class ExportedRun:
     settings: tuple[SettingResult, ...]
     notes: tuple[str, ...] = ()
 
-    def tested_speed(self, setting: Setting) -> float:
-        """Return the highest speed of a setting's own logs, m/s; else that of the run's motion."""
-        logs = self.run.record.get("inputs")
-        speeds = [
-            segment.get("peak_speed_m_per_s")
-            for log in (logs if isinstance(logs, list) else ())
-            if isinstance(log, dict) and log.get("setting") == setting.cell
-            for segment in segments_in(log)
-        ]
-        known = [float(one) for one in speeds if isinstance(one, int | float)]
-        return max(known, default=self.run.motion.peak_speed)
+    @property
+    def fastest(self) -> float:
+        """Speed of the run's fastest motion, m/s, for settings whose own tests are not known."""
+        return (
+            self.run.motion.peak_speed if self.run.tested.speed is None else self.run.tested.speed
+        )
 
 
 def exported_run(
@@ -84,9 +80,7 @@ def exported_run(
         notes.append(
             f"resistances as they are at {at:g} degC (fitted at {damper.reference:g} degC)"
         )
-        settings = tuple(
-            replace(one, parameters=damper.at_reference(one.values, at)) for one in settings
-        )
+        settings = tuple(_at_one_temperature(one, damper) for one in settings)
         damper = damper.plain
     notes += [
         f"{', '.join(one.unlimited)} at setting {one.setting}: the logs set no upper limit, so the "
@@ -96,3 +90,18 @@ def exported_run(
     ]
     run.motion  # noqa: B018 - where it is not known, that is remarked
     return ExportedRun(run, damper, settings, tuple(notes))
+
+
+def _at_one_temperature(one: SettingResult, damper: Warmed) -> SettingResult:
+    values = damper.at_reference(one.values, damper.oil_temperature)
+    names = (*one.own, *one.shared)
+    kept = [k for k, name in enumerate(names) if name in values.names]
+    covariance = None if one.covariance is None else one.covariance[np.ix_(kept, kept)]
+    return replace(
+        one,
+        parameters=values,
+        own=tuple(name for name in one.own if name in values.names),
+        shared=tuple(name for name in one.shared if name in values.names),
+        covariance=covariance,
+        open_limits=tuple(pair for pair in one.open_limits if pair[0] in values.names),
+    )

@@ -6,8 +6,9 @@ oil, and the gas, which is no damping and is handed over apart. Friction is in; 
 the table goes straight through 0 0 below its first speed.
 
 Points lie close where cars are tuned, and are added where the straight line between two of them
-misses the force, as at the opening of a valve. A table ends at the speed up to which the logs
-determine the force; beyond it goes only who asks for it.
+misses the force, as at the opening of a valve. A table ends at the speed that was tested; beyond it
+goes only who asks for it. Intervals, and the speed up to which the logs determine the force, are
+those of `damperfit.adjustment.force_at`.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from damperfit.adjustment.force_at import STROKES, determined_speed, force_at
 from damperfit.damper.mounting import NONE, Mounting
 from damperfit.damper.quasi_static import quasi_static
 from damperfit.damper.valve_dampers import ValveDamper
@@ -31,7 +33,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from damperfit.damper.model import Model, Values
-    from damperfit.damper.quasi_static import QuasiStatic
     from damperfit.exporting.source import ExportedRun
     from damperfit.results import SettingResult
     from damperfit.simulation import SolverOptions
@@ -47,9 +48,6 @@ _FARTHER = 1.2
 _HALVED = 6  # times, between two points whose line misses
 _MISS, _LEAST_MISS = 3e-3, 0.1  # of the force, and N
 _FARTHEST = 5.0  # times the tested speed; the model says little of the damper beyond
-_NORMAL = 1.959964
-# Determined: the 95 % interval is within this share of the force, or of the highest one.
-_WITHIN, _WITHIN_HIGHEST = 0.1, 0.02
 _GAS_POINTS = 13
 
 
@@ -72,7 +70,7 @@ class ForceTable:
     tested : float
         Highest speed of the setting's own logs, m/s.
     determined : float
-        Highest tested speed at which the interval is within 10 % of the force, in both strokes.
+        Speed up to which the logs determine the force, m/s, tested or beyond; NaN: not known.
     stroke : float
         Amplitude of the tested motion, m.
     level, tare : float
@@ -109,14 +107,14 @@ class ForceTable:
 
     @property
     def is_extended(self) -> bool:
-        """Whether it goes beyond what the logs determine."""
-        return self.end > self.determined * (1.0 + 1e-9)
+        """Whether it goes beyond the tested speed."""
+        return self.range_of(self.end) != "tested"
 
     def range_of(self, speed: float) -> str:
-        """Return whether a speed is "tested", "not determined" though tested, or "untested"."""
-        if abs(speed) > self.tested * (1.0 + 1e-9):
-            return "untested"
-        return "tested" if abs(speed) <= self.determined * (1.0 + 1e-9) else "not determined"
+        """Return whether a speed is "tested", "untested", or even "not determined"."""
+        if abs(speed) <= self.tested * (1.0 + 1e-9):
+            return "tested"
+        return "not determined" if abs(speed) > self.determined else "untested"
 
     def rows(self, side: float = 1.0) -> list[tuple[float, float]]:
         """Return speeds and forces, rising; with side -1 those of bump are positive."""
@@ -148,7 +146,7 @@ class RoadMiss(NamedTuple):
 
 
 def force_tables(
-    run: ExportedRun, *, extend: float | None = None, common: bool = False, whole: bool = False
+    run: ExportedRun, *, extend: float | None = None, common: bool = False
 ) -> tuple[ForceTable, ...]:
     """Return the table of each setting.
 
@@ -157,46 +155,32 @@ def force_tables(
     run : ExportedRun
         The damper.
     extend : float, optional
-        Speed up to which the tables go, m/s, instead of the one up to which they are determined.
+        Speed up to which the tables go, m/s, instead of the tested one.
     common : bool
-        All on the same speeds, which end with the first that is not determined.
-    whole : bool
-        Up to the tested speed, determined or not.
+        All on the same speeds, up to what every setting was tested at.
 
     Raises
     ------
     ConfigurationError
-        ``extend`` is not beyond what is determined, or far beyond what was tested; or no force of
-        a setting is determined and ``extend`` is not given.
+        ``extend`` is not beyond the tested speed, or far beyond it.
     SimulationError
         The model cannot be simulated.
     """
-    tested = [_rounded_down(run.tested_speed(one.setting)) for one in run.settings]
-    if max(tested) < 1.02 * min(tested):  # the same test, but for noise
-        tested = [min(tested)] * len(tested)
     curves = [_Curve(run, one) for one in run.settings]
-    groups = [list(range(len(curves)))] if common else [[k] for k in range(len(curves))]
-    tables: list[ForceTable] = []
-    for group in groups:
-        tops = {extend or 0.0, *(tested[k] for k in group)}
-        grid = _refined(_grid(tops), [curves[k] for k in group])
-        tables += [_table(run, curves[k], tested[k], grid) for k in group]
-    if extend is not None:
-        _check_extension(extend, tables)
-    for group in groups:
-        end = min(tables[k].determined for k in group)
-        if whole:
-            end = max(tested[k] for k in group)
-        elif extend is not None:
-            end = max(extend, end)
-        elif end == 0.0:
-            worst = next(tables[k] for k in group if tables[k].determined == 0.0)
-            raise ConfigurationError(
-                f"setting {worst.setting}: its logs determine the force to 10 % at no speed; "
-                f"--extend {worst.tested:.3g}m/s hands it over all the same"
-            )
-        for k in group:
-            tables[k] = _cut(tables[k], end)
+    tested = [curve.tested for curve in curves]
+    if max(tested) < 1.02 * min(tested):  # the same test, but for noise
+        for curve in curves:
+            curve.tested = min(tested)
+    if extend is not None and not min(tested) < extend <= _FARTHEST * max(tested):
+        raise ConfigurationError(
+            f"--extend {extend:g} m/s: expected a speed above the tested {min(tested):.4g} m/s and "
+            f"up to {_FARTHEST:g} times it; leave --extend out for a table of what was tested"
+        )
+    tables = []
+    for group in [curves] if common else [[curve] for curve in curves]:
+        end = max(min(curve.tested for curve in group), extend or 0.0)
+        grid = _refined(_grid({end, *(one.tested for one in group if one.tested < end)}), group)
+        tables += [_table(run, curve, grid) for curve in group]
     slugs: dict[str, int] = {}
     for k, table in enumerate(tables):
         # Labels that differ in signs alone, or in capitals, must not share a file.
@@ -211,57 +195,36 @@ def _rounded_down(speed: float) -> float:
     return math.floor(speed * size * (1.0 + 1e-9)) / size
 
 
-def _check_extension(extend: float, rows: Sequence[ForceTable]) -> None:
-    tested, determined = max(one.tested for one in rows), min(one.determined for one in rows)
-    if not (math.isfinite(extend) and determined < extend <= _FARTHEST * tested):
-        known = "tested" if determined == tested else "determined"
-        raise ConfigurationError(
-            f"--extend {extend:g} m/s: expected a speed above the {known} {determined:.4g} m/s and "
-            f"up to {_FARTHEST:g} times the tested; leave --extend out for what is determined"
-        )
-
-
 class _Curve:
     """The characteristic of one setting at any speeds, each of them asked for once."""
 
     def __init__(self, run: ExportedRun, setting: SettingResult) -> None:
         self.run, self.of = run, setting
-        rest = self.at(np.zeros(1), setting.values)
+        self.tested = _rounded_down(min(setting.top_speed, run.fastest))
+        rest = quasi_static(run.damper, setting.values, np.zeros(1))
         self.tare, self.level = rest.tare, float(rest.forces[0]) - rest.tare
         self.known: dict[float, float] = {}
-
-    def at(self, speeds: FloatArray, values: Values, names: Sequence[str] = ()) -> QuasiStatic:
-        return quasi_static(self.run.damper, values, speeds, sensitivities=names)
 
     def forces(self, speeds: FloatArray) -> FloatArray:
         """Return the forces without what presses at rest, N."""
         new = np.array([v for v in speeds.tolist() if v not in self.known])
         if len(new):
-            found = self.at(new, self.of.values).forces - self.tare - self.level
-            self.known |= dict(zip(new.tolist(), found.tolist(), strict=True))
+            found = quasi_static(self.run.damper, self.of.values, new).forces
+            self.known |= dict(zip(new.tolist(), found - self.tare - self.level, strict=True))
+        self.known[0.0] = 0.0
         return np.array([self.known[v] for v in speeds.tolist()])
 
     def interval(self, speeds: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return how far the forces may lie below and above, N, with 95 % confidence.
-
-        Of a quantity without a limit the force is taken at the ends between which it may be.
-        """
-        values, covariance = self.of.values, self.of.covariance
-        names = () if covariance is None else (*self.of.own, *self.of.shared)
-        kept = [k for k, name in enumerate(names) if name in values.names]
-        covariance = np.zeros((0, 0)) if covariance is None else covariance[np.ix_(kept, kept)]
-        found = self.at(speeds, values, [names[k] for k in kept])
-        down = _NORMAL**2 * np.einsum("in,ij,jn->n", found.slopes, covariance, found.slopes)
-        up = down.copy()
-        for name in self.of.unlimited:
-            least, most = values.quantity(name).plausible
-            ends = (max(self.of.intervals[name][0] or 0.0, least), most)
-            moved = [
-                self.at(speeds, values.replace({name: end})).forces - found.forces for end in ends
-            ]
-            down += np.minimum(np.minimum(*moved), 0.0) ** 2
-            up += np.maximum(np.maximum(*moved), 0.0) ** 2
-        return np.sqrt(np.maximum(down, 0.0)), np.sqrt(np.maximum(up, 0.0))
+        """Return how far the forces may lie below and above, N, with 95 % confidence."""
+        down, up = np.zeros(len(speeds)), np.zeros(len(speeds))
+        if self.of.covariance is None:
+            return down, up
+        measured = [one for one in self.run.run.speed_forces if one.setting == self.of.setting]
+        sizes = sorted({abs(v) for v in speeds.tolist()} - {0.0})
+        for one in force_at([self.of], self.run.damper, sizes, measured=measured):
+            at = speeds == (one.speed if one.stroke == STROKES[0] else -one.speed)
+            down[at], up[at] = one.force - one.low, one.high - one.force
+        return down, up
 
 
 @lru_cache(maxsize=128)
@@ -308,21 +271,12 @@ def _refined(grid: FloatArray, curves: Sequence[_Curve]) -> FloatArray:
     return grid
 
 
-def _table(run: ExportedRun, curve: _Curve, tested: float, grid: FloatArray) -> ForceTable:
-    forces = curve.forces(grid)
-    down, up = curve.interval(grid)
-    forces[grid == 0.0] = down[grid == 0.0] = up[grid == 0.0] = 0.0
-    inside = np.abs(grid) <= tested * (1.0 + 1e-9)
-    allowed = np.maximum(
-        _WITHIN * np.abs(forces), _WITHIN_HIGHEST * float(np.abs(forces[inside]).max())
-    )
-    is_wide = np.maximum(down, up) > allowed
-    wide = set(np.abs(grid[is_wide]).tolist())
-    good = [v for v in np.abs(grid[inside]).tolist() if v not in wide]
-    stroke, values = run.run.motion.amplitude, curve.of.values
+def _table(run: ExportedRun, curve: _Curve, grid: FloatArray) -> ForceTable:
+    forces, (down, up) = curve.forces(grid), curve.interval(grid)
+    determined = determined_speed(curve.of, run.damper)
+    stroke = run.run.motion.amplitude
     x = np.linspace(-stroke, stroke, _GAS_POINTS)
     gas = run.damper.rest_force(x)
-    tare = sum(getattr(values, one.name) for one in values.quantities if one.is_offset)
     return ForceTable(
         curve.of.setting,
         curve.of.setting.slug,
@@ -331,22 +285,16 @@ def _table(run: ExportedRun, curve: _Curve, tested: float, grid: FloatArray) -> 
         forces,
         forces - down,
         forces + up,
-        tested,
-        max(good, default=0.0),
+        curve.tested,
+        determined,
         stroke,
         curve.level,
-        0.0 if gas is None else tare,
+        0.0 if gas is None else curve.of.offset,
         np.zeros(1) if gas is None else x,
         np.array([curve.level]) if gas is None else gas,
         gas is not None,
         curve.of.covariance is not None,
     )
-
-
-def _cut(table: ForceTable, end: float) -> ForceTable:
-    kept = np.abs(table.speeds) <= end * (1.0 + 1e-9)
-    names = ("speeds", "forces", "low", "high")
-    return replace(table, **{name: getattr(table, name)[kept] for name in names})
 
 
 # A road of class B (ISO 8608, 64e-6 m3 at 0.1 cycles/m) at 20 m/s, from 0.5 to 25 Hz, under a

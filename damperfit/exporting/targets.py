@@ -37,7 +37,7 @@ class ExportOptions:
     stem : str
         What the names of the files begin with.
     extend : float or None
-        Speed up to which tables go, m/s; None: as far as the logs determine the force.
+        Speed up to which tables go, m/s; None: to the tested speed.
     units : ShownUnits
         Of spreadsheets; a simulator has units of its own.
     decimal : str
@@ -154,9 +154,7 @@ class Target:
             raise ConfigurationError(
                 f"--extend {options.extend:g}: {self.name} holds no table here; leave it out"
             )
-        tables = force_tables(
-            run, extend=options.extend, common=not is_one_each, whole=not has_table
-        )
+        tables = force_tables(run, extend=options.extend, common=not is_one_each)
         write = text_of(self.template) if self.template else _WRITERS[self.name]
         files: dict[str, bytes] = {}
         for group in [(one,) for one in tables] if is_one_each else [tables]:

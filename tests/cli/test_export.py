@@ -81,7 +81,7 @@ def test_what_a_table_loses_is_told(run, results, tmp_path) -> None:
     ended = run("export", results, "--to", "carsim", "--out", tmp_path / "there", "--extend", "0.4")
     assert "note: on a class B road the damper's dynamics" in ended.err
     assert "the tables are untested" in ended.err
-    assert ended.err.splitlines()[-1].startswith("note: determined (tested")
+    assert ended.err.splitlines()[-1].startswith("note: force determined by the logs")
 
 
 def test_files_and_units_that_were_written_are_named(run, results, tmp_path, monkeypatch) -> None:

@@ -88,7 +88,7 @@ def test_the_page_says_forces_with_intervals_and_what_the_rig_s_part_was(handed)
     page = member(fmu_of(replace(handed, settings=(tared, *others))), "documentation/index.html")
     assert "tare of the rig -12.5 to 0 N" in page
     assert "± 0.98" in page  # 1.96 times 1 % of 50 N
-    assert "determined (tested" in page
+    assert "force determined by the logs" in page
 
 
 def test_only_missing_libraries_are_told_with_their_command(monkeypatch) -> None:

@@ -17,7 +17,6 @@ from damperfit.exporting.tables import force_tables, road_misses, standard_road
 from damperfit.results import SettingResult
 from damperfit.samples.any_model import made_up_values
 from damperfit.tested.setting import Setting
-from tests.exporting.conftest import log_of, told
 from tests.exporting.reading_back import READERS
 from tests.oracles.steady import purdy_force, steady_force
 from tests.test_every_model import truth_of
@@ -111,49 +110,45 @@ def test_each_quantity_s_error_and_their_correlation_are_in_the_interval(handed)
     assert half(("k_e",), [[1.0]])[1].max() == 0.0  # no matter at constant speed
 
 
-def test_a_table_ends_where_the_logs_do_not_determine_the_force(handed) -> None:
-    """r_m1 to 10 % moves the force by 40 % where the orifice rules, hardly where friction does."""
-    wide = replace(handed.settings[1], own=("r_m1",), covariance=np.array([[0.01]]))
-    run = replace(handed, settings=(handed.settings[0], wide))
-    sure, unsure = force_tables(run)
-    assert sure.end == sure.determined == pytest.approx(0.301)
-    assert unsure.end == unsure.determined < 0.1
-    assert unsure.tested == sure.tested
-    at = np.searchsorted(unsure.speeds, unsure.end)
-    whole = force_tables(run, whole=True)[1]
-    allowed = max(0.1 * unsure.forces[at], 0.02 * whole.forces.max())
-    assert unsure.high[at] - unsure.forces[at] <= allowed
-    both = force_tables(run, common=True)
-    assert both[0].end == both[1].end == pytest.approx(unsure.end, rel=0.05)
-    asked = force_tables(run, extend=0.25)[1]
-    assert asked.end == 0.25
-    assert force_tables(run, extend=0.25)[0].end == sure.end
-    assert [asked.range_of(v) for v in (0.02, 0.2, 0.4)] == ["tested", "not determined", "untested"]
-    assert "to 0.0" in TARGETS["carsim"].export(run).determined
-    lost = replace(wide, covariance=np.array([[4.0]]), own=("f_f",))
-    with pytest.raises(ConfigurationError, match=r"setting 10: .* --extend 0.301m/s"):
-        force_tables(replace(handed, settings=(lost,)))
-    assert force_tables(replace(handed, settings=(lost,)), whole=True)[0].determined == 0.0
-
-
-def test_a_blow_off_that_no_log_limits_widens_the_force_beyond_its_opening(handed) -> None:
+def test_the_speed_up_to_which_a_force_is_determined_is_told_and_rows_beyond_are_marked(
+    handed,
+) -> None:
+    """A blow-off that no log opened may open right above, or never."""
     run = of_valves(handed, DAMPERS[0])
     values = run.settings[1].values
-    opening = values.compression_opening
-    row = {"compression_opening_status": "not_identifiable"}
-    row["compression_opening_ci_low"] = 0.9 * opening
-    one = replace(run.settings[1], row=row)
-    (table,) = force_tables(replace(run, settings=(one,)), extend=0.5)
-    below, beyond = (int(np.argmin(np.abs(table.speeds - v))) for v in (-0.05, -0.5))
-    assert table.forces[below] - table.low[below] < 1.0
-    assert table.low[beyond] < 1.5 * table.forces[beyond]  # the bleed alone
-    assert table.determined < 0.302
+    limits = (0.9 * values.compression_opening, 1e8)
+    wide = replace(
+        run.settings[1],
+        own=("f_f",),
+        covariance=np.array([[1e-6]]),
+        top_speed=0.06,
+        open_limits=(("compression_opening", limits),),
+    )
+    run = replace(run, settings=(wide,))
+    (table,) = force_tables(run)
+    assert table.end == table.tested == 0.06
+    assert table.tested <= table.determined < 0.2
+    assert np.max(table.high - table.forces) < 0.5
+    (more,) = force_tables(run, extend=0.3)
+    assert [more.range_of(v) for v in (0.05, -0.061, -0.25)] == [
+        "tested",
+        "untested" if table.determined >= 0.061 else "not determined",
+        "not determined",
+    ]
+    assert more.low[0] < 1.5 * more.forces[0]  # of the bleed alone
+    export = TARGETS["carsim"].export(run, ExportOptions(extend=0.3))
+    assert f"to {table.determined:.2g} m/s at setting 10" in export.determined
+    assert b"not determined" not in TARGETS["adams"].export(run).files["damper_s10.dpr"]
+    content = TARGETS["adams"].export(run, ExportOptions(extend=0.3)).files["damper_s10.dpr"]
+    assert b"$ NOT DETERMINED from here on" in content
 
 
 def test_a_setting_tested_more_slowly_ends_there(handed) -> None:
-    run = told(handed, inputs=[log_of(1, 0.1), *(log_of(n, 0.30159) for n in (10, 20))])
+    slow = replace(handed.settings[0], top_speed=0.1)
+    run = replace(handed, settings=(slow, *handed.settings[1:]))
     assert [one.end for one in force_tables(run)] == pytest.approx([0.1, 0.301, 0.301])
     assert {one.end for one in force_tables(run, common=True)} == {0.1}
+    assert [one.end for one in force_tables(run, extend=0.2)] == pytest.approx([0.2, 0.301, 0.301])
 
 
 def test_nothing_beyond_the_tested_speed_unless_asked_and_then_marked(handed) -> None:
@@ -218,7 +213,7 @@ def test_how_far_dynamics_are_from_the_table_is_told_at_three_speeds(handed) -> 
     lost = TARGETS["csv"].export(handed).lost
     assert f"{shares[2][0]:.2g} % MSE" in lost
     assert "at setting 20" in lost
-    slow = told(handed, inputs=[log_of(n, 0.1) for n in (1, 10, 20)])
+    slow = replace(handed, settings=tuple(replace(one, top_speed=0.1) for one in handed.settings))
     (table, *_) = force_tables(slow)
     assert [one.speed for one in road_misses(slow, table)] == pytest.approx([0.02, 0.04, 0.1])
 

@@ -119,7 +119,7 @@ def test_every_file_says_whose_it_is_and_what_is_in_it(name, handed) -> None:
         facts = (
             "front left", "A <7>", "stroke to +-32 mm", "speed to 0.3016 m/s", "0.5 to 1.5 Hz",
             "25.1 to 27 degC", "MSE of the fit", "gas:", "rebound", run.run.digest, "taken out:",
-            "determined (tested, 95 % interval within 10 %): to 0.301 m/s at setting",
+            "force determined by the logs (95 % interval within 5 %) to",
             f"damperfit {__version__}",
         )  # fmt: skip
         for fact in facts:
@@ -196,7 +196,7 @@ def test_damper_values_motion_and_range_come_back(handed, results) -> None:
     assert [one.setting.cell for one in handed.settings] == [1, 10, 20]
     assert handed.settings[1].values == reference_parameters(10)
     assert handed.settings[1].mse_percent == 0.0123
-    assert handed.tested_speed(Setting.of(10)) == 0.30159
+    assert handed.settings[1].top_speed == 0.30159
     assert (handed.run.motion.amplitude, handed.run.motion.frequency) == (0.032, 1.5)
     assert handed.run.identity["damper"] == "front left"
     table = (results / "parameters.parquet").read_bytes()

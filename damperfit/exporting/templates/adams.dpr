@@ -19,7 +19,7 @@
 {   vel       force}
 {% for range, rows in ranges %}
 {% if not loop.first %}
-$ {{ range }} from here on
+$ {{ range | upper }} from here on
 {% endif %}
 {% for v, f in rows %}
 {{ "%12.4f %14.3f" | format(1e3 * v, f) }}
