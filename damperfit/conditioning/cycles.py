@@ -1,4 +1,4 @@
-"""Find the cycles of a motion, and the longest run of steady ones.
+"""Cycles of a motion: where they begin, which of them are one test, and the runs that repeat.
 
 A cycle runs from one upward crossing of mid-stroke to the next. A crossing counts only when the
 displacement goes beyond a quarter of the amplitude on both sides, so noise at rest makes none.

@@ -44,36 +44,12 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.float64]
 
 __all__ = [
-    "Skew",
-    "estimate_skew",
-    "stands_still",
-    "take_back",
+    "Delay",
+    "dwells_at_ends",
+    "estimate_delay",
+    "without_delay",
 ]
 
-
-# By how much the force is late against the displacement, and taking it back.
-#
-# At one frequency a late force looks like softer oil: both open the loop, and no fit of one sine
-# test tells them apart. What tells them apart is friction: it changes its sign with the motion,
-# at once, while oil takes a millisecond or more. So the force jumps by 2 f_f where the velocity
-# is zero plus the skew. Around each end of the stroke a smooth curve with a kink stands for the
-# hydraulic force, and the time of the jump is scanned::
-#
-#     f(t) = sum_k a_k z^k + b |z| + c z|z| + F step((t - t_end - skew)/width)
-#
-# once for the ends of rebound and once for those of bump, one skew for both. Cycles fall
-# differently between the samples, so the jump is known better than to a sample.
-#
-# It is left open without a jump that stands out of the noise, where the jump of rebound and bump
-# differ (what jumps is then not friction), and where it is rounded, by a filter in the rig or by
-# seals that stretch before they slide. Such seals look late: friction that only slides after 0.1
-# mm is 8 ms behind at 32 mm and 1.5 Hz. A rounding of more than `_SHARP` therefore speaks against
-# every estimate, and a smaller one is added to its uncertainty.
-#
-# Where the mounting gives, the piston turns after the rod's end, by C/k_s of a valve that resists
-# with C at low speed, and friction with it; the force is right all the same. No jump tells one
-# from the other: a stiff mounting goes through the friction within a millisecond or two. An early
-# force is never that.
 
 _REACH = 0.020  # s beside an end of the stroke; the oil's part is smooth on this scale
 _FARTHEST = 0.010  # s
@@ -98,7 +74,7 @@ _STANDS = 0.2
 
 
 @dataclass(frozen=True, slots=True)
-class Skew:
+class Delay:
     """What is known of the delay between the channels.
 
     Attributes
@@ -141,7 +117,7 @@ class _Scan:
     n: int
 
 
-def estimate_skew(log: UniformLog, trace: Trace) -> Skew:
+def estimate_delay(log: UniformLog, trace: Trace) -> Delay:
     """Return the delay of the force from the friction's jump at the ends of the stroke.
 
     Parameters
@@ -154,9 +130,9 @@ def estimate_skew(log: UniformLog, trace: Trace) -> Skew:
     ends = _ends(trace)
     beside = [_in_order(*_beside(log, end)) for end in ends]
     is_short = min(len(lag) for lag, _ in beside) < _FEWEST
-    if is_short or stands_still(log, np.concatenate(ends)):
+    if is_short or dwells_at_ends(log, np.concatenate(ends)):
         found = "too few samples beside" if is_short else "the displacement rests at"
-        return Skew(None, reason=f"{found} the ends of the stroke")
+        return Delay(None, reason=f"{found} the ends of the stroke")
     delays = np.arange(-_FARTHEST, _FARTHEST + 0.5 * _STEP, _STEP)
     smooth = [_without_smooth(*side, kink=None) for side in beside]
     kink = float(delays[np.argmin(_scan(smooth, delays, width=0.0).rest)])
@@ -172,22 +148,22 @@ def estimate_skew(log: UniformLog, trace: Trace) -> Skew:
     variance = least[width] / (scan.n - 14)
     jumps = scan.jumps[:, at]
     if scan.total - least[width] < _CLEAR * variance:
-        return Skew(None, reason="no friction stands out at the ends of the stroke")
+        return Delay(None, reason="no friction stands out at the ends of the stroke")
     if not jumps.min() > _ALIKE * jumps.max():
-        return Skew(None, reason="what jumps at the ends of the stroke is not friction alone")
+        return Delay(None, reason="what jumps at the ends of the stroke is not friction alone")
     sharp = min(least[0.0], least[_AS_IT_IS])
     if width > _SHARP or sharp > _ROUNDED * least[width]:
         reason = "a filter in the rig, or seals that stretch before they slide"
-        return Skew(None, reason=f"the friction's jump is rounded by {reason}")
+        return Delay(None, reason=f"the friction's jump is rounded by {reason}")
     if abs(near[at]) > _FARTHEST - 1.5 * _STEP:
-        return Skew(None, reason=f"it would be more than {1e3 * _FARTHEST:.0f} ms")
+        return Delay(None, reason=f"it would be more than {1e3 * _FARTHEST:.0f} ms")
     fine = near[at] + np.linspace(-2.0 * _STEP, 2.0 * _STEP, 81)
     rest = np.concatenate([scan.rest, _scan(sides, fine, width=width).rest])
     like = np.concatenate([near, fine])[rest <= rest.min() + 9.0 * variance]
     low, high = _between_samples(sides, float(like.min()), float(like.max()))
     middle = 0.5 * float(like.min() + like.max())
     half = max(high - middle, middle - low)
-    return Skew(middle, half + _given(log.interval) + 0.5 * width)
+    return Delay(middle, half + _given(log.interval) + 0.5 * width)
 
 
 def _around(middle: float, reach: float, step: float) -> FloatArray:
@@ -226,7 +202,7 @@ def _ends(trace: Trace) -> tuple[FloatArray, FloatArray]:
     return _straight(at[is_out[before]], trace), _straight(at[~is_out[before]], trace)
 
 
-def stands_still(log: UniformLog, ends: FloatArray) -> bool:
+def dwells_at_ends(log: UniformLog, ends: FloatArray) -> bool:
     """Whether a motion rests at its ends: a dwell, or a crank that goes through its play.
 
     Friction turns anywhere in such a rest, so that its jump tells no delay.
@@ -302,7 +278,7 @@ def _scan(sides: Sequence[_Side], delays: FloatArray, *, width: float) -> _Scan:
     return _Scan(rest, total, jumps, sum(len(side.lag) for side in sides))
 
 
-def take_back(log: UniformLog, delay: float) -> UniformLog:
+def without_delay(log: UniformLog, delay: float) -> UniformLog:
     """Return the log with the force moved ``delay`` seconds ahead, by a cubic spline.
 
     What has no partner at the ends of the log is left out.

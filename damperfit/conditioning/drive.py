@@ -55,9 +55,9 @@ if TYPE_CHECKING:
 __all__ = [
     "content_beyond",
     "drive_of_lines",
+    "dwell_lengths",
+    "dwells_of",
     "make_drive",
-    "rests_of",
-    "samples_at_rest",
     "unclear_turns",
 ]
 
@@ -84,7 +84,7 @@ _ROUNDING = 1e-6  # of the stroke
 _TAKEN = 0.9  # of the samples differ from the one before, where steps are finer than the noise
 
 
-def rests_of(displacement: FloatArray, interval: float) -> list[tuple[slice, float]]:
+def dwells_of(displacement: FloatArray, interval: float) -> list[tuple[slice, float]]:
     """Return the parts in which a motion rests, in order of time, and the level of each, m.
 
     Parameters
@@ -118,7 +118,7 @@ def rests_of(displacement: FloatArray, interval: float) -> list[tuple[slice, flo
     return found
 
 
-def samples_at_rest(velocity: FloatArray) -> list[int]:
+def dwell_lengths(velocity: FloatArray) -> list[int]:
     """Return how many samples each part has in which a drive is at no speed.
 
     Parameters
@@ -244,7 +244,7 @@ def _at_rest(drive: Drive, log: UniformLog, stretches: Sequence[Stretch]) -> Dri
     """Return the drive without noise where the compared motion rests."""
     rests = [
         (part, level)
-        for part, level in rests_of(log.displacement, log.interval)
+        for part, level in dwells_of(log.displacement, log.interval)
         if any(one.first < part.stop and part.start < one.stop for one in stretches)
     ]
     if not rests:

@@ -1,4 +1,4 @@
-"""What the steady cycles of a log show: rate, motion, drift and scatter of the test.
+"""What the data of a log show of its quality: findings with a severity, never a change of the data.
 
 Limits, and what the faults cost near them (`python -m tests.conditioning.limits`; the largest error
 at settings 1, 10 and 20 of the reference set, 500 Hz, no noise):
@@ -23,7 +23,7 @@ import numpy as np
 
 from damperfit.conditioning.channels import Channel, examine_channel, find_spikes, noise_of
 from damperfit.conditioning.cycles import clean_cycles
-from damperfit.conditioning.drive import content_beyond, samples_at_rest
+from damperfit.conditioning.drive import content_beyond, dwell_lengths
 from damperfit.conditioning.filters import fitting_corner, gain_at
 from damperfit.conditioning.refusals import harmonic_powers
 from damperfit.conditioning.repeatability import examine_repeatability
@@ -59,17 +59,6 @@ __all__ = [
     "looks_filtered",
 ]
 
-
-# What the steady cycles of a log show: rate, motion, drift and scatter of the test.
-#
-# Limits, and what the faults cost near them (`python -m tests.conditioning.limits`; the largest
-# error at settings 1, 10 and 20 of the reference set, 500 Hz, no noise):
-#
-# - Noise of the displacement acts through the velocity and bends K_e: 20 um cost 0.7 %, 37 um 2.4
-# %, 67 um 7 %. The bar is the noise of the velocity behind the filter over its peak; 20 um are
-# below it. - Rates down to 66 Hz (44 samples a cycle, half the rate just above the filter's
-# corner) cost nothing; what a low rate does cost is the spline's velocity, w^4/180 with w = 2 pi
-# / samples in a cycle.
 
 _VELOCITY_NOISE = 0.35  # % of the peak velocity
 _HARMONICS = 8.0
@@ -220,7 +209,7 @@ def _drive(trace: Trace, options: ConditionOptions) -> Iterator[Finding]:
 
 def _rests(trace: Trace) -> Iterator[Finding]:
     """Say that friction is not known where the compared motion rests."""
-    seen = (samples_at_rest(trace.drive.velocity[one.window]) for one in trace.stretches)
+    seen = (dwell_lengths(trace.drive.velocity[one.window]) for one in trace.stretches)
     lengths = [n for several in seen for n in several]
     if lengths:
         text = (
@@ -436,7 +425,7 @@ def check_velocity(trace: Trace, recording: Recording) -> tuple[Finding, ...]:
 # Sensor noise is about as strong just above the motion's harmonics as near half the sample rate.
 # A low-pass in the rig takes it away up there by several powers of ten, in both channels. The
 # ratio of the two levels, as medians over the lines of the spectrum so that harmonics do not
-# count, was measured on made-up logs (`python -m tests.conditioning.limits --filters`): without a
+# count, was measured on synthetic logs (`python -m tests.conditioning.limits --filters`): without a
 # filter 0.5 to 1.7 for displacement and 0.2 to 1.9 for force; behind 30 or 60 Hz up to 1500 and
 # 41 000, but 3.5 and 34 where the noise that is left is below the last digit of the log. Such a
 # filter is not seen. Lines beside a harmonic are left out: in a short cut of a fast motion none

@@ -64,7 +64,7 @@ __all__ = [
 
 # Share of the force's range from which it yields. Linear valves keep a tenth and friction adds its
 # own share: 0.05 to 0.17 over the reference set. Magneto-rheological logs with current have 0.59 to
-# 0.71, made-up preloaded valves with a small bleed 0.43 to 0.79.
+# 0.71, synthetic preloaded valves with a small bleed 0.43 to 0.79.
 YIELDS = 0.4
 _SLOW = 0.1  # of the stretch's peak speed
 
@@ -112,7 +112,7 @@ _OF_HYSTERESIS = 0.25
 _OF_GAS = 0.03
 # Of half the range of the force. What opens at low speed and is unlike in both strokes looks like a
 # level, in both estimates alike: a share of the digressive curvature. So does what a filter takes
-# off the turns: a share for each harmonic that it passes fewer than these. Of made-up digressive
+# off the turns: a share for each harmonic that it passes fewer than these. Of synthetic digressive
 # and linear strokes at 1 to 12 Hz behind 30 Hz none is called tared that is not
 # (`tests/conditioning/test_false_alarms.py`).
 _OF_DIGRESSION = 0.1

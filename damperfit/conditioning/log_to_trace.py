@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from damperfit.conditioning.delay import take_back
+from damperfit.conditioning.delay import without_delay
 from damperfit.conditioning.drive import drive_of_lines, make_drive, unclear_turns
 from damperfit.conditioning.filters import FilteredLog, apply_filter, fading_samples, with_corner
 from damperfit.conditioning.findings import bridge_spikes, check_velocity, examine
@@ -17,7 +17,7 @@ from damperfit.conditioning.options import ConditionOptions
 from damperfit.conditioning.polarity import (
     describe_level,
     describe_middle,
-    find_skew,
+    find_delay,
     level_of,
     middle_of,
     put_right,
@@ -92,7 +92,7 @@ def condition(recording: Recording, options: ConditionOptions | None = None) -> 
     righted, findings = put_right(traced.trace, recording, level)
     if righted is not recording:
         traced = _trace(righted, options, delay)
-    skew, skew_findings = find_skew(traced.log, traced.trace, options)
+    skew, skew_findings = find_delay(traced.log, traced.trace, options)
     if skew != 0.0:
         traced = _trace(righted, options, skew)
     if skew != 0.0 or righted is not recording:
@@ -122,7 +122,7 @@ class _Traced(NamedTuple):
 def _trace(recording: Recording, options: ConditionOptions, delay: float) -> _Traced:
     """Return the trace of a recording with its signs, the force moved ahead by ``delay``."""
     logged = make_uniform(recording)
-    log = take_back(logged, delay) if delay else logged
+    log = without_delay(logged, delay) if delay else logged
     part = choose_compared(recording.name, log, options)
     seen, keep = part.seen, part.keep
     displacement = seen.displacement

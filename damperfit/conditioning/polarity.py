@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.conditioning.delay import Skew, estimate_skew
+from damperfit.conditioning.delay import Delay, estimate_delay
 from damperfit.conditioning.gas_force import force_level
 from damperfit.errors import ConditioningError
 from damperfit.recording import Finding, Recording, Trace
@@ -47,8 +47,8 @@ __all__ = [
     "Signs",
     "describe_level",
     "describe_middle",
+    "find_delay",
     "find_signs",
-    "find_skew",
     "level_of",
     "middle_of",
     "put_right",
@@ -64,7 +64,7 @@ _CERTAIN = (0.5, 1.7)
 # Sum of both curvatures, which the same command shows; a damper that yields first and flows then,
 # as magneto-rheological ones, has less than the model's valves.
 _LEAST_CURVATURE = -0.6
-# Times what valves that open early may hide of a level. Of 1500 right logs of made-up valves with
+# Times what valves that open early may hide of a level. Of 1500 right logs of synthetic valves with
 # preloads of 10 to 1000 N one is turned round with it and with what yields, and 18 without; of
 # reversed ones 110 are put right after 246 (`python -m tests.conditioning.unlike_preloads`).
 _OF_HIDDEN = 2.0
@@ -406,7 +406,7 @@ def _of_wandering(trace: Trace, off: float) -> Finding:
     return Finding("mid_stroke", "warning", text, trace.centre, "m")
 
 
-def find_skew(
+def find_delay(
     log: UniformLog, trace: Trace, options: ConditionOptions
 ) -> tuple[float, tuple[Finding, ...]]:
     """Return by how much the force must be moved ahead, s, and what was found of the skew.
@@ -422,9 +422,9 @@ def find_skew(
     """
     is_auto = options.skew == "auto"
     if options.rig_filter != "none":
-        skew = Skew(None, reason="the rig's filter rounds the friction's jump")
+        skew = Delay(None, reason="the rig's filter rounds the friction's jump")
     else:
-        skew = estimate_skew(log, trace)
+        skew = estimate_delay(log, trace)
     declared = () if is_auto or options.skew == 0.0 else (_moved(float(options.skew)),)
     if skew.delay is None:
         text = f"it cannot be determined whether the force is late: {skew.reason}"

@@ -202,7 +202,7 @@ _ENOUGH = 4  # cycles, to tell a trend from scatter
 _CURVED = 8  # cycles, from which on a trend may bend
 _TREND = 12.0  # F, from which on peaks go with the cycle's number; scatter has it once in 300
 _WARMS = 1.0  # K
-_WITH_WARMTH = " while the temperature"
+_WITH_TEMPERATURE = " while the temperature"
 _OF_MOTION = 0.7  # of the noise floor, below which the motion explains some of it
 
 
@@ -220,7 +220,7 @@ def examine_repeatability(recording: Recording, trace: Trace) -> Iterator[Findin
     n_cycles = len(clean_cycles(trace.fastest)) - 1 if trace.fastest.n_cycles else 0
     if n_cycles >= 2 and math.isfinite(floor := noise_floor(trace)):
         found = list(_scatter_repeatability(trace, _warming(recording, trace)))
-        is_warming = any(_WITH_WARMTH in one.sentence for one in found)
+        is_warming = any(_WITH_TEMPERATURE in one.sentence for one in found)
         yield from found
         yield _noise_floor(trace, floor)
     if n_cycles >= _ENOUGH:
@@ -316,7 +316,7 @@ def _trend_of_peaks(up: _Peaks, down: _Peaks, warming: tuple[float, float] | Non
     text = f"the peak force goes {' and '.join(ends)} over the cycles"
     is_warming = warming is not None and abs(warming[1] - warming[0]) >= _WARMS
     if warming is not None and is_warming:
-        text += f"{_WITH_WARMTH} goes from {warming[0]:.3g} to {warming[1]:.3g} degC"
+        text += f"{_WITH_TEMPERATURE} goes from {warming[0]:.3g} to {warming[1]:.3g} degC"
     text += ": a trend, not scatter; the parameters are a mean over it: let the damper settle, or "
     text += "fit shorter parts of the log"
     if is_warming:

@@ -68,15 +68,6 @@ __all__ = [
 ]
 
 
-# Where a log's motion repeats, and where it moves without repeating: what is to be compared.
-#
-# How cycles and runs are found stands in `damperfit.conditioning.cycles`.
-#
-# Where runs hold a third of all cycles or more they are what is compared; else all of the motion
-# is. Rest never is. The model runs through the whole log, so a run that follows another motion
-# needs no run-in; only one that stands at the log's own beginning does, for what was before it is
-# not known.
-
 _MOVED = 1.5e-3  # s; a filter of 30 Hz moves a passage so far where the speed doubles
 _HYSTERESIS = 0.25  # of the run's amplitude
 _SHARE = 1.0 / 3.0  # of all cycles, from which on runs are the test; chance gives far less

@@ -8,6 +8,8 @@ Three cases, tried in this order:
 3. The intervals really vary: a cubic spline through the stamps gives uniform samples.
 
 A gap of more than `MAX_MISSING` samples is refused in all of them.
+
+A short test is continued by its own cycles, so that the filter meets what it would have met.
 """
 
 from __future__ import annotations

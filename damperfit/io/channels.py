@@ -318,15 +318,7 @@ def _candidates(channel: str, columns: Sequence[Column]) -> list[tuple[bool, int
 
 
 def _is_unit_of(unit: str | None, channel: str) -> bool:
-    return unit is not None and channel in CHANNELS and _is_in(unit, CHANNELS[channel])
-
-
-def _is_in(unit: str, dimension: str) -> bool:
-    try:
-        find_unit(unit, dimension)
-    except QuantityError:
-        return False
-    return True
+    return channel in CHANNELS and is_unit(unit, CHANNELS[channel])
 
 
 def _missing(channels: Sequence[str], columns: Sequence[Column], hint: str) -> str:
@@ -385,6 +377,6 @@ def _with_unit(
     except QuantityError as error:
         if channel == "velocity":  # a motor's, in revolutions per minute
             return ChannelChoice(index, name, None, f"velocity: left out; column {name}: {error}")
-        volts = _is_in(found, "voltage")
+        volts = is_unit(found, "voltage")
         advice = f" For volts declare rig.scales and the unit in rig.units of the {channel}."
         raise LogError(f"column {name}: {error}{advice * volts}", subject=where) from error

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from damperfit.io.options import Declarations
 
 __all__ = [
+    "LINE",
+    "NUMBER",
     "Dialect",
     "HeadLine",
     "fields_of",
@@ -35,14 +37,14 @@ _HEAD_LINES = (40, 1_000)  # tried in turn: nearly all preambles are short
 _MAX_COLUMNS = 2_000
 _SEPARATORS = (",", ";", "\t", "|", " ")  # blank: runs of blanks and tabs
 _NAMES = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar", " ": "blanks"}
-_POINT = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
+NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 _COMMA = re.compile(r"[+-]?(?:\d+,\d*|,\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 # A comma that may as well part thousands. "0,125" may not: no group starts with a zero.
 _GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}(?:,\d{3})+", re.ASCII)
 _NOT_A_NUMBER = frozenset({"nan", "+nan", "-nan", "inf", "+inf", "-inf"})
 _STAMP = re.compile(r"\d+[-/.:]\d+[-/.:]\d.*", re.ASCII | re.DOTALL)
 _ENTRY = re.compile(r"[#%;\s]*(?P<key>[^:=,;\t]{1,60}?)\s*[:=]\s*(?P<value>.*?)[\s;,]*")
-_LINE = re.compile(rb"([^\r\n]*)(\r\n|\n|\r|\Z)")
+LINE = re.compile(rb"([^\r\n]*)(\r\n|\n|\r|\Z)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,7 +156,7 @@ def _head(data: bytes, n_lines: int, name: str, first_line: int) -> list[HeadLin
     """
     lines: list[HeadLine] = []
     end = min(len(data), _HEAD_BYTES)
-    for number, found in enumerate(_LINE.finditer(data, 0, end), start=first_line):
+    for number, found in enumerate(LINE.finditer(data, 0, end), start=first_line):
         is_cut = found.end() == end < len(data)
         if is_cut and not lines:
             raise LogError(
@@ -187,7 +189,7 @@ def _is_value(field: str, declared: Declarations) -> bool:
     if declared.thousands:
         field = field.replace(declared.thousands, "")
     return bool(
-        _POINT.fullmatch(field)
+        NUMBER.fullmatch(field)
         or _COMMA.fullmatch(field)  # between commas only in quotes
         or field.lower() in _NOT_A_NUMBER
         or _STAMP.fullmatch(field)
@@ -368,7 +370,7 @@ def _decimal(rows: Sequence[_Row], separator: str, thousands: str) -> str:
         return "," if thousands == "." else "."
     fields = [field for row in rows for field in row.fields]
     commas = sum(bool(_COMMA.fullmatch(field)) for field in fields)
-    points = sum("." in field and bool(_POINT.fullmatch(field)) for field in fields)
+    points = sum("." in field and bool(NUMBER.fullmatch(field)) for field in fields)
     if separator != ",":
         return "," if commas > points else "."
     grouped = sum(bool(_GROUPED.fullmatch(field)) for field in fields)

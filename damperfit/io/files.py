@@ -1,4 +1,4 @@
-"""Bytes of a log: read once, within a limit, and hashed.
+"""Bytes of a file: read once, within a limit, hashed, unpacked and, of text, brought to UTF-8.
 
 Traps. Opening a pipe waits for ever; a device never ends; a file may grow or be written over while
 it is read; one that says it is empty may not be. The hash of a large file costs a good part of

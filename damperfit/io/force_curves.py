@@ -26,7 +26,7 @@ from damperfit.io.channels import (
     visible,
     words_of_name,
 )
-from damperfit.units.quantities import QuantityError, find_unit
+from damperfit.units.quantities import is_unit
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -209,26 +209,16 @@ def _heading(column: Column) -> _Heading:
     stroke = "rebound" if words & _REBOUND else "bump" if words & _BUMP else ""
     if len(words) == 1 and words <= _SETTING:
         return _Heading(label, "", "setting")
-    if words & _SPEED or _is_in(unit, "velocity"):
+    if words & _SPEED or is_unit(unit, "velocity"):
         return _Heading(label, stroke, "speed")
-    is_force = words & _FORCE or stroke or _is_in(unit, "force")
+    is_force = words & _FORCE or stroke or is_unit(unit, "force")
     return _Heading(label, stroke, "force" if is_force else "")
 
 
 def _split(name: str) -> tuple[str, str | None]:
     """Return name and unit; the C of "4 clicks C" is a stroke, and no degree."""
     base, unit = split_name(name)
-    return (base, unit) if _is_in(unit, "velocity") or _is_in(unit, "force") else (name, None)
-
-
-def _is_in(unit: str | None, dimension: str) -> bool:
-    if not unit:
-        return False
-    try:
-        find_unit(unit, dimension)
-    except QuantityError:
-        return False
-    return True
+    return (base, unit) if is_unit(unit, "velocity") or is_unit(unit, "force") else (name, None)
 
 
 def _pairs(columns: Sequence[Column], options: ReadOptions) -> list[_Pair]:

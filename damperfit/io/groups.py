@@ -1,4 +1,4 @@
-"""Formats that keep channels in groups (TDMS, MDF, HDF5): which groups are tests.
+"""Formats that keep channels in groups: TDMS, MDF and MATLAB, and which groups are tests.
 
 A group whose channels are named like time, displacement and force is a test of its own. Where no
 group is, the channels of all groups together are one test.
@@ -50,11 +50,6 @@ __all__ = [
     "read_tdms",
 ]
 
-
-# Formats that keep channels in groups (TDMS, MDF, HDF5): which groups are tests.
-#
-# A group whose channels are named like time, displacement and force is a test of its own. Where no
-# group is, the channels of all groups together are one test.
 
 _TIME = frozenset({"time", "t", "zeit"})
 
@@ -372,9 +367,9 @@ def _after_text(data: bytes, at: int, order: str) -> int:
 # https://www.ni.com/en/support/documentation/supplemental/07/tdms-file-format-internal-structure.html.
 # Traps. There are no checksums: a flipped bit in a value is a value, which a note says. npTDMS
 # reads what is left of a cut file without a word, so the bytes of the values read are counted
-# against the segments (`damperfit.io.groups`). A kind of number that is misread, as 8-byte
-# floats for 8-byte integers, gives integers that no measurement has: beyond 2^53 they are refused.
-# Lengths may be anything up to 2^64.
+# against the segments (`damperfit.io.groups`). A kind of number that is misread, as 8-byte floats
+# for 8-byte integers, gives integers that no measurement has: beyond 2^53 they are refused. Lengths
+# may be anything up to 2^64.
 
 _MAX_WHOLE = 1 << 53  # the last up to which a float is exact
 _UNITS = ("unit_string", "unit", "NI_UnitDescription", "Unit")

@@ -1,7 +1,10 @@
-"""What names of logs differ in besides plain numbers: a word, or numbers with signs.
+"""Which setting a log is of: its preamble, a column or its file's name say it, or names tell it.
 
-Neither is guessed: a word may be anybody's, and a hyphen parts as often as it is a minus. It is
-shown as an option to copy.
+A preamble goes before a column, this before the name. Where nobody said where the setting stands in
+names, those that differ in numbers alone, as in ``D7_C02.csv`` and ``D7_C08.csv``, show what was
+turned: the one number that differs and is no speed, serial number or count of runs. Names of
+another kind tell nothing, and cost most of the names nothing. Several such numbers are no guess but
+a question, with what to declare where they are two adjusters.
 """
 
 from __future__ import annotations
@@ -114,13 +117,6 @@ def _tokens(name: str) -> list[str]:
         path = path.with_suffix("")
     return re.findall(rf"{_WORD}|\d+|[\W_]+", path.name)
 
-
-# Which number in the names of logs is the setting, where nobody said so.
-#
-# Names that differ in numbers alone, as in ``D7_C02.csv`` and ``D7_C08.csv``, show what was turned:
-# the one number that differs and is no speed, serial number or count of runs. Names of another kind
-# tell nothing, and cost most of the names nothing. Several such numbers
-# are no guess but a question, with what to declare where they are two adjusters.
 
 _CLICKS = {
     "click", "clicks", "clk", "clicked", "setting", "set", "pos", "position", "adj", "adjuster",

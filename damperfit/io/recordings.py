@@ -1,8 +1,4 @@
-"""Blocks of one file that are one record: write buffers, whose time runs on from each to the next.
-
-A servo-hydraulic controller heads each buffer that it writes like a test of its own. What tells a
-record from tests is the step in time from the last row of a block to the first of the next.
-"""
+"""Table to recordings: channels in SI with the project's signs, checked, cut into tests."""
 
 from __future__ import annotations
 
@@ -132,8 +128,6 @@ def _joined(run: Sequence[Recording], note: str) -> Recording:
         findings=tuple(dict.fromkeys(one for part in run for one in part.findings)),
     )
 
-
-# Table to recordings: channels in SI with the project's signs, checked, cut into tests.
 
 # A pause begins another test when it is longer than both: shorter ones are samples lost.
 _PAUSE = 2.0  # s

@@ -1,7 +1,14 @@
-"""Wall-clock stamps to seconds from the first one.
+"""Delimited text of every dialect, in one block or in several (MTS).
 
-The date is only compared with the one above, so that day and month need not be told apart; each
-change of date is one day.
+Text logs have no format. Names stand above the rows of numbers, units in them, in a row of their
+own or nowhere; above that may stand prose, entries ``key: value`` and rows that look like data. MTS
+793 heads each test with a line "Data Acquisition", and the file with a line that names language and
+decimal mark; Instron's entries have a value and a unit. `dialect` finds how a log is written.
+
+Traps. A rig that is still writing leaves a last line without an end, and -12 of -1234 is a number
+too. Every row may end in a separator, which shifts the columns of a careless reader by one. A
+column of events may be there in the rows with an event only. Whole numbers of a machine at rest say
+nothing of the decimal mark. One dropped byte joins two rows.
 """
 
 from __future__ import annotations
@@ -14,7 +21,7 @@ import numpy as np
 
 from damperfit.errors import LogError
 from damperfit.io.channels import has_channel, visible
-from damperfit.io.dialect import Dialect, fields_of, find_dialect, metadata_of
+from damperfit.io.dialect import LINE, NUMBER, Dialect, fields_of, find_dialect, metadata_of
 from damperfit.io.files import to_utf8
 from damperfit.io.formats import Column, Samples, Table
 from damperfit.io.options import EXTRAS
@@ -120,19 +127,15 @@ def _days(dates: NDArray[np.object_], whole: FloatArray) -> FloatArray:
     return np.concatenate(([0.0], np.cumsum(steps)))
 
 
-# Rows of delimited text to numbers: the core, pyarrow.csv, and a slow twin that explains or drops.
+# Rows to numbers: pyarrow.csv, and a slow twin that explains or drops.
 #
-# Plain numbers of up to 15 digits, as rigs write them, are read by the core, to the same double as
-# pyarrow's, which need not be loaded for them. Clocks, quotes, more digits and whatever else is no
-# plain number go to pyarrow. It refuses ragged rows and text in number columns but does not always
-# say where. What it refuses is read again field by field, which ends in the exact line and channel.
+# pyarrow refuses ragged rows and text in number columns but does not always say where. What it
+# refuses is read again field by field, which ends in the exact line and channel.
 
 _BLANK = ["", "nan", "NaN", "NAN"]
 _THREADED = 4_000_000  # bytes; below it, starting threads costs more than it saves
-_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 _GROUPED = re.compile(r"[+-]?\d{1,3}(?P<mark>[ ,.'])\d{3}(?:(?P=mark)\d{3})*(?:[.,]\d+)?", re.ASCII)
 _NOT_FINITE = {"nan", "+nan", "-nan", "inf", "+inf", "-inf", "infinity", "+infinity", "-infinity"}
-_LINE = re.compile(rb"([^\r\n]*)(\r\n|\n|\r|\Z)")
 _LINE_END = re.compile(rb"\r\n|\n|\r")
 _PIECE = 1_000_000  # bytes
 
@@ -181,7 +184,7 @@ class TextRows:
     def lines(self) -> Iterator[tuple[int, str]]:
         """Yield number and text of each row that is not blank."""
         number = self.dialect.data_line
-        for found in _LINE.finditer(self.rows, self.start):
+        for found in LINE.finditer(self.rows, self.start):
             if found[1]:
                 yield number, found[1].decode("utf-8", "replace")
             number += 1
@@ -261,7 +264,7 @@ def _cut(text: TextRows) -> Iterator[TextRows]:
         if end >= len(text.rows):
             cut = len(text.rows)
         elif cut == 0:  # a line longer than a piece
-            found = _LINE.match(text.rows, start)
+            found = LINE.match(text.rows, start)
             cut = found.end() if found else len(text.rows)
         elif text.rows[cut - 1 : cut + 1] == b"\r\n":
             cut += 1
@@ -418,7 +421,7 @@ def _number(text: TextRows, field: str, channel: str, where: str) -> float:
         plain = plain.replace(text.declared.thousands, "")
     if text.dialect.decimal == ",":
         plain = "?" if "." in plain else plain.replace(",", ".")
-    if _NUMBER.fullmatch(plain) or not plain or plain.lower() in _NOT_FINITE:
+    if NUMBER.fullmatch(plain) or not plain or plain.lower() in _NOT_FINITE:
         value = float(plain or "nan")
         if text.drops_bad_rows and channel not in EXTRAS and not np.isfinite(value):
             raise LogError(
@@ -523,18 +526,6 @@ def _joined(tables: Sequence[Table], rate: float, note: str) -> Table:
         may_run_on=False,
     )
 
-
-# Delimited text of every dialect, in one block or in several (MTS).
-#
-# Text logs have no format. Names stand above the rows of numbers, units in them, in a row of their
-# own or nowhere; above that may stand prose, entries ``key: value`` and rows that look like data.
-# MTS 793 heads each test with a line "Data Acquisition", and the file with a line that names
-# language and decimal mark; Instron's entries have a value and a unit.
-#
-# Traps. A rig that is still writing leaves a last line without an end, and -12 of -1234 is a number
-# too. Every row may end in a separator, which shifts the columns of a careless reader by one. A
-# column of events may be there in the rows with an event only. Whole numbers of a machine at rest
-# say nothing of the decimal mark. One dropped byte joins two rows.
 
 # A line that begins a block of MTS text. What stands above the first one is the file's preamble.
 _BLOCK = re.compile(rb'(?m)^"?Data Acquisition\b[^\r\n]*(?:\r\n|\n|\r|\Z)')

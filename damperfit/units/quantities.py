@@ -178,15 +178,15 @@ def units_of(dimension: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys(unit.symbol for unit in _UNITS[dimension].values()))
 
 
-def is_unit(name: str) -> bool:
-    """Say whether any dimension has a unit of this name.
+def is_unit(name: str | None, dimension: str = "") -> bool:
+    """Say whether a dimension, or any where none is given, has a unit of this name.
 
     Examples
     --------
-    >>> is_unit("mm"), is_unit("furlong")
-    (True, False)
+    >>> is_unit("mm"), is_unit("mm", "force"), is_unit("furlong")
+    (True, False, False)
     """
-    return any(name in units for units in _UNITS.values())
+    return any(name in units for kind, units in _UNITS.items() if dimension in ("", kind))
 
 
 def find_unit(name: str, dimension: str) -> Unit:

@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from damperfit.conditioning import ConditionOptions, condition
-from damperfit.conditioning.delay import estimate_skew
+from damperfit.conditioning.delay import estimate_delay
 from damperfit.conditioning.gas_force import force_level
 from damperfit.conditioning.timebase import make_uniform
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
@@ -76,7 +76,7 @@ def show_skew() -> None:
         for delay in (-0.004, -0.001, 0.0, 0.002, 0.005):
             for f_f in (10.0, 20.0, 50.0):
                 log = late_log(setting, delay, f_f=f_f)
-                skew = estimate_skew(make_uniform(log), condition(log))
+                skew = estimate_delay(make_uniform(log), condition(log))
                 n += 1
                 if skew.delay is not None:
                     n_told += 1

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from damperfit.conditioning import ConditionOptions, condition
-from damperfit.conditioning.drive import rests_of, samples_at_rest
+from damperfit.conditioning.drive import dwell_lengths, dwells_of
 from tests.conditioning.logs import recording, sine_log, static_force
 
 RATE = 1000.0
@@ -27,7 +27,7 @@ def dwelling(*, dwell=0.1, stroke=0.1, speed=0.2, width=6, cycles=12, noise=NOIS
 def test_dwells_are_found_with_their_levels(noise, rate):
     x, v = dwelling(noise=noise, rate=rate)
     true, _ = dwelling(noise=0.0, rate=rate)
-    found = rests_of(x, 1.0 / rate)
+    found = dwells_of(x, 1.0 / rate)
     assert len(found) == 24
     for part, level in found:
         assert part.stop - part.start == pytest.approx(0.1 * rate, abs=12)
@@ -47,28 +47,28 @@ def test_crests_of_sines_are_no_rests(frequency, noise, step):
     x += noise * np.random.default_rng(2).standard_normal(len(x))
     if step:
         x = step * np.round(x / step)
-    assert rests_of(x, 2e-4) == []
+    assert dwells_of(x, 2e-4) == []
 
 
 @pytest.mark.parametrize(("milliseconds", "is_found"), [(20, True), (19, False)])
 def test_a_rest_has_20_ms(milliseconds, is_found):
     """Looks begin at every tenth of them, and so does the rest."""
     x = np.concatenate([np.full(90, 0.01), np.zeros(milliseconds), np.full(110, -0.01)])
-    levels = [level for _, level in rests_of(x + np.linspace(0.0, 1e-12, len(x)), 1e-3)]
+    levels = [level for _, level in dwells_of(x + np.linspace(0.0, 1e-12, len(x)), 1e-3)]
     assert any(abs(level) < 1e-6 for level in levels) is is_found
 
 
 @pytest.mark.parametrize(("milliseconds", "is_found"), [(28, True), (17, False)])
 def test_a_dwell_of_28_ms_is_a_rest_and_one_of_17_is_none(milliseconds, is_found):
     x, _ = dwelling(dwell=1e-3 * milliseconds, width=1)
-    assert bool(rests_of(x, 1e-3)) is is_found
+    assert bool(dwells_of(x, 1e-3)) is is_found
 
 
 @pytest.mark.parametrize(("n", "is_found"), [(10, True), (9, False)])
 def test_a_rest_has_ten_samples(n, is_found):
     """At 200 Hz; looks begin at every fifth sample."""
     x = np.concatenate([np.full(100, 0.01), np.zeros(n), np.full(100, -0.01)])
-    levels = [level for _, level in rests_of(x + np.linspace(0.0, 1e-12, len(x)), 5e-3)]
+    levels = [level for _, level in dwells_of(x + np.linspace(0.0, 1e-12, len(x)), 5e-3)]
     assert any(abs(level) < 1e-6 for level in levels) is is_found
 
 
@@ -79,7 +79,7 @@ def test_a_model_is_driven_without_noise_where_the_motion_rests():
     trace = condition(log, ConditionOptions(centre=0.0))
     assert not len(trace.drive.jumps)
     (stretch,) = trace.stretches
-    lengths = samples_at_rest(trace.drive.velocity[stretch.window])
+    lengths = dwell_lengths(trace.drive.velocity[stretch.window])
     assert len(lengths) == pytest.approx(2 * stretch.n_cycles, abs=1)
     assert sorted(lengths)[1] >= 94
     first = round(trace.start_time * RATE)

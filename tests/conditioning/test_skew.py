@@ -11,8 +11,8 @@ import pytest
 
 from damperfit.conditioning import ConditionOptions, condition
 from damperfit.conditioning.delay import (
-    stands_still,
-    take_back,
+    dwells_at_ends,
+    without_delay,
 )
 from damperfit.conditioning.timebase import UniformLog
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
@@ -210,7 +210,7 @@ def test_friction_must_stand_out_fifty_times_of_the_noise(friction, *, is_report
 def test_taking_back_moves_the_force_alone(delay) -> None:
     t = 5.0 + np.arange(2000) / 500.0
     log = UniformLog(5.0, 0.002, np.sin(t), np.cos(9.0 * (t - delay)))
-    moved = take_back(log, delay)
+    moved = without_delay(log, delay)
     at = moved.start_time + moved.interval * np.arange(len(moved.force))
     assert moved.displacement == pytest.approx(np.sin(at), abs=1e-12)
     assert moved.force[5:-5] == pytest.approx(np.cos(9.0 * at)[5:-5], abs=1e-6)
@@ -231,7 +231,7 @@ def turning(left):
 
 @pytest.mark.parametrize(("left", "is_still"), [(0.0, True), (0.195, True), (0.205, False)])
 def test_a_motion_that_leaves_a_fifth_of_its_way_in_half_the_time_turns(left, is_still) -> None:
-    assert stands_still(turning(left), np.array([0.05])) is is_still
+    assert dwells_at_ends(turning(left), np.array([0.05])) is is_still
 
 
 def test_a_crank_that_goes_through_its_play_is_late_by_nothing() -> None:
@@ -259,4 +259,4 @@ def test_a_sine_rests_at_no_rate(rate, off):
     log = SimpleNamespace(
         displacement=0.025 * np.cos(2.0 * np.pi * time), interval=1.0 / rate, start_time=time[0]
     )
-    assert not stands_still(log, np.array([1.0, 1.5, 2.0, 2.5, 3.0]))
+    assert not dwells_at_ends(log, np.array([1.0, 1.5, 2.0, 2.5, 3.0]))
