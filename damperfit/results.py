@@ -10,7 +10,8 @@ Ready to build on: `record`, `rows(name)`, `frame(name)`, `signals`, `quantities
 segments with amplitude, frequency, peak speeds and forces, energy), `damper`, `solver`,
 `configuration`, `motion`, `tested`, `identity`, `speed_forces`, `digest`. For people, as frames:
 `parameters`, `mse`, `characteristics`, `forces`, `clicks`, `energy`, `covariance`, `correlations`,
-`residuals`, `traces`, `checks`, `problems`, `profile(name)`; `plot(name)`, `report`, `save`.
+`residuals`, `traces`, `checks`, `problems`, `profile(name)`, `predict(log)`; `plot(name)`,
+`report`, `save`, `which_setting(force, speed)`.
 """
 
 from __future__ import annotations
@@ -68,7 +69,9 @@ if TYPE_CHECKING:
     from damperfit.configuration.options import Configuration
     from damperfit.damper.model import Model, Values
     from damperfit.damper.quantity import Quantity
+    from damperfit.recording import Recording
     from damperfit.report.sheet import Sheet
+    from damperfit.shown import SettingForces
     from damperfit.simulation import SolverOptions
     from damperfit.tables.reading import LogSignals
     from damperfit.uncertainty import SpeedForces
@@ -833,6 +836,67 @@ class Run:
             there = f"there are {', '.join(names)}" if names else "give identify profile=[...]"
             raise ConfigurationError(f"no profile of {name!r}; {there}")
         return known[known["parameter"] == name].reset_index(drop=True)
+
+    def which_setting(
+        self, force: str | float, speed: str | float, stroke: str | None = None
+    ) -> SettingForces:
+        """Return which setting gives a force at a speed, as ``900`` N at ``"0.2m/s"``.
+
+        Parameters
+        ----------
+        force, speed : str or float
+            With a unit, or SI; a minus before one of them means compression.
+        stroke : str, optional
+            rebound or bump, instead of a sign.
+        """
+        import damperfit
+
+        found: SettingForces = damperfit.settings(self, force=force, velocity=speed, stroke=stroke)
+        return found
+
+    def predict(
+        self, log: str | Path | Recording, setting: Setting | str | float | None = None
+    ) -> pd.DataFrame:
+        """Return what a setting predicts of a log that was not fitted, over time.
+
+        The log is conditioned as those of the run were, and the model's force filtered alike;
+        ``attrs["mse_percent"]`` is the normalised MSE, eq. (22), of the compared samples.
+
+        Parameters
+        ----------
+        log : path or Recording
+            The log.
+        setting : optional
+            Whose values; by default the setting that the log says.
+        """
+        import pandas as pd
+
+        from damperfit.conditioning import condition
+        from damperfit.configuration.loading import load_configuration
+        from damperfit.identification import compare, normalised_mse
+        from damperfit.io import read_log
+        from damperfit.recording import Recording
+
+        document = self.record.get("configuration") or {}
+        sections = {key: document[key] for key in ("rig", "conditioning") if key in document}
+        own = load_configuration(overlay=sections | {"damper": self.declared_damper or {}})
+        known = log if isinstance(log, Recording) else read_log(Path(log), own.reading)
+        if setting is None and known.setting is None:
+            raise ConfigurationError("run.predict: the log says no setting; give setting=N")
+        one = self.setting(known.setting if setting is None else setting)  # type: ignore[arg-type]
+        trace = condition(known, own.conditioning)
+        seen = compare(one.values, trace, self.damper, solver=self.solver)
+        part = trace.compared
+        columns = {
+            "time_s": seen.response.time[part],
+            "displacement_m": trace.displacement[part],
+            "velocity_m_per_s": trace.velocity[part],
+            "force_measured_N": trace.force[part],
+            "force_N": seen.force[part],
+        }
+        table = pd.DataFrame(columns)
+        table.attrs["mse_percent"] = normalised_mse(trace.force[part], seen.force[part])
+        return table
 
     @property
     def covariance(self) -> pd.DataFrame:

@@ -136,3 +136,16 @@ def test_a_table_alone_is_a_run(folder: Path, tmp_path: Path) -> None:
     alone = damperfit.Run.load(table)
     assert alone.setting(2).values == damperfit.load(folder).setting(2).values
     assert alone.declared_damper is None
+
+
+def test_which_setting_gives_a_force(run) -> None:
+    found = run.which_setting(600, "0.26m/s")
+    assert "600" in found.sentence
+
+
+def test_a_log_is_predicted_as_it_was_fitted(run) -> None:
+    table = run.predict(ROOT / LOGS[1])
+    (entry,) = (one for one in run.logs if one.setting == 2)
+    assert table.attrs["mse_percent"] == pytest.approx(entry.mse_percent, rel=0.02)
+    other = run.predict(ROOT / LOGS[1], setting=3)
+    assert other.attrs["mse_percent"] > 10.0 * entry.mse_percent
