@@ -458,6 +458,14 @@ class Run:
             names = ", ".join(map(str, sorted(drawn - known)))
             self._remarks.append(f"setting {names}: signals but no parameters")
 
+    @cached_property
+    def _rows_of_settings(self) -> dict[Setting, dict[str, Any]]:
+        return {Setting.of(row["setting"]): row for row in self.rows("parameters")}
+
+    def row(self, setting: Setting) -> dict[str, Any]:
+        """Return the row of a setting in the table of parameters; it must have one."""
+        return self._rows_of_settings[setting]
+
     # The settings
 
     @cached_property
@@ -743,7 +751,7 @@ class Run:
         known = test.items() if isinstance(test, dict) else ()
         return {str(key): value for key, value in known if isinstance(value, str) and value}
 
-    @property
+    @cached_property
     def speed_forces(self) -> tuple[SpeedForces, ...]:
         """Measured forces at the named speeds, and what the model misses; older runs: none."""
         from damperfit.report.records import read_back

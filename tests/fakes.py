@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 
 from damperfit.damper.cavitation import Cavitation
@@ -9,6 +11,7 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters
 from damperfit.identification import Campaign, Fit, LogFit, Outcome, Status
 from damperfit.recording import Drive, FilterDesign, Stretch, Trace
 from damperfit.results import Run
+from damperfit.simulation import SolverOptions
 
 __all__ = ["campaign", "fit", "trace"]
 
@@ -106,3 +109,14 @@ def changed(run, *, record=None, signals=None, **rows):
 def values_in(place):
     """Return the values of each setting of a run or table."""
     return {one.setting: one.values for one in Run.load(place).settings}
+
+
+def fitted_run(damper, stages, motion, forces, rows, quantities, solver=SolverOptions()):
+    """Return a run that says what it is told of its settings, motion and measured forces."""
+    known = [{**row, "setting": setting} for setting, row in rows.items()]
+    run = Run({}, {"parameters": known}, quantities=quantities)
+    simulation = SimpleNamespace(solver=solver)
+    told = SimpleNamespace(damper=damper, simulation=simulation)
+    vars(run).update(settings=tuple(stages), motion=motion, speed_forces=tuple(forces))
+    vars(run).update(configuration=told)
+    return run

@@ -5,7 +5,7 @@ from damperfit.comparison.comparing import ComparisonOptions, RunComparison, com
 from damperfit.comparison.cycles import measured_tests
 from damperfit.comparison.measured import common_tests, repeat_scatter
 from damperfit.comparison.reading import SEEN, Difference, Reading, Sameness, Topic, compared
-from damperfit.comparison.run import ComparedRun, FittedRun, MeasuredTest
+from damperfit.comparison.run import ComparedRun, MeasuredTest
 from damperfit.comparison.tolerance import (
     Band,
     Point,
@@ -24,7 +24,6 @@ __all__ = [
     "ComparedRun",
     "ComparisonOptions",
     "Difference",
-    "FittedRun",
     "MeasuredTest",
     "Point",
     "Reading",

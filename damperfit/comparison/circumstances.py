@@ -15,8 +15,9 @@ from damperfit.units.shown_units import SI
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from damperfit.comparison.run import ComparedRun, FittedRun
+    from damperfit.comparison.run import ComparedRun
     from damperfit.damper.model import Model
+    from damperfit.results import Run
     from damperfit.tested.setting import Setting
     from damperfit.units.shown_units import ShownUnits
 
@@ -230,7 +231,7 @@ def _damper(first: ComparedRun, second: ComparedRun, units: ShownUnits) -> Itera
     yield from _gas_force(a, b, units)
 
 
-def _quantities(first: FittedRun, second: FittedRun) -> Iterator[Circumstance]:
+def _quantities(first: Run, second: Run) -> Iterator[Circumstance]:
     names = [", ".join(one.damper.names) for one in (first, second)]
     if names[0] != names[1]:
         sentence = "the models have different quantities: those with the same name are compared"
@@ -267,7 +268,7 @@ def _motion(first: ComparedRun, second: ComparedRun, units: ShownUnits) -> Itera
         for run in (first, second)
     ]
     if not all(motions):
-        sines = [run.fitted.sine for run in (first, second) if run.fitted is not None]
+        sines = [run.fitted.motion for run in (first, second) if run.fitted is not None]
         if len(sines) < len(motions):
             return
         motions = [[(sine.amplitude, sine.frequency)] for sine in sines]

@@ -44,8 +44,9 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from damperfit.adjustment.motions import Sine
-    from damperfit.comparison.run import ComparedRun, FittedRun
+    from damperfit.comparison.run import ComparedRun
     from damperfit.errors import Mishap
+    from damperfit.results import Run
     from damperfit.tested.setting import Setting
     from damperfit.units.shown_units import ShownUnits
 
@@ -297,16 +298,16 @@ def _is_near(a: Sine, b: Sine) -> bool:
     return all(abs(ratio - 1.0) <= SAME_MOTION for ratio in ratios)
 
 
-def _is_one_test(fitted: Sequence[FittedRun]) -> bool:
+def _is_one_test(fitted: Sequence[Run]) -> bool:
     """Whether all were tested with one motion: what each model misses there was measured."""
-    return all(_is_near(one.sine, fitted[0].sine) for one in fitted)
+    return all(_is_near(one.motion, fitted[0].motion) for one in fitted)
 
 
-def _speeds(fitted: Sequence[FittedRun], options: ComparisonOptions) -> tuple[float, ...]:
+def _speeds(fitted: Sequence[Run], options: ComparisonOptions) -> tuple[float, ...]:
     """Return the speeds asked for, else the named ones that the sine or all tests have reached."""
     if options.speeds:
         return options.speeds
-    top = min(run.sine.peak_speed for run in fitted)
+    top = min(run.motion.peak_speed for run in fitted)
     if options.sine is not None:
         top = options.sine.peak_speed
     if not (speeds := named_speeds(top)):
@@ -333,10 +334,10 @@ def _not_compared(settings: Sequence[Setting], lines: Sequence[Difference]) -> I
 
 
 def _untested(
-    fitted: Sequence[FittedRun], lines: Sequence[Difference], units: ShownUnits
+    fitted: Sequence[Run], lines: Sequence[Difference], units: ShownUnits
 ) -> Iterator[str]:
     """Say which forces are at a speed that not every run has tested."""
-    top = min((stage.top_speed for run in fitted for stage in run.stages), default=math.inf)
+    top = min((stage.top_speed for run in fitted for stage in run.settings), default=math.inf)
     speeds = {line.subject.speed for line in lines if not line.is_measured} - {None}
     beyond = sorted(speed for speed in speeds if speed and speed > (1.0 + REPEATS) * top)
     if beyond:
@@ -360,7 +361,7 @@ def _notes(
                 f"beyond their noise ({freedom:.0f} degrees of freedom): counted in the errors of "
                 "forces, energy and hysteresis, not in those of parameters"
             )
-        if run.fitted is not None and not run.fitted.forces:
+        if run.fitted is not None and not run.fitted.speed_forces:
             yield (
                 f"{run.name}: what the model misses of the measured force is not known (an older "
                 "version, or no motion repeats): it is not in the errors of forces"

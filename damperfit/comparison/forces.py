@@ -19,8 +19,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from damperfit.adjustment.force_at import Force
-    from damperfit.comparison.run import ComparedRun, FittedRun
+    from damperfit.comparison.run import ComparedRun
     from damperfit.errors import OnError
+    from damperfit.results import Run
     from damperfit.tested.setting import Setting
 
 __all__ = ["force_readings", "freedom_of", "tare_notes"]
@@ -80,7 +81,7 @@ def force_readings(
 def tare_notes(runs: Sequence[ComparedRun], settings: Sequence[Setting]) -> Iterator[str]:
     """Yield what became of the rigs' force offsets in the forces of fitted runs."""
     bare = _known_tares(runs, settings)
-    stages = [[one for one in _fitted(run).stages if one.setting in bare] for run in runs]
+    stages = [[one for one in _fitted(run).settings if one.setting in bare] for run in runs]
     if any(one.offset for mine in stages for one in mine):
         each = "; ".join(
             f"{run.name}: {said_offsets([one.offset for one in mine])}"
@@ -90,7 +91,7 @@ def tare_notes(runs: Sequence[ComparedRun], settings: Sequence[Setting]) -> Iter
     for run in runs:
         rest = [
             one.offset
-            for one in _fitted(run).stages
+            for one in _fitted(run).settings
             if one.setting in settings and one.setting not in bare and one.offset
         ]
         if rest and _knows_gas(run):
@@ -104,7 +105,7 @@ def _known_tares(runs: Sequence[ComparedRun], settings: Sequence[Setting]) -> se
     """Return the settings at which all of several runs know the offset of their rig."""
     if len(runs) < 2 or not all(_knows_gas(run) for run in runs):
         return set()
-    known = [{one.setting for one in _fitted(run).stages if one.knows_offset} for run in runs]
+    known = [{one.setting for one in _fitted(run).settings if one.knows_offset} for run in runs]
     return {one for one in settings if all(one in mine for mine in known)}
 
 
@@ -121,12 +122,12 @@ def _forces(
     on_error: OnError | None,
 ) -> dict[_Key, Force]:
     fitted = _fitted(run)
-    stages = {stage.setting: stage for stage in fitted.stages}
+    stages = {stage.setting: stage for stage in fitted.settings}
     found = force_at(
         [stages[setting] for setting in settings if setting in stages],
         fitted.damper,
         speeds,
-        measured=fitted.forces,
+        measured=fitted.speed_forces,
         on_error=on_error,
     )
     by_place = {(one.setting, one.speed, one.stroke): one for one in found}
@@ -134,7 +135,7 @@ def _forces(
     return {key: by_place[key] for key in order if key in by_place}
 
 
-def _fitted(run: ComparedRun) -> FittedRun:
+def _fitted(run: ComparedRun) -> Run:
     assert run.fitted is not None
     return run.fitted
 
@@ -143,7 +144,7 @@ def _reading(run: ComparedRun, level: Force, scatter: tuple[float, float]) -> Re
     fitted = _fitted(run)
     damping = level.force - (0.0 if math.isnan(level.gas) else level.gas)
     share, freedom = scatter
-    n_logs = fitted.rows[level.setting].get("n_logs") or 1
+    n_logs = fitted.row(level.setting).get("n_logs") or 1
     return Reading(
         level.force,
         level.error,
@@ -159,11 +160,11 @@ def _reading(run: ComparedRun, level: Force, scatter: tuple[float, float]) -> Re
     )
 
 
-def freedom_of(fitted: FittedRun, setting: Setting) -> float:
+def freedom_of(fitted: Run, setting: Setting) -> float:
     """Return the degrees of freedom of a setting's errors: its cycles less one for each log.
 
     Infinite where the cycles are not known, or nothing repeated.
     """
-    row = fitted.rows[setting]
+    row = fitted.row(setting)
     cycles, logs = row.get("n_cycles"), row.get("n_logs") or 1
     return float(max(cycles - logs, 1)) if cycles else math.inf

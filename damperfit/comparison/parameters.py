@@ -12,8 +12,8 @@ from damperfit.identification import Status
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from damperfit.comparison.run import FittedRun
     from damperfit.damper.quantity import Quantity
+    from damperfit.results import Run
     from damperfit.tested.setting import Setting
 
 __all__ = ["comparable_quantities", "figure_lines", "parameter_readings"]
@@ -25,7 +25,7 @@ _OBJECTIONS = {
 }
 
 
-def comparable_quantities(runs: Sequence[FittedRun]) -> tuple[Quantity, ...]:
+def comparable_quantities(runs: Sequence[Run]) -> tuple[Quantity, ...]:
     """Return the quantities that all runs have: none where they are of different models."""
     if len({run.damper.name for run in runs}) > 1:
         return ()
@@ -36,7 +36,7 @@ def comparable_quantities(runs: Sequence[FittedRun]) -> tuple[Quantity, ...]:
 
 
 def parameter_readings(
-    runs: Sequence[FittedRun], settings: Sequence[Setting]
+    runs: Sequence[Run], settings: Sequence[Setting]
 ) -> tuple[dict[Topic, Reading], ...]:
     """Return the parameters of each run that was fitted in at least one of them.
 
@@ -44,7 +44,7 @@ def parameter_readings(
 
     Parameters
     ----------
-    runs : sequence of FittedRun
+    runs : sequence of Run
         To be compared.
     settings : sequence of Setting
         That all have.
@@ -53,7 +53,7 @@ def parameter_readings(
     for one in comparable_quantities(runs):
         is_shared = all(_is_shared(run, one.name, settings) for run in runs)
         for setting in settings[:1] if is_shared else settings:
-            rows = [run.rows[setting] for run in runs]
+            rows = [run.row(setting) for run in runs]
             if all(row.get(f"{one.name}_status") == Status.FIXED.value for row in rows):
                 continue
             subject = Topic(
@@ -68,8 +68,8 @@ def parameter_readings(
     return found
 
 
-def _is_shared(run: FittedRun, name: str, settings: Sequence[Setting]) -> bool:
-    rows = [run.rows[setting] for setting in settings]
+def _is_shared(run: Run, name: str, settings: Sequence[Setting]) -> bool:
+    rows = [run.row(setting) for setting in settings]
     values = {row.get(name) for row in rows}
     once = {Status.SHARED.value, Status.FIXED.value, Status.NOT_IDENTIFIABLE.value}
     return len(values) == 1 and {row.get(f"{name}_status") for row in rows} <= once
@@ -93,12 +93,10 @@ def _reading(row: Mapping[str, Any], quantity: Quantity, freedom: float) -> Read
     )
 
 
-def figure_lines(
-    first: FittedRun, second: FittedRun, settings: Sequence[Setting]
-) -> Iterator[Difference]:
+def figure_lines(first: Run, second: Run, settings: Sequence[Setting]) -> Iterator[Difference]:
     """Yield MSE and distance from cavitation by setting: numbers without errors, told in words."""
     for setting in settings:
-        rows = (first.rows[setting], second.rows[setting])
+        rows = (first.row(setting), second.row(setting))
         yield _in_words(
             Topic("figure", "mse", "MSE", "%", setting),
             *(_number(row.get("mse_percent")) for row in rows),

@@ -13,17 +13,12 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from damperfit.adjustment.motions import Sine
-    from damperfit.adjustment.stage import Stage
-    from damperfit.damper.model import Model
-    from damperfit.damper.quantity import Quantity
-    from damperfit.simulation import SolverOptions
+    from damperfit.results import Run
     from damperfit.tested.setting import Setting
-    from damperfit.uncertainty import SpeedForces
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["ComparedRun", "FittedRun", "MeasuredTest"]
+__all__ = ["ComparedRun", "MeasuredTest"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -87,37 +82,6 @@ class MeasuredTest:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FittedRun:
-    """What was fitted in a run.
-
-    Attributes
-    ----------
-    damper : Model
-        Geometry, oil, gas and law.
-    stages : tuple of Stage
-        By rising setting: parameters and their covariance.
-    sine : Sine
-        The motion that stands for its tests.
-    forces : tuple of SpeedForces
-        Measured forces and what the model misses there.
-    rows : mapping of Setting to mapping
-        Of the table of parameters.
-    quantities : tuple of Quantity
-        What was fitted.
-    solver : SolverOptions
-        How exactly to integrate.
-    """
-
-    damper: Model
-    stages: tuple[Stage, ...]
-    sine: Sine
-    forces: tuple[SpeedForces, ...]
-    rows: Mapping[Setting, Mapping[str, Any]]
-    quantities: tuple[Quantity, ...]
-    solver: SolverOptions
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class ComparedRun:
     """One run to be compared.
 
@@ -127,7 +91,7 @@ class ComparedRun:
         What people call it: its folder's name, unlike those of the others.
     place : str
         Where it stands.
-    fitted : FittedRun or None
+    fitted : Run or None
         What was fitted; None: measured curves alone.
     tests : tuple of MeasuredTest
         What was measured.
@@ -141,7 +105,7 @@ class ComparedRun:
 
     name: str
     place: str
-    fitted: FittedRun | None
+    fitted: Run | None
     tests: tuple[MeasuredTest, ...]
     record: Mapping[str, Any]
     remarks: tuple[str, ...] = ()
@@ -151,7 +115,7 @@ class ComparedRun:
     def settings(self) -> tuple[Setting, ...]:
         """Settings that have parameters, else those that were measured."""
         if self.fitted is not None:
-            return tuple(stage.setting for stage in self.fitted.stages)
+            return tuple(stage.setting for stage in self.fitted.settings)
         return tuple(sorted({test.setting for test in self.tests if test.setting is not None}))
 
     def at(self, setting: Setting) -> tuple[MeasuredTest, ...]:

@@ -299,7 +299,7 @@ def _forces(
     if options.is_measured or run.fitted is None:
         (table,) = measured_readings((run,), run.settings, speeds=speeds)
     else:
-        top = (options.sine or run.fitted.sine).peak_speed
+        top = (options.sine or run.fitted.motion).peak_speed
         reached = [speed for speed in speeds if speed <= (1.0 + REPEATS) * top]
         table = {}
         if reached:

@@ -57,7 +57,8 @@ class Baseline:
 
 def baseline_text(run: ComparedRun) -> str:
     """Return a run as the text of a baseline; of measured curves alone without parameters."""
-    rows = {} if run.fitted is None else run.fitted.rows
+    known = () if run.fitted is None else run.fitted.rows("parameters")
+    rows = {Setting.of(row["setting"]): row for row in known}
     record = compared_record(run.record)
     settings = list(rows)
     is_whole = all(isinstance(one.cell, int) for one in settings)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from damperfit import results
-from damperfit.comparison import ComparedRun, FittedRun, MeasuredTest, measured_tests
+from damperfit.comparison import ComparedRun, MeasuredTest, measured_tests
 from damperfit.errors import ConfigurationError, LogError
 from damperfit.queries.adjuster_results import adjuster_of
 from damperfit.queries.baseline import is_baseline, read_baseline
@@ -22,7 +22,6 @@ from damperfit.queries.logs_to_compare import (
 from damperfit.recording import natural_order
 from damperfit.report.records import listed_in, number_in
 from damperfit.tables.reading import is_part
-from damperfit.tested.setting import Setting
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -290,17 +289,7 @@ def _of_run(run: results.Run, tests: tuple[MeasuredTest, ...], *, is_measured: b
     if is_measured:
         return _with_tests(ComparedRun(name, str(run.place), None, tests, run.record, run.remarks))
     adjuster = adjuster_of(run)
-    rows = {Setting.of(row["setting"]): row for row in run.rows("parameters")}
-    fitted = FittedRun(
-        adjuster.damper,
-        adjuster.stages,
-        adjuster.sine,
-        adjuster.forces,
-        rows,
-        run.quantities,
-        adjuster.solver,
-    )
-    return ComparedRun(name, str(run.place), fitted, tests, run.record, adjuster.remarks)
+    return ComparedRun(name, str(run.place), run, tests, run.record, adjuster.remarks)
 
 
 def _with_tests(run: ComparedRun) -> ComparedRun:

@@ -24,7 +24,6 @@ from damperfit.adjustment.stage import stage_of
 from damperfit.comparison import (
     ComparedRun,
     ComparisonOptions,
-    FittedRun,
     Sameness,
     compare_runs,
     measured_tests,
@@ -37,6 +36,7 @@ from damperfit.recording import Trace
 from damperfit.simulation import SolverOptions
 from damperfit.tables import LogSignals, make_tables
 from damperfit.uncertainty import assess
+from tests.fakes import fitted_run as fitted_run_of
 from tests.identification.rig import recording
 from tests.uncertainty.coverage import MadeUpCampaign, noisy
 
@@ -75,7 +75,7 @@ def fitted_run(traces: list[Trace], *, name: str) -> ComparedRun:
     assessment = assess(campaign, PURDY_DAMPER)
     tables = make_tables(campaign, assessment=assessment)
     rows = tables.parameters.to_pylist()
-    fitted = FittedRun(
+    fitted = fitted_run_of(
         PURDY_DAMPER,
         tuple(stage_of(fit, assessment) for fit in campaign.fits),
         fastest_sine(

@@ -8,13 +8,14 @@ import pytest
 
 from damperfit.adjustment.motions import Sine
 from damperfit.adjustment.stage import Stage
-from damperfit.comparison import ComparedRun, FittedRun, circumstances
+from damperfit.comparison import ComparedRun, circumstances
 from damperfit.comparison.parameters import comparable_quantities
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting
 from tests.comparison.runs import measured
+from tests.fakes import fitted_run as fitted_run_of
 
 ONE = Setting.of(1)
 _SAME_LOGS = (
@@ -24,7 +25,7 @@ _SAME_LOGS = (
 
 
 def _run(name="a", *, damper=PURDY_DAMPER, tests=(), quantities=PURDY_DAMPER.quantities, **record):
-    fitted = FittedRun(
+    fitted = fitted_run_of(
         damper,
         (Stage(ONE, reference_parameters(1)),),
         Sine(0.032, 1.5),
@@ -106,7 +107,8 @@ def test_the_same_logs_read_with_other_signs(before, after, said) -> None:
 @pytest.mark.parametrize(("settings", "said"), [((2,), "setting 2"), ((2, 4), "settings 2, 4")])
 def test_settings_of_one_run_alone_are_told_in_the_plural(settings, said) -> None:
     stages = tuple(Stage(Setting.of(k), reference_parameters(k)) for k in (1, *settings))
-    more = replace(_run("b"), fitted=replace(_run().fitted, stages=stages))
+    more = _run("b")
+    vars(more.fitted)["settings"] = tuple(stages)
     assert _said(_run(), more) == [f"{said} only in b: not compared"]
 
 

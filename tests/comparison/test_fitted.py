@@ -9,7 +9,7 @@ import pytest
 
 from damperfit.adjustment.motions import Sine
 from damperfit.adjustment.stage import Stage
-from damperfit.comparison import ComparisonOptions, FittedRun
+from damperfit.comparison import ComparisonOptions
 from damperfit.comparison.comparing import _speeds
 from damperfit.comparison.forces import freedom_of
 from damperfit.comparison.parameters import figure_lines, parameter_readings
@@ -17,6 +17,7 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting
+from tests.fakes import fitted_run as fitted_run_of
 
 SETTINGS = (Setting.of(1), Setting.of(2))
 
@@ -33,11 +34,11 @@ TESTED = Sine(0.032, 1.5)
 ROWS = (_row(13, 1), _row(12, 2))
 
 
-def _fitted(sine: Sine = TESTED, rows: tuple = ROWS) -> FittedRun:
+def _fitted(sine: Sine = TESTED, rows: tuple = ROWS):
     stages = tuple(Stage(one, reference_parameters(1)) for one in SETTINGS)
     known = dict(zip(SETTINGS, rows, strict=True))
     solver = SolverOptions()
-    return FittedRun(PURDY_DAMPER, stages, sine, (), known, PURDY_DAMPER.quantities, solver)
+    return fitted_run_of(PURDY_DAMPER, stages, sine, (), known, PURDY_DAMPER.quantities, solver)
 
 
 def test_cycles_less_one_a_log_are_the_degrees_of_freedom() -> None:
@@ -79,7 +80,7 @@ def test_misfits_and_margins_are_told_in_per_cent() -> None:
         {"mse_percent": 0.5, "grade": "excellent", "r_m3_cavitation_margin": 0.25},
         {"mse_percent": 0.8, "grade": "good", "r_m3_cavitation_margin": None},
     )
-    first, second = (SimpleNamespace(rows={Setting.of(1): row}) for row in rows)
+    first, second = (SimpleNamespace(row=lambda _, row=row: row) for row in rows)
     misfit, margin = figure_lines(first, second, [Setting.of(1)])  # type: ignore[arg-type]
     assert (misfit.first.value, misfit.second.value, misfit.words) == (
         0.5, 0.8, "excellent, now good",

@@ -9,13 +9,14 @@ import pytest
 
 from damperfit.adjustment.motions import Sine
 from damperfit.adjustment.stage import Stage
-from damperfit.comparison import ComparedRun, ComparisonOptions, FittedRun, Sameness, compare_runs
+from damperfit.comparison import ComparedRun, ComparisonOptions, Sameness, compare_runs
 from damperfit.comparison.forces import force_readings, tare_notes
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.damper.rivals.linear import Bilinear
 from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting
+from tests.fakes import fitted_run as fitted_run_of
 
 SETTINGS = (Setting.of(1), Setting.of(2))
 SINE = Sine(0.032, 1.5)
@@ -32,7 +33,7 @@ def fitted(tare, *, is_free=True, factor=1.0):
         status = "fitted" if one.name in free else "fixed"
         row |= {one.name: getattr(values, one.name), f"{one.name}_status": status}
         row |= {f"{one.name}_se": 1.0 if one.name == "f_0" else 1e-3 * row[one.name]}
-    return FittedRun(
+    return fitted_run_of(
         PURDY_DAMPER,
         tuple(Stage(one, values, free, (), known) for one in SETTINGS),
         SINE,
@@ -101,7 +102,9 @@ def test_a_single_run_is_held_against_nominal_forces_as_its_rig_gave_them() -> N
 def test_beside_a_model_that_knows_no_gas_the_offsets_stay() -> None:
     model = Bilinear()
     values = model.values({"c_r": 2e3, "c_b": 1e3, "f_0": -120.0})
-    plain = replace(fitted(0.0), damper=model, stages=tuple(Stage(one, values) for one in SETTINGS))
+    plain = fitted(0.0)
+    vars(plain)["settings"] = tuple(Stage(one, values) for one in SETTINGS)
+    plain.configuration.damper = model
     a, b = run("a", 25.0), ComparedRun("b", "b", plain, (), {})
     paired, _ = force_readings((a, b), SETTINGS, speeds=(0.1,))
     (alone,) = readings(a)
