@@ -62,7 +62,7 @@ PIECES: dict[str, tuple[str, str, Callable[..., Any]]] = {
     ),
     "no worse": ("laws.course", "Course.no_worse", _law),
     "both ways": ("laws.law_fit", "from_both_ways", lambda _, ended, spent, **__: (ended, spent)),
-    "lent": ("run.one_law", "lent", lambda own, *_, **__: own),
+    "lent": ("run.auto_model", "lent", lambda own, *_, **__: own),
     # One model of all settings.
     "joint both ways": ("laws.law_of_all", "with_both_ways", lambda _, at: at),
     "joint led back": ("laws.together", "_Course.led_back", lambda _, law, tried, __: (law, tried)),
