@@ -190,7 +190,9 @@ def quasi_static(
         friction=np.sum([np.zeros(len(asked)), *(rows[name] for name in seals)], axis=0),
         pressures=pressures,
         sensitivities=tuple(sensitivities),
-        slopes=np.array([rows[name] for name in sensitivities]).reshape(-1, len(asked)),
+        slopes=np.array([rows[name] for name in sensitivities]).reshape(
+            len(sensitivities), len(asked)
+        ),
     )
 
 
