@@ -40,9 +40,8 @@ from damperfit.problem import Option
 from damperfit.recording import natural_order
 from damperfit.store import file_set, settle
 from damperfit.tables import values_from
-from damperfit.tables.columns import unknown_schema
+from damperfit.tables.columns import PAPER_QUANTITIES, unknown_schema
 from damperfit.tables.files import read_facts, unlimited_names
-from damperfit.tables.quantities import PAPER_QUANTITIES
 from damperfit.tables.reading import (
     check_files,
     has_table,

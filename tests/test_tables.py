@@ -31,9 +31,8 @@ from damperfit.tables import (
     write_responses,
     write_table,
 )
-from damperfit.tables.columns import _setting_columns, read_setting
+from damperfit.tables.columns import _setting_columns, quantity_records, read_setting
 from damperfit.tables.files import read_facts, table_quantities
-from damperfit.tables.quantities import quantity_records
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty import Assessment, Objection
 from tests.fakes import campaign, fit, values_in

@@ -12,28 +12,25 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from damperfit.tables.characteristics import characteristic_rows
     from damperfit.tables.columns import (
+        PAPER_QUANTITIES,
         SCHEMA_VERSION,
         column_names,
         describe_tables,
+        quantities_in,
+        quantity_records,
         table_schema,
         unknown_schema,
+        values_from,
     )
     from damperfit.tables.files import (
         read_facts,
         read_known_numbers,
         safe_cell,
+        table_in_units,
         table_quantities,
         write_responses,
         write_table,
-    )
-    from damperfit.tables.in_units import table_in_units
-    from damperfit.tables.quantities import (
-        PAPER_QUANTITIES,
-        quantities_in,
-        quantity_records,
-        values_from,
     )
     from damperfit.tables.reading import LogSignals
     from damperfit.tables.results import (
@@ -41,13 +38,14 @@ if TYPE_CHECKING:
         WITHHELD,
         Tables,
         adjustment_rows,
+        characteristic_rows,
         grade,
         lay_out,
         make_tables,
         profiles_table,
         time_series_table,
+        valve_rows,
     )
-    from damperfit.tables.valves import valve_rows
 
 __all__ = [
     "MISSING",
@@ -84,31 +82,31 @@ __all__ = [
 _LATE = {
     "LogSignals": "reading",
     "MISSING": "results",
-    "PAPER_QUANTITIES": "quantities",
+    "PAPER_QUANTITIES": "columns",
     "SCHEMA_VERSION": "columns",
     "Tables": "results",
     "WITHHELD": "results",
     "adjustment_rows": "results",
-    "characteristic_rows": "characteristics",
+    "characteristic_rows": "results",
     "column_names": "columns",
     "describe_tables": "columns",
     "grade": "results",
     "lay_out": "results",
     "make_tables": "results",
     "profiles_table": "results",
-    "quantities_in": "quantities",
-    "quantity_records": "quantities",
+    "quantities_in": "columns",
+    "quantity_records": "columns",
     "read_facts": "files",
     "read_known_numbers": "files",
     "safe_cell": "files",
-    "table_in_units": "in_units",
+    "table_in_units": "files",
     "table_quantities": "files",
     "table_schema": "columns",
     "time_series_table": "results",
     "unknown_schema": "columns",
     "unlimited_names": "files",
-    "values_from": "quantities",
-    "valve_rows": "valves",
+    "values_from": "columns",
+    "valve_rows": "results",
     "write_responses": "files",
     "write_table": "files",
 }

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, replace
+import math
+from dataclasses import dataclass, fields, replace
 from functools import cache
 from itertools import takewhile
 from typing import TYPE_CHECKING, Any
 
-from damperfit.tables.characteristic_columns import CHARACTERISTIC_COLUMNS
-from damperfit.tables.quantities import PAPER_QUANTITIES, quantity_records
+from damperfit.damper.model import values_type
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
+from damperfit.damper.quantity import Quantity
 from damperfit.tested.setting import ADJUSTER, LONGEST_WORD, Place, Setting, parse_place
 
 if TYPE_CHECKING:
@@ -17,20 +19,138 @@ if TYPE_CHECKING:
 
     import pyarrow as pa
 
-    from damperfit.damper.quantity import Quantity
+    from damperfit.damper.model import Values
 
 __all__ = [
+    "CHARACTERISTIC_COLUMNS",
+    "PAPER_QUANTITIES",
     "SCHEMA_VERSION",
     "adjusters_in",
     "column_kinds",
     "column_names",
     "describe_tables",
     "is_late",
+    "quantities_in",
+    "quantity_records",
     "read_setting",
     "setting_cells",
     "table_schema",
     "unknown_schema",
+    "values_from",
 ]
+
+
+# The columns of the table "characteristics": name, type, unit, meaning.
+
+_INT, _FLOAT, _TEXT = "int64", "double", "string"
+CHARACTERISTIC_COLUMNS: tuple[tuple[str, str, str, str], ...] = (
+    ("stretch", _INT, "1", "which stretch of the log, counted from 1"),
+    ("kind", _TEXT, "", "steady: cycles that repeat; moving: motion that does not"),
+    ("start_s", _FLOAT, "s", "time stamp of the first sample of the stretch"),
+    ("cycles", _INT, "1", "whole cycles; 0 where nothing repeats"),
+    ("frequency_Hz", _FLOAT, "Hz", "cycles per second"),
+    ("amplitude_m", _FLOAT, "m", "half the stroke"),
+    ("temperature_degC", _FLOAT, "degC", "mean over the log"),
+    ("point", _TEXT, "", "peak: the largest forces and speeds (PVP); speed: a named speed"),
+    ("speed_rebound_m_per_s", _FLOAT, "m/s", "speed in rebound, mean of the cycles"),
+    ("speed_bump_m_per_s", _FLOAT, "m/s", "speed in bump, positive"),
+    *(
+        column
+        for gas, said in (("", ""), ("_without_gas", ", gas force taken off"))
+        for column in (
+            *(
+                (f"{whose}_{stroke}{gas}_N", _FLOAT, "N", f"{whose} force in {stroke}{said}")
+                for whose in ("measured", "simulated")
+                for stroke in ("rebound", "bump")
+            ),
+            *(
+                (f"{whose}_ratio{gas}", _FLOAT, "1", f"rebound over bump, no signs, {whose}{said}")
+                for whose in ("measured", "simulated")
+            ),
+        )
+    ),
+    ("mean_gas_force_N", _FLOAT, "N", "gas force from the damper's data, mean of the stretch"),
+    *(
+        (f"{whose}_energy_J", _FLOAT, "J", f"work in a cycle, {whose}; rows of peaks only")
+        for whose in ("measured", "simulated")
+    ),
+    ("hysteresis_speed_m_per_s", _FLOAT, "m/s", "speed at which the hysteresis is taken"),
+    *(
+        (f"{whose}_hysteresis_{stroke}_N", _FLOAT, "N", f"opening less closing force, {whose}")
+        for whose in ("measured", "simulated")
+        for stroke in ("rebound", "bump")
+    ),
+    ("measured_energy_se_J", _FLOAT, "J", "standard error by the scatter of the cycles"),
+    *(
+        (f"measured_hysteresis_{stroke}_se_N", _FLOAT, "N", "standard error, likewise; of peaks")
+        for stroke in ("rebound", "bump")
+    ),
+)
+
+
+# The quantities of a model in the metadata of tables, and back.
+
+# Older results do not tell theirs: they are the paper's.
+PAPER_QUANTITIES = PURDY_DAMPER.quantities
+# Nor does what was written before quantities had a role and an ideal value.
+_LATER = {one.label: {"role": one.role, "ideal": one.ideal} for one in PAPER_QUANTITIES}
+
+
+def quantity_records(quantities: Sequence[Quantity]) -> list[dict[str, Any]]:
+    """Return quantities as JSON values; what has no limit has none."""
+    return [
+        {one.name: _as_json(getattr(quantity, one.name)) for one in fields(Quantity)}
+        for quantity in quantities
+    ]
+
+
+def _as_json(value: Any) -> Any:
+    if isinstance(value, tuple):
+        return [end if math.isfinite(end) else None for end in value]
+    return value
+
+
+def quantities_in(facts: Mapping[str, Any], columns: Sequence[str] = ()) -> tuple[Quantity, ...]:
+    """Return the quantities that the facts of a table or run.json tell, in their order.
+
+    Parameters
+    ----------
+    facts : mapping
+        With the key "quantities", but for older results, which are the paper's.
+    columns : sequence of str
+        Of the table, where known: where the facts tell nothing and a column has a status that the
+        paper's model does not know, the columns say what there is.
+    """
+    records = facts.get("quantities")
+    try:
+        found = tuple(_quantity(one) for one in records) if isinstance(records, list) else ()
+    except (KeyError, TypeError, ValueError):
+        found = ()
+    if found:
+        return PAPER_QUANTITIES if found == PAPER_QUANTITIES else found
+    seen = [name.removesuffix("_status") for name in columns if name.endswith("_status")]
+    if set(seen) <= {one.name for one in PAPER_QUANTITIES}:
+        return PAPER_QUANTITIES
+    return tuple(Quantity(name, name, name, name, "", (-math.inf, math.inf)) for name in seen)
+
+
+def _quantity(record: Mapping[str, Any]) -> Quantity:
+    known = {one.name: record[one.name] for one in fields(Quantity) if one.name in record}
+    ranges = {key: _range(ends) for key, ends in known.items() if isinstance(ends, list)}
+    return Quantity(**_LATER.get(known["label"], {}) | known | ranges)
+
+
+def _range(ends: Sequence[float | None]) -> tuple[float, float]:
+    low, high = ends
+    return -math.inf if low is None else float(low), math.inf if high is None else float(high)
+
+
+def values_from(quantities: tuple[Quantity, ...], numbers: Sequence[float]) -> Values:
+    """Return values read from a table."""
+    is_paper = quantities == PAPER_QUANTITIES
+    kind = PURDY_DAMPER.values_type if is_paper else values_type(quantities)
+    return kind(*numbers)
+
 
 SCHEMA_VERSION = 2
 # 1 did not tell the quantities: they are the paper's.
@@ -69,7 +189,6 @@ class _Column:
     description: str
 
 
-_INT, _FLOAT, _TEXT = "int64", "double", "string"
 _SETTING = _Column("setting", _INT, "1", "adjuster setting")
 _CHANGED = _Column("changed", _TEXT, "", "adjuster that change_N is a click of")
 _LOG = _Column("log", _TEXT, "", "file name of the log; empty for the row of the whole setting")
@@ -113,7 +232,10 @@ _PARAMETERS: tuple[_Column, ...] = (
     _Column("evaluations", _INT, "1", "simulations the fit took"),
     _Column("cavitation_fraction", _FLOAT, "1", "share of the cycle with a chamber at P = 0"),
     _Column(
-        "r_m3_cavitation_margin", _FLOAT, "1", "rise of R_m3 at which chamber 2 starts to cavitate"
+        "r_m3_cavitation_margin",
+        _FLOAT,
+        "1",
+        "rise of R_m3 at which chamber 2 starts to cavitate",
     ),
     _Column("lowest_pressure", _FLOAT, "Pa", "lowest absolute pressure of any chamber"),
     _Column("lowest_pressure_chamber", _INT, "1", "chamber of the lowest pressure"),

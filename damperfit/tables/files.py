@@ -13,6 +13,7 @@ from contextlib import suppress
 from io import StringIO
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
@@ -20,29 +21,86 @@ from damperfit.errors import ConfigurationError
 from damperfit.identification.outcome import Status
 from damperfit.io.files import read_text, regular
 from damperfit.store import settle
-from damperfit.tables.arrays import float_array, repeated
-from damperfit.tables.columns import adjusters_in, read_setting, setting_cells, table_schema
-from damperfit.tables.quantities import PAPER_QUANTITIES, quantities_in
+from damperfit.tables.columns import (
+    PAPER_QUANTITIES,
+    adjusters_in,
+    quantities_in,
+    read_setting,
+    setting_cells,
+    table_schema,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
     from pathlib import Path
 
+    from numpy.typing import NDArray
+
     from damperfit.damper.quantity import Quantity
     from damperfit.identification import Campaign, SimulatedLog
     from damperfit.recording import Trace
     from damperfit.tested.setting import Place, Setting
+    from damperfit.units.shown_units import ShownUnits
 
 __all__ = [
+    "column",
+    "float_array",
     "read_facts",
     "read_known_numbers",
     "read_parameter_rows",
+    "repeated",
     "safe_cell",
+    "table_in_units",
     "table_quantities",
     "unlimited_names",
     "write_responses",
     "write_table",
 ]
+
+
+# Arrow arrays from plain values and numpy arrays, straight from their buffers.
+#
+# `pyarrow.array` would do the same but imports pandas first, which every run would wait for.
+
+
+def float_array(values: NDArray[np.float64]) -> pa.Array:
+    """Return an Arrow array of the same numbers, without a copy where that is possible."""
+    data = np.ascontiguousarray(values, dtype=np.float64)
+    return pa.Array.from_buffers(pa.float64(), len(data), [None, pa.py_buffer(data)])
+
+
+def repeated(value: float | str, n: int) -> pa.Array:
+    """Return an Arrow array of one number or text, ``n`` times."""
+    if isinstance(value, int):
+        return pa.Array.from_buffers(
+            pa.int64(), n, [None, pa.py_buffer(np.full(n, value, dtype=np.int64))]
+        )
+    if isinstance(value, float):
+        return float_array(np.full(n, value))
+    data = _encoded(value)
+    offsets = np.arange(n + 1, dtype=np.int32) * np.int32(len(data))
+    return pa.Array.from_buffers(
+        pa.string(), n, [None, pa.py_buffer(offsets), pa.py_buffer(data * n)]
+    )
+
+
+def column(values: Sequence[float | str | None], kind: pa.DataType) -> pa.Array:
+    """Return an Arrow array of type ``kind`` (float64, int64 or string); None is null."""
+    is_valid = np.array([value is not None for value in values], dtype=np.bool_)
+    validity = None if is_valid.all() else pa.py_buffer(np.packbits(is_valid, bitorder="little"))
+    if kind == pa.string():
+        texts = [b"" if value is None else _encoded(str(value)) for value in values]
+        offsets = np.cumsum([0, *(len(text) for text in texts)], dtype=np.int32)
+        buffers = [validity, pa.py_buffer(offsets), pa.py_buffer(b"".join(texts))]
+    else:
+        dtype = np.int64 if kind == pa.int64() else np.float64
+        data = np.array([0 if value is None else value for value in values], dtype=dtype)
+        buffers = [validity, pa.py_buffer(data)]
+    return pa.Array.from_buffers(kind, len(values), buffers)
+
+
+def _encoded(text: str) -> bytes:
+    return text.encode("utf-8", "backslashreplace")
 
 
 def write_responses(
@@ -355,3 +413,27 @@ def _complete(
         if name not in names:
             raise KeyError(name)
     return rows
+
+
+# A table in the units people want, for files that they open; programs read SI from Parquet.
+
+_ENDS = {"_N": "N", "_m_per_s": "m/s", "_m": "m"}
+
+
+def table_in_units(table: pa.Table, units: ShownUnits) -> pa.Table:
+    """Return a table whose columns name their units, with these units and numbers converted.
+
+    Columns that do not end with a unit, as the parameters', stay in SI.
+    """
+    if units.is_si:
+        return table
+    import pyarrow.compute as pc  # as long in loading as two logs take, and for other units alone
+
+    names, columns = [], []
+    for name, column in zip(table.column_names, table.columns, strict=True):
+        unit = next((si for end, si in _ENDS.items() if name.endswith(end)), "")
+        is_number = pa.types.is_floating(column.type)
+        names.append(units.column(name, unit) if unit and is_number else name)
+        factor = units.show(1.0, unit) if names[-1] != name else 1.0
+        columns.append(column if factor == 1.0 else pc.multiply(column, factor))
+    return pa.table(columns, names=names)

@@ -24,13 +24,14 @@ import pyarrow.parquet as pq
 from damperfit.errors import ConfigurationError
 from damperfit.io.files import read_text, regular
 from damperfit.tables.columns import (
+    PAPER_QUANTITIES,
     adjusters_in,
     column_kinds,
     is_late,
+    quantities_in,
     read_setting,
 )
 from damperfit.tables.files import read_facts, read_parameter_rows, table_quantities
-from damperfit.tables.quantities import PAPER_QUANTITIES, quantities_in
 from damperfit.tested.setting import Setting, parse_place
 
 if TYPE_CHECKING:

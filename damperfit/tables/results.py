@@ -9,41 +9,60 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pyarrow as pa
 
 from damperfit.adjustment.across_settings import Adjustment
+from damperfit.conditioning import branch_forces
+from damperfit.conditioning.measured_characteristics import (
+    counted_edges,
+    figures_in,
+    mean_energy,
+    mean_extremes,
+)
 from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.identification.outcome import Status
 from damperfit.identification.setting import EXCELLENT
-from damperfit.tables.arrays import column, float_array
-from damperfit.tables.columns import setting_cells, table_schema
-from damperfit.tables.quantities import PAPER_QUANTITIES
+from damperfit.simulation import NAMED_SPEEDS
+from damperfit.statistics import mean_of
+from damperfit.tables.columns import PAPER_QUANTITIES, setting_cells, table_schema
+from damperfit.tables.files import column, float_array
 from damperfit.uncertainty import Assessment
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
     import pandas as pd
+    from numpy.typing import NDArray
 
     from damperfit.adjustment.click_changes import Click
     from damperfit.adjustment.force_at import Force
+    from damperfit.damper.model import Model
     from damperfit.damper.quantity import Quantity
-    from damperfit.identification import Campaign, Fit, LogFit
+    from damperfit.identification import Campaign, Fit, LogFit, SimulatedLog
+    from damperfit.recording import Stretch, Trace
     from damperfit.simulation import Response
     from damperfit.tested.setting import Setting
     from damperfit.uncertainty import Interval, MisfitProfile, Prediction
+
+    FloatArray = NDArray[np.float64]
+
+    from damperfit.damper.valve_characteristics import ValveCharacteristic
 
 __all__ = [
     "MISSING",
     "WITHHELD",
     "Tables",
     "adjustment_rows",
+    "characteristic_rows",
     "grade",
     "lay_out",
     "make_tables",
     "profiles_table",
     "time_series_table",
+    "valve_rows",
 ]
+
 
 WITHHELD = "withheld"  # in place of a grade that a low MSE does not deserve
 MISSING = "missing"  # outcome of a setting that the configuration expects but that has no fit
@@ -405,3 +424,161 @@ def time_series_table(response: Response, *, facts: Mapping[str, Any] | None = N
     ]
     schema = table_schema("time_series", facts or {})
     return pa.Table.from_arrays([float_array(a) for a in arrays], schema=schema)
+
+
+# What a dyno's software reads off each stretch, as rows: measured beside simulated.
+#
+# One row of the peaks (PVP) and one of each named speed that both strokes reach. The gas force is
+# that of the damper's data at the displacement of each sample; a model without gas has none, and
+# the cells stay empty. Of a motion that does not repeat there are the peaks alone.
+
+_STROKES = (("rebound", 1.0), ("bump", -1.0))
+_UNREPEATED = ((math.nan, math.nan),) * len(_STROKES)
+
+
+def characteristic_rows(
+    setting: Setting, trace: Trace, seen: SimulatedLog, damper: Model
+) -> Iterator[dict[str, Any]]:
+    """Yield the rows of a log: of each stretch the peaks, then the named speeds.
+
+    Parameters
+    ----------
+    setting : Setting
+        Of the log.
+    trace : Trace
+        The log.
+    seen : SimulatedLog
+        The model's force as compared.
+    damper : Model
+        Whose gas force is taken off.
+    """
+    for place, stretch in enumerate(trace.stretches, start=1):
+        facts = {
+            "setting": setting,
+            "log": trace.name,
+            "stretch": place,
+            "kind": stretch.kind,
+            "start_s": trace.start_time + stretch.first * trace.interval,
+            "cycles": stretch.n_cycles,
+            "frequency_Hz": stretch.frequency,
+            "amplitude_m": stretch.amplitude,
+            "temperature_degC": trace.temperature,
+        }
+        for row in _stretch_rows(trace, stretch, seen.force, damper):
+            cells = facts | row
+            yield {
+                name: None if isinstance(cell, float) and not math.isfinite(cell) else cell
+                for name, cell in cells.items()
+            }
+
+
+def _stretch_rows(
+    trace: Trace, stretch: Stretch, simulated: FloatArray, damper: Model
+) -> Iterator[dict[str, Any]]:
+    edges = counted_edges(stretch)
+    part = slice(int(edges[0]), int(edges[-1]))
+    velocity, begins = trace.velocity[part], edges[:-1] - edges[0]
+    forces = {("measured", ""): trace.force[part], ("simulated", ""): simulated[part]}
+    gas = damper.rest_force(trace.displacement[part])
+    level = {}
+    if gas is not None:
+        level = {"mean_gas_force_N": mean_of(gas)}
+        forces = {
+            (whose, suffix): force if not suffix else force - gas
+            for (whose, _), force in forces.items()
+            for suffix in ("", "_without_gas")
+        }
+    stacked = np.stack(list(forces.values()))
+    measured = figures_in(trace, stretch)
+    top = min(measured.peak_speed_rebound, measured.peak_speed_bump)
+    half = measured.hysteresis_speed
+    speeds = [speed for speed in NAMED_SPEEDS if speed < top] if stretch.n_cycles else []
+    passed = sorted({*speeds, half}) if stretch.n_cycles else []
+    # By speed and force: of each stroke the opening and the closing branch.
+    both = [branch_forces(velocity, stacked, passed, sign=sign) for _, sign in _STROKES]
+    branches = dict(zip(passed, np.transpose(both, (2, 3, 0, 1)).tolist(), strict=True))
+    peak: dict[str, Any] = {
+        "point": "peak",
+        "speed_rebound_m_per_s": measured.peak_speed_rebound,
+        "speed_bump_m_per_s": measured.peak_speed_bump,
+        "hysteresis_speed_m_per_s": half,
+    }
+    tops, bottoms = mean_extremes(stacked, begins)
+    for (whose, suffix), rebound, bump in zip(forces, tops, bottoms, strict=True):
+        peak |= _pair(whose, suffix, rebound, bump)
+    peak |= {
+        "measured_energy_J": measured.energy,
+        "simulated_energy_J": mean_energy(trace, stretch, simulated),
+        "measured_energy_se_J": measured.energy_se,
+        "measured_hysteresis_rebound_se_N": measured.hysteresis_rebound_se,
+        "measured_hysteresis_bump_se_N": measured.hysteresis_bump_se,
+    }
+    yield level | peak | _hysteresis(forces, branches.get(half, [_UNREPEATED] * len(forces)))
+    for speed in speeds:
+        row: dict[str, Any] = {
+            "point": "speed",
+            "speed_rebound_m_per_s": speed,
+            "speed_bump_m_per_s": speed,
+            "hysteresis_speed_m_per_s": speed,
+        }
+        for (whose, suffix), of in zip(forces, branches[speed], strict=True):
+            rebound, bump = (0.5 * (opening + closing) for opening, closing in of)
+            row |= _pair(whose, suffix, rebound, bump)
+        yield level | row | _hysteresis(forces, branches[speed])
+
+
+def _hysteresis(
+    forces: Collection[tuple[str, str]], branches: Sequence[Sequence[tuple[float, float]]]
+) -> dict[str, float]:
+    """Of each force its opening less its closing branch, by stroke."""
+    return {
+        f"{whose}_hysteresis_{stroke}_N": opening - closing
+        for (whose, suffix), of in zip(forces, branches, strict=True)
+        if not suffix
+        for (stroke, _), (opening, closing) in zip(_STROKES, of, strict=True)
+    }
+
+
+def _pair(whose: str, suffix: str, rebound: float, bump: float) -> dict[str, float | None]:
+    # Where the gas pushes both strokes to one side there is no ratio.
+    ratio = -rebound / bump if rebound > 0.0 > bump else None
+    return {
+        f"{whose}_rebound{suffix}_N": rebound,
+        f"{whose}_bump{suffix}_N": bump,
+        f"{whose}_ratio{suffix}": ratio,
+    }
+
+
+# The valves of each setting, flow against pressure: measured points, the fitted law, openings.
+
+
+def valve_rows(setting: Setting, valves: Iterable[ValveCharacteristic]) -> Iterator[dict[str, Any]]:
+    """Yield the rows of a setting: of each valve what was measured, its law, its opening.
+
+    Parameters
+    ----------
+    setting : Setting
+        Which.
+    valves : iterable of ValveCharacteristic
+        Of the setting.
+    """
+    for one in valves:
+        points = [("measured", one.drop, one.flow), ("law", one.law_drop, one.law_flow)]
+        for curve, drop, flow in points:
+            for pressure, rate in zip(drop.tolist(), flow.tolist(), strict=True):
+                yield _row(setting, one, curve, pressure, rate)
+        if one.opening is not None:
+            yield _row(setting, one, "opening", one.opening, None)
+
+
+def _row(
+    setting: Setting, valve: ValveCharacteristic, curve: str, pressure: float, flow: float | None
+) -> dict[str, Any]:
+    return {
+        "setting": setting,
+        "stroke": valve.stroke,
+        "curve": curve,
+        "pressure_Pa": pressure,
+        "flow_m3_per_s": flow,
+        "valve_force_N": pressure * valve.area,
+    }
