@@ -281,7 +281,7 @@ def _segments(linearised: Linearisation) -> Iterator[_Segment]:
 def _slope_at_reversals(velocity: FloatArray) -> float:
     """Return how much the speed changes in a sample where it passes zero, m/s."""
     turns = np.flatnonzero(velocity[:-1] * velocity[1:] <= 0.0)
-    return float(np.median(np.abs(np.diff(velocity)[turns]))) if len(turns) else 0.0
+    return median(np.abs(np.diff(velocity)[turns]).tolist()) if len(turns) else 0.0
 
 
 def _peak(part: tuple[FloatArray, FloatArray, NDArray[np.int64]], sign: float) -> FloatArray:
