@@ -16,6 +16,7 @@ import numpy as np
 from damperfit.conditioning.cycles import clean_cycles
 from damperfit.passed_speeds import at_speeds, cycle_energies
 from damperfit.recording import StretchFigures
+from damperfit.statistics import median
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -202,7 +203,7 @@ def peak_velocity_forces(
         Shape (k,): signals at the peak, and their standard errors by the scatter of the cycles;
         NaN for one cycle.
     """
-    is_fast = speed >= _NEAR_PEAK * float(np.median(np.maximum.reduceat(speed, begins)))
+    is_fast = speed >= _NEAR_PEAK * median(np.maximum.reduceat(speed, begins))
     if is_fast[0] and not is_fast.all():  # whole cycles: the passage goes on where it began
         rest = int(np.argmin(is_fast)) + 1
         speed, is_fast = (np.concatenate([row, row[:rest]]) for row in (speed, is_fast))
@@ -215,13 +216,14 @@ def peak_velocity_forces(
     nothing = np.full(len(signals), math.nan)
     if not len(starts):
         return float(np.max(speed)), nothing, nothing
-    halves = 0.25 * float(np.median(stops - starts))
+    halves = 0.25 * median(stops - starts)
     middles = (0.5 * (starts + stops + 1))[stops - starts >= halves]
     few = [np.arange(math.ceil(one - halves), math.floor(one + halves) + 1) for one in middles]
     at = np.clip(np.concatenate(few), 0, len(speed) - 1)
     which = np.repeat(np.arange(len(few)), [len(one) for one in few])
     offsets = (at - middles[which]) / max(halves, 1.0)
-    powers = np.vander(offsets, min(3, len(np.unique(offsets.round(3)))), increasing=True)
+    n_places = len(set(offsets.round(3).tolist()))  # np.unique would load numpy.ma
+    powers = np.vander(offsets, min(3, n_places), increasing=True)
     rows = np.vstack([speed[at], signals[:, at]])
     found = np.linalg.lstsq(powers, rows.T, rcond=None)[0]
     rest_of = rows - (powers @ found).T

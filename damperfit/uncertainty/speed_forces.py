@@ -17,7 +17,6 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from dataclasses import dataclass, replace
-from statistics import median
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,7 +25,7 @@ from damperfit.conditioning.filters import corner_of
 from damperfit.conditioning.measured_characteristics import counted_edges, peak_velocity_forces
 from damperfit.passed_speeds import at_speeds
 from damperfit.simulation import NAMED_SPEEDS
-from damperfit.statistics import NORMAL_95
+from damperfit.statistics import NORMAL_95, median
 from damperfit.uncertainty.repeating import residual_scatter
 
 if TYPE_CHECKING:
@@ -281,7 +280,7 @@ def _segments(linearised: Linearisation) -> Iterator[_Segment]:
 def _slope_at_reversals(velocity: FloatArray) -> float:
     """Return how much the speed changes in a sample where it passes zero, m/s."""
     turns = np.flatnonzero(velocity[:-1] * velocity[1:] <= 0.0)
-    return median(np.abs(np.diff(velocity)[turns]).tolist()) if len(turns) else 0.0
+    return median(np.abs(np.diff(velocity)[turns])) if len(turns) else 0.0
 
 
 def _peak(part: tuple[FloatArray, FloatArray, NDArray[np.int64]], sign: float) -> FloatArray:
@@ -293,7 +292,7 @@ def _peak(part: tuple[FloatArray, FloatArray, NDArray[np.int64]], sign: float) -
 
 def _of_loop(test: Sequence[_Segment], sign: float) -> FloatArray:
     """Return the rows of a loop at named speeds and shares of its peak speed, below the peak."""
-    strokes = median(one.stretch.amplitude for one in test)
+    strokes = median([one.stretch.amplitude for one in test])
     alike = [one for one in test if abs(one.stretch.amplitude / strokes - 1.0) <= SAME_MOTION]
     top = min(float(one.peaks[:, _SPEED].min()) for one in alike)
     slowest = max(one.slowest for one in alike)

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from damperfit.adjustment.across_settings import compare_settings
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.identification import FitOptions, Outcome, Sharing
 from damperfit.recording import Finding
@@ -61,7 +60,8 @@ def linearised(residuals, *, gas=None, trace=None, names=("setting_01.csv",)) ->
     gas = np.zeros((n, 2)) if gas is None else np.column_stack([gas, np.zeros(n)])
     rows = EverySample(trace.stretches[0])
     slopes = Slopes(rows, trace.places[0], jacobian, gas, residuals[None, :])
-    log = LogLinearisation(residuals, np.ones(n), (slopes,), force, np.ones(3))
+    untouched = ((trace.velocity[trace.compared], np.zeros(n)),)
+    log = LogLinearisation(residuals, np.ones(n), (slopes,), force, np.ones(3), untouched)
     nothing = np.zeros((6, 6))
     return Linearisation(
         fit,
@@ -283,7 +283,7 @@ def test_a_correlation_at_a_cycle_takes_more_than_two_cycles(
     )
 
 
-@pytest.mark.parametrize("asked", [assess, linearise_settings, predict, compare_settings, Bench])
+@pytest.mark.parametrize("asked", [assess, linearise_settings, predict, Bench])
 def test_a_fit_is_judged_by_the_integration_that_it_was_fitted_with(asked) -> None:
     """Coarser, its minimum would seem to lie elsewhere; finer, it would cost more for nothing."""
     assert inspect.signature(asked).parameters["solver"].default == FitOptions().solver
