@@ -26,6 +26,7 @@ from damperfit.io.channels import (
     visible,
     words_of_name,
 )
+from damperfit.statistics import median
 from damperfit.units.quantities import is_unit
 
 if TYPE_CHECKING:
@@ -359,7 +360,7 @@ def _signed(
     """Return speed and force with the project's signs, and a note."""
     if stroke:
         sign = -1.0 if stroke == "bump" else 1.0
-        is_turned = bool(len(force)) and sign * float(np.median(force)) < 0.0
+        is_turned = bool(len(force)) and sign * median(force) < 0.0
         note = f"{stroke}: forces reversed, as they are of the other sign" if is_turned else ""
         return sign * np.abs(speed), -force if is_turned else force, note
     if options.reverse_displacement is True:

@@ -86,7 +86,7 @@ def _runs_on(before: Recording, after: Recording) -> bool:
     """Say whether a part begins one step after the end of another, at the same rate."""
     if before.setting != after.setting:
         return False
-    steps = [float(np.median(np.diff(one.time))) for one in (before, after) if len(one.time) > 1]
+    steps = [median(np.diff(one.time)) for one in (before, after) if len(one.time) > 1]
     if not steps or max(steps) > _LARGEST_STEP * min(steps):
         return False
     between = float(after.time[0] - before.time[-1])
