@@ -26,6 +26,7 @@ from damperfit.configuration.schema import build_configuration
 from damperfit.damper.models import model_named
 from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.io.files import IrregularFileError, read_text
+from damperfit.problem import Key
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -119,7 +120,19 @@ def load_configuration(
     except ValidationError as error:
         raise ConfigurationError(_explain(error, layers)) from error
     except ConfigurationError as error:
-        raise ConfigurationError(with_place(str(error), layers[1:])) from error
+        raise ConfigurationError(_blamed(error, layers[1:])) from error
+
+
+def _blamed(error: ConfigurationError, layers: Sequence[_Layer]) -> str:
+    """Return a mistake with the line of the key that it is about, where it says which."""
+    where = error.problem.where
+    if not isinstance(where, Key):
+        return with_place(str(error), layers)
+    section, key = where.path
+    for layer in reversed(layers):
+        if key in layer.values.get(section, {}):
+            return f"{layer.name_of(section, key)}: {error.problem.message()}"
+    return error.problem.message()
 
 
 def _model_of(layers: Sequence[_Layer], *, is_law_open: bool = False) -> str:

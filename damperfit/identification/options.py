@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.identification.given_start import GivenStart, check_start
 from damperfit.identification.paper.gas_content import GAS_FOLLOWER
+from damperfit.problem import Key
 from damperfit.simulation import SolverOptions
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ __all__ = [
 
 PROCEDURE_NAMES = ("paper", "joint", "plain")
 BULK_MODULUS_NAMES = ("free", "appendix1")
+_PROCEDURE = Key(("identification", "procedure"))
 DETECT = "detect"  # in place of names: share what no adjuster moves
 
 
@@ -108,11 +110,14 @@ def check_options(options: FitOptions, damper: Model) -> None:
     if options.procedure not in PROCEDURE_NAMES:
         hint = did_you_mean(options.procedure, PROCEDURE_NAMES)
         known = ", ".join(PROCEDURE_NAMES)
-        raise ConfigurationError(f"no procedure {options.procedure!r}; there are {known}.{hint}")
+        raise ConfigurationError(
+            f"no procedure {options.procedure!r}; there are {known}.{hint}", where=_PROCEDURE
+        )
     if options.procedure not in damper.procedures:
         raise ConfigurationError(
             f"procedure {options.procedure} cannot fit the model {damper.name!r}; expected one "
-            f"of {', '.join(damper.procedures)}."
+            f"of {', '.join(damper.procedures)}.",
+            where=_PROCEDURE,
         )
     share = shared_names(options, damper)
     for name in (*(options.free or ()), *options.fixed, *share, *options.follows):
@@ -164,7 +169,8 @@ def _check_bulk_modulus(options: FitOptions, damper: Model) -> None:
         hint = did_you_mean(options.bulk_modulus, BULK_MODULUS_NAMES)
         known = ", ".join(BULK_MODULUS_NAMES)
         raise ConfigurationError(
-            f"no bulk modulus {options.bulk_modulus!r}; there are {known}.{hint}"
+            f"no bulk modulus {options.bulk_modulus!r}; there are {known}.{hint}",
+            where=Key(("identification", "bulk_modulus")),
         )
     if options.bulk_modulus == "free":
         return

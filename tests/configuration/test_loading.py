@@ -302,3 +302,11 @@ def test_dimensions_that_nobody_declared_are_listed(undeclared, said, tmp_path) 
     path = _write(tmp_path, "\n".join(["[damper]", 'model = "monotube"', *declared]))
     end = ", and with the dimensions of a made-up damper"
     assert load_configuration(path).assumed_dimensions == (f"{said}{end}" if said else "")
+
+
+def test_a_wrong_value_is_blamed_on_its_own_line_also_where_another_key_has_it(tmp_path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text('[output]\nfolder = "fast"\n\n[identification]\nprocedure = "fast"\n')
+    with pytest.raises(ConfigurationError) as caught:
+        load_configuration(path)
+    assert f"{path}:5: identification.procedure: no procedure 'fast'" in str(caught.value)
