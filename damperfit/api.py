@@ -27,10 +27,9 @@ from damperfit.asked import (
 )
 from damperfit.errors import ConfigurationError, DamperfitError, LogError
 from damperfit.keywords import with_keywords
-from damperfit.problem import Option
+from damperfit.problem import Option, Words
 from damperfit.wrong_calls import (
     answers_wrong_calls,
-    in_words_of_a_call,
     is_typed,
     path_of,
     spelled,
@@ -251,7 +250,11 @@ def identify(  # noqa: PLR0913 - one keyword an option of the command line
     if one.error is not None:
         raise one.error
     if not one.result.campaign.fits:
-        said = [in_words_of_a_call(failure.message) for failure in one.result.facts.failures]
+        words = Words("damperfit.identify")
+        said = [
+            failure.message if failure.problem is None else failure.problem.sentence(words)
+            for failure in one.result.facts.failures
+        ]
         more = f" (and {len(said) - _FEW} more)" if len(said) > _FEW else ""
         raise LogError(f"no setting could be fitted: {'; '.join(said[:_FEW])}{more}")
     return Run.load(folder, parts=("parameters", "mse"), is_temporary=out is None)
@@ -352,18 +355,23 @@ def _identification(given: Mapping[str, Any]) -> Configuration:
         if is_typed():
             name = f"{name} {','.join(given['share'])} has no effect"
         raise ConfigurationError(
-            f"{name}: only procedure joint fits shared parameters, found procedure {procedure}; "
-            f"{advice}"
+            f"only procedure joint fits shared parameters, found procedure {procedure}; {advice}",
+            subject=name,
         )
     if is_open and configuration.identification.free:
         raise ConfigurationError(
-            "--free has no effect: with --model auto the logs choose what is fitted; hold a "
-            "parameter with --fix, or name the model"
+            "{free} has no effect: with {model} the logs choose what is fitted; hold a "
+            "parameter with {fix}, or name the model",
+            free=Option("free"),
+            model=Option("model", "auto"),
+            fix=Option("fix"),
         )
     if given.get("rivals") and not is_open:
         raise ConfigurationError(
-            "models are ranked where the logs choose the law; add --model auto, or ask damperfit "
-            "models LOGS --rivals",
+            "models are ranked where the logs choose the law; add {model}, or ask damperfit "
+            "models LOGS {rivals}",
+            model=Option("model", "auto"),
+            rivals=Option("rivals"),
             where=Option("rivals"),
         )
     return configuration
@@ -558,8 +566,9 @@ def _parameters(
     call, setting, table = f"damperfit.{command}", given["setting"], given["parameters"]
     if isinstance(setting, Run):
         raise ConfigurationError(
-            f"{call}: found a result in place of a setting; give {call}(10, parameters=result), or "
-            "result.setting(10).simulate()"
+            f"found a result in place of a setting; give {call}(10, parameters=result), or "
+            "result.setting(10).simulate()",
+            subject=call,
         )
     table = table.folder if isinstance(table, Run) else table
     known = "a result, or the path of results or of a parameters table"
@@ -631,7 +640,11 @@ def sweep(  # noqa: PLR0913 - one keyword an option of the command line
     if isinstance(texts, dict):
         texts = [f"{name}={','.join(map(str, factors))}" for name, factors in texts.items()]
     if not texts and not paper:
-        raise ConfigurationError("nothing to vary: give --vary NAME=F1,F2,... or --paper")
+        raise ConfigurationError(
+            "nothing to vary: give {vary} NAME=F1,F2,... or {paper}",
+            vary=Option("vary"),
+            paper=Option("paper"),
+        )
     folder = _path(out, "sweep", "out", "the path of a folder")
     _check_places(folder)
     own = configured("sweep", {"config": config, "max_steps": max_steps})
@@ -645,7 +658,8 @@ def sweep(  # noqa: PLR0913 - one keyword an option of the command line
     if paper and configuration.damper.name != "purdy":
         raise ConfigurationError(
             f"the figures are of the paper's model; these parameters are of "
-            f"{configuration.damper.name!r}: give --vary NAME=F1,F2,...",
+            f"{configuration.damper.name!r}: give {{vary}} NAME=F1,F2,...",
+            vary=Option("vary"),
             where=Option("paper"),
         )
     wanted = [(v, False) for v in variations] + [(v, True) for v in PAPER_SWEEPS if paper]
@@ -808,7 +822,9 @@ def compare(  # noqa: PLR0913 - one keyword an option of the command line
     bands = parse_bands(_text(tolerance))
     if junit is not None and bands is None:
         raise ConfigurationError(
-            "holds the points of --tolerance, which was not given", where=Option("junit")
+            "holds the points of {tolerance}, which was not given",
+            tolerance=Option("tolerance"),
+            where=Option("junit"),
         )
     options = comparison_options(
         velocities=list(speeds),
@@ -876,7 +892,10 @@ def export(  # noqa: PLR0913 - one keyword an option of the command line
 
     if to is None and is_typed():
         raise ConfigurationError(
-            f"export: to what? Give --to {'|'.join(TARGETS)}; --list shows what they are"
+            f"export: to what? Give {{to}}, one of {', '.join(TARGETS)}; {{list}} shows "
+            "what they are",
+            to=Option("to"),
+            list=Option("list"),
         )
     if to is None:
         raise ConfigurationError(
@@ -1022,17 +1041,22 @@ def fleet(  # noqa: PLR0913 - one keyword an option of the command line
     asked = [f"--{name}" for name in ("collect", "report", "tolerance") if given[name]]
     if not logs and not asked:
         raise ConfigurationError(
-            "fleet: expected LOGS, or --collect or --report for the parts that are there"
+            "fleet: expected LOGS, or {collect} or {report} for the parts that are there",
+            collect=Option("collect"),
+            report=Option("report"),
         )
     if scheduler is not None and jobs is not None:
         raise ConfigurationError(
-            "--jobs cannot be combined with --scheduler: the cluster has its own workers; leave "
-            "one out"
+            "{jobs} cannot be combined with {scheduler}: the cluster has its own workers; leave "
+            "one out",
+            jobs=Option("jobs"),
+            scheduler=Option("scheduler"),
         )
     if part is not None and asked:
         raise ConfigurationError(
-            f"{asked[0]} cannot be combined with --part: other parts may not be done yet; collect "
-            f"with damperfit fleet --out {out} {asked[0]} when all are"
+            f"{asked[0]} cannot be combined with {{part}}: other parts may not be done yet; "
+            f"collect with damperfit fleet --out {out} {asked[0]} when all are",
+            part=Option("part"),
         )
     bands = parse_bands(_text(tolerance))
     table = _path(tests, "fleet", "tests", "the path of a table of tests")
@@ -1189,7 +1213,10 @@ def init(
     _check_places(None if path is None else path.parent)
     if path is not None and path.exists() and not overwrite:
         raise ConfigurationError(
-            "is there already; give --overwrite to replace it, or --out", subject=str(path)
+            "is there already; give {overwrite} to replace it, or {out}",
+            overwrite=Option("overwrite"),
+            out=Option("out"),
+            subject=str(path),
         )
     keys = {name: str(value) for name, value in (set or {}).items()}
     kind = model or "purdy"

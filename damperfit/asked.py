@@ -67,9 +67,9 @@ def configured(
 
     call = f"damperfit.{command}"
     sections: dict[str, dict[str, Any]] = {}
-    options: dict[str, str] = {}
+    options: dict[str, Option] = {}
 
-    def put(place: str, value: Any, name: str) -> None:
+    def put(place: str, value: Any, name: Option) -> None:
         section, _, key = place.partition(".")
         sections.setdefault(section, {})[key] = value
         options[place] = name
@@ -82,23 +82,21 @@ def configured(
             continue
         known = keyword_of(command, keyword)
         if known.key:
-            name = spelled(call, keyword)
-            put(known.key, _parsed(known.kind, value, call, keyword), name)
+            put(known.key, _parsed(known.kind, value, call, keyword), Option(keyword))
     for keyword, place, value in more:
         if value is not None:
-            put(place, value, spelled(call, keyword))
+            put(place, value, Option(keyword))
     for key, value in rig_keys(given.get("rig"), call).items():
-        name = f"--rig {key}" if is_typed() else f"{call}(rig={{{key!r}: ...}})"
-        put(f"rig.{key}", value, name)
+        put(f"rig.{key}", value, Option("rig", key=key))
     if isinstance(units, str):
         from damperfit.units.shown_units import parse_units
 
         parse_units(units)
-        put("output.units", units, spelled(call, "units"))
+        put("output.units", units, Option("units"))
     elif units is not None:
         _mapping(call, "units", units)
         put("rig.units", {**sections.get("rig", {}).get("units", {}), **units},
-            spelled(call, "units"))  # fmt: skip
+            Option("units"))  # fmt: skip
     config = given.get("config")
     if config is not None:
         config = path_of(config, f"{call}(config=...)", "the path of a TOML file")
@@ -107,10 +105,9 @@ def configured(
             config, overlay=sections, options=options, is_law_open=is_law_open
         )
     except ConfigurationError as error:
-        if is_typed():
+        if is_typed() or error.problem.where is not None:
             raise
-        said = str(error).removeprefix("command line: ")
-        raise ConfigurationError(said if said.startswith(call) else f"{call}: {said}") from error
+        raise ConfigurationError("{problem}", problem=error, subject=call) from error
 
 
 def _parsed(kind: str, value: Any, call: str, keyword: str) -> Any:
@@ -276,10 +273,13 @@ def starts_of(given: Any) -> tuple[str | None, dict[str, str]]:
     files = [part for part in parts if part not in values]
     if len(files) > 1:
         raise ConfigurationError(
-            f"--start {files[1]}: {files[0]} is given already; a fit starts from one earlier run"
+            f"{files[0]} is given already; a fit starts from one earlier run",
+            where=Option("start", files[1]),
         )
     if "" in files:
-        raise ConfigurationError("--start '': expected a file or NAME=VALUE, such as k_e=5e8")
+        raise ConfigurationError(
+            "expected a file or NAME=VALUE, such as k_e=5e8", where=Option("start", "''")
+        )
     pairs = (one.partition("=") for text in values for one in _NEXT_ASSIGNMENT.split(text))
     lower = (f"{name.lower()}{equals}{value}" for name, equals, value in pairs)
     return (files[0] if files else None), assignments(lower, option="--start")
@@ -317,7 +317,8 @@ def covaried(command: str, given: Mapping[str, Any], *, of_fleet: bool = False) 
     if model == "auto":
         raise ConfigurationError(
             "choose the law first, from logs of one temperature (damperfit models), then name it: "
-            "--model NAME",
+            "{model}",
+            model=Option("model", "NAME"),
             where=Option("covariate", "temperature"),
         )
     asked = {name: given.get(name) for name in ("config", "damper", "model")}

@@ -15,12 +15,12 @@ from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ParamSpec, Self, TypeVar
 
-from damperfit.problem import Problem, as_option
+from damperfit.problem import Problem, Words
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
 
-    from damperfit.problem import Where, Words
+    from damperfit.problem import Where
     from damperfit.tested.setting import Setting
 
     OnError = Callable[[Setting, Exception], None]
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     R = TypeVar("R")
 
 __all__ = [
+    "UNWRITTEN",
     "ConditioningError",
     "ConfigurationError",
     "ContradictionError",
@@ -41,11 +42,18 @@ __all__ = [
     "QualityError",
     "SimulationError",
     "TimelessError",
+    "blamed_on",
     "did_you_mean",
     "mishap_of",
     "refuse_wrong_arguments",
     "sparing",
 ]
+
+
+# Codes of problems with a place to write to.
+UNWRITTEN = frozenset(
+    {"no-address", "no-working-folder", "not-a-folder", "write-protected", "cannot-write"}
+)
 
 
 class DamperfitError(Exception):
@@ -74,7 +82,7 @@ class DamperfitError(Exception):
         **values: Any,
     ) -> None:
         super().__init__(text)
-        self.words: Words = as_option
+        self.words = Words()
         self.problem = Problem(
             code or self.code, str(text), subject=str(subject), where=where, values=values
         )
@@ -83,15 +91,23 @@ class DamperfitError(Exception):
         return self.problem.sentence(self.words)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _of_problem, (type(self), self.problem), {**self.__dict__, "words": as_option}
+        return _of_problem, (type(self), self.problem), {**self.__dict__, "words": Words()}
 
-    def at(self, where: Where | None = None, *, subject: object = "") -> Self:
+    def at(self, where: Where | None = None, *, subject: object = None) -> Self:
         """Return the same error with where it was asked for, or what it is about."""
-        changes: dict[str, Any] = {} if where is None else {"where": where}
-        if str(subject):
-            changes["subject"] = str(subject)
+        problem = self.problem if where is None else replace(self.problem, where=where)
+        if subject is not None:
+            problem = replace(problem, subject=str(subject))
+        return self._with(problem)
+
+    def adding(self, text: str, **values: Any) -> Self:
+        """Return the same error with more said."""
+        more = {**self.problem.values, **values}
+        return self._with(replace(self.problem, text=f"{self.problem.text}{text}", values=more))
+
+    def _with(self, problem: Problem) -> Self:
         error = copy(self)
-        error.problem = replace(self.problem, **changes)
+        error.problem = problem
         return error
 
 
@@ -191,11 +207,14 @@ class Mishap:
         One sentence: what, where, what to do.
     trace : str
         Where it happened, in many lines, for whoever mends it; empty where it was meant.
+    problem : Problem or None
+        The same as a record, of errors that are meant.
     """
 
     kind: str
     message: str
     trace: str = ""
+    problem: Problem | None = None
 
 
 def mishap_of(error: Exception, task: str) -> Mishap:
@@ -209,7 +228,7 @@ def mishap_of(error: Exception, task: str) -> Mishap:
         What was being done, as in "reading the log".
     """
     if isinstance(error, DamperfitError):
-        return Mishap(type(error).__name__, str(error))
+        return Mishap(type(error).__name__, str(error), problem=error.problem)
     if isinstance(error, MemoryError):
         said = f" ({error})" if str(error) else ""
         advice = "give fewer or shorter logs at a time, or a lower --jobs"
@@ -247,6 +266,15 @@ def sparing(setting: Setting, on_error: OnError | None) -> Iterator[None]:
         if on_error is None:
             raise
         on_error(setting, error)
+
+
+@contextmanager
+def blamed_on(where: Where) -> Iterator[None]:
+    """Let an error of configuration that is raised inside say where the value was asked for."""
+    try:
+        yield
+    except ConfigurationError as error:
+        raise error.at(where) from error
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:

@@ -7,12 +7,13 @@ configuration file the line of a key.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from string import Formatter
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-__all__ = ["Key", "Option", "Place", "Problem", "Where", "Words", "as_keyword", "as_option"]
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+__all__ = ["FilePlace", "Key", "Option", "Problem", "Where", "Words"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,13 +28,6 @@ class Option:
         What was given, or stands for what may be; empty: it is named alone.
     key : str
         Of NAME=VALUE: the name.
-
-    Examples
-    --------
-    >>> as_option(Option("hold_out", "4Hz")), as_keyword(Option("hold_out", "4Hz"))
-    ('--hold-out 4Hz', 'hold_out=4Hz')
-    >>> as_option(Option("fix", "50N", "f_f")), as_keyword(Option("fix", "50N", "f_f"))
-    ('--fix f_f=50N', "fix={'f_f': 50N}")
     """
 
     name: str
@@ -49,13 +43,16 @@ class Key:
     ----------
     path : tuple of str
         Section and key, as in ("rig", "skew"); the section may be left out below it.
+    beside : tuple of str
+        Other keys of the section that it does not go with: the one given last is blamed.
     """
 
     path: tuple[str, ...]
+    beside: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class FilePlace:
     """A line of a file that a user gave.
 
     Attributes
@@ -73,25 +70,52 @@ class Place:
     option: Option | None = None
 
 
-Where = Option | Key | Place
-Words = Callable[[Option], str]
+Where = Option | Key | FilePlace
 
 
-def as_option(option: Option) -> str:
-    """Name an option as the command line does."""
-    name = f"--{option.name.replace('_', '-')}"
-    if option.key:
-        return f"{name} {option.key}={option.value}"
-    return f"{name} {option.value}" if str(option.value) else name
+@dataclass(frozen=True, slots=True)
+class Words:
+    """What an outlet calls an option.
+
+    Attributes
+    ----------
+    call : str
+        Of a call in Python its function; empty: the command line.
+
+    Examples
+    --------
+    >>> command, call = Words(), Words("damperfit.identify")
+    >>> command.named(Option("hold_out", "4Hz")), call.named(Option("hold_out", "4Hz"))
+    ('--hold-out 4Hz', 'hold_out=4Hz')
+    >>> command.named(Option("fix", "50N", "f_f")), call.named(Option("fix", "50N", "f_f"))
+    ('--fix f_f=50N', "fix={'f_f': 50N}")
+    >>> call.asked(Option("free"))
+    'damperfit.identify(free=...)'
+    """
+
+    call: str = ""
+
+    def named(self, option: Option) -> str:
+        """Return what is called an option within a sentence."""
+        name, key, value = option.name, option.key, str(option.value)
+        if self.call:
+            return _keyword(name, key, value)
+        option_name = f"--{name.replace('_', '-')}"
+        given = f"{key}={value}" if key and value else key or value
+        return f"{option_name} {given}" if given else option_name
+
+    def asked(self, option: Option) -> str:
+        """Return how a sentence begins that is about an option."""
+        if not self.call:
+            return self.named(option)
+        return f"{self.call}({self.named(replace(option, value=option.value or '...'))})"
 
 
-def as_keyword(option: Option) -> str:
-    """Name an option as a call in Python does."""
-    name, key, value = option.name, option.key, option.value
+def _keyword(name: str, key: str, value: str) -> str:
     if name == "rig" and key:  # units have a keyword of their own, other sections are mappings
         section, _, inner = key.rpartition(".")
         if section == "units":
-            return f"units={{{inner!r}: {value!r}}}"
+            return f"units={{{inner!r}: {value if value == '...' else repr(value)}}}"
         inside = f"{{{inner!r}: {value}}}"
         return f"rig={{{section!r}: {inside}}}" if section else f"rig={inside}"
     return f"{name}={{{key!r}: {value}}}" if key else f"{name}={value}"
@@ -111,7 +135,7 @@ class Problem:
         "error", "warning" or "note".
     subject : str
         The log, file or setting that it is about.
-    where : Option, Key, Place or None
+    where : Option, Key, FilePlace or None
         Where a user asked for it.
     values : mapping
         By name; an `Option` among them is worded by the outlet.
@@ -119,7 +143,7 @@ class Problem:
     Examples
     --------
     >>> p = Problem("no-setting", "give {how}", subject="a.csv", values={"how": Option("setting")})
-    >>> p.sentence(), p.sentence(as_keyword)
+    >>> p.sentence(), p.sentence(Words("damperfit.identify"))
     ('a.csv: give --setting', 'a.csv: give setting=')
     """
 
@@ -130,39 +154,48 @@ class Problem:
     where: Where | None = None
     values: Mapping[str, Any] = field(default_factory=dict)
 
-    def sentence(self, words: Words = as_option) -> str:
+    def sentence(self, words: Words = Words()) -> str:
         """Return the problem as one sentence, its place first."""
         lead, text = self._lead(words), self.message(words)
         return f"{lead}: {text}" if lead and text else lead or text
 
-    def message(self, words: Words = as_option) -> str:
+    @property
+    def offered(self) -> tuple[Option, ...]:
+        """The options that the sentence offers, also those of the problems that it joins."""
+        found: list[Option] = []
+        for value in self.values.values():
+            inner = getattr(value, "problem", None)
+            found += [value] if isinstance(value, Option) else getattr(inner, "offered", ())
+        return tuple(found)
+
+    def message(self, words: Words = Words()) -> str:
         """Return the sentence without its place."""
-        return _Worded(words).vformat(self.text, (), self.values) if self.values else self.text
+        text = self.text
+        for name, value in self.values.items():
+            text = text.replace(f"{{{name}}}", _worded(value, words))
+        return text
 
     def _lead(self, words: Words) -> str:
         where, subject = self.where, self.subject
         if isinstance(where, Option):
             if subject and not str(where.value):
                 where, subject = replace(where, value=subject), ""
-            return ": ".join(filter(None, (words(where), subject)))
-        if isinstance(where, Place):
+            return ": ".join(filter(None, (words.asked(where), subject)))
+        if isinstance(where, FilePlace):
             file = f"{where.file}:{where.line}" if where.line else where.file
-            given = "" if where.option is None else words(replace(where.option, value=file))
-            return ": ".join(filter(None, (given or file, subject)))
+            if where.option is not None:
+                given = words.asked(
+                    where.option if words.call else replace(where.option, value=file)
+                )
+                file = f"{given}: {file}" if words.call else given
+            return ": ".join(filter(None, (file, subject)))
         if isinstance(where, Key):
             return ": ".join(filter(None, (subject, ".".join(where.path))))
         return subject
 
 
-class _Worded(Formatter):
-    """Formats values; options and problems among them in the words of an outlet."""
-
-    def __init__(self, words: Words) -> None:
-        self._words = words
-
-    def convert_field(self, value: Any, conversion: Any) -> Any:
-        if isinstance(value, Option):
-            value = self._words(value)
-        elif isinstance(problem := getattr(value, "problem", None), Problem):
-            value = problem.sentence(self._words)
-        return super().convert_field(value, conversion)
+def _worded(value: object, words: Words) -> str:
+    if isinstance(value, Option):
+        return words.named(value)
+    problem = getattr(value, "problem", None)
+    return problem.sentence(words) if isinstance(problem, Problem) else str(value)

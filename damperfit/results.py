@@ -656,7 +656,8 @@ class Run:
             if config is not None:
                 return given
             raise ConfigurationError(
-                f"the damper in {self.source} cannot be used ({error}); give --config"
+                f"the damper in {self.source} cannot be used ({error}); give {{config}}",
+                config=Option("config"),
             ) from error
         self._refuse_other_damper(given, own, config)
         known = {f"damper.{key}" for key in self.declared_damper}
@@ -693,7 +694,8 @@ class Run:
                 raise ConfigurationError(
                     f"damper.{name} is {_in_unit(found, unit)}, but the "
                     f"parameters of {self.source} were fitted with {_in_unit(fitted, unit)} and "
-                    "hold for that damper alone; leave --config out, or run identify again with it",
+                    "hold for that damper alone; leave {config} out, or run identify again with it",
+                    config=Option("config"),
                     where=Option("config", config),
                 )
 

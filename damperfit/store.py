@@ -27,6 +27,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
 from damperfit.errors import ConfigurationError, OutputError
+from damperfit.problem import Option
 from damperfit.units.quantities import units_of
 
 if TYPE_CHECKING:
@@ -158,7 +159,7 @@ def file_set(folder: Path, *, spares_others: bool = False) -> Iterator[FileSet]:
     except OSError as error:
         if files is not None and files.is_committed:
             raise OutputError(_interrupted(folder, error)) from error
-        raise OutputError(_explain(folder, error, files.names if files else ())) from error
+        raise (_unwritten(folder, error, files.names if files else ())) from error
 
 
 @contextmanager
@@ -231,23 +232,37 @@ def check_writable(folder: Path) -> None:
     if re.match(r"[a-z][a-z0-9+.-]+:/", folder.as_posix()):
         address = re.sub(r":/+", "://", folder.as_posix(), count=1)
         raise ConfigurationError(
-            f"cannot write to {address}: results are written to a folder of this machine, not to "
-            "an address; give a folder, and copy it there when all is done"
+            "cannot be written: results go to a folder of this machine, not to an address; "
+            "give a folder, and copy it there when all is done",
+            code="no-address",
+            subject=address,
         )
     if "\0" in str(folder):
-        raise ConfigurationError(f"cannot write to {str(folder)!r}: a NUL cannot stand in a path")
+        raise ConfigurationError(
+            "cannot be written: a NUL cannot stand in a path",
+            code="no-path",
+            subject=repr(str(folder)),
+        )
     if not (folder.is_absolute() or _has_working_folder()):
         raise ConfigurationError(
-            f"cannot write to {folder}: the folder that this was started in is gone; go to one "
-            "that is there (cd)"
+            "cannot be written: the folder that this was started in is gone; go to one that is "
+            "there (cd)",
+            code="no-working-folder",
+            subject=folder,
         )
     nearest = folder
     while not os.path.lexists(nearest) and nearest != nearest.parent:
         nearest = nearest.parent
     if not nearest.is_dir():
-        raise ConfigurationError(f"cannot write to {folder}: {nearest} is not a folder")
+        raise ConfigurationError(
+            f"cannot be written: {nearest} is not a folder", code="not-a-folder", subject=folder
+        )
     if not os.access(nearest, os.W_OK | os.X_OK):
-        raise OutputError(f"cannot write to {folder}: {nearest} is write-protected")
+        raise OutputError(
+            f"cannot be written: {nearest} is write-protected",
+            code="write-protected",
+            subject=folder,
+        )
 
 
 @contextmanager
@@ -274,7 +289,7 @@ def reserved(folder: Path) -> Iterator[None]:
             settle(folder)
             held.enter_context(_locked(folder / _RUN, patience=_RUN_PATIENCE, refusal=refusal))
         except OSError as error:
-            raise OutputError(_explain(folder, error)) from error
+            raise (_unwritten(folder, error)) from error
         yield
 
 
@@ -474,10 +489,11 @@ def _remove_empty(folders: Iterable[Path]) -> None:
             folder.rmdir()
 
 
-def _explain(folder: Path, error: OSError, names: Iterable[str] = ()) -> str:
-    sentence = f"cannot write to {folder}: {error.strerror or error}"
+def _unwritten(folder: Path, error: OSError, names: Iterable[str] = ()) -> OutputError:
+    sentence = f"cannot be written: {error.strerror or error}"
     is_earlier = any(os.path.lexists(folder / name) for name in (*names, *_RESULTS))
-    return f"{sentence}; earlier results there are untouched" if is_earlier else sentence
+    kept = "; earlier results there are untouched" if is_earlier else ""
+    return OutputError(f"{sentence}{kept}", code="cannot-write", subject=folder)
 
 
 def _interrupted(folder: Path, error: OSError) -> str:
@@ -531,7 +547,9 @@ def _refuse_others(target: Path, draft: Path) -> None:
     if target.is_file() and not _is_own_file(target, draft):
         raise ConfigurationError(
             "is there already, and damperfit did not write it as this kind of file; "
-            "nothing was written. Give --overwrite to replace it, or another --out",
+            "nothing was written. Give {overwrite} to replace it, or another {out}",
+            overwrite=Option("overwrite"),
+            out=Option("out"),
             subject=target,
         )
 

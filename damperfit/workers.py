@@ -526,7 +526,8 @@ class Cluster:
             from distributed import Client
         except ImportError as error:
             raise InstallationError(
-                "--scheduler needs Dask, which is not installed: pip install 'damperfit[cluster]'"
+                "{scheduler} needs Dask, which is not installed: pip install 'damperfit[cluster]'",
+                scheduler=Option("scheduler"),
             ) from error
         try:
             self._client = Client(address, timeout=_PATIENCE, set_as_default=False)

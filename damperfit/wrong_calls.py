@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import os
-import re
 from contextlib import contextmanager
 from contextvars import ContextVar
-from copy import copy
-from dataclasses import replace
-from functools import partial, wraps
+from functools import wraps
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 from damperfit.errors import ConfigurationError, DamperfitError, refuse_wrong_arguments
+from damperfit.problem import Words
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -26,30 +24,12 @@ __all__ = [
     "FunctionPackage",
     "answers_wrong_calls",
     "as_typed",
-    "in_words_of_a_call",
     "is_typed",
     "path_of",
     "spelled",
 ]
 
 _IS_TYPED: ContextVar[bool] = ContextVar("is_typed", default=False)
-
-# A keyword takes the place of an option: with its value, with a word for it, or alone.
-_WORDS = (
-    (
-        r"only (damperfit) identify --model auto and damperfit models let",
-        r"only \1.identify(logs, model='auto') and \1.models(logs) let",
-    ),
-    (r"--rig units\.(\w+)=([^\s)]+)", r"units={'\1': '\2'}"),
-    (r"--rig (\w+)=([^\s)]+)", r"rig={'\1': \2}"),
-    (r"\brig\.units\.(\w+) = ('[^']*')", r"units={'\1': \2}"),
-    (r"\brig\.columns\.(\w+) = ('[^']*')", r"rig={'columns': {'\1': \2}}"),
-    (r"(?<!export )--([a-z][a-z-]*) ([A-Z]+)\b", r"\1=\2"),
-    (r"^--([a-z][a-z-]*) (\S+):", r"\1=\2:"),
-    (r"^--([a-z][a-z-]*): '", r"\1: '"),
-    (r"(?<!export )--([a-z][a-z-]*) ('[^']*')", r"\1=\2"),
-    (r"(?<!export )--([a-z][a-z-]*)", r"\1="),
-)
 
 
 class FunctionPackage(ModuleType):
@@ -88,28 +68,6 @@ def spelled(call: str, keyword: str) -> str:
     return option if is_typed() else f"{call}({keyword}=...)"
 
 
-def in_words_of_a_call(message: str) -> str:
-    """Return a sentence with keywords in place of the command line's options.
-
-    Examples
-    --------
-    >>> in_words_of_a_call("no unit (--rig units.force=N); or give --setting N, or --free")
-    "no unit (units={'force': 'N'}); or give setting=N, or free="
-    >>> in_words_of_a_call("--to fmu9: unknown; damperfit export --list shows them")
-    'to=fmu9: unknown; damperfit export --list shows them'
-    >>> in_words_of_a_call("no column; name it: rig.columns.time = 'NAME', or --hold-out '*.csv'")
-    "no column; name it: rig={'columns': {'time': 'NAME'}}, or hold_out='*.csv'"
-    """
-    for option, keyword in _WORDS:
-        message = re.sub(option, partial(_keyword, keyword), message)
-    return message
-
-
-def _keyword(template: str, found: re.Match[str]) -> str:
-    name = found[1].replace("-", "_")
-    return found.expand(template.replace(r"\1=", f"{name}=", 1))
-
-
 def answers_wrong_calls(call: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
     """Return a decorator: what the function refuses is said in the words of its call.
 
@@ -127,14 +85,9 @@ def answers_wrong_calls(call: str) -> Callable[[Callable[P, R]], Callable[P, R]]
             try:
                 return checked(*args, **kwargs)
             except DamperfitError as error:
-                said = str(error) if is_typed() else in_words_of_a_call(str(error))
-                if said == str(error):
-                    raise
-                worded = copy(error)
-                worded.problem = replace(
-                    error.problem, text=said, subject="", where=None, values={}
-                )
-                raise worded from error
+                if not is_typed():
+                    error.words = Words(call)
+                raise
 
         return answering
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from damperfit.checks.named_checks import CHECKS
 from damperfit.errors import ConfigurationError, did_you_mean
+from damperfit.problem import Key
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -63,7 +64,8 @@ def expand_checks(names: Iterable[str], *, pointless: Iterable[str] = ()) -> tup
             known = (*CHECKS, *CHECK_LISTS)
             raise ConfigurationError(
                 f"no check {text!r}; there are {', '.join(CHECKS)} and the lists "
-                f"{', '.join(CHECK_LISTS)}.{did_you_mean(name, known)}"
+                f"{', '.join(CHECK_LISTS)}.{did_you_mean(name, known)}",
+                where=Key(("output", "checks")),
             )
         members = CHECK_LISTS.get(name, (name,))
         if text.startswith("-"):

@@ -16,6 +16,7 @@ from damperfit.asked import assignments
 from damperfit.cli.command import Shown, command
 from damperfit.cli.console import print_lines, say
 from damperfit.errors import ConfigurationError
+from damperfit.problem import Option
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -77,7 +78,7 @@ def _asked_model() -> str:
         try:
             check_damper(model, {})
         except ConfigurationError as error:
-            say(f"  {str(error).removeprefix('--model: ')}")
+            say(f"  {error.problem.message()}")
         else:
             return model
 
@@ -104,7 +105,9 @@ def _asked(model: str, given: Mapping[str, str]) -> dict[str, str]:
         except ConfigurationError as error:
             if not defaults:
                 raise
-            say(f"  {str(error).removeprefix('--set ')}; once more:")
+            where = error.problem.where
+            key = f"{where.key}: " if isinstance(where, Option) and where.key else ""
+            say(f"  {key}{error.problem.message()}; once more:")
         else:
             return answers
 

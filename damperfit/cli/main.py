@@ -9,11 +9,12 @@ import os
 import re
 import sys
 import traceback
+from contextlib import suppress
 from copy import copy
+from dataclasses import replace
 from functools import cache, wraps
 from inspect import signature
 from itertools import pairwise
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -31,15 +32,16 @@ from damperfit.cli.init import init
 from damperfit.cli.inspect import inspect
 from damperfit.cli.log_file import LogFile, log_file_of, record
 from damperfit.cli.models import models
-from damperfit.cli.option_values import with_typed_option
+from damperfit.cli.option_values import giver_of
 from damperfit.cli.panels import PanelledCommand, UncutCommands
 from damperfit.cli.report import report
 from damperfit.cli.samples import samples
 from damperfit.cli.settings import settings
 from damperfit.cli.simulate import simulate
 from damperfit.cli.sweep import sweep
-from damperfit.errors import ConfigurationError, DamperfitError
+from damperfit.errors import UNWRITTEN, ConfigurationError, DamperfitError
 from damperfit.own_process import CLOSED_STREAMS, begin
+from damperfit.problem import FilePlace
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -222,11 +224,11 @@ def _unless_unprinted(code: int, argv: Sequence[str]) -> int:
 def _explain(error: Exception, argv: Sequence[str]) -> tuple[str, int]:
     """Return what to tell the user, and the exit code."""
     if isinstance(error, DamperfitError):
-        has_options = any(word.startswith("--") for word in argv)
-        files = _file_options(argv) if has_options else frozenset()
-        return with_typed_option(str(error), argv, files), error.exit_code
-    if hasattr(error, "format_message"):  # every usage error of typer, old and new
-        return _wrong_number(error.format_message(), argv) or _usage_message(error), 2
+        if any(one.startswith("--") for one in argv):
+            error = _with_giver(error, argv)
+        return str(error), error.exit_code
+    if hasattr(error, "format_message"):  # every usage error of typer
+        return _wrong_number(error, argv) or _usage_message(error), 2
     if isinstance(error, typer.Abort):
         return "interrupted", _INTERRUPTED
     return _of_the_machine(error) or (
@@ -318,36 +320,44 @@ def _has_working_folder() -> bool:
         return False
 
 
-# What typer says of a number that cannot be; it leaves out what was found.
-_WRONG_NUMBER = re.compile(
-    r"Invalid value for '(--[\w-]+)':.*?(?:valid (integer|number|float)|"
-    r"greater than or equal to (-?\d+)|in the range x>=(-?\d+))"
-)
-_NUMBERS = {"integer": "a whole number", "number": "a number", "float": "a number"}
+def _with_giver(error: DamperfitError, argv: Sequence[str]) -> DamperfitError:
+    """Return an error that is about a file with the option that gave the file."""
+    files, where, subject = _file_options(argv), error.problem.where, error.problem.subject
+    if isinstance(where, FilePlace) and where.option is None:
+        giver = giver_of(where.file, argv, files)
+        if giver is not None:
+            file = str(giver.value) or where.file
+            return error.at(replace(where, file=file, option=replace(giver, value="")))
+    if where is None and subject:
+        is_of_folder = error.problem.code in UNWRITTEN
+        giver = giver_of(subject, argv, files, has_folders=is_of_folder)
+        if giver is not None:
+            return error.at(giver, subject="" if giver.value else subject)
+    return error
 
 
-def _wrong_number(message: str, argv: Sequence[str]) -> str:
-    """Return the same with the number that was found; empty where it is about none."""
-    told = _WRONG_NUMBER.match(message)
-    if told is None:
+_NUMBERS = {int: "a whole number", float: "a number"}
+
+
+def _wrong_number(error: Any, argv: Sequence[str]) -> str:
+    """Return what number an option expected and found; empty where it takes none.
+
+    Typer leaves out what was found.
+    """
+    parameter = getattr(error, "param", None)
+    kind: Any = getattr(getattr(parameter, "type_descriptor", None), "annotation", None)
+    wanted = _NUMBERS.get(kind)
+    if parameter is None or wanted is None or not parameter.opts[0].startswith("--"):
         return ""
-    option, kind, *least = told.groups()
-    typed = [word.partition("=")[2] for word in argv if word.startswith(f"{option}=")]
-    typed += [after for word, after in pairwise(argv) if word == option]
-    wanted = _NUMBERS[kind] if kind else f"{least[0] or least[1]} or more"
-    return f"{option} {typed[-1] if typed else ''}: expected {wanted}"
-
-
-def _surplus(words: str, context: Any) -> str:
-    """Return that there are more words than a command takes; a lone number is meant as setting."""
-    said = f"unexpected argument{'s' * (' ' in words)} {words}"
-    takes_setting = any("--setting" in one.opts for one in context.command.params)
-    if takes_setting and words.isdecimal():
-        said += f"; for setting {words} give --setting {words}"
-    takes_table = any("--parameters" in one.opts for one in context.command.params)
-    if takes_table and Path(words).exists():
-        said += f"; for the results there give --parameters {words}"
-    return said
+    options = set(parameter.opts)
+    typed = [word.partition("=")[2] for word in argv if word.partition("=")[0] in options]
+    typed += [after for word, after in pairwise(argv) if word in options]
+    found = next(filter(None, reversed(typed)), "")
+    least = getattr(parameter, "min", None)
+    with suppress(ValueError):
+        if least is not None and int(found) < least:
+            wanted = f"{least} or more"
+    return f"{parameter.opts[0]} {found}: expected {wanted}"
 
 
 def _usage_message(error: Any) -> str:
@@ -356,7 +366,4 @@ def _usage_message(error: Any) -> str:
     command = "" if context is None else context.command_path.removeprefix("damperfit").strip()
     place = f"{command}: " if command else ""
     message = " ".join(error.format_message().split()).rstrip(".")
-    surplus = re.fullmatch(r"Got unexpected extra arguments? ?(?:\(s\) )?\((.*)\)", message)
-    if surplus is not None:
-        message = _surplus(surplus[1], context)
     return f"{place}{message}; see damperfit {command + ' ' if command else ''}--help"

@@ -1,64 +1,53 @@
-"""The option that was typed for a file, before a sentence that begins with the file."""
+"""Which option gave a file."""
 
 from __future__ import annotations
 
 import os
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from damperfit.problem import Option
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Sequence
 
-__all__ = ["with_typed_option"]
-
-_UNWRITTEN = "cannot write to "
+__all__ = ["giver_of"]
 
 
-def with_typed_option(message: str, argv: Sequence[str], options: Collection[str]) -> str:
-    """Return a refusal that begins with a file, with the option before it that gave the file.
+def giver_of(
+    place: str, argv: Sequence[str], options: Collection[str], *, has_folders: bool = False
+) -> Option | None:
+    """Return the option that was typed with a file or folder, or with one that it is in.
 
-    Parameters
-    ----------
-    message : str
-        As in "rig.toml:3: unknown key ...".
-    argv : sequence of str
-        What was typed.
-    options : collection of str
-        Those that take a file or folder.
+    Its value is what was typed for the place itself, or, where it has folders, for what would be
+    written in it; it is empty where the place is inside of what was typed.
 
     Examples
     --------
-    >>> with_typed_option("a.toml:3: no", ["inspect", "--config", "a.toml"], {"--config"})
-    '--config a.toml:3: no'
-    >>> with_typed_option("cannot write to b: full", ["identify", "--out=b"], {"--out"})
-    '--out b: cannot be written: full'
+    >>> giver_of("b/x.csv", ["identify", "--out=b"], {"--out"})
+    Option(name='out', value='', key='')
+    >>> giver_of("./b", ["identify", "--out=b"], {"--out"}).value
+    'b'
     """
-    text = message.removeprefix(_UNWRITTEN)
-    is_unwritten = text != message
-    if any(message.startswith(f"{option[2:]} {value}:") for option, value in _typed(argv)):
-        return f"--{message}"
     for option, value in _typed(argv):
-        for place in _places(value, is_unwritten=is_unwritten) if option in options else ():
-            rest = text.removeprefix(place)
-            if rest == text or rest[:1] not in {":", "/", "\\"}:
-                continue
-            if is_unwritten:
-                return f"{option} {value}: cannot be written{rest}"
-            return f"{option} {value}{rest}"
-    return message
+        if option not in options or not value:
+            continue
+        itself = {os.path.normpath(value), _real(value)}
+        if has_folders:
+            itself.add(os.path.dirname(value))  # noqa: PTH120 - as it was typed
+        name = option[2:].replace("-", "_")
+        if not itself.isdisjoint({place, os.path.normpath(place)}):
+            return Option(name, value)
+        if not itself.isdisjoint(map(str, Path(place).parents)):
+            return Option(name)
+    return None
 
 
-def _places(value: str, *, is_unwritten: bool) -> Iterator[str]:
-    """Yield what messages may call a file that was typed: itself, in full, where it would stand."""
-    if not value:
-        return
-    path = Path(value)
-    yield from (value, str(path))
-    with suppress(OSError):  # the working folder is gone
-        yield os.path.realpath(path)
-    if is_unwritten and path.parent != Path():
-        yield str(path.parent)
+def _real(path: str) -> str:
+    try:
+        return os.path.realpath(path)
+    except (OSError, ValueError):  # the working folder is gone
+        return path
 
 
 def _typed(argv: Sequence[str]) -> Iterator[tuple[str, str]]:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from typer.core import TyperCommand, TyperGroup
 
+from damperfit.errors import ConfigurationError
 from damperfit.keywords import PANELS
 
 if TYPE_CHECKING:
@@ -32,6 +34,26 @@ class UncutCommands(TyperGroup):
 
 class PanelledCommand(TyperCommand):
     """A command whose help has panels."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Refuse words that no argument takes; a lone number is meant as setting."""
+        ctx.allow_extra_args = True
+        rest: list[str] = super().parse_args(ctx, args)
+        if rest and not ctx.resilient_parsing:
+            words = " ".join(rest)
+            known = {name for param in self.params for name in param.opts}
+            hint = ""
+            if "--setting" in known and words.isdecimal():
+                hint += f"; for setting {words} give --setting {words}"
+            if "--parameters" in known and Path(words).exists():
+                hint += f"; for the results there give --parameters {words}"
+            raise ConfigurationError(
+                f"unexpected argument{'s' * (len(rest) > 1)} {words}{hint}; see damperfit "
+                f"{ctx.info_name} --help",
+                code="unexpected-argument",
+                subject=ctx.info_name,
+            )
+        return rest
 
     def collect_usage_pieces(self, ctx: Any) -> list[str]:
         """Return what follows the command's name in its usage."""

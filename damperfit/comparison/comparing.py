@@ -37,6 +37,7 @@ from damperfit.comparison.repeats import by_repeats
 from damperfit.comparison.words import outcome_of
 from damperfit.errors import ConfigurationError, mishap_of
 from damperfit.identification.sharing import listed_settings, of_settings
+from damperfit.problem import Option
 from damperfit.units.shown_units import SI
 
 if TYPE_CHECKING:
@@ -312,7 +313,9 @@ def _speeds(fitted: Sequence[Run], options: ComparisonOptions) -> tuple[float, .
         top = options.sine.peak_speed
     if not (speeds := named_speeds(top)):
         raise ConfigurationError(
-            f"none is reached by {top:.3g} m/s; give --velocity", subject="the named test speeds"
+            f"none is reached by {top:.3g} m/s; give {{velocity}}",
+            velocity=Option("velocity"),
+            subject="the named test speeds",
         )
     return speeds
 

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 from damperfit.errors import ConfigurationError, did_you_mean
+from damperfit.problem import Key
 
 __all__ = ["FILTER_KINDS", "ConditionOptions", "GasFacts", "NominalTest", "OffsetFacts"]
 
@@ -155,45 +156,50 @@ class ConditionOptions:
                 raise ConfigurationError(
                     f"unknown kind {found!r}; expected {', '.join(FILTER_KINDS)}."
                     f"{did_you_mean(str(found), FILTER_KINDS)}",
-                    subject=name,
+                    where=Key((name,)),
                 )
         for name in ("filter_order", "rig_filter_order"):
             if not 1 <= getattr(self, name) <= 12:
                 raise ConfigurationError(
-                    f"found {getattr(self, name)}, expected 1 to 12", subject=name
+                    f"found {getattr(self, name)}, expected 1 to 12", where=Key((name,))
                 )
         for name in ("filter_corner", "rig_filter_corner"):
             if not 0.0 < getattr(self, name) < math.inf:
                 raise ConfigurationError(
-                    f"found {getattr(self, name):g} Hz, expected more than 0", subject=name
+                    f"found {getattr(self, name):g} Hz, expected more than 0", where=Key((name,))
                 )
         if self.spikes not in SPIKES:
             raise ConfigurationError(
-                f"spikes: found {self.spikes!r}, expected {' or '.join(SPIKES)}"
+                f"found {self.spikes!r}, expected {' or '.join(SPIKES)}", where=Key(("spikes",))
             )
         if not 0.0 < self.steadiness < 0.5:
             raise ConfigurationError(
-                f"steadiness: found {self.steadiness:g}, expected more than 0 and less than 0.5"
+                f"found {self.steadiness:g}, expected more than 0 and less than 0.5",
+                where=Key(("steadiness",)),
             )
         _refuse_limits(self)
         if self.skew != "auto" and not (
             isinstance(self.skew, float | int) and abs(self.skew) <= MAX_SKEW
         ):
             raise ConfigurationError(
-                f"skew: found {self.skew!r}, expected 'auto' or at most {MAX_SKEW:g} s either way"
+                f"found {self.skew!r}, expected 'auto' or at most {MAX_SKEW:g} s either way",
+                where=Key(("skew",)),
             )
         if self.centre is not None and not math.isfinite(self.centre):
-            raise ConfigurationError(f"centre: found {self.centre}, expected a finite number, m")
+            raise ConfigurationError(
+                f"found {self.centre}, expected a finite number, m", where=Key(("centre",))
+            )
 
 
 def _refuse_limits(options: ConditionOptions) -> None:
     for name in ("max_amplitude", "max_force"):
         if not getattr(options, name) > 0.0:
             raise ConfigurationError(
-                f"found {getattr(options, name)}, expected above 0", subject=name
+                f"found {getattr(options, name)}, expected above 0", where=Key((name,))
             )
     if not 0.0 <= options.min_amplitude < options.max_amplitude:
         raise ConfigurationError(
-            f"min_amplitude: found {options.min_amplitude:g} m, expected 0 or more and less than "
-            f"max_amplitude, {options.max_amplitude:g} m"
+            f"found {options.min_amplitude:g} m, expected 0 or more and less than "
+            f"max_amplitude, {options.max_amplitude:g} m",
+            where=Key(("min_amplitude",), ("max_amplitude",)),
         )

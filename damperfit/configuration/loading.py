@@ -20,16 +20,17 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
-from damperfit.configuration.blamed_places import section_explained, with_place
 from damperfit.configuration.damper_section import damper_defaults
 from damperfit.configuration.schema import build_configuration
 from damperfit.damper.models import model_named
 from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.io.files import IrregularFileError, read_text
-from damperfit.problem import Key
+from damperfit.problem import FilePlace, Key, Option
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+    from pydantic_core import ErrorDetails
 
     from damperfit.configuration.options import Configuration
 
@@ -37,6 +38,8 @@ __all__ = ["configuration_toml", "load_configuration"]
 
 _MAX_BYTES = 1_000_000  # a configuration is a page; anything larger is some other file
 _COMMAND_LINE = "command line"
+_DEFAULTS = "defaults.toml"
+_OF_FILE = Option("config")
 _DEFAULT_MODEL = "purdy"
 _OF_VALVES = "twin_tube"  # whose geometry and gas the other layouts share
 _NAME_A_MODEL = (
@@ -45,6 +48,18 @@ _NAME_A_MODEL = (
 )
 _TEMPERATURES = {"rig.temperature", "rig.temperature_tolerance"}
 _WHOLE = ("adjusters",)  # a section whose keys are the user's: it takes the place of the one before
+_RIG = ("rig",)
+_SECTIONS = ("conditioning", "rig", "identification", "simulation", "damper", "output")
+_KINDS = {
+    "int": "a whole number",
+    "int_from_float": "a whole number",
+    "float": "a number",
+    "finite_number": "a finite number",
+    "bool": "true or false",
+    "string": "a text",
+    "list": "a list",
+    "dict": "a section of keys",
+}
 _HEADER = re.compile(r"\s*\[([^\[\]]+)\]")
 _ENTRY = re.compile(r"(?P<key>\w+) = (?P<value>[^#]*[^#\s])(?P<comment>\s*#.*)?$")
 
@@ -53,7 +68,7 @@ def load_configuration(
     path: str | Path | None = None,
     *,
     overlay: Mapping[str, Mapping[str, Any]] | None = None,
-    options: Mapping[str, str] | None = None,
+    options: Mapping[str, Option] | None = None,
     is_law_open: bool = False,
 ) -> Configuration:
     """Return the configuration in force.
@@ -64,9 +79,9 @@ def load_configuration(
         TOML file; its keys replace those of defaults.toml.
     overlay : mapping, optional
         Sections and keys that replace those of the file, as from the command line.
-    options : mapping of str to str, optional
-        The option that was typed for a key of ``overlay``, as in {"rig.skew": "--skew"}: a mistake
-        in its value is named by this name.
+    options : mapping of str to Option, optional
+        What gave a key of ``overlay``, as in {"rig.skew": Option("skew")}: a mistake in its value
+        is named by it.
     is_law_open : bool
         The logs choose the law: where no model is named, [damper] may have what real valves have.
 
@@ -76,7 +91,7 @@ def load_configuration(
         The file cannot be read, or a key or value in it is wrong; the message names file, line
         and key, or the option.
     """
-    layers = [_Layer("defaults.toml", _defaults_text())]
+    layers = [_Layer(_DEFAULTS, _defaults_text())]
     if path is not None:
         layers.append(_Layer(str(path), _read(Path(path))))
     document: dict[str, Any] = {}
@@ -118,21 +133,9 @@ def load_configuration(
         found = build_configuration(document, declared=frozenset(declared))
         return replace(found, test=replace(found.test, typed=_facts_typed(overlay or {})))
     except ValidationError as error:
-        raise ConfigurationError(_explain(error, layers)) from error
+        raise _explained(error, layers) from error
     except ConfigurationError as error:
-        raise ConfigurationError(_blamed(error, layers[1:])) from error
-
-
-def _blamed(error: ConfigurationError, layers: Sequence[_Layer]) -> str:
-    """Return a mistake with the line of the key that it is about, where it says which."""
-    where = error.problem.where
-    if not isinstance(where, Key):
-        return with_place(str(error), layers)
-    section, key = where.path
-    for layer in reversed(layers):
-        if key in layer.values.get(section, {}):
-            return f"{layer.name_of(section, key)}: {error.problem.message()}"
-    return error.problem.message()
+        raise _blamed(error, layers[1:]) from error
 
 
 def _model_of(layers: Sequence[_Layer], *, is_law_open: bool = False) -> str:
@@ -150,13 +153,12 @@ def _model_of(layers: Sequence[_Layer], *, is_law_open: bool = False) -> str:
         damper = layer.values.get("damper")
         found = damper.get("model", name) if isinstance(damper, dict) else name
         if not isinstance(found, str):
-            raise ConfigurationError(
-                f"{layer.name_of('damper', 'model')}: expected the name of a model, found {found!r}"
-            )
+            wrong = ConfigurationError(f"expected the name of a model, found {found!r}")
+            raise layer.blame(wrong, "damper", "model")
         try:
             name = model_named(found).name
         except ConfigurationError as error:
-            raise ConfigurationError(f"{layer.name_of('damper', 'model')}: {error}") from error
+            raise layer.blame(error, "damper", "model") from error
     return name
 
 
@@ -167,21 +169,29 @@ class _Layer:
     name: str
     text: str
     values: Mapping[str, Any] = field(default_factory=dict)
-    options: Mapping[str, str] = field(default_factory=dict)
+    options: Mapping[str, Option] = field(default_factory=dict)
 
-    def name_of(self, section: str, *keys: str) -> str:
-        """Return what a reader looks for: the option that was typed, else file, line and key."""
-        option = self.options.get(".".join((section, *keys[:1])))
-        if option is not None:
-            return ".".join((option, *keys[1:]))
-        return f"{self.place(section, *keys)}: {'.'.join((section, *keys))}"
+    def blame(self, error: ConfigurationError, *keys: str) -> ConfigurationError:
+        """Return an error with what a reader looks for: the option, else file, line and key."""
+        option = self.options.get(".".join(keys[:2]))
+        if option is None:
+            return error.at(self.place(*keys), subject=".".join(keys))
+        inner = ".".join(keys[2:])
+        if option.key or not inner:
+            key = ".".join(filter(None, (option.key, inner)))
+            return error.at(replace(option, key=key), subject="")
+        return error.at(option, subject=inner)
 
-    def place(self, *keys: str) -> str:
+    def place(self, *keys: str) -> FilePlace | None:
         """Return file and line of a key inside others, as far as the text tells."""
-        for depth in range(len(keys), 0, -1):
-            if line := self._line(".".join(keys[:depth]), *keys[depth : depth + 1]):
-                return f"{self.name}:{line}"
-        return self.name
+        if self.name == _COMMAND_LINE:
+            return None
+        found = (
+            self._line(".".join(keys[:depth]), *keys[depth : depth + 1])
+            for depth in range(len(keys), 0, -1)
+        )
+        option = None if self.name == _DEFAULTS else _OF_FILE
+        return FilePlace(self.name, next(filter(None, found), 0), option)
 
     def _line(self, section: str, key: str = "") -> int:
         """Return the line of a key in a section, or of its heading; 0: there is none."""
@@ -214,16 +224,20 @@ def _read(path: Path) -> str:
             f"{error.strerror}; this is not a configuration file", subject=path
         ) from error
     except OSError as error:
-        raise ConfigurationError(f"cannot be read: {error.strerror}", subject=path) from error
+        raise ConfigurationError(
+            f"cannot be read: {error.strerror}", where=FilePlace(str(path), 0, _OF_FILE)
+        ) from error
     except UnicodeDecodeError as error:
-        raise ConfigurationError(f"not UTF-8 text, at byte {error.start}", subject=path) from error
+        raise ConfigurationError(
+            f"not UTF-8 text, at byte {error.start}", where=FilePlace(str(path), 0, _OF_FILE)
+        ) from error
 
 
 def _parse(layer: _Layer) -> dict[str, Any]:
     try:
         return tomllib.loads(layer.text)
     except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise ConfigurationError(f"not valid TOML: {error}", subject=layer.name) from error
+        raise ConfigurationError(f"not valid TOML: {error}", where=layer.place()) from error
 
 
 def _check_keys(layer: _Layer, *, known: Mapping[str, Any]) -> None:
@@ -233,11 +247,11 @@ def _check_keys(layer: _Layer, *, known: Mapping[str, Any]) -> None:
             raise ConfigurationError(
                 f"unknown section [{section}]; "
                 f"there are {_listed(known)}.{did_you_mean(section, known)}",
-                subject=layer.place(section),
+                where=layer.place(section),
             )
         if not isinstance(values, dict):
             raise ConfigurationError(
-                f"{section} is a section: write [{section}]", subject=layer.name
+                f"{section} is a section: write [{section}]", where=layer.place()
             )
         if section not in _WHOLE:
             _check_section(layer, values, known[section], section)
@@ -256,14 +270,15 @@ def _check_section(
                 there = _NAME_A_MODEL if key in valves else there
                 known = known if key not in valves else {}
             raise ConfigurationError(
-                f"{layer.place(*section, key)}: unknown key '{key}' in [{name}]."
-                f"{did_you_mean(key, known) or there}"
+                f"unknown key '{key}' in [{name}].{did_you_mean(key, known) or there}",
+                where=layer.place(*section, key),
             )
         if section[0] != "damper" or not isinstance(known[key], dict):
             continue
         if not isinstance(value, dict):
             raise ConfigurationError(
-                f"{layer.place(*section, key)}: {name}.{key} is a section: write [{name}.{key}]"
+                f"{name}.{key} is a section: write [{name}.{key}]",
+                where=layer.place(*section, key),
             )
         _check_section(layer, value, known[key], *section, key)
 
@@ -307,20 +322,66 @@ def _facts_typed(overlay: Mapping[str, Mapping[str, Any]]) -> frozenset[str]:
     return frozenset(rig.get("tested_at", {})) | ({"skew"} & set(rig))
 
 
-def _explain(error: ValidationError, layers: Sequence[_Layer]) -> str:
+def _blamed(error: ConfigurationError, layers: Sequence[_Layer]) -> ConfigurationError:
+    """Return a mistake with the place of the key that it names, where that was given last."""
+    where = error.problem.where
+    if not isinstance(where, Key):
+        return error
+    *section, key = where.path
+    sections = [tuple(section)] if section else [(one,) for one in _SECTIONS]
+    for layer in reversed(layers):
+        for name in (key, *where.beside):
+            for path in (
+                (*one, name.removeprefix("rig_") if one == _RIG else name) for one in sections
+            ):
+                if _depth(layer.values, path) < len(path):
+                    continue
+                if name == key:
+                    more = {"beside": where.beside} if where.beside else {}
+                    return layer.blame(error.adding("", **more), *path)
+                place = layer.place(*path)
+                if place is not None:
+                    return error.at(place, subject=".".join((*path[:-1], key)))
+                itself = error.at(Key((key,)), subject="")
+                return layer.blame(ConfigurationError("{problem}", problem=itself), *path)
+    return error
+
+
+def _explained(error: ValidationError, layers: Sequence[_Layer]) -> ConfigurationError:
     """Return the first thing that is wrong, with the layer it came from."""
     first = error.errors(include_url=False)[0]
     keys = [str(part) for part in first["loc"]]
-    reason = first["msg"].removeprefix("Value error, ").replace("Input should be", "expected")
+    raised = first.get("ctx", {}).get("error")
+    cause = getattr(raised, "__cause__", None)
+    if isinstance(cause, ConfigurationError) and isinstance(cause.problem.where, Key):
+        where = cause.problem.where
+        path = (*keys, *where.path) if keys[-1:] != list(where.path) else tuple(keys)
+        return _blamed(cause.at(Key(path, where.beside)), layers[1:])
+    reason = str(raised) if raised is not None else _expected(first)
     if keys == ["rig", "profiles"]:
         reason = "expected sections named [rig.profiles.NAME]"
-    if len(keys) == 1:  # of several keys: the one it begins with, where the last of them was given
-        return section_explained(keys[0], reason, layers)
     # pydantic ends with the branch of a union that it tried, which is no key.
     source = max(reversed(layers), key=lambda layer: _depth(layer.values, keys))
     keys = keys[: max(_depth(source.values, keys), 1)]
     found = "" if isinstance(first["input"], dict) else f", found {first['input']!r}"
-    return f"{source.name_of(*keys)}: {reason}{found}"
+    return source.blame(ConfigurationError(f"{reason}{found}"), *keys)
+
+
+def _expected(first: ErrorDetails) -> str:
+    """Return what pydantic expected, by the kind of its refusal."""
+    limits = first.get("ctx", {})
+    kind = first["type"].removesuffix("_type").removesuffix("_parsing")
+    if kind in _KINDS:
+        return f"expected {_KINDS[kind]}"
+    told = {
+        "greater_than": "more than {gt}",
+        "greater_than_equal": "{ge} or more",
+        "less_than": "less than {lt}",
+        "less_than_equal": "{le} or less",
+        "literal_error": "{expected}",
+        "string_too_short": "a text that is not empty",
+    }.get(first["type"], "another value")
+    return f"expected {told.format(**limits)}"
 
 
 def _depth(values: Any, keys: Sequence[str]) -> int:

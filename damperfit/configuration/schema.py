@@ -52,10 +52,11 @@ from damperfit.configuration.what_is_tested import (
     followed,
 )
 from damperfit.damper.models import MODELS
-from damperfit.errors import did_you_mean
+from damperfit.errors import blamed_on, did_you_mean
 from damperfit.identification import DETECT, FitOptions, GivenStart, check_options
 from damperfit.io import Profile, ReadOptions
 from damperfit.io.options import Declarations
+from damperfit.problem import Key
 from damperfit.simulation import SolverOptions
 from damperfit.uncertainty import HoldOutOptions, check_profile_names
 from damperfit.units.shown_units import parse_units
@@ -251,8 +252,8 @@ class _IdentificationSection(_Section):
         options = FitOptions(
             procedure=self.procedure,
             free=tuple(name.strip() for name in self.free) or None,
-            fixed=_in_si(damper, self.fix),
-            start=GivenStart(_in_si(damper, self.start_values)),
+            fixed=_in_si(damper, self.fix, "fix"),
+            start=GivenStart(_in_si(damper, self.start_values, "start_values")),
             share=with_beta(damper, self.share, named={*self.free, *self.fix}),
             follows=follows,
             from_closed=from_closed,
@@ -271,8 +272,9 @@ class _IdentificationSection(_Section):
         return names
 
 
-def _in_si(damper: Model, values: Mapping[str, float | str]) -> dict[str, float]:
-    return {name: parameter_value(damper.quantity(name), one) for name, one in values.items()}
+def _in_si(damper: Model, values: Mapping[str, float | str], key: str) -> dict[str, float]:
+    with blamed_on(Key(("identification", key))):
+        return {name: parameter_value(damper.quantity(name), one) for name, one in values.items()}
 
 
 class _SimulationSection(_Section):
@@ -300,7 +302,7 @@ class _OutputSection(_Section):
             from damperfit.checks import expand_checks
 
             checks = expand_checks((name.strip() for name in self.checks), pointless=pointless)
-        units = parse_units(self.units, option="output.units")
+        units = parse_units(self.units, Key(("output", "units")))
         folder = Path(os.path.expanduser(self.folder))  # noqa: PTH111 - a Path raises on ~nobody
         return OutputOptions(folder, self.max_mse_percent, checks, units)
 

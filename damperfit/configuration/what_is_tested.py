@@ -13,6 +13,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict
 from damperfit.damper.models import MODELS
 from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.io.tests_table import FACTS, fact_of
+from damperfit.problem import Key
 from damperfit.tables import column_names
 from damperfit.tested.identity import IDENTITY_KEYS, Identity
 from damperfit.tested.setting import Setting, parse_setting
@@ -106,17 +107,19 @@ def check_adjusters(adjusters: Mapping[str, AdjusterKey]) -> tuple[str, ...]:
     """
     names = tuple(adjusters)
     if not 1 <= len(names) <= _MOST:
-        raise ConfigurationError(f"adjusters: found {len(names)}, expected 1 to {_MOST}")
+        raise ConfigurationError(
+            f"found {len(names)}, expected 1 to {_MOST}", where=Key(("adjusters",))
+        )
     for name in names:
         if not re.fullmatch(r"[a-z][a-z0-9_]{0,30}", name):
             raise ConfigurationError(
-                f"adjusters: found '{name}', expected small letters, digits and _, as in "
-                "low_speed_rebound"
+                f"found '{name}', expected small letters, digits and _, as in low_speed_rebound",
+                where=Key(("adjusters",)),
             )
         if name in column_names() or name in IDENTITY_KEYS:
             raise ConfigurationError(
-                f"adjusters: '{name}' is taken, a column of the tables has this name; choose "
-                "another"
+                f"'{name}' is taken, a column of the tables has this name; choose another",
+                where=Key(("adjusters",)),
             )
     return names
 
@@ -163,8 +166,8 @@ def followed(
                 known = {k: v for one in _every_model() for k, v in _named(one).items()}
             near = did_you_mean(word, known) or f" There are {', '.join(known)}."
             raise ConfigurationError(
-                f"adjusters.{adjuster}: no quantity '{word}' of the model {damper.name} could "
-                f"follow it.{near}"
+                f"no quantity '{word}' of the model {damper.name} could follow it.{near}",
+                where=Key(("adjusters", adjuster)),
             )
         for name in names:
             found.setdefault(name, [])
@@ -226,7 +229,9 @@ def facts_stated(stated: Mapping[str, float | str]) -> dict[str, float]:
         try:
             found[name] = fact_of(name, str(text)) if name in FACTS else math.nan
         except ValueError as error:
-            raise ConfigurationError(f"tested_at.{name}: found {text!r}, {error}") from error
+            raise ConfigurationError(
+                f"found {text!r}, {error}", where=Key(("tested_at", name))
+            ) from error
     return found
 
 
@@ -245,5 +250,7 @@ def declared_settings(
         try:
             found.add(parse_setting(str(label), adjusters))
         except ValueError as error:
-            raise ConfigurationError(f"found {label!r}, {error}", subject=key) from error
+            raise ConfigurationError(
+                f"found {label!r}, {error}", where=Key(tuple(key.split(".")))
+            ) from error
     return tuple(sorted(found))

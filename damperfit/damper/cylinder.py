@@ -7,6 +7,7 @@ from numbers import Real
 from typing import TYPE_CHECKING
 
 from damperfit.errors import ConfigurationError
+from damperfit.problem import Key
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -50,17 +51,19 @@ class Cylinder:
             if not is_number:
                 raise ConfigurationError(
                     f"expected a number{' in ' + unit if unit else ''}, found {value!r}",
-                    subject=name,
+                    where=Key((name,)),
                 )
             if not low <= value <= high:
                 in_unit = f" {unit}" if unit else ""
                 raise ConfigurationError(
-                    f"expected {low:g} to {high:g}{in_unit}, found {value:g}{in_unit}", subject=name
+                    f"expected {low:g} to {high:g}{in_unit}, found {value:g}{in_unit}",
+                    where=Key((name,)),
                 )
         if self.rod_diameter >= self.piston_diameter:
             raise ConfigurationError(
-                f"rod_diameter: expected less than piston_diameter, "
-                f"{self.piston_diameter:g} m, found {self.rod_diameter:g} m"
+                f"expected less than piston_diameter, "
+                f"{self.piston_diameter:g} m, found {self.rod_diameter:g} m",
+                where=Key(("rod_diameter",), ("piston_diameter",)),
             )
 
     @property

@@ -27,6 +27,7 @@ from damperfit.damper.cylinder import Cylinder
 from damperfit.damper.network import Network, Passage, Valve
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube, ValveDamper
 from damperfit.errors import ConfigurationError, did_you_mean
+from damperfit.problem import Key
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -179,11 +180,13 @@ class DeclaredNetwork(ValveDamper):
         for place, one in enumerate(self.passages, start=1):
             if self.floating_piston and {one.start, one.end} == {2, 3}:
                 raise ConfigurationError(
-                    f"passages: passage {place} joins 2 and 3, which are one behind a floating "
-                    "piston"
+                    f"passage {place} joins 2 and 3, which are one behind a floating piston",
+                    where=Key(("passages",)),
                 )
         if not any(1 in (one.start, one.end) for one in self.passages):
-            raise ConfigurationError("passages: none leads to or from chamber 1, the rod side")
+            raise ConfigurationError(
+                "none leads to or from chamber 1, the rod side", where=Key(("passages",))
+            )
         _ = self.network  # refuses too many
 
     @property

@@ -7,6 +7,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from damperfit.errors import ConfigurationError, did_you_mean
+from damperfit.problem import Option
 
 if TYPE_CHECKING:
     from damperfit.damper.model import Model
@@ -72,8 +73,9 @@ def model_named(name: str) -> type[Model]:
     if name not in MODELS:
         if name == "auto":
             raise ConfigurationError(
-                "model auto: only damperfit identify --model auto and damperfit models let the "
-                "logs choose; give the model that they name here"
+                "model auto: only {choosing} of damperfit identify, and damperfit models, let the "
+                "logs choose; give the model that they name here",
+                choosing=Option("model", "auto"),
             )
         there = f" There are {', '.join(MODELS)}."
         near = did_you_mean(name, (*MODELS, "auto"))  # what `identify` takes beside them

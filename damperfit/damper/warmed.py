@@ -18,7 +18,7 @@ import numpy as np
 from damperfit.damper.model import Model
 from damperfit.damper.quantity import DAMPER, VISCOUS, Quantity
 from damperfit.errors import ConfigurationError
-from damperfit.problem import Option
+from damperfit.problem import Key, Option
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -81,8 +81,9 @@ class Warmed(Model):
         """Refuse a model that temperature does nothing to."""
         if not self.viscous:
             raise ConfigurationError(
-                f"reference_temperature: nothing of the model {self.damper.name!r} is a viscous "
-                "resistance that could follow a temperature; leave it out, or take another model"
+                f"nothing of the model {self.damper.name!r} is a viscous "
+                "resistance that could follow a temperature; leave it out, or take another model",
+                where=Key(("reference_temperature",)),
             )
 
     def __getattribute__(self, name: str) -> Any:

@@ -103,7 +103,9 @@ def check_export(run: ExportedRun, export: Export) -> tuple[SettingCheck, ...]:
         if not export.lost:
             raise ConfigurationError(
                 f"nothing here runs the equations of {name}; check the FMU of the same "
-                "damper: --to fmu2 --check",
+                "damper: {to} {check}",
+                to=Option("to", "fmu2"),
+                check=Option("check"),
                 where=Option("check"),
             )
         return tuple(_checks(run, export.tables, _of_table))

@@ -25,6 +25,7 @@ from damperfit.damper.mounting import NONE, Mounting
 from damperfit.damper.quasi_static import quasi_static
 from damperfit.damper.valve_dampers import ValveDamper
 from damperfit.errors import ConfigurationError
+from damperfit.problem import Option
 from damperfit.simulation import Motion, simulate
 
 if TYPE_CHECKING:
@@ -173,8 +174,9 @@ def force_tables(
             curve.tested = min(tested)
     if extend is not None and not min(tested) < extend <= _FARTHEST * max(tested):
         raise ConfigurationError(
-            f"--extend {extend:g} m/s: expected a speed above the tested {min(tested):.4g} m/s and "
-            f"up to {_FARTHEST:g} times it; leave --extend out for a table of what was tested"
+            f"expected a speed above the tested {min(tested):.4g} m/s and "
+            f"up to {_FARTHEST:g} times it; leave {{extend}} out for a table of what was tested",
+            extend=Option("extend"),
         )
     tables = []
     for group in [curves] if common else [[curve] for curve in curves]:

@@ -152,7 +152,8 @@ class Target:
         is_one_each = "{setting}" in self.file
         if options.extend is not None and not has_table:
             raise ConfigurationError(
-                f"--extend {options.extend:g}: {self.name} holds no table here; leave it out"
+                f"{self.name} holds no table here; leave it out",
+                where=Option("extend", f"{options.extend:g}"),
             )
         tables = force_tables(run, extend=options.extend, common=not is_one_each)
         write = text_of(self.template) if self.template else _WRITERS[self.name]

@@ -29,6 +29,7 @@ from damperfit.identification.paper.shared_values import MEAN, TAKEN
 from damperfit.identification.procedure_input import ProcedureInput
 from damperfit.identification.setting import Fit, describe_fit
 from damperfit.identification.settled import SettledLogs, settled
+from damperfit.problem import Option
 from damperfit.recording import Trace, natural_order
 from damperfit.tested.setting import Setting
 from damperfit.workers import apart
@@ -144,7 +145,9 @@ def _plain(given: ProcedureInput) -> Campaign:
         if name not in free and name not in fixed:
             raise ConfigurationError(
                 f"procedure plain: {name} is neither free nor fixed; "
-                f"add it to --free or give --fix {name}=VALUE."
+                f"add it to {{free}} or give {{fix}}.",
+                free=Option("free"),
+                fix=Option("fix", "VALUE", name),
             )
 
     def misfit_of(setting: Setting) -> Misfit:
@@ -254,7 +257,8 @@ def _by_setting(traces: Sequence[Trace]) -> dict[Setting, tuple[Trace, ...]]:
         if trace.setting is None:
             raise LogError(
                 "the setting is not known; write '# setting: N' into the log, "
-                "name it setting_N, or give --setting N.",
+                "name it setting_N, or give {setting}.",
+                setting=Option("setting", "N"),
                 subject=trace.name,
             )
         groups[Setting.of(trace.setting)].append(trace)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from damperfit.errors import ConfigurationError
+from damperfit.problem import Option
 from damperfit.tested.setting import nearest_setting
 
 if TYPE_CHECKING:
@@ -55,7 +56,9 @@ def check_start(quantity: Quantity, value: float, *, is_fixed: bool, is_held: bo
     if is_held:
         raise ConfigurationError(
             f"{name} is given a start but is not fitted: it is held at {quantity.default:g} "
-            f"{quantity.unit} unless --free names it; free it, or give --fix {name}={value:g}."
+            f"{quantity.unit} unless {{free}} names it; free it, or give {{fix}}.",
+            free=Option("free"),
+            fix=Option("fix", f"{value:g}", name),
         )
     low, high = quantity.plausible
     if not low <= value <= high:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from damperfit.errors import ConfigurationError, did_you_mean
+from damperfit.errors import ConfigurationError, blamed_on, did_you_mean
 from damperfit.identification.given_start import GivenStart, check_start
 from damperfit.identification.paper.gas_content import GAS_FOLLOWER
 from damperfit.problem import Key
@@ -120,18 +120,27 @@ def check_options(options: FitOptions, damper: Model) -> None:
             where=_PROCEDURE,
         )
     share = shared_names(options, damper)
-    for name in (*(options.free or ()), *options.fixed, *share, *options.follows):
+    asked = {"free": options.free or (), "fix": options.fixed, "share": share}
+    for key, names in asked.items():
+        for name in names:
+            with blamed_on(Key(("identification", key))):
+                damper.quantity(name)
+    for name in options.follows:
         damper.quantity(name)
     for name in options.free or ():
         if name in options.fixed:
-            raise ConfigurationError(f"{name} is both free and fixed; choose one.")
+            raise ConfigurationError(
+                f"{name} is both free and fixed; choose one.",
+                where=Key(("identification", "free"), ("fix",)),
+            )
     _check_sharing(options, share)
     _check_bulk_modulus(options, damper)
     moving = {*(options.free or ()), *share}
     for name, begin in options.start.named.items():
         started = damper.quantity(name)
         is_held = started.default is not None and name not in moving
-        check_start(started, begin, is_fixed=name in options.fixed, is_held=is_held)
+        with blamed_on(Key(("identification", "start_values"))):
+            check_start(started, begin, is_fixed=name in options.fixed, is_held=is_held)
     for quantity in damper.quantities:
         value = options.fixed.get(quantity.name)
         if value is None or (quantity.may_vanish and value == 0.0):
@@ -140,17 +149,24 @@ def check_options(options: FitOptions, damper: Model) -> None:
         if not low <= value <= high:
             raise ConfigurationError(
                 f"{quantity.name} = {value:g} is fixed, far from any damper's; expected {low:g} to "
-                f"{high:g} {quantity.unit}."
+                f"{high:g} {quantity.unit}.",
+                where=Key(("identification", "fix")),
             )
 
 
 def _check_sharing(options: FitOptions, share: tuple[str, ...]) -> None:
     for name in options.follows:
         if name in options.fixed:
-            raise ConfigurationError(f"{name} follows an adjuster and is fixed; choose one.")
+            raise ConfigurationError(
+                f"{name} follows an adjuster and is fixed; choose one.",
+                where=Key(("identification", "fix")),
+            )
     for name in share if options.procedure == "joint" and not options.is_detecting else ():
         if name in options.fixed or name in (options.free or ()):
-            raise ConfigurationError(f"{name} is shared and also free or fixed; choose one.")
+            raise ConfigurationError(
+                f"{name} is shared and also free or fixed; choose one.",
+                where=Key(("identification", "share"), ("free", "fix")),
+            )
 
 
 def shared_names(options: FitOptions, damper: Model) -> tuple[str, ...]:
@@ -176,16 +192,19 @@ def _check_bulk_modulus(options: FitOptions, damper: Model) -> None:
         return
     if options.bulk_modulus not in damper.bulk_moduli:
         raise ConfigurationError(
-            f"bulk_modulus: {options.bulk_modulus}: the model {damper.name!r} has no gas content "
-            "that K_e could follow; expected free."
+            f"{options.bulk_modulus}: the model {damper.name!r} has no gas content "
+            "that K_e could follow; expected free.",
+            where=Key(("bulk_modulus",)),
         )
     if options.procedure != "joint":
         raise ConfigurationError(
-            f"bulk_modulus: {options.bulk_modulus}: one gas content for all settings needs one fit "
-            f"of all settings; expected procedure joint, found {options.procedure}."
+            f"{options.bulk_modulus}: one gas content for all settings needs one fit "
+            f"of all settings; expected procedure joint, found {options.procedure}.",
+            where=Key(("bulk_modulus",)),
         )
     if GAS_FOLLOWER in {*options.fixed, *(options.free or ()), *shared_names(options, damper)}:
         raise ConfigurationError(
-            f"bulk_modulus: {options.bulk_modulus}: K_e follows from the gas content; it cannot be "
-            "free, fixed or shared too."
+            f"{options.bulk_modulus}: K_e follows from the gas content; it cannot be "
+            "free, fixed or shared too.",
+            where=Key(("bulk_modulus",)),
         )

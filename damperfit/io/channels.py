@@ -6,10 +6,11 @@ import re
 from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from damperfit.errors import LogError, did_you_mean
 from damperfit.io.options import CHANNELS, EXTRAS
+from damperfit.problem import Option
 from damperfit.units.quantities import QuantityError, Unit, find_unit, is_unit, units_of
 
 if TYPE_CHECKING:
@@ -164,7 +165,7 @@ def choose_channels(
     chosen: dict[str, ChannelChoice] = {}
     notes: list[str] = []
     lost: list[str] = []
-    problems: list[str] = []
+    problems: list[LogError] = []
     for channel in _WORDS:
         declared = options.columns.get(channel, "")
         if declared == "" and not _candidates(channel, columns):
@@ -175,7 +176,7 @@ def choose_channels(
             index, note = _found_index(channel, declared, columns, where)
             found = index is not None and _with_unit(channel, index, columns[index], options, where)
         except LogError as error:
-            problems.append(str(error).removeprefix(f"{where}: "))
+            problems.append(error)
             continue
         notes += [note] if note else []
         if not found:
@@ -184,9 +185,9 @@ def choose_channels(
         if not (found.note and found.unit is None and channel in EXTRAS):
             chosen[channel] = found
     if lost:
-        problems.insert(0, _missing(lost, columns, hint))
+        problems.insert(0, LogError(_missing(lost, columns, hint), code="no-column"))
     if problems:
-        raise LogError(f"{joined_problems(problems)}", subject=where)
+        raise joined_problems(problems, where)
     for name in options.adjusters:
         columns_of = [i for i, column in enumerate(columns) if _is_named(column, name)]
         if name not in chosen and len(columns_of) == 1:
@@ -218,24 +219,29 @@ def unit_of_channel(
         first = units_of(CHANNELS[channel])[0]
         raise LogError(
             f"column {choice.name} has no unit of {channel}; write it into the name or "
-            f"declare it in rig.units (--rig units.{channel}={first})",
+            f"declare it in rig.units ({{declared}})",
+            declared=Option("rig", first, f"units.{channel}"),
             subject=where,
         )
     return choice.unit
 
 
-def joined_problems(problems: Sequence[str]) -> str:
-    """Return one sentence for all that is wrong with a log.
+def joined_problems(problems: Sequence[LogError], subject: str) -> LogError:
+    """Return one error for all that is wrong with a log.
 
     Examples
     --------
-    >>> joined_problems(["no column for time", "column 'x' has no unit"])
-    "2 things are wrong: (1) no column for time; (2) column 'x' has no unit"
+    >>> print(joined_problems([LogError("no column for time"), LogError("no unit")], "a.csv"))
+    a.csv: 2 things are wrong: (1) no column for time; (2) no unit
     """
     if len(problems) == 1:
-        return problems[0]
-    listed = "; ".join(f"({i}) {text.rstrip('. ')}" for i, text in enumerate(problems, start=1))
-    return f"{len(problems)} things are wrong: {listed}"
+        return problems[0].at(subject=subject)
+    parts: dict[str, Any] = {
+        f"problem_{i}": one.at(subject="") for i, one in enumerate(problems, start=1)
+    }
+    listed = "; ".join(f"({i}) {{{name}}}" for i, name in enumerate(parts, start=1))
+    text = f"{len(problems)} things are wrong: {listed}"
+    return LogError(text, code=problems[0].problem.code, subject=subject, **parts)
 
 
 def _label(index: int, column: Column) -> str:
@@ -369,7 +375,8 @@ def _with_unit(
         raise LogError(
             f"column {name} has no unit, needed for {channel}; write it into the name, "
             f"as in {channel}_{units_of(dimension)[0]}, or declare it in rig.units "
-            f"(--rig units.{channel}={units_of(dimension)[0]})",
+            "({declared})",
+            declared=Option("rig", units_of(dimension)[0], f"units.{channel}"),
             subject=where,
         )
     try:

@@ -143,7 +143,7 @@ def find_dialect(data: bytes, declared: Declarations, *, name: str, first_line: 
         best = _best_separator(lines, declared)
         if best is not None:
             return _dialect(best, declared, name)
-    raise LogError(_no_data(lines, name))
+    raise LogError(_no_data(lines), code="no-rows", subject=name)
 
 
 def _head(data: bytes, n_lines: int, name: str, first_line: int) -> list[HeadLine]:
@@ -260,7 +260,7 @@ def _best_separator(
     return best
 
 
-def _no_data(lines: Sequence[HeadLine], name: str) -> str:
+def _no_data(lines: Sequence[HeadLine]) -> str:
     for i, line in reversed(list(enumerate(lines))):
         for separator in _SEPARATORS:
             fields = fields_of(line.text, separator)
@@ -268,8 +268,8 @@ def _no_data(lines: Sequence[HeadLine], name: str) -> str:
                 below = lines[i + 1 :]
                 found = f"; line {below[0].number} is {visible(below[0].text)}" if below else ""
                 what = "rows of numbers" if below else "data rows"
-                return f"{name}: no {what} after the names in line {line.number}{found}"
-    return f"{name}: no rows of numbers found; line {lines[0].number} is {visible(lines[0].text)}"
+                return f"no {what} after the names in line {line.number}{found}"
+    return f"no rows of numbers found; line {lines[0].number} is {visible(lines[0].text)}"
 
 
 def _dialect(found: tuple[str, list[_Row], int], declared: Declarations, name: str) -> Dialect:

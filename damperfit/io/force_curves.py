@@ -314,15 +314,15 @@ def _units(
     """Return the unit of each column; what is wrong with speeds and forces is said at once."""
     kinds = {pair.speed: "velocity" for pair in pairs} | {pair.force: "force" for pair in pairs}
     units: dict[int, Unit] = {}
-    problems: dict[str, str] = {}
+    problems: dict[str, LogError] = {}
     for i, kind in kinds.items():
         column = replace(columns[i], name=_parted(columns[i].name)[1])
         try:
             units[i] = unit_of_channel(kind, i, column, options, where)
         except LogError as error:
-            problems.setdefault(kind, str(error).removeprefix(f"{where}: "))
+            problems.setdefault(kind, error)
     if problems:
-        raise LogError(f"{joined_problems(list(problems.values()))}", subject=where)
+        raise joined_problems(list(problems.values()), where)
     return units
 
 

@@ -29,6 +29,7 @@ from damperfit.io.child_process import (
     refusing_damage,
 )
 from damperfit.io.formats import Column, Samples, Table
+from damperfit.problem import Option
 from damperfit.recording import Finding
 
 if TYPE_CHECKING:
@@ -402,7 +403,8 @@ def read_tdms(source: Source, options: ReadOptions) -> tuple[Table, ...]:
         if lost and not options.allow_truncated:
             raise LogError(
                 f"truncated TDMS file: {lost}; copy the log again, or keep what all "
-                "channels have by --allow-truncated",
+                "channels have by {allow_truncated}",
+                allow_truncated=Option("allow_truncated"),
                 subject=name,
             )
         file = nptdms.TdmsFile.read(io.BytesIO(source.data))

@@ -252,6 +252,7 @@ def guess_settings(names: Iterable[str]) -> Guess:
         f"the setting is guessed from the file names: {why}, {where}; to confirm it: "
         f"{_option(pattern)}",
         _option(pattern),
+        pattern=pattern,
     )
 
 

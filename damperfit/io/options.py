@@ -8,8 +8,9 @@ from dataclasses import dataclass, field, fields, replace
 from fnmatch import fnmatch
 from typing import TYPE_CHECKING, Any
 
-from damperfit.errors import ConfigurationError, did_you_mean
+from damperfit.errors import ConfigurationError, blamed_on, did_you_mean
 from damperfit.io.tests_table import FACTS
+from damperfit.problem import Key
 from damperfit.tested.identity import IDENTITY_KEYS
 from damperfit.tested.setting import ADJUSTER
 from damperfit.units.quantities import find_unit
@@ -137,13 +138,14 @@ class Declarations:
         for name in _SIGNS:
             if getattr(self, name) not in (True, False, "detect"):
                 raise ConfigurationError(
-                    f"found {getattr(self, name)!r}, expected true, false or 'detect'", subject=name
+                    f"found {getattr(self, name)!r}, expected true, false or 'detect'",
+                    where=Key((name,)),
                 )
         self._check_channels()
         for name in ("skip_lines", "sample_rate", "pause"):
             if not 0.0 <= getattr(self, name) < math.inf:
                 raise ConfigurationError(
-                    f"found {getattr(self, name)}, expected 0 or more", subject=name
+                    f"found {getattr(self, name)}, expected 0 or more", where=Key((name,))
                 )
         for name, words in _WORDS.items():
             found = getattr(self, name)
@@ -151,10 +153,12 @@ class Declarations:
                 shown = " or ".join(repr(word) for word in words if word)
                 raise ConfigurationError(
                     f"found {found!r}, expected {shown}.{did_you_mean(str(found), words)}",
-                    subject=name,
+                    where=Key((name,)),
                 )
         if self.thousands and self.thousands in {self.decimal, self.separator}:
-            raise ConfigurationError(f"thousands: {self.thousands!r} already has another meaning")
+            raise ConfigurationError(
+                f"{self.thousands!r} already has another meaning", where=Key(("thousands",))
+            )
 
     def _check_channels(self) -> None:
         for what in ("columns", "units", "scales", "offsets"):
@@ -164,23 +168,28 @@ class Declarations:
                     raise ConfigurationError(
                         f"no channel {channel!r}; there are {', '.join(known)}."
                         f"{did_you_mean(channel, known)}",
-                        subject=what,
+                        where=Key((what,)),
                     )
         for fact in self.tested_at:
             if fact not in FACTS:
                 raise ConfigurationError(
-                    f"tested_at: no {fact!r}; there are {', '.join(FACTS)}."
-                    f"{did_you_mean(fact, FACTS)}"
+                    f"no {fact!r}; there are {', '.join(FACTS)}.{did_you_mean(fact, FACTS)}",
+                    where=Key(("tested_at",)),
                 )
         for channel, unit in self.units.items():
             if unit:
-                find_unit(unit, CHANNELS[channel])
+                with blamed_on(Key(("rig", "units"))):
+                    find_unit(unit, CHANNELS[channel])
         for channel, scale in self.scales.items():
             if not (math.isfinite(scale) and scale != 0.0):
-                raise ConfigurationError(f"scales: {channel} is {scale}, expected other than 0")
+                raise ConfigurationError(
+                    f"{channel} is {scale}, expected other than 0", where=Key(("scales",))
+                )
         for channel, offset in self.offsets.items():
             if not math.isfinite(offset):
-                raise ConfigurationError(f"offsets: {channel} is {offset}, expected a number")
+                raise ConfigurationError(
+                    f"{channel} is {offset}, expected a number", where=Key(("offsets",))
+                )
 
 
 def _check_pattern(pattern: str) -> None:
@@ -188,11 +197,11 @@ def _check_pattern(pattern: str) -> None:
         groups = re.compile(pattern, re.IGNORECASE).groups
     except re.error as error:
         raise ConfigurationError(
-            f"setting_pattern: {pattern!r} is not a regular expression: {error}"
+            f"{pattern!r} is not a regular expression: {error}", where=Key(("setting_pattern",))
         ) from error
     if groups < 1:
         raise ConfigurationError(
-            f"setting_pattern: {pattern!r} has no group (...) around the number"
+            f"{pattern!r} has no group (...) around the number", where=Key(("setting_pattern",))
         )
 
 
@@ -201,9 +210,10 @@ def _check_groups(pattern: str, adjusters: tuple[str, ...]) -> None:
     for name in re.compile(pattern).groupindex:
         if name not in known:
             raise ConfigurationError(
-                f"setting_pattern: {pattern!r} has a group {name!r}; there are "
+                f"{pattern!r} has a group {name!r}; there are "
                 f"{', '.join(known)}, and adjusters that [adjusters] names."
-                f"{did_you_mean(name, known)}"
+                f"{did_you_mean(name, known)}",
+                where=Key(("setting_pattern",)),
             )
 
 
@@ -211,7 +221,9 @@ def _check_encoding(encoding: str) -> None:
     try:
         "".encode(encoding or "utf-8")
     except LookupError as error:
-        raise ConfigurationError(f"encoding: {encoding!r} is not a text encoding") from error
+        raise ConfigurationError(
+            f"{encoding!r} is not a text encoding", where=Key(("encoding",))
+        ) from error
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -287,13 +299,16 @@ class ReadOptions(Declarations):
         """Refuse options that mean nothing."""
         Declarations.__post_init__(self)
         if self.max_bytes <= 0:
-            raise ConfigurationError(f"max_log_bytes: found {self.max_bytes}, expected more than 0")
+            raise ConfigurationError(
+                f"found {self.max_bytes}, expected more than 0", where=Key(("max_log_bytes",))
+            )
         _check_groups(self.setting_pattern, self.adjusters)
         names = [profile.name for profile in self.profiles]
         if self.profile and self.profile not in names:
             raise ConfigurationError(
                 f"no profile {self.profile!r}; there are {', '.join(names) or 'none'}."
-                f"{did_you_mean(self.profile, names)}"
+                f"{did_you_mean(self.profile, names)}",
+                where=Key(("rig", "profile")),
             )
         for profile in self.profiles:
             profile.put_over(self)

@@ -287,7 +287,7 @@ def _si_channels(
     if len(problems) == 1:
         raise LogError(f"{name}, {problems[0]}")
     if problems:
-        raise LogError(f"{joined_problems(problems)}", subject=name)
+        raise joined_problems([LogError(one) for one in problems], name)
     return channels
 
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.io.files import IrregularFileError, open_regular, read_bytes
+from damperfit.problem import FilePlace
 from damperfit.tested.identity import IDENTITY_KEYS, Identity, identity_in
 from damperfit.tested.setting import ADJUSTER, parse_place, parse_setting
 from damperfit.units.quantities import parse_quantity, says_absolute_or_gauge
@@ -196,11 +197,14 @@ def read_tests(path: Path, adjusters: Sequence[str]) -> TestsTable:
     at = _column_of(_FILE, names)
     if at is None:
         raise ConfigurationError(
-            f"{path}:{heading + 1}: no column 'file'; found {', '.join(names[:10])}; name the "
-            "one that holds the names of the logs 'file'"
+            f"no column 'file'; found {', '.join(names[:10])}; name the one that holds the names "
+            "of the logs 'file'",
+            where=FilePlace(str(path), heading + 1),
         )
     if doubled := [name for name in names if name and names.count(name) > 1]:
-        raise ConfigurationError(f"{path}:{heading + 1}: two columns are named '{doubled[0]}'")
+        raise ConfigurationError(
+            f"two columns are named '{doubled[0]}'", where=FilePlace(str(path), heading + 1)
+        )
     separator = _separator(lines[heading])
     rows: dict[str, TestRow] = {}
     for k, line in enumerate(lines[heading + 1 :], start=heading + 2):
@@ -209,24 +213,28 @@ def read_tests(path: Path, adjusters: Sequence[str]) -> TestsTable:
             continue
         if len(cells) > len(names):
             raise ConfigurationError(
-                f"{path}:{k}: {len(cells)} fields, but {len(names)} names in line {heading + 1}; "
-                "put a text that holds the separator in quotes"
+                f"{len(cells)} fields, but {len(names)} names in line {heading + 1}; put a text "
+                "that holds the separator in quotes",
+                where=FilePlace(str(path), k),
             )
         filled = {name: cell for name, cell in zip(names, cells, strict=False) if name and cell}
         file = filled.pop(names[at], "").replace("\\", "/").removeprefix("./")
         if not file:
-            raise ConfigurationError(f"{path}:{k}: no file name in column '{names[at]}'")
-        row = _row(filled, adjusters, f"{path}:{k}", line=k)
+            raise ConfigurationError(
+                f"no file name in column '{names[at]}'", where=FilePlace(str(path), k)
+            )
+        row = _row(filled, adjusters, FilePlace(str(path), k))
         before = rows.setdefault(file, row)
         if (before.places, before.identity, before.facts) != (row.places, row.identity, row.facts):
             raise ConfigurationError(
-                f"{path}:{k}: '{file}' is in line {before.line} too, with other values; "
-                "leave one of the two out"
+                f"'{file}' is in line {before.line} too, with other values; leave one of the two "
+                "out",
+                where=FilePlace(str(path), k),
             )
     return TestsTable(path, rows, tuple(_misspelt(names, adjusters, path)))
 
 
-def _row(filled: dict[str, str], adjusters: Sequence[str], where: str, *, line: int) -> TestRow:
+def _row(filled: dict[str, str], adjusters: Sequence[str], where: FilePlace) -> TestRow:
     places: dict[str, Place] = {}
     facts: dict[str, float] = {}
     others = {}
@@ -242,11 +250,11 @@ def _row(filled: dict[str, str], adjusters: Sequence[str], where: str, *, line: 
             else:
                 others[name] = cell
         except ValueError as error:
-            raise ConfigurationError(f"{name}: found '{cell}', {error}", subject=where) from error
+            raise ConfigurationError(f"{name}: found '{cell}', {error}", where=where) from error
     known = identity_in(others)
     used = set(known.describe().values())
     more = tuple((name, cell) for name, cell in others.items() if cell not in used)
-    return TestRow(line, places, Identity(**known.describe(), more=more), facts)
+    return TestRow(where.line, places, Identity(**known.describe(), more=more), facts)
 
 
 def _misspelt(names: Sequence[str], adjusters: Sequence[str], path: Path) -> list[str]:

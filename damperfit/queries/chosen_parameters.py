@@ -128,7 +128,9 @@ def choose_parameters(
     if all(one.name in replaced for one in damper.quantities if one.default is None):
         if table is not None:
             raise ConfigurationError(
-                "nothing is taken from it, as --set gives all parameters; leave one of the two out",
+                "nothing is taken from it, as {set_option} gives all parameters; leave one of the "
+                "two out",
+                set_option=Option("set"),
                 where=Option("parameters", table),
             )
         chosen_name = None if setting is None else _meant(setting)
@@ -140,11 +142,17 @@ def choose_parameters(
     if setting is None:
         needed = (one.name for one in quantities if one.default is None)
         missing = ", ".join(name for name in needed if name not in values)
-        raise ConfigurationError(f"no parameters for {missing}: give --setting N or --set them all")
+        raise ConfigurationError(
+            f"no parameters for {missing}: give {{setting}} or {{set_option}} them all",
+            setting=Option("setting", "N"),
+            set_option=Option("set"),
+        )
     if path is None and damper.name != PURDY_DAMPER.name:
         raise ConfigurationError(
-            f"there is no reference set of the model {damper.name!r}: give --parameters FILE, or "
-            "all of them by --set"
+            f"there is no reference set of the model {damper.name!r}: give {{parameters}}, or "
+            "all of them by {set_option}",
+            parameters=Option("parameters", "FILE"),
+            set_option=Option("set"),
         )
     if path is None:
         chosen = _meant(setting)

@@ -85,14 +85,18 @@ def comparison_options(
         raise ConfigurationError("expected a speed other than zero", where=Option("velocity", "0"))
     if (amplitude is None) != (frequency is None):
         raise ConfigurationError(
-            "--amplitude and --frequency make the sine together; give both or neither"
+            "{amplitude} and {frequency} make the sine together; give both or neither",
+            amplitude=Option("amplitude"),
+            frequency=Option("frequency"),
         )
     sine = None
     if amplitude is not None and frequency is not None:
         if is_measured:
             raise ConfigurationError(
-                f"--amplitude {amplitude} cannot be combined with --measured: measured forces are "
-                "of the motions that were run; leave one of the two out"
+                "{amplitude} cannot be combined with {measured}: measured forces are "
+                "of the motions that were run; leave one of the two out",
+                amplitude=Option("amplitude", amplitude),
+                measured=Option("measured"),
             )
         sine = Sine(
             parse_quantity(amplitude, "length", option="--amplitude"),
@@ -145,7 +149,8 @@ def compare_all(
     pairs, alone = ((), ()) if is_single else pairs_of(paths, logs)
     if repeats and len({pair.first for pair in pairs}) > 1:
         raise ConfigurationError(
-            "--repeats are of one reference, and there are several; compare one damper at a time"
+            "{repeats} are of one reference, and there are several; compare one damper at a time",
+            repeats=Option("repeats"),
         )
     _refuse_repeats(repeats, pairs)
     places = list(dict.fromkeys(p for pair in pairs for p in (pair.first, pair.second)))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from dataclasses import dataclass
 from itertools import product
 from types import MappingProxyType
@@ -17,6 +16,7 @@ from damperfit.configuration.loading import load_configuration
 from damperfit.damper.models import model_named
 from damperfit.errors import ConfigurationError, DamperfitError, LogError
 from damperfit.io import guess_settings, read_logs, unclear_names
+from damperfit.problem import Option
 from damperfit.statistics import median
 from damperfit.tested.identity import IDENTITY_KEYS, common_identity, identity_in
 
@@ -45,7 +45,6 @@ _UNITS = {"time": ("s", "ms"), "displacement": ("mm", "m", "in"), "force": ("N",
 _AMPLITUDES = (5e-4, 0.25)
 _FORCES = (30.0, 5e4)
 _DURATIONS = (0.2, 7200.0)
-_LACKS = re.compile(r"rig\.units \(--rig units\.(\w+)=")
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,10 +104,8 @@ def guess_from_logs(logs: Sequence[Path], model: str, given: Mapping[str, str]) 
         said = [None for _ in said]
     guess = guess_settings(path.name for path in logs)
     if guess.settings and any(one is None for one in said):
-        pattern = re.search(r"setting_pattern=(.*)'$", guess.sentence)
-        if pattern:
-            rig["setting_pattern"] = pattern[1]
-            why.append(guess.sentence.partition(";")[0])
+        rig["setting_pattern"] = guess.pattern
+        why.append(guess.sentence.partition(";")[0])
     elif guess.adjusters and any(one is None for one in said):
         rig["setting_pattern"] = guess.pattern
         why.append(f"the names differ in the places of {' and '.join(guess.adjusters)}")
@@ -136,7 +133,10 @@ def _read(path: Path, options: ReadOptions) -> tuple[tuple[Recording, ...], dict
     try:
         return read_logs(path, options), {}
     except LogError as error:
-        lacking = [channel for channel in _LACKS.findall(str(error)) if channel in _UNITS]
+        keys = [one.key for one in error.problem.offered if one.name == "rig"]
+        lacking = [
+            key.removeprefix("units.") for key in keys if key.removeprefix("units.") in _UNITS
+        ]
         if not lacking:
             raise
     for chosen in product(*(_UNITS[channel] for channel in lacking)):
@@ -319,7 +319,8 @@ def check_damper(model: str, given: Mapping[str, str]) -> None:
     ConfigurationError
         One of them is wrong.
     """
-    options = {f"damper.{key}": f"--set {key}" for key in given} | {"damper.model": "--model"}
+    options = {f"damper.{key}": Option("set", key=key) for key in given}
+    options["damper.model"] = Option("model")
     _load(model, given, options)
 
 
@@ -334,16 +335,18 @@ def fault_of(model: str, key: str, text: str) -> str:
     ''
     """
     try:
-        _load(model, {key: text}, {f"damper.{key}": key})
+        _load(model, {key: text}, {f"damper.{key}": Option("set", key=key)})
     except ConfigurationError as error:
-        others = set(damper_keys(model)) - {key}
-        is_clash = not others.isdisjoint(re.findall(r"\w+", str(error)))
-        return str(error) if str(error).startswith(f"{key}: ") and not is_clash else ""
+        where = error.problem.where
+        is_of_key = (
+            isinstance(where, Option) and where.key == key and "beside" not in error.problem.values
+        )
+        return f"{key}: {error.problem.message()}" if is_of_key else ""
     return ""
 
 
 def _load(
-    model: str, given: Mapping[str, str], options: Mapping[str, str] = MappingProxyType({})
+    model: str, given: Mapping[str, str], options: Mapping[str, Option] = MappingProxyType({})
 ) -> Configuration:
     plain = {key: _plain(text) for key, text in given.items()}
     return load_configuration(overlay={"damper": {"model": model, **plain}}, options=dict(options))

@@ -105,7 +105,9 @@ def parse_question(
         raise ConfigurationError(f"expected {' or '.join(STROKES)}", where=Option("stroke", stroke))
     if force is not None and velocity is None:
         raise ConfigurationError(
-            "at which speed? Give --velocity too, as in --velocity 0.2m/s",
+            "at which speed? Give {velocity} too, as in {example}",
+            velocity=Option("velocity"),
+            example=Option("velocity", "0.2m/s"),
             where=Option("force", force),
         )
     if velocity is None:
@@ -135,8 +137,11 @@ def tabulate_forces(adjuster: AdjusterResults, question: Question) -> ForcesBySe
     speeds = named_speeds(adjuster.sine.peak_speed) if question.speed is None else (question.speed,)
     if not speeds:
         raise ConfigurationError(
-            f"none is reached by {adjuster.sine.peak_speed:.3g} m/s; give --velocity, or a larger "
-            "--amplitude or --frequency",
+            f"none is reached by {adjuster.sine.peak_speed:.3g} m/s; give {{velocity}}, or a "
+            "larger {amplitude} or {frequency}",
+            velocity=Option("velocity"),
+            amplitude=Option("amplitude"),
+            frequency=Option("frequency"),
             subject="the named test speeds",
         )
     mishaps: dict[Setting, Mishap] = {}
@@ -166,8 +171,10 @@ def tabulate_forces(adjuster: AdjusterResults, question: Question) -> ForcesBySe
         lines = [line for line in lines_of(done) if len(line.settings) > 1]
         if not lines:
             raise ConfigurationError(
-                "no two settings differ in the clicks of one adjuster alone; --velocity without "
-                "--force shows the forces of all"
+                "no two settings differ in the clicks of one adjuster alone; {velocity} without "
+                "{force} shows the forces of all",
+                velocity=Option("velocity"),
+                force=Option("force"),
             )
         wanted = tuple(_answer(mine, question.force, line) for line in lines)
     notes = (

@@ -18,6 +18,7 @@ from damperfit.errors import (
     mishap_of,
 )
 from damperfit.io import read_log
+from damperfit.problem import Option
 from damperfit.queries.origin import damper_of_table
 from damperfit.run.labelling import labels_for
 from damperfit.run.tested_at import conditioned_as_tested, facts_of
@@ -236,8 +237,11 @@ def _refuse_work(parameters: Values, configuration: Configuration) -> None:
         raise ConfigurationError(
             f"{options.cycles:g} cycles at {rig.frequency:g} Hz take about {n_samples:.3g} samples "
             f"and {n_steps:.3g} steps of the integrator, expected at most {options.max_steps} "
-            "(simulation.max_steps); take fewer --cycles or a lower --sample-rate, or allow more "
-            f"with --max-steps {math.ceil(1.1 * n_steps)}"
+            "(simulation.max_steps); take fewer {cycles} or a lower {sample_rate}, or allow more "
+            "with {max_steps}",
+            cycles=Option("cycles"),
+            sample_rate=Option("sample_rate"),
+            max_steps=Option("max_steps", math.ceil(1.1 * n_steps)),
         )
 
 

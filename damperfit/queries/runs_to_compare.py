@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from damperfit import results
 from damperfit.comparison import ComparedRun, MeasuredTest, measured_tests
 from damperfit.errors import ConfigurationError, LogError
+from damperfit.problem import Option
 from damperfit.queries.adjuster_results import adjuster_of
 from damperfit.queries.baseline import is_baseline, read_baseline
 from damperfit.queries.logs_to_compare import (
@@ -112,7 +113,8 @@ def pairs_of(
         if len(groups[0]) < 2:
             raise ConfigurationError(
                 f"{paths[0]}: one run alone has nothing to be compared with; give a second one, "
-                "or a folder that holds several, or --tolerance FILE with nominal forces"
+                "or a folder that holds several, or {tolerance} with nominal forces",
+                tolerance=Option("tolerance", "FILE"),
             )
         first, *others = groups[0].values()
         return tuple(Pair(first, other, other.name) for other in others), ()
@@ -251,8 +253,9 @@ def read_run(path: Path, *, config: Path | None = None, is_measured: bool = Fals
     if is_part(path):
         if is_measured:
             raise ConfigurationError(
-                "a part of a fleet keeps no measured cycles; give --measured the logs, or "
+                "a part of a fleet keeps no measured cycles; give {measured} the logs, or "
                 "results of damperfit identify",
+                measured=Option("measured"),
                 subject=path,
             )
         return _of_run(results.Run.load(path, config=config), (), is_measured=False)
@@ -264,12 +267,15 @@ def read_run(path: Path, *, config: Path | None = None, is_measured: bool = Fals
         baseline = read_baseline(path, config=config)
         if not baseline.results.rows("parameters") and not is_measured:
             raise ConfigurationError(
-                "a baseline of measured curves, nothing was fitted; give --measured", subject=path
+                "a baseline of measured curves, nothing was fitted; give {measured}",
+                measured=Option("measured"),
+                subject=path,
             )
         return _of_run(baseline.results, baseline.tests, is_measured=is_measured)
     raise ConfigurationError(
         "neither a results folder nor a baseline; to compare logs and files of "
-        "curves, give --measured",
+        "curves, give {measured}",
+        measured=Option("measured"),
         subject=path,
     )
 

@@ -168,7 +168,9 @@ def run_sweep(
         try:
             changed = _changed(choice, configuration, variation.name, value=base * factor)
         except ConfigurationError as error:
-            raise ConfigurationError(f"--vary {variation.name}={factor:g}: {error}") from error
+            raise ConfigurationError(
+                "{error}", error=error, where=Option("vary", f"{factor:g}", variation.name)
+            ) from error
         members.append(Member(factor, base * factor, simulate_test(*changed)))
     return tuple(members)
 

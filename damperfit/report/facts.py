@@ -6,6 +6,8 @@ import re
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from damperfit.problem import Problem
+
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
@@ -186,6 +188,8 @@ class Failure:
         One sentence: what, where, found, expected, what to do.
     trace : str
         Of an internal error, where it happened, for whoever mends it.
+    problem : Problem or None
+        The same as a record.
     """
 
     log: str
@@ -194,6 +198,14 @@ class Failure:
     kind: str
     message: str
     trace: str = ""
+    problem: Problem | None = None
+
+    @property
+    def code(self) -> str:
+        """What kind of problem, finer than `kind`; of a kind that has no finer ones its name."""
+        if self.problem is not None:
+            return self.problem.code
+        return re.sub(r"(?<=[a-z])(?=[A-Z])", "-", self.kind.removesuffix("Error")).lower()
 
     @property
     def place(self) -> str:
@@ -212,6 +224,7 @@ class Failure:
             "path": self.path,
             "setting": self.setting,
             "kind": self.kind,
+            "code": self.code,
             "message": self.message,
         }
 

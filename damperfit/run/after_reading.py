@@ -85,7 +85,7 @@ def write_found(
                 for piece in json_pieces(record):
                     file.write(piece.encode("utf-8", "backslashreplace"))
     except OutputError as error:
-        raise UnwrittenError(str(error), found.result(mishaps.failures)) from error
+        raise UnwrittenError(error, found.result(mishaps.failures)) from error
     forget_figures(configuration.output.folder)
     return result
 

@@ -332,6 +332,7 @@ def _check_told(configuration: Configuration, damper: Warmed, traces: Sequence[T
             raise ConfigurationError(
                 f"each setting was tested within {LEAST_WARMTH:g} K, and "
                 f"{' and '.join(names)} are each setting's own, so that beta cannot be determined: "
-                "test one setting cold and warm, or share one of them (--share)",
+                "test one setting cold and warm, or share one of them ({share})",
+                share=Option("share"),
                 where=Option("covariate", "temperature"),
             )

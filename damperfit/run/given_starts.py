@@ -46,8 +46,10 @@ def with_given_start(configuration: Configuration) -> Configuration:
     if not named & {one.name for one in damper.quantities if one.role not in _EVERYWHERE}:
         raise ConfigurationError(
             f"its parameters ({', '.join(sorted(named))}) belong to another model "
-            f"than {damper.name} ({', '.join(damper.names)}); name that model by --model, or give "
-            "--start NAME=VALUE",
+            f"than {damper.name} ({', '.join(damper.names)}); name that model by "
+            "{model}, or give {start}",
+            model=Option("model"),
+            start=Option("start", "VALUE", "NAME"),
             where=Option("start", path),
         )
     own = {
@@ -108,7 +110,8 @@ def _read(path: Path) -> dict[Setting, dict[str, float]]:
         known = read_known_numbers(table)
     except ConfigurationError as error:
         raise ConfigurationError(
-            f"--start {error}; expected parameters that identify wrote, or NAME=VALUE"
+            "{problem}; expected parameters that identify wrote, or NAME=VALUE",
+            problem=error.at(Option("start")),
         ) from error
     if not known:
         raise ConfigurationError(

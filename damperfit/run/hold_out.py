@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 from damperfit.conditioning import TRANSIENTS, transients
 from damperfit.errors import ConfigurationError, Mishap, mishap_of
+from damperfit.problem import Option
 from damperfit.run.log_paths import expand, real_path
 from damperfit.run.logs import LogBatch, failure_of
 from damperfit.uncertainty import split_cycles
@@ -121,8 +122,10 @@ def part(batch: LogBatch, options: HoldOutOptions, named: Mapping[str, Sequence[
         hits = _hits(pattern, batch, named)
         if not hits:
             raise ConfigurationError(
-                f"hold-out {pattern}: matches no log and names no other file; quote a pattern, as "
-                "in --hold-out '*_16mm.csv', and leave the held-out logs among LOGS or out of them"
+                "matches no log and names no other file; quote a pattern, as "
+                "in {hold_out}, and leave the held-out logs among LOGS or out of them",
+                hold_out=Option("hold_out", "'*_16mm.csv'"),
+                where=Option("hold_out", pattern),
             )
         names |= hits
     if names and names == {log.log for log in batch.logs}:

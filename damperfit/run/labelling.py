@@ -110,7 +110,7 @@ class Labels:
             if setting is not None and setting != self.declared:
                 raise ConfigurationError(
                     f"{recording.name} says setting {setting}; leave "
-                    "--setting out, or give it the logs that do not say theirs alone",
+                    "the option out, or give it the logs that do not say theirs alone",
                     where=Option("setting", self.declared),
                 )
             setting = self.declared
@@ -214,13 +214,15 @@ class Labels:
             return LogError(
                 f"the log does not give {lacks}; expected lines such as "
                 f"'# {self.adjusters[0]}: 8', columns, named groups of rig.setting_pattern, or a "
-                f"table tests.csv; or give --setting '{example}'",
+                f"table tests.csv; or give {{setting}}",
+                setting=Option("setting", f"'{example}'"),
                 subject=name,
             )
         said = f", or {self.guess.advice}" if self.guess.advice else ""
         return LogError(
             f"the log does not say its adjuster setting; expected a line '# setting: 10', "
-            f"a column 'setting' or a name such as setting_10.csv; or give --setting N{said}",
+            f"a column 'setting' or a name such as setting_10.csv; or give {{setting}}{said}",
+            setting=Option("setting", "N"),
             subject=name,
         )
 

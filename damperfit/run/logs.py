@@ -28,6 +28,7 @@ from damperfit.identification.blas_threads import one_blas_thread
 from damperfit.io import is_tests_table, read_curves, read_logs
 from damperfit.io.files import open_regular
 from damperfit.io.formats import FORMATS
+from damperfit.problem import Option
 from damperfit.recording import Finding
 from damperfit.report.facts import Failure
 from damperfit.run.labelling import FROM_NAME, GUESSED, labels_for
@@ -273,7 +274,7 @@ def _take_file(
         raise
     except Exception as error:  # noqa: BLE001 - whatever it is, the other logs go on
         if isinstance(error, LogError) and not error.says_setting and labelled.is_unsaid(path):
-            error = type(error)(f"{error}{_NO_SETTING_EITHER}")
+            error = error.adding(_NO_SETTING_EITHER, setting=Option("setting", "N"))
         known = LogFacts(
             name,
             _shown(str(path)),
@@ -323,7 +324,7 @@ def _take_test(
             trace = conditioned_as_tested(recording, configuration.conditioning, tested_at)
         except LogError as error:
             if recording.setting is None and labelled.is_needed:
-                raise type(error)(f"{error}{_NO_SETTING_EITHER}") from error
+                raise error.adding(_NO_SETTING_EITHER, setting=Option("setting", "N")) from error
             raise
         labelled.check(recording)
     except _USAGE:
@@ -362,7 +363,7 @@ def failure_of(
     mishap: Mishap, log: str = "", path: str = "", setting: Setting | None = None
 ) -> Failure:
     """Return what is reported of a log or a setting that something ended the work on."""
-    return Failure(log, path, setting, mishap.kind, mishap.message, mishap.trace)
+    return Failure(log, path, setting, mishap.kind, mishap.message, mishap.trace, mishap.problem)
 
 
 def _seen_raw(recording: Recording) -> tuple[Finding, ...]:
@@ -382,14 +383,16 @@ def _failed(
 ) -> _Taken:
     mishap = mishap_of(error, task)
     failure = failure_of(mishap, known.log, known.path, known.facts["setting"])
-    sentence = mishap.message.removeprefix(f"{known.log}: ")
+    problem = mishap.problem
+    is_of_log = problem is not None and problem.subject == known.log
+    sentence = problem.message() if problem is not None and is_of_log else mishap.message
     refusal = Finding(_REFUSALS.get(mishap.kind, "unreadable"), "refusal", sentence)
     refused = {"findings": [one.describe() for one in (refusal, *findings)], "verdict": "refused"}
     return _Taken(replace(known, facts=known.facts | refused), failure=failure)
 
 
 # What is wrong is said at once, not one by one over as many runs.
-_NO_SETTING_EITHER = ". Nor does the log say its adjuster setting: give --setting N too"
+_NO_SETTING_EITHER = ". Nor does the log say its adjuster setting: give {setting} too"
 
 
 def _hash(path: Path) -> str:

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 from damperfit.configuration.what_is_tested import unmatched
 from damperfit.damper.warmed import Warmed
 from damperfit.errors import ConfigurationError
+from damperfit.problem import Option
 from damperfit.run.dampers import by_damper, folder_name
 from damperfit.run.earlier import forget_others
 from damperfit.run.given_traces import with_traces
@@ -124,7 +125,7 @@ def run_each(  # noqa: PLR0913 - what `run` takes
                     forget_others(configuration.output.folder, [each.folder for each in parts])
                 yield one.folder_owner, result
             except UnwrittenError as error:
-                raise UnwrittenError(str(error), error.result, one.folder_owner) from error
+                raise UnwrittenError(error, error.result, one.folder_owner) from error
 
 
 def find_each(
@@ -155,8 +156,9 @@ def _check_adjusters(configuration: Configuration) -> None:
     if lost and configuration.identification.procedure == "joint":
         raise ConfigurationError(
             f"adjusters: {', '.join(lost)}: the model {damper.name} has no such quantity; there "
-            f"are {', '.join((*damper.parts, *damper.names))}; name damper.model, or let --model "
-            "auto find it"
+            f"are {', '.join((*damper.parts, *damper.names))}; name damper.model, or let {{model}} "
+            "auto find it",
+            model=Option("model"),
         )
 
 

@@ -23,7 +23,8 @@ class UnwrittenError(OutputError):
         Of several dampers, whose result it is.
     """
 
-    def __init__(self, message: str, result: RunResult, owner: str = "") -> None:
-        super().__init__(message)
+    def __init__(self, cause: OutputError, result: RunResult, owner: str = "") -> None:
+        super().__init__(str(cause))
+        self.problem = cause.problem
         self.result = result
         self.owner = owner

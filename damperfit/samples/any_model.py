@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.errors import ConfigurationError, SimulationError
+from damperfit.problem import Option
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -120,7 +121,8 @@ def made_up_values(damper: Model, setting: int, speed: float) -> Values:
     if not isinstance(damper, ValveDamper):
         raise ConfigurationError(
             f"samples: no numbers of {damper.name} are known; give a table of its quantities by "
-            "setting with --parameters, as identify writes it"
+            "setting with {parameters}, as identify writes it",
+            parameters=Option("parameters"),
         )
     force = _FORCE + _CLICK * setting
     known = {name: one for name, one in _BESIDE.items() if name in damper.names}

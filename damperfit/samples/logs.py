@@ -17,6 +17,7 @@ import numpy as np
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper
 from damperfit.damper.purdy.reference import REFERENCE_SETTINGS, reference_parameters
 from damperfit.errors import ConfigurationError
+from damperfit.problem import Key, Option
 from damperfit.samples.any_model import made_up_values, simulated_cycle
 from damperfit.samples.steady import RTOL, steady_cycle
 from damperfit.store import file_set
@@ -107,7 +108,9 @@ class SampleOptions:
 
 def _expect(name: str, found: object, wanted: str, is_fine: bool) -> None:  # noqa: FBT001
     if not is_fine:
-        raise ConfigurationError(f"samples: {name} is {found}; expected {wanted}")
+        if name in {"amplitude", "frequency"}:
+            raise ConfigurationError(f"found {found}, expected {wanted}", where=Key(("rig", name)))
+        raise ConfigurationError(f"expected {wanted}", where=Option(name, found))
 
 
 def _through_rig_filter(
@@ -284,7 +287,8 @@ def _check_names(truth: Mapping[int, Values], damper: Model) -> None:
         if values.names != damper.names:
             raise ConfigurationError(
                 f"samples: the parameters are of {', '.join(values.names)}; {damper.name} has "
-                f"{', '.join(damper.names)}: name their own model (--model, damper.model)"
+                f"{', '.join(damper.names)}: name their own model ({{model}}, damper.model)",
+                model=Option("model"),
             )
 
 

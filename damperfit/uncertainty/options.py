@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from damperfit.errors import ConfigurationError, did_you_mean
+from damperfit.problem import Key
 
 if TYPE_CHECKING:
     from collections.abc import Container, Iterable, Sequence
@@ -43,6 +44,12 @@ def check_profile_names(
         if name not in known:
             hint = did_you_mean(name, known)
             there = ", ".join(known)
-            raise ConfigurationError(f"no parameter {name!r} to profile; there are {there}.{hint}")
+            raise ConfigurationError(
+                f"no parameter {name!r} to profile; there are {there}.{hint}",
+                where=Key(("identification", "profile")),
+            )
         if name in fixed:
-            raise ConfigurationError(f"{name} is both fixed and to be profiled; choose one.")
+            raise ConfigurationError(
+                f"{name} is both fixed and to be profiled; choose one.",
+                where=Key(("identification", "profile"), ("fix",)),
+            )

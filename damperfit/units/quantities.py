@@ -12,6 +12,7 @@ from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
 from damperfit.errors import ConfigurationError
+from damperfit.problem import Option
 
 if TYPE_CHECKING:
     from typing import TypeVar
@@ -242,7 +243,7 @@ def _hint(name: str, units: dict[str, Unit]) -> str:
     return f" Did you mean {near[0]!r}?" if near else ""
 
 
-def parse_quantity(text: str | float, dimension: str, *, option: str = "") -> float:
+def parse_quantity(text: str | float, dimension: str, *, option: Option | str = "") -> float:
     """Return a number with an optional unit as a float in SI (temperature: degrees Celsius).
 
     Parameters
@@ -251,7 +252,7 @@ def parse_quantity(text: str | float, dimension: str, *, option: str = "") -> fl
         As in "32mm", "1.5 Hz" or "0.032"; a bare number is SI.
     dimension : str
         As in `find_unit`.
-    option : str
+    option : Option or str
         Where it was given, to be named where it cannot be read.
 
     Raises
@@ -271,9 +272,12 @@ def parse_quantity(text: str | float, dimension: str, *, option: str = "") -> fl
     try:
         return _parsed(text, dimension)
     except QuantityError as error:
-        if option:
-            raise QuantityError(f"{error}", subject=option) from error
-        raise
+        where = Option(_keyword_of(option)) if isinstance(option, str) and option else option
+        raise error.at(where or None) from error
+
+
+def _keyword_of(option: str) -> str:
+    return option.removeprefix("--").replace("-", "_")
 
 
 def _parsed(text: str | float, dimension: str) -> float:

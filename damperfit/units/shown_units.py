@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, TypeVar
 
+from damperfit.problem import Option, Where
 from damperfit.units.quantities import QuantityError, Unit, find_unit, units_of
 
 if TYPE_CHECKING:
@@ -125,32 +126,34 @@ SI = ShownUnits()
 
 
 @cache
-def parse_units(text: str, option: str = "--units") -> ShownUnits:
+def parse_units(text: str, where: Where | None = None) -> ShownUnits:
     """Return the units of a list such as "lbf,in/s".
 
     Parameters
     ----------
     text : str
         Units of force, velocity and length in any order; what is not named stays SI.
-    option : str
-        Where the list stands, for messages.
+    where : Option or Key, optional
+        Where the list stands; by itself the option ``--units``.
 
     Raises
     ------
     QuantityError
         A unit is unknown, or two are of one kind.
     """
+    where = where or Option("units", text)
     chosen: dict[str, Unit] = {}
     for name in (part.strip() for part in text.split(",")):
         found = [unit for unit in (_unit(name, kind) for kind in _DIMENSIONS) if unit]
         if not found:
             known = "; ".join(f"{kind} {', '.join(units_of(kind))}" for kind in _DIMENSIONS)
-            raise QuantityError(f"{option} {text}: no unit {name!r}; there are {known}")
+            raise QuantityError(f"no unit {name!r}; there are {known}", where=where)
         (unit,) = found
         if unit.dimension in chosen:
             raise QuantityError(
-                f"{option} {text}: {chosen[unit.dimension].symbol} and {unit.symbol} are both of "
-                f"{unit.dimension}; give one"
+                f"{chosen[unit.dimension].symbol} and {unit.symbol} are both of {unit.dimension}; "
+                "give one",
+                where=where,
             )
         chosen[unit.dimension] = unit
     return ShownUnits(**chosen)

@@ -165,7 +165,7 @@ def test_what_can_never_be_written_is_told_with_its_option_and_first(
 def test_a_place_that_was_not_typed_is_told_without_an_option(run, logs, tmp_path) -> None:
     (tmp_path / "results").write_text("kept")
     ended = run("identify", logs / "setting_01.csv")
-    assert ended.err == "damperfit: cannot write to results: results is not a folder\n"
+    assert ended.err == "damperfit: results: cannot be written: results is not a folder\n"
     ended = run("samples", "results")
     assert (ended.code, ended.out) == (2, "")
-    assert ended.err == "damperfit: cannot write to results: results is not a folder\n"
+    assert ended.err == "damperfit: results: cannot be written: results is not a folder\n"

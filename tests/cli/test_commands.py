@@ -241,7 +241,7 @@ def test_what_goes_into_a_file_is_utf_8_whatever_the_locale(tmp_path) -> None:
     [
         (("--rig", "unit.force=kN"), "Did you mean 'units'?"),
         (("--rig", "units.forse=kN"), "no channel 'forse'"),
-        (("--rig", "skip_lines=a"), "--rig skip_lines: expected a valid integer, found 'a'"),
+        (("--rig", "skip_lines=a"), "--rig skip_lines: expected a whole number, found 'a'"),
         (("--rig", "a b=1"), "'a b' is not a key"),
         (("--rig", "decimal"), "expected NAME=VALUE, such as units.force=kN"),
         (("--rig", "decimal=,", "--rig", "decimal=."), "given twice"),

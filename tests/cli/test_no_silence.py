@@ -77,7 +77,7 @@ GIVEN = [
         (["identify", "LOG", "--hold-out", "zzz*"], "--hold-out zzz*: matches no log"),
         (["identify", "LOG", "--check", "nothing"], "--check: no check 'nothing'"),
         (["identify", "LOG", "--hold-out-cycles", "1.5"], "--hold-out-cycles: expected a share"),
-        (["identify", "LOG", "--starts", "0"], "--starts: expected greater than or equal to 1"),
+        (["identify", "LOG", "--starts", "0"], "--starts: expected 1 or more"),
         (["identify", "LOG", "--skew", "2mm"], "--skew: no unit of time 'mm'"),
         (["identify", "LOG", "--rig-profile", "lab"], "--rig-profile: no profile 'lab'"),
         (["simulate", *GIVEN, "--parameters", "LOG"], "nothing is taken from it"),

@@ -190,7 +190,7 @@ def test_a_folder_that_vanishes_while_it_is_written_to_is_one_line(
     ended = run("identify", logs / "setting_01.csv", *QUICK, "--quiet")
     assert ended.code == 1
     (line,) = ended.err.splitlines()
-    assert "cannot write to results" in line
+    assert "results: cannot be written" in line
 
 
 # What a log may say, and every place where it is shown

@@ -211,7 +211,7 @@ def test_values_arrive_where_they_are_used(tmp_path: Path) -> None:
         ("[identification]\nfree = 'r_m1'\n", r"identification\.free: .*list"),
         ("[simulation]\nwave = 'square'\n", r"simulation\.wave"),
         ("[output]\nmax_mse_percent = -1\n", r"output\.max_mse_percent"),
-        ('[output]\nunits = "stone"\n', r"output\.units stone: no unit 'stone'"),
+        ('[output]\nunits = "stone"\n', r"output\.units: no unit 'stone'"),
         ("[damper\n", r"rig\.toml: not valid TOML: .*line 1"),
         ("x = " + "[" * 5000, r"rig\.toml: not valid TOML"),
         ("[damper]\nrod_diameter = 1\nrod_diameter = 2\n", r"not valid TOML"),
@@ -224,7 +224,7 @@ def test_a_mistake_is_told_with_its_place(tmp_path: Path, text: str, says: str) 
 
 
 def test_a_mistake_on_the_command_line_is_told_as_such() -> None:
-    with pytest.raises(ConfigurationError, match=r"command line: rig\.amplitude: no unit"):
+    with pytest.raises(ConfigurationError, match=r"rig\.amplitude: no unit"):
         load_configuration(overlay={"rig": {"amplitude": "3kg"}})
 
 

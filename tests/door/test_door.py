@@ -279,9 +279,12 @@ _WRONG = [
     ("identify(LOG, jobs=True)", "(jobs=...): found True; expected a whole number"),
     ("identify(LOG, setting=3j)", "setting=...: found complex; expected a setting"),
     ("inspect(LOG, setting=object())", "setting=...: found object; expected a setting"),
-    ("inspect(LOG, setting=9)", "setting=9: setting_10.csv says setting 10; leave setting= out"),
+    (
+        "inspect(LOG, setting=9)",
+        "(setting=9): setting_10.csv says setting 10; leave the option out",
+    ),
     ("read()", "damperfit.read: log missing"),
-    ("simulate(setting='x')", "setting=x: not in the reference set; expected a whole number"),
+    ("simulate(setting='x')", "(setting=x): not in the reference set; expected a whole number"),
     ("simulate(frame)", "(setting=...): found DataFrame; expected a setting"),
     ("simulate(10, 'sine')", "damperfit.simulate: too many arguments"),
     ("simulate(10, parameters=3)", "(parameters=...): found int; expected a result"),
@@ -289,14 +292,14 @@ _WRONG = [
     ("simulate(10, wave='square')", "expected 'sine' or 'triangle', found 'square'"),
     ("compare(result)", "or tolerance=FILE with nominal forces"),
     ("compare(result, result, tolerance=5)", "(tolerance=...): found 5; expected '5%'"),
-    ("compare(result, result, tolerance='x')", "tolerance=x: expected per cent, newtons"),
+    ("compare(result, result, tolerance='x')", "(tolerance=x): expected per cent, newtons"),
     ("compare(result, result, toleranz=3)", "Did you mean 'tolerance'?"),
     ("compare(result, result, velocity=3j)", "(velocity=...): found 3j; expected speeds"),
     ("compare(result, result, jobs='x')", "(jobs=...): found 'x'"),
     ("compare(result, result, measured='x')", "(measured=...): found 'x'; expected True"),
     ("compare(result, result, amplitude='5mm')", "amplitude= and frequency= make the sine"),
-    ("export(result, to='fmu9')", "to=fmu9: expected one of csv, xlsx"),
-    ("export(result, to=3)", "to=3: expected one of csv, xlsx"),
+    ("export(result, to='fmu9')", "(to=fmu9): expected one of csv, xlsx"),
+    ("export(result, to=3)", "(to=3): expected one of csv, xlsx"),
     (
         "export(result, to='csv', out=3)",
         "(out=...): found int; expected the path of a file or folder",
@@ -305,7 +308,7 @@ _WRONG = [
         "export(result, 'csv', 'x', extend=[])",
         "or a text such as '1.5m/s' for a velocity, found []",
     ),
-    ("export(result, 'fmu2', 'x.csv')", "out=x.csv: fmu2 writes .fmu files"),
+    ("export(result, 'fmu2', 'x.csv')", "(out=x.csv): fmu2 writes .fmu files"),
     ("export(result, 'csv', '')", "damperfit.export(out=...): found ''; expected the path"),
     ("identify('')", "damperfit.identify: found ''; expected paths or patterns"),
     ("identify(['a.csv', ''])", "damperfit.identify: found ''; expected paths or patterns"),
@@ -334,7 +337,7 @@ _WRONG = [
     ("result.report(3)", "run.report: found int; expected the path of a page"),
     ("result.save(3)", "run.save: found int; expected the path of a folder"),
     ("identify({'10': {}})", "10: the data frame has no columns"),
-    ("identify({'10': frame.drop(columns='time_s')})", "rig={'columns': {'time': 'NAME'}}"),
+    ("identify({'10': frame.drop(columns='time_s')})", "rig.columns.time = 'NAME'"),
     ("identify({'10': {'time_s': 3, 'force_N': 4}})", "10: found single numbers"),
 ]
 
@@ -454,7 +457,7 @@ def test_a_result_is_handed_over_also_when_the_package_of_targets_is_loaded(resu
 
 @pytest.mark.parametrize(("n", "more"), [(3, ""), (4, " (and 1 more)")])
 def test_three_logs_that_could_not_be_fitted_are_named(monkeypatch, tmp_path, n, more):
-    failures = [SimpleNamespace(message=f"{k}.csv: empty") for k in range(n)]
+    failures = [SimpleNamespace(message=f"{k}.csv: empty", problem=None) for k in range(n)]
     found = SimpleNamespace(
         campaign=SimpleNamespace(fits=()), facts=SimpleNamespace(failures=failures)
     )
