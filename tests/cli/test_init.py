@@ -163,7 +163,7 @@ def test_a_file_that_is_there_stays_unless_forced(folder, capsys):
         (["--set", "rod_diamter=12mm"], "unknown key 'rod_diamter' in [damper]"),
         (["--set", "rod_diameter=12bar"], "--set rod_diameter"),
         (["--model", "monotub"], "monotub"),
-        (["--model", "auto"], "only damperfit identify --model auto and damperfit models"),
+        (["--model", "auto"], "let the logs choose"),
         (["nowhere.csv"], "nowhere.csv: no such file"),
     ],
 )

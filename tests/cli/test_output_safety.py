@@ -139,7 +139,7 @@ def test_a_read_only_folder_is_one_line(run, logs, results, tmp_path, monkeypatc
     monkeypatch.setattr(tempfile, "mkdtemp", refuse)
     ended = run("identify", logs / "setting_01.csv", *QUICK)
     assert ended.code == 1
-    (line,) = [line for line in ended.err.splitlines() if "cannot write" in line]
+    (line,) = [line for line in ended.err.splitlines() if "cannot be written" in line]
     assert line.endswith("Read-only file system; earlier results there are untouched")
     monkeypatch.undo()
     assert _contents(folder) == before

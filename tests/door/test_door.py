@@ -315,7 +315,7 @@ _WRONG = [
     ("inspect('')", "damperfit.inspect: found ''; expected paths or patterns"),
     ("identify(LOG, out='')", "(out=...): found ''; expected the path of a folder, '.' for this"),
     ("identify(LOG, share=['r_m3'])", "(share=...): only procedure joint fits shared"),
-    ("simulate(10, damper={'model': 'auto'})", "only damperfit.identify(logs, model='auto') and"),
+    ("simulate(10, damper={'model': 'auto'})", "let the logs choose"),
     ("compare(result, '')", "damperfit.compare: found ''; expected a result, or the path"),
     ("load('')", "damperfit.load: found ''; expected the path of a results folder"),
     ("load(None)", "damperfit.load: found NoneType; expected the path of a results folder"),

@@ -1,0 +1,138 @@
+"""Faults by code and exit status: what is given, what is wrong, what is named.
+
+Sentences are free to change; codes, exit statuses and what a problem is about are not.
+"""
+
+from __future__ import annotations
+
+import json
+import pickle
+
+import pytest
+
+import damperfit
+from damperfit.cli.main import app, main
+from damperfit.configuration.loading import load_configuration
+from damperfit.errors import ConfigurationError, DamperfitError, LogError
+from damperfit.problem import FilePlace, Option, Words
+from damperfit.samples import SampleOptions, make_samples
+
+# The command; its exit status, the code of the problem, and what its sentence begins with.
+COMMANDS = [
+    ("identify nothing.csv", 2, "usage", "nothing.csv"),
+    ("inspect --config nothing.toml LOG", 2, "usage", "--config nothing.toml"),
+    ("identify LOG --config bad.toml", 2, "usage", "--config bad.toml:2: rig.skew"),
+    ("identify LOG --config unknown.toml", 2, "usage", "--config unknown.toml:2"),
+    ("identify LOG --procedure x", 2, "usage", "--procedure"),
+    ("identify LOG --free x", 2, "usage", "--free"),
+    ("identify LOG --fix k_e=x", 2, "usage", "--fix"),
+    ("identify LOG --start k_e=1", 2, "usage", "--start"),
+    ("identify LOG --check x", 2, "usage", "--check"),
+    ("identify LOG --rig skip_lines=a", 2, "usage", "--rig skip_lines"),
+    ("identify LOG --hold-out x*", 2, "usage", "--hold-out x*"),
+    ("identify LOG --setting 9", 2, "usage", "--setting 9"),
+    ("identify LOG --tests nothing.csv", 2, "usage", "--tests nothing.csv"),
+    ("identify LOG --out a_file", 2, "not-a-folder", "--out a_file"),
+    ("identify LOG --out a_file/x", 2, "not-a-folder", "--out a_file/x"),
+    ("identify LOG --out s3://b/x", 2, "no-address", "--out s3://b/x"),
+    ("simulate --setting 5 --out a_file/x.csv", 2, "not-a-folder", "--out a_file/x.csv"),
+    ("settings nothing", 2, "usage", "nothing"),
+    ("compare a_file a_file", 2, "usage", "a_file"),
+    ("export nothing --to csv", 2, "usage", "nothing"),
+    ("config surplus", 2, "unexpected-argument", "config: unexpected argument surplus"),
+    ("samples runs --force-noise -1N", 2, "usage", "--force-noise -1"),
+    ("sweep --setting 5 --vary x=1", 2, "usage", "--vary x=1"),
+]
+# The log; the exit status of `identify`, and the code in run.json beside a good log.
+LOGS = [
+    ("", 1, "log"),
+    ("time_s,displacement_mm,force_N\n0,1,2\n", 1, "unusable"),
+    ("time_s,displacement_mm\n0,1\n1,2\n", 1, "no-column"),
+    ("# setting: 2\ntime_s,displacement_mm,force_N\n" + "0,0,0\n" * 9, 1, "log"),
+]
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory):
+    """A good log of setting 1."""
+    folder = tmp_path_factory.mktemp("log")
+    options = SampleOptions(settings=(1,), cycles=7.0, force_noise=1.0, displacement_noise=2e-6)
+    return make_samples(folder, options)[0]
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a_file").write_text("kept")
+    (tmp_path / "bad.toml").write_text("[rig]\nskew = 3\n")
+    (tmp_path / "unknown.toml").write_text("[rig]\nskeww = 3\n")
+    return tmp_path
+
+
+@pytest.mark.parametrize(("words", "status", "code", "begins"), COMMANDS)
+def test_a_command_that_cannot_be(here, log, capsys, words, status, code, begins) -> None:
+    argv = [str(log) if word == "LOG" else word for word in words.split()]
+    assert main(argv) == status
+    seen = capsys.readouterr()
+    assert seen.out == ""
+    (line,) = seen.err.splitlines()
+    assert line.startswith(f"damperfit: {begins}"), line
+    with pytest.raises(DamperfitError) as caught:
+        app(argv, standalone_mode=False, prog_name="damperfit")
+    assert caught.value.problem.code == code
+    assert sorted(one.name for one in here.iterdir()) == ["a_file", "bad.toml", "unknown.toml"]
+
+
+@pytest.mark.parametrize(("text", "status", "code"), LOGS)
+def test_a_log_that_cannot_be_costs_itself_alone(here, log, capsys, text, status, code) -> None:
+    (here / "bad.csv").write_text(text)
+    assert main(["identify", str(log), "bad.csv", "--out", "out", "--quiet"]) == status
+    (failure,) = json.loads((here / "out" / "run.json").read_text())["failures"]
+    assert failure["log"] == "bad.csv"
+    assert failure["code"] == code
+    assert {"path", "setting", "kind", "message"} <= set(failure)
+
+
+@pytest.mark.parametrize("name", ["no/run--hot.csv", "a--check=3.csv", "{setting}.csv"])
+def test_a_file_is_named_as_it_is(here, name) -> None:
+    with pytest.raises(DamperfitError) as caught:
+        damperfit.identify([name])
+    assert caught.value.problem.subject == name
+    assert name in str(caught.value)
+
+
+def test_a_wrong_value_is_blamed_on_its_own_line(here) -> None:
+    (here / "two.toml").write_text(
+        "[test]\nserial = 'papr'\n[identification]\nprocedure = 'papr'\n[rig]\nprofile = ''\n"
+    )
+    with pytest.raises(ConfigurationError) as caught:
+        load_configuration("two.toml")
+    assert caught.value.problem.where == FilePlace("two.toml", 4, Option("config"))
+    assert caught.value.problem.subject == "identification.procedure"
+
+
+def test_each_outlet_words_a_problem_for_itself(log) -> None:
+    with pytest.raises(ConfigurationError) as typed:
+        load_configuration(
+            overlay={"identification": {"procedure": "x"}},
+            options={"identification.procedure": Option("procedure")},
+        )
+    assert str(typed.value).startswith("--procedure: ")
+    with pytest.raises(ConfigurationError) as called:
+        damperfit.identify([log], procedure="x")
+    assert str(called.value).startswith("damperfit.identify(procedure=...): ")
+    assert called.value.problem.message() == typed.value.problem.message()
+
+
+def test_a_problem_survives_the_way_from_a_worker() -> None:
+    error = LogError("give {how}", code="no-setting", subject="a.csv", how=Option("setting", "N"))
+    error.words = Words("damperfit.identify")
+    sent = pickle.loads(pickle.dumps(error))  # noqa: S301 - our own
+    assert sent.problem == error.problem
+    assert str(sent) == "a.csv: give --setting N"
+    assert str(error) == "a.csv: give setting=N"
+
+
+def test_a_template_does_not_touch_braces_of_values() -> None:
+    error = LogError("column {name}; give {how}", name="{force}", how=Option("rig", "N", "x"))
+    assert str(error) == "column {force}; give --rig x=N"
