@@ -374,10 +374,10 @@ def _expected(first: ErrorDetails) -> str:
     if kind in _KINDS:
         return f"expected {_KINDS[kind]}"
     told = {
-        "greater_than": "more than {gt}",
-        "greater_than_equal": "{ge} or more",
-        "less_than": "less than {lt}",
-        "less_than_equal": "{le} or less",
+        "greater_than": "more than {gt:g}",
+        "greater_than_equal": "{ge:g} or more",
+        "less_than": "less than {lt:g}",
+        "less_than_equal": "{le:g} or less",
         "literal_error": "{expected}",
         "string_too_short": "a text that is not empty",
     }.get(first["type"], "another value")

@@ -160,7 +160,7 @@ def test_the_loops_are_drawn_in_each_format(run, tmp_path, kind, start) -> None:
         ),
         (
             ["--setting", "1", "--cycles", "0.5"],
-            "--cycles: expected greater than or equal",
+            "--cycles: expected 1 or more",
         ),
         (["--setting", "1", "--out", "x.xlsx"], "--out x.xlsx"),
         (["--setting", "1", "--plot", "x.gif"], "--plot x.gif"),

@@ -17,6 +17,7 @@ from damperfit.damper.models import MODELS
 from damperfit.damper.purdy.parameters import DAMPER_RANGES
 from damperfit.damper.valve_dampers import Monotube
 from damperfit.errors import ConfigurationError
+from damperfit.problem import Option
 from damperfit.run.earlier import BESIDE
 from damperfit.samples import SampleOptions, make_samples
 from damperfit.tables import SCHEMA_VERSION
@@ -197,7 +198,7 @@ def test_absolute_and_gauge_pressures_are_understood(text, pascal) -> None:
 def test_a_low_pressure_that_does_not_say_which_is_asked_about(text) -> None:
     with pytest.raises(ConfigurationError, match=r"--x: is it absolute, or .* 'bara' or 'barg'"):
         load_configuration(
-            overlay={"damper": {"gas_pressure": text}}, options={"damper.gas_pressure": "--x"}
+            overlay={"damper": {"gas_pressure": text}}, options={"damper.gas_pressure": Option("x")}
         )
 
 
