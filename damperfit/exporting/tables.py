@@ -177,6 +177,7 @@ def force_tables(
             f"expected a speed above the tested {min(tested):.4g} m/s and "
             f"up to {_FARTHEST:g} times it; leave {{extend}} out for a table of what was tested",
             extend=Option("extend"),
+            where=Option("extend", f"{extend:g} m/s"),
         )
     tables = []
     for group in [curves] if common else [[curve] for curve in curves]:
