@@ -514,7 +514,7 @@ def test_quantities_of_a_profile_may_carry_units() -> None:
     [
         ({"sample_rate": "1s"}, "no unit of frequency 's'"),
         ({"unit": {}}, "rig.profiles.a: unknown key 'unit'.*Did you mean 'units'"),
-        ({"units": {"force": "mm"}}, "rig.profiles.a: no unit of force 'mm'"),
+        ({"units": {"force": "mm"}}, "rig.profiles.a: rig.units: no unit of force 'mm'"),
         ({"units": "N"}, "rig.profiles.a.units: expected a section of keys, found 'N'"),
         ({"scales": {"force": True}}, "scales.force: expected a number, found True"),
         ({"scales": {"force": 0.0}}, "scales: force is 0.0, expected other than 0"),
@@ -523,7 +523,7 @@ def test_quantities_of_a_profile_may_carry_units() -> None:
         ({"part_settings": [True]}, "part_settings.0: expected a whole number, found True"),
         ({"skip_lines": "3"}, "rig.profiles.a.skip_lines: expected a whole number, found '3'"),
         ({"reverse_force": 1}, "expected true, false or 'detect', found 1"),
-        ({"sample_rate": -1.0}, "sample_rate: expected greater than or equal to 0, found -1.0"),
+        ({"sample_rate": -1.0}, "sample_rate: expected 0 or more, found -1.0"),
         (
             {"restarts": "lst"},
             "found 'lst', expected 'refuse' or 'split' or 'last'.*Did you mean 'last'",

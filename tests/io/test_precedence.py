@@ -174,7 +174,7 @@ def test_a_wrong_key_of_a_profile_is_named_with_its_line(tmp_path, text, says) -
     with pytest.raises(ConfigurationError, match=r"rig\.profiles\.lab.*" + says) as caught:
         load_configuration(path)
     if "decimal" not in text and "apples" not in text:  # those are judged when all is known
-        assert str(caught.value).startswith(f"{path}:{1 if 'unknown' in says else 2}: ")
+        assert str(caught.value).startswith(f"--config {path}:{1 if 'unknown' in says else 2}: ")
 
 
 def test_profiles_in_a_list_are_told_the_form_they_have(tmp_path) -> None:
