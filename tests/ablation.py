@@ -40,29 +40,22 @@ def _nothing(*_: Any, **__: Any) -> str:
 
 # By name: module, what is replaced (a class's function as Class.name), and by what.
 PIECES: dict[str, tuple[str, str, Callable[..., Any]]] = {
+    # The search of laws, setting by setting.
     "ports first": ("laws.search", "_Search.ported", lambda _, found: list(found)),
-    "crossed": ("laws.course", "Course.crossed", _law),
     "bleeds": ("laws.search", "with_bleeds_told", _law),
-    "giving": ("laws.search", "with_what_gives_told", _law),
-    "strokes": ("laws.search", "with_strokes_told", _law),
-    "strokes in course": ("laws.course", "with_strokes_told", _law),
-    "grown": ("laws.search", "_Search.needed_by_some", _law),
     "needed elsewhere": ("laws.course", "needed_at", _nothing),
-    "without early": ("laws.search", "_Search.without_early", _law),
     "without unseen": ("laws.search", "_Search.without_unseen", _law),
     "layouts again": ("laws.search", "_Search.in_its_layout", _law),
+    "crossed": ("laws.course", "Course.crossed", _law),
+    "strokes": ("laws.search", "with_strokes_told", _law),
+    "strokes in course": ("laws.course", "with_strokes_told", _law),
+    "without early": ("laws.search", "_Search.without_early", _law),
+    "lent": ("run.auto_model", "lent", lambda own, *_, **__: own),
     "turning": ("laws.search", "with_turning_told", _law),
     "supposed": ("laws.search", "with_supposed_told", _law),
     "yielding": ("laws.search", "_Search.yielding", _law),
+    "grown": ("laws.search", "_Search.needed_by_some", _law),
     "back from": ("laws.course", "Course.back_from", _law),
-    "one friction rank": (
-        "laws.course",
-        "Course.rank",
-        lambda _, offered, __: offered.sort(key=lambda pair: pair[1].score),
-    ),
-    "no worse": ("laws.course", "Course.no_worse", _law),
-    "both ways": ("laws.law_fit", "from_both_ways", lambda _, ended, spent, **__: (ended, spent)),
-    "lent": ("run.auto_model", "lent", lambda own, *_, **__: own),
     # One model of all settings.
     "joint both ways": ("laws.law_of_all", "with_both_ways", lambda _, at: at),
     "joint led back": ("laws.together", "_Course.led_back", lambda _, law, tried, __: (law, tried)),

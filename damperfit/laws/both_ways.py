@@ -7,53 +7,15 @@ from typing import TYPE_CHECKING
 
 from damperfit.damper.mounting import NONE
 from damperfit.damper.valve_dampers import ValveDamper
-from damperfit.errors import SimulationError
-from damperfit.identification.law_misfit import COMPARING, is_as_expected
-from damperfit.laws.variants import STROKES, has_kinds_of_valves
+from damperfit.laws.variants import STROKES
 
 if TYPE_CHECKING:
     from damperfit.damper.model import Values
-    from damperfit.identification.law_misfit import LawMisfit
-    from damperfit.identification.minimiser import Minimum
 
-__all__ = ["bled_flow", "from_both_ways", "with_both_ways"]
+__all__ = ["bled_flow", "with_both_ways"]
 
 # Of the pressure at which the blow-off opens: what a bleed loses in one of its two ways.
 _NEXT_TO_NOTHING = 0.05
-
-
-def from_both_ways(
-    misfit: LawMisfit, ended: Minimum[Values], spent: int, *, hopeless: float = math.inf
-) -> tuple[Minimum[Values], int]:
-    """Return where a law of one setting ends, from bleeds of both ways too, and evaluations.
-
-    It starts from both where a bleed has lost one, and more is left than differs by cycle.
-
-    Parameters
-    ----------
-    misfit : LawMisfit
-        What was fitted.
-    ended : Minimum
-        Where it has ended.
-    spent : int
-        Evaluations that it took.
-    hopeless : float
-        What leaves more than this has not ended, and is left where it is.
-    """
-    if ended.point.cost > hopeless or is_as_expected(misfit, ended):
-        return ended, spent
-    model, values = misfit.model, ended.point.extra
-    if not isinstance(model, ValveDamper) or not has_kinds_of_valves(model):
-        return ended, spent
-    both = with_both_ways(model, values)
-    moved = {name for name in values.names if getattr(both, name) != getattr(values, name)}
-    if not moved or not moved <= {*misfit.free}:
-        return ended, spent
-    try:
-        other = misfit.descend(both, COMPARING)
-    except SimulationError:
-        return ended, spent
-    return min(ended, other, key=lambda one: one.point.cost), spent + other.evaluations
 
 
 def with_both_ways(damper: ValveDamper, at: Values) -> Values:

@@ -26,7 +26,7 @@ from damperfit.laws.variants import (
 from damperfit.workers import executor
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Sequence
 
     from damperfit.damper.model import Model
     from damperfit.damper.valve_dampers import ValveDamper
@@ -35,8 +35,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Course", "hopeless_beside", "valve_damper"]
 
-# A larger law that fits worse by more than this has ended in a wrong valley.
-_WORSE = 1.02
 # A law without a part that leaves so many times as much after a few steps lacks what is needed: it
 # is left there, before its descents.
 _LACKING = 20.0
@@ -170,7 +168,6 @@ class Course:
         )
         if one is None:
             return law
-        law = self.no_worse(law, one)
         verdict = judged(one, law, self.n_eff, is_removed=True)
         asked = self.elsewhere if change in ONE_STROKE else ()
         return self.smaller_of(one, law, change, verdict, asked)
@@ -210,17 +207,9 @@ class Course:
                 change = f"without {words_of(damper, name)}"
                 self.record(one, reason, is_taken=False, change=change)
                 continue
-            law = self.no_worse(law, one)
             verdict = judged(one, law, self.n_eff)
             law = self.smaller_of(one, law, words_of(damper, name), verdict, self.elsewhere)
         return law
-
-    def no_worse(self, large: Tried, small: Tried) -> Tried:
-        """The larger of two nested laws, which can fit no worse: if it does, from the smaller."""
-        if large.mse_percent <= _WORSE * small.mse_percent:
-            return large
-        again = self.fitted(large.fits[0].model, freed=freed_of(large), near=small)
-        return large if again is None or again.mse_percent >= large.mse_percent else again
 
     def enriched(self, law: Tried, names: Sequence[str]) -> Tried:
         """Offer what is left over to further parts: the one that explains most, and so on."""
@@ -241,7 +230,7 @@ class Course:
             if better is not law:
                 law = better
                 continue
-            self.rank(offered, verdicts)
+            offered.sort(key=lambda pair: pair[1].score)
             best: Tried | None = None
             for name, one in offered:
                 verdict = verdicts[name]
@@ -278,43 +267,6 @@ class Course:
         reason = f"MSE {law.mse_percent:.2g} to {one.mse_percent:.2g} % from a better start"
         self.record(one, reason, is_taken=True, change="from where a larger law ended")
         return one
-
-    def rank(self, offered: list[tuple[str, Tried]], verdicts: Mapping[str, Verdict]) -> None:
-        """Sort what was offered, the best first; of parts that are worth having with one friction.
-
-        A damper has one, whatever its clicks: a part that needs another in each setting has taken
-        the place of something else.
-        """
-        offered.sort(key=lambda pair: pair[1].score)
-        worth = [pair for pair in offered if verdicts[pair[0]].takes_larger]
-        if len(worth) < 2 or len(self.evidence) < 2:
-            return
-        worth.sort(key=lambda pair: self.score_of_one_friction(pair[1]))
-        offered[:] = worth + [pair for pair in offered if pair not in worth]
-
-    def score_of_one_friction(self, law: Tried) -> float:
-        """How well a law fits and predicts with the friction of one of its settings at all."""
-        model = valve_damper(law)
-        own = {one.name for one in (*model.quantities, *model.friction.quantities)
-               if one.is_friction or one in model.friction.quantities}  # fmt: skip
-
-        def fitted(place: int, source: LawFit) -> LawFit:
-            near = law.fits[place]
-            if near is source:
-                return source
-            fixed = {name: getattr(source.values, name) for name in source.free if name in own}
-            try:
-                return fit_law(
-                    model, self.evidence[place], freed=freed_of(law), near=near.values,
-                    fixed=fixed, solver=self.solver, is_whole=False,
-                )  # fmt: skip
-            except SimulationError:
-                return near
-
-        places = range(len(self.evidence))
-        return min(
-            Tried(law.title, tuple(fitted(k, source) for k in places)).score for source in law.fits
-        )
 
     def offered(self, law: Tried, name: str) -> Tried | None:
         """A law with a part more; None where it has that already, or cannot have it."""

@@ -18,7 +18,6 @@ from damperfit.conditioning import TRANSIENTS, transients
 from damperfit.errors import SimulationError
 from damperfit.identification.effective_samples import FEWEST_SAMPLES
 from damperfit.identification.law_misfit import COMPARING, LawMisfit, best_of_starts
-from damperfit.laws.both_ways import from_both_ways
 from damperfit.laws.friction_at_rest import with_whole_friction
 from damperfit.laws.missed import misses
 from damperfit.simulation import SolverOptions
@@ -181,7 +180,6 @@ def fit_law(  # noqa: PLR0913 - what a search may ask of it
     held, misfit = _misfit(model, evidence, freed, solver, fixed)
     free, coarse = misfit.free, misfit.on_cycles()
     ended, spent = _descended(coarse, near, held, evidence.more_start, hopeless_percent / 100.0)
-    ended, spent = from_both_ways(coarse, ended, spent, hopeless=hopeless_percent / 100.0)
     if is_whole:
         ended = misfit.descend(ended.point.extra, COMPARING)
         spent += ended.evaluations

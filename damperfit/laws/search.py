@@ -5,8 +5,7 @@
     2  bleed and blow-off in each stroke with everything that a mounting may have, in each layout;
        where that leaves something, with ports behind the blow-offs too
     3  of the best layout what is not needed is taken out again, the rig's parts and the valves'
-       alike, by the rule of `choosing`: so no valve is invented for the rig, nor the reverse; an
-       elastic mounting is held against a rigid one with oil that gives
+       alike, by the rule of `choosing`: so no valve is invented for the rig, nor the reverse
     4  what is left over is offered to further parts, kinds of blow-offs to both strokes and then to
        each by itself (`strokes`): soft oil, gas in it, returns, rounding, ports,
        friction that drags, builds up, turns within a speed, falls with it or grows with the
@@ -44,7 +43,6 @@ from damperfit.laws.choosing import (
 )
 from damperfit.laws.course import Course, valve_damper
 from damperfit.laws.elsewhere import freed_of, had_by, worst_missed
-from damperfit.laws.giving import with_what_gives_told
 from damperfit.laws.judged_laws import JudgedLaw, LawSearch
 from damperfit.laws.layout_choice import layout_taken, said_of_layout
 from damperfit.laws.seals import with_turning_told
@@ -210,7 +208,7 @@ class _Search(Course):
         """Take out what is not needed, until nothing can be."""
         for change in parts:
             law = self.without(law, change, SMALLER[change])
-        return with_what_gives_told(self, with_bleeds_told(self, law))
+        return with_bleeds_told(self, law)
 
     def without_unseen(self, law: Tried) -> Tried:
         """Take out parts of one stroke, or of the mounting, that no log tells.

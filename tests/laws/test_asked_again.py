@@ -114,7 +114,6 @@ def test_what_is_hopeless_without_a_part_is_not_taken_for_it(monkeypatch, mse, g
     )
     monkeypatch.setattr(course, "needed_at", lambda *_: "")
     steps, said, asked = course.Course([], SolverOptions(), lambda _: None, 1), [], []
-    monkeypatch.setattr(steps, "no_worse", lambda large, _: large)
 
     def fitted(model, *, freed, hopeless_percent, **_):
         asked.append(hopeless_percent)
@@ -145,14 +144,13 @@ def test_a_part_that_its_strokes_give_up_again_is_not_offered_for_ever(monkeypat
     """A port was worth having in both strokes and in neither alone: the search went round."""
     steps, asked = course.Course([], SolverOptions(), lambda _: None, 1), []
     before = SimpleNamespace(
-        model=PLAIN, leaves_something=True, fits=(SimpleNamespace(model=PLAIN),)
+        model=PLAIN, leaves_something=True, score=0.0, fits=(SimpleNamespace(model=PLAIN),)
     )
     verdict = SimpleNamespace(takes_larger=True, gain=2.0, reason="as judged")
     monkeypatch.setattr(course, "judged", lambda *_: verdict)
     monkeypatch.setattr(course, "with_strokes_told", lambda *_: before)
     monkeypatch.setattr(steps, "offered", lambda one, name: asked.append(name) or one)
-    for name, does in (("back_from", lambda one, _: one), ("rank", lambda *_: None)):
-        monkeypatch.setattr(steps, name, does)
+    monkeypatch.setattr(steps, "back_from", lambda one, _: one)
     monkeypatch.setattr(steps, "record", lambda *_, **__: None)
     assert steps.enriched(before, ["port"]) is before
     assert asked == ["port"]

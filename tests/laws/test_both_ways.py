@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from types import SimpleNamespace
 
 import pytest
 
 from damperfit.damper.mounting import Mounting
 from damperfit.damper.network import Valve
-from damperfit.damper.rivals import Kwok
-from damperfit.errors import SimulationError
 from damperfit.identification.law_misfit import LawMisfit
-from damperfit.laws.both_ways import from_both_ways, with_both_ways
+from damperfit.laws.both_ways import with_both_ways
 from damperfit.simulation import SolverOptions
 from tests.laws.valve_logs import VALUES, damper, moved, noisy_trace
 
@@ -89,56 +86,3 @@ def test_a_bleed_that_is_next_to_nothing_in_one_way_starts_from_both(share, is_b
     alone = replace(PLAIN, rebound=Valve("long", "none"))  # whose log tells both ways
     free = alone.values({n: getattr(at, n) for n in alone.names})
     assert with_both_ways(alone, free) == free
-
-
-LONG = with_valves(Valve("long", "linear"))
-LOST = values_at(LONG, rebound_leak=1e3)
-
-
-class Valley:
-    """Where a descent leads, and where it leads from both ways."""
-
-    def __init__(self, other: float = 0.01, *, model=LONG, held=(), is_refused=False) -> None:
-        self.model, self.scatter, self.is_refused, self.other = model, 0.01, is_refused, other
-        self.free = tuple(name for name in LOST.names if name not in held)
-        self.starts: list = []
-
-    def descend(self, start, _stopping):
-        self.starts.append(start)
-        if self.is_refused:
-            raise SimulationError("no")
-        return ended(self.other, start, 7)
-
-
-def ended(cost: float, at=LOST, evaluations: int = 5) -> SimpleNamespace:
-    return SimpleNamespace(point=SimpleNamespace(cost=cost, extra=at), evaluations=evaluations)
-
-
-def test_a_bleed_that_has_lost_a_way_starts_from_both_log_by_log_too() -> None:
-    """One model of all settings did so: `joint_rates`, place 286."""
-    valley, before = Valley(), ended(0.5)
-    found, spent = from_both_ways(valley, before, 5)
-    assert (found.point.cost, spent) == (0.01, 12)
-    assert valley.starts == [with_both_ways(LONG, LOST)]
-    worse = Valley(0.6)
-    assert from_both_ways(worse, before, 5) == (before, 12)
-
-
-@pytest.mark.parametrize(("cost", "hopeless", "is_asked"), [
-    (0.0199, math.inf, False), (0.0201, math.inf, True), (0.5, 0.51, True), (0.5, 0.49, False),
-])  # fmt: skip
-def test_it_is_asked_where_more_is_left_than_differs_by_cycle(cost, hopeless, is_asked) -> None:
-    valley, before = Valley(), ended(cost)
-    found, spent = from_both_ways(valley, before, 5, hopeless=hopeless)
-    assert bool(valley.starts) is is_asked
-    assert is_asked or (found, spent) == (before, 5)
-
-
-@pytest.mark.parametrize("valley", [
-    Valley(held=("rebound_leak",)), Valley(is_refused=True), Valley(model=Kwok()),
-    Valley(model=with_valves(Valve("orifice", "linear"))),
-])  # fmt: skip
-def test_what_was_found_stays_where_there_is_no_other_start(valley) -> None:
-    before = ended(0.5)
-    assert from_both_ways(valley, before, 5) == (before, 5)
-    assert len(valley.starts) == valley.is_refused

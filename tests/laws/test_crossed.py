@@ -98,32 +98,6 @@ def test_a_setting_with_another_friction_borrows_though_it_leaves_nothing(
     assert found.mse_percent == (0.001 if n_lend else 0.002)
 
 
-def test_of_parts_worth_having_that_is_best_which_needs_one_friction(monkeypatch) -> None:
-    """The first fits better, with 20 N at one setting and none at the other."""
-    parts = {
-        "at rest": Tried("at rest", (fit(20.0, 0.003), fit(0.001, 0.003))),
-        "port": Tried("port", (fit(20.0, 0.005), fit(19.0, 0.005))),
-        "nothing": Tried("nothing", (fit(20.0, 0.001), fit(19.0, 0.001))),
-    }
-    held = []
-
-    def fitted(_, __, *, near, fixed, **___):
-        held.append(fixed)
-        return fit(fixed["f_f"], 0.3 if abs(near.f_f - fixed["f_f"]) > 5.0 else 0.005)
-
-    monkeypatch.setattr(course, "fit_law", fitted)
-    verdicts = {name: SimpleNamespace(takes_larger=name != "nothing") for name in parts}
-    offered = list(parts.items())
-    two_settings().rank(offered, verdicts)
-    assert [name for name, _ in offered] == ["port", "at rest", "nothing"]
-    assert [set(one) for one in held] == [{"f_f"}] * 4
-
-    alone = list(parts.items())[:2]
-    one = course.Course([SettingLogs(Setting.of(1), ())], SolverOptions(), lambda _: None, 1)
-    one.rank(alone, verdicts)
-    assert [name for name, _ in alone] == ["at rest", "port"]
-
-
 @pytest.mark.parametrize(("again", "found"), [
     ((0.05, 0.02), (0.05, 0.02)),  # each setting keeps what is better
     ((0.05, 0.3), (0.05, 0.1)),
