@@ -1,4 +1,7 @@
-"""What a report tells besides the tables; of many sentences alike the first."""
+"""What a report tells besides the tables; of many problems of one code the first.
+
+What is wrong with hundreds of logs is a few lines, one for each code; run.json keeps all.
+"""
 
 from __future__ import annotations
 
@@ -12,91 +15,25 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from damperfit.checks import Check
+    from damperfit.problem import Problem
     from damperfit.tested.setting import Setting
     from damperfit.uncertainty import Prediction
 
 __all__ = [
     "FEW",
-    "MANY_KINDS",
     "Failure",
     "ReportFacts",
-    "by_words",
     "failure_lines",
+    "grouped",
     "listed_names",
-    "shape_of",
     "short_listing",
-    "summarised",
-    "with_ranges",
 ]
 
 
-# Of many sentences that say the same with other numbers: the first, and how many more.
-#
-# What is wrong with hundreds of logs is a few lines, one for each kind of cause; run.json keeps
-# all.
-
-MANY_KINDS = 20  # kinds of sentences that are shown
-_SHOWN = 3  # sentences of one kind that are shown one by one where there are many
 FEW = 20  # sentences in all that are shown one by one; a damper has some twenty settings
+_SHOWN = 3  # sentences of one kind that are shown one by one where there are many
 _LONG = 200  # characters; a page of one paragraph again and again is not read
 _NAMES = 5  # names that are listed
-_QUOTED = re.compile(r"'(?:[^'\\]|\\.)*'|\"(?:[^\"\\]|\\.)*\"")
-_NUMBER = re.compile(r"(?<![^\W_])[+-]?\d[\w.+-]*")
-_RANGE_WITH_ERROR = re.compile(r"(\S+)(?: to (\S+))? \+- (\S+(?: to \S+)?) (\w+)")
-_LISTED = re.compile(r"''(?:,? (?:and |or )?'')+")
-
-
-def shape_of(sentence: str, name: str = "") -> str:
-    """Return what is left of a sentence without numbers, quoted words and the log's name.
-
-    Examples
-    --------
-    >>> shape_of("a_7.csv, line 12: force is 'OVR', in 3 of 4 rows", "a_7.csv")
-    ", line #: force is '', in # of # rows"
-    """
-    without = sentence.replace(name, "") if name else sentence
-    return _NUMBER.sub("#", _LISTED.sub("''", _QUOTED.sub("''", without)))
-
-
-def by_words(sentences: Iterable[str]) -> list[list[str]]:
-    """Return sentences in groups that differ in numbers alone, in the order of their first."""
-    groups: dict[str, list[str]] = {}
-    for one in sentences:
-        groups.setdefault(_NUMBER.sub("#", one), []).append(one)
-    return list(groups.values())
-
-
-def with_ranges(sentences: Sequence[str]) -> str:
-    """Return sentences that differ in numbers alone as one, with the range of each number.
-
-    Examples
-    --------
-    >>> with_ranges(["noise of 0.28 um, 3 % of it", "noise of 0.374 um, 3 % of it"])
-    'noise of 0.28 to 0.374 um, 3 % of it'
-    """
-    columns = zip(*(_NUMBER.findall(one) for one in sentences), strict=True)
-    ranges = [_range(column) for column in columns]
-    words = iter(ranges)
-    return _RANGE_WITH_ERROR.sub(_plainly, _NUMBER.sub(lambda _: next(words), sentences[0]))
-
-
-def _plainly(found: re.Match[str]) -> str:
-    """Say "-132 to 9 +- 6 to 21 N" as one reads it."""
-    low, high, error, unit = found.groups()
-    if not high and " to " not in error:
-        return found[0]
-    value = f"between {low} and {high} {unit}" if high else f"{low} {unit}"
-    return f"{value} (uncertain by {error} {unit})"
-
-
-def _range(texts: Sequence[str]) -> str:
-    """As in "12 to 13"; texts that are no plain numbers have the first and no range."""
-    try:
-        ordered = sorted(texts, key=float)
-    except ValueError:
-        return texts[0]
-    low, high = ordered[0], ordered[-1]
-    return low if float(low) == float(high) else f"{low} to {high}"
 
 
 def listed_names(names: Sequence[str], *, few: int = _NAMES + 1) -> str:
@@ -112,60 +49,38 @@ def listed_names(names: Sequence[str], *, few: int = _NAMES + 1) -> str:
     return f"{', '.join(names[:_NAMES])} and {len(names) - _NAMES} more"
 
 
-def summarised(sentences: Iterable[tuple[str, str]]) -> Iterator[str]:
-    """Yield sentences, each with the name it is about; of many alike the first and how many more.
+def grouped(problems: Iterable[tuple[str, str, str]], *, few: int = FEW) -> Iterator[str]:
+    """Yield sentences; of many with one code the first, and how many more.
 
-    A few are all shown, but for long ones that differ in nothing but the name.
+    A few are all shown, but for long ones of one code.
 
     Parameters
     ----------
-    sentences : iterable of (str, str)
-        Name and whole sentence.
+    problems : iterable of (str, str, str)
+        Code, the log or setting that it is about, and the whole sentence.
+    few : int
+        Sentences in all that are shown one by one.
     """
-    everything = list(sentences)
-    if len(everything) <= FEW:
-        yield from _few(everything)
-        return
-    kinds: dict[str, list[tuple[str, str]]] = {}
-    for name, sentence in everything:
-        kinds.setdefault(shape_of(sentence, name), []).append((name, sentence))
-    for group in list(kinds.values())[:MANY_KINDS]:
-        yield from _of_one_kind(group)
-    if len(kinds) > MANY_KINDS:
-        rest = sum(len(group) for group in list(kinds.values())[MANY_KINDS:])
-        n = len(kinds) - MANY_KINDS
-        yield f"and {rest} more of {n} other kinds; run.json and --json list them all"
+    everything = list(problems)
+    by_code: dict[str, list[tuple[str, str]]] = {}
+    for code, name, sentence in everything:
+        by_code.setdefault(code, []).append((name, sentence))
+    for group in by_code.values():
+        is_short = len(everything) <= few and max(len(sentence) for _, sentence in group) < _LONG
+        if len(group) <= _SHOWN or is_short:
+            yield from dict.fromkeys(sentence for _, sentence in group)
+            continue
+        (_, first), *others = group
+        names = listed_names([name for name in dict.fromkeys(name for name, _ in others) if name])
+        yield f"{first} (and {len(others)} alike{': ' * bool(names)}{names})"
 
 
-def _few(sentences: Sequence[tuple[str, str]]) -> Iterator[str]:
-    """Yield all, in their order, but long ones that differ in the name alone."""
-    kinds: dict[str, list[tuple[str, str]]] = {}
-    alike = [sentence.replace(name, "") if name else sentence for name, sentence in sentences]
-    for kind, one in zip(alike, sentences, strict=True):
-        kinds.setdefault(kind, []).append(one)
-    for kind, (name, sentence) in zip(alike, sentences, strict=True):
-        group = kinds[kind]
-        if len(group) <= _SHOWN or len(sentence) < _LONG:
-            yield sentence
-        elif (name, sentence) == group[0]:
-            yield from _of_one_kind(group)
+def short_listing(sentences: Iterable[object]) -> list[str]:
+    """Return sentences that say themselves what they are about, each once; of many the first."""
+    known = list(dict.fromkeys(map(str, sentences)))
+    more = len(known) - FEW
+    return known[:FEW] + ([f"and {more} more; run.json and --json list them all"] * (more > 0))
 
-
-def _of_one_kind(group: Sequence[tuple[str, str]]) -> Iterator[str]:
-    if len(group) <= _SHOWN:
-        yield from (sentence for _, sentence in group)
-        return
-    (_, first), *others = group
-    names = listed_names([name for name in dict.fromkeys(name for name, _ in others) if name])
-    yield f"{first} (and {len(others)} alike{': ' * bool(names)}{names})"
-
-
-def short_listing(sentences: Iterable[str]) -> list[str]:
-    """Return sentences that say themselves what they are about; of many alike the first."""
-    return list(summarised(("", str(sentence)) for sentence in sentences))
-
-
-# What a report tells besides the tables.
 
 _MANY = 5  # tests of one file that fail alike and are listed one by one
 
@@ -241,18 +156,17 @@ def failure_lines(failures: Sequence[Failure]) -> list[str]:
 
     A logger that leaves out the setting does so in each of a file's hundreds of tests.
     """
-    of_file: dict[tuple[str, str, str], list[Failure]] = {}
+    of_file: dict[tuple[str, str], list[Failure]] = {}
     for one in failures:
-        shape = shape_of(one.message, one.log)
-        of_file.setdefault((one.path or one.place, one.kind, shape), []).append(one)
-    sentences = []
+        of_file.setdefault((one.path or one.place, one.code), []).append(one)
+    problems = []
     for first, *others in of_file.values():
         if len(others) < _MANY:
-            sentences += [(one.place, one.line) for one in (first, *others)]
+            problems += [(one.code, one.place, one.line) for one in (first, *others)]
         else:
             more = f"(and {len(others)} other tests of this file alike)"
-            sentences.append((first.place, f"{first.line} {more}"))
-    return list(summarised(sentences))
+            problems.append((first.code, first.place, f"{first.line} {more}"))
+    return list(grouped(problems))
 
 
 @dataclass(frozen=True, slots=True)

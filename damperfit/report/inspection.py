@@ -8,14 +8,7 @@ from __future__ import annotations
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
-from damperfit.report.facts import (
-    FEW,
-    MANY_KINDS,
-    by_words,
-    listed_names,
-    shape_of,
-    with_ranges,
-)
+from damperfit.report.facts import FEW, listed_names
 from damperfit.report.rounding import NOTHING, number
 from damperfit.report.sheet import Sheet
 
@@ -27,9 +20,9 @@ __all__ = ["MANY_ROWS", "VERDICT_COLOURS", "finding_lines", "inspection_sheet", 
 VERDICT_COLOURS = {"good": 32, "warnings": 33, "curves": 36, "refused": 31}  # ANSI
 _NOISE_NOTE = "* read above the filter's band; otherwise from the scatter between cycles"
 _WIDTH = 80
+_SHOWN_UNITS = {"m": (1e3, "mm"), "s": (1e3, "ms"), "Pa": (1e-5, "bar")}
 MANY_ROWS = 60  # of a table; two screens
 _ROWS_OF_REFUSED = 5  # where none of many logs can be used
-_KINDS = 5  # kinds of notes of one name that are shown
 _EACH = 3  # sentences of one kind of finding that are listed one by one
 _HEADINGS = {"refusal": "Refused", "warning": "Warnings: usable, but read them"}
 
@@ -75,7 +68,7 @@ def _shown(logs: Sequence[Mapping[str, Any]]) -> tuple[list[Mapping[str, Any]], 
 
 
 def stretch_sheet(logs: Iterable[Mapping[str, Any]]) -> Sheet:
-    """Return one row per stretch of the logs that are no single steady run; no rows without."""
+    """Return one row per segment of the logs that are no single steady run; no rows without."""
     rows: list[tuple[str, ...]] = []
     for log in logs:
         stretches = log.get("stretches", [])
@@ -86,20 +79,12 @@ def stretch_sheet(logs: Iterable[Mapping[str, Any]]) -> Sheet:
     notes = [_NOISE_NOTE] if any("*" in row[-1] for row in rows) else []
     if len(rows) > MANY_ROWS:
         notes.append(
-            f"{len(rows) - MANY_ROWS} more stretches have no row here; --json lists them all"
+            f"{len(rows) - MANY_ROWS} more segments have no row here; --json lists them all"
         )
     return Sheet(
         headings=(
-            "stretches",
-            "from",
-            "cycles",
-            "freq.",
-            "ampl.",
-            "speed",
-            "rebound",
-            "bump",
-            "energy",
-            "noise",
+            *("segments", "from", "cycles", "freq.", "ampl.", "speed"),
+            *("rebound", "compression", "energy", "noise"),
         ),
         units=("", "s", "", "Hz", "mm", "m/s", "N", "N", "J", "N"),
         rows=tuple(rows[:MANY_ROWS]),
@@ -139,13 +124,15 @@ def finding_lines(
 def _finding_lines(logs: Sequence[Mapping[str, Any]], *, has_notes: bool) -> Iterator[str]:
     yield _verdicts(logs)
     for severity, heading in _HEADINGS.items():
-        found = _logs_by_finding(logs, severity)
-        if found:
+        by_code = _by_code(logs, severity)
+        if by_code:
             yield from ("", heading)
-        for text in _grouped(found):
-            yield _indented(text)
+        yield from map(_indented, _grouped(by_code))
     if has_notes:
-        yield from _note_lines(logs)
+        notes = _by_code(logs, "note")
+        if notes:
+            yield from ("", "Notes")
+        yield from (_indented(_note(found, len(logs))) for found in notes.values())
         yield from _reading_lines(logs)
 
 
@@ -163,81 +150,62 @@ def _verdicts(logs: Sequence[Mapping[str, Any]]) -> str:
     return f"{len(logs)} log{'s' * (len(logs) != 1)}: {', '.join(parts)}"
 
 
-def _findings(log: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    found: list[Mapping[str, Any]] = log.get("findings", [])
-    return found
-
-
-def _logs_by_finding(
+def _by_code(
     logs: Sequence[Mapping[str, Any]], severity: str
-) -> dict[tuple[str, str], list[str]]:
-    """Return, by name and sentence, the logs that it is true of."""
-    found: dict[tuple[str, str], list[str]] = {}
+) -> dict[str, list[tuple[str, Mapping[str, Any]]]]:
+    """Return, by the code of a problem, the logs that have it, with their findings."""
+    by_code: dict[str, list[tuple[str, Mapping[str, Any]]]] = {}
     for log in logs:
-        for one in _findings(log):
+        for one in log.get("findings", ()):
             if one["severity"] == severity:
-                found.setdefault((one["name"], one["sentence"]), []).append(log["name"])
-    return found
+                # Refusals share a few names: the code of the problem tells their causes apart.
+                code = one["name"] if severity != "refusal" else log.get("code") or one["name"]
+                by_code.setdefault(code, []).append((str(log["name"]), one))
+    return by_code
 
 
-def _grouped(by_finding: Mapping[tuple[str, str], list[str]]) -> Iterator[str]:
-    """Yield a line for each sentence; one for each kind where it differs from log to log.
-
-    Refusals share a few names; what tells their causes apart is the sentence without its numbers.
-    """
-    kinds: dict[tuple[str, str], list[tuple[str, list[str]]]] = {}
-    for (name, sentence), names in by_finding.items():
-        kinds.setdefault((name, shape_of(sentence)), []).append((sentence, names))
-    for (name, _), found in list(kinds.items())[:MANY_KINDS]:
-        if len(found) <= _EACH:
-            yield from (f"{_named(names)}: {name}: {sentence}" for sentence, names in found)
+def _grouped(by_code: Mapping[str, list[tuple[str, Mapping[str, Any]]]]) -> Iterator[str]:
+    """Yield a line for each sentence; one for each code where it differs from log to log."""
+    for found in by_code.values():
+        sentences: dict[str, list[str]] = {}
+        for log, one in found:
+            sentences.setdefault(f"{one['name']}: {one['sentence']}", []).append(log)
+        if len(sentences) <= _EACH:
+            yield from (f"{_named(names)}: {sentence}" for sentence, names in sentences.items())
             continue
-        sentence, (first, *_) = found[0]
-        others = dict.fromkeys(log for _, names in found for log in names)
-        del others[first]
-        listed = listed_names(list(others), few=FEW)
-        yield f"{first}: {name}: {sentence}. With other numbers in {listed}"
-    if len(kinds) > MANY_KINDS:
-        yield f"and {len(kinds) - MANY_KINDS} more kinds; --json lists them all"
+        sentence, (first, *_) = next(iter(sentences.items()))
+        others = [log for log in dict.fromkeys(log for log, _ in found) if log != first]
+        listed = listed_names(others, few=FEW)
+        yield f"{first}: {sentence}. With other numbers in {listed}"
 
 
-def _note_lines(logs: Sequence[Mapping[str, Any]]) -> Iterator[str]:
-    if not _logs_by_finding(logs, "note"):
-        return
-    yield from ("", "Notes")
-    by_name: dict[str, list[Mapping[str, Any]]] = {}
-    for log in logs:
-        for one in _findings(log):
-            if one["severity"] == "note":
-                by_name.setdefault(one["name"], []).append(one)
-    for name, found in by_name.items():
-        kinds = by_words(one["sentence"] for one in found)
-        for alike in kinds[:_KINDS]:
-            count = f" ({len(alike)} of {len(logs)} logs)" if len(logs) > 1 else ""
-            yield _indented(f"{name}: {with_ranges(alike)}{count}")
-        if len(kinds) > _KINDS:
-            n = sum(map(len, kinds[_KINDS:]))
-            yield _indented(f"{name}: other notes on {n} of {len(logs)} logs; --json has them all")
+def _note(found: Sequence[tuple[str, Mapping[str, Any]]], n_logs: int) -> str:
+    """Return a note of several logs once, with the range of its number."""
+    (_, first), values = found[0], [one.get("value") for _, one in found]
+    said = f"{first['name']}: {first['sentence']}"
+    if n_logs == 1:
+        return said
+    known = sorted(float(value) for value in values if value is not None)
+    factor, unit = _SHOWN_UNITS.get(first.get("unit") or "", (1.0, first.get("unit") or ""))
+    low, high = (number(factor * known[end], digits=3) for end in (0, -1)) if known else ("", "")
+    spread = f"; {low} to {high} {unit}".rstrip() if low != high else ""
+    return f"{said} ({len(found)} of {n_logs} logs{spread})"
 
 
 def _reading_lines(logs: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     """Yield what was assumed in reading, each assumption once."""
-    found: dict[str, dict[str, list[str]]] = {}
+    notes: dict[str, int] = {}
     for log in logs:
-        sentences = {one["sentence"] for one in _findings(log)}
+        told = {one["sentence"] for one in log.get("findings", ())}
         for note in log.get("notes", ()):
-            if note not in sentences:
-                found.setdefault(shape_of(note), {}).setdefault(note, []).append(log["name"])
-    if found:
+            if note not in told:
+                notes[note] = notes.get(note, 0) + 1
+    if notes:
         yield from ("", "Read as")
-    for alike in found.values():
-        if len(alike) > _EACH:
-            n, first = sum(map(len, alike.values())), next(iter(alike))
-            yield _indented(f"{first} ({n} of {len(logs)} logs, with other names or numbers)")
-            continue
-        for note, names in alike.items():
-            who = f" ({len(names)} of {len(logs)} logs)" if len(logs) > 1 else ""
-            yield _indented(f"{note}{who}")
+    for note, n in list(notes.items())[:FEW]:
+        yield _indented(f"{note} ({n} of {len(logs)} logs)" if len(logs) > 1 else note)
+    if len(notes) > FEW:
+        yield _indented(f"and {len(notes) - FEW} more; --json lists them all")
 
 
 def _named(names: Sequence[str]) -> str:

@@ -28,7 +28,7 @@ from damperfit.errors import InstallationError
 from damperfit.identification.sharing import of_runs
 from damperfit.report.compared import comparison_sheets, tolerance_outcome, tolerance_sheet
 from damperfit.report.compared_figures import difference_plots, loop_plots
-from damperfit.report.facts import failure_lines, short_listing, summarised
+from damperfit.report.facts import failure_lines, grouped, short_listing
 from damperfit.report.figures import setting_colours
 from damperfit.report.forces import force_sheets, log_force_sheet, segment_sheet
 from damperfit.report.laws import law_sentences, rival_sheet, tried_laws_sheet
@@ -460,14 +460,16 @@ def _verdict(row: Row, shown: ReportPlots) -> str:
 
 def _log_findings(record: Row) -> list[str]:
     """Return the findings that matter; mere notes stand with their log."""
-    notable = (
-        (str(entry.get("log", "log")), f"{entry.get('log', 'log')}: {finding.sentence}")
-        for entry in listed_in(record, "inputs")
-        if isinstance(entry, dict)
-        for finding in findings_in(entry)
-        if finding.severity != "note"
+    inputs = [entry for entry in listed_in(record, "inputs") if isinstance(entry, dict)]
+    names = [str(entry.get("log", "log")) for entry in inputs]
+    return list(
+        grouped(
+            (finding.name, name, f"{name}: {finding.sentence}")
+            for name, entry in zip(names, inputs, strict=True)
+            for finding in findings_in(entry)
+            if finding.severity != "note"
+        )
     )
-    return list(summarised(notable))
 
 
 def _tables(shown: ReportPlots) -> list[tuple[str, Sheet]]:

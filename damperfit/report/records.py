@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_origin, get_type_h
 from damperfit.adjustment.click_changes import Click
 from damperfit.adjustment.trends import Trend
 from damperfit.checks import Check
+from damperfit.problem import Problem
 from damperfit.recording import Finding
 from damperfit.report.facts import Failure
 from damperfit.tested.setting import Setting, parse_place
@@ -219,7 +220,8 @@ def _all(kind: type[_T], record: Mapping[str, Any], key: str) -> tuple[_T, ...]:
 
 @cache
 def _hints(kind: Any) -> dict[str, Any]:
-    return get_type_hints(kind, localns={"Setting": Setting})
+    hints = get_type_hints(kind, localns={"Setting": Setting, "Problem": Problem})
+    return {name: hint for name, hint in hints.items() if Problem not in get_args(hint)}
 
 
 def _read(hint: Any, value: Any) -> Any:

@@ -388,7 +388,8 @@ def _failed(
     sentence = problem.message() if problem is not None and is_of_log else mishap.message
     refusal = Finding(_REFUSALS.get(mishap.kind, "unreadable"), "refusal", sentence)
     refused = {"findings": [one.describe() for one in (refusal, *findings)], "verdict": "refused"}
-    return _Taken(replace(known, facts=known.facts | refused), failure=failure)
+    facts = known.facts | refused | {"code": failure.code}
+    return _Taken(replace(known, facts=facts), failure=failure)
 
 
 # What is wrong is said at once, not one by one over as many runs.

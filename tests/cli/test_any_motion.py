@@ -40,7 +40,7 @@ def steps(tmp_path_factory):
 def test_inspect_shows_the_stretches(steps, run):
     told = run("inspect", steps / "setting_10.csv")
     assert told.code == 0
-    table = told.out.split("stretches")[1].split("\n\n")[0].splitlines()[2:]
+    table = told.out.split("segments")[1].split("\n\n")[0].splitlines()[2:]
     assert len(table) == 4
     document = json.loads(run("inspect", steps / "setting_10.csv", "--json").out)
     stretches = document["logs"][0]["stretches"]
@@ -67,6 +67,6 @@ def test_one_record_in_79_write_buffers_is_one_log(run, tmp_path):
     path.write_bytes(export(blocks_of(record())).encode())
     told = run("inspect", path)
     assert told.code == 0
-    table = told.out.split("stretches")[1].split("\n\n")[0].splitlines()[2:]
+    table = told.out.split("segments")[1].split("\n\n")[0].splitlines()[2:]
     assert len([row for row in table if not row.startswith("*")]) == 13  # 0.2 to 10 Hz
     assert told.out.count("blocks joined") == 1
