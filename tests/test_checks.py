@@ -20,7 +20,6 @@ from damperfit.checks import (
     missed_gates,
     run_checks,
 )
-from damperfit.checks.physical_checks import _every_grade_stands
 from damperfit.damper.model import values_type
 from damperfit.damper.purdy.parameters import DAMPER_RANGES
 from damperfit.damper.quantity import Quantity
@@ -425,7 +424,8 @@ def test_a_list_goes_without_what_the_test_declares_pointless() -> None:
 @pytest.mark.parametrize(("count", "words"), [(1, "setting 1"), (2, "settings 1, 2")])
 def test_grades_that_stand_are_told_by_setting(count: int, words: str) -> None:
     fits = [fit(n + 1) for n in range(count)]
-    assert _every_grade_stands(fits, {}) == (True, f"no objection to the grade of {words}")
+    subject = Subject(campaign(*fits), Assessment(), Adjustment())
+    assert CHECKS["every_grade_stands"](subject) == (True, f"no objection to the grade of {words}")
 
 
 @pytest.mark.parametrize(("n", "ending"), [(20, "log 20 failed"), (21, "log 5 failed and 16 more")])

@@ -34,7 +34,7 @@ TARGETS: dict[str, tuple[str, ...]] = {
     "readers": ("damperfit/io",),
     "tables": ("damperfit/tables",),
     "report": ("damperfit/report",),
-    "checks": ("damperfit/checks",),
+    "checks": ("damperfit/checks.py",),
     "exit codes": ("damperfit/errors.py", "damperfit/cli"),
     "run": ("damperfit/run",),
     "laws": ("damperfit/laws",),

@@ -1,7 +1,7 @@
-"""Named checks of a run, each passed, failed or not looked at, with the reason.
+"""Named checks of a run, each passed, failed or not evaluated, with the reason; which are gates.
 
-A check that cannot be looked at has passed None and says why. A reason names the settings it speaks
-of. Which checks must be passed is the matter of `damperfit.checks.gates`.
+A check that cannot be evaluated has passed None and says why. A reason names the settings it speaks
+of. A check that nobody looked at is a gate not met: it must not be let through.
 """
 
 from __future__ import annotations
@@ -12,33 +12,40 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from damperfit.adjustment.trend_words import in_few_words
-from damperfit.checks.physical_checks import PHYSICAL_CHECKS
+from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.identification import Status
 from damperfit.identification.sharing import of_runs, of_settings
+from damperfit.problem import Key
 from damperfit.tested.setting import ADJUSTER, clicks_between
-from damperfit.uncertainty.withheld import doubted_cavitation
+from damperfit.uncertainty.withheld import doubted_cavitation, what_spreads
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from damperfit.adjustment.across_settings import Adjustment
+    from damperfit.damper.quantity import Quantity
     from damperfit.identification import Campaign, Fit
     from damperfit.recording import Trace
     from damperfit.tested.setting import Setting
-    from damperfit.uncertainty import Assessment, Diagnosis, Objection
+    from damperfit.uncertainty import Assessment, Diagnosis
 
 __all__ = [
     "CHECKS",
+    "CHECK_LISTS",
     "Check",
     "Subject",
+    "expand_checks",
+    "missed_gates",
     "run_checks",
     "unchecked",
 ]
+
 
 _EXPLAINED = 0.5  # share of the MSE
 _SOME = 20  # logs or settings that are named one by one: a damper has some twenty settings
 _FIRST = 5  # of more
 _Verdict = tuple[bool | None, str]
+_FOUND = (Status.FITTED, Status.SHARED)
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,24 +107,6 @@ class Subject:
     def traces(self) -> tuple[Trace, ...]:
         """The logs fitted."""
         return tuple(log.trace for fit in self.fits for log in fit.logs)
-
-
-def run_checks(subject: Subject) -> tuple[Check, ...]:
-    """Return the result of every check, in the order of `CHECKS`."""
-    if not subject.fits:
-        return tuple(_without_fits(name, subject) for name in CHECKS)
-    return tuple(Check(name, *check(subject)) for name, check in CHECKS.items())
-
-
-def _without_fits(name: str, subject: Subject) -> Check:
-    if name == "every_setting_fitted":
-        return Check(name, *_every_setting_fitted(subject))
-    return Check(name, None, "no setting could be fitted")
-
-
-def unchecked() -> tuple[Check, ...]:
-    """Return the result of every check when an error of damperfit's kept it from looking."""
-    return tuple(Check(name, None, "not evaluated because of an internal error") for name in CHECKS)
 
 
 def _mse_below_1_percent(subject: Subject) -> _Verdict:
@@ -371,12 +360,100 @@ def _first_of(parts: Sequence[str], mark: str = ", ") -> str:
     return f"{mark.join(parts[:_FIRST])} and {len(parts) - _FIRST} more"
 
 
-def _physical(
-    check: Callable[[Sequence[Fit], Mapping[Setting, Sequence[Objection]]], _Verdict],
-) -> Callable[[Subject], _Verdict]:
-    return lambda subject: check(subject.fits, subject.assessment.objections)
+# Against physics and the log itself, by the objections that withhold a grade: both agree.
 
 
+def _every_grade_stands(subject: Subject) -> _Verdict:
+    said = subject.assessment.objections
+    if said:
+        first = next(iter(said))
+        return False, (
+            f"grades are withheld at {of_settings(said)}; setting {first}: "
+            f"{'; '.join(one.sentence for one in said[first])}"
+        )
+    return (
+        True,
+        f"no objection to the grade of {of_settings([fit.setting for fit in subject.fits])}",
+    )
+
+
+def _bulk_modulus_of_oil(subject: Subject) -> _Verdict:
+    names = _quantities(subject, lambda one: one.unit == "Pa" and math.isfinite(one.believable[1]))
+    if not names:
+        return None, "the oil of the model is incompressible"
+    return _judged(subject, subject.fits, names, "beyond", "that of oil")
+
+
+def _offset_as_in_log(subject: Subject) -> _Verdict:
+    names = _quantities(subject, lambda one: one.is_offset)
+    if not names:
+        return None, "the model has no offset of the force"
+    against = _against(subject, names, "offset")
+    if against:
+        return False, _first(against)
+    return True, "no offset contradicts the level of the force in the logs"
+
+
+def _friction_within_jump(subject: Subject) -> _Verdict:
+    names = _quantities(subject, lambda one: one.is_friction)
+    if not names:
+        return None, "the model has no friction"
+    read = [fit for fit in subject.fits if not what_spreads(fit)]
+    if not read:
+        return None, what_spreads(subject.fits[0])
+    return _judged(
+        subject, read, names, "friction", "within the jump of the force at the reversals"
+    )
+
+
+def _series_stiffness_found(subject: Subject) -> _Verdict:
+    names = _quantities(subject, lambda one: one.unit == "N/m")
+    if not names:
+        return None, "the model has no stiffness in series"
+    lost = [fit for fit in subject.fits if any(fit.status[name].has_failed for name in names)]
+    if lost:
+        where = of_settings(fit.setting for fit in lost)
+        return False, f"{' and '.join(names)} is not determined by the logs at {where}"
+    return _judged(subject, subject.fits, names, "beyond", "in the range of test rigs")
+
+
+def _quantities(subject: Subject, belongs: Callable[[Quantity], bool]) -> tuple[str, ...]:
+    return tuple(one.name for one in subject.fits[0].parameters.quantities if belongs(one))
+
+
+def _judged(
+    subject: Subject, fits: Sequence[Fit], names: Sequence[str], kind: str, what: str
+) -> _Verdict:
+    """Fail with the first objection, pass where the logs determine a value, else not looked at."""
+    against = _against(subject, names, kind)
+    if against:
+        return False, _first(against)
+    determined = [fit for fit in fits if any(fit.status[name] in _FOUND for name in names)]
+    if not determined:
+        return None, f"no log determined {' or '.join(names)}"
+    return (
+        True,
+        f"{' and '.join(names)} is {what} at {of_settings(fit.setting for fit in determined)}",
+    )
+
+
+def _against(subject: Subject, names: Sequence[str], kind: str) -> dict[Setting, str]:
+    return {
+        setting: one.sentence
+        for setting, why in subject.assessment.objections.items()
+        for one in why
+        if one.kind == kind and one.quantity in names
+    }
+
+
+def _first(against: Mapping[Setting, str]) -> str:
+    """Return where there are objections, and the first of them."""
+    setting = next(iter(against))
+    where = "" if len(against) == 1 else f"at {of_settings(against)}: "
+    return f"{where}setting {setting}: {against[setting]}"
+
+
+# A check is a function of the subject, and a line here.
 CHECKS: dict[str, Callable[[Subject], _Verdict]] = {
     "every_setting_fitted": _every_setting_fitted,
     "fits_converged": _fits_converged,
@@ -392,5 +469,104 @@ CHECKS: dict[str, Callable[[Subject], _Verdict]] = {
     "temperature_in_window": _temperature_in_window,
     "no_log_warnings": _no_log_warnings,
     "damper_declared": _damper_declared,
-    **{name: _physical(check) for name, check in PHYSICAL_CHECKS.items()},
+    "every_grade_stands": _every_grade_stands,
+    "bulk_modulus_of_oil": _bulk_modulus_of_oil,
+    "offset_as_in_log": _offset_as_in_log,
+    "friction_within_jump": _friction_within_jump,
+    "series_stiffness_found": _series_stiffness_found,
 }
+
+
+def run_checks(subject: Subject) -> tuple[Check, ...]:
+    """Return the result of every check, in the order of `CHECKS`."""
+    if not subject.fits:
+        return tuple(_without_fits(name, subject) for name in CHECKS)
+    return tuple(Check(name, *check(subject)) for name, check in CHECKS.items())
+
+
+def _without_fits(name: str, subject: Subject) -> Check:
+    if name == "every_setting_fitted":
+        return Check(name, *_every_setting_fitted(subject))
+    return Check(name, None, "no setting could be fitted")
+
+
+def unchecked() -> tuple[Check, ...]:
+    """Return the result of every check when an error of damperfit's kept it from looking."""
+    return tuple(Check(name, None, "not evaluated because of an internal error") for name in CHECKS)
+
+
+# What the paper looked at by hand: the MSE at every setting (its section 6), cavitation (6.2), the
+# run of the parameters over the settings (Figs 14 to 16), and the temperature of the test.
+CHECK_LISTS: dict[str, tuple[str, ...]] = {
+    "purdy2000": (
+        "every_setting_fitted",
+        "mse_below_1_percent",
+        "no_parameter_at_bound",
+        "no_cavitation",
+        "trend_monotone",
+        "no_outlier_setting",
+        "temperature_in_window",
+    ),
+}
+
+
+def expand_checks(names: Iterable[str], *, pointless: Iterable[str] = ()) -> tuple[str, ...]:
+    """Return the checks that names of checks and of lists stand for, each once.
+
+    Parameters
+    ----------
+    names : iterable of str
+        Of `CHECKS` or `CHECK_LISTS`; with a minus before it a check is left out of what the
+        others stand for.
+    pointless : iterable of str
+        Checks that cannot be looked at by the test's own declaration: lists go without them.
+
+    Raises
+    ------
+    ConfigurationError
+        No check and no list has that name, or a check is left out that is not in.
+
+    Examples
+    --------
+    >>> expand_checks(["no_cavitation", "no_cavitation"])
+    ('no_cavitation',)
+    >>> "temperature_in_window" in expand_checks(["purdy2000", "-temperature_in_window"])
+    False
+    """
+    found: list[str] = []
+    left_out: list[str] = []
+    for text in names:
+        name = text.removeprefix("-")
+        if name not in CHECKS and name not in CHECK_LISTS:
+            known = (*CHECKS, *CHECK_LISTS)
+            raise ConfigurationError(
+                f"no check {text!r}; there are {', '.join(CHECKS)} and the lists "
+                f"{', '.join(CHECK_LISTS)}.{did_you_mean(name, known)}",
+                where=Key(("output", "checks")),
+            )
+        members = CHECK_LISTS.get(name, (name,))
+        if text.startswith("-"):
+            left_out.extend(members)
+        elif name in CHECKS:
+            found.append(name)
+        else:
+            found.extend(member for member in members if member not in set(pointless))
+    absent = [name for name in left_out if name not in found and name not in set(pointless)]
+    if absent:
+        raise ConfigurationError(
+            f"check '-{absent[0]}' excludes a check that was not requested; expected it after a "
+            f"list that includes it, as in {next(iter(CHECK_LISTS))},-{absent[0]}"
+        )
+    return tuple(dict.fromkeys(name for name in found if name not in left_out))
+
+
+def missed_gates(checks: Sequence[Check], gates: Iterable[str]) -> tuple[str, ...]:
+    """Return one sentence for each gate that is not met, or that could not be looked at."""
+    results = {check.name: check for check in checks}
+    said = []
+    for name in gates:
+        check = results[name]
+        if not check.passed:
+            how = "check" if check.passed is False else "check not evaluated:"
+            said.append(f"{how} {name}: {check.reason}")
+    return tuple(said)
