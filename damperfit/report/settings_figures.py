@@ -128,43 +128,46 @@ def _emphasis(settings: Iterable[Setting]) -> set[Setting]:
 
 
 def _peak_forces(shown: ReportPlots) -> Iterator[Plot]:
-    """Peak force against peak velocity: measured points, the model at the same peaks a curve."""
+    """Peak force against peak velocity: measured points, curves of the model and of the damper."""
     rows = [row for log in shown.logs for row in log.peaks if row["cycles"]]
     if not has_several_speeds(rows):
         return
     settings = sorted({row["setting"] for row in rows})
     bold, lines = _emphasis(settings), []
     for setting in settings:
-        mine = [row for row in rows if row["setting"] == setting]
+        style = "wide" if setting in bold else "solid"
         for stroke, sign in _STROKES:
-            names = (f"speed_{stroke}_m_per_s", f"simulated_{stroke}_N", f"measured_{stroke}_N")
-            known = sorted(tuple(row[name] for name in names) for row in mine if row[names[0]])
-            if not known:
-                continue
-            speed, simulated, measured = np.array(known, dtype=np.float64).T
-            is_bold = setting in bold
-            style, tag = (
-                ("wide", setting.label)
-                if is_bold and sign > 0.0
-                else ("wide" if is_bold else "solid", "")
-            )
-            whose = f"setting {setting}, {{}}, {'rebound' if sign > 0.0 else 'compression'}"
-            colour = shown.colours[setting]
-            lines.append(
-                Line(
-                    sign * speed, simulated, whose.format("model"), colour, setting, style, tag=tag
+            own = [row for row in shown.run.rows("adjustment") if row["stroke"] == stroke]
+            peak = f"speed_{stroke}_m_per_s"
+            for word, known, x, y, look in (
+                ("damper at constant speed", own, "speed_m_per_s", "model_N", "dashed"),
+                ("model", rows, peak, f"simulated_{stroke}_N", style),
+                ("measured", rows, peak, f"measured_{stroke}_N", "points"),
+            ):
+                mine = (row for row in known if row["setting"] == setting)
+                pairs = {row[x]: row[y] for row in mine if row[x] and row.get(y) is not None}
+                if not pairs:
+                    continue
+                is_end = look == "wide" and sign > 0.0
+                at = np.array(sorted(pairs))
+                line = Line(
+                    sign * at,
+                    np.array([pairs[speed] for speed in sorted(pairs)]),
+                    f"setting {setting}, {word}, {'rebound' if sign > 0.0 else 'compression'}",
+                    shown.colours[setting],
+                    setting,
+                    look,
+                    tag=setting.label if is_end else "",
                 )
-            )
-            lines.append(
-                Line(sign * speed, measured, whose.format("measured"), colour, setting, "points")
-            )
-    lines.sort(key=lambda line: line.style == "points")
+                lines.append(line)
+    lines.sort(key=lambda line: ("dashed", "solid", "wide", "points").index(line.style))
     panel = Panel("peak velocity", "m/s", "peak force", "N", tuple(lines))
     caption = (
         "Dots: measured, the mean peak force of each segment (PVP); lines: the model at the same "
-        "peaks. Rebound to the right and up, compression to the left and down."
+        "peaks; dashed: the damper alone at constant speed, as in the table. Rebound to the right "
+        "and up, compression to the left and down."
     )
-    key = (("measured", "points"), ("model", "solid"))
+    key = (("measured", "points"), ("model", "solid"), ("damper alone", "dashed"))
     yield Plot("peak_force", "Peak force against peak velocity (PVP)", (panel,), caption, key)
 
 
