@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 
 __all__ = [
     "checks_in",
-    "clicks_in",
     "failures_in",
     "findings_in",
     "gaps_in",
@@ -128,11 +127,6 @@ def trends_in(record: Mapping[str, Any]) -> tuple[Trend, ...]:
         replace(trend, points=tuple(sorted(trend.points, key=lambda point: point.setting)))
         for trend in _all(Trend, record, "trends")
     )
-
-
-def clicks_in(record: Mapping[str, Any]) -> tuple[Click, ...]:
-    """Return the changes of force by click."""
-    return _all(Click, record, "clicks")
 
 
 def units_in(record: Mapping[str, Any]) -> ShownUnits:
