@@ -9,6 +9,7 @@ import re
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from damperfit.errors import DamperfitError
 from damperfit.problem import Problem
 
 if TYPE_CHECKING:
@@ -25,6 +26,7 @@ __all__ = [
     "ReportFacts",
     "failure_lines",
     "grouped",
+    "kind_of",
     "listed_names",
     "short_listing",
 ]
@@ -50,22 +52,22 @@ def listed_names(names: Sequence[str], *, few: int = _NAMES + 1) -> str:
 
 
 def grouped(problems: Iterable[tuple[str, str, str]], *, few: int = FEW) -> Iterator[str]:
-    """Yield sentences; of many with one code the first, and how many more.
+    """Yield sentences; of many of one kind the first, and how many more.
 
-    A few are all shown, but for long ones of one code.
+    A few are all shown, but for long ones of one kind.
 
     Parameters
     ----------
     problems : iterable of (str, str, str)
-        Code, the log or setting that it is about, and the whole sentence.
+        Kind (as of `kind_of`), the log or setting that it is about, and the whole sentence.
     few : int
-        Sentences in all that are shown one by one.
+        Sentences in all that are shown one by one, and kinds.
     """
     everything = list(problems)
-    by_code: dict[str, list[tuple[str, str]]] = {}
-    for code, name, sentence in everything:
-        by_code.setdefault(code, []).append((name, sentence))
-    for group in by_code.values():
+    kinds: dict[str, list[tuple[str, str]]] = {}
+    for kind, name, sentence in everything:
+        kinds.setdefault(kind, []).append((name, sentence))
+    for group in list(kinds.values())[:few]:
         is_short = len(everything) <= few and max(len(sentence) for _, sentence in group) < _LONG
         if len(group) <= _SHOWN or is_short:
             yield from dict.fromkeys(sentence for _, sentence in group)
@@ -73,6 +75,26 @@ def grouped(problems: Iterable[tuple[str, str, str]], *, few: int = FEW) -> Iter
         (_, first), *others = group
         names = listed_names([name for name in dict.fromkeys(name for name, _ in others) if name])
         yield f"{first} (and {len(others)} alike{': ' * bool(names)}{names})"
+    if len(kinds) > few:
+        n, more = len(kinds) - few, sum(map(len, list(kinds.values())[few:]))
+        yield f"and {more} more of {n} other kinds; run.json and --json list them all"
+
+
+def kind_of(code: str, text: str) -> str:
+    """Return what problems have in common that are told together.
+
+    Parameters
+    ----------
+    code : str
+        Of the problem.
+    text : str
+        What it says besides its place: a code that only names the class of the error does not
+        tell one problem from another.
+    """
+    return f"{code}: {text}" if code in _GENERAL else code
+
+
+_GENERAL = frozenset({DamperfitError.code, *(one.code for one in DamperfitError.__subclasses__())})
 
 
 def short_listing(sentences: Iterable[object]) -> list[str]:
@@ -123,6 +145,14 @@ class Failure:
         return re.sub(r"(?<=[a-z])(?=[A-Z])", "-", self.kind.removesuffix("Error")).lower()
 
     @property
+    def likeness(self) -> str:
+        """What it has in common with those that are told together."""
+        if self.problem is None:
+            return self.code
+        text = self.problem.text
+        return kind_of(self.code, text.replace(self.log, "") if self.log else text)
+
+    @property
     def place(self) -> str:
         """The log, else the setting, that has no result."""
         return self.log or (f"setting {self.setting}" if self.setting is not None else "")
@@ -158,14 +188,14 @@ def failure_lines(failures: Sequence[Failure]) -> list[str]:
     """
     of_file: dict[tuple[str, str], list[Failure]] = {}
     for one in failures:
-        of_file.setdefault((one.path or one.place, one.code), []).append(one)
+        of_file.setdefault((one.path or one.place, one.likeness), []).append(one)
     problems = []
     for first, *others in of_file.values():
         if len(others) < _MANY:
-            problems += [(one.code, one.place, one.line) for one in (first, *others)]
+            problems += [(one.likeness, one.place, one.line) for one in (first, *others)]
         else:
             more = f"(and {len(others)} other tests of this file alike)"
-            problems.append((first.code, first.place, f"{first.line} {more}"))
+            problems.append((first.likeness, first.place, f"{first.line} {more}"))
     return list(grouped(problems))
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
-from damperfit.report.facts import FEW, listed_names
+from damperfit.report.facts import FEW, kind_of, listed_names
 from damperfit.report.rounding import NOTHING, number
 from damperfit.report.sheet import Sheet
 
@@ -158,15 +158,17 @@ def _by_code(
     for log in logs:
         for one in log.get("findings", ()):
             if one["severity"] == severity:
-                # Refusals share a few names: the code of the problem tells their causes apart.
-                code = one["name"] if severity != "refusal" else log.get("code") or one["name"]
+                # Refusals share a few names: the problem tells their causes apart.
+                code = one["name"]
+                if severity == "refusal" and log.get("code"):
+                    code = kind_of(log["code"], one["sentence"].replace(str(log["name"]), ""))
                 by_code.setdefault(code, []).append((str(log["name"]), one))
     return by_code
 
 
 def _grouped(by_code: Mapping[str, list[tuple[str, Mapping[str, Any]]]]) -> Iterator[str]:
     """Yield a line for each sentence; one for each code where it differs from log to log."""
-    for found in by_code.values():
+    for found in list(by_code.values())[:FEW]:
         sentences: dict[str, list[str]] = {}
         for log, one in found:
             sentences.setdefault(f"{one['name']}: {one['sentence']}", []).append(log)
@@ -177,6 +179,8 @@ def _grouped(by_code: Mapping[str, list[tuple[str, Mapping[str, Any]]]]) -> Iter
         others = [log for log in dict.fromkeys(log for log, _ in found) if log != first]
         listed = listed_names(others, few=FEW)
         yield f"{first}: {sentence}. With other numbers in {listed}"
+    if len(by_code) > FEW:
+        yield f"and {len(by_code) - FEW} more kinds; --json lists them all"
 
 
 def _note(found: Sequence[tuple[str, Mapping[str, Any]]], n_logs: int) -> str:
