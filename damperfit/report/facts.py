@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from damperfit.checks import Check
-    from damperfit.problem import Problem
     from damperfit.tested.setting import Setting
     from damperfit.uncertainty import Prediction
 

@@ -148,8 +148,16 @@ def findings_in(log: Mapping[str, Any]) -> tuple[Finding, ...]:
 
 
 def failures_in(record: Mapping[str, Any]) -> tuple[Failure, ...]:
-    """Return the logs and settings that have no result."""
-    return _all(Failure, record, "failures")
+    """Return the logs and settings that have no result, with what kind of problem it is."""
+    failures = []
+    for entry in listed_in(record, "failures"):
+        failure = read_back(Failure, entry)
+        if failure is not None and failure.message:
+            text = failure.message.removeprefix(f"{failure.log}: ")
+            code = entry.get("code")
+            problem = Problem(code, text, subject=failure.log) if isinstance(code, str) else None
+            failures.append(replace(failure, problem=problem))
+    return tuple(failures)
 
 
 def gaps_in(record: Mapping[str, Any]) -> tuple[tuple[int, int], ...]:
