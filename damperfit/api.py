@@ -526,8 +526,8 @@ def simulate(  # noqa: PLR0913 - one keyword an option of the command line
     """
     given = dict(locals())
     from damperfit.damper.warmed import Warmed
-    from damperfit.queries.one_simulation import simulate_test
-    from damperfit.queries.rig_in_forces import notes_on_simulation
+    from damperfit.queries.settings import notes_on_simulation
+    from damperfit.queries.simulations import simulate_test
     from damperfit.results import warmed_to
     from damperfit.shown import Simulation
 
@@ -559,8 +559,7 @@ def _parameters(
     command: str, given: Mapping[str, Any], configuration: Configuration
 ) -> tuple[Any, Configuration, str]:
     """What to simulate with: the parameters, the damper that they belong to, and a line on it."""
-    from damperfit.queries.chosen_parameters import choose_parameters
-    from damperfit.queries.one_simulation import damper_of
+    from damperfit.queries.simulations import choose_parameters, damper_of
     from damperfit.results import Run
 
     call, setting, table = f"damperfit.{command}", given["setting"], given["parameters"]
@@ -632,7 +631,7 @@ def sweep(  # noqa: PLR0913 - one keyword an option of the command line
         Folder for the table and the figures; without it none is written.
     """
     given = dict(locals())
-    from damperfit.queries.sweep import PAPER_SWEEPS, parse_variation
+    from damperfit.queries.simulations import PAPER_SWEEPS, parse_variation
     from damperfit.shown import Sweep
 
     _check_kind(figures)
@@ -697,8 +696,7 @@ def settings(  # noqa: PLR0913 - one keyword an option of the command line
         As of `identify`.
     """
     given = dict(locals())
-    from damperfit.queries.adjuster_results import read_adjuster_results
-    from damperfit.queries.force_by_setting import parse_question, tabulate_forces
+    from damperfit.queries.settings import parse_question, read_adjuster_results, tabulate_forces
     from damperfit.results import Run
     from damperfit.shown import SettingForces
     from damperfit.units.shown_units import SI, parse_units
@@ -715,7 +713,7 @@ def settings(  # noqa: PLR0913 - one keyword an option of the command line
     ] or [_RESULTS]
     reading = {name: given[name] for name in ("rig", "rig_profile", "config")}
     if all(path.is_file() for path in paths):
-        from damperfit.queries.measured_forces import measured_forces
+        from damperfit.queries.compared import measured_forces
 
         refuse_idle(
             given,
@@ -777,7 +775,7 @@ def compare(  # noqa: PLR0913 - one keyword an option of the command line
         Folder for page, Markdown, JSON and tables; the reference as a baseline; JUnit XML.
     """
     given = dict(locals())
-    from damperfit.queries.comparisons import (
+    from damperfit.queries.compared import (
         Compared,
         compare_all,
         comparison_options,
@@ -837,8 +835,7 @@ def compare(  # noqa: PLR0913 - one keyword an option of the command line
     options = replace(options, names=names)
     file = _path(config, "compare", "config", "the path of a TOML file")
     if paths["save"] is not None:
-        from damperfit.queries.baseline import baseline_text
-        from damperfit.queries.comparisons import one_run
+        from damperfit.queries.compared import baseline_text, one_run
         from damperfit.store import write_text
 
         run = one_run(places[0], options, config=file, reading=reading)
@@ -1030,7 +1027,7 @@ def fleet(  # noqa: PLR0913 - one keyword an option of the command line
     """
     given = dict(locals())
     from damperfit.fleet.run import planned, share_of
-    from damperfit.queries.comparisons import parse_bands
+    from damperfit.queries.compared import parse_bands
     from damperfit.run.watching import Watch
     from damperfit.shown import FleetDone
 
@@ -1141,7 +1138,7 @@ def samples(  # noqa: PLR0913 - one keyword an option of the command line
     watch : Watch, optional
         Who looks on: progress by log.
     """
-    from damperfit.queries.sample_options import as_options, numbers_in, truth_of
+    from damperfit.queries.simulations import as_options, numbers_in, truth_of
     from damperfit.run.watching import Watch
     from damperfit.samples import SampleOptions, make_samples
     from damperfit.shown import Files

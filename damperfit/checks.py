@@ -11,7 +11,7 @@ from collections import defaultdict
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from damperfit.adjustment.trend_words import in_few_words
+from damperfit.adjustment.trends import in_few_words
 from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.identification import Status
 from damperfit.identification.sharing import of_runs, of_settings
@@ -22,7 +22,7 @@ from damperfit.uncertainty.withheld import doubted_cavitation, what_spreads
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
-    from damperfit.adjustment.across_settings import Adjustment
+    from damperfit.adjustment.clicks import Adjustment
     from damperfit.damper.quantity import Quantity
     from damperfit.identification import Campaign, Fit
     from damperfit.recording import Trace

@@ -31,8 +31,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from damperfit.adjustment.motions import Sine, fastest_sine
-from damperfit.adjustment.stage import Stage, has_lost_errors, open_limits
+from damperfit.adjustment.force_at import Sine, Stage, fastest_sine, has_lost_errors, open_limits
 from damperfit.errors import ConfigurationError, OutputError, did_you_mean, refuse_wrong_arguments
 from damperfit.identification.sharing import of_settings
 from damperfit.io.files import read_bytes

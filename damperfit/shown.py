@@ -27,13 +27,9 @@ if TYPE_CHECKING:
     from damperfit.exporting.check import SettingCheck
     from damperfit.fleet.run import Done
     from damperfit.fleet.survey import HeldFleet
-    from damperfit.queries.adjuster_results import AdjusterResults
-    from damperfit.queries.chosen_parameters import ChosenParameters
-    from damperfit.queries.comparisons import Compared
-    from damperfit.queries.force_by_setting import ForcesBySetting, Question
-    from damperfit.queries.measured_forces import MeasuredForces
-    from damperfit.queries.one_simulation import SimulatedTest
-    from damperfit.queries.sweep import Variation
+    from damperfit.queries.compared import Compared, MeasuredForces
+    from damperfit.queries.settings import AdjusterResults, ForcesBySetting, Question
+    from damperfit.queries.simulations import ChosenParameters, SimulatedTest, Variation
     from damperfit.report.figures import Plot
     from damperfit.report.forces import SweepMember
     from damperfit.report.sheet import Sheet
@@ -446,7 +442,7 @@ class Sweep:
     def _members(
         choice: ChosenParameters, configuration: Configuration, variation: Variation
     ) -> tuple[SweepMember, ...]:
-        from damperfit.queries.sweep import run_sweep
+        from damperfit.queries.simulations import run_sweep
         from damperfit.report.forces import SweepMember
 
         return tuple(

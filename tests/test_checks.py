@@ -8,8 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from damperfit.adjustment.across_settings import Adjustment
-from damperfit.adjustment.click_changes import Click
+from damperfit.adjustment.clicks import Adjustment, Click
 from damperfit.adjustment.trends import Outlier, Trend
 from damperfit.checks import (
     CHECK_LISTS,

@@ -12,8 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from damperfit.adjustment.across_settings import Adjustment
-from damperfit.adjustment.click_changes import Click
+from damperfit.adjustment.clicks import Adjustment, Click
 from damperfit.adjustment.force_at import Force
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters
 from damperfit.errors import ConfigurationError

@@ -2,33 +2,517 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.adjustment.curves import LEAST_SCATTER, Curve, Points
-from damperfit.adjustment.selection import LEAST_FOR_OUTLIERS, LEAST_FOR_TREND, choose
 from damperfit.identification import Status
 from damperfit.statistics import median, student_quantile
 from damperfit.tested.setting import ADJUSTER, Setting, SettingLine, lines_of
 from damperfit.units.quantities import engineering
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
     from numpy.typing import NDArray
+
+    FloatArray = NDArray[np.float64]
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from damperfit.damper.quantity import Quantity
     from damperfit.identification import Fit
     from damperfit.uncertainty import Uncertainty
 
-    FloatArray = NDArray[np.float64]
+__all__ = [
+    "LEAST_FOR_OUTLIERS",
+    "LEAST_FOR_TREND",
+    "LEAST_SCATTER",
+    "SCALES",
+    "Choice",
+    "Curve",
+    "Outlier",
+    "Points",
+    "Trend",
+    "TrendPoint",
+    "choose",
+    "find_trends",
+    "fit_curve",
+    "in_few_words",
+    "least_squares",
+    "powers",
+    "scatter_of",
+]
 
-__all__ = ["Outlier", "Trend", "TrendPoint", "find_trends"]
 
-_DEGREES = ("constant", "straight line", "quadratic", "cubic", "quartic")
+# Smooth curves of one parameter over the setting, with errors that scatter allows for.
+#
+# A curve is a polynomial P of the setting s, which runs from a to b, on one of these scales::
+#
+#     linear       y = P(s)                 the paper's quadratic for K_e
+#     log          y = exp(P(s))            every click changes y by nearly the same share
+#     reciprocal   y = 1/P(s)               a port whose area is a polynomial of s, R_m1 ~ 1/area
+#     from_first   y = exp(P(ln(1 + s - a)))     a power of the clicks from the first setting,
+#     from_last    y = exp(P(ln(1 + b - s)))     or from the last one: steepest there
+#
+# Residuals are relative, r = ln y - ln y_curve, on every scale, so that curves of all scales
+# compete by one likelihood. Their variance is v = sigma^2 + tau^2: the error of the fitted value
+# and the scatter between settings, which the logs of one setting cannot know. tau makes the mean
+# square of r/sqrt(v) one; it is never below `LEAST_SCATTER`.
+
+SCALES = ("linear", "log", "reciprocal", "from_first", "from_last")
+_BENT = {"linear", "reciprocal"}  # scales on which P is no logarithm
+
+# No detent and no rig repeats better than this share; the error of a clean log is far less.
+LEAST_SCATTER = 3e-3
+# Twice to weigh by the curve instead of by the values, which scatter.
+_PASSES = 3
+_STEPS = 30  # more than doubling tau in each, so that no scatter is out of reach
+_WIDE = 1e3  # weights further apart are solved for by QR
+_SMALL = 1e-3  # of the degrees of freedom: tau within a thousandth
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Points:
+    """Values of one parameter over the settings.
+
+    Attributes
+    ----------
+    settings : numpy.ndarray
+        Shape (n,), rising.
+    logs : numpy.ndarray
+        Shape (n,), ln y.
+    errors : numpy.ndarray
+        Shape (n,), standard errors of ln y.
+    first, last : float
+        Ends of the adjuster's range, also of points kept from a larger set.
+    """
+
+    settings: FloatArray
+    logs: FloatArray
+    errors: FloatArray
+    first: float
+    last: float
+
+    def __len__(self) -> int:
+        return len(self.settings)
+
+    def kept(self, mask: NDArray[np.bool_]) -> Points:
+        """Return the points where the mask is True."""
+        return Points(
+            self.settings[mask], self.logs[mask], self.errors[mask], self.first, self.last
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Curve:
+    """A fitted curve.
+
+    Attributes
+    ----------
+    scale : str
+        One of `SCALES`.
+    coefficients : numpy.ndarray
+        Shape (degree + 1,), of P in powers of its argument scaled to -1..1.
+    covariance : numpy.ndarray
+        Of the coefficients.
+    first, last : float
+        Ends of the range of settings.
+    scatter : float
+        tau.
+    freedom : int
+        Settings fitted less coefficients.
+    """
+
+    scale: str
+    coefficients: FloatArray
+    covariance: FloatArray
+    first: float
+    last: float
+    scatter: float
+    freedom: int
+
+    @property
+    def degree(self) -> int:
+        """Degree of P."""
+        return len(self.coefficients) - 1
+
+    def logs(self, settings: FloatArray) -> FloatArray:
+        """Return ln y of the curve; NaN where a scale has no value."""
+        return _to_logs(self.scale, self.basis(settings) @ self.coefficients)
+
+    def slopes(self, settings: FloatArray) -> FloatArray:
+        """Return the derivative of ln y by the coefficients, shape (n, degree + 1)."""
+        rows = self.basis(settings)
+        return _log_slope(self.scale, rows @ self.coefficients)[:, None] * rows
+
+    def errors(self, settings: FloatArray) -> FloatArray:
+        """Return standard errors of ln y of the curve."""
+        rows = self.slopes(settings)
+        return np.asarray(np.sqrt(np.einsum("ij,jk,ik->i", rows, self.covariance, rows)))
+
+    def basis(self, settings: FloatArray) -> FloatArray:
+        """Return the powers of the scaled setting, shape (n, degree + 1)."""
+        return powers(settings, self.scale, self.degree, ends=(self.first, self.last))
+
+
+def fit_curve(points: Points, scale: str, degree: int, *, scatter: float | None = None) -> Curve:
+    """Fit one curve by weighted least squares of relative residuals.
+
+    Parameters
+    ----------
+    points : Points
+        More of them than coefficients.
+    scale : str
+        One of `SCALES`.
+    degree : int
+        Of the polynomial.
+    scatter : float, optional
+        tau; found from the residuals by default.
+    """
+    ends = (points.first, points.last)
+    rows = powers(points.settings, scale, degree, ends=ends)
+    freedom = len(points) - degree - 1
+    tau = LEAST_SCATTER if scatter is None else scatter
+    # Values of one parameter may be 1e11; the level keeps every scale near one.
+    level = float(np.mean(points.logs))
+    level_logs = points.logs - level
+    is_bent = scale in _BENT
+    targets = _from_logs(scale, level_logs)
+    about, squares = level_logs, points.errors**2
+    coefficients, covariance = np.zeros(degree + 1), np.zeros((degree + 1, degree + 1))
+    for _ in range(_PASSES):
+        weights = 1.0 / np.sqrt(squares + tau**2)
+        if is_bent:
+            weights *= np.abs(_log_slope(scale, _from_logs(scale, about)))
+        coefficients, covariance = least_squares(rows * weights[:, None], targets * weights)
+        found = _to_logs(scale, rows @ coefficients)
+        about = np.where(np.isfinite(found), found, about) if is_bent else found
+        if scatter is None:
+            tau = scatter_of(level_logs - about, points.errors, freedom)
+    if is_bent:
+        factor = math.exp(level if scale == "linear" else -level)
+        coefficients, covariance = coefficients * factor, covariance * factor**2
+    else:
+        coefficients = coefficients + level * np.eye(degree + 1)[0]
+    return Curve(scale, coefficients, covariance, *ends, tau, freedom)
+
+
+def powers(
+    settings: FloatArray, scale: str, degree: int, *, ends: tuple[float, float]
+) -> FloatArray:
+    """Return the powers of P's argument, scaled to -1..1 over the range; shape (n, degree + 1)."""
+    first, last = ends
+    half = max(0.5 * (last - first), 1.0)
+    argument = (settings - 0.5 * (first + last)) / half
+    if scale in {"from_first", "from_last"}:
+        clicks = settings - first if scale == "from_first" else last - settings
+        argument = 2.0 * np.log1p(clicks) / math.log1p(2.0 * half) - 1.0
+    return np.vander(argument, degree + 1, increasing=True)
+
+
+def scatter_of(residuals: FloatArray, errors: FloatArray, freedom: int) -> float:
+    """Return tau, for which the sum of r^2/(sigma^2 + tau^2) is the degrees of freedom."""
+    squares, variances = residuals * residuals, errors * errors
+    if freedom < 1:
+        return LEAST_SCATTER
+    # With the largest error for all the root is known, and no other errors have theirs left of it.
+    square = max(LEAST_SCATTER**2, float(squares.sum()) / freedom - float(variances.max()))
+    # Newton from the left climbs to the root of a falling, convex function without passing it.
+    for _ in range(_STEPS):
+        weights = 1.0 / (variances + square)
+        excess = float(squares @ weights) - freedom
+        if excess <= _SMALL * freedom:
+            break
+        square += excess / float(squares @ (weights * weights))
+    return math.sqrt(square)
+
+
+def least_squares(rows: FloatArray, targets: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Least squares and the covariance of its coefficients for residuals of variance one.
+
+    Powers of -1 to 1 leave the inverse of the normal equations ten digits, and what is left over,
+    solved for once more, gives the coefficients theirs; a QR factorisation takes three times as
+    long, and a choice of a trend is a hundred of these. Where weights are far apart it is taken.
+
+    Parameters
+    ----------
+    rows : numpy.ndarray
+        Shape (n, k), weighed powers from 1 on: the weights are the first column.
+    targets : numpy.ndarray
+        Shape (n,), weighed alike.
+    """
+    weights = rows[:, 0]
+    if not float(weights.max()) < _WIDE * float(weights.min()):
+        q, r = np.linalg.qr(rows)
+        inverse = np.linalg.inv(r)
+        return np.asarray(inverse @ (q.T @ targets)), np.asarray(inverse @ inverse.T)
+    turned = rows.T
+    covariance = np.asarray(np.linalg.inv(turned @ rows), dtype=np.float64)
+    coefficients = covariance @ (turned @ targets)
+    coefficients = coefficients + covariance @ (turned @ (targets - rows @ coefficients))
+    return coefficients, covariance
+
+
+def _from_logs(scale: str, logs: FloatArray) -> FloatArray:
+    if scale == "linear":
+        return np.exp(logs)
+    return np.exp(-logs) if scale == "reciprocal" else logs
+
+
+def _to_logs(scale: str, values: FloatArray) -> FloatArray:
+    if scale not in _BENT:
+        return values
+    with np.errstate(invalid="ignore", divide="ignore"):
+        logs = np.log(np.where(values > 0.0, values, np.nan))
+    return logs if scale == "linear" else -logs
+
+
+def _log_slope(scale: str, values: FloatArray) -> FloatArray:
+    """Derivative of ln y by P."""
+    if scale not in _BENT:
+        return np.ones_like(values)
+    return 1.0 / values if scale == "linear" else -1.0 / values
+
+
+# Which curve runs through a parameter's settings, and which settings are off it.
+#
+# Curve and outliers are chosen together, because a curve bent enough swallows an outlier at the
+# end, and an outlier left in bends the curve. For every scale and degree the best none, one and
+# two settings to leave out are found; of all these the least value wins of::
+#
+#     sum(ln v + r^2/v) + ln(n) (coefficients + 1 + 3 outliers) + 2 ln(scales)
+#
+# (Bayesian information criterion; an outlier costs its own number and the choice among n
+# settings, twice; a curve that is no constant costs the choice among the scales). Then each one
+# left out must prove itself: Student's t of its distance to the curve of the others, errors of
+# both included, must pass a bound set by `_FALSE_ALARM`, and at an end it must break off, not
+# just get steeper.
+
+LEAST_FOR_TREND = 4
+LEAST_FOR_OUTLIERS = 5
+_LEAST_FOR_TWO = 8
+_DEGREES = {"linear": 4, "log": 4, "reciprocal": 4, "from_first": 2, "from_last": 2}
+_SETTINGS_PER_DEGREE = 3
+_LEAST_FREEDOM = 2  # of the curve that judges an outlier
+# The third difference of an outlier at an end over that of the curve beside it.
+_STEEPENING = 8.0  # the root of a distance, drawn with degree 4, has up to 6
+_FEW = 60  # settings of which every pair is looked at sooner than it is told which may be left
+_OUTLIER_COST = 3  # its own number, and twice the choice among n settings, in ln(n)
+# Share of parameters without an outlier in which chance finds one, times the number of settings:
+# 0.1 % for 20 settings, 0.4 % for 5, where Student's t with 2 degrees of freedom is hard enough.
+_FALSE_ALARM = 0.02
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Choice:
+    """The curve of the settings that follow it, and those that do not.
+
+    Attributes
+    ----------
+    curve : Curve
+        Through all settings but the outliers.
+    outliers : tuple of int
+        Places among the points.
+    """
+
+    curve: Curve
+    outliers: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Candidate:
+    criterion: float
+    curve: Curve
+    left_out: tuple[int, ...]
+
+
+def choose(points: Points, families: Sequence[tuple[str, int]] | None = None) -> Choice:
+    """Return curve and outliers.
+
+    Parameters
+    ----------
+    points : Points
+        `LEAST_FOR_TREND` or more.
+    families : sequence of (str, int), optional
+        Scales and degrees to choose from; all that the number of settings allows by default.
+    """
+    if families is None:
+        highest = (len(points) - 1) // _SETTINGS_PER_DEGREE
+        families = [("log", 0)]
+        families += [(s, d) for s in SCALES for d in range(1, min(highest, _DEGREES[s]) + 1)]
+    candidates = sorted(
+        itertools.chain.from_iterable(_candidates(points, *family) for family in families),
+        key=lambda one: one.criterion,
+    )
+    for one in candidates:
+        if all(_is_off(points, one, p) and _is_jump(points, one, p) for p in one.left_out):
+            return Choice(one.curve, one.left_out)
+    raise AssertionError("a curve without outliers is always among the candidates")
+
+
+def _candidates(points: Points, scale: str, degree: int) -> Iterator[_Candidate]:
+    """Yield the best curve of a family for each number of settings left out."""
+
+    # The worst are mostly the same ones again.
+    @cache
+    def fitted(left_out: tuple[int, ...]) -> Curve:
+        return fit_curve(_without(points, left_out), scale, degree)
+
+    @cache
+    def worst(tau: float, n: int) -> tuple[int, ...]:
+        return _worst(points, scale, degree, tau=tau, n=n)
+
+    yield _judged(points, fitted(()), ())
+    most = _most_outliers(len(points), degree)
+    if most == 0:
+        return
+    tau = LEAST_SCATTER
+    for _ in range(2):  # with the scatter that is left when the worst are out
+        tau = fitted(worst(tau, most)).scatter
+    for n in range(1, most + 1):
+        left_out = worst(tau, n)
+        yield _judged(points, fitted(left_out), left_out)
+
+
+def _most_outliers(n: int, degree: int) -> int:
+    if n < LEAST_FOR_OUTLIERS:
+        return 0
+    allowed = 2 if n >= _LEAST_FOR_TWO else 1
+    return max(0, min(allowed, n - degree - 1 - _LEAST_FREEDOM))
+
+
+def _worst(points: Points, scale: str, degree: int, *, tau: float, n: int) -> tuple[int, ...]:
+    """Return the n points without which the sum of squares is least, from one fit of all.
+
+    Leaving out the points S takes e_S (I - H)_SS^-1 e_S off it, with residuals e and hat matrix H.
+    """
+    rows, targets = _weighted(points, scale, degree, tau)
+    coefficients, covariance = least_squares(rows, targets)
+    residuals = targets - rows @ coefficients
+    half = rows @ covariance
+    leverages = np.einsum("ij,ij->i", half, rows)
+    if n == 1:
+        return (int(np.argmax(residuals**2 / np.maximum(1.0 - leverages, 1e-12))),)
+    near = np.arange(len(points))
+    if len(points) > _FEW:
+        near = _of_the_best_pair(rows, half, leverages, residuals)
+    gains = _gains(rows[near], half[near], residuals[near])
+    gains = np.where(_above_the_diagonal(len(near)), gains, -1.0)
+    first, second = np.unravel_index(int(np.argmax(gains)), gains.shape)
+    return (int(near[first]), int(near[second]))
+
+
+def _of_the_best_pair(
+    rows: FloatArray, half: FloatArray, leverages: FloatArray, residuals: FloatArray
+) -> NDArray[np.intp]:
+    """Return the points that may be of the best pair, rising.
+
+    A pair takes off no more than (e_i^2 + e_j^2)/(1 - h_i - h_j), for the trace of H_SS bounds its
+    eigenvalues; the best one no less than the two best points together.
+    """
+    squares = residuals**2
+    two = np.argsort(squares / np.maximum(1.0 - leverages, 1e-12))[-2:]
+    least = float(_gains(rows[two], half[two], residuals[two])[0, 1])
+    room = 1.0 - leverages - leverages.max()
+    return np.flatnonzero((room <= 0.0) | (squares + squares.max() >= least * room))
+
+
+def _gains(rows: FloatArray, half: FloatArray, residuals: FloatArray) -> FloatArray:
+    """What leaving out two of some points takes off the sum of squares, shape (m, m)."""
+    left = np.eye(len(rows)) - half @ rows.T
+    own = np.maximum(np.diag(left), 1e-12)
+    determinant = np.outer(own, own)
+    determinant -= left * left
+    np.maximum(determinant, 1e-12, out=determinant)
+    squares = np.outer(residuals**2, own)
+    left *= np.outer(-2.0 * residuals, residuals)
+    left += squares
+    left += squares.T
+    left /= determinant
+    return left
+
+
+@cache
+def _above_the_diagonal(n: int) -> NDArray[np.bool_]:
+    return np.triu(np.ones((n, n), dtype=np.bool_), k=1)
+
+
+def _weighted(points: Points, scale: str, degree: int, tau: float) -> tuple[FloatArray, FloatArray]:
+    """Rows and targets of the least squares, weighed by the values themselves."""
+    logs = points.logs - points.logs.mean()
+    deviation = np.sqrt(points.errors**2 + tau**2)
+    values = {"linear": np.exp(logs), "reciprocal": np.exp(-logs)}.get(scale)
+    slopes = np.ones(len(points)) if values is None else values
+    targets = logs if values is None else values
+    rows = powers(points.settings, scale, degree, ends=(points.first, points.last))
+    weights = 1.0 / (slopes * deviation)
+    return rows * weights[:, None], targets * weights
+
+
+def _judged(points: Points, curve: Curve, left_out: tuple[int, ...]) -> _Candidate:
+    kept = _without(points, left_out)
+    residuals = kept.logs - curve.logs(kept.settings)
+    variances = points.errors**2 + curve.scatter**2
+    inside = kept.errors**2 + curve.scatter**2
+    misfit = float(np.sum(np.log(variances)) + np.sum(residuals**2 / inside))
+    cost = math.log(len(points)) * (curve.degree + 2 + _OUTLIER_COST * len(left_out))
+    if curve.degree:
+        cost += 2.0 * math.log(len(SCALES))
+    total = misfit + cost
+    return _Candidate(total if math.isfinite(total) else math.inf, curve, left_out)
+
+
+def _is_off(points: Points, one: _Candidate, place: int) -> bool:
+    choices = math.comb(len(points), len(one.left_out))
+    share = 1.0 - 0.5 * _FALSE_ALARM / len(points) / choices
+    bound = student_quantile(one.curve.freedom, share)
+    return _distance(points, one.curve, place) > bound
+
+
+def _is_jump(points: Points, one: _Candidate, place: int) -> bool:
+    """Whether a setting at an end breaks off, and does not just go on getting steeper.
+
+    A curve that grows without bound towards its end, such as the root of the distance to it, is no
+    polynomial on any scale. There the third divided difference of ln y grows from setting to
+    setting, threefold at most with ln; at a jump it comes from nothing.
+    """
+    kept = [k for k in range(len(points)) if k not in one.left_out]
+    if kept[0] < place < kept[-1] or len(kept) < 4:
+        return True
+    near = kept[:4] if place < kept[0] else kept[:-5:-1]
+    settings = points.settings[near]
+    smooth = one.curve.logs(settings)
+    own = _third_difference(
+        np.append(points.settings[place], settings[:3]),
+        np.append(points.logs[place], smooth[:3]),
+    )
+    return abs(own) > _STEEPENING * abs(_third_difference(settings, smooth))
+
+
+def _third_difference(settings: FloatArray, values: FloatArray) -> float:
+    """Divided difference of four values."""
+    for k in range(1, 4):
+        values = np.diff(values) / (settings[k:] - settings[:-k])
+    return float(values[0])
+
+
+def _distance(points: Points, curve: Curve, place: int) -> float:
+    """Distance of a point to the curve of others, in standard deviations of that distance."""
+    at = points.settings[place : place + 1]
+    distance = float(abs(points.logs[place] - curve.logs(at)[0]))
+    variance = float(points.errors[place]) ** 2 + curve.scatter**2 + float(curve.errors(at)[0]) ** 2
+    return distance / math.sqrt(variance) if math.isfinite(distance) else 0.0
+
+
+def _without(points: Points, places: tuple[int, ...]) -> Points:
+    mask = np.ones(len(points), dtype=np.bool_)
+    mask[list(places)] = False
+    return points.kept(mask)
+
+
+_DEGREE_NAMES = ("constant", "straight line", "quadratic", "cubic", "quartic")
 _ERRATIC = 3.0  # scatter between settings over the errors of the values
 _REMARKABLE = 0.02  # scatter below this share is no news
 _TOO_UNCERTAIN = (
@@ -351,7 +835,7 @@ def _sentence(trend: Trend, quantity: Quantity, own: float, n: int) -> str:
         "from_first": " of logarithms, counted from the first setting",
         "from_last": " of logarithms, counted from the last setting",
     }
-    kind = f"{_DEGREES[trend.degree]}{on[trend.scale or 'linear'] if trend.degree else ''}"
+    kind = f"{_DEGREE_NAMES[trend.degree]}{on[trend.scale or 'linear'] if trend.degree else ''}"
     unit = f" {quantity.unit}" if quantity.unit else ""
     said = (
         f"{quantity.symbol} {words}, {engineering(first.value)}{unit} at {trend.adjuster} "
@@ -380,3 +864,29 @@ def _sentence(trend: Trend, quantity: Quantity, own: float, n: int) -> str:
     elif not trend.outliers_judged:
         said += "; no curve that a setting could be off: are settings mixed up?"
     return said
+
+
+# Sentences on the trends of several parameters that say the same, told once.
+
+
+def in_few_words(sentences: Iterable[str]) -> tuple[str, ...]:
+    """Return sentences on trends, those that differ in their parameter alone as one.
+
+    Parameters
+    ----------
+    sentences : iterable of str
+        As `Trend.sentence`.
+
+    Examples
+    --------
+    >>> in_few_words(["R_m1: no trend", "R_m2: no trend", "K_e rises"])
+    ('R_m1, R_m2: no trend', 'K_e rises')
+    """
+    symbols: dict[str, list[str]] = {}
+    for sentence in sentences:
+        symbol, colon, rest = sentence.partition(": ")
+        is_alike = colon and " " not in symbol
+        symbols.setdefault(rest if is_alike else sentence, []).append(symbol if is_alike else "")
+    return tuple(
+        f"{', '.join(names)}: {rest}" if names[0] else rest for rest, names in symbols.items()
+    )

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from damperfit.comparison import RunComparison
-    from damperfit.queries.comparisons import Compared
+    from damperfit.queries.compared import Compared
 
 __all__ = ["compare"]
 

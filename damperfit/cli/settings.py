@@ -17,8 +17,7 @@ from damperfit.cli.console import (
 )
 
 if TYPE_CHECKING:
-    from damperfit.queries.adjuster_results import AdjusterResults
-    from damperfit.queries.force_by_setting import ForcesBySetting
+    from damperfit.queries.settings import AdjusterResults, ForcesBySetting
     from damperfit.report.sheet import Sheet
     from damperfit.shown import SettingForces
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from damperfit.damper.model import Model
-    from damperfit.queries.sweep import Variation
+    from damperfit.queries.simulations import Variation
     from damperfit.report.forces import SweepMember
 
 __all__ = ["sweep"]
@@ -52,7 +52,7 @@ def sweep(how: Shown, **given: Any) -> int:
 def _show(
     variation: Variation, members: Sequence[SweepMember], damper: Model, sentence: str
 ) -> None:
-    from damperfit.queries.sweep import swept_units
+    from damperfit.queries.simulations import swept_units
     from damperfit.report.forces import sweep_sheet
 
     sheet = sweep_sheet(variation.name, swept_units(damper)[variation.name], members)

@@ -2,10 +2,19 @@
 
 from damperfit.comparison.circumstances import Circumstance, circumstances
 from damperfit.comparison.comparing import ComparisonOptions, RunComparison, compare_runs
-from damperfit.comparison.cycles import measured_tests
-from damperfit.comparison.measured import common_tests, repeat_scatter
-from damperfit.comparison.reading import SEEN, Difference, Reading, Sameness, Topic, compared
-from damperfit.comparison.run import ComparedRun, MeasuredTest
+from damperfit.comparison.forces import common_tests, repeat_scatter
+from damperfit.comparison.reading import (
+    SEEN,
+    Difference,
+    Reading,
+    Sameness,
+    Topic,
+    compared,
+    difference_of,
+    place_of,
+    verdict_of,
+)
+from damperfit.comparison.run import ComparedRun, MeasuredTest, measured_tests
 from damperfit.comparison.tolerance import (
     Band,
     Point,
@@ -15,7 +24,6 @@ from damperfit.comparison.tolerance import (
     read_bands,
     tolerated,
 )
-from damperfit.comparison.words import difference_of, place_of, verdict_of
 
 __all__ = [
     "SEEN",

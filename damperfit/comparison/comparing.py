@@ -11,19 +11,19 @@ from damperfit.comparison.circumstances import (
     Circumstance,
     circumstances,
     identical_settings,
+    missed_notes,
 )
-from damperfit.comparison.forces import force_readings, tare_notes
-from damperfit.comparison.measured import (
+from damperfit.comparison.forces import (
     SAME_MOTION,
-    figure_readings,
-    measured_readings,
-    repeat_scatter,
-)
-from damperfit.comparison.missed import missed_notes
-from damperfit.comparison.parameters import (
+    by_repeats,
     comparable_quantities,
     figure_lines,
+    figure_readings,
+    force_readings,
+    measured_readings,
     parameter_readings,
+    repeat_scatter,
+    tare_notes,
 )
 from damperfit.comparison.reading import (
     Difference,
@@ -31,10 +31,9 @@ from damperfit.comparison.reading import (
     Sameness,
     Topic,
     compared,
+    outcome_of,
     surely_different,
 )
-from damperfit.comparison.repeats import by_repeats
-from damperfit.comparison.words import outcome_of
 from damperfit.errors import ConfigurationError, mishap_of
 from damperfit.identification.sharing import listed_settings, of_settings
 from damperfit.problem import Option
@@ -44,7 +43,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
 
-    from damperfit.adjustment.motions import Sine
+    from damperfit.adjustment.force_at import Sine
     from damperfit.comparison.run import ComparedRun
     from damperfit.errors import Mishap
     from damperfit.results import Run

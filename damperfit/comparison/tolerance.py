@@ -10,8 +10,7 @@ from io import StringIO
 from typing import TYPE_CHECKING
 
 from damperfit.adjustment.force_at import REPEATS, STROKES
-from damperfit.comparison.forces import force_readings
-from damperfit.comparison.measured import measured_readings
+from damperfit.comparison.forces import force_readings, measured_readings
 from damperfit.comparison.reading import half_interval
 from damperfit.errors import ConfigurationError
 from damperfit.io.files import read_text

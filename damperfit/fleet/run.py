@@ -40,7 +40,7 @@ from damperfit.fleet.sources import (
 )
 from damperfit.io import TestsTable, is_tests_table, read_tests
 from damperfit.problem import Option
-from damperfit.queries.baseline import compared_record
+from damperfit.queries.compared import compared_record
 from damperfit.recording import natural_order
 from damperfit.run.labelling import labels_for
 from damperfit.run.work import sha256_of

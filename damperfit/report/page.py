@@ -23,7 +23,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
 from damperfit import __version__
-from damperfit.adjustment.trend_words import in_few_words
+from damperfit.adjustment.trends import in_few_words
 from damperfit.errors import InstallationError
 from damperfit.identification.sharing import of_runs
 from damperfit.report.compared import comparison_sheets, tolerance_outcome, tolerance_sheet

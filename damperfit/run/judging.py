@@ -9,7 +9,7 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from damperfit.adjustment.across_settings import Adjustment, compare_settings
+from damperfit.adjustment.clicks import Adjustment, compare_settings
 from damperfit.checks import Subject, run_checks, unchecked
 from damperfit.damper.valve_dampers import ValveDamper
 from damperfit.errors import Mishap

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from damperfit import __version__
-from damperfit.adjustment.across_settings import Adjustment
+from damperfit.adjustment.clicks import Adjustment
 from damperfit.checks import Check, missed_gates
 from damperfit.damper.cavitation import describe_cavitation
 from damperfit.identification import Outcome, Status, describe_searches

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pyarrow as pa
 
-from damperfit.adjustment.across_settings import Adjustment
+from damperfit.adjustment.clicks import Adjustment
 from damperfit.conditioning import branch_forces
 from damperfit.conditioning.measured_characteristics import (
     counted_edges,
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import NDArray
 
-    from damperfit.adjustment.click_changes import Click
+    from damperfit.adjustment.clicks import Click
     from damperfit.adjustment.force_at import Force
     from damperfit.damper.model import Model
     from damperfit.damper.quantity import Quantity

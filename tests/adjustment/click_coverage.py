@@ -12,10 +12,8 @@ import argparse
 
 import numpy as np
 
-from damperfit.adjustment.across_settings import compare_settings
-from damperfit.adjustment.click_changes import clicks
-from damperfit.adjustment.force_at import force_at
-from damperfit.adjustment.stage import Stage
+from damperfit.adjustment.clicks import clicks, compare_settings
+from damperfit.adjustment.force_at import Stage, force_at
 from damperfit.conditioning import condition
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters

@@ -9,24 +9,27 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from damperfit.adjustment.across_settings import Adjustment
-from damperfit.adjustment.click_changes import clicks
+from damperfit.adjustment.clicks import Adjustment, clicks
 from damperfit.adjustment.force_at import (
+    Sine,
+    Stage,
     credible_forces,
     determined_speed,
+    errors_parted,
+    fastest_sine,
     force_at,
     named_speeds,
+    open_limits,
+    split,
+    stage_of,
 )
-from damperfit.adjustment.motions import Sine, fastest_sine
-from damperfit.adjustment.stage import Stage, errors_parted, open_limits, split, stage_of
 from damperfit.adjustment.wanted import which_setting
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.damper.quasi_static import quasi_static
 from damperfit.damper.rivals.linear import Bilinear
 from damperfit.identification import Status
-from damperfit.queries.adjuster_results import AdjusterResults
-from damperfit.queries.force_by_setting import Question, tabulate_forces
+from damperfit.queries.settings import AdjusterResults, Question, tabulate_forces
 from damperfit.results import Tested
 from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting

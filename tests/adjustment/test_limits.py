@@ -9,19 +9,24 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from damperfit.adjustment import selection, trends
-from damperfit.adjustment.curves import LEAST_SCATTER, Points, fit_curve, scatter_of
-from damperfit.adjustment.motions import fastest_sine
-from damperfit.adjustment.selection import (
+from damperfit.adjustment import trends
+from damperfit.adjustment import trends as selection
+from damperfit.adjustment.force_at import fastest_sine
+from damperfit.adjustment.trends import (
+    LEAST_SCATTER,
+    Points,
     _Candidate,
     _is_jump,
     _is_off,
     _most_outliers,
     _third_difference,
+    _usual_scatter,
     _worst,
     choose,
+    find_trends,
+    fit_curve,
+    scatter_of,
 )
-from damperfit.adjustment.trends import _usual_scatter, find_trends
 from damperfit.adjustment.wanted import which_setting
 from damperfit.statistics import student_quantile
 from tests.adjustment import made_up_trends

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from damperfit.adjustment.across_settings import Adjustment
+from damperfit.adjustment.clicks import Adjustment
 from damperfit.adjustment.trends import find_trends
 from damperfit.checks import Subject, run_checks
 from damperfit.uncertainty import Assessment

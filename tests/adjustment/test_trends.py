@@ -8,9 +8,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from damperfit.adjustment import selection
-from damperfit.adjustment.curves import Points, fit_curve, least_squares
-from damperfit.adjustment.trends import _points, find_trends
+from damperfit.adjustment import trends as selection
+from damperfit.adjustment.trends import Points, _points, find_trends, fit_curve, least_squares
 from damperfit.identification import Status
 from tests import fakes
 from tests.adjustment import made_up_trends

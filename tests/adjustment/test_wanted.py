@@ -9,14 +9,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from damperfit.adjustment.force_at import Force
-from damperfit.adjustment.motions import Sine
-from damperfit.adjustment.stage import Stage
+from damperfit.adjustment.force_at import Force, Sine, Stage
 from damperfit.adjustment.wanted import which_setting
 from damperfit.damper.rivals.linear import Bilinear
 from damperfit.errors import ConfigurationError
-from damperfit.queries.adjuster_results import AdjusterResults
-from damperfit.queries.force_by_setting import Question, tabulate_forces
+from damperfit.queries.settings import AdjusterResults, Question, tabulate_forces
 from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting, lines_of
 from damperfit.uncertainty import SpeedForces

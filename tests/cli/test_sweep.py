@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from damperfit.queries.chosen_parameters import ChosenParameters
+from damperfit.queries.simulations import ChosenParameters
 
 
 def test_a_family_is_table_figure_and_sentence(run):

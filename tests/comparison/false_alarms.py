@@ -19,8 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from damperfit.adjustment.motions import fastest_sine
-from damperfit.adjustment.stage import stage_of
+from damperfit.adjustment.force_at import fastest_sine, stage_of
 from damperfit.comparison import (
     ComparedRun,
     ComparisonOptions,

@@ -6,10 +6,9 @@ from dataclasses import replace
 
 import pytest
 
-from damperfit.adjustment.motions import Sine
-from damperfit.adjustment.stage import Stage
+from damperfit.adjustment.force_at import Sine, Stage
 from damperfit.comparison import ComparedRun, circumstances
-from damperfit.comparison.parameters import comparable_quantities
+from damperfit.comparison.forces import comparable_quantities
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.simulation import SolverOptions

@@ -7,12 +7,10 @@ from types import SimpleNamespace
 
 import pytest
 
-from damperfit.adjustment.motions import Sine
-from damperfit.adjustment.stage import Stage
+from damperfit.adjustment.force_at import Sine, Stage
 from damperfit.comparison import ComparisonOptions
 from damperfit.comparison.comparing import _speeds
-from damperfit.comparison.forces import freedom_of
-from damperfit.comparison.parameters import figure_lines, parameter_readings
+from damperfit.comparison.forces import figure_lines, freedom_of, parameter_readings
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.simulation import SolverOptions

@@ -19,10 +19,9 @@ from damperfit.comparison import (
     measured_tests,
     repeat_scatter,
 )
-from damperfit.comparison.measured import measured_readings
-from damperfit.comparison.repeats import by_repeats
+from damperfit.comparison.forces import by_repeats, measured_readings
 from damperfit.errors import ConfigurationError
-from damperfit.queries.runs_to_compare import _tests
+from damperfit.queries.compared import _tests
 from damperfit.tested.setting import Setting
 from tests.comparison.runs import (
     AMPLITUDE,

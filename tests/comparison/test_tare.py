@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from damperfit.adjustment.motions import Sine
-from damperfit.adjustment.stage import Stage
+from damperfit.adjustment.force_at import Sine, Stage
 from damperfit.comparison import ComparedRun, ComparisonOptions, Sameness, compare_runs
 from damperfit.comparison.forces import force_readings, tare_notes
 from damperfit.damper.purdy.parameters import PURDY_DAMPER

@@ -18,7 +18,7 @@ from damperfit.comparison import (
     tolerated,
 )
 from damperfit.errors import ConfigurationError
-from damperfit.queries.comparisons import parse_bands
+from damperfit.queries.compared import parse_bands
 from damperfit.report.compared import junit_report, tolerance_outcome, tolerance_sheet
 from tests.comparison.runs import DAMPING, GAS, measured, run
 

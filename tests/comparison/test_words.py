@@ -13,8 +13,7 @@ from damperfit.comparison import (
     verdict_of,
 )
 from damperfit.comparison.comparing import _on_repeats
-from damperfit.comparison.reading import surely_different
-from damperfit.comparison.words import difference_of, outcome_of, place_of
+from damperfit.comparison.reading import difference_of, outcome_of, place_of, surely_different
 from damperfit.report.compared import comparison_force_sheet
 from damperfit.tested.setting import Setting
 from tests.comparison.runs import measured, run

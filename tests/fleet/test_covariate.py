@@ -10,7 +10,7 @@ import pytest
 from damperfit.asked import covaried
 from damperfit.cli.main import main
 from damperfit.errors import ConfigurationError
-from damperfit.queries.adjuster_results import read_adjuster_results
+from damperfit.queries.settings import read_adjuster_results
 from tests.fleet.test_fleet_command import Here
 from tests.run.test_warmth import BETA, COLD, WARM, known_at, recording
 

@@ -10,7 +10,7 @@ import pytest
 
 from damperfit.errors import ConfigurationError
 from damperfit.identification import Campaign, Status
-from damperfit.queries.chosen_parameters import ChosenParameters, choose_parameters
+from damperfit.queries.simulations import ChosenParameters, choose_parameters
 from damperfit.report.markdown import markdown_report
 from damperfit.results import Run, Tested
 from damperfit.tables import make_tables, write_table

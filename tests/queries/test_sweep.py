@@ -11,8 +11,13 @@ import pytest
 from damperfit.configuration.loading import load_configuration
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.errors import ConfigurationError
-from damperfit.queries.chosen_parameters import choose_parameters
-from damperfit.queries.sweep import PAPER_SWEEPS, parse_variation, run_sweep, swept_units
+from damperfit.queries.simulations import (
+    PAPER_SWEEPS,
+    choose_parameters,
+    parse_variation,
+    run_sweep,
+    swept_units,
+)
 from damperfit.report.forces import SweepMember, sweep_sentence, sweep_sheet
 from damperfit.report.log_figures import sweep_plot, sweep_pressure_plot
 from damperfit.report.sheet import text_table

@@ -314,7 +314,7 @@ def test_a_response_that_fails_leaves_the_others(
 
 
 def test_simulating_with_a_log_that_meets_a_bug_is_one_line(call, samples, monkeypatch) -> None:
-    name = "damperfit.queries.one_simulation.conditioned_as_tested"
+    name = "damperfit.queries.simulations.conditioned_as_tested"
     monkeypatch.setattr(name, broken_at(_found(name), lambda *_: True))
     how = ("simulate", "--setting", "1", "--displacement", samples / "setting_01.csv")
     ended = call(*how)

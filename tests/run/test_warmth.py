@@ -25,10 +25,13 @@ from damperfit.identification import FitOptions, Outcome, Status, identify
 from damperfit.identification.first_beta import with_first_beta
 from damperfit.identification.procedure_input import ProcedureInput
 from damperfit.identification.setting import NOT_FIT_TO_SHARE, is_loose
-from damperfit.queries.adjuster_results import read_adjuster_results
-from damperfit.queries.chosen_parameters import choose_parameters
-from damperfit.queries.one_simulation import damper_of, simulate_test
-from damperfit.queries.origin import damper_of_table
+from damperfit.queries.settings import read_adjuster_results
+from damperfit.queries.simulations import (
+    choose_parameters,
+    damper_of,
+    damper_of_table,
+    simulate_test,
+)
 from damperfit.recording import Recording
 from damperfit.results import warmed_to
 from damperfit.run.conditions import with_reference

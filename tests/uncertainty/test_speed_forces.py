@@ -8,9 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from damperfit.adjustment.across_settings import compare_settings
-from damperfit.adjustment.force_at import Force, credible_forces, force_at
-from damperfit.adjustment.stage import stage_of
+from damperfit.adjustment.clicks import compare_settings
+from damperfit.adjustment.force_at import Force, credible_forces, force_at, stage_of
 from damperfit.conditioning import condition
 from damperfit.damper.mounting import FIT, Mounting
 from damperfit.damper.purdy.parameters import PURDY_DAMPER

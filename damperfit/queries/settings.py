@@ -1,34 +1,222 @@
-"""Forces by setting of a results folder, and the setting for a force."""
+"""Forces by setting of a run, and the setting for a force."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from damperfit.adjustment.click_changes import Click, clicks
+from damperfit.adjustment.clicks import Click, clicks
 from damperfit.adjustment.force_at import (
     STROKES,
     Force,
+    Sine,
     credible_forces,
     determined_speed,
     force_at,
     named_speeds,
+    offset_sentence,
 )
 from damperfit.adjustment.wanted import Wanted, which_setting
+from damperfit.damper.quantity import RIG
+from damperfit.damper.warmed import Warmed
 from damperfit.errors import ConfigurationError, Mishap, mishap_of
 from damperfit.identification.sharing import of_settings
 from damperfit.problem import Option
-from damperfit.queries.rig_in_forces import notes_on_settings
+from damperfit.results import Run
+from damperfit.simulation import refuse_amplitude
 from damperfit.tested.setting import Setting, lines_of
 from damperfit.units.quantities import parse_quantity
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
+    from pathlib import Path
 
-    from damperfit.queries.adjuster_results import AdjusterResults
+    from damperfit.adjustment.force_at import Stage
+    from damperfit.damper.model import Model, Values
+    from damperfit.simulation import SolverOptions
     from damperfit.tested.setting import SettingLine
+    from damperfit.uncertainty import SpeedForces
 
-__all__ = ["ForcesBySetting", "Question", "parse_question", "tabulate_forces"]
+__all__ = [
+    "AdjusterResults",
+    "ForcesBySetting",
+    "Question",
+    "adjuster_of",
+    "notes_on_settings",
+    "notes_on_simulation",
+    "parse_question",
+    "read_adjuster_results",
+    "tabulate_forces",
+]
+
+
+# A results folder read back as an adjuster: its settings with their errors, damper and motion.
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AdjusterResults:
+    """The settings of a results folder, and the motion at which they are compared.
+
+    Attributes
+    ----------
+    stages : tuple of Stage
+        By rising setting.
+    damper : Model
+        Geometry, oil and gas of the run.
+    sine : Sine
+        The test's own motion, or the one asked for: the named speeds go up to its peak.
+    source : str
+        At what forces are given, for people.
+    solver : SolverOptions
+        How exactly to integrate.
+    remarks : tuple of str
+        What was missing or damaged in the folder.
+    forces : tuple of SpeedForces
+        As measured, at the motion of the tests.
+    notes : tuple of str
+        What is so, and nothing to mend in the folder.
+    """
+
+    stages: tuple[Stage, ...]
+    damper: Model
+    sine: Sine
+    source: str
+    solver: SolverOptions
+    remarks: tuple[str, ...]
+    forces: tuple[SpeedForces, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+def read_adjuster_results(
+    folder: Path,
+    *,
+    config: Path | None = None,
+    amplitude: str | None = None,
+    frequency: str | None = None,
+    temperature: str | None = None,
+) -> AdjusterResults:
+    """Read the settings, damper and motion of a results folder.
+
+    Parameters
+    ----------
+    folder : pathlib.Path
+        What `identify` wrote.
+    config : pathlib.Path, optional
+        Configuration; its damper is taken where the run does not tell its own.
+    amplitude, frequency : str, optional
+        Motion instead of the test's own.
+    temperature : str, optional
+        Of the oil, instead of the reference temperature.
+
+    Raises
+    ------
+    ConfigurationError
+        There is no such folder, no setting in it has parameters, ``config`` declares another
+        damper, or the motion is none.
+    """
+    run = Run.load(folder, parts=("parameters",), config=config, temperature=temperature)
+    return adjuster_of(run, amplitude=amplitude, frequency=frequency)
+
+
+def adjuster_of(
+    run: Run, *, amplitude: str | None = None, frequency: str | None = None
+) -> AdjusterResults:
+    """Return a run as an adjuster; see `read_adjuster_results`."""
+    if not run.settings:
+        why = f" ({'; '.join(run.remarks)})" if run.remarks else ""
+        raise ConfigurationError(
+            f"no setting has all parameters{why}; run damperfit identify LOGS first",
+            subject=run.place,
+        )
+    damper = run.damper
+    own = run.motion_of_tests if amplitude and frequency else run.motion
+    sine = _motion(own, amplitude, frequency)
+    notes = list(run.notes)
+    if sine is not own:
+        outside = run.tested.outside
+        beyond = list(
+            outside(amplitude=sine.amplitude, frequency=sine.frequency, speed=sine.peak_speed)
+        )
+        if beyond:
+            notes.append(f"never tested: {', '.join(beyond)}")
+        notes.append(
+            f"the sine of {1e3 * sine.amplitude:.4g} mm at {sine.frequency:.4g} Hz says which "
+            "speeds are shown; the forces are those at constant speed, whatever the stroke"
+        )
+    source = "at constant speed"
+    if isinstance(damper, Warmed):
+        source += f" and {damper.oil_temperature:g} degC"
+    refuse_amplitude(sine.amplitude, damper.travel)
+    return AdjusterResults(
+        run.settings,
+        damper,
+        sine,
+        source,
+        run.solver,
+        (*run.remarks, *run.remarks_on_errors),
+        run.speed_forces,
+        tuple(notes),
+    )
+
+
+def _motion(own: Sine | None, amplitude: str | None, frequency: str | None) -> Sine:
+    """Return the motion asked for, else the test's own."""
+    size = parse_quantity(amplitude, "length", option="--amplitude") if amplitude else None
+    rate = parse_quantity(frequency, "frequency", option="--frequency") if frequency else None
+    for option, value in (("--amplitude", size), ("--frequency", rate)):
+        if value is not None and value <= 0.0:
+            raise ConfigurationError(f"{option} {value:g}: expected more than 0")
+    if own is not None and size is None and rate is None:
+        return own
+    a = size if size is not None else own.amplitude if own else math.nan
+    f = rate if rate is not None else own.frequency if own else math.nan
+    return Sine(a, f)
+
+
+# What of the rig is in forces that are shown, and what is left out, in words.
+
+
+def notes_on_settings(damper: Model, stages: Sequence[Stage]) -> Iterator[str]:
+    """Yield what of the rig is left out of forces by setting."""
+    holds_gas = damper.rest_force(0.0) is None
+    if said := offset_sentence([stage.offset for stage in stages], holds_gas=holds_gas):
+        yield said
+    if stages and (parts := _mounting(stages[0].parameters)):
+        listed, verb = _listed(parts)
+        yield f"the rig's {listed} {verb} in measured forces, not in the model's"
+
+
+def notes_on_simulation(damper: Model, values: Values) -> Iterator[str]:
+    """Yield what of the rig is in a simulated force."""
+    offsets = []
+    if damper.rest_force(0.0) is not None:  # else it holds the gas force
+        tares = [float(getattr(values, one.name)) for one in values.quantities if one.is_offset]
+        offsets = [f"force offset of {tare:.3g} N" for tare in tares if tare]
+    yield from _on_rig([*_mounting(values), *offsets])
+
+
+def _mounting(values: Values) -> list[str]:
+    """Series stiffness, play, lag and moving mass, as far as the model has them."""
+    return [one.label for one in values.quantities if one.scope == RIG]
+
+
+def _on_rig(parts: Sequence[str]) -> Iterator[str]:
+    if not parts:
+        return
+    listed, verb = _listed(parts)
+    yield (
+        f"the rig's {listed} {verb} in these forces; what damperfit settings shows and damperfit "
+        "export writes is of the damper alone"
+    )
+
+
+def _listed(parts: Sequence[str]) -> tuple[str, str]:
+    *before, last = parts
+    return (f"{', '.join(before)} and {last}", "are") if before else (last, "is")
+
+
+# Forces by setting of a results folder, and the setting for a force.
 
 
 @dataclass(frozen=True, slots=True)
