@@ -263,15 +263,15 @@ def test_any_damper_and_any_parameters(tmp_path, monkeypatch, integrate):
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        ({"cycles": 0.0}, "cycles is 0.0; expected more than 0"),
-        ({"sample_rate": float("nan")}, "sample_rate is nan"),
-        ({"force_noise": -1.0}, "force_noise is -1.0; expected 0 or more"),
-        ({"displacement_resolution": float("inf")}, "displacement_resolution is inf"),
+        ({"cycles": 0.0}, "--cycles 0.0: expected more than 0"),
+        ({"sample_rate": float("nan")}, "--sample-rate nan"),
+        ({"force_noise": -1.0}, "--force-noise -1.0: expected 0 or more"),
+        ({"displacement_resolution": float("inf")}, "--displacement-resolution inf"),
         ({"settings": ()}, "at least one"),
         ({"settings": (3, 3)}, "each once"),
         ({"amplitude": 0.14}, "less than the chamber's length, 0.133 m"),
         ({"rig_filter": 300.0}, "less than half the sample rate, 250 Hz"),
-        ({"seed": -1}, "seed is -1"),
+        ({"seed": -1}, "--seed -1"),
     ],
 )
 def test_options_that_make_no_log_are_refused(change, says):
