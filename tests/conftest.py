@@ -35,6 +35,15 @@ BENCHMARKS = TESTS / "benchmarks"
 PACKAGE = TESTS.parent / "damperfit"
 
 
+@pytest.fixture(scope="session", autouse=True)
+def _children_find_the_tests():
+    """Readers of our tests run in a child, which has no working folder on its import path."""
+    from damperfit.io import child_process
+
+    begin = f"import sys; sys.path.append({str(TESTS.parent)!r})\n"
+    child_process._CHILD = begin + child_process._CHILD
+
+
 def pytest_ignore_collect(collection_path, config):
     """Leave the benchmarks out, unless the command line names them."""
     if collection_path != BENCHMARKS:

@@ -147,7 +147,7 @@ def test_the_script_is_installed():
     import importlib.metadata
 
     (script,) = importlib.metadata.entry_points(group="console_scripts", name="damperfit")
-    assert script.value == "damperfit.cli:main"
+    assert callable(script.load())
     assert importlib.metadata.version("damperfit") == damperfit.__version__
 
 
