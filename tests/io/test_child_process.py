@@ -196,7 +196,8 @@ def parent(code: str, **how) -> subprocess.Popen:
     root = Path(__file__).parents[2]
     return subprocess.Popen(
         [sys.executable, "-W", "error", "-c", _PARENT + code],
-        cwd=root,
+        cwd=root.parent,  # the working folder itself would be kept off the import path
+        env=os.environ | {"PYTHONPATH": str(root)},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
