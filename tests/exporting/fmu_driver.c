@@ -45,6 +45,7 @@ static void damaged_texts(const char *text)
         taken += ex_parse(copy, &damper, why);
         free(damper.settings);
         free(damper.table);
+        free(damper.rig);
         free(copy);
     }
     check(taken < 4000, "damage is noticed");
