@@ -1,7 +1,7 @@
 """Figures that module texts and the manual tell in passing, each measured anew.
 
 Those of findings are in `tests/conditioning/limits.py`; those of whole campaigns are commands, in
-the manual's page `proof` and in CONTRIBUTING.
+the manual's page `proof`.
 """
 
 from __future__ import annotations

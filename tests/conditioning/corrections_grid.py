@@ -3,7 +3,7 @@
     python -m tests.conditioning.corrections_grid
 
 Prints one line a case: the force level against the gas force, and the skew estimated against the
-true one. The figures in CONTRIBUTING are from here; it takes about a minute.
+true one. It takes about a minute.
 """
 
 from __future__ import annotations

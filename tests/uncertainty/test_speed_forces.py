@@ -224,7 +224,7 @@ def test_peaks_of_segments_are_those_of_the_model_and_the_rig(bleed) -> None:
 
 
 def test_an_error_for_the_wrong_model_holds_what_another_stroke_moves() -> None:
-    """The figures that CONTRIBUTING tells of a knee that the model has not."""
+    """A knee that the model does not have."""
     seen = {}
     for amplitude in (0.032, 0.028, 0.022):
         log = bent(recording(10, noise=4.0, duration=6.0, amplitude=amplitude))
