@@ -323,6 +323,8 @@ class Trace:
         The same with all that was logged, where a run-up or coast-down is cut off.
     is_filtered_by_rig : bool
         Nothing was filtered since: the force has what came behind the rig's filter, such as steps.
+    shows_signs : bool
+        The gas force in the log shows which way its channels are counted.
     """
 
     name: str
@@ -343,6 +345,7 @@ class Trace:
     gas_pressure: float | None = None
     whole: Trace | None = None
     is_filtered_by_rig: bool = False
+    shows_signs: bool = False
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -21,6 +21,7 @@ from damperfit.conditioning.polarity import (
     level_of,
     middle_of,
     put_right,
+    rest_of,
 )
 from damperfit.conditioning.refusals import (
     oversize,
@@ -89,7 +90,8 @@ def condition(recording: Recording, options: ConditionOptions | None = None) -> 
     if too_large:
         raise ConditioningError(too_large)
     level = level_of(traced.trace, options)
-    righted, findings = put_right(traced.trace, recording, level)
+    rest = rest_of(traced.logged, traced.trace, recording, options.gas)
+    righted, signs = put_right(traced.trace, recording, level, rest)
     if righted is not recording:
         traced = _trace(righted, options, delay)
     skew, skew_findings = find_delay(traced.log, traced.trace, options)
@@ -107,7 +109,8 @@ def condition(recording: Recording, options: ConditionOptions | None = None) -> 
         *check_velocity(trace, righted),
     )
     seen = examine(righted, traced.logged, trace, traced.part.cycles, options)
-    return replace(trace, findings=(*seen, *traced.part.findings, *findings, *levels))
+    found = (*seen, *traced.part.findings, *signs.findings, *levels)
+    return replace(trace, findings=found, shows_signs=signs.is_certain)
 
 
 class _Traced(NamedTuple):

@@ -3,8 +3,10 @@
 1. A damper takes energy, so mean(f v) > 0: that fixes the product of both signs.
 2. What was declared is taken as it is, and doubted only where the opposite were certain. With one
    sign declared, the energy fixes the other.
-3. The gas pushes the rod out: the force level (`gas_force`) is -a_r P_0 in the project's signs,
-   and of the other sign when the force is counted positive in bump. That is certain when
+3. The gas pushes the rod out. Where the log rests, the force is that of the gas within the
+   friction, and tells the signs (`rest_of`).
+4. In the motion the force level (`gas_force`) is -a_r P_0 in the project's signs, and of the other
+   sign when the force is counted positive in bump. That is certain when
 
    - the level is `_CERTAIN` times what the gas gives, and more than twice its own uncertainty with
      what preloads may hide in it: those of rebound are mostly the larger ones, and lift the level
@@ -12,8 +14,10 @@
    - the strokes are not so digressive that no valve of the model could do it;
    - rebound curves more than bump, as valve 1 has it (a_p1^3 against a_r^3).
 
-Where nothing is certain and the loop takes energy, the log is taken as it is, with a warning; where
-it gives energy, the log is refused with the question that must be answered.
+Where nothing is certain and the loop takes energy, the log is taken as it is, with a warning. Other
+logs of the batch may decide it, for a rig has one convention; a level that contradicts the signs by
+more than twice its doubt (about four standard errors) withholds the grade. Where the loop gives
+energy, the log is refused with the question that must be answered.
 """
 
 from __future__ import annotations
@@ -25,10 +29,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.conditioning.delay import Delay, estimate_delay
-from damperfit.conditioning.gas_force import force_level
+from damperfit.conditioning.drive import dwells_of
+from damperfit.conditioning.gas_force import force_level, gas_force
 from damperfit.errors import ConditioningError
 from damperfit.recording import Finding, Recording, Trace
-from damperfit.statistics import mean_of
+from damperfit.statistics import mean_of, median
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -36,14 +41,17 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from damperfit.conditioning.gas_force import ForceLevel
-    from damperfit.conditioning.options import ConditionOptions
+    from damperfit.conditioning.options import ConditionOptions, GasFacts
     from damperfit.conditioning.timebase import UniformLog
     from damperfit.recording import Recording, Stretch, Trace
 
     FloatArray = NDArray[np.float64]
 
 __all__ = [
+    "CONTRADICTED",
     "TARED",
+    "UNKNOWN",
+    "Rest",
     "Signs",
     "describe_level",
     "describe_middle",
@@ -52,6 +60,7 @@ __all__ = [
     "level_of",
     "middle_of",
     "put_right",
+    "rest_of",
     "reversed_in",
 ]
 
@@ -69,6 +78,15 @@ _LEAST_CURVATURE = -0.6
 # reversed ones 110 are put right after 246 (`python -m tests.conditioning.unlike_preloads`).
 _OF_HIDDEN = 2.0
 TARED = 0.25  # below this share of the gas force there is none to be seen
+UNKNOWN = "signs-unknown"
+CONTRADICTED = "direction_contradicted"
+_OF_DOUBT = 2.0  # times a level's doubt (about two standard errors): the signs are contradicted
+# A rest lasts so long, s, and so much of a period. Its later half is read, when what the valves
+# held has leaked away.
+_REST_TIME, _REST_PERIODS = 0.3, 0.1
+# Of half the range of the force: what seals may hold at rest. Half the gas force must be left.
+_REST_FRICTION = 0.1
+_REST_LIMIT = 4.0  # times the gas force: pressures are often guessed
 _CHANNELS = ("displacement", "force")
 _ASK = (
     "declare rig.reverse_displacement and rig.reverse_force: true where the log counts bump (rod "
@@ -86,13 +104,83 @@ class Signs:
         "displacement", "force", both or none.
     findings : tuple of Finding
         A note for each channel reversed; a warning where the direction is not known.
+    is_certain : bool
+        The gas force shows the signs, in this log and so in others of the rig.
     """
 
     reversed_channels: tuple[str, ...]
     findings: tuple[Finding, ...] = ()
+    is_certain: bool = False
 
 
-def find_signs(trace: Trace, recording: Recording, level: ForceLevel | None) -> Signs:
+@dataclass(frozen=True, slots=True)
+class Rest:
+    """What the force is where the log rests.
+
+    Attributes
+    ----------
+    force, expected : float
+        Median over the rests, and the gas force at those displacements, N.
+    friction : float
+        What seals may hold either way, N.
+    count : int
+        Rests of the log.
+    """
+
+    force: float
+    expected: float
+    friction: float
+    count: int
+
+    @property
+    def sign(self) -> int:
+        """1 where the force has the sign of the gas force, -1 the other one, 0 not clear."""
+        ratio = self.force / self.expected if self.expected else 0.0
+        is_clear = 0.5 < abs(ratio) < _REST_LIMIT and abs(self.force) > 2.0 * self.friction
+        return int(math.copysign(1.0, ratio)) if is_clear else 0
+
+    @property
+    def sentence(self) -> str:
+        """The force beside the gas force, for people."""
+        return (
+            f"at rest the force is {self.force:.0f} +- {self.friction:.0f} N; the gas force alone "
+            f"is {self.expected:.0f} N"
+        )
+
+
+def rest_of(
+    log: UniformLog, trace: Trace, recording: Recording, gas: GasFacts | None
+) -> Rest | None:
+    """Return the force where a log rests; None where it does not, or nothing is known of the gas.
+
+    Parameters
+    ----------
+    log : UniformLog
+        The whole log, not filtered.
+    trace : Trace
+        Of this log.
+    recording : Recording
+        Tells whether its displacement is counted the other way than the log's.
+    gas : GasFacts or None
+        Of the damper.
+    """
+    if gas is None:
+        return None
+    needed = max(_REST_TIME, _REST_PERIODS / trace.frequency) / log.interval
+    dwells = dwells_of(log.displacement, log.interval)
+    dwells = [(part, x) for part, x in dwells if part.stop - part.start >= needed]
+    if not dwells:
+        return None
+    forces = [median(log.force[(part.start + part.stop) // 2 : part.stop]) for part, _ in dwells]
+    places = [x for _, x in dwells]
+    at = np.array(places) - (-trace.centre if recording.reverse_displacement else trace.centre)
+    friction = _REST_FRICTION * 0.5 * float(np.ptp(trace.force[trace.compared]))
+    return Rest(median(forces), median(gas_force(gas, at)), friction, len(forces))
+
+
+def find_signs(
+    trace: Trace, recording: Recording, level: ForceLevel | None, rest: Rest | None = None
+) -> Signs:
     """Return which channels of a log must be reversed.
 
     Parameters
@@ -103,6 +191,8 @@ def find_signs(trace: Trace, recording: Recording, level: ForceLevel | None) -> 
         Tells which signs were declared.
     level : ForceLevel or None
         Of the trace; None where nothing is known of the gas.
+    rest : Rest or None
+        Of the log; None where it never rests.
 
     Raises
     ------
@@ -114,12 +204,15 @@ def find_signs(trace: Trace, recording: Recording, level: ForceLevel | None) -> 
     if abs(share) < _CLEAR_ENERGY:
         return Signs((), (_no_energy(share),))
     if share > 0.0:
-        return _both_or_none(level, free)
+        return _both_or_none(level, free, rest)
     gives = f"the loop gives {-joules:.3g} J a cycle as logged"
     if len(free) == 1:
         return _reversed(free, f"{gives}, and the sign of the other channel is declared")
     if not free:
         raise _question(trace, joules, "both signs are declared, and one of them wrongly")
+    if rest is not None and rest.sign:
+        wrong = "force" if rest.sign < 0 else "displacement"
+        return _reversed((wrong,), f"{gives}, and {rest.sentence}")
     return _one(trace, level, joules, gives)
 
 
@@ -148,15 +241,19 @@ def _energy(trace: Trace) -> tuple[float, float]:
     return mean / max(mean_of(np.abs(power)), 1e-300), mean / trace.frequency
 
 
-def _both_or_none(level: ForceLevel | None, free: list[str]) -> Signs:
+def _both_or_none(level: ForceLevel | None, free: list[str], rest: Rest | None) -> Signs:
     """Return the signs of a log that takes energy: as it is, or both reversed."""
-    if level is None or level.ratio > TARED:
-        return Signs(())
-    if len(free) < len(_CHANNELS):
+    at_rest = rest.sign if rest is not None else 0
+    is_free = len(free) == len(_CHANNELS)
+    if rest is not None and at_rest < 0 and is_free:
+        return _reversed(_CHANNELS, f"{rest.sentence}, and the loop absorbs energy")
+    if at_rest > 0 or level is None or level.ratio > TARED:
+        return Signs((), is_certain=at_rest > 0 or _is_as_expected(level))
+    if not is_free:
         # A cell zeroed before mounting shows any level; a declaration is doubted for more.
         is_doubted = _is_certain(level, _CHANNELS)
         kept = "the declared signs are kept; check them again"
-        return _doubt(level, kept) if is_doubted else Signs(())
+        return _doubt(level, kept, is_asked=False) if is_doubted else Signs(())
     if _is_certain(level, _CHANNELS):
         return _reversed(_CHANNELS, f"{_level_in_words(level)}, and the loop absorbs energy")
     return _doubt(level, f"taken as logged; {_ASK}")
@@ -201,6 +298,15 @@ def _is_certain(level: ForceLevel, reversed_channels: tuple[str, ...]) -> bool:
     )
 
 
+def _is_as_expected(level: ForceLevel | None) -> bool:
+    """Whether the gas force is there with its sign, which unlike preloads rather hide."""
+    return (
+        level is not None
+        and _CERTAIN[0] < level.ratio < _CERTAIN[1]
+        and abs(level.force) > level.doubt
+    )
+
+
 def _level_in_words(level: ForceLevel) -> str:
     """Return the level beside the gas force, for people."""
     return (
@@ -221,21 +327,19 @@ def _reversed(channels: tuple[str, ...] | list[str], reason: str) -> Signs:
         )
         for channel in channels
     )
-    return Signs(tuple(channels), findings)
+    return Signs(tuple(channels), findings, is_certain=True)
 
 
-def _doubt(level: ForceLevel, advice: str) -> Signs:
-    sees = "so no gas force distinguishes rebound from bump"
+def _doubt(level: ForceLevel, advice: str, *, is_asked: bool = True) -> Signs:
+    name, sees = "direction", "so no gas force distinguishes rebound from bump"
     if level.ratio <= -TARED and abs(level.force) > level.uncertainty + level.held:
         sees = "as if both channels were positive in bump, but that is not certain"
-    return Signs(
-        (),
-        (
-            Finding(
-                "direction", "warning", f"{_level_in_words(level)}, {sees}; {advice}", level.ratio
-            ),
-        ),
-    )
+        # Progressive valves curve more in rebound: where these do, a tare explains the level.
+        is_tared = level.rebound_curvature > max(level.bump_curvature, 0.0)
+        if is_asked and not is_tared and abs(level.force) > _OF_DOUBT * level.doubt:
+            name = CONTRADICTED
+    text = f"{_level_in_words(level)}, {sees}; {advice}"
+    return Signs((), (Finding(name, "warning", text, level.ratio),))
 
 
 def _no_energy(share: float) -> Finding:
@@ -251,6 +355,7 @@ def _question(trace: Trace, joules: float, doubt: str) -> ConditioningError:
     return ConditioningError(
         f"the damper delivers {-joules:.3g} J per cycle instead of absorbing energy: "
         f"force or displacement is reversed{f'; {doubt}' if doubt else ''}; {_ASK}",
+        code=UNKNOWN,
         subject=trace.name,
     )
 
@@ -281,8 +386,8 @@ def level_of(trace: Trace, options: ConditionOptions) -> ForceLevel | None:
 
 
 def put_right(
-    trace: Trace, recording: Recording, level: ForceLevel | None
-) -> tuple[Recording, tuple[Finding, ...]]:
+    trace: Trace, recording: Recording, level: ForceLevel | None, rest: Rest | None = None
+) -> tuple[Recording, Signs]:
     """Return the recording with the signs of the project, and what was found.
 
     The same recording when nothing had to be changed.
@@ -292,11 +397,11 @@ def put_right(
     ConditioningError
         A sign is wrong and it is not certain which.
     """
-    signs = find_signs(trace, recording, level)
+    signs = find_signs(trace, recording, level, rest)
     for channel in signs.reversed_channels:
         changes = {channel: -getattr(recording, channel), f"reverse_{channel}": True}
         recording = replace(recording, **changes)
-    return recording, signs.findings
+    return recording, signs
 
 
 def describe_level(level: ForceLevel | None, options: ConditionOptions) -> tuple[Finding, ...]:

@@ -14,7 +14,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 from damperfit.conditioning import examine_raw
-from damperfit.conditioning.polarity import reversed_in
+from damperfit.conditioning.polarity import CONTRADICTED, UNKNOWN, reversed_in
 from damperfit.errors import (
     ConfigurationError,
     InstallationError,
@@ -158,10 +158,14 @@ def read_batch(  # noqa: PLR0913 - one more than usual, for what is done beside 
         return taken if keeps_traces else [replace(part, trace=None) for part in taken]
 
     threads = jobs if any(_gains_by_threads(path) for path in logs) else 1
-    pairs = zip(logs, _distinct_names(logs), strict=True)
+    pairs = list(zip(logs, _distinct_names(logs), strict=True))
     with one_blas_thread():  # more would spin between small products, on the next log's core
         found = apart(one, pairs, jobs=jobs, cancelled=cancelled, threads=threads, beside=beside)
         taken = [part for parts in found for part in parts]
+        names = {_shown(str(path)): name for path, name in pairs}
+        taken = _with_common_signs(taken, names, configuration, labelled)
+    if not keeps_traces:  # those that were read again
+        taken = [replace(part, trace=None) for part in taken]
     return LogBatch(
         traces=tuple(part.trace for part in taken if part.trace is not None),
         logs=tuple(part.facts for part in taken),
@@ -172,6 +176,42 @@ def read_batch(  # noqa: PLR0913 - one more than usual, for what is done beside 
         notes=labels.tables_used,
         identities={part.facts.log: part.identity for part in taken},
     )
+
+
+def _with_common_signs(
+    taken: list[_Taken],
+    names: Mapping[str, str],
+    configuration: Configuration,
+    labelled: _Labelled,
+) -> list[_Taken]:
+    """Read logs that do not show their signs again, with those that the others of the rig show.
+
+    A rig has one convention. Where a sign is declared, or logs disagree, nothing is changed.
+    """
+    reading = configuration.reading
+    if {reading.reverse_displacement, reading.reverse_force} != {"detect"}:
+        return taken
+    shown = {tuple(part.facts.facts["reversed"]) for part in taken if part.shows_signs}
+    unknown = {part.facts.log: part.facts.path for part in taken if part.asks_for_signs}
+    if len(shown) != 1 or not unknown:
+        return taken
+    (channels,) = shown
+    reading = replace(
+        reading,
+        reverse_displacement="displacement" in channels,
+        reverse_force="force" in channels,
+    )
+    declared = replace(configuration, reading=reading)
+    how = f"{' and '.join(channels)} reversed" if channels else "nothing reversed"
+    note = f"signs as the other logs of the batch show them: {how}"
+    again = {
+        part.facts.log: part.with_note(note)
+        for path in dict.fromkeys(unknown.values())
+        for part in _take_file(Path(path), names[path], declared, labelled)
+    }
+    return [
+        again.get(part.facts.log, part) if part.facts.log in unknown else part for part in taken
+    ]
 
 
 def _note(part: _Taken, spent: float) -> None:
@@ -257,6 +297,21 @@ class _Taken:
     trace: Trace | None = None
     failure: Failure | None = None
     identity: Identity = Identity()
+    shows_signs: bool = False
+
+    def with_note(self, note: str) -> _Taken:
+        """Return the same with a note among the facts."""
+        facts = self.facts.facts
+        notes = [*facts.get("notes", ()), note]
+        return replace(self, facts=replace(self.facts, facts=facts | {"notes": notes}))
+
+    @property
+    def asks_for_signs(self) -> bool:
+        """Whether the log does not show which way its channels are counted."""
+        if self.failure is not None:
+            return self.failure.code == UNKNOWN
+        names = (finding["name"] for finding in self.facts.facts.get("findings", ()))
+        return any(name in {"direction", CONTRADICTED} for name in names)
 
     @property
     def kind(self) -> str:
@@ -346,7 +401,7 @@ def _take_test(
         text = "refused because of a warning, as strict quality was requested"
         refused = QualityError(f"{text}: {trace.warnings[0]}{more}", subject=recording.name)
         return _failed(known, refused, trace.findings)
-    return _Taken(known, trace, identity=identity)
+    return _Taken(known, trace, identity=identity, shows_signs=trace.shows_signs)
 
 
 # Names of the finding that says why a log is refused, by the class of the error.

@@ -14,6 +14,7 @@ import numpy as np
 
 from damperfit.conditioning import apply_filter
 from damperfit.conditioning.gas_force import force_level
+from damperfit.conditioning.polarity import CONTRADICTED
 from damperfit.damper.force_channel import behind_lag
 from damperfit.identification.outcome import Status
 from damperfit.identification.plausible import edge_of
@@ -102,8 +103,8 @@ class Objection:
     Attributes
     ----------
     kind : str
-        bound, beyond, cavitation, clipping, offset, friction, dimensions, misfit, prediction or
-        delivery.
+        bound, beyond, cavitation, clipping, direction, offset, friction, dimensions, misfit,
+        prediction or delivery.
     quantity : str
         Name of the quantity it is about; empty where it is about none.
     sentence : str
@@ -159,6 +160,7 @@ def _of_fit(fit: Fit, diagnosis: Diagnosis | None, gas: GasFacts | None) -> Iter
     yield from _bounds(fit)
     yield from _beyond(fit)
     yield from _clipping(fit)
+    yield from _direction(fit)
     if diagnosis is not None:
         yield from _misfit(diagnosis)
     misses = _misses(fit, diagnosis)
@@ -225,6 +227,14 @@ def _clipping(fit: Fit) -> Iterator[Objection]:
             f"the {channel} of {name} is clipped at {share:.2g} % of its samples: the numbers lack "
             "what was cut off",
         )
+
+
+def _direction(fit: Fit) -> Iterator[Objection]:
+    for log in fit.logs:
+        if any(finding.name == CONTRADICTED for finding in log.trace.findings):
+            text = f"the gas force in {log.trace.name} contradicts the signs of its channels"
+            yield Objection("direction", "", f"{text}: declare which way they are counted")
+            return
 
 
 def _misfit(diagnosis: Diagnosis) -> Iterator[Objection]:
