@@ -33,14 +33,14 @@ import numpy as np
 
 from damperfit.adjustment.force_at import Sine, Stage, fastest_sine, has_lost_errors, open_limits
 from damperfit.errors import ConfigurationError, OutputError, did_you_mean, refuse_wrong_arguments
+from damperfit.identification.outcome import Status
 from damperfit.identification.sharing import of_settings
 from damperfit.io.files import read_bytes
 from damperfit.problem import Option
 from damperfit.recording import natural_order
 from damperfit.store import file_set, settle
-from damperfit.tables import values_from
-from damperfit.tables.columns import PAPER_QUANTITIES, unknown_schema
-from damperfit.tables.files import read_facts, unlimited_names
+from damperfit.tables.columns import PAPER_QUANTITIES, unknown_schema, values_from
+from damperfit.tables.files import read_facts
 from damperfit.tables.reading import (
     check_files,
     has_table,
@@ -169,8 +169,17 @@ class SettingResult(Stage):
 
     @property
     def unlimited(self) -> tuple[str, ...]:
-        """Names of values to which the logs set no upper limit."""
-        return unlimited_names(self.row or {}, self.parameters.quantities)
+        """Names of values to which the logs set no upper limit.
+
+        Rigid oil is none of them: any stiffness above its limit gives the same force.
+        """
+        return tuple(
+            one.name
+            for one in self.parameters.quantities
+            if not one.is_open
+            and self._cell(f"{one.name}_status") == Status.NOT_IDENTIFIABLE
+            and self._cell(f"{one.name}_ci_high") is None
+        )
 
     @property
     def grade(self) -> str:
@@ -389,6 +398,11 @@ class Run:
         return tuple(dict.fromkeys(self._remarks))
 
     @property
+    def tables(self) -> dict[str, pa.Table]:
+        """Its tables as they were made, by the name of their files; none where it was read."""
+        return self._tables
+
+    @property
     def folder(self) -> Path:
         """Where its files are."""
         return Path() if self.place is None else self.place
@@ -412,7 +426,7 @@ class Run:
                 known = rows_of(self._tables[name], name, self.quantities)
             is_needed = name in {"parameters", "mse"}
             if self._is_folder and (is_needed or has_table(self.folder, self.record, name)):
-                known = read_rows(self.folder, name, self._remarks, self.quantities)
+                known = read_rows(self.folder, name, self._remarks, self.quantities, self.record)
             self._rows[name] = self._once(known) if name == "parameters" else known
         return self._rows[name]
 

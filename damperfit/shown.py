@@ -171,7 +171,7 @@ class Comparison:
             tolerance_rows,
             tolerance_table,
         )
-        from damperfit.tables import write_table
+        from damperfit.tables.files import write_table
 
         rows = [row for one in self.compared.comparisons for row in comparison_rows(one)]
         tables = {"differences": comparison_table(rows)}
@@ -273,7 +273,7 @@ class Simulation:
         with ExitStack() as stack:
             sets = []
             if out is not None:
-                from damperfit.tables import time_series_table, write_table
+                from damperfit.tables.files import time_series_table, write_table
 
                 sets.append(stack.enter_context(file_set(out.parent, spares_others=spares_others)))
                 table = time_series_table(self.test.response)
@@ -320,7 +320,7 @@ class Simulation:
 
     def to_frame(self) -> pd.DataFrame:
         """Return the signals as a data frame, with units in the names of its columns."""
-        from damperfit.tables import time_series_table
+        from damperfit.tables.files import time_series_table
 
         frame: pd.DataFrame = time_series_table(self.test.response).to_pandas()
         return frame
@@ -566,7 +566,7 @@ class SettingForces:
         """Return all of it as JSON values."""
         from damperfit.report.records import to_record
         from damperfit.run.ending import json_values
-        from damperfit.tables import adjustment_rows
+        from damperfit.tables.rows import adjustment_rows
 
         document: dict[str, Any] = {}
         if self.curves is not None:

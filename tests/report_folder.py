@@ -12,18 +12,15 @@ import pyarrow.parquet as pq
 
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.identification import Outcome, compare
-from damperfit.tables import (
-    characteristic_rows,
-    lay_out,
-    make_tables,
-    table_schema,
-    write_responses,
-    write_table,
-)
+from damperfit.tables.columns import describe_tables, table_schema
+from damperfit.tables.files import lay_out, write_responses, write_table
+from damperfit.tables.rows import characteristic_rows, make_tables, signals_of
 from tests.fakes import campaign, fit
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
+
+    from damperfit.identification import Campaign, SimulatedLog
 
 __all__ = ["EVIL", "make_results"]
 
@@ -45,18 +42,16 @@ def make_results(folder: Path, settings: Iterable[int] = ()) -> Path:
     if settings:
         many = campaign(*map(fit, settings))
     tables = make_tables(many, expected=settings or (1, 2, 3, 4, 5))
-    rows = tables.parameters.to_pylist()
+    rows = tables["parameters"].to_pylist()
     rows[0] |= {"k_e_se": 1e7, "k_e_ci_low": 4.9e8, "k_e_ci_high": 5.3e8}
     parameters = pa.Table.from_pylist(rows, schema=table_schema("parameters", {}))
     folder.mkdir(parents=True, exist_ok=True)
-    for name, table in (("parameters", parameters), ("mse", tables.mse)):
+    for name, table in (("parameters", parameters), ("mse", tables["mse"])):
         for suffix in (".parquet", ".csv"):
             write_table(folder / (name + suffix), table)
-    compared = [
-        compare(one.parameters, log.trace, PURDY_DAMPER) for one in many.fits for log in one.logs
-    ]
-    write_responses(folder / "responses.parquet", many, compared)
     pairs = [(one, log) for one in many.fits for log in one.logs]
+    compared = [compare(one.parameters, log.trace, PURDY_DAMPER) for one, log in pairs]
+    put_responses(folder / "responses.parquet", many, compared)
     rows = [
         row
         for (one, log), seen in zip(pairs, compared, strict=True)
@@ -81,6 +76,7 @@ def make_results(folder: Path, settings: Iterable[int] = ()) -> Path:
     record = {
         "version": "0.1.0",
         "schema_version": 1,
+        "schema": describe_tables(),
         "warnings": [f"{EVIL}: strange"],
         "gaps": [{"first": 4, "last": 4}],
         "procedure": ["Damper: rod 19 mm."],
@@ -95,6 +91,20 @@ def make_results(folder: Path, settings: Iterable[int] = ()) -> Path:
     }
     (folder / "run.json").write_text(json.dumps(record), encoding="utf-8")
     return folder
+
+
+def put_responses(path: Path, done: Campaign, compared: Iterable[SimulatedLog]) -> int:
+    """Write the signals of a campaign, and return how many rows they are."""
+    pairs = [(one, log) for one in done.fits for log in one.logs]
+    return write_responses(
+        path,
+        [
+            signals_of(one.setting, log.trace, seen)
+            for (one, log), seen in zip(pairs, compared, strict=True)
+        ],
+        settings=[one.setting for one in done.fits],
+        quantities=done.quantities or PURDY_DAMPER.quantities,
+    )
 
 
 def damage_row_group(path: Path, group: int) -> None:

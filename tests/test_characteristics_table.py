@@ -13,7 +13,8 @@ import pytest
 from damperfit.conditioning import measured_characteristics
 from damperfit.conditioning.measured_characteristics import with_figures
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.tables import characteristic_rows, lay_out, write_table
+from damperfit.tables.files import lay_out, write_table
+from damperfit.tables.rows import characteristic_rows
 from tests.fakes import trace
 
 SPEED = 0.032 * 2 * math.pi * 1.5  # peak of the made-up log, m/s

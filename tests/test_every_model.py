@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import asdict, dataclass, replace
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -31,19 +31,16 @@ from damperfit.report.settings_figures import report_plots
 from damperfit.report.sheet import escape
 from damperfit.results import Run
 from damperfit.simulation import Motion, SolverOptions, simulate
-from damperfit.tables import (
-    Tables,
-    make_tables,
-    table_quantities,
-    write_responses,
-    write_table,
-)
+from damperfit.tables.files import write_table
+from damperfit.tables.reading import table_quantities
+from damperfit.tables.rows import make_tables
 from damperfit.uncertainty import Assessment, assess
 from damperfit.uncertainty.flaws import seek_flaws
 from damperfit.uncertainty.linearisation import linearise_at_fit
 from tests.damper.test_rivals import NUMBERS
 from tests.damper.test_valve_dampers import VALVES
 from tests.fakes import values_in
+from tests.report_folder import put_responses
 from tests.texts import FACTS
 
 if TYPE_CHECKING:
@@ -75,7 +72,7 @@ class Case:
     trace: Trace
     campaign: Campaign
     assessment: Assessment
-    tables: Tables
+    tables: dict[str, Any]
 
 
 def damper(name: str) -> Model:
@@ -194,8 +191,8 @@ def test_its_own_log_is_met_to_the_noise_and_the_truth_is_inside_the_intervals(n
 def test_tables_carry_its_quantities_and_are_read_back(name: str, tmp_path: Path) -> None:
     one = case(name)
     for suffix in (".parquet", ".csv"):
-        write_table(tmp_path / f"parameters{suffix}", one.tables.parameters)
-        write_table(tmp_path / f"mse{suffix}", one.tables.mse)
+        write_table(tmp_path / f"parameters{suffix}", one.tables["parameters"])
+        write_table(tmp_path / f"mse{suffix}", one.tables["mse"])
     schema = pq.read_schema(tmp_path / "parameters.parquet")
     for quantity in one.model.quantities:
         told = schema.field(quantity.name).metadata
@@ -213,15 +210,15 @@ def test_tables_carry_its_quantities_and_are_read_back(name: str, tmp_path: Path
 @EVERY
 def test_the_report_shows_it_and_knows_no_model(name: str, tmp_path: Path) -> None:
     one = case(name)
-    write_table(tmp_path / "parameters.parquet", one.tables.parameters)
-    write_table(tmp_path / "mse.parquet", one.tables.mse)
+    write_table(tmp_path / "parameters.parquet", one.tables["parameters"])
+    write_table(tmp_path / "mse.parquet", one.tables["mse"])
     (fit,) = one.campaign.fits
     seen = compare(fit.parameters, one.trace, one.model, solver=ROUGH)
-    write_responses(tmp_path / "responses.parquet", one.campaign, [seen])
+    put_responses(tmp_path / "responses.parquet", one.campaign, [seen])
     found = Run.load(tmp_path)
     assert found.quantities == one.model.quantities
     page = html_report(report_plots(found), title=name)
-    text = markdown_report(one.tables, FACTS)
+    text = markdown_report(one.tables, FACTS, one.model.quantities)
     for quantity in one.model.quantities:
         is_idle = quantity.default == getattr(fit.parameters, quantity.name)
         assert is_idle or escape(quantity.symbol) in text, quantity.name

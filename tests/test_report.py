@@ -36,7 +36,8 @@ from damperfit.report.tables import (
     sparkline,
 )
 from damperfit.report.units import parameters_in_units, rows_in_units, sheet_in_units
-from damperfit.tables import PAPER_QUANTITIES, make_tables
+from damperfit.tables.columns import PAPER_QUANTITIES
+from damperfit.tables.rows import make_tables
 from damperfit.tested.setting import Setting
 from damperfit.units.shown_units import parse_units
 from tests.fakes import campaign, fit
@@ -169,7 +170,7 @@ def test_a_sparkline_shows_the_course() -> None:
 
 
 def rows(*fits):
-    return make_tables(campaign(*fits)).parameters.to_pylist()
+    return make_tables(campaign(*fits))["parameters"].to_pylist()
 
 
 def wide(setting, **cells):

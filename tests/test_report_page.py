@@ -371,7 +371,6 @@ def test_an_older_schema_is_named_and_what_it_has_is_shown(copy):
     (copy / "run.json").write_text('{"schema_version": 0, "version": "0.0.1"}', encoding="utf-8")
     results = Run.load(copy)
     assert "schema version 0 (damperfit 0.0.1)" in results.remarks[0]
-    assert "k_e_ci_low" in results.remarks[1]
     assert "parameter_k_e" in html_report(report_plots(results), title="x")
 
 

@@ -92,11 +92,13 @@ def older(folder: Path, tmp_path: Path) -> Path:
     shutil.copytree(folder, where)
     for path in (*where.glob("characteristics*"), *where.glob("profiles*")):
         path.unlink()
-    for name, lost in {"mse": ["role"], "adjustment": ["measured_N", "told_from"]}.items():
-        table = pq.read_table(where / f"{name}.parquet")
-        kept = [one for one in table.column_names if one not in lost]
-        pq.write_table(table.select(kept), where / f"{name}.parquet")
     record = json.loads((where / "run.json").read_text())
+    for name, lost in {"mse": ["role"], "adjustment": ["measured_N"]}.items():
+        pq.write_table(
+            pq.read_table(where / f"{name}.parquet").drop_columns(lost), where / f"{name}.parquet"
+        )
+        columns = record["schema"][name]
+        record["schema"][name] = [one for one in columns if one["name"] not in lost]
     record |= {"version": "0.0.1", "schema_version": 1}
     for key in ("quantities", "files", "stretches", "speed_forces", "adjusters"):
         del record[key]

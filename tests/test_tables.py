@@ -1,8 +1,9 @@
-"""Tables: columns, units, nulls, files that are bit for bit the same, cells that are safe."""
+"""Tables: columns of the contract, units, nulls, files that are bit for bit the same, and back."""
 
 from __future__ import annotations
 
 import csv
+import hashlib
 import json
 import math
 from pathlib import Path
@@ -18,119 +19,98 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters
 from damperfit.errors import ConfigurationError
 from damperfit.identification import Outcome, compare
 from damperfit.simulation import simulate, sine_motion
-from damperfit.tables import (
-    MISSING,
+from damperfit.tables.columns import (
     PAPER_QUANTITIES,
-    WITHHELD,
+    column_kinds,
     describe_tables,
-    grade,
-    make_tables,
-    safe_cell,
-    time_series_table,
-    write_responses,
-    write_table,
+    quantity_records,
+    read_setting,
 )
-from damperfit.tables.columns import _setting_columns, quantity_records, read_setting
-from damperfit.tables.files import read_facts, table_quantities
+from damperfit.tables.files import lay_out, safe_cell, time_series_table, write_table
+from damperfit.tables.reading import (
+    LogSignals,
+    check_files,
+    read_rows,
+    read_signals,
+    table_quantities,
+)
+from damperfit.tables.rows import MISSING, WITHHELD, grade, make_tables
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty import Assessment, Objection
 from tests.fakes import campaign, fit, values_in
+from tests.report_folder import put_responses
 
-PDQ = PURDY_DAMPER.quantities
-
-CONTRACT_PARAMETERS = [
+NAMES = ("r_m1", "r_m2", "r_m3", "k_e", "f_f", "f_0")
+PARAMETERS = [
     "setting",
-    *("r_m1", "r_m2", "r_m3", "k_e", "f_f", "f_0"),
-    *(
-        f"{name}_{part}"
-        for name in ("r_m1", "r_m2", "r_m3", "k_e", "f_f", "f_0")
-        for part in ("se", "ci_low", "ci_high", "status")
-    ),
-    *(f"{name}_misfit_se" for name in ("r_m1", "r_m2", "r_m3", "k_e", "f_f", "f_0")),
+    *NAMES,
+    *(f"{name}_{part}" for name in NAMES for part in ("se", "ci_low", "ci_high", "status")),
+    *(f"{name}_misfit_se" for name in NAMES),
     *("mse_percent", "grade", "outcome", "n_logs", "n_samples", "n_cycles", "evaluations"),
     *("cavitation_fraction", "r_m3_cavitation_margin"),
     *("lowest_pressure", "lowest_pressure_chamber"),
     *("lowest_pressure_displacement", "lowest_pressure_velocity", "safe_gas_pressure"),
     "grade_reason",
 ]
-CONTRACT_MSE = ["setting", "log", "mse_percent", "noise_floor_percent", "grade", "n_samples"]
-CONTRACT_SERIES = [
-    *("time_s", "displacement_m", "velocity_m_per_s", "force_N"),
-    *("pressure_1_Pa", "pressure_2_Pa", "pressure_3_Pa"),
-]
+MSE = ["setting", "log", "mse_percent", "noise_floor_percent", "grade", "n_samples", "role"]
+MOTION = ["time_s", "displacement_m", "velocity_m_per_s"]
+PRESSURES = ["pressure_1_Pa", "pressure_2_Pa", "pressure_3_Pa"]
+VALUES = Parameters(1.8e4, 3.5e6, 2.6e6, 3.6e8, 50.0)
 
 
-def _compared(done):
+def response():
+    motion = sine_motion(0.032, 1.5, cycles=1, sample_rate=500)
+    return simulate(VALUES, PURDY_DAMPER, motion)
+
+
+def compared(done):
     return [compare(f.parameters, log.trace, PURDY_DAMPER) for f in done.fits for log in f.logs]
 
 
-def test_columns_and_their_order_are_those_of_the_contract() -> None:
+def test_columns_are_those_of_the_contract_each_with_its_unit_and_meaning() -> None:
     tables = make_tables(campaign(fit(1)))
-    assert tables.parameters.column_names == CONTRACT_PARAMETERS
-    assert tables.mse.column_names == [*CONTRACT_MSE, "role"]
-
-
-def test_every_number_column_says_its_unit_and_every_column_its_meaning() -> None:
-    tables = make_tables(campaign(fit(1)))
-    for field in (*tables.parameters.schema, *tables.mse.schema, *tables.adjustment.schema):
-        assert field.metadata[b"description"], field.name
-        assert field.metadata[b"unit"] or str(field.type) == "string", field.name
-    units = {f.name: f.metadata[b"unit"].decode() for f in tables.parameters.schema}
-    assert units["k_e"] == units["k_e_ci_low"] == "Pa"
-    assert units["r_m1"] == "s sqrt(N)/(m kg)"
-    # A pressure drop over a mass flow: N/m2 over kg/s.
-    assert units["r_m2"] == units["r_m3"] == units["r_m3_se"] == "N s/(m2 kg)"
-    assert units["f_f"] == units["f_0"] == units["f_0_ci_low"] == "N"
-    assert units["lowest_pressure"] == units["safe_gas_pressure"] == "Pa"
-    assert units["lowest_pressure_displacement"] == "m"
-    assert units["lowest_pressure_velocity"] == "m/s"
-
-
-def test_where_the_lowest_pressure_is_stands_in_its_own_columns() -> None:
-    row = make_tables(campaign(fit(1))).parameters.to_pylist()[0]
-    assert row["lowest_pressure"] == 7e4
-    assert row["lowest_pressure_chamber"] == 2
-    assert row["lowest_pressure_displacement"] == 0.001
-    assert row["lowest_pressure_velocity"] == 0.3
-    assert row["r_m3_cavitation_margin"] == 0.176
-    assert row["safe_gas_pressure"] == 3.9e5
-
-
-def test_the_schema_of_run_json_is_the_schema_of_the_files() -> None:
-    tables = make_tables(campaign(fit(1)))
+    assert tables["parameters"].column_names == PARAMETERS
+    assert tables["mse"].column_names == MSE
+    assert time_series_table(response()).column_names == [*MOTION, "force_N", *PRESSURES]
+    for table in tables.values():
+        for field in table.schema:
+            assert field.metadata[b"description"], field.name
+            assert field.metadata[b"unit"] or str(field.type) == "string", field.name
+    units = {f.name: f.metadata[b"unit"].decode() for f in tables["parameters"].schema}
+    for names, unit in (
+        (("k_e", "k_e_ci_low", "lowest_pressure", "safe_gas_pressure"), "Pa"),
+        (("r_m1",), "s sqrt(N)/(m kg)"),
+        (("r_m2", "r_m3", "r_m3_se"), "N s/(m2 kg)"),  # N/m2 over kg/s
+        (("f_f", "f_0", "f_0_ci_low"), "N"),
+    ):
+        assert {units[name] for name in names} == {unit}
     described = describe_tables()
-    assert set(described) == {
-        *("parameters", "mse", "adjustment", "characteristics", "responses", "profiles"),
-        "valves",
-    }
-    assert [c["name"] for c in described["parameters"]] == tables.parameters.column_names
-    assert [c["type"] for c in described["mse"]] == [str(f.type) for f in tables.mse.schema]
+    for name, table in tables.items():
+        assert [c["name"] for c in described[name]] == table.column_names
+        assert [c["type"] for c in described[name]] == [str(f.type) for f in table.schema]
 
 
-def test_values_are_those_of_the_fits_and_intervals_stay_empty() -> None:
-    row = make_tables(campaign(fit(3, f_0=-2.5))).parameters.to_pylist()[0]
+def test_a_row_holds_what_its_fit_found_and_null_for_what_is_not_known() -> None:
+    done = campaign(fit(3, f_0=-2.5), fit(4, outcome=Outcome.CAVITATING))
+    row, cavitating = make_tables(done)["parameters"].to_pylist()
     assert row["setting"] == 3
-    assert row["r_m1"] == 1.4e4 + 2100.0
-    assert row["f_0"] == -2.5
-    assert (row["r_m1_status"], row["r_m3_status"], row["f_0_status"]) == (
-        "fitted",
-        "shared",
-        "fixed",
-    )
-    assert row["grade"] == "excellent"
-    assert row["outcome"] == "converged"
-    assert (row["n_logs"], row["n_samples"], row["evaluations"]) == (1, 333, 12)
-    for name in PURDY_DAMPER.names:
-        assert row[f"{name}_se"] is row[f"{name}_ci_low"] is row[f"{name}_ci_high"] is None
+    assert {name: row[name] for name in NAMES} == {
+        name: getattr(done.fits[0].parameters, name) for name in NAMES
+    }
+    expected = {
+        "r_m1_status": "fitted", "r_m3_status": "shared", "f_0_status": "fixed",
+        "grade": "excellent", "outcome": "converged", "n_logs": 1, "n_samples": 333,
+        "evaluations": 12, "lowest_pressure": 7e4, "lowest_pressure_chamber": 2,
+        "lowest_pressure_displacement": 0.001, "lowest_pressure_velocity": 0.3,
+        "r_m3_cavitation_margin": 0.176, "safe_gas_pressure": 3.9e5,
+        **{f"{name}_{part}": None for name in NAMES for part in ("se", "ci_low", "ci_high")},
+    }  # fmt: skip
+    assert {name: row[name] for name in expected} == expected
+    assert cavitating["r_m3_cavitation_margin"] is None  # NaN in the fit
 
 
-def test_a_number_that_is_none_is_null_not_nan() -> None:
-    row = make_tables(campaign(fit(1, outcome=Outcome.CAVITATING))).parameters.to_pylist()[0]
-    assert row["r_m3_cavitation_margin"] is None
-
-
-def test_a_setting_has_one_row_of_mse_and_each_of_its_logs_another() -> None:
-    rows = make_tables(campaign(fit(4, logs=("a.csv", "b.csv")), fit(5))).mse.to_pylist()
+def test_a_setting_has_a_row_of_mse_and_so_has_each_of_its_logs() -> None:
+    rows = make_tables(campaign(fit(4, logs=("a.csv", "b.csv")), fit(5)))["mse"].to_pylist()
     assert [(row["setting"], row["log"], row["n_samples"]) for row in rows] == [
         (4, "", 666),
         (4, "a.csv", 333),
@@ -141,7 +121,7 @@ def test_a_setting_has_one_row_of_mse_and_each_of_its_logs_another() -> None:
 
 
 def test_a_setting_that_was_expected_is_an_explicit_gap() -> None:
-    table = make_tables(campaign(fit(1), fit(3)), expected=(1, 2, 3)).parameters
+    table = make_tables(campaign(fit(1), fit(3)), expected=(1, 2, 3))["parameters"]
     assert table["setting"].to_pylist() == [1, 2, 3]
     assert table["outcome"].to_pylist()[1] == MISSING
     assert table["r_m1"].to_pylist()[1] is None
@@ -159,194 +139,32 @@ def test_a_grade_that_is_withheld_says_why_in_every_table() -> None:
     why = (Objection("bound", "r_m1", "R_m1 ran out"), Objection("misfit", "", "much repeats"))
     held_back = Assessment(objections={fit(2).setting: why})
     tables = make_tables(campaign(fit(1), fit(2)), assessment=held_back)
-    rows = tables.parameters.to_pylist()
+    rows = tables["parameters"].to_pylist()
     assert [row["grade"] for row in rows] == ["excellent", WITHHELD]
     assert [row["grade_reason"] for row in rows] == [None, "R_m1 ran out; much repeats"]
-    assert [(row["setting"], row["grade"]) for row in tables.mse.to_pylist()] == [
-        *((1, "excellent"), (1, "excellent")),
-        *((2, WITHHELD), (2, WITHHELD)),
-    ]
+    grades = [(row["setting"], row["grade"]) for row in tables["mse"].to_pylist()]
+    assert grades == [(1, "excellent")] * 2 + [(2, WITHHELD)] * 2
 
 
-def test_frames_are_pandas_with_the_same_rows() -> None:
-    frame = make_tables(campaign(fit(1), fit(2))).frame("parameters")
-    assert list(frame.columns) == CONTRACT_PARAMETERS
-    assert frame["setting"].tolist() == [1, 2]
-
-
-def test_parquet_carries_units_provenance_and_page_checksums(tmp_path: Path) -> None:
-    path = tmp_path / "parameters.parquet"
-    tables = make_tables(campaign(fit(1), fit(2)), provenance={"inputs": {"a": "00"}})
-    write_table(path, tables.parameters)
-    schema = pq.read_schema(path)
-    assert schema.field("k_e").metadata[b"unit"] == b"Pa"
-    entry = json.loads(schema.metadata[b"damperfit"])
-    assert entry["schema_version"] == 2
-    assert entry["table"] == "parameters"
-    assert entry["inputs"] == {"a": "00"}
-    assert pq.read_table(path, page_checksum_verification=True).equals(tables.parameters)
-
-
-def test_a_flipped_bit_is_found_when_the_checksums_are_read(tmp_path: Path) -> None:
-    path = tmp_path / "x.parquet"
-    motion = sine_motion(0.032, 1.5, cycles=1, sample_rate=500)
-    response = simulate(Parameters(1.8e4, 3.5e6, 2.6e6, 3.6e8, 50.0), PURDY_DAMPER, motion)
-    write_table(path, time_series_table(response))
-    data = bytearray(path.read_bytes())
-    data[len(data) // 3] ^= 1
-    path.write_bytes(data)
-    with pytest.raises(OSError, match=r"(?i)crc|checksum"):
-        pq.read_table(path, page_checksum_verification=True)
-
-
-def test_csv_holds_the_same_numbers_to_the_last_digit(tmp_path: Path) -> None:
-    path = tmp_path / "parameters.csv"
-    tables = make_tables(campaign(fit(7, mse=0.1 + 0.2)))
-    write_table(path, tables.parameters)
-    with path.open(newline="") as file:
-        row = next(csv.DictReader(file))
-    assert list(row) == CONTRACT_PARAMETERS
-    assert float(row["mse_percent"]) == 0.1 + 0.2
-    assert float(row["r_m2"]) == 2.0e6 * 1.1**7
-    assert row["r_m1_se"] == ""
-
-
-def test_no_spreadsheet_takes_a_log_name_for_a_formula(tmp_path: Path) -> None:
-    path = tmp_path / "mse.csv"
-    evil = "=cmd|'/c calc'!A1.csv"
-    write_table(path, make_tables(campaign(fit(1, logs=(evil, "-x.csv")))).mse)
-    with path.open(newline="") as file:
-        assert [row["log"] for row in csv.DictReader(file)] == ["", "'" + evil, "'-x.csv"]
-
-
-@pytest.mark.parametrize("text", ["=1", "+1", "-1", "@x", "\tx", "\rx"])
-def test_cells_that_start_like_a_formula_get_an_apostrophe(text: str) -> None:
-    assert safe_cell(text) == "'" + text
-
-
-def test_a_negative_number_is_never_touched(tmp_path: Path) -> None:
-    path = tmp_path / "p.csv"
-    write_table(path, make_tables(campaign(fit(1, f_0=-3.5))).parameters)
-    assert ",-3.5," in path.read_text()
-
-
-def test_an_unknown_kind_of_file_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ConfigurationError, match=r"\.csv or \.parquet"):
-        write_table(tmp_path / "x.xlsx", make_tables(campaign(fit(1))).mse)
-
-
-def test_responses_hold_the_window_of_each_log_in_a_row_group_of_its_own(tmp_path: Path) -> None:
-    path = tmp_path / "responses.parquet"
-    done = campaign(fit(1, logs=("a.csv", "b.csv")), fit(2))
-    n_rows = write_responses(path, done, _compared(done))
-    file = pq.ParquetFile(path)
-    assert (n_rows, file.metadata.num_row_groups) == (3 * 333, 3)
-    assert file.schema_arrow.names == [
-        "setting",
-        "log",
-        *CONTRACT_SERIES[:3],
-        "force_measured_N",
-        *CONTRACT_SERIES[3:],
-    ]
-    table = file.read_row_group(1)
-    trace = done.fits[0].logs[1].trace
-    assert set(table["log"].to_pylist()) == {"b.csv"}
-    np.testing.assert_array_equal(table["force_measured_N"], trace.force[trace.compared])
-    np.testing.assert_allclose(table["time_s"][0].as_py(), 10.0 + 333 / 500.0)
-    assert min(table["pressure_1_Pa"].to_pylist()) > 0.0
-    columns = [file.metadata.row_group(1).column(k) for k in range(len(table.column_names))]
-    found = {one.path_in_schema for one in columns if one.is_stats_set}
-    assert found == {"setting", "log"}
-
-
-def test_equal_results_give_equal_bytes(tmp_path: Path) -> None:
-    for folder in ("one", "two"):
-        (tmp_path / folder).mkdir()
-        done = campaign(fit(1), fit(2))
-        write_responses(tmp_path / folder / "r", done, _compared(done))
-        write_table(tmp_path / folder / "p", make_tables(done).parameters, suffix=".parquet")
-        write_table(tmp_path / folder / "c", make_tables(done).parameters, suffix=".csv")
-    for name in ("r", "p", "c"):
-        assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
-
-
-def test_a_time_series_has_the_columns_of_the_contract() -> None:
-    motion = sine_motion(0.032, 1.5, cycles=1, sample_rate=500)
-    response = simulate(Parameters(1.8e4, 3.5e6, 2.6e6, 3.6e8, 50.0), PURDY_DAMPER, motion)
-    table = time_series_table(response)
-    assert table.column_names == CONTRACT_SERIES
-    np.testing.assert_array_equal(table["force_N"], response.force)
-
-
-@pytest.mark.parametrize("suffix", [".parquet", ".csv"])
-def test_parameters_come_back_exactly(tmp_path: Path, suffix: str) -> None:
-    path = tmp_path / f"parameters{suffix}"
-    done = campaign(fit(1), fit(20, f_0=1.25))
-    write_table(path, make_tables(done, expected=(7,)).parameters)
-    back = values_in(path)
-    assert back == {1: done.fits[0].parameters, 20: done.fits[1].parameters}
-
-
-def test_a_truth_table_without_an_offset_is_read(tmp_path: Path) -> None:
-    path = tmp_path / "truth.csv"
-    path.write_text("setting,r_m1,r_m2,r_m3,k_e,f_f\n4,1e4,2e6,3e6,4e8,50\n")
-    assert values_in(path) == {4: Parameters(1e4, 2e6, 3e6, 4e8, 50.0, 0.0)}
-
-
-@pytest.mark.parametrize(
-    ("name", "content", "says"),
-    [
-        ("none.csv", None, "No such file"),
-        ("x.csv", b"setting,r_m1\n1,2\n", "has no column 'r_m2'"),
-        ("x.csv", b"setting,r_m1,r_m2,r_m3,k_e,f_f\n1,a,2,3,4,5\n", "could not convert"),
-        ("x.csv", b"\xff\xfe\x00", "not a parameters table"),
-        ("x.parquet", b"PAR1 not really", "not a parameters table"),
-        ("x.csv", b"setting,r_m1,r_m2,r_m3,k_e,f_f\n1,2\n", "{}"),
-    ],
-)
-def test_a_table_that_is_none_is_refused_in_a_sentence(
-    tmp_path: Path, name: str, content: bytes | None, says: str
-) -> None:
-    path = tmp_path / name
-    if content is not None:
-        path.write_bytes(content)
-    if says == "{}":  # a row without numbers is a setting without parameters
-        assert values_in(path) == {}
-        return
-    with pytest.raises(ConfigurationError, match=says):
-        values_in(path)
-
-
-def test_a_change_of_force_stands_in_the_row_of_the_harder_setting_number_by_number() -> None:
+def test_a_change_of_force_stands_in_the_row_of_the_harder_setting() -> None:
     first, second = (
         Force(setting, 0.3, "bump", -100.0 * setting, 2.0, 2.0, np.zeros(0), gas=-20.0, tare=3.0)
         for setting in (1, 2)
     )
     click = Click(1, 2, 0.3, "bump", -100.0, -105.5, -94.5, 90.0, 84.0, 96.0)
     told = Adjustment(forces=(first, second), clicks=(click,))
-    plain, changed = make_tables(campaign(fit(1), fit(2)), adjustment=told).adjustment.to_pylist()
-    beside = {
-        "force_misfit_se_N": 0.0, "measured_N": None, "measured_se_N": None,
-        "difference_N": None, "origin": "model", "model_N": None, "gas_N": -20.0,
-        "friction_N": None, "tare_N": 3.0, "tested": "yes", "measured_as": None,
-        "measured_opening_N": None, "measured_closing_N": None, "measured_peak_N": None,
-    }  # fmt: skip
-    assert plain == beside | {
+    table = make_tables(campaign(fit(1), fit(2)), adjustment=told)["adjustment"]
+    plain, changed = table.to_pylist()
+    known = {
         "setting": 1, "speed_m_per_s": 0.3, "stroke": "bump", "force_N": -100.0, "force_se_N": 2.0,
-        "force_ci_low_N": first.low, "force_ci_high_N": first.high, "change_N": None,
-        "change_ci_low_N": None, "change_ci_high_N": None, "change_percent": None,
-        "change_percent_ci_low": None, "change_percent_ci_high": None,
+        "force_ci_low_N": first.low, "force_ci_high_N": first.high, "force_misfit_se_N": 0.0,
+        "origin": "model", "gas_N": -20.0, "tare_N": 3.0, "tested": "yes",
     }  # fmt: skip
+    assert plain == dict.fromkeys(table.column_names) | known
     assert first.high - first.low == pytest.approx(7.84, abs=1e-3)
     assert changed["setting"] == 2
-    assert [changed[name] for name in list(changed)[7:13]] == [
-        -100.0,
-        -105.5,
-        -94.5,
-        90.0,
-        84.0,
-        96.0,
-    ]
+    changes = [changed[name] for name in table.column_names if name.startswith("change_")]
+    assert changes == [-100.0, -105.5, -94.5, 90.0, 84.0, 96.0]
 
 
 @pytest.mark.parametrize(
@@ -361,26 +179,134 @@ def test_the_adjuster_that_changes_is_named_where_there_are_several(
     table, adjusters, columns
 ) -> None:
     settings = [Setting(tuple((name, place) for name in adjusters)) for place in (1, 2)]
-    assert [one.name for one in _setting_columns(table, settings)] == columns
+    known = lay_out(table, [{"setting": one} for one in settings], settings=settings)
+    assert known.column_names[: len(columns) + 1] == [*columns, known.column_names[len(columns)]]
+    assert known.column_names[len(columns)] in {"speed_m_per_s", "log"}
 
 
-def test_a_click_of_forty_letters_is_read_as_one() -> None:
-    for n, expected in ((40, ValueError), (41, None)):
-        text = "7" * n
-        if expected is None:  # a sentence, taken as it stands
-            assert read_setting({"setting": text}) == Setting.of(text)
-        else:
-            with pytest.raises(expected, match="expected clicks"):
-                read_setting({"setting": text})
+# Files
 
 
-def test_an_empty_cell_says_no_setting() -> None:
+def test_parquet_carries_units_provenance_and_page_checksums(tmp_path: Path) -> None:
+    path = tmp_path / "parameters.parquet"
+    table = make_tables(campaign(fit(1), fit(2)), facts={"inputs": {"a": "00"}})["parameters"]
+    write_table(path, table)
+    schema = pq.read_schema(path)
+    assert schema.field("k_e").metadata[b"unit"] == b"Pa"
+    entry = json.loads(schema.metadata[b"damperfit"])
+    assert (entry["schema_version"], entry["table"]) == (2, "parameters")
+    assert entry["inputs"] == {"a": "00"}
+    assert pq.read_table(path, page_checksum_verification=True).equals(table)
+    write_table(path, time_series_table(response()))
+    data = bytearray(path.read_bytes())
+    data[len(data) // 3] ^= 1
+    path.write_bytes(data)
+    with pytest.raises(OSError, match=r"(?i)crc|checksum"):
+        pq.read_table(path, page_checksum_verification=True)
+
+
+def test_csv_holds_the_same_numbers_to_the_last_digit_and_no_formula(tmp_path: Path) -> None:
+    path = tmp_path / "parameters.csv"
+    write_table(path, make_tables(campaign(fit(7, mse=0.1 + 0.2, f_0=-3.5)))["parameters"])
+    with path.open(newline="") as file:
+        row = next(csv.DictReader(file))
+    assert list(row) == PARAMETERS
+    assert float(row["mse_percent"]) == 0.1 + 0.2
+    assert float(row["r_m2"]) == 2.0e6 * 1.1**7
+    assert (row["r_m1_se"], row["f_0"]) == ("", "-3.5")
+    evil = "=cmd|'/c calc'!A1.csv"
+    write_table(path, make_tables(campaign(fit(1, logs=(evil, "-x.csv"))))["mse"])
+    with path.open(newline="") as file:
+        assert [row["log"] for row in csv.DictReader(file)] == ["", "'" + evil, "'-x.csv"]
+    for text in ("=1", "+1", "-1", "@x", "\tx", "\rx"):
+        assert safe_cell(text) == "'" + text
+
+
+def test_an_unknown_kind_of_file_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match=r"\.csv or \.parquet"):
+        write_table(tmp_path / "x.xlsx", make_tables(campaign(fit(1)))["mse"])
+
+
+def test_responses_hold_the_window_of_each_log_in_a_row_group_of_its_own(tmp_path: Path) -> None:
+    path = tmp_path / "responses.parquet"
+    done = campaign(fit(1, logs=("a.csv", "b.csv")), fit(2))
+    n_rows = put_responses(path, done, compared(done))
+    file = pq.ParquetFile(path)
+    assert (n_rows, file.metadata.num_row_groups) == (3 * 333, 3)
+    names = ["setting", "log", *MOTION, "force_measured_N", "force_N", *PRESSURES]
+    assert file.schema_arrow.names == names
+    table = file.read_row_group(1)
+    trace = done.fits[0].logs[1].trace
+    assert set(table["log"].to_pylist()) == {"b.csv"}
+    np.testing.assert_array_equal(table["force_measured_N"], trace.force[trace.compared])
+    np.testing.assert_allclose(table["time_s"][0].as_py(), 10.0 + 333 / 500.0)
+    columns = [file.metadata.row_group(1).column(k) for k in range(len(names))]
+    assert {one.path_in_schema for one in columns if one.is_stats_set} == {"setting", "log"}
+
+
+def test_equal_results_give_equal_bytes(tmp_path: Path) -> None:
+    for folder in ("one", "two"):
+        (tmp_path / folder).mkdir()
+        done = campaign(fit(1), fit(2))
+        put_responses(tmp_path / folder / "r", done, compared(done))
+        table = make_tables(done)["parameters"]
+        for suffix in (".parquet", ".csv"):
+            write_table(tmp_path / folder / f"p{suffix}", table)
+    for name in ("r", "p.parquet", "p.csv"):
+        assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
+
+
+# And back
+
+
+@pytest.mark.parametrize("suffix", [".parquet", ".csv"])
+def test_parameters_come_back_exactly(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"parameters{suffix}"
+    done = campaign(fit(1), fit(20, f_0=1.25))
+    write_table(path, make_tables(done, expected=(7,))["parameters"])
+    assert values_in(path) == {1: done.fits[0].parameters, 20: done.fits[1].parameters}
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "says"),
+    [
+        ("none.csv", None, "No such file"),
+        ("x.csv", b"setting,r_m1\n1,2\n", "has no column 'r_m2'"),
+        ("x.csv", b"r_m1,r_m2,r_m3,k_e,f_f\n1,2,3,4,5\n", "has no column 'setting'"),
+        ("x.csv", b"setting,r_m1,r_m2,r_m3,k_e,f_f\n1,a,2,3,4,5\n", "could not convert"),
+        ("x.csv", b"\xff\xfe\x00", "not a parameters table"),
+        ("x.parquet", b"PAR1 not really", "not a parameters table"),
+        # A row without numbers is a setting without parameters.
+        ("x.csv", b"setting,r_m1,r_m2,r_m3,k_e,f_f\n1,2\n", {}),
+        # A table of true values may lack the offset.
+        (
+            "truth.csv",
+            b"# made\nsetting,r_m1,r_m2,r_m3,k_e,f_f\n4,1e4,2e6,3e6,4e8,50\n",
+            {4: Parameters(1e4, 2e6, 3e6, 4e8, 50.0, 0.0)},
+        ),
+    ],
+)
+def test_a_table_that_is_none_is_refused_in_a_sentence(tmp_path, name, content, says) -> None:
+    path = tmp_path / name
+    if content is not None:
+        path.write_bytes(content)
+    if isinstance(says, dict):
+        assert values_in(path) == says
+        return
+    with pytest.raises(ConfigurationError, match=says):
+        values_in(path)
+
+
+def test_cells_of_settings_are_read_as_clicks_words_or_sentences() -> None:
     assert read_setting({"setting": None}) is read_setting({"setting": ""}) is None
     assert read_setting({"setting": 0}) == Setting.of(0)
+    assert read_setting({"setting": "7" * 41}) == Setting.of("7" * 41)  # a sentence, as it stands
+    with pytest.raises(ValueError, match="expected clicks"):
+        read_setting({"setting": "7" * 40})
 
 
 def test_a_table_s_own_quantities_come_before_those_of_run_json(tmp_path) -> None:
-    own, beside = PDQ[:2], PDQ[2:4]
+    own, beside = PAPER_QUANTITIES[:2], PAPER_QUANTITIES[2:4]
     path = tmp_path / "parameters.parquet"
 
     def put(facts) -> None:
@@ -397,10 +323,52 @@ def test_a_table_s_own_quantities_come_before_those_of_run_json(tmp_path) -> Non
     assert [one.name for one in table_quantities(path)] == [one.name for one in own]
 
 
-def test_responses_of_a_campaign_without_quantities_are_of_the_paper_s(tmp_path) -> None:
-    path = tmp_path / "responses.parquet"
-    done = campaign()
-    assert not done.quantities
-    write_responses(path, done, [])
-    names = [one["name"] for one in read_facts(path)["quantities"]]
-    assert names == [one.name for one in PAPER_QUANTITIES]
+@pytest.mark.parametrize("n_missing", [0, 1, 6, 7, 9])
+def test_columns_that_the_run_wrote_and_a_file_lacks_are_named(tmp_path, n_missing) -> None:
+    names = list(column_kinds("parameters"))
+    kept = names[: len(names) - n_missing]
+    row = ",".join("1" if name == "setting" else "" for name in kept)
+    (tmp_path / "parameters.csv").write_text(f"{','.join(kept)}\n{row}\n", encoding="utf-8")
+    remarks: list[str] = []
+    record = {"schema": describe_tables()}
+    (found,) = read_rows(tmp_path, "parameters", remarks, record=record)
+    assert remarks[0] == "parameters.parquet is missing"
+    assert found["setting"] == 1
+    assert list(found) == names
+    missing = names[len(names) - n_missing :]
+    more = f" and {n_missing - 6} more" if n_missing > 6 else ""
+    told = [f"parameters.csv has no column {', '.join(missing[:6])}{more}"]
+    assert remarks[1:] == (told if missing else [])
+    # A run of another version lacks nothing that it did not write.
+    older = {"schema": {"parameters": [{"name": name} for name in kept]}}
+    read_rows(tmp_path, "parameters", remarks := [], record=older)
+    assert remarks == ["parameters.parquet is missing"]
+
+
+def test_every_file_of_another_run_is_named_and_what_is_no_table_is_passed_over(tmp_path) -> None:
+    for name in ("a.parquet", "b.parquet", "c.parquet", "d.txt"):
+        (tmp_path / name).write_bytes(name.encode())
+    right = hashlib.sha256(b"b.parquet").hexdigest()
+    files = {
+        "report.md": "0", "d.txt": "0", "../a.parquet": "0", "missing.parquet": "0", "a.parquet": 3,
+        "b.parquet": right, "c.parquet": "0",
+    }  # fmt: skip
+    remarks: list[str] = []
+    check_files(tmp_path, {"files": files}, remarks, ("a", "b", "c", "d", "missing"))
+    assert [remark.partition(" ")[0] for remark in remarks] == ["a.parquet", "c.parquet"]
+
+
+def test_loops_that_stand_in_one_group_come_apart_by_log_and_by_setting(tmp_path) -> None:
+    """Of several rows each and of one; one name at two settings is two logs."""
+    logs, settings = list("aaabbbc"), [1, 1, 1, 1, 2, 2, 2]
+    signals = [*MOTION, "force_measured_N", "force_N", *PRESSURES]
+    rows = {name: np.arange(7.0) + 10.0 * k for k, name in enumerate(signals)}
+    pq.write_table(
+        pa.table({"setting": settings, "log": logs, **rows}), tmp_path / "responses.parquet"
+    )
+    found: list[LogSignals] = list(read_signals(tmp_path, remarks := []))
+    assert remarks == []
+    assert [(one.setting, one.log) for one in found] == [(1, "a"), (1, "b"), (2, "b"), (2, "c")]
+    assert [one.time.tolist() for one in found] == [[0.0, 1.0, 2.0], [3.0], [4.0, 5.0], [6.0]]
+    assert [one.pressures.shape for one in found] == [(3, 3), (3, 1), (3, 2), (3, 1)]
+    assert [one.force[0] for one in found] == [40.0, 43.0, 44.0, 46.0]

@@ -26,7 +26,7 @@ from damperfit.report.settings_figures import report_plots
 from damperfit.report.sheet import text_table
 from damperfit.report.tables import check_lines, parameter_sheet
 from damperfit.results import Run
-from damperfit.tables import make_tables
+from damperfit.tables.rows import make_tables
 from tests.fakes import campaign, fit
 from tests.report_folder import make_results
 
@@ -196,7 +196,7 @@ def texts() -> dict[str, str]:
     told = {}
     for state, (done, facts, expected) in STATES.items():
         tables = make_tables(done, expected=expected)
-        rows = tables.parameters.to_pylist()
+        rows = tables["parameters"].to_pylist()
         told[f"report.md, {state}"] = markdown_report(tables, facts).rstrip("\n")
         if rows:
             told[f"terminal, {state}"] = text_table(parameter_sheet(rows, columns=80))

@@ -69,7 +69,7 @@ def identify(how: Shown, **given: Any) -> int:
         if summary is not None:
             from damperfit.report.markdown import markdown_report
 
-            text = markdown_report(result.laid_out, result.facts)
+            text = markdown_report(result.tables, result.facts, result.quantities)
             append_summary(summary, text, instead=_TOO_LONG)
         if not how.json and result.campaign.fits:
             _show(result, one.configuration, owner=one.owner)

@@ -72,7 +72,7 @@ def _show(
         measured_force_sheet,
     )
     from damperfit.report.units import rows_in_units, sheet_in_units
-    from damperfit.tables import adjustment_rows
+    from damperfit.tables.rows import adjustment_rows
 
     question, units = done.question, done.units
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from damperfit.comparison.forces import SAME_MOTION
 from damperfit.comparison.reading import place_of
 from damperfit.identification.sharing import listed_settings, of_settings
-from damperfit.tables import SCHEMA_VERSION
+from damperfit.tables.columns import SCHEMA_VERSION
 from damperfit.units.shown_units import SI
 
 if TYPE_CHECKING:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.float64]
     from collections.abc import Sequence
 
-    from damperfit.tables import LogSignals
+    from damperfit.tables.reading import LogSignals
 
 __all__ = [
     "ComparedRun",

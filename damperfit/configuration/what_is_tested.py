@@ -14,7 +14,7 @@ from damperfit.damper.models import MODELS
 from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.io.tests_table import FACTS, fact_of
 from damperfit.problem import Key
-from damperfit.tables import column_names
+from damperfit.tables.columns import column_names
 from damperfit.tested.identity import IDENTITY_KEYS, Identity
 from damperfit.tested.setting import Setting, parse_setting
 

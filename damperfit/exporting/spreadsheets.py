@@ -20,7 +20,7 @@ import pyarrow.parquet as pq
 from damperfit.errors import ConfigurationError
 from damperfit.exporting.header import gas_line, header_lines
 from damperfit.exporting.writers import rendered
-from damperfit.tables import safe_cell
+from damperfit.tables.files import safe_cell
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence

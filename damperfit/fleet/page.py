@@ -31,7 +31,7 @@ from damperfit.report.page import PlotData, asset, draw, plotly_script
 from damperfit.report.rounding import NOTHING, number
 from damperfit.report.sheet import Sheet
 from damperfit.store import file_set
-from damperfit.tables import write_table
+from damperfit.tables.files import write_table
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

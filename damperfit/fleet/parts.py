@@ -204,7 +204,7 @@ def collect(folder: Path) -> pa.Table:
     OutputError
         The tables cannot be written.
     """
-    from damperfit.tables import write_table
+    from damperfit.tables.files import write_table
 
     forget_earlier(folder)
     tables: Sequence[pa.Table] = list(_tables(folder))

@@ -19,7 +19,7 @@ from damperfit.errors import ConfigurationError
 from damperfit.fleet.parts import SERIAL, SYMBOL
 from damperfit.problem import Option
 from damperfit.simulation.characteristics import NAMED_SPEEDS
-from damperfit.tables import PAPER_QUANTITIES
+from damperfit.tables.columns import PAPER_QUANTITIES
 from damperfit.tested.setting import Setting, parse_place
 
 if TYPE_CHECKING:

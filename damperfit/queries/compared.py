@@ -39,9 +39,14 @@ from damperfit.run.log_paths import expand
 from damperfit.run.logs import Purpose, read_batch
 from damperfit.run.remarks import log_warnings, skipped_files
 from damperfit.simulation import NAMED_SPEEDS
-from damperfit.tables import LogSignals, column_names, quantities_in
-from damperfit.tables.columns import adjusters_in, read_setting, setting_cells
-from damperfit.tables.reading import is_part
+from damperfit.tables.columns import (
+    adjusters_in,
+    column_names,
+    quantities_in,
+    read_setting,
+    setting_cells,
+)
+from damperfit.tables.reading import LogSignals, is_part
 from damperfit.tested.identity import common_identity
 from damperfit.tested.setting import Setting, parse_place
 from damperfit.units.quantities import parse_quantity

@@ -42,8 +42,8 @@ from damperfit.simulation import (
     triangle_motion,
 )
 from damperfit.store import settle
-from damperfit.tables import table_quantities, unknown_schema
-from damperfit.tables.reading import is_part, part_in
+from damperfit.tables.columns import unknown_schema
+from damperfit.tables.reading import is_part, part_in, table_quantities
 from damperfit.tested.setting import ADJUSTER, Setting, parse_setting
 
 if TYPE_CHECKING:

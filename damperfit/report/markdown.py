@@ -23,29 +23,38 @@ from damperfit.report.tables import (
     mse_sheet,
     parameter_sheet,
 )
+from damperfit.tables.columns import PAPER_QUANTITIES
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
+    import pyarrow as pa
+
+    from damperfit.damper.quantity import Quantity
     from damperfit.report.facts import ReportFacts
-    from damperfit.tables import Tables
 
 __all__ = ["markdown_report"]
 
 
-def markdown_report(tables: Tables, facts: ReportFacts) -> str:
+def markdown_report(
+    tables: Mapping[str, pa.Table],
+    facts: ReportFacts,
+    quantities: Sequence[Quantity] = PAPER_QUANTITIES,
+) -> str:
     """Return the MSE report of a run: forces first, parameters second, then what to believe.
 
     Parameters
     ----------
-    tables : Tables
+    tables : mapping of str to pyarrow.Table
         Parameters, MSE and forces by setting.
     facts : ReportFacts
         Failures, warnings, procedure and the rest.
+    quantities : sequence of Quantity
+        Of the model.
     """
-    parameters = tables.parameters.to_pylist()
-    errors = mse_sheet(tables.mse.to_pylist(), parameters, tables.quantities)
-    forces = tables.adjustment.to_pylist()
+    parameters = tables["parameters"].to_pylist()
+    errors = mse_sheet(tables["mse"].to_pylist(), parameters, quantities)
+    forces = tables["adjustment"].to_pylist()
     missing = [*failure_lines(facts.failures)]
     missing += [f"no result for {of_runs(facts.gaps)}"] if facts.gaps else []
     law = _list(law_sentences(facts.law_choice))
@@ -53,7 +62,7 @@ def markdown_report(tables: Tables, facts: ReportFacts) -> str:
         ("Not done", _list(missing)),
         ("Gates not met", _list(facts.gates)),
         ("Force by setting", _one_below_another(map(markdown_table, force_sheets(forces)))),
-        ("Parameters", markdown_table(parameter_sheet(parameters, tables.quantities))),
+        ("Parameters", markdown_table(parameter_sheet(parameters, quantities))),
         ("MSE by setting and log", markdown_table(errors)),
         ("Checks", _checks(facts)),
         ("What to do", _list(f"{word}: {advice}" for word, advice in facts.advice)),

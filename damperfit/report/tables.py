@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from damperfit.damper.quantity import SETTING
 from damperfit.report.rounding import NOTHING, number, percent, with_interval
 from damperfit.report.sheet import Sheet
-from damperfit.tables import PAPER_QUANTITIES
+from damperfit.tables.columns import PAPER_QUANTITIES
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence

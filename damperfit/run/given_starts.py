@@ -13,7 +13,7 @@ from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
 from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.identification import GivenStart, check_start
 from damperfit.problem import Option
-from damperfit.tables import read_known_numbers
+from damperfit.tables.reading import read_known_numbers
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

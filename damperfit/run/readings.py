@@ -6,7 +6,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from damperfit.errors import sparing
-from damperfit.tables import characteristic_rows, lay_out, valve_rows
+from damperfit.tables.files import lay_out
+from damperfit.tables.rows import characteristic_rows, valve_rows
 from damperfit.workers import told_here
 
 if TYPE_CHECKING:

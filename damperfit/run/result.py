@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 from damperfit.results import Run
 from damperfit.run.run_json import ending_of, record, report_facts
 from damperfit.run.work import profile_points
-from damperfit.tables import make_tables
+from damperfit.tables.columns import PAPER_QUANTITIES
+from damperfit.tables.rows import make_tables
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     from damperfit.run.ending import Ending
     from damperfit.run.logs import LogBatch
     from damperfit.run.run_json import Judgement
-    from damperfit.tables import Tables
 
 __all__ = ["Found", "RunResult"]
 
@@ -35,8 +35,6 @@ class RunResult(Run):
         How it ended.
     campaign : Campaign
         The fits.
-    laid_out : Tables
-        Parameters, MSE and forces by click.
     facts : ReportFacts
         Failures, warnings, procedure.
     keeps_earlier : bool
@@ -45,27 +43,19 @@ class RunResult(Run):
 
     def __init__(
         self,
-        laid_out: Tables,
+        tables: Mapping[str, pa.Table | None],
         campaign: Campaign,
         facts: ReportFacts,
         record: dict[str, Any],
         *,
         ending: Ending,
-        beside: Mapping[str, pa.Table | None],
     ) -> None:
-        always = {name: getattr(laid_out, name) for name in ("parameters", "mse", "adjustment")}
-        more = {name: table for name, table in beside.items() if table is not None}
-        super().__init__(record, quantities=laid_out.quantities, tables=always | more)
-        self.laid_out = laid_out
+        made = {name: table for name, table in tables.items() if table is not None}
+        super().__init__(record, quantities=campaign.quantities or PAPER_QUANTITIES, tables=made)
         self.campaign = campaign
         self.facts = facts
         self.ending = ending
         self.keeps_earlier = False
-
-    @property
-    def tables(self) -> dict[str, pa.Table]:
-        """Tables by the name of their files."""
-        return self._tables
 
     def document(self) -> dict[str, Any]:
         """Return run.json and the rows of both tables as one JSON document."""
@@ -106,22 +96,23 @@ class Found:
             is_interrupted=self.is_interrupted,
         )
         ending = ending_of(self.campaign, facts)
-        return RunResult(
-            make_tables(
+        made: dict[str, pa.Table | None] = {
+            **make_tables(
                 self.campaign,
                 assessment=judgement.assessment,
                 predictions=judgement.predictions,
                 adjustment=judgement.adjustment,
                 expected=self.configuration.rig.settings,
-                provenance=self.origin,
+                facts=self.origin,
             ),
+            "characteristics": characteristics,
+            "valves": valves,
+            "profiles": profile_points(self.configuration, judgement, self.origin),
+        }
+        return RunResult(
+            made,
             self.campaign,
             facts,
             record(self.configuration, self.batch, facts, self.campaign, judgement, ending=ending),
             ending=ending,
-            beside={
-                "characteristics": characteristics,
-                "valves": valves,
-                "profiles": profile_points(self.configuration, judgement, self.origin),
-            },
         )

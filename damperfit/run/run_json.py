@@ -24,7 +24,7 @@ from damperfit.run.trust import (
     unconfirmed_tares,
     unlike_frictions,
 )
-from damperfit.tables import SCHEMA_VERSION, describe_tables, quantity_records
+from damperfit.tables.columns import SCHEMA_VERSION, describe_tables, quantity_records
 from damperfit.tested.identity import common_identity
 from damperfit.tested.setting import ADJUSTER, Setting
 from damperfit.uncertainty import METHOD, Assessment, prediction_warnings

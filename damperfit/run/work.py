@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 from damperfit.identification import Campaign, identify
 from damperfit.io.files import open_regular
-from damperfit.tables import profiles_table
+from damperfit.tables.files import lay_out
+from damperfit.tables.rows import profile_rows
 from damperfit.workers import executor, told_here
 
 if TYPE_CHECKING:
@@ -74,9 +75,15 @@ def profile_points(
     """Return the table of the profiles that were asked for."""
     if not configuration.profile:
         return None
-    wanted = (p for p in judgement.assessment.profiles if p.name in configuration.profile)
-    quantities = configuration.damper.quantities
-    return profiles_table(wanted, provenance=origin, quantities=quantities)
+    profiles = judgement.assessment.profiles
+    wanted = [one for one in profiles if one.name in configuration.profile]
+    return lay_out(
+        "profiles",
+        profile_rows(wanted),
+        facts=origin,
+        settings={one.setting for one in wanted},
+        quantities=configuration.damper.quantities,
+    )
 
 
 def comparisons(

@@ -12,7 +12,9 @@ from damperfit.report.markdown import markdown_report
 from damperfit.run.earlier import PAGE
 from damperfit.run.readings import Readings
 from damperfit.run.work import comparisons, sha256_of
-from damperfit.tables import table_in_units, write_responses, write_table
+from damperfit.tables.columns import PAPER_QUANTITIES
+from damperfit.tables.files import table_in_units, write_responses, write_table
+from damperfit.tables.rows import signals_of
 from damperfit.workers import meanwhile, release_memory
 
 if TYPE_CHECKING:
@@ -64,7 +66,18 @@ def write_results(
     light = found.without_responses
 
     def write(seen: Iterator[SimulatedLog | None]) -> str:
-        write_responses(path, campaign, seen, provenance=found.origin)
+        logs_of_fits = ((fit, log) for fit in campaign.fits for log in fit.logs)
+        write_responses(
+            path,
+            (
+                signals_of(fit.setting, log.trace, one)
+                for (fit, log), one in zip(logs_of_fits, seen, strict=True)
+                if one is not None
+            ),
+            settings=[fit.setting for fit in campaign.fits],
+            quantities=campaign.quantities or PAPER_QUANTITIES,
+            facts=found.origin,
+        )
         return sha256_of(path)
 
     def seen() -> Iterator[SimulatedLog | None]:
@@ -77,7 +90,7 @@ def write_results(
     def account() -> RunResult:
         result = light.result(mishaps.failures, valves=valves)
         _write_tables(files, result.tables, configuration)
-        report = markdown_report(result.laid_out, result.facts)
+        report = markdown_report(result.tables, result.facts, result.quantities)
         files.path(_REPORT).write_bytes(report.encode("utf-8", "backslashreplace"))
         return result
 

@@ -1,8 +1,8 @@
-"""Files of a run read back, for `damperfit.results.Run`: rows of tables, signals, run.json.
+"""A results folder, a table of parameters or a part of a fleet read back, for `results.Run`.
 
-Whatever is whole is returned; what is missing, damaged or of another version becomes a remark.
-Every column may be absent: then its cells are None. A part of a fleet is a table of parameters with
-what is compared of run.json in its metadata.
+Whatever is whole is returned; what is missing or damaged becomes a remark. What a file should hold
+run.json says: a column that its version did not write is missing to nobody, and its cells are None.
+A part of a fleet is a table of parameters with what is compared of run.json in its metadata.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ import hashlib
 import json
 from contextlib import suppress
 from dataclasses import dataclass
-from io import StringIO
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 from urllib.parse import unquote
@@ -23,15 +22,15 @@ import pyarrow.parquet as pq
 
 from damperfit.errors import ConfigurationError
 from damperfit.io.files import read_text, regular
+from damperfit.store import settle
 from damperfit.tables.columns import (
     PAPER_QUANTITIES,
     adjusters_in,
     column_kinds,
-    is_late,
     quantities_in,
     read_setting,
 )
-from damperfit.tables.files import read_facts, read_parameter_rows, table_quantities
+from damperfit.tables.files import read_cells, read_facts, typed_rows
 from damperfit.tested.setting import Setting, parse_place
 
 if TYPE_CHECKING:
@@ -51,6 +50,7 @@ __all__ = [
     "has_table",
     "is_part",
     "part_in",
+    "read_known_numbers",
     "read_part",
     "read_quantities",
     "read_record",
@@ -58,24 +58,18 @@ __all__ = [
     "read_signals",
     "read_table",
     "rows_of",
+    "table_quantities",
     "title_of",
     "written_of",
 ]
 
-_OWN = ("version", "schema_version", "test", "configuration")  # of a table, not of run.json
 RECORD = b"damperfit_record"  # of the schema's metadata of a fleet's part
-
+_OWN = ("version", "schema_version", "test", "configuration")  # of a table, not of run.json
 _BROKEN = (OSError, ValueError, TypeError, KeyError, csv.Error, pa.ArrowException)
 _MANY = 6  # columns that are named when they are missing
 _SIGNALS = (
-    "time_s",
-    "displacement_m",
-    "velocity_m_per_s",
-    "force_measured_N",
-    "force_N",
-    "pressure_1_Pa",
-    "pressure_2_Pa",
-    "pressure_3_Pa",
+    *("time_s", "displacement_m", "velocity_m_per_s", "force_measured_N", "force_N"),
+    *("pressure_1_Pa", "pressure_2_Pa", "pressure_3_Pa"),
 )
 
 
@@ -105,6 +99,9 @@ class LogSignals:
     pressures: FloatArray
 
 
+# A results folder
+
+
 def has_table(folder: Path, record: Mapping[str, Any], table: str) -> bool:
     """Whether the run wrote a table that not every run writes."""
     files = record.get("files")
@@ -114,17 +111,14 @@ def has_table(folder: Path, record: Mapping[str, Any], table: str) -> bool:
 
 def read_quantities(folder: Path, record: Mapping[str, Any]) -> tuple[Quantity, ...]:
     """What the table of parameters is of: as it says itself, else run.json, else its columns."""
-    try:
-        schema = pq.read_schema(regular(folder / "parameters.parquet"))
-        facts = json.loads((schema.metadata or {}).get(b"damperfit", b"{}"))
-        if isinstance(facts, dict) and "quantities" in facts:
-            return quantities_in(facts)
-        columns = schema.names
-    except (*_BROKEN, RecursionError):
-        columns = []
-        with suppress(OSError, UnicodeDecodeError):
-            text = read_text(folder / "parameters.csv")
-            columns = text.partition("\n")[0].split(",")
+    facts = read_facts(folder / "parameters.parquet")
+    if "quantities" in facts:
+        return quantities_in(facts)
+    columns: list[str] = []
+    with suppress(*_BROKEN):
+        columns = pq.read_schema(regular(folder / "parameters.parquet")).names
+    with suppress(*_BROKEN):
+        columns = columns or read_cells(folder / "parameters.csv")[0]
     return quantities_in(record, columns)
 
 
@@ -160,27 +154,44 @@ def check_files(
 
 
 def read_rows(
-    folder: Path, table: str, remarks: list[str], quantities: Sequence[Quantity] = PAPER_QUANTITIES
+    folder: Path,
+    table: str,
+    remarks: list[str],
+    quantities: Sequence[Quantity] = PAPER_QUANTITIES,
+    record: Mapping[str, Any] | None = None,
 ) -> tuple[dict[str, Any], ...]:
     """Return the rows of a table, from Parquet, else from CSV."""
-    kinds = column_kinds(table, quantities)
-    for suffix, read in ((".parquet", _parquet_rows), (".csv", _csv_rows)):
+    for suffix in (".parquet", ".csv"):
         path = folder / (table + suffix)
         try:
-            rows = [_clean(row, kinds, quantities) for row in read(path)]
+            names, cells = read_cells(path)
+            if "setting" not in names:
+                raise KeyError("setting")  # noqa: TRY301 - as of a damaged file
+            rows = typed_rows(names, cells, column_kinds(table, quantities), quantities)
         except FileNotFoundError:
             remarks.append(f"{path.name} is missing")
+        except KeyError as error:
+            remarks.append(f"{path.name} has no column {error.args[0]}")
         except _BROKEN as error:
             remarks.append(f"{path.name} cannot be read: {_reason(error)}")
         else:
-            missing = [name for name in kinds if not rows or name not in rows[0]]
-            missing = [name for name in missing if not is_late(name)]
+            missing = [name for name in _written(table, record or {}) if name not in names]
             if rows and missing:
                 more = f" and {len(missing) - _MANY} more" if len(missing) > _MANY else ""
                 remarks.append(f"{path.name} has no column {', '.join(missing[:_MANY])}{more}")
-            whole = [{name: row.get(name) for name in kinds} for row in rows]
-            return tuple(row for row in whole if row["setting"] is not None)
+            return rows
     return ()
+
+
+def _written(table: str, record: Mapping[str, Any]) -> list[str]:
+    """Return the columns that a run says it wrote."""
+    schema = record.get("schema")
+    columns = schema.get(table) if isinstance(schema, dict) else None
+    return [
+        str(one.get("name"))
+        for one in (columns if isinstance(columns, list) else ())
+        if isinstance(one, dict)
+    ]
 
 
 def rows_of(
@@ -188,36 +199,7 @@ def rows_of(
 ) -> tuple[dict[str, Any], ...]:
     """Return the rows of a table in memory, as `read_rows` reads them from a file."""
     kinds = column_kinds(name, quantities)
-    rows = (_clean(row, kinds, quantities) for row in table.to_pylist())
-    return tuple({name: row.get(name) for name in kinds} for row in rows)
-
-
-def _clean(
-    row: dict[str, Any], kinds: dict[str, type], quantities: Sequence[Quantity] = PAPER_QUANTITIES
-) -> dict[str, Any]:
-    cells = ((name, kind) for name, kind in kinds.items() if name in row and name != "setting")
-    cells_of_row = {name: _cell(row[name], kind) for name, kind in cells}
-    return cells_of_row | (
-        {"setting": read_setting(row, adjusters_in(tuple(row), quantities))}
-        if "setting" in row
-        else {}
-    )
-
-
-def _cell(value: Any, kind: type) -> Any:
-    if value is None or (value == "" and kind is not str):
-        return None
-    return kind(value)
-
-
-def _parquet_rows(path: Path) -> list[dict[str, Any]]:
-    with pq.ParquetFile(regular(path), page_checksum_verification=True) as file:
-        rows: list[dict[str, Any]] = file.read().to_pylist()
-    return rows
-
-
-def _csv_rows(path: Path) -> list[dict[str, Any]]:
-    return list(csv.DictReader(StringIO(read_text(path), newline=""), strict=True))
+    return typed_rows(table.column_names, table.to_pylist(), kinds, quantities)
 
 
 def read_signals(
@@ -239,46 +221,27 @@ def read_signals(
                 except _BROKEN as error:
                     remarks.append(f"{path.name}: log {group + 1} is damaged: {_reason(error)}")
                     continue
-                yield from _split(table, quantities)
+                yield from _split(table, named)
     except FileNotFoundError:
         remarks.append(f"{path.name} is missing: no loops")
     except _BROKEN as error:
         remarks.append(f"{path.name} cannot be read: {_reason(error)}")
 
 
-def _split(
-    table: pa.Table, quantities: Sequence[Quantity] = PAPER_QUANTITIES
-) -> Iterator[LogSignals]:
+def _split(table: pa.Table, adjusters: Sequence[str] = ()) -> Iterator[LogSignals]:
     """Yield each log of a table whose rows stand log by log."""
     if table.num_rows == 0:
         return
-    names = table.column("log").combine_chunks().dictionary_encode()
-    settings = table.column("setting").to_pylist()
-    named = adjusters_in(table.column_names, quantities)
-    codes = names.indices.to_numpy(zero_copy_only=False)
-    edges = (
-        np.flatnonzero(
-            (np.diff(codes) != 0)
-            | np.array([a != b for a, b in pairwise(settings)], dtype=np.bool_)
-        )
-        + 1
-    )
+    cells = table.select(["setting", *adjusters]).to_pylist()
+    names = table.column("log").to_pylist()
+    keys = list(zip(names, cells, strict=True))
+    edges = [k for k, (before, after) in enumerate(pairwise(keys), start=1) if before != after]
     signals = [np.asarray(table.column(name).to_numpy(), dtype=np.float64) for name in _SIGNALS]
-    for start, stop in zip([0, *edges], [*edges, table.num_rows], strict=True):
+    for start, stop in pairwise([0, *edges, table.num_rows]):
         time, x, v, measured, force, *pressures = (signal[start:stop] for signal in signals)
-        yield LogSignals(
-            setting=read_setting(
-                table.select(["setting", *named]).slice(start, 1).to_pylist()[0], named
-            )
-            or Setting.of(0),
-            log=str(names.dictionary[int(codes[start])].as_py()),
-            time=time,
-            displacement=x,
-            velocity=v,
-            force_measured=measured,
-            force=force,
-            pressures=np.stack(pressures),
-        )
+        setting = read_setting(cells[start], adjusters) or Setting.of(0)
+        name = str(names[start])
+        yield LogSignals(setting, name, time, x, v, measured, force, np.stack(pressures))
 
 
 def _reason(error: BaseException) -> str:
@@ -286,7 +249,78 @@ def _reason(error: BaseException) -> str:
     return str(strerror or error).splitlines()[0] if str(error) else type(error).__name__
 
 
-def parts_of(folder: Path) -> list[Path]:
+# A table of parameters, of a run or of somebody's own
+
+
+def table_quantities(path: Path) -> tuple[Quantity, ...]:
+    """Return the quantities that a table of parameters is of: as it, or run.json beside it, tells.
+
+    Older tables are of the paper's model.
+    """
+    facts = read_facts(path)
+    return quantities_in(
+        facts if "quantities" in facts else read_record(path.parent / "run.json", [])
+    )
+
+
+def read_table(
+    path: Path, *, is_whole: bool = True
+) -> tuple[dict[str, Any], tuple[Quantity, ...], tuple[dict[str, Any], ...], str]:
+    """Return what a table of parameters and run.json beside it tell, and where the damper stands.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        A table written by `write_table`, or any table with the columns ``setting`` and those of
+        the quantities in SI, as ``r_m1``, ``r_m2``, ``r_m3``, ``k_e``, ``f_f`` and perhaps ``f_0``.
+    is_whole : bool
+        Whether it must have a column for each quantity that has no default.
+
+    Raises
+    ------
+    ConfigurationError
+        The file is missing, is no table, or lacks a column.
+    OutputError
+        Writing was interrupted in its folder, and the earlier table cannot be put back.
+    """
+    settle(path.parent)
+    quantities = table_quantities(path)
+    needed = [one.name for one in quantities if one.default is None] if is_whole else []
+    try:
+        names, cells = read_cells(path)
+        for name in ("setting", *needed):
+            if name not in names:
+                raise ConfigurationError(
+                    f"not a parameters table: it has no column '{name}'", subject=path
+                )
+        rows = typed_rows(names, cells, column_kinds("parameters", quantities), quantities)
+    except OSError as error:
+        said = f"cannot be read: {error.strerror or error}"
+        raise ConfigurationError(said, subject=path) from error
+    except (ValueError, TypeError, csv.Error, pa.ArrowException) as error:
+        raise ConfigurationError(f"not a parameters table: {error}", subject=path) from error
+    facts, beside = read_facts(path), read_record(path.parent / "run.json", [])
+    is_told = isinstance(facts.get("configuration"), dict)
+    source = path if is_told or not beside else path.parent / "run.json"
+    own = {key: facts[key] for key in _OWN if key in facts}
+    return beside | own, quantities, rows, str(source)
+
+
+def read_known_numbers(path: Path) -> dict[Setting, dict[str, float]]:
+    """Read what a parameters table tells of its own model's quantities, by setting and name.
+
+    Empty cells are left out, and so are settings without a number; errors as of `read_table`.
+    """
+    _, quantities, rows, _ = read_table(path, is_whole=False)
+    names = [one.name for one in quantities]
+    known = {row["setting"]: {n: row[n] for n in names if row[n] is not None} for row in rows}
+    return {setting: numbers for setting, numbers in known.items() if numbers}
+
+
+# A part of a fleet
+
+
+def _parts_of(folder: Path) -> list[Path]:
     """Return the parts in the folder of one serial number."""
     return sorted(folder.glob("part-*.parquet")) if folder.name.startswith("serial=") else []
 
@@ -294,7 +328,7 @@ def parts_of(folder: Path) -> list[Path]:
 def is_part(path: Path) -> bool:
     """Whether a path is a part, or the folder of a serial number that holds parts."""
     if path.is_dir():
-        return bool(parts_of(path))
+        return bool(_parts_of(path))
     return path.name.startswith("part-") and path.suffix == ".parquet" and path.is_file()
 
 
@@ -308,7 +342,7 @@ def part_in(path: Path) -> Path:
     """
     if not path.is_dir():
         return path
-    parts = parts_of(path)
+    parts = _parts_of(path)
     if len(parts) > 1:
         names = ", ".join(one.name for one in parts)
         raise ConfigurationError(f"several tests of one damper; name one of {names}", subject=path)
@@ -341,32 +375,19 @@ def read_part(
             "again",
             subject=path,
         )
-    rows = [row for row in table.to_pylist() if not row["error_kind"]]
     quantities = quantities_in(record, table.column_names)
     adjusters = adjusters_in(table.column_names, quantities)
-    known = {str(cell): cell for cell in _cells(record)}
-    of_settings = tuple({**row, "setting": _setting(row, adjusters, known)} for row in rows)
-    return record, quantities, of_settings
+    # A setting is text here: what it was in the run, the record tells.
+    told = (one["setting"] for one in record.get("uncertainty") or () if "setting" in one)
+    known = {str(cell): cell for cell in told}
 
+    def setting(row: dict[str, Any]) -> Setting:
+        if len(adjusters) > 1:
+            return Setting(tuple((name, parse_place(row[name])) for name in adjusters))
+        return Setting.of(known.get(row["setting"], row["setting"]))
 
-def read_table(
-    path: Path,
-) -> tuple[dict[str, Any], tuple[Quantity, ...], tuple[dict[str, Any], ...], str]:
-    """Return what a table of parameters and run.json beside it tell, and where the damper stands.
-
-    Raises
-    ------
-    ConfigurationError
-        The file is missing, is no table, or lacks a column.
-    """
-    facts = read_facts(path)
-    beside = read_record(path.parent / "run.json", [])
-    is_told = isinstance(facts.get("configuration"), dict)
-    quantities = table_quantities(path)
-    rows = read_parameter_rows(path, quantities, column_kinds("parameters", quantities))
-    source = path if is_told or not beside else path.parent / "run.json"
-    own = {key: facts[key] for key in _OWN if key in facts}
-    return beside | own, quantities, rows, str(source)
+    rows = [row for row in table.to_pylist() if not row["error_kind"]]
+    return record, quantities, tuple({**row, "setting": setting(row)} for row in rows)
 
 
 def written_of(place: Path, name: str) -> Path:
@@ -375,7 +396,7 @@ def written_of(place: Path, name: str) -> Path:
     Parameters
     ----------
     place : pathlib.Path
-        As `results_in` takes it.
+        As `Run.load` takes it.
     name : str
         What is made; a folder of the fleet.
 
@@ -398,14 +419,3 @@ def title_of(place: Path) -> str:
         return place.resolve().name or str(place)
     serial = place if place.is_dir() else place.parent
     return unquote(serial.name.removeprefix("serial="), errors="replace")
-
-
-def _cells(record: dict[str, Any]) -> list[int | str]:
-    return [one["setting"] for one in record.get("uncertainty") or () if "setting" in one]
-
-
-def _setting(row: dict[str, Any], names: Any, known: dict[str, int | str]) -> Setting:
-    text = row["setting"]
-    if len(names) > 1:
-        return Setting(tuple((name, parse_place(row[name])) for name in names))
-    return Setting.of(known.get(text, text))

@@ -20,7 +20,7 @@ from damperfit.errors import ConfigurationError
 from damperfit.problem import Option
 from damperfit.run.earlier import BESIDE
 from damperfit.samples import SampleOptions, make_samples
-from damperfit.tables import SCHEMA_VERSION
+from damperfit.tables.columns import SCHEMA_VERSION
 from damperfit.units.quantities import parse_quantity, says_absolute_or_gauge
 
 CONFIGS = Path(__file__).parents[2] / "configs"

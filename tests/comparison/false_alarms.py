@@ -33,7 +33,8 @@ from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import identify
 from damperfit.recording import Trace
 from damperfit.simulation import SolverOptions
-from damperfit.tables import LogSignals, make_tables
+from damperfit.tables.reading import LogSignals
+from damperfit.tables.rows import make_tables
 from damperfit.uncertainty import assess
 from tests.fakes import fitted_run as fitted_run_of
 from tests.identification.rig import recording
@@ -73,7 +74,7 @@ def fitted_run(traces: list[Trace], *, name: str) -> ComparedRun:
     campaign = identify(traces, PURDY_DAMPER)
     assessment = assess(campaign, PURDY_DAMPER)
     tables = make_tables(campaign, assessment=assessment)
-    rows = tables.parameters.to_pylist()
+    rows = tables["parameters"].to_pylist()
     fitted = fitted_run_of(
         PURDY_DAMPER,
         tuple(stage_of(fit, assessment) for fit in campaign.fits),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from damperfit.comparison import ComparedRun, MeasuredTest, measured_tests
-from damperfit.tables import LogSignals
+from damperfit.tables.reading import LogSignals
 from damperfit.tested.setting import Setting
 
 AMPLITUDE, FREQUENCY, DAMPING, GAS = 0.032, 1.5, 2000.0, -130.0

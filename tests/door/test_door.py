@@ -430,15 +430,12 @@ def test_a_suggestion_is_near():
 
 def test_calls_of_the_layers_below_say_what_they_want():
     from damperfit.conditioning import condition
-    from damperfit.identification import Campaign, identify
-    from damperfit.tables import make_tables
+    from damperfit.identification import identify
 
     with pytest.raises(ConfigurationError, match=r"found str; expected a recording"):
         condition(LOGS[0])
     with pytest.raises(ConfigurationError, match=r"found str among the traces"):
         identify(LOGS, damperfit.Damper())
-    with pytest.raises(ConfigurationError, match=r"no table 'params'; there are parameters"):
-        make_tables(Campaign("plain", ())).frame("params")
 
 
 def test_a_result_is_handed_over_also_when_the_package_of_targets_is_loaded(result, tmp_path):

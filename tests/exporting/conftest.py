@@ -16,7 +16,8 @@ from damperfit.exporting import ExportedRun, exported_run
 from damperfit.exporting import fmu as libraries
 from damperfit.exporting.fmu_build import build
 from damperfit.results import Run
-from damperfit.tables import make_tables, write_table
+from damperfit.tables.files import write_table
+from damperfit.tables.rows import make_tables
 from tests.fakes import campaign, fit
 
 SETTINGS = (1, 10, 20)
@@ -49,7 +50,7 @@ def results(tmp_path_factory) -> Path:
     fits = [replace(fit(n), parameters=reference_parameters(n)) for n in SETTINGS]
     tables = make_tables(campaign(*fits))
     for suffix in (".parquet", ".csv"):
-        write_table(folder / f"parameters{suffix}", tables.parameters)
+        write_table(folder / f"parameters{suffix}", tables["parameters"])
     record = {
         "version": "0.1.0",
         "schema_version": 2,

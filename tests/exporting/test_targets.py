@@ -17,7 +17,8 @@ from damperfit.errors import ConfigurationError
 from damperfit.exporting import TARGETS, ExportOptions, exported_run, find_target
 from damperfit.exporting.tables import force_tables
 from damperfit.results import SettingResult
-from damperfit.tables import make_tables, write_table
+from damperfit.tables.files import write_table
+from damperfit.tables.rows import make_tables
 from damperfit.tested.setting import Setting
 from tests.exporting.conftest import told
 from tests.exporting.reading_back import READERS, SIGNS, combi_matrices, mat_variables
@@ -228,7 +229,7 @@ def test_a_folder_without_run_json_is_exported_with_remarks(folder) -> None:
 def test_a_value_that_no_log_limits_is_noted(handed, folder) -> None:
     assert handed.notes == ()
     fits = [fit(n, status={"r_m2": "not_identifiable"} if n == 20 else {}) for n in (1, 20)]
-    write_table(folder / "parameters.parquet", make_tables(campaign(*fits)).parameters)
+    write_table(folder / "parameters.parquet", make_tables(campaign(*fits))["parameters"])
     (note,) = exported_run(folder).notes
     assert note.startswith("r_m2 at setting 20: the logs set no upper limit")
 

@@ -17,7 +17,7 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.exporting.targets import TARGETS
 from damperfit.identification import Outcome
 from damperfit.manual import TOPICS, read_page
-from damperfit.tables import describe_tables
+from damperfit.tables.columns import describe_tables
 from damperfit.units.quantities import _TABLE
 
 ROOT = Path(__file__).parents[2]

@@ -13,7 +13,8 @@ from damperfit.identification import Campaign, Status
 from damperfit.queries.simulations import ChosenParameters, choose_parameters
 from damperfit.report.markdown import markdown_report
 from damperfit.results import Run, Tested
-from damperfit.tables import make_tables, write_table
+from damperfit.tables.files import write_table
+from damperfit.tables.rows import make_tables
 from damperfit.uncertainty import Prediction
 from tests import fakes
 from tests.identification.adjusted import HIGH, LOW, SETTINGS, at
@@ -35,7 +36,7 @@ def campaign() -> Campaign:
 @pytest.mark.parametrize("suffix", [".csv", ".parquet"])
 def test_a_setting_that_was_not_tested_is_put_together(suffix: str, tmp_path: Path) -> None:
     path = tmp_path / f"parameters{suffix}"
-    write_table(path, make_tables(campaign()).parameters, suffix=suffix)
+    write_table(path, make_tables(campaign())["parameters"], suffix=suffix)
     for label in ("low_speed=14, high_speed=3", "LS14 HS3"):
         found = choose_parameters(setting=label, table=path, replaced={})
         assert (found.parameters.r_m1, found.parameters.r_m2) == (1e4, 4e6)
@@ -49,7 +50,7 @@ def test_what_is_only_predicted_stands_in_the_report() -> None:
     one = campaign()
     unseen = Prediction(at(14, 3), fakes.trace(9), False, 0.2, 0.1, 0.15, 0.2, is_unseen=True)
     tables = make_tables(one, predictions=(unseen,))
-    last = tables.mse.to_pylist()[-1]
+    last = tables["mse"].to_pylist()[-1]
     assert (str(last["setting"]), last["role"]) == ("LS14 HS3", "held_out")
     text = markdown_report(tables, replace(FACTS, held_out=(unseen,)))
     assert "LS14 HS3" in text
@@ -66,7 +67,7 @@ def undetermined_campaign() -> Campaign:
 @pytest.mark.parametrize("suffix", [".csv", ".parquet"])
 def test_a_value_that_no_log_limits_is_named_where_it_acts(suffix: str, tmp_path: Path) -> None:
     path = tmp_path / f"parameters{suffix}"
-    write_table(path, make_tables(undetermined_campaign()).parameters, suffix=suffix)
+    write_table(path, make_tables(undetermined_campaign())["parameters"], suffix=suffix)
     unseen = choose_parameters(setting="LS14 HS3", table=path, replaced={})
     (said,) = unseen.warnings(0.1)
     assert said == (

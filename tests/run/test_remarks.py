@@ -21,7 +21,7 @@ from damperfit.run.remarks import (
     skipped_files,
 )
 from damperfit.run.run_json import Judgement, ending_of, record, report_facts
-from damperfit.tables import make_tables
+from damperfit.tables.rows import make_tables
 from tests.fakes import campaign, fit
 
 NO_LOGS = LogBatch((), (), (), (), 0)
@@ -40,7 +40,7 @@ def test_a_gap_of_900_000_settings_is_one_range_everywhere() -> None:
     told = record(configuration, NO_LOGS, facts, found, Judgement(), ending=ending_of(found, facts))
     assert told["gaps"] == [{"first": 5, "last": 5}, {"first": 7, "last": 899_999}]
     assert len(json.dumps(told)) < 100_000
-    assert len(make_tables(found).parameters) == 6
+    assert len(make_tables(found)["parameters"]) == 6
 
 
 def test_gaps_stand_in_report_and_page_whoever_wrote_them() -> None:

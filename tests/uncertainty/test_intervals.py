@@ -11,7 +11,7 @@ import pytest
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, Sharing, identify
-from damperfit.tables import make_tables
+from damperfit.tables.rows import make_tables
 from damperfit.uncertainty import (
     Assessment,
     Uncertainty,
@@ -325,7 +325,7 @@ def test_a_limit_beyond_the_plausible_range_is_none(lost: str, share: float) -> 
     )
     assert assessment.unlimited(moved) == (frozenset({"r_m2"}) if high is None else frozenset())
     tables = make_tables(fakes.campaign(moved), assessment=assessment)
-    (row,) = tables.parameters.to_pylist()
+    (row,) = tables["parameters"].to_pylist()
     assert (row["r_m2_ci_low"], row["r_m2_ci_high"]) == (low, high)
     has_error = not is_beyond or lost != "both"
     assert (row["r_m2_se"] is not None) == (row["r_m2_misfit_se"] is not None) == has_error

@@ -1,0 +1,441 @@
+"""What was fitted, judged and read off the logs, as rows of tables."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from damperfit.adjustment.clicks import Adjustment
+from damperfit.conditioning import branch_forces
+from damperfit.conditioning.measured_characteristics import (
+    counted_edges,
+    figures_in,
+    mean_energy,
+    mean_extremes,
+)
+from damperfit.identification.outcome import Status
+from damperfit.identification.setting import EXCELLENT
+from damperfit.simulation import NAMED_SPEEDS
+from damperfit.statistics import mean_of
+from damperfit.tables.columns import PAPER_QUANTITIES
+from damperfit.tables.files import lay_out
+from damperfit.tables.reading import LogSignals
+from damperfit.uncertainty import Assessment
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+    import pyarrow as pa
+    from numpy.typing import NDArray
+
+    from damperfit.adjustment.clicks import Click
+    from damperfit.adjustment.force_at import Force
+    from damperfit.damper.model import Model
+    from damperfit.damper.valve_characteristics import ValveCharacteristic
+    from damperfit.identification import Campaign, Fit, LogFit, SimulatedLog
+    from damperfit.recording import Stretch, Trace
+    from damperfit.tested.setting import Setting
+    from damperfit.uncertainty import Interval, MisfitProfile, Prediction
+
+    FloatArray = NDArray[np.float64]
+
+__all__ = [
+    "MISSING",
+    "WITHHELD",
+    "adjustment_rows",
+    "characteristic_rows",
+    "grade",
+    "make_tables",
+    "profile_rows",
+    "signals_of",
+    "valve_rows",
+]
+
+WITHHELD = "withheld"  # in place of a grade that a low MSE does not deserve
+MISSING = "missing"  # outcome of a setting that the configuration expects but that has no fit
+_GOOD = 5.0  # per cent
+
+# Columns of the table "adjustment", and the attributes of a force and of a click that fill them.
+_OF_FORCE = {
+    "force_N": "force",
+    "force_se_N": "error",
+    "force_ci_low_N": "low",
+    "force_ci_high_N": "high",
+    "force_misfit_se_N": "misfit",
+    "measured_N": "measured_force",
+    "measured_se_N": "measured_error",
+    "difference_N": "difference",
+    "model_N": "model_force",
+    "gas_N": "gas",
+    "friction_N": "friction",
+    "tare_N": "tare",
+}
+_OF_CLICK = {
+    "change_N": "change",
+    "change_ci_low_N": "low",
+    "change_ci_high_N": "high",
+    "change_percent": "percent",
+    "change_percent_ci_low": "percent_low",
+    "change_percent_ci_high": "percent_high",
+}
+_OF_CAVITATION = {
+    "cavitation_fraction": "fraction",
+    "r_m3_cavitation_margin": "margin",
+    "lowest_pressure": "lowest_pressure",
+    "lowest_pressure_displacement": "displacement",
+    "lowest_pressure_velocity": "velocity",
+    "safe_gas_pressure": "safe_gas_pressure",
+}
+
+
+def _finite(value: float | None) -> float | None:
+    return None if value is None or not math.isfinite(value) else float(value)
+
+
+def _numbers(names: Mapping[str, str], one: object) -> dict[str, float | None]:
+    return {column: _finite(getattr(one, name)) for column, name in names.items()}
+
+
+def grade(mse_percent: float) -> str:
+    """Return the paper's word for an MSE in per cent: excellent < 1, good < 5, else poor.
+
+    Examples
+    --------
+    >>> grade(0.3), grade(3.0), grade(float("nan"))
+    ('excellent', 'good', 'poor')
+    """
+    if mse_percent < EXCELLENT:
+        return "excellent"
+    return "good" if mse_percent < _GOOD else "poor"
+
+
+def make_tables(
+    campaign: Campaign,
+    *,
+    assessment: Assessment = Assessment(),
+    predictions: Sequence[Prediction] = (),
+    adjustment: Adjustment = Adjustment(),
+    expected: Iterable[Setting] = (),
+    facts: Mapping[str, Any] | None = None,
+) -> dict[str, pa.Table]:
+    """Return the tables "parameters", "mse" and "adjustment" of a campaign.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        Result of `damperfit.identification.identify`.
+    assessment : Assessment
+        Errors and intervals, cells without one stay empty; why grades are withheld.
+    predictions : sequence of Prediction
+        What was held out; their rows follow those of the setting in table ``mse``.
+    adjustment : Adjustment
+        Forces by setting; without them that table has no rows.
+    expected : iterable of Setting
+        Settings that ought to be there; those without a fit get a row of nulls.
+    facts : mapping, optional
+        For the schema's ``damperfit`` entry: JSON values that depend on the inputs alone.
+    """
+    reasons = {
+        setting: "; ".join(one.sentence for one in why)
+        for setting, why in assessment.objections.items()
+    }
+    known = {one.setting: one.intervals for one in assessment.uncertainties}
+    parameters = {
+        fit.setting: _parameter_row(
+            fit, assessment, known.get(fit.setting, {}), reasons.get(fit.setting)
+        )
+        for fit in campaign.fits
+    }
+    for setting in set(expected) - parameters.keys():
+        parameters[setting] = {"setting": setting, "outcome": MISSING}
+    errors = list(_mse_rows(campaign, predictions))
+    for row in errors:
+        row["grade"] = WITHHELD if row["setting"] in reasons else row["grade"]
+    rows: dict[str, Sequence[Mapping[str, Any]]] = {
+        "parameters": [parameters[setting] for setting in sorted(parameters)],
+        "mse": errors,
+        "adjustment": adjustment_rows(adjustment.forces, adjustment.clicks),
+    }
+    quantities = campaign.quantities or PAPER_QUANTITIES
+    return {
+        name: lay_out(name, of, facts=facts, settings=tuple(parameters), quantities=quantities)
+        for name, of in rows.items()
+    }
+
+
+def _parameter_row(
+    fit: Fit, assessment: Assessment, intervals: Mapping[str, Interval], reason: str | None
+) -> dict[str, Any]:
+    row: dict[str, Any] = {"setting": fit.setting}
+    for name in fit.parameters.names:
+        row[name] = _finite(getattr(fit.parameters, name))
+        interval = intervals.get(name)
+        low, high = assessment.plausible_limits(fit, name)
+        is_open = fit.status[name] == Status.NOT_IDENTIFIABLE and low is None and high is None
+        if interval is not None and not is_open:  # without a limit there is no error either
+            row[f"{name}_se"] = _finite(interval.error)
+            row[f"{name}_misfit_se"] = _finite(interval.misfit)
+        row[f"{name}_ci_low"], row[f"{name}_ci_high"] = _finite(low), _finite(high)
+        row[f"{name}_status"] = fit.status[name].value
+    return row | {
+        "mse_percent": _finite(fit.mse_percent),
+        "grade": WITHHELD if reason else grade(fit.mse_percent),
+        "grade_reason": reason,
+        "outcome": fit.outcome.value,
+        "n_logs": len(fit.logs),
+        "n_samples": fit.n_samples,
+        "n_cycles": fit.n_cycles,
+        "evaluations": fit.evaluations,
+        "lowest_pressure_chamber": fit.cavitation.chamber or None,
+        **_numbers(_OF_CAVITATION, fit.cavitation),
+    }
+
+
+def _mse_rows(campaign: Campaign, predictions: Sequence[Prediction]) -> Iterator[dict[str, Any]]:
+    """Yield for each setting the row of the whole, of each log fitted, of each held out."""
+
+    def row(setting: Setting, role: str, log: str, n: int, one: Any) -> dict[str, Any]:
+        return {
+            "setting": setting,
+            "log": log,
+            "mse_percent": _finite(one.mse_percent),
+            "noise_floor_percent": _finite(one.noise_floor_percent),
+            "grade": grade(one.mse_percent),
+            "n_samples": n,
+            "role": role,
+        }
+
+    def of_log(role: str, setting: Setting, one: LogFit | Prediction) -> dict[str, Any]:
+        return row(setting, role, one.trace.name, one.trace.n_samples, one)
+
+    for fit in campaign.fits:
+        yield row(fit.setting, "fitted", "", fit.n_samples, fit)
+        yield from (of_log("fitted", fit.setting, one) for one in fit.logs)
+        held_out = (one for one in predictions if one.setting == fit.setting)
+        yield from (of_log("held_out", fit.setting, one) for one in held_out)
+    yield from (of_log("held_out", one.setting, one) for one in predictions if one.is_unseen)
+
+
+def profile_rows(profiles: Iterable[MisfitProfile]) -> list[dict[str, Any]]:
+    """Return the rows of the table "profiles", one a point."""
+    return [
+        {
+            "setting": profile.setting,
+            "parameter": profile.name,
+            "value": _finite(point.value),
+            "misfit_rise": _finite(point.rise),
+            **{name: _finite(getattr(point.parameters, name)) for name in point.parameters.names},
+        }
+        for profile in profiles
+        for point in profile.points
+    ]
+
+
+def adjustment_rows(forces: Sequence[Force], clicks: Sequence[Click]) -> list[dict[str, Any]]:
+    """Return the rows of the table "adjustment".
+
+    Parameters
+    ----------
+    forces : sequence of Force
+        By setting, speed and stroke, as they are told.
+    clicks : sequence of Click
+        Their changes; the rows of the lowest setting have none. With several adjusters a setting
+        has a row for each that has a neighbour below it.
+    """
+    changes: dict[tuple[Setting, float, str], list[dict[str, Any]]] = defaultdict(list)
+    for click in clicks:
+        change = {**_numbers(_OF_CLICK, click), "changed": click.adjuster}
+        changes[click.second, click.speed, click.stroke].append(change)
+    none = [dict.fromkeys(_OF_CLICK)]
+    return [
+        _force_row(one) | change
+        for one in forces
+        for change in changes.get((one.setting, one.speed, one.stroke), none)
+    ]
+
+
+def _force_row(one: Force) -> dict[str, Any]:
+    seen = one.measured
+    tare = one.tare if seen is not None and one.measured_force != seen.force else 0.0
+    return {
+        "setting": one.setting,
+        "speed_m_per_s": one.speed,
+        "stroke": one.stroke,
+        **_numbers(_OF_FORCE, one),
+        "origin": one.origin,
+        "tested": "yes" if one.is_tested else "no",
+        "measured_as": None if seen is None else seen.kind,
+        **{
+            f"measured_{part}_N": None if seen is None else _finite(getattr(seen, part) - tare)
+            for part in ("opening", "closing", "peak")
+        },
+    }
+
+
+def signals_of(setting: Setting, trace: Trace, seen: SimulatedLog) -> LogSignals:
+    """Return the signals of a log where it is compared."""
+    part = trace.compared
+    return LogSignals(
+        setting,
+        trace.name,
+        seen.response.time[part],
+        trace.displacement[part],
+        trace.velocity[part],
+        trace.force[part],
+        seen.force[part],
+        seen.response.pressures[:, part],
+    )
+
+
+# What a dyno's software reads off each stretch, as rows: measured beside simulated.
+#
+# One row of the peaks (PVP) and one of each named speed that both strokes reach. The gas force is
+# that of the damper's data at the displacement of each sample; a model without gas has none, and
+# the cells stay empty. Of a motion that does not repeat there are the peaks alone.
+
+_STROKES = (("rebound", 1.0), ("bump", -1.0))
+_UNREPEATED = ((math.nan, math.nan),) * len(_STROKES)
+
+
+def characteristic_rows(
+    setting: Setting, trace: Trace, seen: SimulatedLog, damper: Model
+) -> Iterator[dict[str, Any]]:
+    """Yield the rows of a log: of each stretch the peaks, then the named speeds.
+
+    Parameters
+    ----------
+    setting : Setting
+        Of the log.
+    trace : Trace
+        The log.
+    seen : SimulatedLog
+        The model's force as compared.
+    damper : Model
+        Whose gas force is taken off.
+    """
+    for place, stretch in enumerate(trace.stretches, start=1):
+        facts = {
+            "setting": setting,
+            "log": trace.name,
+            "stretch": place,
+            "kind": stretch.kind,
+            "start_s": trace.start_time + stretch.first * trace.interval,
+            "cycles": stretch.n_cycles,
+            "frequency_Hz": stretch.frequency,
+            "amplitude_m": stretch.amplitude,
+            "temperature_degC": trace.temperature,
+        }
+        for row in _stretch_rows(trace, stretch, seen.force, damper):
+            cells = facts | row
+            yield {
+                name: None if isinstance(cell, float) and not math.isfinite(cell) else cell
+                for name, cell in cells.items()
+            }
+
+
+def _stretch_rows(
+    trace: Trace, stretch: Stretch, simulated: FloatArray, damper: Model
+) -> Iterator[dict[str, Any]]:
+    edges = counted_edges(stretch)
+    part = slice(int(edges[0]), int(edges[-1]))
+    velocity, begins = trace.velocity[part], edges[:-1] - edges[0]
+    forces = {("measured", ""): trace.force[part], ("simulated", ""): simulated[part]}
+    gas = damper.rest_force(trace.displacement[part])
+    level = {}
+    if gas is not None:
+        level = {"mean_gas_force_N": mean_of(gas)}
+        forces = {
+            (whose, suffix): force if not suffix else force - gas
+            for (whose, _), force in forces.items()
+            for suffix in ("", "_without_gas")
+        }
+    stacked = np.stack(list(forces.values()))
+    measured = figures_in(trace, stretch)
+    top = min(measured.peak_speed_rebound, measured.peak_speed_bump)
+    half = measured.hysteresis_speed
+    speeds = [speed for speed in NAMED_SPEEDS if speed < top] if stretch.n_cycles else []
+    passed = sorted({*speeds, half}) if stretch.n_cycles else []
+    # By speed and force: of each stroke the opening and the closing branch.
+    both = [branch_forces(velocity, stacked, passed, sign=sign) for _, sign in _STROKES]
+    branches = dict(zip(passed, np.transpose(both, (2, 3, 0, 1)).tolist(), strict=True))
+    tops, bottoms = mean_extremes(stacked, begins)
+    yield {
+        **level,
+        "point": "peak",
+        "speed_rebound_m_per_s": measured.peak_speed_rebound,
+        "speed_bump_m_per_s": measured.peak_speed_bump,
+        "hysteresis_speed_m_per_s": half,
+        **_pairs(forces, zip(tops, bottoms, strict=True)),
+        "measured_energy_J": measured.energy,
+        "simulated_energy_J": mean_energy(trace, stretch, simulated),
+        "measured_energy_se_J": measured.energy_se,
+        "measured_hysteresis_rebound_se_N": measured.hysteresis_rebound_se,
+        "measured_hysteresis_bump_se_N": measured.hysteresis_bump_se,
+        **_hysteresis(forces, branches.get(half, [_UNREPEATED] * len(forces))),
+    }
+    for speed in speeds:
+        means = [[0.5 * sum(ends) for ends in of] for of in branches[speed]]
+        yield {
+            **level,
+            "point": "speed",
+            **dict.fromkeys(("speed_rebound_m_per_s", "speed_bump_m_per_s"), speed),
+            "hysteresis_speed_m_per_s": speed,
+            **_pairs(forces, means),
+            **_hysteresis(forces, branches[speed]),
+        }
+
+
+def _pairs(
+    forces: Iterable[tuple[str, str]], pairs: Iterable[Sequence[float]]
+) -> dict[str, float | None]:
+    """Of each force that of both strokes, and their ratio."""
+    found: dict[str, float | None] = {}
+    for (whose, suffix), (rebound, bump) in zip(forces, pairs, strict=True):
+        found[f"{whose}_rebound{suffix}_N"] = rebound
+        found[f"{whose}_bump{suffix}_N"] = bump
+        # Where the gas pushes both strokes to one side there is no ratio.
+        ratio = -rebound / bump if rebound > 0.0 > bump else None
+        found[f"{whose}_ratio{suffix}"] = ratio
+    return found
+
+
+def _hysteresis(
+    forces: Iterable[tuple[str, str]], branches: Sequence[Sequence[Sequence[float]]]
+) -> dict[str, float]:
+    """Of each force its opening less its closing branch, by stroke."""
+    return {
+        f"{whose}_hysteresis_{stroke}_N": opening - closing
+        for (whose, suffix), of in zip(forces, branches, strict=True)
+        if not suffix
+        for (stroke, _), (opening, closing) in zip(_STROKES, of, strict=True)
+    }
+
+
+def valve_rows(setting: Setting, valves: Iterable[ValveCharacteristic]) -> Iterator[dict[str, Any]]:
+    """Yield the rows of a setting: of each valve what was measured, its law, its opening.
+
+    Parameters
+    ----------
+    setting : Setting
+        Which.
+    valves : iterable of ValveCharacteristic
+        Flow against pressure of the setting's valves.
+    """
+    for valve in valves:
+        measured = zip(valve.drop.tolist(), valve.flow.tolist(), strict=True)
+        law = zip(valve.law_drop.tolist(), valve.law_flow.tolist(), strict=True)
+        points = [("measured", *point) for point in measured] + [("law", *point) for point in law]
+        if valve.opening is not None:
+            points.append(("opening", valve.opening, None))
+        for curve, pressure, flow in points:
+            yield {
+                "setting": setting,
+                "stroke": valve.stroke,
+                "curve": curve,
+                "pressure_Pa": pressure,
+                "flow_m3_per_s": flow,
+                "valve_force_N": pressure * valve.area,
+            }
