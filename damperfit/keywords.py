@@ -312,7 +312,8 @@ _KEYWORDS: dict[str, Keyword] = {
     "hold_out": Keyword(
         "texts",
         "PATTERN",
-        "Predict these logs instead of fitting them; may be given several times.  [default: "
+        "Predict these logs instead of fitting them, or segments by frequency or peak speed "
+        "(4Hz-10Hz, 0.2m/s-); may be given several times.  [default: "
         "transients, the run-up, coast-down and changes of speed within the logs]",
         "Trust",
         "identification.hold_out",

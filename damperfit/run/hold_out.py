@@ -1,9 +1,10 @@
 """Which logs and cycles are kept from the fit: patterns to traces.
 
 A pattern picks among the logs by name or path. One that picks none names further files, which are
-read for prediction only. The word `transients` stands for what moves beside the steady cycles of
-the logs that are fitted: run-up, coast-down, changes of speed. Where nothing else is held out, they
-are, in the logs that have them.
+read for prediction only. A range, as in `4Hz-10Hz` or `0.2m/s-`, holds out the segments whose
+frequency or peak speed lies within it. The word `transients` stands for what moves beside the
+steady cycles of the logs that are fitted: run-up, coast-down, changes of speed. Where nothing else
+is held out, they are, in the logs that have them.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from damperfit.errors import ConfigurationError, Mishap, mishap_of
 from damperfit.problem import Option
 from damperfit.run.log_paths import expand, real_path
 from damperfit.run.logs import LogBatch, failure_of
-from damperfit.uncertainty import split_cycles
+from damperfit.uncertainty import SegmentRange, split_cycles
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -71,7 +72,11 @@ def named_files(patterns: Iterable[str], paths: Sequence[Path]) -> dict[str, tup
     paths : sequence of pathlib.Path
         The logs.
     """
-    return {one: _named(one, paths) for one in patterns if one != TRANSIENTS}
+    return {one: _named(one, paths) for one in patterns if _is_of_files(one)}
+
+
+def _is_of_files(pattern: str) -> bool:
+    return pattern != TRANSIENTS and SegmentRange.parse(pattern) is None
 
 
 def _named(pattern: str, paths: Sequence[Path]) -> tuple[Path, ...]:
@@ -90,7 +95,9 @@ def fitting(
 ) -> HoldOutOptions:
     """Return the options with the patterns alone that fit a log of the batch."""
     patterns = tuple(
-        one for one in options.patterns if one == TRANSIENTS or _hits(one, batch, named)
+        one
+        for one in options.patterns
+        if one == TRANSIENTS or _hits(one, batch, named) or _segments(batch.traces, one)[1]
     )
     return replace(options, patterns=patterns)
 
@@ -118,7 +125,7 @@ def part(batch: LogBatch, options: HoldOutOptions, named: Mapping[str, Sequence[
         A pattern fits nothing, or no log is left to fit.
     """
     names: set[str] = set()
-    for pattern in (one for one in options.patterns if one != TRANSIENTS):
+    for pattern in filter(_is_of_files, options.patterns):
         hits = _hits(pattern, batch, named)
         if not hits:
             raise ConfigurationError(
@@ -131,9 +138,21 @@ def part(batch: LogBatch, options: HoldOutOptions, named: Mapping[str, Sequence[
     if names and names == {log.log for log in batch.logs}:
         raise ConfigurationError("hold-out: every log is held out; none is left to fit")
     held_out = [trace for trace in batch.traces if trace.name in names]
+    remaining = [trace for trace in batch.traces if trace.name not in names]
+    for pattern in options.patterns:
+        if pattern == TRANSIENTS or _is_of_files(pattern):
+            continue
+        remaining, within = _segments(remaining, pattern)
+        if not within:
+            raise ConfigurationError(
+                "no log has a segment within these limits", where=Option("hold_out", pattern)
+            )
+        held_out += within
+    if held_out and not remaining:
+        raise ConfigurationError("hold-out: every log is held out; none is left to fit")
     fitted: list[Trace] = []
     failures: list[Failure] = []
-    for trace in (trace for trace in batch.traces if trace.name not in names):
+    for trace in remaining:
         try:
             rest, last = split_cycles(trace, options.cycles) if options.cycles else (trace, None)
         except Exception as error:  # noqa: BLE001 - the other logs go on
@@ -144,6 +163,16 @@ def part(batch: LogBatch, options: HoldOutOptions, named: Mapping[str, Sequence[
         held_out.extend([last] if last is not None else [])
     left = replace(batch, traces=tuple(fitted), failures=(*batch.failures, *failures))
     return Parted(left, tuple(held_out), frozenset(names))
+
+
+def _segments(traces: Sequence[Trace], pattern: str) -> tuple[list[Trace], list[Trace]]:
+    """Return the logs without the segments of a range, and with these alone."""
+    limits = SegmentRange.parse(pattern)
+    if limits is None:
+        return list(traces), []
+    parts = [limits.split(trace) for trace in traces]
+    fitted, held = ([trace for trace in side if trace] for side in zip(*parts, strict=True))
+    return fitted, held
 
 
 def with_transients(parted: Parted, options: HoldOutOptions) -> Parted:

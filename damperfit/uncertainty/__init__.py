@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     )
     from damperfit.uncertainty.flaws import Hint
     from damperfit.uncertainty.gas import GasContent
-    from damperfit.uncertainty.held_cycles import split_cycles
+    from damperfit.uncertainty.held_cycles import SegmentRange, split_cycles
     from damperfit.uncertainty.intervals import (
         Interval,
         Uncertainty,
@@ -61,6 +61,7 @@ __all__ = [
     "Objection",
     "Prediction",
     "ProfilePoint",
+    "SegmentRange",
     "SpeedForces",
     "Stride",
     "Uncertainty",
@@ -108,6 +109,7 @@ _LATE = {
     "prediction_warnings": "prediction",
     "profile_campaign": "assessment",
     "reconsider": "last_word",
+    "SegmentRange": "held_cycles",
     "split_cycles": "held_cycles",
     "uncertainties": "intervals",
 }

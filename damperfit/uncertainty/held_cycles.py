@@ -1,16 +1,85 @@
-"""The last steady cycles of a log, parted from those that are fitted."""
+"""Steady cycles or segments of a log, parted from those that are fitted."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+import math
+import re
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from damperfit.errors import LogError
+from damperfit.errors import ConfigurationError, LogError
+from damperfit.units.quantities import parse_quantity
 
 if TYPE_CHECKING:
-    from damperfit.recording import Trace
+    from damperfit.recording import Stretch, Trace
 
-__all__ = ["split_cycles"]
+__all__ = ["SegmentRange", "split_cycles"]
+
+
+@dataclass(frozen=True, slots=True)
+class SegmentRange:
+    """The segments of a log that have a frequency, or a peak speed, within limits.
+
+    Attributes
+    ----------
+    dimension : str
+        "frequency" or "velocity".
+    low, high : float
+        Limits, both included, Hz or m/s.
+    """
+
+    dimension: str
+    low: float
+    high: float
+
+    @classmethod
+    def parse(cls, text: str) -> SegmentRange | None:
+        """Return the range that a text says, as in "4Hz-10Hz" or "0.2m/s-"; None: it says none.
+
+        Raises
+        ------
+        ConfigurationError
+            The upper limit lies below the lower one.
+
+        Examples
+        --------
+        >>> SegmentRange.parse("0.2m/s-")
+        SegmentRange(dimension='velocity', low=0.2, high=inf)
+        >>> SegmentRange.parse("run-2.csv") is None
+        True
+        """
+        number = r"(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?"
+        for dimension, units in (("frequency", "k?Hz"), ("velocity", "m?m/s|in/s")):
+            limit = f"({number} ?(?:{units}))?"
+            found = re.fullmatch(f"{limit} ?- ?{limit}", text.strip(), re.IGNORECASE)
+            if found is None or not any(found.groups()):
+                continue
+            low, high = (
+                parse_quantity(end, dimension) if end else default
+                for end, default in zip(found.groups(), (0.0, math.inf), strict=True)
+            )
+            if low > high:
+                raise ConfigurationError(
+                    f"{text}: the upper limit lies below the lower one; expected as in 4Hz-10Hz"
+                )
+            return cls(dimension, low, high)
+        return None
+
+    def holds(self, segment: Stretch) -> bool:
+        """Whether a segment lies within the limits."""
+        is_speed = self.dimension == "velocity"
+        return self.low <= (segment.peak_speed if is_speed else segment.frequency) <= self.high
+
+    def split(self, trace: Trace) -> tuple[Trace | None, Trace | None]:
+        """Return a log without the segments within the limits, and with these alone.
+
+        None stands for a part without a segment.
+        """
+        parts = []
+        for is_held in (False, True):
+            kept = tuple(part for part in trace.stretches if self.holds(part) is is_held)
+            parts.append(replace(trace, stretches=kept) if kept else None)
+        return parts[0], parts[1]
 
 
 def split_cycles(trace: Trace, cycles: float) -> tuple[Trace, Trace]:

@@ -7,9 +7,13 @@ import json
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
+from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.samples import SampleOptions, make_samples
+from damperfit.simulation import Motion, simulate
 
 FORCE = {"force_noise": 1.0, "displacement_noise": 2e-6, "cycles": 7.0}
 
@@ -139,3 +143,54 @@ def test_too_few_cycles_to_hold_out_cost_that_log_alone(run, two_amplitudes):
     ended = run("identify", f"{two_amplitudes}/*_32mm.csv", "--hold-out-cycles", "50")
     assert ended.code == 3
     assert "none is left to fit" in ended.err
+
+
+def test_segments_are_held_out_by_frequency_or_speed(run, two_speeds):
+    ended = run("identify", two_speeds, "--hold-out", "0.4m/s-")
+    assert ended.code == 0
+    fitted, held = [row for row in rows("mse.csv") if row["log"]]
+    assert (fitted["role"], held["role"]) == ("fitted", "held_out")
+    assert float(fitted["n_samples"]) == pytest.approx(10 * 500 / 1.5, rel=0.01)  # 10 cycles
+    assert float(held["n_samples"]) > 3000
+    assert "predicted as well as fitted" in ended.out
+    by_frequency = run("identify", two_speeds, "--hold-out", "2.5Hz-10Hz", "--out", "other")
+    assert by_frequency.code == 0
+    assert Path("other/mse.csv").read_text() == Path("results/mse.csv").read_text()
+
+
+@pytest.mark.parametrize(
+    ("limits", "words"),
+    [
+        ("20Hz-", "no log has a segment"),
+        ("-20Hz", "none is left to fit"),
+        ("4Hz-2Hz", "the upper limit lies below"),
+    ],
+)
+def test_a_range_that_parts_nothing_is_refused(run, two_speeds, limits, words):
+    ended = run("identify", two_speeds, f"--hold-out={limits}")
+    assert ended.code == 2
+    assert words in ended.err
+    assert not Path("results").exists()
+
+
+@pytest.fixture(scope="module")
+def two_speeds(tmp_path_factory) -> Path:
+    """Setting 1 at 1.5 and at 3 Hz in one record."""
+    t = np.arange(8000) / 500.0
+    turns = np.where(t < 8.0, 1.5 * t, 12.0 + 3.0 * (t - 8.0))
+    x = 0.032 * np.sin(2.0 * np.pi * turns)
+    v = np.gradient(x, t)
+    motion = Motion(1.0 / 500.0, x, v)
+    force = simulate(reference_parameters(1), PURDY_DAMPER, motion).force
+    random = np.random.default_rng(1)
+    path = tmp_path_factory.mktemp("two_speeds") / "setting_1.csv"
+    columns = (t, 1e3 * x, force + random.standard_normal(len(force)))
+    np.savetxt(
+        path,
+        np.column_stack(columns),
+        "%.5f",
+        ",",
+        header="time_s,displacement_mm,force_N",
+        comments="",
+    )
+    return path

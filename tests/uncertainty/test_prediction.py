@@ -189,9 +189,12 @@ def test_the_stroke_and_speed_that_were_fitted_are_no_test_of_the_model() -> Non
             "predicted as well as fitted; same stroke and speed as the fitted logs, so no test of "
             "the model"
         )
-    for other in (told(1.051, 1.0), told(1.0, 0.949), told(1.0, 1.0, cycle_starts=np.empty(0))):
+    for other in (told(1.0, 0.949), told(1.0, 1.0, cycle_starts=np.empty(0))):
         assert not other.is_same_motion
         assert other.verdict == "predicted as well as fitted"
+    other_stroke = told(1.051, 1.0)
+    assert not other_stroke.is_same_motion
+    assert other_stroke.verdict.endswith("so it proves little")
     drifts = replace(told(1.0, 1.0), mse_percent=100.0)
     assert "the rig or the damper has drifted" in prediction_warnings([drifts])[0]
     fails = replace(drifts, is_same_motion=False)
@@ -206,7 +209,7 @@ def test_the_stroke_and_speed_that_were_fitted_are_no_test_of_the_model() -> Non
 def test_another_test_has_an_offset_of_its_own_where_offsets_are_found(offset, said) -> None:
     seen = fakes.trace(1, "other.csv")
     (one,) = seen.stretches
-    held = replace(seen, stretches=(replace(one, amplitude=0.5 * one.amplitude),))
+    held = replace(seen, stretches=(replace(one, peak_speed=0.5 * one.peak_speed),))
     model = SimpleNamespace(force=seen.force - offset)
     free = fakes.fit(1, status={"f_0": "fitted"})
     found = _prediction(free, held, model, 0.0)
