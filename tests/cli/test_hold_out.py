@@ -152,7 +152,7 @@ def test_segments_are_held_out_by_frequency_or_speed(run, two_speeds):
     assert (fitted["role"], held["role"]) == ("fitted", "held_out")
     assert float(fitted["n_samples"]) == pytest.approx(10 * 500 / 1.5, rel=0.01)  # 10 cycles
     assert float(held["n_samples"]) > 3000
-    assert "predicted as well as fitted" in ended.out
+    assert float(held["mse_percent"]) < 0.05  # noise at one speed decides which verdict
     by_frequency = run("identify", two_speeds, "--hold-out", "2.5Hz-10Hz", "--out", "other")
     assert by_frequency.code == 0
     assert Path("other/mse.csv").read_text() == Path("results/mse.csv").read_text()
