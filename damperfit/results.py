@@ -509,6 +509,10 @@ class Run:
                         covariance,
                         top_speed=tops.get(setting.cell, math.inf),
                         open_limits=_open_limits(values, row),
+                        misfits={
+                            name: float(row.get(f"{name}_misfit_se") or 0.0)
+                            for name in values.names
+                        },
                         row=row,
                         run=self,
                     )

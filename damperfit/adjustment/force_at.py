@@ -6,12 +6,20 @@ from the misfit; beyond the tested speed it is as wide as what the logs do not d
 *measured* is what a dyno prints (`damperfit.uncertainty.speed_forces`). A rig is tared before each
 test: its offset is no part of either, nor of what a click does. Only where a model knows no gas the
 offset holds the gas force, and stays.
+
+Two settings share the errors of shared parameters. With C the covariance of (own, shared), g the
+slopes of a force by them, theta the shared ones and K = C_own,theta C_theta^-1, the own errors are
+K dtheta and a rest that is the setting's alone::
+
+    f = ... + G dtheta + rest,  G = g_theta + g_own K
+    var(f_b - f_a) = rest_a + rest_b + (G_b - G_a) C_theta (G_b - G_a)'
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from statistics import median
 from typing import TYPE_CHECKING
 
@@ -27,18 +35,14 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from damperfit.damper.model import Values
+    from damperfit.damper.model import Model, Values
+    from damperfit.errors import OnError
     from damperfit.identification import Fit
     from damperfit.tested.setting import Setting
-    from damperfit.uncertainty import Assessment
+    from damperfit.uncertainty import Assessment, SpeedForces
+    from damperfit.uncertainty.speed_forces import MeasuredForce
 
     FloatArray = NDArray[np.float64]
-    from collections.abc import Iterator
-
-    from damperfit.damper.model import Model
-    from damperfit.errors import OnError
-    from damperfit.uncertainty import SpeedForces
-    from damperfit.uncertainty.speed_forces import MeasuredForce
 
 __all__ = [
     "MEASURED",
@@ -46,12 +50,10 @@ __all__ = [
     "REPEATS",
     "STROKES",
     "Force",
-    "Parts",
     "Sine",
     "Stage",
     "credible_forces",
     "determined_speed",
-    "errors_parted",
     "fastest_sine",
     "force_at",
     "has_lost_errors",
@@ -59,25 +61,23 @@ __all__ = [
     "offset_sentence",
     "open_limits",
     "said_offsets",
-    "split",
     "stage_of",
 ]
 
-
-# One setting as a stage of the adjuster, and its errors parted into shared ones and its own.
-#
-# The error of a force comes from the covariance C of (own, shared) through the sensitivities g =
-# df/du, u = ln y. For the difference of two settings the shared parameters are one and the same
-# error. With theta the shared ones and K = C_own,theta C_theta^-1, the own errors split into K
-# dtheta and a rest that is the setting's alone (up to 1/n for n settings in a mean)::
-#
-#     f  = ... + G dtheta + rest,  G = g_theta + g_own K
-#     var(f_b - f_a) = rest_a + rest_b + (G_b - G_a) C_theta (G_b - G_a)'
-
-# Of the shared values' covariance, directions of less than this share are nothing but rounding.
-_NOTHING = 1e-15
+STROKES = ("rebound", "bump")
+MODEL, MEASURED = "model", "measured"
 # Of `Status`, which takes too long to import here.
 _FITTED, _NOT_IDENTIFIABLE = "fitted", "not_identifiable"
+# A test at 0.26 m/s peaks at 0.258 or 0.262.
+REPEATS = 0.02
+# Of the shared values' covariance, directions of less than this share are nothing but rounding.
+_NOTHING = 1e-15
+# A model may miss the measured force by 2 % of it, near its passage through zero by 0.5 % of half
+# the force's range, and by three standard errors of the difference.
+_OF_FORCE, _OF_RANGE, _ERRORS = 0.02, 0.005, 3.0
+# A setting is determined where the interval is no wider than this share of the damping, up to so
+# many times the tested speed, in these steps.
+_DETERMINED, _FARTHEST, _STEPS = 0.05, 5.0, 16
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -98,6 +98,8 @@ class Stage:
         Highest speed that the setting was tested at, m/s; infinite: not known.
     open_limits : tuple of (str, (float, float))
         Quantities that the logs do not determine, and between which values they leave them open.
+    misfits : mapping of str to float
+        Standard errors of values from the model's misfit, SI.
     """
 
     setting: Setting
@@ -107,16 +109,17 @@ class Stage:
     covariance: FloatArray | None = None
     top_speed: float = math.inf
     open_limits: tuple[tuple[str, tuple[float, float]], ...] = ()
+    misfits: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Values with an error, in the order of the covariance."""
+        return (*self.own, *self.shared)
 
     @property
     def offsets(self) -> tuple[str, ...]:
         """Names of the values that are a tare of the rig."""
         return tuple(one.name for one in self.parameters.quantities if one.is_offset)
-
-    @property
-    def kind(self) -> tuple[tuple[str, ...], tuple[str, ...], bool]:
-        """What stages have in common whose errors are of one shape."""
-        return self.own, self.shared, self.covariance is None
 
     @property
     def offset(self) -> float:
@@ -126,13 +129,12 @@ class Stage:
     @property
     def knows_offset(self) -> bool:
         """Whether an offset was found or given: one that is held at 0 tells of no tare."""
-        return self.offset != 0.0 or any(one in (*self.own, *self.shared) for one in self.offsets)
+        return self.offset != 0.0 or any(name in self.names for name in self.offsets)
 
     @property
     def offset_error(self) -> float:
-        """Standard error of the offset, N; 0 where it has none."""
-        names = (*self.own, *self.shared)
-        at = [names.index(name) for name in self.offsets if name in names]
+        """Standard error of the offset by noise, N; 0 where it has none."""
+        at = [self.names.index(name) for name in self.offsets if name in self.names]
         if self.covariance is None or not at:
             return 0.0
         return math.sqrt(max(float(self.covariance[np.ix_(at, at)].sum()), 0.0))
@@ -140,20 +142,27 @@ class Stage:
 
 def stage_of(fit: Fit, assessment: Assessment) -> Stage:
     """Return a fit and what is known of its errors as one stage of the adjuster."""
-    known = next((one for one in assessment.uncertainties if one.setting == fit.setting), None)
-    top = max(one.peak_speed for log in fit.logs for one in log.trace.stretches)
     limits = {
         name: assessment.plausible_limits(fit, name)
         for name, status in fit.status.items()
         if status == _NOT_IDENTIFIABLE
     }
     stage = Stage(
-        fit.setting, fit.parameters, top_speed=top, open_limits=open_limits(fit.parameters, limits)
+        fit.setting,
+        fit.parameters,
+        top_speed=max(one.peak_speed for log in fit.logs for one in log.trace.stretches),
+        open_limits=open_limits(fit.parameters, limits),
     )
+    known = next((one for one in assessment.uncertainties if one.setting == fit.setting), None)
     if known is None or has_lost_errors(known.names, fit.status):
         return stage
-    own = known.names[: len(known.names) - len(known.shared)]
-    return replace(stage, own=own, shared=known.shared, covariance=known.covariance)
+    return replace(
+        stage,
+        own=known.names[: len(known.names) - len(known.shared)],
+        shared=known.shared,
+        covariance=known.covariance,
+        misfits={name: one.misfit for name, one in known.intervals.items()},
+    )
 
 
 def open_limits(
@@ -162,9 +171,9 @@ def open_limits(
     """Return between which values quantities are left open: where one is missing the plausible."""
     found = []
     for name, (low, high) in limits.items():
-        one = parameters.quantity(name)
-        if not one.is_offset:
-            least, most = one.plausible
+        quantity = parameters.quantity(name)
+        if not quantity.is_offset:
+            least, most = quantity.plausible
             found.append((name, (least if low is None else low, most if high is None else high)))
     return tuple(found)
 
@@ -172,7 +181,7 @@ def open_limits(
 def has_lost_errors(names: Sequence[str], status: Mapping[str, str]) -> bool:
     """Return whether a value that was fitted has no error, as where a fit has met no minimum.
 
-    What is left, the errors of shared values, would be told as those of its forces.
+    What is left, the errors of shared values, would pass for those of its forces.
 
     Parameters
     ----------
@@ -182,88 +191,6 @@ def has_lost_errors(names: Sequence[str], status: Mapping[str, str]) -> bool:
         Of all values.
     """
     return any(one == _FITTED and name not in names for name, one in status.items())
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Parts:
-    """The covariance of a stage parted: what is its alone, and how its own follow the shared.
-
-    Of several stages with the same own and shared values one below the other, (..., k, k).
-    """
-
-    rest: FloatArray
-    follow: FloatArray
-    root: FloatArray
-
-
-def errors_parted(*stages: Stage) -> Parts | None:
-    """Return the covariance of a stage parted; None where it has none.
-
-    Of several stages with the same own and shared values each has one more, first index.
-    """
-    known = [one.covariance for one in stages if one.covariance is not None]
-    if not known:
-        return None
-    return _parted(known[0] if len(known) == 1 else np.stack(known), len(stages[0].own))
-
-
-def _parted(covariance: FloatArray, n: int) -> Parts:
-    own, cross, theta = (
-        covariance[..., :n, :n],
-        covariance[..., :n, n:],
-        covariance[..., n:, n:],
-    )
-    values, directions = np.linalg.eigh(theta)
-    sizes = np.abs(values)
-    is_known = sizes > _NOTHING * np.max(sizes, axis=-1, keepdims=True, initial=0.0)
-    inverse = np.divide(1.0, values, out=np.zeros_like(values), where=is_known)
-    back = np.swapaxes(directions, -1, -2)
-    follow = cross @ (directions * inverse[..., None, :] @ back)
-    # The symmetric root is unique; signs of directions, and like ones themselves, hang on rounding.
-    root = directions * np.sqrt(np.maximum(values, 0.0))[..., None, :] @ back
-    return Parts(own - follow @ np.swapaxes(cross, -1, -2), follow, root)
-
-
-def split(stage: Stage, parts: Parts | None, slopes: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the standard errors that are the setting's alone, and what the shared ones carry.
-
-    Parameters
-    ----------
-    stage : Stage
-        The setting, or one of several with the same own and shared values.
-    parts : Parts or None
-        Its covariance parted, or theirs.
-    slopes : numpy.ndarray
-        Shape (..., k, m): of m forces by own and shared values.
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (..., m); NaN where nothing is known.
-    numpy.ndarray
-        Shape (..., m, number of shared values).
-    """
-    n = len(stage.own)
-    if parts is None:
-        shape = (*slopes.shape[:-2], slopes.shape[-1])
-        return np.full(shape, math.nan), np.zeros((*shape, len(stage.shared)))
-    turned = np.swapaxes(slopes, -1, -2)
-    own, shared = turned[..., :n], turned[..., n:]
-    carried = (shared + own @ parts.follow) @ parts.root
-    rest = np.einsum("...ij,...ij->...i", own @ parts.rest, own)
-    return np.sqrt(np.maximum(rest, 0.0)), np.asarray(carried)
-
-
-STROKES = ("rebound", "bump")
-MODEL, MEASURED = "model", "measured"
-# A model may miss the measured force by 2 % of it, near its passage through zero by 0.5 % of half
-# the force's range, and by three standard errors of the difference.
-_OF_FORCE, _OF_RANGE, _ERRORS = 0.02, 0.005, 3.0
-# A test at 0.26 m/s peaks at 0.258 or 0.262.
-REPEATS = 0.02
-# A setting is determined where the interval is no wider than this share of the damping, up to so
-# many times the tested speed, in these steps.
-_DETERMINED, _FARTHEST, _STEPS = 0.05, 5.0, 16
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -279,7 +206,7 @@ class Force:
     stroke : str
         "rebound" or "bump".
     force : float
-        N, positive in rebound; gas and friction are in it, the rig's offset only where `has_tare`.
+        N, positive in rebound; gas and friction are in it, the rig's offset less `tare_out`.
     error : float
         Standard error, N; NaN where it is not known.
     rest : float
@@ -292,7 +219,9 @@ class Force:
     origin : str
         Whose `force` is: `MODEL` or `MEASURED`.
     misfit : float
-        Error of the force from the model's misfit, N: what repeats in the residual at like speeds.
+        Error of the force from the model's misfit, N: what repeats in the residual at like speeds,
+        the misfit's share in the tare that is taken off, and below the slowest measured speed its
+        share in the friction.
     undetermined : (float, float)
         How far the force may be below and above for what the logs do not determine, N.
     gas, friction : float
@@ -305,10 +234,10 @@ class Force:
         What was measured at this speed, the rig's tare in it; None: nothing was.
     half_range : float
         Half the range of the measured force, N.
-    tare, tare_error : float
-        The rig's force offset at this setting and its standard error, N.
-    has_tare : bool
-        It is in the force.
+    tare, tare_out : float
+        The rig's force offset at this setting, and what of it is not in the force, N.
+    tare_error, tare_misfit : float
+        Its standard errors by noise and by misfit, N.
     whole_error : float
         Standard error of the force with the offset, N.
     holds_gas : bool
@@ -333,8 +262,9 @@ class Force:
     measured: MeasuredForce | None = None
     half_range: float = math.nan
     tare: float = 0.0
+    tare_out: float = 0.0
     tare_error: float = 0.0
-    has_tare: bool = False
+    tare_misfit: float = 0.0
     whole_error: float = math.nan
     holds_gas: bool = False
 
@@ -359,21 +289,19 @@ class Force:
         return max(self.undetermined) <= max(self.reach, _OF_FORCE * abs(self.damping))
 
     @property
+    def bare_force(self) -> float:
+        """The force without the offset, N."""
+        return self.force - (self.tare - self.tare_out)
+
+    @property
     def damping(self) -> float:
         """The force without gas force and tare, N."""
         return self.bare_force - (0.0 if math.isnan(self.gas) else self.gas)
 
     @property
-    def bare_force(self) -> float:
-        """The force without the offset, N."""
-        return self.force - self.tare if self.has_tare or self.holds_gas else self.force
-
-    @property
     def measured_force(self) -> float:
         """The measured force, the tare in it where it is in `force`, N; NaN: none."""
-        if self.measured is None:
-            return math.nan
-        return self.measured.force - (0.0 if self.has_tare or self.holds_gas else self.tare)
+        return math.nan if self.measured is None else self.measured.force - self.tare_out
 
     @property
     def measured_error(self) -> float:
@@ -402,14 +330,15 @@ class Force:
     @property
     def with_tare(self) -> Force:
         """The same with the rig's offset in it, as the rig measured."""
-        if self.has_tare or self.holds_gas:
-            return self
         return replace(
             self,
-            force=self.force + self.tare,
-            model_force=self.model_force + self.tare,
+            force=self.force + self.tare_out,
+            model_force=self.model_force + self.tare_out,
             error=self.whole_error,
-            has_tare=True,
+            misfit=math.sqrt(max(self.misfit**2 - self.tare_misfit**2, 0.0)),
+            tare_out=0.0,
+            tare_error=0.0,
+            tare_misfit=0.0,
         )
 
     @property
@@ -417,13 +346,12 @@ class Force:
         """The measured force in place of the model's, where there is one."""
         if self.measured is None:
             return self
-        keeps = self.has_tare or self.holds_gas
-        rest = math.hypot(self.measured.error, self.tare_error)  # the tare is taken off
+        error = math.hypot(self.measured.error, self.tare_error, self.tare_misfit)
         return replace(
             self,
             force=self.measured_force,
-            error=self.measured.error if keeps else rest,
-            rest=rest,
+            error=error,
+            rest=error,
             carried=np.zeros_like(self.carried),
             origin=MEASURED,
             misfit=0.0,
@@ -438,9 +366,9 @@ class Force:
         return replace(self, measured=self.measured.as_read).as_measured
 
 
-def named_speeds(top: float) -> tuple[float, ...]:
-    """Return the named test speeds that tests up to a speed, m/s, have reached."""
-    return tuple(speed for speed in NAMED_SPEEDS if speed <= (1.0 + REPEATS) * top)
+def named_speeds(top: float, speeds: Sequence[float] = NAMED_SPEEDS) -> tuple[float, ...]:
+    """Return the speeds, by default the named ones, that tests up to a speed, m/s, have reached."""
+    return tuple(speed for speed in speeds if speed <= (1.0 + REPEATS) * top)
 
 
 def force_at(
@@ -473,103 +401,123 @@ def force_at(
         By setting, speed and stroke. A setting that cannot be simulated is left out.
     """
     by_stroke = {(one.setting, one.stroke): one for one in measured}
-    found: list[Force] = []
+    forces: list[Force] = []
     for stage in stages:
-        with sparing(stage.setting, on_error):
-            try:
-                found.extend(_forces_of(stage, damper, speeds, by_stroke))
-            except SimulationError:
-                continue
-    return tuple(found)
+        with sparing(stage.setting, on_error), suppress(SimulationError):
+            forces += _forces_of(stage, damper, speeds, by_stroke)
+    return tuple(forces)
 
 
 def _forces_of(
     stage: Stage,
     damper: Model,
     speeds: Sequence[float],
-    by_stroke: dict[tuple[Setting, str], SpeedForces],
-) -> Iterator[Force]:
-    names = (*stage.own, *stage.shared)
-    known = [by_stroke.get((stage.setting, stroke)) for stroke in STROKES]
-    read = {
-        (speed, stroke): None if one is None else one.at(speed)
-        for speed in speeds
-        for stroke, one in zip(STROKES, known, strict=True)
-    }
-    signed = [speed if stroke == STROKES[0] else -speed for speed, stroke in read]
-    curve = quasi_static(damper, stage.parameters, signed, sensitivities=names)
-    # With the offset the force has a slope of one by it.
-    whole = curve.slopes.copy()
-    for name in stage.offsets:
-        if name in names:
-            whole[names.index(name)] = 1.0
-    parts = errors_parted(stage)
-    rests, carried = split(stage, parts, _without_offsets(stage, curve.slopes))
-    errors = _sizes(*split(stage, parts, curve.slopes))
-    whole_errors = _sizes(*split(stage, parts, whole))
-    spans = _undetermined(stage, damper, curve)
-    bends = _bends(damper, stage, curve, list(read.values()))
-    for k, ((speed, stroke), seen) in enumerate(read.items()):
-        one = known[STROKES.index(stroke)]
-        yield Force(
-            stage.setting,
-            speed,
-            stroke,
-            force=float(curve.forces[k]),
-            error=float(errors[k]),
-            rest=float(rests[k]),
-            carried=carried[k],
-            model_force=float(curve.forces[k]),
-            misfit=0.0 if one is None else one.misfit_near(speed),
-            undetermined=(float(spans[0, k]), float(spans[1, k])),
-            gas=curve.rest if curve.knows_gas else math.nan,
-            friction=float(curve.friction[k]),
-            is_cavitating=bool(curve.is_cavitating[k]),
-            is_tested=not speed > (1.0 + REPEATS) * stage.top_speed,
-            measured=_widened(seen, bends[k]),
-            half_range=math.nan if one is None else one.half_range,
-            tare=stage.offset,
-            tare_error=stage.offset_error,
-            whole_error=float(whole_errors[k]),
-            holds_gas=not curve.knows_gas,
+    by_stroke: Mapping[tuple[Setting, str], SpeedForces],
+) -> list[Force]:
+    places = [(speed, stroke) for speed in speeds for stroke in STROKES]
+    tests = [by_stroke.get((stage.setting, stroke)) for _, stroke in places]
+    picked = [
+        None if test is None else test.at(speed)
+        for test, (speed, _) in zip(tests, places, strict=True)
+    ]
+    signed = [speed if stroke == STROKES[0] else -speed for speed, stroke in places]
+    curve = quasi_static(damper, stage.parameters, signed, sensitivities=stage.names)
+    is_offset = np.array([name in stage.offsets for name in stage.names], dtype=bool)[:, None]
+    rests, carried = _errors(stage, np.where(is_offset, 0.0, curve.slopes))
+    errors = _sizes(*_errors(stage, curve.slopes))
+    whole_errors = _sizes(*_errors(stage, np.where(is_offset, 1.0, curve.slopes)))
+    below, above = _undetermined(stage, damper, curve)
+    bends = _bends(damper, stage, curve, picked)
+    tare_out = stage.offset if curve.knows_gas else 0.0
+    tare_error, tare_misfit = 0.0, 0.0
+    if curve.knows_gas:
+        tare_error = stage.offset_error
+        tare_misfit = math.hypot(*(stage.misfits.get(name, 0.0) for name in stage.offsets))
+    seals = _misfit_of_seals(stage)
+    forces = []
+    for k, ((speed, stroke), test, pick) in enumerate(zip(places, tests, picked, strict=True)):
+        misfit = tare_misfit
+        if test is not None:
+            misfit = math.hypot(misfit, test.misfit_near(speed))
+            if test.speeds and speed * (1.0 + REPEATS) < test.speeds[0]:
+                misfit = math.hypot(misfit, seals * curve.friction[k])
+        forces.append(
+            Force(
+                stage.setting,
+                speed,
+                stroke,
+                force=float(curve.forces[k]),
+                error=float(errors[k]),
+                rest=float(rests[k]),
+                carried=carried[k],
+                model_force=float(curve.forces[k]),
+                misfit=misfit,
+                undetermined=(float(below[k]), float(above[k])),
+                gas=curve.rest if curve.knows_gas else math.nan,
+                friction=float(curve.friction[k]),
+                is_cavitating=bool(curve.is_cavitating[k]),
+                is_tested=not speed > (1.0 + REPEATS) * stage.top_speed,
+                measured=pick and replace(pick, error=math.hypot(pick.error, bends[k] / NORMAL_95)),
+                half_range=math.nan if test is None else test.half_range,
+                tare=stage.offset,
+                tare_out=tare_out,
+                tare_error=tare_error,
+                tare_misfit=tare_misfit,
+                whole_error=float(whole_errors[k]),
+                holds_gas=not curve.knows_gas,
+            )
         )
+    return forces
 
 
-def _widened(seen: MeasuredForce | None, bend: float) -> MeasuredForce | None:
-    if seen is None or not bend:
-        return seen
-    return replace(seen, error=math.hypot(seen.error, bend / NORMAL_95))
+def _errors(stage: Stage, slopes: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return what of the errors of m forces is the setting's alone, and what shared errors do.
 
-
-def _without_offsets(stage: Stage, slopes: FloatArray) -> FloatArray:
-    names = (*stage.own, *stage.shared)
-    bare = np.array([0.0 if name in stage.offsets else 1.0 for name in names])
-    return np.asarray(slopes * bare[:, None])
+    By slopes of shape (k, m): standard errors of shape (m,), NaN where nothing is known, and of
+    shape (m, number of shared values).
+    """
+    n, m = len(stage.own), slopes.shape[1]
+    if stage.covariance is None:
+        return np.full(m, math.nan), np.zeros((m, len(stage.shared)))
+    own, cross = stage.covariance[:n, :n], stage.covariance[:n, n:]
+    values, directions = np.linalg.eigh(stage.covariance[n:, n:])
+    is_known = np.abs(values) > _NOTHING * np.max(np.abs(values), initial=0.0)
+    inverse = np.divide(1.0, values, out=np.zeros_like(values), where=is_known)
+    follow = cross @ (directions * inverse) @ directions.T
+    # The symmetric root is unique; signs of directions, and like ones themselves, hang on rounding.
+    root = (directions * np.sqrt(np.maximum(values, 0.0))) @ directions.T
+    by_own, by_shared = slopes[:n].T, slopes[n:].T
+    rest = np.einsum("ij,ij->i", by_own @ (own - follow @ cross.T), by_own)
+    return np.sqrt(np.maximum(rest, 0.0)), np.asarray((by_shared + by_own @ follow) @ root)
 
 
 def _sizes(rests: FloatArray, carried: FloatArray) -> FloatArray:
-    return np.asarray(np.sqrt(rests**2 + np.einsum("...ij,...ij->...i", carried, carried)))
+    return np.asarray(np.hypot(rests, np.linalg.norm(carried, axis=1)))
+
+
+def _misfit_of_seals(stage: Stage) -> float:
+    """Return the error of the friction from the misfit, as a share of it."""
+    shares = (
+        stage.misfits.get(one.name, 0.0) / abs(float(getattr(stage.parameters, one.name)) or 1.0)
+        for one in stage.parameters.quantities
+        if one.is_friction
+    )
+    return max(shares, default=0.0)
 
 
 def _bends(
-    damper: Model, stage: Stage, curve: QuasiStatic, seen: Sequence[MeasuredForce | None]
-) -> list[float]:
+    damper: Model, stage: Stage, curve: QuasiStatic, picked: Sequence[MeasuredForce | None]
+) -> FloatArray:
     """Return how far the model lies from the straight line between measured speeds, N."""
-    between = {
-        k: one.between
-        for k, one in enumerate(seen)
-        if one is not None and one.between[0] != one.between[1]
-    }
+    bends = np.zeros(len(picked))
+    between = {k: one.between for k, one in enumerate(picked) if one and len(set(one.between)) > 1}
     if not between:
-        return [0.0] * len(seen)
+        return bends
     signs = np.sign(curve.speeds)
     ends = [signs[k] * speed for k, pair in between.items() for speed in pair]
     at_ends = quasi_static(damper, stage.parameters, ends).forces.reshape(-1, 2)
-    bends = [0.0] * len(seen)
-    for (k, (low, high)), (first, second) in zip(between.items(), at_ends.tolist(), strict=True):
-        share = (abs(float(curve.speeds[k])) - low) / (high - low)
-        if 0.0 < share < 1.0:
-            bends[k] = abs(float(curve.forces[k]) - first - share * (second - first))
+    for (k, pair), forces in zip(between.items(), at_ends, strict=True):
+        bends[k] = abs(curve.forces[k] - np.interp(abs(curve.speeds[k]), pair, forces))
     return bends
 
 
@@ -589,8 +537,7 @@ def _undetermined(stage: Stage, damper: Model, curve: QuasiStatic) -> FloatArray
         for value in limits:
             values = stage.parameters.replace({name: value})
             away = quasi_static(damper, values, speeds).forces - curve.forces[is_beyond]
-            spans[0, is_beyond] = np.maximum(spans[0, is_beyond], -away)
-            spans[1, is_beyond] = np.maximum(spans[1, is_beyond], away)
+            spans[:, is_beyond] = np.maximum(spans[:, is_beyond], [-away, away])
     return spans
 
 
@@ -621,17 +568,16 @@ def determined_speed(stage: Stage, damper: Model) -> float:
     if not 0.0 < top < math.inf or stage.covariance is None:
         return math.nan
     speeds = top * np.geomspace(1.0, _FARTHEST, _STEPS)
-    forces = list(_forces_of(stage, damper, speeds.tolist(), {}))
     wide = [
         one.speed
-        for one in forces
+        for one in _forces_of(stage, damper, speeds.tolist(), {})
         if max(one.force - one.low, one.high - one.force) > _DETERMINED * abs(one.damping)
     ]
     return float(max(speeds[speeds < min(wide, default=math.inf)], default=top))
 
 
 def credible_forces(forces: Sequence[Force]) -> tuple[Force, ...]:
-    """Return the forces to tell: as measured at speeds and strokes where any setting disagrees.
+    """Return the forces to show: as measured at speeds and strokes where any setting disagrees.
 
     All settings there, so that a change from one to the next is of one kind; where one was not
     measured at that speed, they stay the model's.
@@ -641,8 +587,8 @@ def credible_forces(forces: Sequence[Force]) -> tuple[Force, ...]:
         groups.setdefault((one.speed, one.stroke), []).append(one)
     at = {
         key
-        for key, few in groups.items()
-        if any(one.disagrees for one in few) and all(one.measured is not None for one in few)
+        for key, group in groups.items()
+        if any(one.disagrees for one in group) and all(one.measured for one in group)
     }
     return tuple(one.as_measured if (one.speed, one.stroke) in at else one for one in forces)
 
@@ -668,16 +614,14 @@ def offset_sentence(offsets: Sequence[float], *, holds_gas: bool = False) -> str
     )
 
 
-# The sine that stands for the motions of tests.
-
-_AS_FAST = 0.05  # rigs repeat a speed to 1 %
-_SAME_STROKE = 0.05  # and a stroke no worse
+# Rigs repeat a speed to 1 %, and a stroke no worse.
+_AS_FAST, _SAME_STROKE = 0.05, 0.05
 _SINE = 0.1  # peak speed of a sine by its frequency against the one found; a triangle's is 36 % off
 
 
 @dataclass(frozen=True, slots=True)
 class Sine:
-    """A sine.
+    """The sine that stands for the motions of tests.
 
     Attributes
     ----------

@@ -7,11 +7,12 @@ by how far the cubic lies from the straight line in that gap and the two beside 
 measured there. Two settings alone tell no curve, so that the interval is the whole gap. Of the
 shipped set with settings left out 94 to 96 of 100 hold the setting that was left out, by the cubic
 at that place alone 87 to 94, of two settings none (`python -m tests.adjustment.gap_coverage`).
+
+A force that the model does not reach and the measured forces do is answered by these.
 """
 
 from __future__ import annotations
 
-import itertools
 import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -23,16 +24,11 @@ from damperfit.tested.setting import ADJUSTER, Setting, lines_of
 from damperfit.units.shown_units import SI
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    from numpy.typing import NDArray
-    from scipy.interpolate import PchipInterpolator
+    from collections.abc import Sequence
 
     from damperfit.adjustment.force_at import Force
     from damperfit.tested.setting import SettingLine
     from damperfit.units.shown_units import ShownUnits
-
-    FloatArray = NDArray[np.float64]
 
 __all__ = ["Answer", "Wanted", "which_setting"]
 
@@ -132,26 +128,21 @@ class Wanted:
                 f"{asked}: no setting gives it; it is {side}, setting {setting} with "
                 f"{units.write(force, 'N', '.5g')}"
             )
-        said = "; or ".join(
+        words = "; or ".join(
             _words(answer, self.force, self.adjuster, units) for answer in self.answers
         )
         several = len(self.answers)
-        return f"{asked}: {f'{several} answers, ' if several > 1 else ''}{said}"
-
-
-def _gap(answer: Answer, adjuster: str) -> float:
-    """How many clicks the settings on both sides are apart."""
-    ends = (answer.below.number(adjuster), answer.above.number(adjuster))
-    return (ends[1] or 0.0) - (ends[0] or 0.0)
+        return f"{asked}: {f'{several} answers, ' if several > 1 else ''}{words}"
 
 
 def _words(answer: Answer, wanted: float, adjuster: str, units: ShownUnits) -> str:
     below, above = (units.write(f, "N", ".5g") for f in (answer.force_below, answer.force_above))
+    ends = tuple(one.number(adjuster) or 0.0 for one in (answer.below, answer.above))
+    has_gap = ends[1] - ends[0] > 1
     interval = ""
     if math.isfinite(answer.low):
-        ends = (answer.below.number(adjuster), answer.above.number(adjuster))
         interval = f" (95 % from {answer.low:.2f} to {answer.high:.2f})"
-        if _gap(answer, adjuster) > 1 and (answer.low, answer.high) == ends:
+        if has_gap and (answer.low, answer.high) == ends:
             interval = (
                 f" (anywhere from {answer.low:g} to {answer.high:g}: two settings do not show how "
                 "the force changes between them)"
@@ -166,143 +157,122 @@ def _words(answer: Answer, wanted: float, adjuster: str, units: ShownUnits) -> s
     )
     force = answer.force_below if answer.nearest == answer.below else answer.force_above
     nearest = f"{answer.nearest} ({units.write(force - wanted, 'N', '+.3g')})"
-    if _gap(answer, adjuster) <= 1:
+    if not has_gap:
         return f"{said}; nearest is {nearest}"
     said += ", interpolated over settings without a fit"
     click = round(answer.position)
-    if click in {answer.below.number(adjuster), answer.above.number(adjuster)}:
+    if click in ends:
         return f"{said}; nearest of those fitted is {nearest}"
     turned = {adjuster: click}
     label = Setting(tuple((one, turned.get(one, place)) for one, place in answer.below.places))
     return f"{said}; nearest is {label}, which has no fit, and of those fitted {nearest}"
 
 
-@dataclass(frozen=True, slots=True)
-class _Stop:
-    """A level and its place on the line of settings that is looked along."""
-
-    at: float
-    level: Force
-
-    @property
-    def force(self) -> float:
-        return self.level.force
-
-    @property
-    def reach(self) -> float:
-        """Half of the 95 % interval of the force, N."""
-        return self.level.high - self.level.force
-
-
 def which_setting(
-    found: Sequence[Force], force: float, *, line: SettingLine | None = None
+    forces: Sequence[Force], force: float, *, line: SettingLine | None = None
 ) -> Wanted:
     """Return the settings at which a force is reached.
 
     Parameters
     ----------
-    found : sequence of Force
+    forces : sequence of Force
         One speed and stroke.
     force : float
         N, positive in rebound.
     line : SettingLine, optional
         Settings to look along, two or more; those of the only adjuster by default.
     """
-    from scipy.interpolate import PchipInterpolator
+    along = line or lines_of(one.setting for one in forces)[0]
+    wanted = _wanted([one for one in forces if one.setting in along.numbers], force, along)
+    if not wanted.answers:
+        measured = [one.as_measured for one in forces if one.measured is not None]
+        measured = [one for one in measured if one.setting in along.numbers]
+        if len(measured) > 1 and (as_measured := _wanted(measured, force, along)).answers:
+            return as_measured
+    return wanted
 
-    along = line or lines_of(level.setting for level in found)[0]
-    numbers = along.numbers
-    stops = [_Stop(numbers[level.setting], level) for level in found if level.setting in numbers]
-    ordered = sorted(stops, key=lambda stop: stop.at)
-    forces = np.array([stop.force for stop in ordered])
-    curve = PchipInterpolator(np.array([stop.at for stop in ordered]), forces)
-    sign = -1.0 if found[0].stroke == "bump" else 1.0
-    weakest, hardest = int(np.argmin(sign * forces)), int(np.argmax(sign * forces))
+
+def _wanted(forces: Sequence[Force], force: float, line: SettingLine) -> Wanted:
+    curve = _Curve(forces, line)
+    by_strength = sorted(forces, key=lambda one: one.force * (-1.0 if one.stroke == "bump" else 1))
+    weakest, hardest = by_strength[0], by_strength[-1]
     return Wanted(
         force=force,
-        speed=found[0].speed,
-        stroke=found[0].stroke,
-        answers=tuple(
-            _answer(ordered, curve, position, force)
-            for position in _positions(ordered, curve, force)
-        ),
-        weakest=(ordered[weakest].level.setting, ordered[weakest].force),
-        hardest=(ordered[hardest].level.setting, ordered[hardest].force),
-        adjuster=along.adjuster,
-        held=along.held,
-        origin=found[0].origin,
+        speed=weakest.speed,
+        stroke=weakest.stroke,
+        answers=tuple(curve.answer(position, force) for position in curve.positions(force)),
+        weakest=(weakest.setting, weakest.force),
+        hardest=(hardest.setting, hardest.force),
+        adjuster=line.adjuster,
+        held=line.held,
+        origin=weakest.origin,
     )
 
 
-def _positions(ordered: Sequence[_Stop], curve: PchipInterpolator, force: float) -> list[float]:
-    """Where the curve has the force, and an end that has it within its interval."""
-    found = [stop.at for stop in ordered if stop.force == force]
-    for a, b in itertools.pairwise(ordered):
-        if (a.force - force) * (b.force - force) < 0.0:
-            found.append(_root(curve, a.at, b.at, force))
-    if not found:
-        found = [stop.at for stop in ordered if abs(stop.force - force) <= stop.reach]
-    return sorted(found)
+class _Curve:
+    """Force over the clicks of one adjuster, between settings a monotone cubic."""
 
+    def __init__(self, forces: Sequence[Force], line: SettingLine) -> None:
+        from scipy.interpolate import PchipInterpolator
 
-def _root(curve: PchipInterpolator, low: float, high: float, force: float) -> float:
-    from scipy.optimize import brentq
+        ordered = sorted(forces, key=lambda one: line.numbers[one.setting])
+        self.settings = [one.setting for one in ordered]
+        self.places = np.array([line.numbers[one.setting] for one in ordered])
+        self.forces = np.array([one.force for one in ordered])
+        self.reaches = np.array([max(one.high - one.force, one.force - one.low) for one in ordered])
+        self.cubic = PchipInterpolator(self.places, self.forces)
 
-    return float(brentq(lambda s: float(curve(s)) - force, low, high, xtol=1e-9))
+    def crossings(self, *forces: float) -> list[float]:
+        """Every place between settings where the curve passes one of the forces."""
+        from scipy.optimize import brentq
 
+        roots = []
+        for force in forces:
+            off = self.forces - force
+            for k in np.flatnonzero(off[:-1] * off[1:] < 0.0):
+                ends = self.places[k], self.places[k + 1]
+                roots.append(float(brentq(lambda at, f=force: float(self.cubic(at)) - f, *ends)))
+        return roots
 
-def _answer(
-    ordered: Sequence[_Stop], curve: PchipInterpolator, position: float, force: float
-) -> Answer:
-    below = max((stop for stop in ordered if stop.at <= position), key=_at)
-    above = min((stop for stop in ordered if stop.at >= position), key=_at)
-    nearest = min(below, above, key=lambda stop: abs(stop.force - force))
-    share = (position - below.at) / ((above.at - below.at) or 1.0)
-    reach = (1.0 - share) * below.reach + share * above.reach
-    first, last = ordered[0].at, ordered[-1].at
-    known = math.isfinite(reach)
-    ends = []
-    if above.at - below.at > 1.0:
-        reach += 4.0 * share * (1.0 - share) * _bend(ordered, curve, below, above)
-    if len(ordered) > 2 or above.at - below.at <= 1.0:  # two tell no curve
-        ends = _crossings(ordered, curve, (force - reach, force + reach))
-    return Answer(
-        position=position,
-        low=max((s for s in ends if s < position), default=first) if known else math.nan,
-        high=min((s for s in ends if s > position), default=last) if known else math.nan,
-        nearest=Setting.of(nearest.level.setting),
-        below=Setting.of(below.level.setting),
-        above=Setting.of(above.level.setting),
-        force_below=below.force,
-        force_above=above.force,
-    )
+    def positions(self, force: float) -> list[float]:
+        """Where the curve has the force, else a setting that has it within its interval."""
+        exact = [*self.places[self.forces == force].tolist(), *self.crossings(force)]
+        return sorted(exact or self.places[np.abs(self.forces - force) <= self.reaches].tolist())
 
+    def answer(self, position: float, force: float) -> Answer:
+        """Return what stands beside a position of the curve, and its interval."""
+        above = int(np.searchsorted(self.places, position))
+        below = above if self.places[above] == position else above - 1
+        gap = self.places[above] - self.places[below]
+        share = (position - self.places[below]) / (gap or 1.0)
+        reach = (1.0 - share) * self.reaches[below] + share * self.reaches[above]
+        low = high = math.nan
+        if math.isfinite(reach):
+            if gap > 1.0:
+                reach += 4.0 * share * (1.0 - share) * self._bend(below, gap)
+            has_curve = len(self.places) > 2 or gap <= 1.0  # two settings tell none
+            ends = self.crossings(force - reach, force + reach) if has_curve else []
+            low = max((s for s in ends if s < position), default=float(self.places[0]))
+            high = min((s for s in ends if s > position), default=float(self.places[-1]))
+        nearest = min(below, above, key=lambda k: abs(self.forces[k] - force))
+        return Answer(
+            position,
+            low,
+            high,
+            nearest=Setting.of(self.settings[nearest]),
+            below=Setting.of(self.settings[below]),
+            above=Setting.of(self.settings[above]),
+            force_below=float(self.forces[below]),
+            force_above=float(self.forces[above]),
+        )
 
-def _bend(ordered: Sequence[_Stop], curve: PchipInterpolator, below: _Stop, above: _Stop) -> float:
-    """How far the force may lie from the curve in the middle of a gap, N: see the top."""
-    at = ordered.index(below)
-    beside = ordered[max(at - 1, 0) : at + 3]
-    width = above.at - below.at
-    shares = np.linspace(0.0, 1.0, 41)
-    bends = []
-    for a, b in itertools.pairwise(beside):
-        straight = a.force + shares * (b.force - a.force)
-        off = np.max(np.abs(curve(a.at + shares * (b.at - a.at)) - straight))
-        bends.append(float(off) * min(width / (b.at - a.at), _WIDER) ** 2)
-    return _BEND * max(bends)
-
-
-def _crossings(
-    ordered: Sequence[_Stop], curve: PchipInterpolator, forces: Iterable[float]
-) -> list[float]:
-    """Every place where the curve passes one of the forces."""
-    return [
-        _root(curve, a.at, b.at, force)
-        for force in forces
-        for a, b in itertools.pairwise(ordered)
-        if (a.force - force) * (b.force - force) < 0.0
-    ]
-
-
-def _at(stop: _Stop) -> float:
-    return stop.at
+    def _bend(self, below: int, gap: float) -> float:
+        """How far the force may lie from the curve in the middle of a gap, N: see the top."""
+        shares = np.linspace(0.0, 1.0, 41)
+        bends = []
+        for k in range(max(below - 1, 0), min(below + 2, len(self.places) - 1)):
+            (a, b), (first, second) = self.places[k : k + 2], self.forces[k : k + 2]
+            straight = first + shares * (second - first)
+            off = np.max(np.abs(self.cubic(a + shares * (b - a)) - straight))
+            bends.append(float(off) * min(gap / float(b - a), _WIDER) ** 2)
+        return _BEND * max(bends)

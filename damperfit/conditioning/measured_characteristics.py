@@ -27,7 +27,8 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-_NEAR_PEAK = 0.9
+# Of the peak speed: what is about the peak, and what lies between two strokes.
+_NEAR_PEAK, _SLOW = 0.9, 0.5
 
 __all__ = [
     "branch_forces",
@@ -203,21 +204,27 @@ def peak_velocity_forces(
         Shape (k,): signals at the peak, and their standard errors by the scatter of the cycles;
         NaN for one cycle.
     """
-    is_fast = speed >= _NEAR_PEAK * median(np.maximum.reduceat(speed, begins))
-    if is_fast[0] and not is_fast.all():  # whole cycles: the passage goes on where it began
-        rest = int(np.argmin(is_fast)) + 1
-        speed, is_fast = (np.concatenate([row, row[:rest]]) for row in (speed, is_fast))
+    top = median(np.maximum.reduceat(speed, begins))
+    is_fast, is_slow = speed >= _NEAR_PEAK * top, speed < _SLOW * top
+    if is_fast[0] and is_slow.any():  # whole cycles: the passage goes on where it began
+        rest = int(np.argmax(is_slow)) + 1
+        speed, is_fast, is_slow = (
+            np.concatenate([row, row[:rest]]) for row in (speed, is_fast, is_slow)
+        )
         signals = np.concatenate([signals, signals[:, :rest]], axis=1)
-    edges = np.flatnonzero(np.diff(is_fast))
-    starts = edges[~is_fast[edges]]
-    stops = edges[is_fast[edges]]
-    stops = stops[stops > starts[0]] if len(starts) else stops[:0]
-    starts = starts[: len(stops)]
+    # Between two slow samples lies one passage, however often noise takes it below 0.9.
+    fast, passage = np.flatnonzero(is_fast), np.cumsum(is_slow)[is_fast]
+    is_whole = passage > (0 if is_fast[0] else -1)
+    if is_fast[-1]:
+        is_whole &= passage < passage[-1]
+    fast, passage = fast[is_whole], passage[is_whole]
     nothing = np.full(len(signals), math.nan)
-    if not len(starts):
+    if not len(fast):
         return float(np.max(speed)), nothing, nothing
-    halves = 0.25 * median(stops - starts)
-    middles = (0.5 * (starts + stops + 1))[stops - starts >= halves]
+    is_first = np.diff(passage, prepend=-1) != 0
+    starts, stops = fast[is_first], fast[np.append(is_first[1:], True)]
+    halves = 0.25 * median(stops - starts + 1)
+    middles = (0.5 * (starts + stops))[stops - starts + 1 >= halves]
     few = [np.arange(math.ceil(one - halves), math.floor(one + halves) + 1) for one in middles]
     at = np.clip(np.concatenate(few), 0, len(speed) - 1)
     which = np.repeat(np.arange(len(few)), [len(one) for one in few])

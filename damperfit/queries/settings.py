@@ -35,7 +35,6 @@ if TYPE_CHECKING:
     from damperfit.adjustment.force_at import Stage
     from damperfit.damper.model import Model, Values
     from damperfit.simulation import SolverOptions
-    from damperfit.tested.setting import SettingLine
     from damperfit.uncertainty import SpeedForces
 
 __all__ = [
@@ -364,7 +363,7 @@ def tabulate_forces(adjuster: AdjusterResults, question: Question) -> ForcesBySe
                 velocity=Option("velocity"),
                 force=Option("force"),
             )
-        wanted = tuple(_answer(mine, question.force, line) for line in lines)
+        wanted = tuple(which_setting(mine, question.force, line=line) for line in lines)
     notes = (
         *adjuster.notes,
         *notes_on_settings(adjuster.damper, adjuster.stages),
@@ -374,17 +373,6 @@ def tabulate_forces(adjuster: AdjusterResults, question: Question) -> ForcesBySe
     )
     traces = tuple(mishaps[setting].trace for setting in sorted(mishaps))
     return ForcesBySetting(told, clicks(told), wanted, remarks, notes, traces)
-
-
-def _answer(forces: Sequence[Force], wanted: float, line: SettingLine) -> Wanted:
-    """Return the answer on the forces that are told; where they miss it, on the measured ones."""
-    answer = which_setting(forces, wanted, line=line)
-    measured = [one.as_measured for one in forces if one.measured is not None]
-    has_line = sum(one.setting in line.numbers for one in measured) > 1
-    if not answer.answers and has_line:
-        as_measured = which_setting(measured, wanted, line=line)
-        return as_measured if as_measured.answers else answer
-    return answer
 
 
 def _untested_notes(adjuster: AdjusterResults, told: Sequence[Force]) -> Iterator[str]:

@@ -53,6 +53,7 @@ _NEAR_A_REVERSAL = 0.25
 _PEAKS_DIFFER = 0.02
 # A test at 0.26 m/s peaks at 0.258 or 0.262.
 _REPEATS = 0.02
+_IS_AT = 1e-9  # a speed is that of a test but for rounding
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,8 +68,6 @@ class MeasuredForce:
         Standard error by the cycles alone; what was put back, N.
     difference : float
         Measured less modelled force, as they were read, N.
-    misfit : float
-        What repeats in the residual at like speeds, N.
     opening, closing : float
         Of a loop: the two branches, N; NaN of a peak.
     peak : float
@@ -84,7 +83,6 @@ class MeasuredForce:
     scatter: float
     rounding: float
     difference: float
-    misfit: float
     opening: float
     closing: float
     peak: float
@@ -95,6 +93,10 @@ class MeasuredForce:
     def as_read(self) -> MeasuredForce:
         """The same with nothing put back: no model has a part in it."""
         return replace(self, force=self.force - self.rounding, error=self.scatter, rounding=0.0)
+
+    def with_error(self, more: float) -> MeasuredForce:
+        """The same with another standard error beside its own, N."""
+        return replace(self, error=math.hypot(self.error, more))
 
     @property
     def peak_differs(self) -> bool:
@@ -153,14 +155,13 @@ class SpeedForces:
         low, high = self.speeds[0] / (1.0 + _REPEATS), self.speeds[-1] * (1.0 + _REPEATS)
         if not low <= speed <= high:
             return None
-        before = min(max(bisect_right(self.speeds, speed) - 1, 0), max(len(self.speeds) - 2, 0))
-        after = min(before + 1, len(self.speeds) - 1)
+        nearest = min(range(len(self.speeds)), key=lambda k: abs(self.speeds[k] - speed))
+        before = after = nearest
+        if len(self.speeds) > 1 and abs(speed / self.speeds[nearest] - 1.0) > _IS_AT:
+            before = min(max(bisect_right(self.speeds, speed), 1), len(self.speeds) - 1) - 1
+            after = before + 1
         ends = self.speeds[before], self.speeds[after]
-        for place, end in ((before, ends[0]), (after, ends[1])):
-            if abs(speed / end - 1.0) <= 1e-9:
-                before, after, ends = place, place, (end, end)
-                break
-        share = 0.0 if ends[0] == ends[1] else (speed - ends[0]) / (ends[1] - ends[0])
+        share = 0.0 if before == after else (speed - ends[0]) / (ends[1] - ends[0])
 
         def read(row: tuple[float, ...]) -> float:
             return row[before] + share * (row[after] - row[before]) if row else math.nan
@@ -172,7 +173,6 @@ class SpeedForces:
             scatter=scatter,
             rounding=rounding,
             difference=read(self.difference),
-            misfit=read(self.misfit),
             opening=read(self.opening),
             closing=read(self.closing),
             peak=read(self.peak_forces),
@@ -198,23 +198,23 @@ def speed_forces(linearised: Linearisation, *, is_structured: bool) -> tuple[Spe
     segments = sorted(_segments(linearised), key=lambda one: one.stretch.peak_speed)
     if not segments:
         return ()
-    tests: list[list[_Segment]] = [[]]
-    for one in segments:
-        first = tests[-1][0].stretch.peak_speed if tests[-1] else one.stretch.peak_speed
-        if one.stretch.peak_speed > (1.0 + SAME_MOTION) * first:
+    tests: list[list[_Segment]] = []
+    for segment in segments:
+        top = segment.stretch.peak_speed
+        if not tests or top > (1.0 + SAME_MOTION) * tests[-1][0].stretch.peak_speed:
             tests.append([])
-        tests[-1].append(one)
+        tests[-1].append(segment)
     half_range = 0.5 * max(float(np.ptp(one.force)) for one in segments)
     is_loop = len(tests) == 1
-    found = []
+    forces = []
     for place, (stroke, sign) in enumerate((("rebound", 1.0), ("bump", -1.0))):
-        rows = np.array([_mean_peak(test, place) for test in tests]).T
+        rows = np.array([_mean([one.peaks[place] for one in test]) for test in tests]).T
         if is_loop:
             rows = np.hstack([_of_loop(tests[0], sign), rows])
         rows = rows[:, np.isfinite(rows[[_SPEED, _FORCE, _DIFFERENCE]]).all(axis=0)]
         rows = rows[:, np.argsort(rows[_SPEED], kind="stable")]
         speed, force, error, difference, back, opening, closing, largest = map(tuple, rows.tolist())
-        found.append(
+        forces.append(
             SpeedForces(
                 setting=linearised.fit.setting,
                 stroke=stroke,
@@ -223,9 +223,7 @@ def speed_forces(linearised: Linearisation, *, is_structured: bool) -> tuple[Spe
                 measured=force,
                 measured_se=error,
                 difference=difference,
-                misfit=tuple(_misfit(segments, speed, sign))
-                if is_structured
-                else (0.0,) * len(speed),
+                misfit=tuple(_misfit(segments, at, sign) if is_structured else 0.0 for at in speed),
                 kind=CVP if is_loop else PVP,
                 rounding=back,
                 opening=opening if is_loop else (),
@@ -233,18 +231,19 @@ def speed_forces(linearised: Linearisation, *, is_structured: bool) -> tuple[Spe
                 peak_forces=() if is_loop else largest,
             )
         )
-    return tuple(found)
-
-
-def _mean_peak(test: Sequence[_Segment], place: int) -> FloatArray:
-    rows = np.array([one.peaks[place] for one in test])
-    means = np.asarray(rows.mean(axis=0))
-    means[_ERROR] = math.sqrt(float(np.mean(rows[:, _ERROR] ** 2)) / len(test))
-    return means
+    return tuple(forces)
 
 
 # Rows of a table of forces: these, what was put back, both branches, the stroke's largest force.
 _SPEED, _FORCE, _ERROR, _DIFFERENCE = range(4)
+
+
+def _mean(tests: Sequence[FloatArray]) -> FloatArray:
+    """Return the mean of the rows of like tests, the error that of the mean."""
+    rows = np.array(tests)
+    means = np.asarray(rows.mean(axis=0))
+    means[_ERROR] = np.sqrt(np.mean(rows[:, _ERROR] ** 2, axis=0) / len(rows))
+    return means
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -255,6 +254,7 @@ class _Segment:
     velocity: FloatArray
     force: FloatArray
     residuals: FloatArray
+    noise: float  # variance of the residuals that does not repeat, N2
     rounding: tuple[FloatArray, FloatArray]
     slowest: float  # m/s; a slower passage is too near to a reversal
     peaks: FloatArray  # (2, 8), rows as above
@@ -269,22 +269,28 @@ def _segments(linearised: Linearisation) -> Iterator[_Segment]:
                 continue
             velocity, force = trace.velocity[one.window], trace.force[one.window]
             residuals = seen.residuals[place]
-            slowest = _slope_at_reversals(velocity) / trace.interval * _NEAR_A_REVERSAL / corner
+            noise = residual_scatter(residuals, one)
+            # The change of speed in a sample where it passes zero.
+            turns = np.flatnonzero(velocity[:-1] * velocity[1:] <= 0.0)
+            slope = median(np.abs(np.diff(velocity)[turns])) if len(turns) else 0.0
             edges = counted_edges(one) - one.first
             clean = slice(max(int(edges[0]), 0), int(edges[-1]))
             part = velocity[clean], np.stack([force, residuals])[:, clean], edges[:-1] - edges[0]
-            peaks = np.array([_peak(part, sign) for sign in (1.0, -1.0)])
-            yield _Segment(one, velocity, force, residuals, rounding, slowest, peaks)
-
-
-def _slope_at_reversals(velocity: FloatArray) -> float:
-    """Return how much the speed changes in a sample where it passes zero, m/s."""
-    turns = np.flatnonzero(velocity[:-1] * velocity[1:] <= 0.0)
-    return median(np.abs(np.diff(velocity)[turns])) if len(turns) else 0.0
+            yield _Segment(
+                one,
+                velocity,
+                force,
+                residuals,
+                noise if math.isfinite(noise) else 0.0,
+                rounding,
+                slope / trace.interval * _NEAR_A_REVERSAL / corner,
+                np.array([_peak(part, sign) for sign in (1.0, -1.0)]),
+            )
 
 
 def _peak(part: tuple[FloatArray, FloatArray, NDArray[np.int64]], sign: float) -> FloatArray:
     velocity, signals, begins = part
+    # The error by the scatter of the residual: that of the force holds the motion's own.
     speed, (force, residual), errors = peak_velocity_forces(sign * velocity, signals, begins)
     largest = sign * float(np.mean(np.maximum.reduceat(sign * signals[0], begins)))
     return np.array([speed, force, errors[1], residual, 0.0, force, force, largest])
@@ -295,14 +301,10 @@ def _of_loop(test: Sequence[_Segment], sign: float) -> FloatArray:
     strokes = median([one.stretch.amplitude for one in test])
     alike = [one for one in test if abs(one.stretch.amplitude / strokes - 1.0) <= SAME_MOTION]
     top = min(float(one.peaks[:, _SPEED].min()) for one in alike)
-    slowest = max(one.slowest for one in alike)
-    asked = {round(share * top, 6) for share in _SHARES} | set(NAMED_SPEEDS)
+    slowest = math.ceil(1e6 * max(one.slowest for one in alike)) / 1e6
+    asked = {slowest, *NAMED_SPEEDS, *(round(share * top, 6) for share in _SHARES)}
     speeds = sorted(speed for speed in asked if slowest <= speed < 0.99 * top)
-    rows = np.array([_loop_of(one, sign, speeds) for one in alike])
-    rows[:, _ERROR] **= 2
-    means = rows.mean(axis=0)
-    means[_ERROR] = np.sqrt(means[_ERROR] / len(alike))
-    return np.asarray(means)
+    return _mean([_loop_of(one, sign, speeds) for one in alike])
 
 
 def _loop_of(one: _Segment, sign: float, speeds: Sequence[float]) -> FloatArray:
@@ -310,10 +312,8 @@ def _loop_of(one: _Segment, sign: float, speeds: Sequence[float]) -> FloatArray:
     counts, means, squares = at_speeds(one.velocity, signals, speeds, sign=sign)
     velocity, taken = one.rounding
     back = at_speeds(velocity, taken[None], speeds, sign=sign)[1][..., 0]
-    # A mean of squares about the mean, of one less than there are.
-    variances = np.full(counts.shape, math.nan)
-    np.divide(squares[..., 1], counts - 1.0, out=variances, where=counts > 1.0)
-    variances /= np.maximum(counts, 1.0)
+    with np.errstate(invalid="ignore", divide="ignore"):  # one passage has no scatter
+        variances = squares[..., 1] / (counts - 1.0) / counts
     branches = means[..., 0] + back
     return np.array(
         [
@@ -328,18 +328,12 @@ def _loop_of(one: _Segment, sign: float, speeds: Sequence[float]) -> FloatArray:
     )
 
 
-def _misfit(segments: Sequence[_Segment], speeds: Sequence[float], sign: float) -> list[float]:
-    """Return the root mean square of what repeats in a stroke at speeds like these, N."""
-    parts = [
-        (sign * one.velocity, one.residuals**2, residual_scatter(one.residuals, one.stretch))
-        for one in segments
-    ]
-    found = []
-    for speed in speeds:
-        squares = []
-        for along, residuals, noise in parts:
-            alike = residuals[(along >= speed / _ALIKE) & (along <= speed * _ALIKE)]
-            if len(alike):
-                squares.append(float(np.mean(alike)) - (noise if math.isfinite(noise) else 0.0))
-        found.append(math.sqrt(max(float(np.mean(squares)), 0.0)) if squares else 0.0)
-    return found
+def _misfit(segments: Sequence[_Segment], speed: float, sign: float) -> float:
+    """Return the root mean square of what repeats in a stroke at speeds like this, N."""
+    squares = []
+    for one in segments:
+        along = sign * one.velocity
+        alike = one.residuals[(along >= speed / _ALIKE) & (along <= speed * _ALIKE)]
+        if len(alike):
+            squares.append(float(np.mean(alike**2)) - one.noise)
+    return math.sqrt(max(float(np.mean(squares)), 0.0)) if squares else 0.0

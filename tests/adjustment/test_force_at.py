@@ -15,12 +15,10 @@ from damperfit.adjustment.force_at import (
     Stage,
     credible_forces,
     determined_speed,
-    errors_parted,
     fastest_sine,
     force_at,
     named_speeds,
     open_limits,
-    split,
     stage_of,
 )
 from damperfit.adjustment.wanted import which_setting
@@ -69,18 +67,6 @@ def test_forces_are_those_at_constant_speed_with_their_parts() -> None:
         assert one.damping == pytest.approx(one.force - curve.rest)
     assert named_speeds(0.302) == (0.05, 0.1, 0.13, 0.26, 0.3)
     assert named_speeds(0.2555) == (0.05, 0.1, 0.13, 0.26)  # nominal 0.26 m/s
-
-
-def test_errors_of_many_forces_are_those_of_each_alone() -> None:
-    one = stage(10, covariance(3))
-    slopes = np.random.default_rng(4).standard_normal((5, 6))
-    parts = errors_parted(one)
-    rests, carried = split(one, parts, slopes)
-    for k, g in enumerate(slopes.T):
-        own, shared = g[:3], g[3:]
-        assert rests[k] ** 2 == pytest.approx(own @ parts.rest @ own)
-        assert carried[k] == pytest.approx((shared + own @ parts.follow) @ parts.root)
-        assert rests[k] ** 2 + carried[k] @ carried[k] == pytest.approx(g @ one.covariance @ g)
 
 
 @pytest.mark.parametrize("setting", [2, 18])
@@ -170,7 +156,11 @@ def test_a_setting_without_a_minimum_has_no_error_from_shared_values_alone(
         setting=Setting.of(9), parameters=reference_parameters(9), status=status, logs=[log]
     )
     known = SimpleNamespace(
-        setting=fit.setting, names=("k_e", "r_m3"), shared=("r_m3",), covariance=np.eye(2) * 1e-4
+        setting=fit.setting,
+        names=("k_e", "r_m3"),
+        shared=("r_m3",),
+        covariance=np.eye(2) * 1e-4,
+        intervals={},
     )
     found = stage_of(fit, _assessed(known))
     assert (found.covariance is not None) is has_errors

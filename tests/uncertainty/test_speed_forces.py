@@ -17,8 +17,9 @@ from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.damper.quasi_static import quasi_static
 from damperfit.identification import FitOptions, identify
 from damperfit.identification.given_start import GivenStart
+from damperfit.passed_speeds import at_speeds
 from damperfit.recording import Recording
-from damperfit.simulation import signals_at_speeds, simulate, sine_motion
+from damperfit.simulation import simulate, sine_motion
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty import SpeedForces, assess
 from damperfit.uncertainty.speed_forces import MeasuredForce
@@ -100,7 +101,7 @@ def test_between_two_speeds_forces_lie_on_a_line(speed: float) -> None:
     rows = [(100.0, 140.0, 150.0), (1.0, 2.0, math.nan), (3.0, 4.0, 9.0), (0.0, 1.0, 0.0)]
     known = SpeedForces(Setting.of(1), "bump", 1.0, speeds, *rows, "pvp", (0.0,) * 3)
     seen = known.at(speed)
-    found = (seen.force, seen.error, seen.difference, seen.misfit)
+    found = (seen.force, seen.error, seen.difference, known.misfit_near(speed))
     assert found == pytest.approx([np.interp(speed, speeds, row) for row in rows], nan_ok=True)
     assert known.at(0.097) is known.at(0.307) is None  # a test repeats its speed within 2 %
     assert known.at(0.305).force == pytest.approx(150.5)
@@ -109,7 +110,7 @@ def test_between_two_speeds_forces_lie_on_a_line(speed: float) -> None:
 
 def one_force(difference: float, *, measured: float = 1000.0, error: float = 0.0) -> Force:
     seen = MeasuredForce(
-        measured, error, error, 0.0, difference, 0.0, math.nan, math.nan, measured, "pvp",
+        measured, error, error, 0.0, difference, math.nan, math.nan, measured, "pvp",
         (0.1, 0.1),
     )  # fmt: skip
     plain = Force(Setting.of(1), 0.1, "rebound", 900.0, 1.0, 1.0, np.zeros(0))
@@ -162,33 +163,39 @@ def fitted(trace, model, values, free):
     return campaign.fits[0], assess(campaign, model)
 
 
-@pytest.mark.parametrize("setting", [1, 10])
-def test_the_filter_of_a_loop_is_put_back_where_friction_jumps(setting) -> None:
-    """Noise-free, 60 N of friction: 69.2 +- 0.7 N was told for 61.9 N at 0.05 m/s."""
-    truth = reference_parameters(setting).replace(f_f=60.0)
-    trace = logged(PURDY_DAMPER, truth, sine_motion(0.032, 1.5, cycles=8, sample_rate=1000.0))
-    _, known = fitted(trace, PURDY_DAMPER, truth, ("r_m1", "r_m2", "k_e"))
-    fine = sine_motion(0.032, 1.5, cycles=3, sample_rate=6000.0)
-    response = simulate(truth, PURDY_DAMPER, fine, options=TIGHT)
-    speeds = (0.03, 0.05, 0.1, 0.2, 0.28)
-    values = signals_at_speeds(response, 1.5, response.force[None], speeds=speeds)[0]
-    smeared = 0.0
-    for place, one in enumerate(known.forces):
-        assert (one.kind, one.stroke) == ("cvp", ("rebound", "bump")[place])
-        # Within a quarter of the corner's period of a reversal there is nothing: 8 ms, 24 mm/s.
-        assert 0.023 < one.speeds[0] < 0.031
-        assert one.at(0.02) is None
-        for at, expected in zip(speeds, values[:, place], strict=True):
+@pytest.mark.parametrize(
+    ("setting", "amplitude", "frequency", "tare"),
+    # The first is the one that was met: 69.2 N behind the filter for 61.9 N.
+    [(18, 0.03, 1.6, -4.1), (10, 0.032, 1.5, 0.0), (1, 0.025, 2.0, 0.0), (19, 0.02, 2.5, 0.0)],
+)
+def test_the_filter_of_a_loop_is_put_back_where_friction_jumps(
+    setting, amplitude, frequency, tare
+) -> None:
+    """Noise-free, 60 N of friction: 68.9 +- 0.7 N was shown for 61.9 N at 0.05 m/s."""
+    truth = reference_parameters(setting).replace(f_f=60.0, f_0=tare)
+    motion = sine_motion(amplitude, frequency, cycles=8, sample_rate=1000.0)
+    _, known = fitted(logged(PURDY_DAMPER, truth, motion), PURDY_DAMPER, truth, PLAIN.free)
+    motion = sine_motion(amplitude, frequency, cycles=3, sample_rate=6000.0)
+    response = simulate(truth, PURDY_DAMPER, motion, options=TIGHT)
+    last = response.time > 2.0 / frequency
+    # A quarter of the corner's period after a reversal.
+    limit = amplitude * (2.0 * np.pi * frequency) ** 2 / (4.0 * 30.0)
+    for one, sign in zip(known.forces, (1.0, -1.0), strict=True):
+        assert one.kind == "cvp"
+        assert one.at(0.93 * limit) is None
+        speeds = [1.03 * limit, 0.05, 0.1, 0.2, 0.23]
+        passed = at_speeds(response.velocity[last], response.force[None, last], speeds, sign=sign)
+        for at, expected in zip(speeds, passed[1][:, :, 0].mean(axis=0), strict=True):
             seen = one.at(at)
-            assert abs(seen.force - expected) < max(1.96 * seen.error, 2e-3 * abs(expected))
+            assert abs(seen.force - expected) < 1.96 * seen.error + 2e-3 * abs(expected), at
             assert seen.force == pytest.approx(0.5 * (seen.opening + seen.closing), abs=0.1)
             assert 1.96 * seen.error == pytest.approx(0.5 * abs(seen.rounding), abs=0.05)
-            if at == 0.05:
-                smeared = max(smeared, abs(seen.as_read.force - expected))
-    assert smeared > 2.0
+            if (at, sign, tare) == (0.05, 1.0, -4.1):
+                assert (expected, seen.as_read.force) == pytest.approx((61.9, 69.2), abs=0.1)
 
 
 RIG = {"k_s": 1e6, "lag": 9e-3}  # 1 N/um
+SPEEDS = (0.005, 0.01, 0.025, 0.05, 0.13, 0.25)
 
 
 @pytest.mark.parametrize("bleed", [2.9e4, 7e4])
@@ -197,14 +204,15 @@ def test_peaks_of_segments_are_those_of_the_model_and_the_rig(bleed) -> None:
     model = replace(damper(), mounting=Mounting(FIT, "none", FIT))
     numbers = {name: value for name, value in VALUES.items() if name != "play"} | RIG
     truth = model.values(numbers, rebound_bleed=bleed, compression_bleed=bleed)
-    trace = logged(model, truth, moved((0.025, 0.05, 0.13, 0.25)), noise=1.0, stroke_noise=2e-6)
+    motion = moved(SPEEDS, cycles=5, rate=250.0)
+    trace = logged(model, truth, motion, noise=1.0, stroke_noise=2e-6)
     free = ("rebound_bleed", "rebound_opening", "compression_bleed", "compression_opening", "f_f")
     fit, known = fitted(trace, model, truth, free)
-    own = [quasi_static(model, truth, [v, -v]).forces for v in (0.025, 0.05, 0.13, 0.25)]
+    own = [quasi_static(model, truth, [v, -v]).forces for v in SPEEDS]
     for place, one in enumerate(known.forces):
         assert one.kind == "pvp"
-        assert one.speeds == pytest.approx((0.025, 0.05, 0.13, 0.25), rel=0.02)
-        for k, at in enumerate((0.025, 0.05, 0.13, 0.25)):
+        assert one.speeds == pytest.approx(SPEEDS, rel=0.02)
+        for k, at in enumerate(SPEEDS):
             seen = one.at(at)
             assert abs(seen.difference) < 0.02 * abs(seen.force)  # model and rig at the same peaks
             damping = own[k][place] - model.rest_force(0.0)
