@@ -17,7 +17,6 @@ processes that may die or to a cluster.
 from __future__ import annotations
 
 import os
-import queue
 import signal
 import sys
 import threading
@@ -36,7 +35,7 @@ from damperfit.own_process import child_environment
 from damperfit.problem import Option
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
     from concurrent.futures import ProcessPoolExecutor
 
 __all__ = [
@@ -58,6 +57,7 @@ __all__ = [
 # Items from which on copies of this process gain more than they cost: two of them 20 to 30 ms of
 # processor, as much as one log from reading to judged result.
 _FEWEST_APART = 24
+_LOOK = 0.2  # s; how often who waits asks whether the user wants to stop
 
 
 class Died:
@@ -136,7 +136,7 @@ class Threads:
         items: Iterable[Any],
         *,
         cancelled: Callable[[], bool] = lambda: False,
-    ) -> Iterator[tuple[Any, Any]]:
+    ) -> Generator[tuple[Any, Any]]:
         """As `Executor.each`."""
         waiting = iter(items)
         at_work: dict[Future[Any], Any] = {}
@@ -150,7 +150,8 @@ class Threads:
                     at_work[self._pool.submit(act, item)] = item
                 if not at_work:
                     return
-                for future in wait(at_work, return_when=FIRST_COMPLETED).done:
+                # A wait without end hears no signal on Windows.
+                for future in wait(at_work, _LOOK, return_when=FIRST_COMPLETED).done:
                     error = future.exception()
                     yield at_work.pop(future), future.result() if error is None else error
         finally:
@@ -301,8 +302,6 @@ def _may_be_copied() -> bool:
 # A pool of processes is broken as a whole by the death of one; here every worker is a pool of
 # one, and a thread that waits for it and makes a new one.
 
-_LOOK = 0.2  # s; how often a waiting thread asks whether the user wants to stop
-
 
 class Processes:
     """Processes on this machine.
@@ -325,98 +324,63 @@ class Processes:
     ) -> Iterator[tuple[Any, Any]]:
         """As `damperfit.workers.Executor.each`."""
         os.getcwd()  # noqa: PTH109 - a new process asks too, and would fail item by item
-        safe = child_environment()
-        with _environment({name: safe.get(name) for name in ("PYTHONPATH", "PYTHONSAFEPATH")}):
-            yield from self._each(act, items, cancelled)
-
-    def _each(
-        self,
-        act: Callable[[Any], Any],
-        items: Iterable[Any],
-        cancelled: Callable[[], bool],
-    ) -> Iterator[tuple[Any, Any]]:
-        waiting = iter(items)
         _hush_tracker()
-        guard = threading.Lock()
-        done: queue.Queue[tuple[Any, Any] | None] = queue.Queue(maxsize=2 * self.number)
         closed = threading.Event()
+        mine = threading.local()
+        workers: list[_Worker] = []
 
-        def stop() -> bool:
-            return closed.is_set() or cancelled()
-
-        def serve() -> None:
-            worker = _Worker()
+        def begin() -> None:
             _block_stops()  # its processes inherit that, from the first line
+            mine.worker = _Worker(lambda: closed.is_set() or cancelled())
+            workers.append(mine.worker)
+
+        safe = child_environment()
+        with (
+            _environment({name: safe.get(name) for name in ("PYTHONPATH", "PYTHONSAFEPATH")}),
+            ThreadPoolExecutor(self.number, initializer=begin) as pool,
+        ):
+            found = Threads(pool, self.number).each(
+                lambda item: mine.worker.do(act, item), items, cancelled=cancelled
+            )
             try:
-                while not stop():
-                    with guard:
-                        item = next(waiting, None)
-                    if item is None:
-                        return
-                    result = worker.do(act, item, stop)
-                    if result is not None:
-                        _put(done, (item, result), closed)
+                for item, result in found:
+                    if not isinstance(result, _LetGo):
+                        yield item, result
             finally:
-                worker.end()
-                _put(done, None, closed)
-
-        threads = [threading.Thread(target=serve, daemon=True) for _ in range(self.number)]
-        for thread in threads:
-            thread.start()
-        try:
-            busy = len(threads)
-            while busy:
-                try:
-                    found = done.get(timeout=_LOOK)  # a wait without end hears no signal on Windows
-                except queue.Empty:
-                    continue
-                if found is None:
-                    busy -= 1
-                else:
-                    yield found
-        finally:
-            closed.set()
-            for thread in threads:
-                thread.join()
+                closed.set()
+                found.close()
+                pool.shutdown(wait=True, cancel_futures=True)
+                for worker in workers:
+                    worker.end()
 
 
-def _put(done: queue.Queue[Any], found: Any, closed: threading.Event) -> None:
-    while not closed.is_set():
-        try:
-            done.put(found, timeout=_LOOK)
-        except queue.Full:
-            continue
-        return
+class _LetGo:
+    """Stands for the result of work that the user did not wait for."""
 
 
 class _Worker:
     """One process, made anew when it has died."""
 
-    def __init__(self) -> None:
+    def __init__(self, stop: Callable[[], bool]) -> None:
+        self._stop = stop
         self._pool: ProcessPoolExecutor | None = None
 
-    def do(self, act: Callable[[Any], Any], item: Any, stop: Callable[[], bool]) -> Any:
-        """Return the result, the exception or `Died`; None where the user wants to stop."""
+    def do(self, act: Callable[[Any], Any], item: Any) -> Any:
+        """Return the result, `Died`, or `_LetGo` where the user wants to stop."""
         from concurrent.futures.process import BrokenProcessPool
 
         try:
             if self._pool is None:
                 self._pool = _pool()
             future = self._pool.submit(act, item)
-            while True:
-                try:
-                    return future.result(timeout=_LOOK)
-                except TimeoutError:
-                    if future.done() and (error := future.exception()) is not None:
-                        return error
-                    if stop():
-                        self.end()
-                        return None
+            while not wait([future], timeout=_LOOK).done:
+                if self._stop():
+                    self.end()
+                    return _LetGo()
+            return future.result()
         except BrokenProcessPool:
             self.end()
             return Died()
-        except Exception as error:  # noqa: BLE001 - it is the result
-            return error
 
     def end(self) -> None:
         """End the process at once; what it was writing was not there yet."""

@@ -8,7 +8,8 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections import defaultdict
+from collections import defaultdict, deque
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from enum import Enum
 from pathlib import Path, PurePath
@@ -18,7 +19,7 @@ import pyarrow as pa
 
 from damperfit import __version__
 from damperfit.damper.warmed import Warmed
-from damperfit.errors import ConfigurationError, DamperfitError, mishap_of
+from damperfit.errors import ConfigurationError, Mishap, mishap_of
 from damperfit.fleet.parts import (
     SYMBOL,
     forget_earlier,
@@ -51,37 +52,29 @@ from damperfit.workers import Died, executor
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
-    from pathlib import PurePath
 
     from damperfit.configuration.options import Configuration
-    from damperfit.fleet.sources import Brought
+    from damperfit.report.facts import Failure
     from damperfit.run.result import RunResult
     from damperfit.workers import Executor
 
 __all__ = [
-    "UNREADABLE",
     "DamperTask",
     "Done",
     "Job",
     "Share",
     "State",
     "content_key",
-    "do",
     "hash_of",
-    "in_unicode",
-    "known",
-    "owner_in_preamble",
-    "parted",
     "planned",
     "run_fleet",
     "share_of",
     "tasks_by_damper",
-    "try_log",
 ]
 
 
 TABLE_OF_TESTS = "tests.csv"
-UNREADABLE = "unreadable"
+_UNREADABLE = "unreadable"
 _ENTRY = re.compile(r"\s*[#;%/*!]*\s*([^:=\t;,]{1,40}?)\s*[:=\t;,]\s*(.+?)[\s;,]*$")
 # What changes where results stand, or who is informed, and not the results.
 _NOT_OF_RESULTS = {"output"}
@@ -166,18 +159,18 @@ def tasks_by_damper(
         A table of tests is wrong, or there is no log.
     """
     named = [one for one in sources if one.file.lower() == TABLE_OF_TESTS]
-    with brought_here(named) as here:
-        tables = [one for one in named if is_tests_table(here.paths[one])]
+    with brought_here(named) as (here, _):
+        tables = [one for one in named if is_tests_table(here[one])]
         logs = [one for one in sources if one not in set(tables)]
         if not logs:
             raise ConfigurationError("no logs among the files given: they are all tables of tests")
-        rows = _rows({one: here.paths[one] for one in tables}, configuration)
+        rows = _rows({one: here[one] for one in tables}, configuration)
     owners: dict[str, list[FleetLog]] = defaultdict(list)
     # In a store each log that is not known costs the time of an answer.
     with executor(AT_ONCE if any(one.is_remote for one in logs) else 1) as pool:
         for log, owner in zip(logs, pool.map(lambda one: _owner(one, rows), logs), strict=True):
             known = owner or configuration.test.identity.owner
-            owners[known or in_unicode(log.folder)].append(log)
+            owners[known or _in_unicode(log.folder)].append(log)
     beside = {(_where(one), one.folder): one for one in tables}
     return tuple(
         DamperTask(owner, tuple(mine), tuple(dict.fromkeys(_beside(mine, beside))))
@@ -221,39 +214,22 @@ def _owner(log: FleetLog, rows: Mapping[tuple[str, str], str]) -> str:
     folder = _where(log)
     owner = rows.get((folder, log.file)) or rows.get(("", log.file)) or rows.get(("", log.name))
     if not owner:
-        owner = owner_in_preamble(head_of(log)) if log.seen is None else log.seen.owner
+        owner = _owner_in_preamble(head_of(log)) if log.seen is None else log.seen.owner
     return owner
 
 
-def in_unicode(name: str) -> str:
-    r"""Return a name with bytes that are no UTF-8 as escapes: no table takes them as they are.
-
-    Examples
-    --------
-    >>> print(in_unicode("D\udce4mpfer"))
-    D\xe4mpfer
-    """
+def _in_unicode(name: str) -> str:
+    """Return a name with bytes that are no UTF-8 as escapes: no table takes them as they are."""
     return name.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
 
 
-def owner_in_preamble(head: bytes) -> str:
-    """Return whose a log of text says it is, in the lines before its numbers.
-
-    Parameters
-    ----------
-    head : bytes
-        Its first bytes, from `head_of`.
-    """
+def _owner_in_preamble(head: bytes) -> str:
+    """Return whose a log of text says it is, in the lines before its numbers."""
     text = head.decode("utf-8", "replace")
     if "\0" in text:
         return ""
     entries = (_ENTRY.match(line) for line in text.splitlines()[:60])
     return identity_in({one[1]: one[2] for one in entries if one}).owner
-
-
-def parted(tasks: Iterable[DamperTask], share: Share | None) -> tuple[DamperTask, ...]:
-    """Return the tasks of a share; all of them where none is asked for."""
-    return tuple(task for task in tasks if share is None or share.takes(task))
 
 
 def content_key(entries: Iterable[tuple[PurePath, str]], configuration: Configuration) -> str:
@@ -287,17 +263,16 @@ def content_key(entries: Iterable[tuple[PurePath, str]], configuration: Configur
 
 
 def hash_of(path: Path) -> str:
-    """Return the SHA-256 of a file, hexadecimal; `UNREADABLE` where it cannot be opened."""
+    """Return the SHA-256 of a file, hexadecimal; "unreadable" where it cannot be opened."""
     try:
         # Whoever opens a pipe waits for somebody to write.
-        return sha256_of(path) if path.is_file() else UNREADABLE
+        return sha256_of(path) if path.is_file() else _UNREADABLE
     except OSError:
-        return UNREADABLE
+        return _UNREADABLE
 
 
 # What a worker does: the logs of one damper to the rows of its part, written where they belong.
 
-_WORK = "the work on the logs of one damper"
 _REFERENCE = "reference_temperature_degC"
 
 
@@ -369,25 +344,20 @@ class Job:
     dead: tuple[tuple[str, str], ...] = ()
 
 
-def do(job: Job) -> Done:
+def _do(job: Job) -> Done:
     """Fit one damper and write its part, unless the part is there.
 
-    Never raises for anything that is wrong with the logs: that becomes rows of the part.
-
-    Raises
-    ------
-    OutputError
-        The part cannot be written.
+    Whatever is wrong with the logs becomes rows of the part.
     """
     task = job.task
     try:
-        with brought_here((*task.logs, *task.tables)) as here:
-            return _done(job, here)
+        with brought_here((*task.logs, *task.tables)) as (here, stamps):
+            return _done(job, here, stamps)
     except UnreachableError as error:
         return Done.later(task, str(error))
 
 
-def known(job: Job) -> Done | None:
+def _known_already(job: Job) -> Done | None:
     """Return what the part of a task says, where it is there; nothing is fetched for that."""
     task = job.task
     # Nothing is hashed, once here and once by the worker, where there can be no part.
@@ -418,24 +388,26 @@ def _known(task: DamperTask, path: Path) -> Done | None:
     )
 
 
-def _done(job: Job, brought: Brought) -> Done:
-    task, configuration, here = job.task, job.configuration, brought.paths
+def _done(job: Job, here: Mapping[FleetLog, Path], stamps: Mapping[FleetLog, str]) -> Done:
+    task, configuration = job.task, job.configuration
     hashes = {one: hash_of(path) for one, path in here.items()}
     key = content_key(((here[one], digest) for one, digest in hashes.items()), configuration)
     path = part_path(job.folder, task.owner, key)
-    seen = _seen(brought, hashes)
+    seen = {
+        one.place: (stamp, hashes[one], _owner_in_preamble(head_of(FleetLog(str(here[one]), ""))))
+        for one, stamp in stamps.items()
+        if stamp
+    }
     if before := _known(task, path):
         if seen:  # another time of change, the same bytes: not to be fetched each time from now on
             renew_facts(path, seen=seen)
         return before
-    facts: dict[str, Any] = {
-        "key": key,
-        "version": __version__,
-        "logs": sorted({hashes[one] for one in task.logs} - {UNREADABLE}),
-        "places": sorted(one.place for one in task.logs),
-        **({"seen": seen} if seen else {}),
+    names = {
+        spelled: _in_unicode(one.name)
+        for one in task.logs
+        for spelled in (str(here[one]), _in_unicode(str(here[one])))
     }
-    dead = {place for place, _ in job.dead}
+    dead = dict(job.dead)
     rows: list[dict[str, Any]] = []
     gates: list[str] = []
     records: list[dict[str, Any]] = []
@@ -447,22 +419,25 @@ def _done(job: Job, brought: Brought) -> Done:
             gates += result.facts.gates
             records.append(compared_record(result.record))
             failed += [
-                _failure(one.log, one.kind, one.message, owner or task.owner, one.setting)
+                _failure(one, names, log=one.log, damper=owner or task.owner, setting=one.setting)
                 for one in result.facts.failures
             ]
     except (MemoryError, OSError):
         raise  # of the machine, not of the logs: tried again another time
-    except DamperfitError as error:
-        failed.append(_failure("", type(error).__name__, str(error)))
     except Exception as error:  # noqa: BLE001 - the other dampers of the fleet go on
-        bug = mishap_of(error, _WORK)
-        failed.append(_failure("", bug.kind, bug.message))
-    for one in failed:
-        one["error"] = _named(str(one["error"]), task, here)
-    facts |= {"settings": len(rows), "failures": len(failed), "gates": len(gates)}
-    schema = _schema(configuration)
+        failed.append(_failure(mishap_of(error, "the work on the logs of one damper"), names))
+    facts = {
+        "key": key,
+        "version": __version__,
+        "logs": sorted({hashes[one] for one in task.logs} - {_UNREADABLE}),
+        "places": sorted(one.place for one in task.logs),
+        **({"seen": seen} if seen else {}),
+        "settings": len(rows),
+        "failures": len(failed),
+        "gates": len(gates),
+    }
     table = pa.Table.from_pylist(
-        [{"damper": task.owner, **row} for row in (*rows, *failed)], schema
+        [{"damper": task.owner, **row} for row in (*rows, *failed)], _schema(configuration)
     )
     # Rows of several dampers are no one run.
     write_part(path, table, facts, records[0] if len(records) == 1 and rows else None)
@@ -471,41 +446,41 @@ def _done(job: Job, brought: Brought) -> Done:
         State.FITTED if rows else State.FAILED,
         len(task.logs),
         len(rows),
-        tuple(str(one["error"]) for one in failed),
+        tuple(one["error"] for one in failed),
         tuple(gates),
         len(failed),
         len(gates),
     )
 
 
-def _seen(brought: Brought, hashes: Mapping[FleetLog, str]) -> dict[str, tuple[str, str, str]]:
-    """Return what the next run needs to know of objects that it then need not fetch."""
-    found = {}
-    for one, stamp in brought.stamps.items():
-        if stamp:
-            owner = owner_in_preamble(head_of(FleetLog(str(brought.paths[one]), one.name)))
-            found[one.place] = (stamp, hashes[one], owner)
-    return found
-
-
 def _dead_rows(job: Job, here: Mapping[FleetLog, Path]) -> Iterator[dict[str, Any]]:
     """Yield the rows of logs that have ended a worker, with the setting as far as it is known."""
-    if not job.dead:
-        return
     said = dict(job.dead)
+    dead = [one for one in job.task.logs if one.place in said]
+    if not dead:
+        return
     labels = labels_for([here[one] for one in job.task.logs], job.configuration, setting=None)
-    for one in job.task.logs:
-        if one.place in said:
-            setting = labels.unread(here[one], job.configuration.reading)
-            yield _failure(one.file, "WorkerDied", said[one.place], setting=setting)
+    for one in dead:
+        setting = labels.unread(here[one], job.configuration.reading)
+        mishap = Mishap("WorkerDied", said[one.place])
+        yield _failure(mishap, {}, log=one.file, setting=setting)
 
 
-def _named(message: str, task: DamperTask, here: Mapping[FleetLog, Path]) -> str:
-    """Return a message with logs by their names, wherever they were when they were read."""
-    for log in task.logs:
-        for spelled in (str, in_unicode):
-            message = message.replace(spelled(str(here[log])), in_unicode(log.name))
-    return in_unicode(message)
+def _failure(
+    failure: Failure | Mishap,
+    names: Mapping[str, str],
+    *,
+    log: str = "",
+    damper: str | None = None,
+    setting: object = None,
+) -> dict[str, Any]:
+    """Return the row of a failure, its log called as in the fleet, wherever it was read."""
+    problem, sentence = failure.problem, failure.message
+    if problem is not None and problem.subject in names:
+        sentence = replace(problem, subject=names[problem.subject]).sentence()
+    row = {"log": log, "error_kind": failure.kind, "error": sentence, "damper": damper}
+    row["setting"] = None if setting is None else str(setting)
+    return {name: _in_unicode(text) for name, text in row.items() if text is not None}
 
 
 def _results(configuration: Configuration, logs: Sequence[str]) -> Iterator[tuple[str, RunResult]]:
@@ -514,24 +489,15 @@ def _results(configuration: Configuration, logs: Sequence[str]) -> Iterator[tupl
     return find_each(configuration, logs, jobs=1) if logs else iter(())
 
 
-def try_log(job: Job) -> Done:
+def _try_log(job: Job) -> Done:
     """Do the work on one log alone and write nothing: it tells whether the log ends its worker."""
     task = job.task
-    with brought_here((*task.logs, *task.tables)) as here:
-        try:
-            for _ in _results(job.configuration, [str(here.paths[one]) for one in task.logs]):
-                pass
-        except Exception:  # noqa: BLE001, S110 - the whole task says what is wrong with it
-            pass
+    with (
+        brought_here((*task.logs, *task.tables)) as (here, _),
+        suppress(Exception),  # the whole task says what is wrong with it
+    ):
+        deque(_results(job.configuration, [str(here[one]) for one in task.logs]), maxlen=0)
     return Done(task.owner, State.LATER, len(task.logs))
-
-
-def _failure(
-    log: str, kind: str, message: str, damper: str | None = None, setting: object = None
-) -> dict[str, Any]:
-    row = {"log": in_unicode(log), "error_kind": kind, "error": message}
-    row |= {} if damper is None else {"damper": damper}
-    return row | ({} if setting is None else {"setting": str(setting)})
 
 
 def _part_rows(result: RunResult, damper: str) -> Iterator[dict[str, Any]]:
@@ -622,16 +588,13 @@ def planned(
         There is no log, or a table of tests is wrong.
     """
     own = folder.resolve()
-    sources = tuple(one for one in find_sources(logs) if not _is_inside(one, own))
+    sources = tuple(
+        one for one in find_sources(logs) if one.is_remote or own not in Path(one.place).parents
+    )
     if not sources:
         raise ConfigurationError(f"{', '.join(logs)}: no log there but in {folder} itself")
-    return parted(tasks_by_damper(recognised(sources, folder), configuration), share)
-
-
-def _is_inside(source: FleetLog, folder: Path) -> bool:
-    from pathlib import Path
-
-    return not source.is_remote and folder in Path(source.place).parents
+    tasks = tasks_by_damper(recognised(sources, folder), configuration)
+    return tuple(task for task in tasks if share is None or share.takes(task))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -647,7 +610,7 @@ class _Fleet:
     def tried(self, jobs: Iterable[Job]) -> Generator[Done, None, list[Job]]:
         """Yield what became of jobs, and return those that ended their worker."""
         died = []
-        for job, found in self.engine.each(do, jobs, cancelled=self.cancelled):
+        for job, found in self.engine.each(_do, jobs, cancelled=self.cancelled):
             if isinstance(found, Died):
                 died.append(job)
             elif isinstance(found, Exception):  # of the disk, or a bug
@@ -668,7 +631,7 @@ class _Fleet:
         """Return a job that leaves out the logs that end a worker by themselves."""
         alone = [replace(job, task=replace(job.task, logs=(log,))) for log in job.task.logs]
         for _ in range(2):
-            found = self.engine.each(try_log, alone, cancelled=self.cancelled)
+            found = self.engine.each(_try_log, alone, cancelled=self.cancelled)
             alone = [one for one, result in found if isinstance(result, Died)]
         # Where none does it alone something else ended the workers, as too little memory does.
         logs = [one.task.logs[0] for one in alone]
@@ -710,7 +673,7 @@ def run_fleet(
             return
         # Asked here, so that no worker is started where there is nothing to do.
         try:
-            before = known(fleet.job(task))
+            before = _known_already(fleet.job(task))
         except (OSError, ValueError) as error:
             yield Done.later(task, mishap_of(error, "looking for its part").message)
             continue

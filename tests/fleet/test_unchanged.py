@@ -27,7 +27,7 @@ def test_only_this_version_is_believed_whose_a_log_is(
 ) -> None:
     for key, version in zip("ab", versions, strict=False):
         part(tmp_path, version, key)
-    monkeypatch.setattr(unchanged, "stamp_of", lambda _place: "etag")
+    monkeypatch.setattr(unchanged, "_stamp_of", lambda _place: "etag")
     (found,) = unchanged.recognised([FleetLog(PLACE, "a.csv")], tmp_path)
     own = KnownObject("etag", "abc", f"told by {__version__}")
     assert found.seen == (own if __version__ in versions else None)
