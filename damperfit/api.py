@@ -11,7 +11,6 @@ from collections.abc import Iterable
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
-from tempfile import mkdtemp
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 from damperfit.asked import (
@@ -44,8 +43,7 @@ if TYPE_CHECKING:
     from damperfit.recording import Recording
     from damperfit.results import Run
     from damperfit.run.auto_model import LawChoice
-    from damperfit.run.result import RunResult
-    from damperfit.run.watching import Watch
+    from damperfit.run.identify import Identified, Watch
     from damperfit.shown import (
         Comparison,
         Files,
@@ -218,7 +216,7 @@ def identify(  # noqa: PLR0913 - one keyword an option of the command line
         Units of columns that do not say theirs, as in ``{"force": "kN"}``; as text those that
         results are shown in.
     out : path, optional
-        Folder for the results; by default they go when the result does.
+        Folder for the results; by default nothing is written, see `Run.save`.
     damper : Model or mapping, optional
         The damper, or keys of [damper]; the paper's where neither it nor `config` says it.
     watch : Watch, optional
@@ -237,50 +235,31 @@ def identify(  # noqa: PLR0913 - one keyword an option of the command line
         No log could be fitted.
     """
     given = dict(locals())
-    from damperfit.results import Run
-
     if out is None and (report or figures):
         raise ConfigurationError("damperfit.identify: a report is written; give out=FOLDER")
-    folder = (
-        Path(mkdtemp(prefix="damperfit-result-"))
-        if out is None
-        else path_of(out, "damperfit.identify(out=...)", "the path of a folder")
-    )
-    (one,) = identify_each(**{**given, "out": folder}, is_one=True)
+    if out is not None:
+        given["out"] = path_of(out, "damperfit.identify(out=...)", "the path of a folder")
+    (one,) = identify_each(**given, is_one=True, is_written=out is not None)
     if one.error is not None:
         raise one.error
-    if not one.result.campaign.fits:
+    if not one.campaign.fits:
         words = Words("damperfit.identify")
         said = [
             failure.message if failure.problem is None else failure.problem.sentence(words)
-            for failure in one.result.facts.failures
+            for failure in one.facts.failures
         ]
         more = f" (and {len(said) - _FEW} more)" if len(said) > _FEW else ""
         raise LogError(f"no setting could be fitted: {'; '.join(said[:_FEW])}{more}")
-    return Run.load(folder, parts=("parameters", "mse"), is_temporary=out is None)
-
-
-class Identified:
-    """What was identified of one damper, as it was found, and where it was written."""
-
-    def __init__(self, owner: str, result: RunResult, configuration: Configuration) -> None:
-        from damperfit.run.dampers import folder_name
-
-        self.owner, self.result, self.configuration = owner, result, configuration
-        folder = configuration.output.folder
-        self.folder = folder / folder_name(owner) if owner else folder
-        self.error: DamperfitError | None = None  # why it, or its report, is not written
-
-    @property
-    def is_written(self) -> bool:
-        """Whether its folder has the results."""
-        from damperfit.run.unwritten import UnwrittenError
-
-        return not isinstance(self.error, UnwrittenError)
+    return one.run
 
 
 def identify_each(
-    logs: Any, *, is_one: bool = False, watch: Watch | None = None, **given: Any
+    logs: Any,
+    *,
+    is_one: bool = False,
+    is_written: bool = True,
+    watch: Watch | None = None,
+    **given: Any,
 ) -> list[Identified]:
     """Fit every setting in the logs of one damper or several, each into a folder of its own.
 
@@ -290,38 +269,33 @@ def identify_each(
         As of `identify`; without ``out`` results go where the configuration says.
     is_one : bool
         Whether logs of several dampers are refused.
+    is_written : bool
+        Whether anything is written.
     """
     from damperfit.run.given_logs import as_files, in_memory
-    from damperfit.run.pipeline import run_each
-    from damperfit.run.unwritten import UnwrittenError
-    from damperfit.run.watching import Watch
+    from damperfit.run.identify import Watch, identified, written
 
     watch = watch or Watch()
     configuration = _identification(given)
     jobs = workers(given.get("jobs"), "damperfit.identify")
     declared = declared_setting(given.get("setting"), configuration)
     unread, traces = in_memory(logs, configuration.conditioning)
-    found: list[Identified] = []
     with ExitStack() as stack:
         is_ready = bool(traces) and not unread
         call = "damperfit.identify"
         paths = [] if is_ready else stack.enter_context(as_files(unread, call=call))
         if given.get("model") == _AUTO:
             configuration = _chosen(configuration, paths, declared, given, watch, jobs)
-        runs = run_each(
-            configuration, paths,
-            jobs=jobs, setting=declared, traces=traces, watch=watch, is_one=is_one,
+        stack.enter_context(watch.during_work())
+        found = list(
+            (written if is_written else identified)(
+                configuration, paths,
+                jobs=jobs, setting=declared, traces=traces, watch=watch, is_one=is_one,
+            )
         )  # fmt: skip
-        try:
-            with watch.during_work():
-                for owner, result in runs:
-                    found.append(Identified(owner, result, configuration))
-        except UnwrittenError as error:
-            found.append(Identified(error.owner, error.result, configuration))
-            found[-1].error = error
     page, figures = given.get("report", False), given.get("figures")
     for one in found:
-        if one.result.campaign.fits and (page or figures) and one.is_written:
+        if one.campaign.fits and (page or figures) and one.is_written:
             try:
                 _write_report(one.folder, one.folder, page=page, figures=figures)
             except DamperfitError as error:
@@ -1028,7 +1002,7 @@ def fleet(  # noqa: PLR0913 - one keyword an option of the command line
     given = dict(locals())
     from damperfit.fleet.run import planned, share_of
     from damperfit.queries.compared import parse_bands
-    from damperfit.run.watching import Watch
+    from damperfit.run.identify import Watch
     from damperfit.shown import FleetDone
 
     watch = watch or Watch()
@@ -1139,7 +1113,7 @@ def samples(  # noqa: PLR0913 - one keyword an option of the command line
         Who looks on: progress by log.
     """
     from damperfit.queries.simulations import as_options, numbers_in, truth_of
-    from damperfit.run.watching import Watch
+    from damperfit.run.identify import Watch
     from damperfit.samples import SampleOptions, make_samples
     from damperfit.shown import Files
     from damperfit.units.quantities import parse_quantity

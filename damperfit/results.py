@@ -16,10 +16,11 @@ segments with amplitude, frequency, peak speeds and forces, energy), `damper`, `
 
 from __future__ import annotations
 
-import hashlib
 import math
 import os
+import re
 import weakref
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from html import escape
@@ -27,6 +28,7 @@ from numbers import Real
 from pathlib import Path
 from shutil import rmtree
 from tempfile import mkdtemp
+from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -35,12 +37,22 @@ from damperfit.adjustment.force_at import Sine, Stage, fastest_sine, has_lost_er
 from damperfit.errors import ConfigurationError, OutputError, did_you_mean, refuse_wrong_arguments
 from damperfit.identification.outcome import Status
 from damperfit.identification.sharing import of_settings
-from damperfit.io.files import read_bytes
+from damperfit.io.files import read_bytes, read_text, sha256_of
 from damperfit.problem import Option
 from damperfit.recording import natural_order
+from damperfit.report.records import units_in
 from damperfit.store import file_set, settle
 from damperfit.tables.columns import PAPER_QUANTITIES, unknown_schema, values_from
-from damperfit.tables.files import read_facts
+from damperfit.tables.documents import json_pieces
+from damperfit.tables.files import (
+    facts_of,
+    read_arrow,
+    read_facts,
+    responses_table,
+    table_in_units,
+    write_responses,
+    write_table,
+)
 from damperfit.tables.reading import (
     check_files,
     has_table,
@@ -59,7 +71,7 @@ from damperfit.tested.setting import Setting
 from damperfit.units.quantities import parse_quantity
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     import pandas as pd
     import pyarrow as pa
@@ -80,6 +92,8 @@ TABLES = ("parameters", "mse", "adjustment", "characteristics", "valves", "respo
 _OF_PARAMETERS = ("parameters.parquet", "parameters.csv")
 _BEYOND = 1.05  # times what was tested, or less than that part of it
 _SAME = 1e-9  # 4.6bara and 460000 are one pressure, but for the last digit
+PAGE = "report.html"
+_OF_TABLE = {"schema_version", "table", "quantities"}  # facts that each table has of its own
 _FAN = "fan"  # force against velocity of all settings
 _SHOWN_FAILURES = 5
 NOTEBOOK_COLUMNS = 100
@@ -283,10 +297,10 @@ class Run:
         Configuration of the user, whose damper is taken where the run does not tell its own.
     temperature : str, optional
         Of the oil, where the damper follows it; the reference temperature by default.
-    is_temporary : bool
-        Whether the folder goes with the object.
     tables : mapping of str to pyarrow.Table, optional
         Its tables as they were made, by name, where it was not read.
+    report : str
+        report.md, where it was not read.
     """
 
     def __init__(  # noqa: PLR0913 - what a run is made of
@@ -300,48 +314,45 @@ class Run:
         remarks: Sequence[str] = (),
         config: Path | None = None,
         temperature: str | None = None,
-        is_temporary: bool = False,
         tables: Mapping[str, pa.Table] | None = None,
+        report: str = "",
     ) -> None:
-        self._tables = dict(tables or {})
+        self.tables = dict(tables or {})
         self.record: dict[str, Any] = dict(record or {})
         self.quantities = quantities
         self.place = place
-        self.is_temporary = is_temporary
+        self.report_text = report
         self._rows = {name: tuple(known) for name, known in (rows or {}).items()}
         self._signals = None if signals is None else tuple(signals)
         self._remarks = list(remarks)
         self._config = config
         self._temperature = temperature
         self._source = str(place or "")
-        if is_temporary and place is not None:
-            weakref.finalize(self, rmtree, place, ignore_errors=True)
+        self._make_signals: Callable[[], Iterable[LogSignals]] | None = None
+        self._scratch: Path | None = None
 
     @classmethod
     def load(
         cls,
-        place: str | Path,
+        place: str | Path | Run,
         *,
         parts: Sequence[str] = ("parameters", "mse", "responses", "valves"),
         config: Path | None = None,
         temperature: str | None = None,
-        is_temporary: bool = False,
     ) -> Run:
         """Read a run.
 
         Parameters
         ----------
-        place : path
+        place : path or Run
             Results folder, a fleet's part, the folder of a serial number with one, or a table of
-            parameters.
+            parameters; a run is as good as its folder.
         parts : sequence of str
             Tables to read, and to remark on, at once; the others are read when they are asked for.
         config : pathlib.Path, optional
             Configuration of the user.
         temperature : str, optional
             Of the oil.
-        is_temporary : bool
-            Whether the folder goes with the object.
 
         Raises
         ------
@@ -350,6 +361,8 @@ class Run:
         OutputError
             Writing was interrupted there, and the earlier results cannot be put back.
         """
+        if isinstance(place, Run):
+            return place._as_asked(config, temperature)  # noqa: SLF001 - its own
         place = _path(place, "damperfit.load", "the path of a results folder")
         more: Any = {"place": place, "config": config, "temperature": temperature}
         if is_part(place):
@@ -373,7 +386,6 @@ class Run:
             record,
             quantities=read_quantities(place, record),
             remarks=remarks,
-            is_temporary=is_temporary,
             **more,
         )
         for name in parts:
@@ -390,6 +402,26 @@ class Run:
         run._check_settings()
         return run
 
+    def _as_asked(self, config: Path | None, temperature: str | None) -> Run:
+        """Return the run with another configuration of the user, or temperature of the oil."""
+        if (config, temperature) == (self._config, self._temperature):
+            return self
+        if self.place is not None:
+            return Run.load(self.place, parts=(), config=config, temperature=temperature)
+        again = Run(
+            self.record,
+            self._rows,
+            quantities=self.quantities,
+            signals=self._signals,
+            remarks=self._remarks,
+            config=config,
+            temperature=temperature,
+            tables=self.tables,
+            report=self.report_text,
+        )
+        again._make_signals = self._make_signals
+        return again
+
     # What stands in it
 
     @property
@@ -398,14 +430,18 @@ class Run:
         return tuple(dict.fromkeys(self._remarks))
 
     @property
-    def tables(self) -> dict[str, pa.Table]:
-        """Its tables as they were made, by the name of their files; none where it was read."""
-        return self._tables
+    def is_temporary(self) -> bool:
+        """Whether it stands in no folder of the user's."""
+        return self.place is None
 
     @property
     def folder(self) -> Path:
-        """Where its files are."""
-        return Path() if self.place is None else self.place
+        """Where its files are; of a run that was not saved a folder that goes with the object."""
+        if self.place is None and self._scratch is None:
+            self._scratch = Path(mkdtemp(prefix="damperfit-run-"))
+            weakref.finalize(self, rmtree, self._scratch, ignore_errors=True)
+            self._write(self._scratch)
+        return self.place or self._scratch or Path()
 
     @property
     def name(self) -> str:
@@ -422,8 +458,8 @@ class Run:
         """
         if name not in self._rows:
             known: tuple[dict[str, Any], ...] = ()
-            if name in self._tables:
-                known = rows_of(self._tables[name], name, self.quantities)
+            if name in self.tables:
+                known = rows_of(self.tables[name], name, self.quantities)
             is_needed = name in {"parameters", "mse"}
             if self._is_folder and (is_needed or has_table(self.folder, self.record, name)):
                 known = read_rows(self.folder, name, self._remarks, self.quantities, self.record)
@@ -434,13 +470,18 @@ class Run:
     def signals(self) -> tuple[LogSignals, ...]:
         """Measured and simulated signals by setting and log."""
         if self._signals is None:
-            read = (
-                read_signals(self.folder, self._remarks, self.quantities) if self._is_folder else ()
-            )
-            self._signals = tuple(
-                sorted(read, key=lambda one: (one.setting, natural_order(one.log)))
-            )
+            made: Iterable[LogSignals] = ()
+            if self._make_signals is not None:
+                made, self._make_signals = self._make_signals(), None
+            elif self._is_folder:
+                made = read_signals(self.folder, self._remarks, self.quantities)
+            known = sorted(made, key=lambda one: (one.setting, natural_order(one.log)))
+            self._signals = tuple(known)
         return self._signals
+
+    def keep_signals(self, made: Callable[[], Iterable[LogSignals]]) -> None:
+        """Take what makes the signals, one log after the other, when they are first wanted."""
+        self._make_signals = made
 
     @property
     def _is_folder(self) -> bool:
@@ -477,6 +518,16 @@ class Run:
     def row(self, setting: Setting) -> dict[str, Any]:
         """Return the row of a setting in the table of parameters; it must have one."""
         return self._rows_of_settings[setting]
+
+    @property
+    def exit_code(self) -> int:
+        """How the command that made it ended: 0, or see the manual (gates)."""
+        return int(self.record.get("exit_code", 0))
+
+    def document(self) -> dict[str, Any]:
+        """Return run.json and the rows of parameters and MSE as one JSON document."""
+        names = ("parameters", "mse")
+        return self.record | {name: self.tables[name].to_pylist() for name in names}
 
     # The settings
 
@@ -795,8 +846,7 @@ class Run:
             paths = [self.place / name for name in _OF_PARAMETERS]
         for path in paths:
             if path.is_file():
-                with path.open("rb") as file:
-                    return hashlib.file_digest(file, "sha256").hexdigest()
+                return sha256_of(path)
         return ""
 
     # For people: frames, figures, text
@@ -856,7 +906,8 @@ class Run:
         ConfigurationError
             There is none.
         """
-        known = self.frame("profiles") if has_table(self.folder, self.record, "profiles") else None
+        is_there = "profiles" in self.tables or has_table(self.folder, self.record, "profiles")
+        known = self.frame("profiles") if is_there else None
         names = [] if known is None else sorted(set(known["parameter"]))
         if known is None or name not in names:
             there = f"there are {', '.join(names)}" if names else "give identify profile=[...]"
@@ -1010,8 +1061,11 @@ class Run:
         import pandas as pd
 
         name = str(name)
-        if name in self._tables:
-            frame: pd.DataFrame = self._tables[name].to_pandas()
+        table = self.tables.get(name)
+        if name == "responses" and self.place is None and self.signals:
+            table = responses_table(self.signals, **self._of_responses())
+        if table is not None:
+            frame: pd.DataFrame = table.to_pandas()
             return frame
         path = self.folder / f"{name}.parquet"
         if name in TABLES and self._is_folder and path.exists():
@@ -1020,7 +1074,7 @@ class Run:
             return pd.DataFrame(
                 [{**row, "setting": row["setting"].cell} for row in self._rows[name]]
             )
-        there = [one for one in TABLES if (self.folder / f"{one}.parquet").exists()]
+        there = [one for one in TABLES if one in self.tables or has_table(self.folder, {}, one)]
         raise ConfigurationError(
             f"no table {name!r} in these results; there are {', '.join(there)}."
             f"{did_you_mean(name, there)}"
@@ -1082,33 +1136,85 @@ class Run:
             It cannot be written, or is the folder of this run.
         """
         where = _path(folder, "run.save", "the path of a folder")
-        if where.resolve() == self.folder.resolve():
-            raise OutputError("these results are there already; give another folder", subject=where)
-        with file_set(where) as files:
-            for name, content in self._files().items():
-                files.path(name).write_bytes(content)
+        if self.place is not None:
+            if where.resolve() == self.place.resolve():
+                raise OutputError(
+                    "these results are there already; give another folder", subject=where
+                )
+            with file_set(where) as files:
+                for path in self._files():
+                    files.path(path.name).write_bytes(read_bytes(path))
+            return where
+        self._write(where)
         return where
 
-    def _files(self) -> dict[str, bytes]:
+    def stand_in(self, folder: Path) -> None:
+        """Take a folder that it was saved to for its own: what is large is read there from now."""
+        self.place, self._source = folder, str(folder)
+        self._signals = self._make_signals = None
+
+    def _files(self) -> list[Path]:
         # What begins with a point is a lock or half a file.
-        paths = (one for one in self.folder.iterdir() if one.is_file() and one.name[0] != ".")
-        return {path.name: read_bytes(path) for path in sorted(paths)}
+        paths = [self.folder] if self.folder.is_file() else sorted(self.folder.iterdir())
+        return [path for path in paths if path.is_file() and path.name[0] != "."]
+
+    def _write(self, folder: Path) -> None:
+        """Write a run that is in memory as a set of files; those of an earlier run go."""
+        begin = perf_counter()
+        units = units_in(self.record)
+        with file_set(folder) as files:
+            for name, table in self.tables.items():
+                write_table(files.path(f"{name}.parquet"), table, suffix=".parquet")
+                shown = table_in_units(table, units)
+                write_table(files.path(f"{name}.csv"), shown, suffix=".csv")
+            signals: Iterable[LogSignals] = self._signals or ()
+            if self._make_signals is not None:
+                signals = self._make_signals()
+            write_responses(files.path("responses.parquet"), signals, **self._of_responses())
+            text = self.report_text.encode("utf-8", "backslashreplace")
+            files.path("report.md").write_bytes(text)
+            for name in set(TABLES) - {*self.tables, "responses"}:
+                files.without(f"{name}.parquet")
+                files.without(f"{name}.csv")
+            files.without(PAGE)
+            self.record["files"] = {
+                name: sha256_of(files.path(name)) for name in sorted(files.names)
+            }
+            if isinstance(timings := self.record.get("timings"), dict):
+                spent = round(perf_counter() - begin, 4)
+                total = round(timings.get("total_s", 0.0) + spent, 4)
+                self.record["timings"] = timings | {"write_s": spent, "total_s": total}
+            with files.path("run.json").open("wb") as file:
+                for piece in json_pieces(self.record):
+                    file.write(piece.encode("utf-8", "backslashreplace"))
+        forget_figures(folder)
+
+    def _of_responses(self) -> dict[str, Any]:
+        """Return what the table of signals has in common with that of the parameters."""
+        rows = self.rows("parameters")
+        facts = facts_of(self.tables["parameters"]) if "parameters" in self.tables else {}
+        return {
+            "settings": [row["setting"] for row in rows if row["mse_percent"] is not None],
+            "quantities": self.quantities,
+            "facts": {key: value for key, value in facts.items() if key not in _OF_TABLE},
+        }
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the files of a folder: what a pickle holds; else all that is known."""
-        return {"files": self._files()} if self._is_folder else self.__dict__
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        """Put the files of a pickle into a temporary folder."""
-        if "files" not in state:
-            self.__dict__.update(state)
-            return
-        folder = Path(mkdtemp(prefix="damperfit-run-"))
-        for name, content in state["files"].items():
-            (folder / name).write_bytes(content)
-        self.__dict__.update(Run.load(folder).__dict__)
-        self.is_temporary = True
-        weakref.finalize(self, rmtree, folder, ignore_errors=True)
+        """Return all that is known, in memory: what a pickle holds."""
+        for name in TABLES:
+            if name == "responses":
+                self.signals  # noqa: B018 - read
+            elif name not in self.tables and self._is_folder:
+                self.rows(name)
+                with suppress(OSError, ValueError):
+                    self.tables[name] = read_arrow(self.folder / f"{name}.parquet")
+        if not self.report_text and self._is_folder:
+            with suppress(OSError, ValueError):
+                self.report_text = read_text(self.folder / "report.md")
+        names = ("record", "quantities", "tables", "report_text")
+        hidden = ("_rows", "_signals", "_remarks", "_config", "_temperature", "_source")
+        fresh = {"place": None, "_make_signals": None, "_scratch": None}
+        return {name: getattr(self, name) for name in (*names, *hidden)} | fresh
 
     @property
     def _title(self) -> str:
@@ -1145,6 +1251,76 @@ class Run:
         lines = (*self.failures[:_SHOWN_FAILURES], *failed)
         said = "".join(f"<p>{escape(line)}</p>" for line in lines)
         return html_table(self._sheet(), caption=repr(self)[1:-1]) + said
+
+
+# Folders of results: what an earlier run left there and a new one must not keep, or not lose.
+#
+# Page and figures are drawn after the run, on request; beside new tables the old ones would tell of
+# other numbers. Only files with the names that damperfit gives them go.
+
+_BESIDE = "folders_of_this_run"  # in run.json, where one command wrote results of several dampers
+_DRAWN = re.compile(
+    r"(mse|fan|absolute_velocity|peak_force|named_speeds|parameter_\w+"
+    r"|setting_[\w.+-]+_(force_velocity|force_displacement|force_time|residual|pressures|peaks|valves))"
+    r"\.(png|svg|pdf)"
+)
+_WRITTEN = re.compile(rf"({'|'.join(TABLES)})\.(csv|parquet)|run\.json|report\.(md|html)")
+
+
+def holds_fits(folder: Path) -> bool:
+    """Whether a folder holds the results of a run that fitted something."""
+    try:
+        rows = [line for line in read_text(folder / "parameters.csv").splitlines() if line.strip()]
+    except (OSError, ValueError):
+        return False
+    return (folder / "run.json").is_file() and len(rows) > 1
+
+
+def forget_others(folder: Path, written: Sequence[str]) -> None:
+    """Remove what an earlier command left in a results folder: it holds one run only.
+
+    A folder inside goes only where its run.json says that it was written as one of several
+    dampers; what somebody put there by another command stays.
+
+    Parameters
+    ----------
+    folder : pathlib.Path
+        Where results go.
+    written : sequence of str
+        Folders inside of it that this command writes; "" for itself.
+    """
+    if "" not in written:
+        _forget_run(folder)
+    with suppress(OSError):
+        for inside in sorted(folder.iterdir()):
+            beside = read_record(inside / "run.json", []).get(_BESIDE) if inside.is_dir() else None
+            is_part = isinstance(beside, list) and inside.name in beside
+            if is_part and inside.name not in written and not inside.is_symlink():
+                _forget_run(inside)
+                with suppress(OSError):  # what else it holds stays
+                    inside.rmdir()
+
+
+def _forget_run(folder: Path) -> None:
+    """Remove the results of a run with its figures."""
+    if (folder / "run.json").is_file():
+        with file_set(folder) as files:
+            for path in folder.iterdir():
+                if _WRITTEN.fullmatch(path.name) and path.is_file():
+                    files.without(path.name)
+        forget_figures(folder)
+
+
+def forget_figures(folder: Path) -> None:
+    """Remove the figures that damperfit drew into the results folder, and their folder if empty."""
+    figures = folder / "figures"
+    with suppress(OSError):  # what cannot be removed is no reason to lose the run
+        if figures.is_symlink() or not figures.is_dir():
+            return
+        for path in figures.iterdir():
+            if _DRAWN.fullmatch(path.name):
+                path.unlink()
+        figures.rmdir()
 
 
 def warmed_to(configuration: Configuration, temperature: str | None) -> Configuration:

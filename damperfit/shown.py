@@ -248,7 +248,7 @@ class Simulation:
 
     def document(self) -> dict[str, Any]:
         """Return what was found as JSON values."""
-        from damperfit.run.ending import json_values
+        from damperfit.tables.documents import json_values
 
         test = self.test
         document: dict[str, Any] = json_values(
@@ -565,7 +565,7 @@ class SettingForces:
     def document(self) -> dict[str, Any]:
         """Return all of it as JSON values."""
         from damperfit.report.records import to_record
-        from damperfit.run.ending import json_values
+        from damperfit.tables.documents import json_values
         from damperfit.tables.rows import adjustment_rows
 
         document: dict[str, Any] = {}

@@ -15,8 +15,9 @@ from typing import Any
 
 import pytest
 
-from damperfit.identification import Campaign, identify
-from damperfit.run import work
+from damperfit.identification import Campaign
+from damperfit.run import identify
+from damperfit.run.identify import Watch
 
 __all__ = ["fits_anew", "kept_fits"]
 
@@ -34,30 +35,33 @@ class _IsNotKeptError(Exception):
     """Others would not have met what this fit has met."""
 
 
+_fits = identify._fits
+
+
 @cache
 def _fitted(asked: _Asked) -> Campaign:
-    found = identify(*asked.what, **asked.how)
+    found = _fits(*asked.what, **asked.how)
     if found.failures or not found.is_complete:
         raise _IsNotKeptError(found)
     return found
 
 
-def _identify(traces, damper, options, *, jobs, on_fit, cancelled) -> Campaign:
+def _kept(configuration, batch, *, jobs, watch) -> Campaign:
     told = []
 
     def tell(fit) -> None:
         told.append(fit)
-        on_fit(fit)
+        watch.on_fit(fit)
 
-    what, how = (tuple(traces), damper, options), {"jobs": jobs, "cancelled": cancelled}
-    asked = _Asked(pickle.dumps((what, jobs)), what, {**how, "on_fit": tell})
+    what = (batch.traces, configuration.damper, configuration.identification, jobs)
+    how = {"jobs": jobs, "watch": Watch(on_fit=tell, cancelled=watch.cancelled)}
     try:
-        found = _fitted(asked)
+        found = _fitted(_Asked(pickle.dumps(what), (configuration, batch), how))
     except _IsNotKeptError as error:
         return error.args[0]
     if not told:
         for fit in found.fits:
-            on_fit(fit)
+            watch.on_fit(fit)
     return found
 
 
@@ -65,7 +69,7 @@ def _identify(traces, damper, options, *, jobs, on_fit, cancelled) -> Campaign:
 def kept_fits() -> Iterator[None]:
     """Let commands that run in this process share what they have fitted."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(work, "identify", _identify)
+        patch.setattr(identify, "_fits", _kept)
         yield
 
 
@@ -73,5 +77,5 @@ def kept_fits() -> Iterator[None]:
 def fits_anew() -> Iterator[None]:
     """Take that back."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(work, "identify", identify)
+        patch.setattr(identify, "_fits", _fits)
         yield

@@ -450,7 +450,7 @@ def test_a_run_in_copies_is_byte_for_byte_that_in_one_thread(
         "damperfit.run.tested_at.condition",
         "damperfit.identification.setting.descend",
         "damperfit.uncertainty.intervals.linearise_at_fit",
-        "damperfit.run.readings.characteristic_rows",
+        "damperfit.tables.rows.characteristic_rows",
     ],
 )
 def test_a_bug_that_one_log_meets_in_a_copy_is_told_as_in_one_thread(

@@ -20,7 +20,7 @@ from damperfit.wrong_calls import as_typed
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from damperfit.run.watching import Watch
+    from damperfit.run.identify import Watch
 
 __all__ = ["Shown", "command", "looking_on", "of_presentation", "with_options"]
 
@@ -169,7 +169,7 @@ def looking_on(*, is_quiet: bool, **more: Any) -> Watch:
     """
     from damperfit.cli.interrupt import stop_on_signal
     from damperfit.cli.progress import Bar, progress
-    from damperfit.run.watching import Watch
+    from damperfit.run.identify import Watch
 
     here: dict[str, Any] = {"bar": Bar(), "cancelled": lambda: False}
 

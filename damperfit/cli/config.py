@@ -24,7 +24,7 @@ def config(how: Shown, config: Path | None) -> int:
     Example: damperfit config > my_damper.toml
     """
     from damperfit.configuration.loading import configuration_toml, load_configuration
-    from damperfit.run.ending import json_values
+    from damperfit.tables.documents import json_values
 
     configuration = load_configuration(config)
     if how.json:

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from damperfit.fleet.survey import HeldFleet
-    from damperfit.run.watching import Watch
+    from damperfit.run.identify import Watch
     from damperfit.shown import FleetDone
 
 __all__ = ["fleet"]
@@ -48,7 +48,7 @@ def _looking_on(*, is_quiet: bool) -> Watch:
     """Who looks on: a bar that counts dampers, and a signal that ends the fleet."""
     from damperfit.cli.interrupt import stop_on_signal
     from damperfit.cli.progress import fleet_progress
-    from damperfit.run.watching import Watch
+    from damperfit.run.identify import Watch
 
     here: dict[str, Any] = {"advance": lambda: None, "cancelled": lambda: False}
 

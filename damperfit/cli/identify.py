@@ -21,13 +21,10 @@ from damperfit.cli.github import append_summary, summary_file
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from pathlib import Path
 
-    from damperfit.api import Identified
     from damperfit.configuration.options import Configuration
     from damperfit.run.auto_model import LawChoice
-    from damperfit.run.ending import Ending
-    from damperfit.run.result import RunResult
+    from damperfit.run.identify import Identified
 
 __all__ = ["identify"]
 
@@ -61,36 +58,29 @@ def identify(how: Shown, **given: Any) -> int:
     )
     found = api.identify_each(**given, watch=watch)
     for one in found:
-        result = one.result
-        say_failures(result.facts.failures, is_debug=how.debug)
-        _tell_people(
-            result, one.configuration, one.folder, is_quiet=how.quiet, is_written=one.is_written
-        )
+        say_failures(one.facts.failures, is_debug=how.debug)
+        _tell_people(one, is_quiet=how.quiet)
         if summary is not None:
-            from damperfit.report.markdown import markdown_report
-
-            text = markdown_report(result.tables, result.facts, result.quantities)
-            append_summary(summary, text, instead=_TOO_LONG)
-        if not how.json and result.campaign.fits:
-            _show(result, one.configuration, owner=one.owner)
+            append_summary(summary, one.run.report_text, instead=_TOO_LONG)
+        if not how.json and one.campaign.fits:
+            _show(one)
     if how.json:
         print_json(_document(found))
     for one in found:
         if one.error is not None:
             raise one.error
-    return _worst([one.result.ending for one in found])
+    return _worst({one.run.exit_code for one in found})
 
 
 def _document(found: Sequence[Identified]) -> dict[str, Any]:
     """Return the results as one document; of several dampers one inside the other, by name."""
     if len(found) == 1:
-        return found[0].result.document()
-    return {"dampers": {one.owner: one.result.document() for one in found}}
+        return found[0].run.document()
+    return {"dampers": {one.owner: one.run.document() for one in found}}
 
 
-def _worst(endings: Sequence[Ending]) -> int:
+def _worst(codes: set[int]) -> int:
     """Return the exit code of all: that of one, where all ended alike, else the gravest."""
-    codes = {ending.value for ending in endings}
     if len(codes) == 1:
         return int(codes.pop())
     # Where one damper failed altogether others did not: that is a failure in part.
@@ -98,13 +88,14 @@ def _worst(endings: Sequence[Ending]) -> int:
     return next((code for code in (130, 1, 4) if code in codes), 0)
 
 
-def _show(result: RunResult, configuration: Configuration, *, owner: str) -> None:
+def _show(one: Identified) -> None:
     from damperfit.report.forces import force_sheets
     from damperfit.report.tables import check_lines, held_out_sheet, parameter_sheet
     from damperfit.report.units import parameters_in_units, rows_in_units, sheet_in_units
 
-    if owner:
-        print_lines([f"damper {owner}", ""])
+    result, facts, configuration = one.run, one.facts, one.configuration
+    if one.beside:
+        print_lines([f"damper {one.owner}", ""])
     tables, units = result.tables, configuration.output.units
     forces = rows_in_units(tables["adjustment"].to_pylist(), units)
     for sheet in force_sheets(forces):
@@ -114,60 +105,55 @@ def _show(result: RunResult, configuration: Configuration, *, owner: str) -> Non
         tables["parameters"].to_pylist(), result.quantities, units
     )
     print_table(parameter_sheet(rows, quantities, columns=screen_columns(), levels=spark_levels()))
-    if result.facts.held_out:
+    if facts.held_out:
         print_lines([""])
-        print_table(held_out_sheet(result.facts.held_out, columns=screen_columns()))
+        print_table(held_out_sheet(facts.held_out, columns=screen_columns()))
     told = result.record.get("procedure") or [configuration.damper_sentence]  # as it was fitted
     damper = wrap(told[0], screen_columns())
-    lines = map(one_line, check_lines(result.facts.checks))
+    lines = map(one_line, check_lines(facts.checks))
     checks = (part for line in lines for part in wrap(line, screen_columns()))
-    print_lines(["", *damper, "", *checks, *([""] if owner else [])])
+    print_lines(["", *damper, "", *checks, *([""] if one.beside else [])])
 
 
-def _tell_people(
-    result: RunResult,
-    configuration: Configuration,
-    folder: Path,
-    *,
-    is_quiet: bool,
-    is_written: bool,
-) -> None:
+def _tell_people(one: Identified, *, is_quiet: bool) -> None:
     from damperfit.report.facts import short_listing
     from damperfit.run.remarks import corrections
 
-    for gate in result.facts.gates:
+    facts, configuration = one.facts, one.configuration
+    for gate in facts.gates:
         say(f"damperfit: {gate}")
     if is_quiet:
         return
-    physics = " ".join(result.facts.law_choice.get("sentences", ()))
+    physics = " ".join(facts.law_choice.get("sentences", ()))
     if physics:
         say(f"damperfit: {physics}")
-    for line in (*configuration.notes, *result.facts.taken, *corrections(result.campaign)):
+    for line in (*configuration.notes, *facts.taken, *corrections(one.campaign)):
         say(f"note: {line}")
-    for warning in short_listing(result.facts.warnings):
+    for warning in short_listing(facts.warnings):
         say(f"warning: {warning}")
-    for sentence in short_listing(result.facts.withheld):
+    for sentence in short_listing(facts.withheld):
         say(f"warning: grade withheld: {sentence}")
-    for sentence in result.facts.undetermined:
+    for sentence in facts.undetermined:
         say(f"note: {sentence}")
-    if not is_written:
+    if one.error is not None and not one.is_written:
         return
     profiles = ", the profiles in profiles.csv" if configuration.profile else ""
-    say(f"damperfit: {_summary(result, folder)}{profiles}")
+    say(f"damperfit: {_summary(one)}{profiles}")
 
 
-def _summary(result: RunResult, folder: Path) -> str:
-    n_fits, n_all = len(result.campaign.fits), len(result.facts.failures)
-    n_failed = sum(not failure.is_left_out for failure in result.facts.failures)
+def _summary(one: Identified) -> str:
+    facts, n_fits = one.facts, len(one.campaign.fits)
+    n_all = len(facts.failures)
+    n_failed = sum(not failure.is_left_out for failure in facts.failures)
     done = f"{n_fits} setting{'' if n_fits == 1 else 's'} fitted"
     failed = f", {n_failed} failed" if n_failed else ""
     failed += f", {n_all - n_failed} left out" if n_all > n_failed else ""
-    if result.facts.is_interrupted and not n_fits:
+    if facts.is_interrupted and not n_fits:
         return "interrupted before a setting was finished; nothing was written"
-    if result.keeps_earlier:
-        return f"{done}{failed}; nothing was written: the earlier results in {folder} stay"
-    interrupted = "interrupted; " if result.facts.is_interrupted else ""
-    return f"{interrupted}{done}{failed}; results in {folder}"
+    if one.keeps_earlier:
+        return f"{done}{failed}; nothing was written: the earlier results in {one.folder} stay"
+    interrupted = "interrupted; " if facts.is_interrupted else ""
+    return f"{interrupted}{done}{failed}; results in {one.folder}"
 
 
 def _tell_other_procedure(asked: Configuration, chosen: Configuration) -> None:

@@ -31,7 +31,6 @@ def inspect(how: Shown, **given: Any) -> int:
     Example: damperfit inspect runs/*.csv
     """
     batch = api.inspect(**given).batch
-    from damperfit.run.ending import log_documents, reading_ending
     from damperfit.run.remarks import skipped_files
 
     say_failures(batch.failures, is_debug=how.debug)
@@ -41,10 +40,10 @@ def inspect(how: Shown, **given: Any) -> int:
         for warning in (*skipped_files(batch), *batch.remarks):
             say(f"warning: {warning}")
     if how.json:
-        print_json(log_documents(batch))
+        print_json(batch.document())
     else:
         _show(batch, has_notes=not how.quiet)
-    return int(reading_ending(batch).value)
+    return int(batch.ending.value)
 
 
 def _show(batch: LogBatch, *, has_notes: bool) -> None:

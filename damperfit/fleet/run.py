@@ -40,11 +40,11 @@ from damperfit.fleet.sources import (
     recognised,
 )
 from damperfit.io import TestsTable, is_tests_table, read_tests
+from damperfit.io.files import sha256_of
 from damperfit.problem import Option
 from damperfit.queries.compared import compared_record
 from damperfit.recording import natural_order
 from damperfit.run.labelling import labels_for
-from damperfit.run.work import sha256_of
 from damperfit.simulation.characteristics import NAMED_SPEEDS
 from damperfit.tested.identity import identity_in
 from damperfit.tested.setting import ADJUSTER
@@ -55,7 +55,8 @@ if TYPE_CHECKING:
 
     from damperfit.configuration.options import Configuration
     from damperfit.report.facts import Failure
-    from damperfit.run.result import RunResult
+    from damperfit.results import Run
+    from damperfit.run.identify import Identified
     from damperfit.workers import Executor
 
 __all__ = [
@@ -414,13 +415,14 @@ def _done(job: Job, here: Mapping[FleetLog, Path], stamps: Mapping[FleetLog, str
     failed = list(_dead_rows(job, here))
     living = [str(here[one]) for one in task.logs if one.place not in dead]
     try:
-        for owner, result in _results(configuration, living):
-            rows += list(_part_rows(result, owner or task.owner))
-            gates += result.facts.gates
-            records.append(compared_record(result.record))
+        for found in _results(configuration, living):
+            owner = found.owner or task.owner
+            rows += list(_part_rows(found.run, owner))
+            gates += found.facts.gates
+            records.append(compared_record(found.run.record))
             failed += [
-                _failure(one, names, log=one.log, damper=owner or task.owner, setting=one.setting)
-                for one in result.facts.failures
+                _failure(one, names, log=one.log, damper=owner, setting=one.setting)
+                for one in found.facts.failures
             ]
     except (MemoryError, OSError):
         raise  # of the machine, not of the logs: tried again another time
@@ -483,10 +485,10 @@ def _failure(
     return {name: _in_unicode(text) for name, text in row.items() if text is not None}
 
 
-def _results(configuration: Configuration, logs: Sequence[str]) -> Iterator[tuple[str, RunResult]]:
-    from damperfit.run.pipeline import find_each
+def _results(configuration: Configuration, logs: Sequence[str]) -> Iterator[Identified]:
+    from damperfit.run.identify import identified
 
-    return find_each(configuration, logs, jobs=1) if logs else iter(())
+    return identified(configuration, logs, jobs=1) if logs else iter(())
 
 
 def _try_log(job: Job) -> Done:
@@ -500,7 +502,7 @@ def _try_log(job: Job) -> Done:
     return Done(task.owner, State.LATER, len(task.logs))
 
 
-def _part_rows(result: RunResult, damper: str) -> Iterator[dict[str, Any]]:
+def _part_rows(result: Run, damper: str) -> Iterator[dict[str, Any]]:
     """Yield one row a setting: parameters, whose it is, forces at named speeds."""
     from damperfit.tables.columns import adjusters_in
 

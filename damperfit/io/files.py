@@ -358,3 +358,9 @@ def _refuse_nul(data: bytes, name: str) -> None:
         )
     line = data.count(b"\n", 0, offset) + 1
     raise LogError(f"{name}, line {line}: NUL byte at byte offset {offset}; the file is damaged")
+
+
+def sha256_of(path: Path) -> str:
+    """Return the hash of a file, hexadecimal."""
+    with open_regular(path) as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

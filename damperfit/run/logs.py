@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import logging
 import os
 from collections import Counter
@@ -26,7 +25,7 @@ from damperfit.errors import (
 )
 from damperfit.identification.blas_threads import one_blas_thread
 from damperfit.io import is_tests_table, read_curves, read_logs
-from damperfit.io.files import open_regular
+from damperfit.io.files import sha256_of
 from damperfit.io.formats import FORMATS
 from damperfit.problem import Option
 from damperfit.recording import Finding
@@ -34,6 +33,7 @@ from damperfit.report.facts import Failure
 from damperfit.run.labelling import FROM_NAME, GUESSED, labels_for
 from damperfit.run.own_tables import is_own_table
 from damperfit.run.tested_at import conditioned_as_tested, facts_of
+from damperfit.tables.documents import json_values
 from damperfit.tested.identity import Identity
 from damperfit.workers import apart
 
@@ -49,7 +49,17 @@ _LOGGER = logging.getLogger(__name__)
 _LARGE = 1_000_000  # bytes
 _READ_IN_CHILD = {suffix for known in FORMATS if known.in_child for suffix in known.suffixes}
 
-__all__ = ["LogBatch", "LogFacts", "Purpose", "failure_of", "read_batch"]
+__all__ = ["Ending", "LogBatch", "LogFacts", "Purpose", "failure_of", "read_batch"]
+
+
+class Ending(Enum):
+    """How a command that reads logs ended; the value is its exit code."""
+
+    COMPLETE = 0
+    SOME_FAILED = 1
+    ALL_FAILED = 3
+    GATE_MISSED = 4
+    INTERRUPTED = 130
 
 
 class Purpose(Enum):
@@ -77,6 +87,11 @@ class LogFacts:
     path: str
     sha256: str
     facts: dict[str, Any]
+
+    def describe(self) -> dict[str, Any]:
+        """Return the log as run.json lists it."""
+        facts = {key: value for key, value in self.facts.items() if key != "name"}
+        return {"log": self.log, "path": self.path, "sha256": self.sha256, **facts}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -111,6 +126,24 @@ class LogBatch:
     remarks: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     identities: Mapping[str, Identity] = field(default_factory=dict)
+
+    @property
+    def ending(self) -> Ending:
+        """How reading alone ended."""
+        if any(not failure.is_left_out for failure in self.failures):
+            return Ending.SOME_FAILED if self.n_good else Ending.ALL_FAILED
+        return Ending.GATE_MISSED if self.failures else Ending.COMPLETE
+
+    def document(self) -> dict[str, Any]:
+        """Return what `inspect` tells, as JSON values."""
+        document: dict[str, Any] = json_values(
+            {
+                "logs": [log.describe() for log in self.logs],
+                "skipped": list(self.skipped),
+                "failures": [failure.describe() for failure in self.failures],
+            }
+        )
+        return document
 
 
 def read_batch(  # noqa: PLR0913 - one more than usual, for what is done beside it
@@ -454,6 +487,5 @@ _NO_SETTING_EITHER = ". Nor does the log say its adjuster setting: give {setting
 def _hash(path: Path) -> str:
     with suppress(OSError):
         if path.is_file():
-            with open_regular(path) as file:
-                return hashlib.file_digest(file, "sha256").hexdigest()
+            return sha256_of(path)
     return ""

@@ -6,17 +6,20 @@ that a bad log beside them changes no byte. `record` is run.json and tells every
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from damperfit import __version__
 from damperfit.adjustment.clicks import Adjustment
 from damperfit.checks import Check, missed_gates
 from damperfit.damper.cavitation import describe_cavitation
+from damperfit.errors import sparing
 from damperfit.identification import Outcome, Status, describe_searches
 from damperfit.report.facts import Failure, ReportFacts
+from damperfit.report.markdown import markdown_report
 from damperfit.report.records import to_record
-from damperfit.run.ending import Ending, json_values, log_input
+from damperfit.results import Run
+from damperfit.run.logs import Ending
 from damperfit.run.remarks import corrections, gates_not_met, missing_logs, run_warnings
 from damperfit.run.trust import (
     other_model_advice,
@@ -24,7 +27,15 @@ from damperfit.run.trust import (
     unconfirmed_tares,
     unlike_frictions,
 )
-from damperfit.tables.columns import SCHEMA_VERSION, describe_tables, quantity_records
+from damperfit.tables.columns import (
+    PAPER_QUANTITIES,
+    SCHEMA_VERSION,
+    describe_tables,
+    quantity_records,
+)
+from damperfit.tables.documents import json_values
+from damperfit.tables.files import lay_out
+from damperfit.tables.rows import make_tables, profile_rows, valve_rows
 from damperfit.tested.identity import common_identity
 from damperfit.tested.setting import ADJUSTER, Setting
 from damperfit.uncertainty import METHOD, Assessment, prediction_warnings
@@ -38,6 +49,7 @@ if TYPE_CHECKING:
     from damperfit.damper.quantity import Quantity
     from damperfit.identification import Campaign, Fit, FitOptions
     from damperfit.run.logs import LogBatch
+    from damperfit.run.mishaps import Mishaps
     from damperfit.tested.identity import Identity
     from damperfit.uncertainty import Prediction
 
@@ -49,6 +61,7 @@ __all__ = [
     "provenance",
     "record",
     "report_facts",
+    "run_of",
 ]
 
 
@@ -75,6 +88,60 @@ class Judgement:
     checks: tuple[Check, ...] = ()
     predictions: tuple[Prediction, ...] = ()
     failures: tuple[Failure, ...] = ()
+
+
+def run_of(  # noqa: PLR0913 - all that a run is made of
+    configuration: Configuration,
+    batch: LogBatch,
+    campaign: Campaign,
+    judgement: Judgement,
+    mishaps: Mishaps,
+    *,
+    characteristics: Sequence[dict[str, Any]],
+    is_interrupted: bool,
+) -> tuple[Run, ReportFacts]:
+    """Return the run that was fitted and judged, without its signals, and what its report tells.
+
+    Parameters
+    ----------
+    characteristics : sequence of dict
+        Rows of that table.
+    is_interrupted : bool
+        Whether the user has stopped it.
+    """
+    damper, settings = configuration.damper, [fit.setting for fit in campaign.fits]
+    quantities = campaign.quantities or PAPER_QUANTITIES
+    origin = provenance(configuration, batch, campaign, judgement.predictions)
+    rows: dict[str, list[dict[str, Any]]] = {"characteristics": list(characteristics)}
+    for fit in campaign.fits:
+        with sparing(fit.setting, mishaps.at_setting("reading the valves of")):
+            found = damper.valve_characteristics(fit.parameters, [one.trace for one in fit.logs])
+            rows.setdefault("valves", []).extend(valve_rows(fit.setting, found))
+    if configuration.profile:
+        wanted = (p for p in judgement.assessment.profiles if p.name in configuration.profile)
+        rows["profiles"] = profile_rows(wanted)
+    tables = make_tables(
+        campaign,
+        assessment=judgement.assessment,
+        predictions=judgement.predictions,
+        adjustment=judgement.adjustment,
+        expected=configuration.rig.settings,
+        facts=origin,
+    ) | {
+        name: lay_out(name, of, facts=origin, settings=settings, quantities=quantities)
+        for name, of in rows.items()
+        if of or name != "valves"
+    }
+    judgement = replace(judgement, failures=mishaps.failures)
+    facts = report_facts(configuration, batch, campaign, judgement, is_interrupted=is_interrupted)
+    ending = ending_of(campaign, facts)
+    run = Run(
+        record(configuration, batch, facts, campaign, judgement, ending=ending),
+        quantities=quantities,
+        tables=tables,
+        report=markdown_report(tables, facts, quantities),
+    )
+    return run, facts
 
 
 def failures_of(
@@ -228,7 +295,7 @@ def record(
         "exit_code": ending.value,
         "test": identity_of(batch, _used(campaign)).describe(),
         "configuration": configuration.document,
-        "inputs": [log_input(log) for log in batch.logs],
+        "inputs": [log.describe() for log in batch.logs],
         "skipped": list(batch.skipped),
         "failures": [failure.describe() for failure in facts.failures],
         "warnings": list(facts.warnings),

@@ -34,9 +34,12 @@ if TYPE_CHECKING:
     from damperfit.units.shown_units import ShownUnits
 
 __all__ = [
+    "facts_of",
     "lay_out",
+    "read_arrow",
     "read_cells",
     "read_facts",
+    "responses_table",
     "safe_cell",
     "table_in_units",
     "time_series_table",
@@ -177,6 +180,18 @@ def write_responses(
     return n_rows
 
 
+def responses_table(
+    logs: Iterable[LogSignals],
+    *,
+    settings: Collection[Setting],
+    quantities: Sequence[Quantity],
+    facts: Mapping[str, Any] | None = None,
+) -> pa.Table:
+    """Return what `write_responses` writes as one table."""
+    schema = table_schema("responses", facts or {}, settings=settings, quantities=quantities)
+    return pa.concat_tables([_response_table(schema, log) for log in logs])
+
+
 def _response_table(schema: pa.Schema, log: LogSignals) -> pa.Table:
     is_whole = schema.field("setting").type == pa.int64()
     named = setting_cells(log.setting, is_whole=is_whole) | {"log": log.log}
@@ -267,18 +282,31 @@ def table_in_units(table: pa.Table, units: ShownUnits) -> pa.Table:
 def read_facts(path: Path) -> dict[str, Any]:
     """Return what a Parquet table tells of the run that wrote it; empty where it tells nothing."""
     try:
-        entry = (pq.read_schema(regular(path)).metadata or {}).get(b"damperfit", b"{}")
-        facts = json.loads(entry)
-    except (OSError, ValueError, RecursionError, pa.ArrowException):
+        return facts_of(pq.read_schema(regular(path)))
+    except (OSError, ValueError, pa.ArrowException):
+        return {}
+
+
+def facts_of(table: pa.Table | pa.Schema) -> dict[str, Any]:
+    """Return what a table, or its schema, tells of the run that made it."""
+    schema = table.schema if isinstance(table, pa.Table) else table
+    try:
+        facts = json.loads((schema.metadata or {}).get(b"damperfit", b"{}"))
+    except (ValueError, RecursionError):
         return {}
     return facts if isinstance(facts, dict) else {}
+
+
+def read_arrow(path: Path) -> pa.Table:
+    """Return a table of a Parquet file, whose pages are as they were written."""
+    with pq.ParquetFile(regular(path), page_checksum_verification=True) as file:
+        return file.read()
 
 
 def read_cells(path: Path) -> tuple[list[str], list[dict[str, Any]]]:
     """Return the names of a table's columns and its rows as they stand in the file."""
     if path.suffix.lower() == ".parquet":
-        with pq.ParquetFile(regular(path), page_checksum_verification=True) as file:
-            table = file.read()
+        table = read_arrow(path)
         return table.column_names, table.to_pylist()
     lines = StringIO(read_text(path), newline="")
     reader = csv.DictReader((line for line in lines if not line.startswith("#")), strict=True)

@@ -8,7 +8,6 @@ A part of a fleet is a table of parameters with what is compared of run.json in 
 from __future__ import annotations
 
 import csv
-import hashlib
 import json
 from contextlib import suppress
 from dataclasses import dataclass
@@ -21,7 +20,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from damperfit.errors import ConfigurationError
-from damperfit.io.files import read_text, regular
+from damperfit.io.files import read_text, regular, sha256_of
 from damperfit.store import settle
 from damperfit.tables.columns import (
     PAPER_QUANTITIES,
@@ -148,9 +147,8 @@ def check_files(
             continue
         if path.parent != folder or path.suffix != ".parquet" or not path.is_file():
             continue
-        with path.open("rb") as file:
-            if hashlib.file_digest(file, "sha256").hexdigest() != expected:
-                remarks.append(f"{name} is not the file that the run wrote (see run.json)")
+        if sha256_of(path) != expected:
+            remarks.append(f"{name} is not the file that the run wrote (see run.json)")
 
 
 def read_rows(

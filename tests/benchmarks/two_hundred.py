@@ -129,45 +129,24 @@ def _tell_reading(pattern: str, rounds: int) -> None:
 def _tell_judging(pattern: str, results: Path, rounds: int) -> None:
     """Tell what judging the fits and writing the results take of a log once all is loaded."""
     from damperfit.configuration.loading import load_configuration
-    from damperfit.run.hold_out import Parted, note_unpredicted
-    from damperfit.run.judging import assessed, judge
-    from damperfit.run.logs import read_batch
-    from damperfit.run.mishaps import Mishaps
-    from damperfit.run.result import Found
-    from damperfit.run.run_json import provenance
-    from damperfit.run.work import fitted
-    from damperfit.run.writing import write_results
-    from damperfit.store import file_set
-    from damperfit.uncertainty import Bench
+    from damperfit.run import identify
 
-    configuration = load_configuration()
-    paths = sorted(Path(pattern).parent.glob(Path(pattern).name))
+    configuration = load_configuration(overlay={"output": {"folder": str(results)}})
     spent = []
     for _ in range(1 + rounds):  # the first warms up; each anew, for logs and fits keep things
-        batch = read_batch(paths, configuration, jobs=1)
-        fits = fitted(
-            configuration, batch.traces, jobs=1, on_fit=lambda _: None, cancelled=lambda: False
-        )
-        parted, mishaps = Parted(batch), Mishaps(batch)
-        bench = Bench(configuration.damper, configuration.identification.solver)
-        times = [time.process_time()]
-        assessment = assessed(fits, bench, mishaps)
-        times.append(time.process_time())
-        campaign, judgement = judge(configuration, parted, fits, assessment, mishaps, jobs=1)
-        times.append(time.process_time())
-        told = note_unpredicted(parted, campaign, judgement.predictions, mishaps.failures)
-        origin = provenance(configuration, told, campaign, judgement.predictions)
-        found = Found(configuration, told, campaign, judgement, origin, is_interrupted=False)
-        with file_set(results) as files:
-            write_results(files, found, mishaps, jobs=1)
-        times.append(time.process_time())
-        spent.append(np.diff(times) * 1e3 / len(paths))
-        if mishaps.failures:
-            raise SystemExit(f"a setting was not judged: {mishaps.failures[0].message}")
-    assess_ms, judge_ms, write_ms = np.median(spent[1:], axis=0)
+        (found,) = identify.identified(configuration, [pattern], jobs=1)
+        begin = time.process_time()
+        found.save()
+        laps = found.run.record["timings"]
+        written = time.process_time() - begin
+        times = (laps["judge_s"], laps["characteristics_s"], written)
+        spent.append([1e3 * one / len(found.campaign.fits) for one in times])
+        if found.facts.failures:
+            raise SystemExit(f"a setting was not judged: {found.facts.failures[0].message}")
+    judge_ms, read_ms, write_ms = np.median(spent[1:], axis=0)
     print(
-        f"ms of processor a log, medians of {rounds}: judging {assess_ms + judge_ms:.2f} "
-        f"(errors {assess_ms:.2f}, the rest {judge_ms:.2f}), writing {write_ms:.2f}"
+        f"ms a log, medians of {rounds}: judging {judge_ms:.2f} and characteristics {read_ms:.2f} "
+        f"by the clock, writing {write_ms:.2f} of processor"
     )
 
 

@@ -16,9 +16,7 @@ import pytest
 
 from damperfit.cli.interrupt import stop_on_signal
 from damperfit.configuration.loading import load_configuration
-from damperfit.run.ending import Ending
-from damperfit.run.pipeline import run
-from damperfit.run.watching import Watch
+from damperfit.run.identify import Watch, written
 
 ROOT = Path(__file__).parents[2]
 
@@ -27,8 +25,8 @@ def test_finished_settings_are_written_when_the_user_stops(logs, fitted_anew, tm
     stop = threading.Event()
     settings = load_configuration(overlay={"output": {"folder": str(tmp_path / "out")}})
     watch = Watch(on_fit=lambda _fit: stop.set(), cancelled=stop.is_set)
-    result = run(settings, [str(logs / "setting_*.csv")], jobs=1, watch=watch)
-    assert result.ending is Ending.INTERRUPTED
+    (result,) = written(settings, [str(logs / "setting_*.csv")], jobs=1, watch=watch)
+    assert result.run.exit_code == 130
     table = pq.read_table(tmp_path / "out" / "parameters.parquet")
     assert table["setting"].to_pylist() == [1]
     record = json.loads((tmp_path / "out" / "run.json").read_text())
@@ -41,8 +39,8 @@ def test_earlier_results_stay_when_nothing_was_finished(logs, fitted_anew, tmp_p
     (tmp_path / "out" / "run.json").write_text("earlier")
     settings = load_configuration(overlay={"output": {"folder": str(tmp_path / "out")}})
     watch = Watch(cancelled=lambda: True)
-    result = run(settings, [str(logs / "setting_*.csv")], jobs=1, watch=watch)
-    assert result.ending is Ending.INTERRUPTED
+    (result,) = written(settings, [str(logs / "setting_*.csv")], jobs=1, watch=watch)
+    assert result.run.exit_code == 130
     assert [p.name for p in (tmp_path / "out").iterdir()] == ["run.json"]
     assert (tmp_path / "out" / "run.json").read_text() == "earlier"
 

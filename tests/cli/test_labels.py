@@ -11,7 +11,6 @@ import pytest
 
 from damperfit.cli.main import main
 from damperfit.damper.purdy.reference import reference_parameters
-from damperfit.run.earlier import BESIDE
 from damperfit.samples import SampleOptions, make_samples
 
 PAIRS = [(r, 8) for r in (4, 6, 8, 10)] + [(8, c) for c in (4, 12)]
@@ -205,7 +204,7 @@ def test_several_dampers_get_a_result_each(bodies, run, tmp_path):
         assert table["setting"].to_pylist() == settings
         assert document["dampers"][owner]["test"]["serial"] == owner
         record = json.loads((tmp_path / "out" / folder / "run.json").read_text(encoding="utf-8"))
-        assert record[BESIDE] == ["A1", "B_2"]
+        assert record["folders_of_this_run"] == ["A1", "B_2"]
     assert not (tmp_path / "out" / "run.json").exists()
     ended = run("models", tmp_path / "*_6.csv")
     assert ended.code == 2

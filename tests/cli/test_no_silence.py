@@ -11,8 +11,7 @@ import pytest
 from damperfit.cli import main
 from damperfit.configuration.loading import load_configuration
 from damperfit.errors import ConfigurationError
-from damperfit.run.pipeline import run as run_pipeline
-from damperfit.run.unwritten import UnwrittenError
+from damperfit.run.identify import written
 
 GIVEN = [
     word
@@ -206,7 +205,7 @@ def test_a_folder_holds_one_run_only(run, logs, drawn) -> None:
 
 
 def test_every_figure_that_is_drawn_would_go(undrawn, run, logs, tmp_path) -> None:
-    """A figure with a new name must be known to `damperfit.run.earlier`."""
+    """A figure with a new name must be known to `damperfit.results`."""
     assert run("identify", logs / "setting_*.csv", "--plots", "svg", "--quiet").code == 0
     figures = tmp_path / "results" / "figures"
     assert len(list(figures.iterdir())) > 10
@@ -219,7 +218,7 @@ def test_results_that_cannot_be_written_are_still_shown(run, logs, monkeypatch, 
     def full(*_args, **_how):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("damperfit.run.writing.write_responses", full)
+    monkeypatch.setattr("damperfit.results.write_responses", full)
     ended = run("identify", logs / "setting_01.csv", "--report")
     assert ended.code == 1
     assert "No space left on device" in ended.err.splitlines()[-1]
@@ -229,9 +228,9 @@ def test_results_that_cannot_be_written_are_still_shown(run, logs, monkeypatch, 
     document = json.loads(run("identify", logs / "setting_01.csv", "--json").out)
     assert document["parameters"][0]["setting"] == 1
     configuration = load_configuration()
-    with pytest.raises(UnwrittenError) as caught:
-        run_pipeline(configuration, [str(logs / "setting_01.csv")])
-    assert len(caught.value.result.campaign.fits) == 1
+    (found,) = written(configuration, [str(logs / "setting_01.csv")])
+    assert "No space left" in str(found.error)
+    assert len(found.run.settings) == 1
 
 
 def test_samples_leave_no_log_that_truth_does_not_know(run, tmp_path) -> None:

@@ -13,9 +13,10 @@ from pathlib import Path
 
 import pytest
 
+from damperfit import results as writing
 from damperfit.cli import main
 from damperfit.results import Run
-from damperfit.run import after_reading, judging, writing
+from damperfit.run import identify, judging
 
 QUICK = (
     *("--procedure", "plain", "--free", "r_m1,r_m2,k_e"),
@@ -108,14 +109,14 @@ def test_two_runs_into_one_folder_at_once_are_refused_before_they_work(
     folder = tmp_path / "results"
     shutil.copytree(results, folder)
     told = []
-    fitted = after_reading.fitted
+    fitted = identify._fits
 
     def meanwhile(*arguments, **how):
         told.append(spawn("identify", logs / "setting_02.csv", *QUICK))
         told.append(Run.load(folder))  # reading goes on
         return fitted(*arguments, **how)
 
-    monkeypatch.setattr(after_reading, "fitted", meanwhile)
+    monkeypatch.setattr(identify, "_fits", meanwhile)
     assert run("identify", logs / "setting_01.csv", *QUICK).code == 0
     second, read = told
     assert second.code == 1

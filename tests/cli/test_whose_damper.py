@@ -18,7 +18,6 @@ from damperfit.damper.purdy.parameters import DAMPER_RANGES
 from damperfit.damper.valve_dampers import Monotube
 from damperfit.errors import ConfigurationError
 from damperfit.problem import Option
-from damperfit.run.earlier import BESIDE
 from damperfit.samples import SampleOptions, make_samples
 from damperfit.tables.columns import SCHEMA_VERSION
 from damperfit.units.quantities import parse_quantity, says_absolute_or_gauge
@@ -47,7 +46,7 @@ def slim(tmp_path_factory) -> Path:
 
 def test_results_of_one_damper_name_no_folders_beside_them(slim) -> None:
     record = json.loads((slim / "run.json").read_text(encoding="utf-8"))
-    assert BESIDE not in record
+    assert "folders_of_this_run" not in record
     assert record["held_out"] == []
 
 

@@ -13,7 +13,6 @@ from damperfit.cli import github, main
 from damperfit.cli.console import print_renderable, screen_columns
 from damperfit.damper.purdy.figures import FAMILIES
 from damperfit.errors import ConfigurationError
-from damperfit.identification import Outcome
 from damperfit.shown import Files, Sweep
 from tests.fakes import campaign, fit
 
@@ -44,9 +43,8 @@ def test_a_report_counts_its_figures(n, more, run, tmp_path, monkeypatch) -> Non
 def test_the_settings_fitted_are_counted(n, word) -> None:
     facts = SimpleNamespace(failures=(), warnings=(), gates=(), is_interrupted=False, gaps=())
     fits = campaign(*(fit(k + 1) for k in range(n)))
-    ending = Outcome.CONVERGED
-    result = SimpleNamespace(campaign=fits, facts=facts, ending=ending, keeps_earlier=False)
-    assert word in identify._summary(result, "results")
+    one = SimpleNamespace(campaign=fits, facts=facts, folder="results", keeps_earlier=False)
+    assert word in identify._summary(one)
 
 
 @pytest.mark.parametrize(
@@ -61,8 +59,9 @@ def test_the_settings_fitted_are_counted(n, word) -> None:
 def test_what_failed_and_what_was_left_out_are_counted_apart(left_out, said) -> None:
     failures = [SimpleNamespace(is_left_out=one) for one in left_out]
     facts = SimpleNamespace(failures=failures, is_interrupted=False)
-    result = SimpleNamespace(campaign=campaign(fit(1)), facts=facts, keeps_earlier=False)
-    assert identify._summary(result, "results") == f"{said} results"
+    fits = campaign(fit(1))
+    one = SimpleNamespace(campaign=fits, facts=facts, folder="results", keeps_earlier=False)
+    assert identify._summary(one) == f"{said} results"
 
 
 @pytest.mark.parametrize(("spare", "is_kept"), [(1, True), (0, False)])

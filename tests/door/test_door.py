@@ -23,7 +23,7 @@ from damperfit.errors import (
     LogError,
     refuse_wrong_arguments,
 )
-from damperfit.run import pipeline
+from damperfit.run import identify
 
 ROOT = Path(__file__).parents[2]
 LOGS = [str(ROOT / "sample_runs" / f"setting_{number:02d}.csv") for number in (1, 10)]
@@ -456,9 +456,9 @@ def test_a_result_is_handed_over_also_when_the_package_of_targets_is_loaded(resu
 def test_three_logs_that_could_not_be_fitted_are_named(monkeypatch, tmp_path, n, more):
     failures = [SimpleNamespace(message=f"{k}.csv: empty", problem=None) for k in range(n)]
     found = SimpleNamespace(
-        campaign=SimpleNamespace(fits=()), facts=SimpleNamespace(failures=failures)
+        campaign=SimpleNamespace(fits=()), facts=SimpleNamespace(failures=failures), error=None
     )
-    monkeypatch.setattr(pipeline, "run_each", lambda *_, **__: [("", found)])
+    monkeypatch.setattr(identify, "written", lambda *_, **__: [found])
     with pytest.raises(LogError) as caught:
         damperfit.identify(LOGS, out=tmp_path / "results")
     said = "no setting could be fitted: 0.csv: empty; 1.csv: empty; 2.csv: empty"

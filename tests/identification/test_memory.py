@@ -18,7 +18,7 @@ from damperfit.identification.descent import Misfit, descend
 from damperfit.identification.evaluation import evaluate, transformation, values_of
 from damperfit.identification.model_versus_log import normalised_mse
 from damperfit.identification.setting import relative_errors
-from damperfit.run.pipeline import run
+from damperfit.run.identify import written
 from damperfit.samples import SampleOptions, make_samples
 from damperfit.uncertainty import assess, assessment
 from tests.identification.rig import trace
@@ -82,7 +82,7 @@ def test_what_a_run_returns_holds_no_response(tmp_path: Path) -> None:
     options = SampleOptions(settings=(1, 2), cycles=5.0, force_noise=1.0)
     make_samples(tmp_path / "logs", options)
     settings = load_configuration(overlay={"output": {"folder": str(tmp_path / "out")}})
-    result = run(settings, [str(tmp_path / "logs" / "*.csv")], jobs=1)
+    (result,) = written(settings, [str(tmp_path / "logs" / "*.csv")], jobs=1)
     kept = [log.seen for fit in result.campaign.fits for log in fit.logs]
     assert kept == [None, None]
     fit = result.campaign.fits[0]

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -20,8 +19,6 @@ from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import Campaign, FitOptions, identify
 from damperfit.identification.model_versus_log import SETTLING
 from damperfit.recording import Trace
-from damperfit.run.mishaps import Mishaps
-from damperfit.run.work import comparisons
 from damperfit.simulation import SolverOptions, motion_of, simulate
 from damperfit.uncertainty import assess
 from damperfit.uncertainty.linearisation import linearise_at_fit
@@ -87,14 +84,9 @@ def test_judging_simulates_a_cycle_of_each_log_and_writing_nothing(
 ) -> None:
     assess(campaign, PURDY_DAMPER, solver=SOLVER)
     assert (len(lengths), whole(lengths, logs)) == (len(logs), 0)
-    configuration: Any = SimpleNamespace(
-        damper=PURDY_DAMPER, identification=SimpleNamespace(solver=SOLVER)
-    )
-    batch: Any = SimpleNamespace(logs=())
-    seen = list(comparisons(configuration, campaign, Mishaps(batch), jobs=1))
+    seen = [fit.logs[0].compared(fit.parameters, PURDY_DAMPER, SOLVER) for fit in campaign.fits]
     assert len(lengths) == len(logs)
     for fit, one in zip(campaign.fits, seen, strict=True):
-        assert one is not None
         motion = motion_of(fit.logs[0].trace)
         in_parts = replace(SOLVER, settling=SETTLING)
         anew = simulate(fit.parameters, PURDY_DAMPER, motion, options=in_parts)

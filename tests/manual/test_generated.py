@@ -20,7 +20,7 @@ from damperfit.checks import CHECK_LISTS, CHECKS
 from damperfit.configuration.loading import load_configuration
 from damperfit.io.formats import FORMATS
 from damperfit.manual import TOPICS, read_page
-from damperfit.run.ending import Ending
+from damperfit.run.logs import Ending
 from damperfit.uncertainty.gas import GasContent
 from damperfit.uncertainty.withheld import Objection
 from tests.manual.generated import COMMANDS, PAGES, PLACE, ROOT, TABLES, filled, options_of

@@ -8,7 +8,7 @@ import pytest
 
 from damperfit.configuration.loading import load_configuration
 from damperfit.errors import ConfigurationError
-from damperfit.run.pipeline import run
+from damperfit.run.identify import identified
 
 
 def test_what_the_model_does_not_have_is_refused_before_a_log_is_read(tmp_path: Path) -> None:
@@ -16,6 +16,6 @@ def test_what_the_model_does_not_have_is_refused_before_a_log_is_read(tmp_path: 
     path.write_text('[adjusters]\nlow_speed = ["rebound.bleed"]\n', encoding="utf-8")
     joint = {"identification": {"procedure": "joint"}}
     with pytest.raises(ConfigurationError, match=r"rebound\.bleed: the model purdy has no such"):
-        run(load_configuration(path, overlay=joint), ["nowhere.csv"])
+        next(identified(load_configuration(path, overlay=joint), ["nowhere.csv"]))
     with pytest.raises(ConfigurationError, match=r"nowhere\.csv"):  # only a joint fit uses it
-        run(load_configuration(path), ["nowhere.csv"])
+        next(identified(load_configuration(path), ["nowhere.csv"]))

@@ -6,7 +6,9 @@ import json
 
 import pytest
 
-from damperfit.run.earlier import BESIDE, forget_figures, forget_others
+from damperfit.results import forget_figures, forget_others
+
+BESIDE = "folders_of_this_run"
 
 
 def results(folder, *, beside=None):

@@ -10,10 +10,10 @@ import pytest
 from damperfit.configuration.loading import load_configuration
 from damperfit.identification import Outcome
 from damperfit.report.facts import Failure, ReportFacts
-from damperfit.run.ending import Ending, json_pieces, reading_ending
-from damperfit.run.logs import LogBatch
+from damperfit.run.logs import Ending, LogBatch
 from damperfit.run.remarks import gates_not_met
 from damperfit.run.run_json import ending_of
+from damperfit.tables.documents import json_pieces
 from tests.fakes import campaign, fit
 
 FAILED = Failure("a.csv", "a.csv", 1, "LogError", "a.csv: broken")
@@ -68,7 +68,7 @@ def test_a_failure_counts_before_a_gate_and_an_interruption_before_both(
     ],
 )
 def test_reading_alone_ends_alike(n_good, failures, ending) -> None:
-    assert reading_ending(LogBatch((), (), failures, (), n_good)) is Ending[ending]
+    assert LogBatch((), (), failures, (), n_good).ending is Ending[ending]
 
 
 def gates(*fits, failures=(), limit=0.0) -> list[str]:

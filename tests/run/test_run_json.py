@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from damperfit.run.ending import json_values
+from damperfit.tables.documents import json_values
 from damperfit.tested.setting import Setting, parse_setting
 
 

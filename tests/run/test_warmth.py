@@ -36,7 +36,7 @@ from damperfit.recording import Recording
 from damperfit.results import warmed_to
 from damperfit.run.conditions import with_reference
 from damperfit.run.duplicate_tests import are_unlike, without_contradictions
-from damperfit.run.pipeline import run
+from damperfit.run.identify import identified, written
 from damperfit.simulation import Motion, SolverOptions, simulate
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty import assess, reconsider
@@ -286,7 +286,8 @@ def results(tmp_path_factory):
     configuration = configured(
         "identify", {"out": out}, ("covariate", "damper.reference_temperature", "mean")
     )
-    assert run(configuration, [str(folder / "*.csv")], jobs=1).campaign.fits
+    (found,) = written(configuration, [str(folder / "*.csv")], jobs=1)
+    assert found.campaign.fits
     return out
 
 
@@ -359,7 +360,7 @@ def test_logs_without_a_temperature_do_not_contradict_each_other(tmp_path, resul
         "identify", {"out": tmp_path / "out"}, ("covariate", "damper.reference_temperature", "mean")
     )
     with pytest.raises(ConfigurationError, match="and 1 more have no temperature"):
-        run(configuration, [str(tmp_path / "setting_01_*.csv")], jobs=1)
+        next(identified(configuration, [str(tmp_path / "setting_01_*.csv")], jobs=1))
 
 
 def test_a_held_out_log_without_a_temperature_is_named() -> None:

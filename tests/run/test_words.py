@@ -14,20 +14,20 @@ import pytest
 from damperfit.configuration.loading import load_configuration
 from damperfit.damper.model import values_type
 from damperfit.identification import Outcome, Sharing, Status
+from damperfit.io.files import sha256_of
 from damperfit.io.tests_table import TestRow, TestsTable
 from damperfit.recording import Finding, Recording, natural_order
 from damperfit.report.facts import Failure
 from damperfit.run import hold_out, labelling
 from damperfit.run.dampers import _nameless
-from damperfit.run.ending import json_values
+from damperfit.run.identify import _Clock as Clock
 from damperfit.run.labelling import Labels
 from damperfit.run.logs import LogBatch, LogFacts, _distinct_names
 from damperfit.run.mishaps import Mishaps
 from damperfit.run.remarks import corrections, gates_not_met, missing_logs, run_warnings
 from damperfit.run.run_json import Judgement, _procedure, report_facts
 from damperfit.run.trust import _profile, unconfirmed_tares
-from damperfit.run.watching import Clock
-from damperfit.run.work import sha256_of
+from damperfit.tables.documents import json_values
 from damperfit.tested.identity import Identity
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty import Assessment, Objection, Uncertainty
