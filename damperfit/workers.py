@@ -5,9 +5,6 @@
 
     found = apart(act, items, jobs=2)   the same, of many items in copies of this process
 
-    with meanwhile(act, items, jobs=2) as found:    these begin at once, where there are many
-        ...                                         and this process does something else
-
 Work on arrays holds the interpreter's lock for a third to two thirds of its time: two threads do it
 no faster than one. A copy of this process (a fork) knows the items and what is to be done with them
 without a word, and sends back results alone. Fleets hand dampers out through the same protocol, to
@@ -48,8 +45,6 @@ __all__ = [
     "apart",
     "available_cores",
     "executor",
-    "meanwhile",
-    "release_memory",
     "told_here",
 ]
 
@@ -226,43 +221,6 @@ def apart(  # noqa: PLR0913 - one more than usual, for what is done beside it
         found = pool.map(act, items)
         beside()
         yield from found
-
-
-@contextmanager
-def meanwhile(
-    act: Callable[[Any], Any], items: Iterable[Any], *, jobs: int
-) -> Iterator[Iterator[Any] | None]:
-    """Let copies of this process begin with many items, and yield what gives their results.
-
-    None where there are few items or no copies: whoever asks then does the work itself. All else is
-    as of `apart`. What the block does itself does not count among the jobs, for it is short.
-
-    Parameters
-    ----------
-    act : callable
-        Need not be of a module.
-    items : iterable
-        Of any kind.
-    jobs : int
-        Copies.
-    """
-    items = list(items)
-    if _goes_to_copies(items, jobs):
-        from damperfit.forked import copies_at_work  # POSIX alone has it
-
-        with copies_at_work(act, items, jobs=jobs) as found:
-            yield found
-        return
-    yield None
-
-
-def release_memory() -> None:
-    """Give memory that is free back to the system: small arrays stay with the C library else."""
-    if sys.platform == "linux":
-        import ctypes
-
-        with suppress(OSError, AttributeError):  # of GNU's C library
-            ctypes.CDLL(None).malloc_trim(0)
 
 
 def told_here(take: Callable[..., None]) -> Callable[..., None]:

@@ -26,7 +26,7 @@ from damperfit.cli import main
 from damperfit.cli.progress import progress
 from damperfit.forked import copies_at_work, is_copy
 from damperfit.samples import SampleOptions, make_samples
-from damperfit.workers import apart, meanwhile, told_here
+from damperfit.workers import apart, told_here
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="copies are made on Linux alone")
 ROOT = Path(__file__).parents[1]
@@ -358,33 +358,6 @@ class TestApart:
 
 
 @pytest.mark.usefixtures("many_at_once")
-class TestMeanwhile:
-    def test_copies_begin_before_anybody_asks(self, tmp_path):
-        def mark(k):
-            (tmp_path / str(k)).touch()
-            return k, os.getpid()
-
-        with meanwhile(mark, range(3), jobs=2) as found:
-            until = time.monotonic() + 30.0
-            while len(list(tmp_path.iterdir())) < 3:
-                assert time.monotonic() < until
-                time.sleep(0.01)
-            results = list(found)
-        assert [k for k, _ in results] == [0, 1, 2]
-        assert os.getpid() not in {process for _, process in results}
-
-    def test_what_nobody_asks_for_ends_with_the_block(self):
-        before = _children()
-        with meanwhile(lambda _: time.sleep(60.0), range(4), jobs=2):
-            assert len(_children() - before) == 2
-        assert _children() == before
-
-    @pytest.mark.parametrize(("n", "jobs"), [(1, 2), (5, 1)])
-    def test_few_items_and_one_job_are_left_to_who_asks(self, n, jobs):
-        with meanwhile(own_process, range(n), jobs=jobs) as found:
-            assert found is None
-
-
 def test_a_bar_is_drawn_without_a_thread(monkeypatch):
     class Terminal(io.StringIO):
         def isatty(self) -> bool:

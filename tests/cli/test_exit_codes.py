@@ -103,4 +103,4 @@ def test_without_arguments_the_help_is_shown(capsys) -> None:
     ],
 )
 def test_of_several_dampers_the_gravest_ending_tells(endings, code) -> None:
-    assert _worst(endings) == code
+    assert _worst({one.value for one in endings}) == code
