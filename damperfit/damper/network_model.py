@@ -11,8 +11,7 @@ import numpy as np
 
 from damperfit.compiled_core import compiled_core
 from damperfit.errors import ConfigurationError, SimulationError, did_you_mean
-from damperfit.simulation import Response, SolverOptions, Work
-from damperfit.simulation.endings import describe_ending
+from damperfit.simulation import Response, SolverOptions, Work, describe_ending
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

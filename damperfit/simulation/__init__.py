@@ -5,8 +5,6 @@ from damperfit.simulation.characteristics import (
     Characteristics,
     SpeedForce,
     characterise,
-    mean_figures,
-    signals_at_speeds,
 )
 from damperfit.simulation.motion import (
     Motion,
@@ -15,8 +13,7 @@ from damperfit.simulation.motion import (
     sine_motion,
     triangle_motion,
 )
-from damperfit.simulation.response import Response, SolverOptions, Work
-from damperfit.simulation.simulate import simulate
+from damperfit.simulation.response import Response, SolverOptions, Work, describe_ending, simulate
 
 __all__ = [
     "NAMED_SPEEDS",
@@ -27,10 +24,9 @@ __all__ = [
     "SpeedForce",
     "Work",
     "characterise",
-    "mean_figures",
+    "describe_ending",
     "motion_of",
     "refuse_amplitude",
-    "signals_at_speeds",
     "simulate",
     "sine_motion",
     "triangle_motion",

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Motion", "motion_of", "refuse_amplitude", "sine_motion", "triangle_motion"]
 
+_CHANNELS = ("displacement", "velocity")
 _MAY_BE_UNKNOWN = ("gas_pressure", "temperature")
 
 
@@ -64,8 +65,13 @@ class Motion:
 
     def __post_init__(self) -> None:
         """Refuse what is no motion."""
-        self._refuse_what_are_no_numbers()
-        shapes = (np.shape(self.displacement), np.shape(self.velocity))
+        for name in ("interval", "start_time", "gas_pressure", "temperature"):
+            value = getattr(self, name)
+            is_unknown = value is None and name in _MAY_BE_UNKNOWN
+            if type(value) is not float and not is_unknown and not isinstance(value, Real):
+                raise SimulationError(f"motion: expected a number for {name}, found {value!r}")
+        channels = {name: _as_numbers(name, getattr(self, name)) for name in _CHANNELS}
+        shapes = tuple(channel.shape for channel in channels.values())
         if shapes[0] != shapes[1] or len(shapes[0]) != 1 or not shapes[0][0]:
             raise SimulationError(
                 "motion: expected one axis of equal length, one sample or more, found "
@@ -75,43 +81,23 @@ class Motion:
             raise SimulationError(
                 f"motion: expected an interval above 0, found {self.interval:g} s"
             )
-        for name in ("displacement", "velocity"):
-            channel = getattr(self, name)
-            is_finite = np.isfinite(channel)
-            if not is_finite.all():
-                bad = np.flatnonzero(~is_finite)
+        for name, channel in channels.items():
+            if not (is_finite := np.isfinite(channel)).all():
+                at = int(np.argmin(is_finite))
                 raise SimulationError(
-                    f"motion: {name} is not a finite number at sample {bad[0]} (counted from 0)"
+                    f"motion: {name} is not a finite number at sample {at} (counted from 0)"
                 )
         if np.size(self.jumps):
             self._refuse_wrong_jumps()
-
-    def _refuse_what_are_no_numbers(self) -> None:
-        for name in ("interval", "start_time", "gas_pressure", "temperature"):
-            value = getattr(self, name)
-            if type(value) is float:  # nearly all are, and every simulation has one
-                continue
-            if not (isinstance(value, Real) or (name in _MAY_BE_UNKNOWN and value is None)):
-                raise SimulationError(f"motion: expected a number for {name}, found {value!r}")
-        for name in ("displacement", "velocity"):
-            try:
-                kind = np.asarray(getattr(self, name)).dtype.kind
-            except ValueError:  # rows of different lengths
-                kind = "O"
-            if kind not in "iuf":
-                raise SimulationError(
-                    f"motion: expected an array of numbers for {name}, found "
-                    f"{type(getattr(self, name)).__name__} of something else"
-                )
 
     def _refuse_wrong_jumps(self) -> None:
         if np.ndim(self.jumps) != 2 or np.shape(self.jumps)[1] != 4:
             raise SimulationError(
                 f"motion: expected jumps of shape (k, 4), found {np.shape(self.jumps)}"
             )
-        at = self.jumps[:, 0]
         if not np.all(np.isfinite(self.jumps)):
             raise SimulationError("motion: a number of jumps is not finite")
+        at = self.jumps[:, 0]
         if not (at[0] > 0.0 and at[-1] <= len(self.displacement) - 1 and np.all(np.diff(at) > 0)):
             raise SimulationError(
                 "motion: expected jumps in order of time, after the first sample and not after "
@@ -133,6 +119,19 @@ class Motion:
 
 # What dataclasses write says TypeError, of __init__.
 Motion.__init__ = refuse_wrong_arguments("damperfit.Motion")(Motion.__init__)  # type: ignore[method-assign]
+
+
+def _as_numbers(name: str, channel: object) -> FloatArray:
+    try:
+        numbers = np.asarray(channel)
+    except ValueError:  # rows of different lengths
+        numbers = np.array(None)
+    if numbers.dtype.kind not in "iuf":
+        raise SimulationError(
+            f"motion: expected an array of numbers for {name}, found {type(channel).__name__} of "
+            "something else"
+        )
+    return numbers
 
 
 def motion_of(trace: Trace) -> Motion:

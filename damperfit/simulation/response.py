@@ -1,17 +1,21 @@
-"""How exactly to integrate, and a damper's answer to a motion."""
+"""A model of a damper asked for its response to a motion, and how exactly."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Protocol
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     import numpy as np
     from numpy.typing import NDArray
 
+    from damperfit.simulation.motion import Motion
+
     FloatArray = NDArray[np.float64]
 
-__all__ = ["Response", "SolverOptions", "Work"]
+__all__ = ["Response", "SolverOptions", "Work", "describe_ending", "simulate"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,3 +88,82 @@ class Response:
     masses: FloatArray
     sensitivities: dict[str, FloatArray] = field(default_factory=dict)
     work: Work = field(default_factory=lambda: Work(0, 0, 0))
+
+
+class _Simulated(Protocol):
+    """What is asked of a model; the whole is `damperfit.damper.model.Model`."""
+
+    def simulate(
+        self,
+        values: Any,
+        motion: Motion,
+        *,
+        sensitivities: Sequence[str],
+        options: SolverOptions,
+    ) -> Response: ...
+
+
+def simulate(
+    values: Any,
+    damper: _Simulated,
+    motion: Motion,
+    *,
+    sensitivities: Sequence[str] = (),
+    options: SolverOptions = SolverOptions(),
+) -> Response:
+    """Simulate a damper that is driven by a displacement.
+
+    The start of the paper's model and of networks has one pressure in all chambers and the oil mass
+    of the damper at x = 0; the steady cycle is reached within one cycle from there.
+
+    Parameters
+    ----------
+    values : Values
+        One number for each of the model's quantities, SI.
+    damper : Model
+        The damper, as far as it is declared.
+    motion : Motion
+        Uniform samples of displacement and velocity.
+    sensitivities : sequence of str
+        What to differentiate the force by: quantities and conditions of the model.
+    options : SolverOptions
+        Tolerance and dead band.
+
+    Returns
+    -------
+    Response
+        Force, pressures, masses and sensitivities at the samples.
+
+    Raises
+    ------
+    SimulationError
+        When a state is not finite, a chamber has no volume left, or the step limit is met.
+
+    Examples
+    --------
+    >>> from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters
+    >>> from damperfit.simulation import sine_motion
+    >>> y = Parameters(r_m1=1.8e4, r_m2=3.527e6, r_m3=2.597e6, k_e=3.65e8, f_f=50.0)
+    >>> response = simulate(y, PURDY_DAMPER, sine_motion(0.032, 1.5, cycles=4, sample_rate=1500))
+    >>> round(float(response.force[3100]))  # a tenth into the fourth cycle
+    673
+    """
+    return damper.simulate(values, motion, sensitivities=tuple(sensitivities), options=options)
+
+
+_ENDINGS = {
+    1: "the state or the displacement is not a finite number",
+    2: "the integrator needs more than {limit} steps between two samples",
+    3: "the stroke leaves no volume in a chamber or in the gas",
+    4: "a parameter or a solver option is zero, negative or not finite",
+}
+
+
+def describe_ending(code: int, sample: int, motion: Motion, options: SolverOptions) -> str:
+    """Return the sentence of a simulation that ended with a code other than 0, at a sample."""
+    what = _ENDINGS[code].format(limit=options.max_steps_per_sample)
+    if sample >= len(motion.displacement):
+        return f"simulation failed: {what}."
+    moment = motion.start_time + sample * motion.interval
+    x = motion.displacement[sample]
+    return f"simulation failed at sample {sample} ({moment:.6g} s, x = {x:.6g} m): {what}."

@@ -53,17 +53,16 @@ def test_a_viscous_damper_has_no_hysteresis_and_known_forces() -> None:
     assert found.speed_forces[1].bump == pytest.approx(-100.0, rel=1e-6)
 
 
-def test_hysteresis_is_opening_minus_closing_at_the_speed_asked_for() -> None:
+def test_hysteresis_is_opening_minus_closing_at_half_the_peak_speed() -> None:
     time = np.arange(4001) / 2000.0
     x, v = np.sin(2 * np.pi * time), 2 * np.pi * np.cos(2 * np.pi * time)
     # A spring adds -k x: opening in rebound is x < 0, so opening minus closing is 2 k |x|.
     found = characterise(
-        Response(time, x, v, -100.0 * x, np.ones((3, 4001)), np.ones((2, 4001))),
-        1.0,
-        hysteresis_speed=2 * math.pi * math.cos(math.pi / 6),  # at |x| = 0.5
+        Response(time, x, v, -100.0 * x, np.ones((3, 4001)), np.ones((2, 4001))), 1.0
     )
-    assert found.hysteresis_rebound == pytest.approx(100.0, rel=1e-4)
-    assert found.hysteresis_bump == pytest.approx(-100.0, rel=1e-4)
+    assert found.hysteresis_speed == pytest.approx(math.pi)
+    assert found.hysteresis_rebound == pytest.approx(200.0 * math.cos(math.pi / 6), rel=1e-4)
+    assert found.hysteresis_bump == pytest.approx(-200.0 * math.cos(math.pi / 6), rel=1e-4)
 
 
 def test_the_share_of_cavitation_and_the_pressure_range_are_those_of_the_last_cycle() -> None:

@@ -28,8 +28,7 @@ from damperfit.damper.cylinder import filling
 from damperfit.damper.network import purdy
 from damperfit.damper.purdy.quantities import QUANTITIES
 from damperfit.errors import SimulationError, did_you_mean
-from damperfit.simulation import Response, Work
-from damperfit.simulation.endings import describe_ending
+from damperfit.simulation import Response, Work, describe_ending
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

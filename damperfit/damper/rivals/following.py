@@ -8,7 +8,7 @@ import numpy as np
 
 from damperfit.compiled_core import compiled_core
 from damperfit.errors import SimulationError
-from damperfit.simulation.endings import describe_ending
+from damperfit.simulation import describe_ending
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
