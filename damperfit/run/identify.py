@@ -271,23 +271,24 @@ def identified(  # noqa: PLR0913 - what is asked of it
         yield Identified(owner, own.output.folder, own, run, campaign, facts, beside)
 
 
-_AFTER_READING = ("judging", "conditions", "duplicate_tests", "run_json")
+_AFTER_READING = ("judging", "duplicate_tests", "run_json")
 
 
 def _prepared(
     configuration: Configuration, parted: Parted, options: Any
 ) -> tuple[Configuration, Parted]:
     """Leave out copies and contradictions among the logs of one damper; find its temperature."""
-    from damperfit.run.conditions import check_temperatures, with_reference, with_rod_remark
     from damperfit.run.duplicate_tests import (
         once_each,
+        with_rod_remark,
         without_contradictions,
         without_contradictory_motions,
         without_copies,
     )
+    from damperfit.run.temperatures import check_temperatures, with_reference
 
     once = once_each(parted.batch)
-    check_temperatures(configuration, once.traces, parted.held_out)
+    check_temperatures(configuration, (*once.traces, *parted.held_out))
     left = without_contradictions(
         once,
         is_averaging=configuration.rig.is_averaging,
@@ -297,7 +298,7 @@ def _prepared(
     left, held_out = without_copies(left, parted.held_out)
     left = with_rod_remark(left, configuration.damper)
     parted = with_transients(replace(parted, batch=left, held_out=held_out), options)
-    return with_reference(configuration, left.traces, parted.held_out), parted
+    return with_reference(configuration, left.traces), parted
 
 
 def _fitted(

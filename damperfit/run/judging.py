@@ -14,7 +14,6 @@ from damperfit.checks import Subject, run_checks, unchecked
 from damperfit.damper.valve_dampers import ValveDamper
 from damperfit.errors import Mishap
 from damperfit.laws.other_layouts import times_in
-from damperfit.run.conditions import air_objections
 from damperfit.run.remarks import MANY
 from damperfit.run.run_json import Judgement, failures_of
 from damperfit.uncertainty import (
@@ -28,6 +27,7 @@ from damperfit.uncertainty import (
     profile_campaign,
     reconsider,
 )
+from damperfit.uncertainty.air import air_objections
 from damperfit.workers import executor
 
 if TYPE_CHECKING:
@@ -136,9 +136,16 @@ def judge(
         no_objections,
     )
     no_air: dict[Setting, Objection] = {}
+    is_air_declared = (
+        "damper.ambient_pressure" in configuration.declared or configuration.is_assumed
+    )
     air = mishaps.spared(
         "looking for the air on the rod",
-        lambda: air_objections(configuration, judged, assessment, jobs=jobs),
+        lambda: (
+            no_air
+            if is_air_declared
+            else air_objections(judged, assessment, damper, configuration.identification, jobs=jobs)
+        ),
         no_air,
     )
     for setting, sentence in _undelivered(configuration, judged):

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from damperfit.errors import SimulationError
+from damperfit.identification import unlike_motions as like_speeds
 from damperfit.run import dampers, labelling
-from damperfit.run import duplicate_tests as like_speeds
 from damperfit.tested.setting import Setting
 
 
@@ -29,13 +29,13 @@ def test_fits_of_each_log_leave_a_quarter_of_what_both_miss(monkeypatch, left, i
     log = SimpleNamespace(force=force, compared=slice(None))
     met = SimpleNamespace(first=log, second=log, differs=True)
 
-    def missed(traces, _configuration):
+    def missed(traces, *_):
         of_each = np.sqrt(left if len(traces) == 1 else 1.0)
         return [of_each * force for _ in traces]
 
     monkeypatch.setattr(like_speeds, "_missed", missed)
     monkeypatch.setattr(like_speeds, "_meeting", lambda *_: met)
-    assert like_speeds._is_left_by_fits(met, None) is is_reported
+    assert like_speeds._is_left_by_fits(met, None, None) is is_reported
 
 
 @pytest.mark.parametrize(("n", "is_said"), [(1, False), (2, True)])
@@ -73,4 +73,4 @@ def test_a_log_that_cannot_be_fitted_contradicts_none(monkeypatch) -> None:
 
     monkeypatch.setattr(like_speeds, "_missed", fails)
     met = SimpleNamespace(first=None, second=None)
-    assert like_speeds._is_left_by_fits(met, None) is False
+    assert like_speeds._is_left_by_fits(met, None, None) is False

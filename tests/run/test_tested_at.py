@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from damperfit.conditioning import ConditionOptions, GasFacts
+from damperfit.conditioning.duplicates import rod_area_ratio, share_a_motion
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import ConfigurationError
 from damperfit.identification import FitOptions, identify
 from damperfit.io import read_tests
-from damperfit.run.conditions import rod_area_ratio, with_rod_remark
-from damperfit.run.duplicate_tests import share_a_motion, without_contradictions
+from damperfit.run.duplicate_tests import with_rod_remark, without_contradictions
 from damperfit.run.tested_at import conditioned_as_tested
 from damperfit.simulation import motion_of, simulate
 from tests.identification import adjusted, rig

@@ -13,6 +13,7 @@ import pytest
 from damperfit.asked import configured, covaried
 from damperfit.cli.main import main
 from damperfit.conditioning import ConditionOptions, condition
+from damperfit.conditioning.duplicates import are_unlike
 from damperfit.conditioning.repeatability import _trend_of_peaks
 from damperfit.configuration.loading import load_configuration
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
@@ -34,9 +35,9 @@ from damperfit.queries.simulations import (
 )
 from damperfit.recording import Recording
 from damperfit.results import warmed_to
-from damperfit.run.conditions import with_reference
-from damperfit.run.duplicate_tests import are_unlike, without_contradictions
+from damperfit.run.duplicate_tests import without_contradictions
 from damperfit.run.identify import identified, written
+from damperfit.run.temperatures import check_temperatures, with_reference
 from damperfit.simulation import Motion, SolverOptions, simulate
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty import assess, reconsider
@@ -212,7 +213,7 @@ def test_a_log_without_a_temperature_is_named() -> None:
     traces = [log(1, COLD), *(replace(log(s, WARM), temperature=None) for s in (1, 10))]
     says = r"setting_01_60C.csv and 1 more have no temperature; expected a channel, a line '# temp"
     with pytest.raises(ConfigurationError, match=says):
-        with_reference(asked_for("mean"), traces)
+        check_temperatures(asked_for("mean"), traces)
 
 
 @pytest.mark.parametrize(
@@ -361,16 +362,6 @@ def test_logs_without_a_temperature_do_not_contradict_each_other(tmp_path, resul
     )
     with pytest.raises(ConfigurationError, match="and 1 more have no temperature"):
         next(identified(configuration, [str(tmp_path / "setting_01_*.csv")], jobs=1))
-
-
-def test_a_held_out_log_without_a_temperature_is_named() -> None:
-    held_out = replace(log(10, WARM), temperature=None)
-    with pytest.raises(ConfigurationError, match=f"{held_out.name} has no temperature"):
-        with_reference(asked_for("mean"), logs(COLD, WARM), [held_out])
-    assert (
-        with_reference(asked_for("mean"), logs(COLD, WARM), [log(10, WARM)]).damper.reference
-        == 43.0
-    )
 
 
 def test_a_log_drives_it_at_its_own_temperature_unless_another_is_asked(results) -> None:

@@ -9,8 +9,9 @@ import pytest
 
 from damperfit.conditioning import condition
 from damperfit.configuration.loading import load_configuration
+from damperfit.identification.unlike_motions import _meeting, _power
 from damperfit.io import read_log
-from damperfit.run.duplicate_tests import _meeting, _power, without_contradictory_motions
+from damperfit.run.duplicate_tests import without_contradictory_motions
 from damperfit.run.logs import LogBatch
 from damperfit.tested.setting import Setting
 from tests import fakes

@@ -11,14 +11,12 @@ import pytest
 from damperfit.conditioning import condition
 from damperfit.configuration.loading import load_configuration
 from damperfit.damper.purdy.closed_forms import incompressible_force
-from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper
+from damperfit.damper.purdy.parameters import Damper
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import identify
-from damperfit.run import conditions as air_on_rod
-from damperfit.run.conditions import air_objections
 from damperfit.simulation import simulate, sine_motion
-from damperfit.uncertainty import Assessment, assess
-from tests import fakes
+from damperfit.uncertainty import Assessment, air, assess
+from damperfit.uncertainty.air import air_objections
 from tests.identification.rig import recording, short_trace
 from tests.quick_cycles import quick_cycle
 
@@ -37,7 +35,9 @@ def told(damper, *, noise=4.0, declared=ROD, **identification):
     traces = [short_trace(10, damper=damper, noise=noise)]
     campaign = identify(traces, configuration.damper, configuration.identification)
     assessment = assess(campaign, configuration.damper)
-    return air_objections(configuration, campaign, assessment, jobs=1)
+    return air_objections(
+        campaign, assessment, configuration.damper, configuration.identification, jobs=1
+    )
 
 
 def test_the_air_adds_its_pressure_times_the_rod_to_every_force():
@@ -76,9 +76,7 @@ def test_where_the_logs_show_the_air_the_grade_is_withheld():
     ("damper", "declared", "identification"),
     [
         (WITHOUT, ROD, {}),
-        (WITH, ROD | {"ambient_pressure": "0bara"}, {}),  # told so
         (WITH, ROD, {"free": ["r_m1", "r_m2", "k_e", "f_0"]}),  # which takes its place
-        (replace(PURDY_DAMPER, ambient_pressure=AIR), {}, {}),  # nobody's damper is declared
     ],
 )
 def test_nothing_is_said_where_it_is_not_there_or_not_left_out(damper, declared, identification):
@@ -93,22 +91,24 @@ def test_a_model_that_misses_by_twice_its_noise_says_nothing(monkeypatch, of_the
     (again,) = identify(traces, WITH, configuration.identification).fits
     (fit,) = campaign.fits
     monkeypatch.setattr(
-        air_on_rod,
+        air,
         "identify",
         lambda *_, **__: SimpleNamespace(fits=[replace(again, mse_percent=0.1 * of_the_noise)]),
     )
     noise = SimpleNamespace(setting=fit.setting, noise_percent=0.1)
     seen = replace(Assessment(), diagnoses=(noise,))
-    assert bool(air_objections(configuration, campaign, seen, jobs=1)) is is_told
+    options = configuration.identification
+    told = air_objections(campaign, seen, configuration.damper, options, jobs=1)
+    assert bool(told) is is_told
 
 
 @pytest.mark.parametrize(("mean", "is_certain"), [(3.99, False), (4.01, True)])
 def test_the_squares_fall_by_four_standard_errors(mean, is_certain):
     around = np.array([-1.0, 1.0] * 8)  # sixteen cycles
     error = float(np.std(around, ddof=1)) / 4.0
-    assert air_on_rod._is_certain((around + mean * error).tolist()) is is_certain
-    assert not air_on_rod._is_certain([1.0])
-    assert air_on_rod._is_certain([1.0, 1.1])  # two cycles are enough where they agree
+    assert air._is_certain((around + mean * error).tolist()) is is_certain
+    assert not air._is_certain([1.0])
+    assert air._is_certain([1.0, 1.1])  # two cycles are enough where they agree
 
 
 def test_what_the_force_at_rest_is_compared_with_knows_the_air():
@@ -117,8 +117,3 @@ def test_what_the_force_at_rest_is_compared_with_knows_the_air():
         trace = condition(recording(10, damper=WITH), options)
         (said,) = [one.sentence for one in trace.findings if one.name == "tare"]
         assert said.endswith(f"the gas force alone is {expected:.0f} N")
-
-
-@pytest.mark.parametrize(("status", "has"), [("fitted", True), ("fixed", False)])
-def test_an_offset_that_is_fitted_takes_the_place_of_the_air(status, has):
-    assert air_on_rod._has_offset(fakes.fit(1, status={"f_0": status})) is has
