@@ -945,7 +945,7 @@ def _write_report(
 ) -> Files:
     """Write the page and the figures of a results folder."""
     from damperfit.report.page import html_report
-    from damperfit.report.settings_figures import report_plots
+    from damperfit.report.run_figures import report_plots
     from damperfit.results import Run
     from damperfit.shown import Files
     from damperfit.store import file_set

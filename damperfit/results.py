@@ -1104,7 +1104,7 @@ class Run:
             There is no figure of that name.
         """
         from damperfit.report.drawing import compose, fixed_style
-        from damperfit.report.settings_figures import report_plots
+        from damperfit.report.run_figures import report_plots
 
         plots = {one.name: one for one in report_plots(self).plots}
         meant = _FAN if name is None else str(name)
@@ -1118,7 +1118,7 @@ class Run:
     def report(self, path: str | Path = "report.html") -> Path:
         """Write the page and return where it is."""
         from damperfit.report.page import html_report
-        from damperfit.report.settings_figures import report_plots
+        from damperfit.report.run_figures import report_plots
 
         text = html_report(report_plots(self), title=self._title)
         whole = _path(path, "run.report", "the path of a page")
@@ -1224,7 +1224,7 @@ class Run:
     def _sheet(self) -> Sheet:
         from damperfit.report.tables import parameter_sheet
 
-        return parameter_sheet(self.rows("parameters"), self.quantities, columns=NOTEBOOK_COLUMNS)
+        return parameter_sheet(self.rows("parameters"), self.quantities)
 
     def __repr__(self) -> str:
         rows = self.rows("parameters")

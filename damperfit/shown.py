@@ -279,12 +279,14 @@ class Simulation:
                 table = time_series_table(self.test.response)
                 write_table(sets[-1].path(out.name), table, suffix=out.suffix)
             if plot is not None:
-                from damperfit.report.drawing import draw_loops
+                from damperfit.report.drawing import draw_plot
+                from damperfit.report.run_figures import cycle_plot
 
                 sets.append(stack.enter_context(file_set(plot.parent, spares_others=spares_others)))
                 path, kind = sets[-1].path(plot.name), plot.suffix[1:].lower()
                 test = self.test
-                draw_loops(path, test.response, test.frequency, kind=kind, title=self.title)
+                drawn = cycle_plot(test.response, test.frequency, title=self.title)
+                draw_plot(path, drawn, kind=kind)
             for files in sets:  # both before either is exchanged
                 files.spare()
 
@@ -473,7 +475,7 @@ class Sweep:
     def plots(self) -> tuple[Plot, ...]:
         """Its figures."""
         from damperfit.damper.purdy.figures import FAMILIES
-        from damperfit.report.log_figures import sweep_plot, sweep_pressure_plot
+        from damperfit.report.run_figures import sweep_plot, sweep_pressure_plot
 
         plots = []
         known = {one.name: one for one in FAMILIES}

@@ -27,7 +27,7 @@ from damperfit.identification.signatures import signatures
 from damperfit.recording import Recording
 from damperfit.report.markdown import markdown_report
 from damperfit.report.page import html_report
-from damperfit.report.settings_figures import report_plots
+from damperfit.report.run_figures import report_plots
 from damperfit.report.sheet import escape
 from damperfit.results import Run
 from damperfit.simulation import Motion, SolverOptions, simulate
@@ -41,7 +41,6 @@ from tests.damper.test_rivals import NUMBERS
 from tests.damper.test_valve_dampers import VALVES
 from tests.fakes import values_in
 from tests.report_folder import put_responses
-from tests.texts import FACTS
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -218,7 +217,7 @@ def test_the_report_shows_it_and_knows_no_model(name: str, tmp_path: Path) -> No
     found = Run.load(tmp_path)
     assert found.quantities == one.model.quantities
     page = html_report(report_plots(found), title=name)
-    text = markdown_report(one.tables, FACTS, one.model.quantities)
+    text = markdown_report(found)
     for quantity in one.model.quantities:
         is_idle = quantity.default == getattr(fit.parameters, quantity.name)
         assert is_idle or escape(quantity.symbol) in text, quantity.name

@@ -33,7 +33,7 @@ from damperfit.report.figures import (
     setting_axis,
     setting_colours,
 )
-from damperfit.report.settings_figures import report_plots
+from damperfit.report.run_figures import report_plots
 from damperfit.results import Run
 from tests.report_folder import make_results
 
@@ -152,7 +152,7 @@ _DRAW = """
 import sys
 from pathlib import Path
 from damperfit.report.drawing import draw_plot
-from damperfit.report.settings_figures import report_plots
+from damperfit.report.run_figures import report_plots
 from damperfit.results import Run
 plots = {p.name: p for p in report_plots(Run.load(Path(sys.argv[1]))).plots}
 for kind in ("png", "svg", "pdf"):

@@ -25,7 +25,7 @@ from PIL import Image
 
 from damperfit.cli import main
 from damperfit.report.drawing import draw_plot
-from damperfit.report.settings_figures import report_plots
+from damperfit.report.run_figures import report_plots
 from damperfit.results import Run
 from damperfit.samples import SampleOptions, make_samples
 

@@ -22,10 +22,8 @@ import damperfit
 from damperfit.errors import ConfigurationError
 from damperfit.report.drawing import FIXED_METADATA, draw_plot
 from damperfit.report.figures import setting_axis, setting_colours, thin
-from damperfit.report.log_figures import LOG_FIGURES
-from damperfit.report.logs import log_views
 from damperfit.report.page import PlotData, html_report
-from damperfit.report.settings_figures import report_plots
+from damperfit.report.run_figures import LOG_FIGURES, report_plots
 from damperfit.results import Run
 from tests.report_folder import EVIL, damage_row_group, make_results
 
@@ -308,7 +306,7 @@ def test_settings_are_numbered_where_they_are_and_do_not_touch():
 
 
 def test_the_mean_residual_is_that_of_all_samples(folder):
-    view = log_views(Run.load(folder))[0]
+    view = report_plots(Run.load(folder)).logs[0]
     signals = replace(view.signals, force=view.signals.force_measured - 7.0)
     moved = replace(view, signals=signals)
     plots = [plot for figure in LOG_FIGURES for plot in figure(moved, "a", "#000000")]

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import html
 import re
-from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -17,23 +16,24 @@ from matplotlib.text import Text
 from damperfit.checks import Check
 from damperfit.identification import Outcome
 from damperfit.report.drawing import compose, fixed_style
-from damperfit.report.facts import Failure, ReportFacts
 from damperfit.report.forces import force_by_setting_sheet, force_sheets, measured_force_sheet
 from damperfit.report.inspection import finding_lines, inspection_sheet
 from damperfit.report.markdown import markdown_report
 from damperfit.report.page import html_report
-from damperfit.report.settings_figures import report_plots
+from damperfit.report.records import to_record
+from damperfit.report.run_figures import report_plots
 from damperfit.report.sheet import text_table
 from damperfit.report.tables import check_lines, parameter_sheet
 from damperfit.results import Run
+from damperfit.tables.columns import PAPER_QUANTITIES
 from damperfit.tables.rows import make_tables
 from tests.fakes import campaign, fit
 from tests.report_folder import make_results
 
-__all__ = ["FACTS", "FORCES", "LOGS", "STATES", "page_words", "texts"]
+__all__ = ["FORCES", "LOGS", "STATES", "page_words", "run_of", "texts"]
 
 SNAPSHOT = Path(__file__).parent / "snapshots" / "texts.txt"
-FACTS = ReportFacts(version="1.2.3", procedure=("Procedure: paper.",))
+RECORD: dict[str, Any] = {"version": "1.2.3", "procedure": ["Procedure: paper."]}
 CHECKS = (
     Check("no_cavitation", True, "no chamber reaches zero pressure"),
     Check("trend_monotone", False, "K_e falls from setting 3 to 4"),
@@ -41,58 +41,54 @@ CHECKS = (
 )
 
 
-def _advice(outcome: Outcome) -> tuple[tuple[str, str], ...]:
-    return ((outcome.value, outcome.advice),)
+def _failure(log: str, setting: int | None, message: str) -> dict[str, Any]:
+    return {"log": log, "path": log, "setting": setting, "kind": "LogError", "message": message}
 
 
-# What was fitted, what else is told, which settings were expected.
-STATES: dict[str, tuple[Any, ReportFacts, tuple[int, ...]]] = {
+# What was fitted, what else run.json tells, which settings were expected.
+STATES: dict[str, tuple[Any, dict[str, Any], tuple[int, ...]]] = {
     "good": (
         campaign(fit(1), fit(2, mse=1.5), fit(3, logs=("a.csv", "b.csv"))),
-        replace(FACTS, checks=CHECKS, tested="damper front left"),
+        {"checks": [to_record(one) for one in CHECKS], "test": {"damper": "front left"}},
         (),
     ),
     "poor": (
         campaign(fit(1), fit(2, mse=12.34)),
-        replace(FACTS, gates=("setting 2: MSE 12.3 % is above 5 %",)),
+        {"gates_missed": ["setting 2: MSE 12.3 % is above 5 %"]},
         (),
     ),
     "at_bound": (
         campaign(fit(1, outcome=Outcome.AT_BOUND, status={"k_e": "at_bound"}, mse=2.5)),
-        replace(FACTS, advice=_advice(Outcome.AT_BOUND)),
+        {},
         (),
     ),
     "not_identifiable": (
         campaign(fit(1, outcome=Outcome.NOT_IDENTIFIABLE, status={"k_e": "not_identifiable"})),
-        replace(FACTS, advice=_advice(Outcome.NOT_IDENTIFIABLE)),
+        {},
         (),
     ),
     "cavitating": (
         campaign(fit(19, outcome=Outcome.CAVITATING, f_0=-12.5, status={"f_0": "fitted"})),
-        replace(FACTS, advice=_advice(Outcome.CAVITATING)),
+        {},
         (),
     ),
     "missing": (
         campaign(fit(1), fit(3)),
-        replace(
-            FACTS,
-            failures=(
-                Failure("setting_02.csv", "runs/setting_02.csv", 2, "LogError", "empty file"),
-            ),
-            warnings=("there is no log of setting 2",),
-            gaps=((2, 2),),
-        ),
+        {
+            "failures": [_failure("setting_02.csv", 2, "empty file")],
+            "warnings": ["there is no log of setting 2"],
+            "gaps": [{"first": 2, "last": 2}],
+        },
         (1, 2, 3),
     ),
-    "nothing": (
-        campaign(),
-        replace(
-            FACTS,
-            failures=(Failure("a.csv", "a.csv", None, "LogError", "a.csv: no data rows"),),
-        ),
-        (),
-    ),
+    "nothing": (campaign(), {"failures": [_failure("a.csv", None, "a.csv: no data rows")]}, ()),
 }
+
+
+def run_of(done: Any, record: dict[str, Any], expected: tuple[int, ...] = ()) -> Run:
+    """Return a run of these fits."""
+    tables = make_tables(done, expected=expected)
+    return Run(RECORD | record, tables=tables, quantities=done.quantities or PAPER_QUANTITIES)
 
 
 def _force(setting: Any, speed: float, stroke: str, force: float, **more: Any) -> dict[str, Any]:
@@ -194,12 +190,11 @@ def _figure_words(shown: Any) -> str:
 def texts() -> dict[str, str]:
     """Return every text by its name."""
     told = {}
-    for state, (done, facts, expected) in STATES.items():
-        tables = make_tables(done, expected=expected)
-        rows = tables["parameters"].to_pylist()
-        told[f"report.md, {state}"] = markdown_report(tables, facts).rstrip("\n")
-        if rows:
-            told[f"terminal, {state}"] = text_table(parameter_sheet(rows, columns=80))
+    for state, (done, record, expected) in STATES.items():
+        run = run_of(done, record, expected)
+        told[f"report.md, {state}"] = markdown_report(run).rstrip("\n")
+        if rows := run.rows("parameters"):
+            told[f"terminal, {state}"] = text_table(parameter_sheet(rows))
     told["terminal, checks"] = "\n".join(check_lines(CHECKS))
     for name, sheets in (
         ("by speed", force_sheets(FORCES)),

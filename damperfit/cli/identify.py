@@ -90,8 +90,9 @@ def _worst(codes: set[int]) -> int:
 
 def _show(one: Identified) -> None:
     from damperfit.report.forces import force_sheets
+    from damperfit.report.records import predictions_in
+    from damperfit.report.sheet import parameters_in_units, rows_in_units, sheet_in_units
     from damperfit.report.tables import check_lines, held_out_sheet, parameter_sheet
-    from damperfit.report.units import parameters_in_units, rows_in_units, sheet_in_units
 
     result, facts, configuration = one.run, one.facts, one.configuration
     if one.beside:
@@ -104,10 +105,10 @@ def _show(one: Identified) -> None:
     rows, quantities = parameters_in_units(
         tables["parameters"].to_pylist(), result.quantities, units
     )
-    print_table(parameter_sheet(rows, quantities, columns=screen_columns(), levels=spark_levels()))
-    if facts.held_out:
+    print_table(parameter_sheet(rows, quantities, levels=spark_levels()))
+    if held_out := predictions_in(result.record):
         print_lines([""])
-        print_table(held_out_sheet(facts.held_out, columns=screen_columns()))
+        print_table(held_out_sheet(held_out, is_narrow=True))
     told = result.record.get("procedure") or [configuration.damper_sentence]  # as it was fitted
     damper = wrap(told[0], screen_columns())
     lines = map(one_line, check_lines(facts.checks))

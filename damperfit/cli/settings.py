@@ -71,7 +71,7 @@ def _show(
         force_sheets,
         measured_force_sheet,
     )
-    from damperfit.report.units import rows_in_units, sheet_in_units
+    from damperfit.report.sheet import rows_in_units, sheet_in_units
     from damperfit.tables.rows import adjustment_rows
 
     question, units = done.question, done.units

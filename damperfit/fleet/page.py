@@ -18,8 +18,8 @@ from damperfit import __version__
 from damperfit.fleet.parts import COLLECTED
 from damperfit.fleet.survey import FAR_OFF, LEAST_DAMPERS
 from damperfit.report.compared import tolerance_rows, tolerance_sheet, tolerance_table
-from damperfit.report.compared_figures import RUN_COLOURS
 from damperfit.report.figures import (
+    RUN_COLOURS,
     Line,
     Panel,
     Plot,
@@ -28,8 +28,7 @@ from damperfit.report.figures import (
     setting_places,
 )
 from damperfit.report.page import PlotData, asset, draw, plotly_script
-from damperfit.report.rounding import NOTHING, number
-from damperfit.report.sheet import Sheet
+from damperfit.report.sheet import NOTHING, Sheet, number
 from damperfit.store import file_set
 from damperfit.tables.files import write_table
 

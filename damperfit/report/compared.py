@@ -1,4 +1,4 @@
-"""Runs beside one another: tables, rows for files and --json, Markdown, JUnit."""
+"""Runs beside one another: tables and figures, rows for files and --json, Markdown, JUnit."""
 
 from __future__ import annotations
 
@@ -6,77 +6,40 @@ import math
 from typing import TYPE_CHECKING, Any
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
+import numpy as np
 import pyarrow as pa
 
-from damperfit.comparison import Sameness, verdict_of
+from damperfit.comparison import Sameness, common_tests, verdict_of
+from damperfit.report.figures import RUN_COLOURS, Line, Panel, Plot, setting_panel, setting_places
 from damperfit.report.forces import STROKE_WORDS
-from damperfit.report.rounding import NOTHING, number, with_interval
-from damperfit.report.sheet import Sheet, escape, markdown_table, printable
+from damperfit.report.sheet import (
+    NOTHING,
+    Column,
+    Sheet,
+    escape,
+    laid_out,
+    markdown_table,
+    number,
+    printable,
+    with_interval,
+)
 from damperfit.units.shown_units import SI
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
-    from damperfit.comparison import ComparedRun, Difference, Point, RunComparison
+    from numpy.typing import NDArray
+
+    from damperfit.comparison import ComparedRun, Difference, MeasuredTest, Point, RunComparison
+    from damperfit.tested.setting import Setting
     from damperfit.units.shown_units import ShownUnits
 
-__all__ = [
-    "comparison_force_sheet",
-    "comparison_markdown",
-    "comparison_record",
-    "comparison_rows",
-    "comparison_sheets",
-    "comparison_table",
-    "junit_report",
-    "tolerance_outcome",
-    "tolerance_rows",
-    "tolerance_sheet",
-    "tolerance_table",
-]
+    FloatArray = NDArray[np.float64]
 
 _FIGURES_NOTE = (
     "energy and hysteresis as measured where both ran one motion, hysteresis at half the peak speed"
 )
 _MANY = 40  # lines that a terminal shows of forces that are the same
-_TEXT, _FLOAT, _TRUTH = pa.string(), pa.float64(), pa.bool_()
-# Name, kind and meaning of each column; what is compared tells its unit.
-_COLUMNS: tuple[tuple[str, pa.DataType, str], ...] = (
-    ("first", _TEXT, "the reference"),
-    ("second", _TEXT, "the run beside it"),
-    ("kind", _TEXT, "force, parameter or figure"),
-    ("name", _TEXT, "what is compared"),
-    ("setting", _TEXT, "adjuster setting; empty: of all settings"),
-    ("speed_m_per_s", _FLOAT, "of a force, positive"),
-    ("stroke", _TEXT, "rebound or bump"),
-    ("unit", _TEXT, "of the values and their difference"),
-    ("first_value", _FLOAT, "of the reference"),
-    ("second_value", _FLOAT, "of the run beside it"),
-    ("difference", _FLOAT, "second less first"),
-    ("difference_ci_low", _FLOAT, "95 % interval of the difference"),
-    ("difference_ci_high", _FLOAT, "95 % interval of the difference"),
-    ("percent", _FLOAT, "difference in % of the first; of its damping, or half the force's range"),
-    ("percent_ci_low", _FLOAT, "95 % interval of percent"),
-    ("percent_ci_high", _FLOAT, "95 % interval of percent"),
-    ("chance", _FLOAT, "how often chance alone makes as large a difference, 0 to 1"),
-    ("verdict", _TEXT, "same, different or untold"),
-    ("is_sure", _TRUTH, "different even when the number of lines is allowed for"),
-    ("told_from", _TEXT, "model or measured"),
-    ("words", _TEXT, "the verdict in words"),
-)
-_POINT_COLUMNS: tuple[tuple[str, pa.DataType, str], ...] = (
-    ("run", _TEXT, "whose force it is"),
-    ("setting", _TEXT, "adjuster setting"),
-    ("speed_m_per_s", _FLOAT, "positive; empty where a whole setting is missing"),
-    ("stroke", _TEXT, "rebound or bump"),
-    ("force_N", _FLOAT, "positive in rebound"),
-    ("low_N", _FLOAT, "lower edge of the band"),
-    ("high_N", _FLOAT, "upper edge of the band"),
-    ("margin_N", _FLOAT, "how far inside the band; negative: outside"),
-    ("half_interval_N", _FLOAT, "half the 95 % interval of the force that is checked"),
-    ("told_from", _TEXT, "model or measured"),
-    ("is_met", _TRUTH, "whether it is inside; false where it could not be evaluated"),
-    ("words", _TEXT, "the result in words"),
-)
 
 
 # Tables for people
@@ -87,12 +50,7 @@ def comparison_sheets(
 ) -> list[tuple[str, Sheet]]:
     """Return forces, parameters and figures by title, those without rows left out.
 
-    Parameters
-    ----------
-    comparison : RunComparison
-        What was compared.
-    is_short : bool
-        For a terminal: of many forces those that tell something.
+    ``is_short`` is for a terminal: of many forces those that tell something.
     """
     title = comparison.forces_title
     sheets = (
@@ -103,16 +61,34 @@ def comparison_sheets(
     return [(title, sheet) for title, sheet in sheets if sheet.rows]
 
 
+def _of_setting(line: Difference) -> str:
+    return "all" if line.subject.setting is None else str(line.subject.setting)
+
+
+def _pair(units: ShownUnits, unit: str, digits: int = 4) -> Iterator[Column]:
+    """Yield the columns of both values."""
+    for heading, name in (("A", "first"), ("B", "second")):
+
+        def cell(line: Difference, name: str = name) -> str:
+            value = units.show(getattr(line, name).value, line.subject.unit)
+            return number(value, digits=digits)
+
+        yield Column(heading, unit, cell)
+
+
+def _difference(units: ShownUnits, unit: str) -> Column:
+    def cell(line: Difference) -> str:
+        numbers = (line.difference, line.low, line.high)
+        return with_interval(*(units.show(one, line.subject.unit) for one in numbers), plus="+")
+
+    return Column("B - A", unit, cell)
+
+
 def comparison_force_sheet(comparison: RunComparison, *, is_short: bool = False) -> Sheet:
     """Return the forces by setting, speed and stroke.
 
-    Parameters
-    ----------
-    comparison : RunComparison
-        What was compared.
-    is_short : bool
-        Of many lines those that differ, unless these are many too, and the fastest speed of each
-        setting.
+    ``is_short`` shows of many lines those that differ, unless these are many too, and the fastest
+    speed of each setting.
     """
     lines, units = comparison.of("force"), comparison.units
     shown = _telling(lines) if is_short and len(lines) > _MANY else lines
@@ -129,22 +105,23 @@ def comparison_force_sheet(comparison: RunComparison, *, is_short: bool = False)
         said = f", {differ} of them different" if differ else ""
         notes.append(f"{len(rest)} more lines{said}: --json and --out have all")
     force = units.of("N")
-    return Sheet(
-        headings=("set", "speed", "stroke", "A", "B", "B - A", "", "verdict"),
-        units=("", units.of("m/s"), "", force, force, f"{force} ±95 %", "%", ""),
-        rows=tuple(
-            (
-                *(str(line.subject.setting), _speed(line.subject.speed, units)),
-                STROKE_WORDS.get(line.subject.stroke, line.subject.stroke),
-                *(*_values(line, units), _difference(line, units)),
-                NOTHING if math.isnan(line.percent) else f"{line.percent:+.2f}",
-                verdict_of(line, units, says_measured=has_model),
-            )
-            for line in shown
-        ),
-        is_number=(True, True, False, True, True, True, True, False),
-        notes=tuple(notes),
-    )
+
+    def percent(line: Difference) -> str:
+        return NOTHING if math.isnan(line.percent) else f"{line.percent:+.2f}"
+
+    def verdict(line: Difference) -> str:
+        return verdict_of(line, units, says_measured=has_model)
+
+    columns = [
+        Column("set", "", _of_setting),
+        Column("speed", units.of("m/s"), lambda line: _speed(line.subject.speed, units)),
+        Column("stroke", "", lambda line: _stroke(line.subject.stroke), is_number=False),
+        *_pair(units, force),
+        _difference(units, f"{force} ±95 %"),
+        Column("", "%", percent),
+        Column("verdict", "", verdict, is_number=False),
+    ]
+    return laid_out(shown, columns, *notes)
 
 
 def _telling(lines: Sequence[Difference]) -> list[Difference]:
@@ -154,18 +131,12 @@ def _telling(lines: Sequence[Difference]) -> list[Difference]:
     return shown if len(shown) <= _MANY else top
 
 
+def _stroke(stroke: str) -> str:
+    return STROKE_WORDS.get(stroke, stroke)
+
+
 def _speed(speed: float | None, units: ShownUnits) -> str:
     return NOTHING if speed is None else units.write_speed(speed).split()[0]
-
-
-def _values(line: Difference, units: ShownUnits, digits: int = 4) -> tuple[str, str]:
-    a, b = (units.show(one.value, line.subject.unit) for one in (line.first, line.second))
-    return number(a, digits=digits), number(b, digits=digits)
-
-
-def _difference(line: Difference, units: ShownUnits) -> str:
-    numbers = (line.difference, line.low, line.high)
-    return with_interval(*(units.show(one, line.subject.unit) for one in numbers), plus="+")
 
 
 def _parameter_sheet(comparison: RunComparison) -> Sheet:
@@ -174,20 +145,15 @@ def _parameter_sheet(comparison: RunComparison) -> Sheet:
     # Some units are longer than the numbers: they are told once.
     known = {line.subject.label: units.of(line.subject.unit) for line in lines if line.subject.unit}
     notes = [", ".join(f"{name} in {unit}" for name, unit in known.items())] if known else []
-    return Sheet(
-        headings=("set", "parameter", "A", "B", "B - A", "", "verdict"),
-        units=("", "", "", "", "%", "%, 95 %", ""),
-        rows=tuple(
-            (
-                "all" if line.subject.setting is None else str(line.subject.setting),
-                *(line.subject.label, *_values(line, units, digits=5), *_change(line, units)),
-                verdict_of(line, units),
-            )
-            for line in lines
-        ),
-        is_number=(True, False, True, True, True, True, False),
-        notes=tuple(notes),
-    )
+    columns = [
+        Column("set", "", _of_setting),
+        Column("parameter", "", lambda line: line.subject.label, is_number=False),
+        *_pair(units, "", 5),
+        Column("B - A", "%", lambda line: _change(line, units)[0]),
+        Column("", "%, 95 %", lambda line: _change(line, units)[1]),
+        Column("verdict", "", lambda line: verdict_of(line, units), is_number=False),
+    ]
+    return laid_out(lines, columns, *notes)
 
 
 def _change(line: Difference, units: ShownUnits = SI) -> tuple[str, str]:
@@ -204,31 +170,24 @@ def _change(line: Difference, units: ShownUnits = SI) -> tuple[str, str]:
 def _figure_sheet(comparison: RunComparison) -> Sheet:
     """Return energy, hysteresis, MSE and distance from cavitation."""
     units = comparison.units
-    return Sheet(
-        headings=("set", "figure", "A", "B", "B - A", "verdict"),
-        units=("", "", "", "", "±95 %", ""),
-        rows=tuple(
-            (
-                str(line.subject.setting),
-                f"{line.subject.label}, {units.of(line.subject.unit)}",
-                *(*_values(line, units), _difference(line, units), verdict_of(line, units)),
-            )
-            for line in comparison.of("figure")
-        ),
-        is_number=(True, False, True, True, True, False),
-        notes=(_FIGURES_NOTE,),
-    )
+
+    def figure(line: Difference) -> str:
+        return f"{line.subject.label}, {units.of(line.subject.unit)}"
+
+    columns = [
+        Column("set", "", _of_setting),
+        Column("figure", "", figure, is_number=False),
+        *_pair(units, ""),
+        _difference(units, "±95 %"),
+        Column("verdict", "", lambda line: verdict_of(line, units), is_number=False),
+    ]
+    return laid_out(comparison.of("figure"), columns, _FIGURES_NOTE)
 
 
 def tolerance_sheet(points: Sequence[Point], *, is_short: bool = False) -> Sheet:
     """Return forces held against their bands, those outside first.
 
-    Parameters
-    ----------
-    points : sequence of Point
-        Of one run or several.
-    is_short : bool
-        Of many those that are not met, and the nearest to an edge.
+    ``is_short`` shows of many those that are not met, and the nearest to an edge.
     """
     order = sorted(points, key=lambda one: (not math.isnan(one.margin), one.margin))
     failed = sum(not one.is_met for one in points)
@@ -236,22 +195,21 @@ def tolerance_sheet(points: Sequence[Point], *, is_short: bool = False) -> Sheet
     more = len(order) - len(shown)
     units = points[0].units if points else SI
     force = units.of("N")
-    return Sheet(
-        headings=("run", "set", "speed", "stroke", "force", "from", "to", "result"),
-        units=("", "", units.of("m/s"), "", force, force, force, ""),
-        rows=tuple(
-            (
-                *(one.run, str(one.setting)),
-                _speed(None if math.isnan(one.speed) else one.speed, units),
-                STROKE_WORDS.get(one.stroke, one.stroke),
-                *(number(units.show(f, "N"), digits=4) for f in (one.force, one.low, one.high)),
-                one.words,
-            )
-            for one in shown
-        ),
-        is_number=(False, True, True, False, True, True, True, False),
-        notes=(f"{more} more points pass",) if more else (),
-    )
+
+    def newtons(name: str) -> Callable[[Point], str]:
+        return lambda one: number(units.show(getattr(one, name), "N"), digits=4)
+
+    columns = [
+        Column("run", "", lambda one: one.run, is_number=False),
+        Column("set", "", lambda one: str(one.setting)),
+        Column("speed", units.of("m/s"), lambda one: _speed(_finite(one.speed), units)),
+        Column("stroke", "", lambda one: _stroke(one.stroke), is_number=False),
+        Column("force", force, newtons("force")),
+        Column("from", force, newtons("low")),
+        Column("to", force, newtons("high")),
+        Column("result", "", lambda one: one.words, is_number=False),
+    ]
+    return laid_out(shown, columns, *([f"{more} more points pass"] if more else []))
 
 
 def tolerance_outcome(points: Sequence[Point]) -> str:
@@ -294,21 +252,17 @@ def comparison_markdown(
     alone : sequence of str
         What has no partner.
     """
-    parts: list[str] = ["# Comparison", "", *_list(alone)]
+    lines = ["# Comparison", "", *_list(alone)]
     if points:
-        parts += ["", f"## Tolerance {escape(source)}", "", escape(tolerance_outcome(points)), ""]
-        parts += markdown_table(tolerance_sheet(points))
+        lines += ["", f"## Tolerance {escape(source)}", "", escape(tolerance_outcome(points)), ""]
+        lines += markdown_table(tolerance_sheet(points))
     for one in comparisons:
-        parts += _comparison(one)
-    return "\n".join(parts) + "\n"
-
-
-def _comparison(one: RunComparison) -> Iterator[str]:
-    yield from ("", f"## {escape(one.second.name)} beside {escape(one.first.name)}", "")
-    yield from _list(f"differs besides: {sentence}" for sentence in one.differing)
-    yield from ("", *_list((*one.sentences, *one.to_know, *one.remarks)))
-    for title, sheet in comparison_sheets(one):
-        yield from ("", f"### {escape(title)}", "", *markdown_table(sheet))
+        lines += ["", f"## {escape(one.second.name)} beside {escape(one.first.name)}", ""]
+        lines += _list(f"differs besides: {sentence}" for sentence in one.differing)
+        lines += ["", *_list((*one.sentences, *one.to_know, *one.remarks))]
+        for title, sheet in comparison_sheets(one):
+            lines += ["", f"### {escape(title)}", "", *markdown_table(sheet)]
+    return "\n".join(lines) + "\n"
 
 
 def _list(items: Iterable[str]) -> list[str]:
@@ -316,6 +270,46 @@ def _list(items: Iterable[str]) -> list[str]:
 
 
 # Rows for files and programs
+
+_TEXT, _FLOAT, _TRUTH = pa.string(), pa.float64(), pa.bool_()
+# Name, kind and meaning of each column; what is compared tells its unit.
+_COLUMNS: tuple[tuple[str, pa.DataType, str], ...] = (
+    ("first", _TEXT, "the reference"),
+    ("second", _TEXT, "the run beside it"),
+    ("kind", _TEXT, "force, parameter or figure"),
+    ("name", _TEXT, "what is compared"),
+    ("setting", _TEXT, "adjuster setting; empty: of all settings"),
+    ("speed_m_per_s", _FLOAT, "of a force, positive"),
+    ("stroke", _TEXT, "rebound or bump"),
+    ("unit", _TEXT, "of the values and their difference"),
+    ("first_value", _FLOAT, "of the reference"),
+    ("second_value", _FLOAT, "of the run beside it"),
+    ("difference", _FLOAT, "second less first"),
+    ("difference_ci_low", _FLOAT, "95 % interval of the difference"),
+    ("difference_ci_high", _FLOAT, "95 % interval of the difference"),
+    ("percent", _FLOAT, "difference in % of the first; of its damping, or half the force's range"),
+    ("percent_ci_low", _FLOAT, "95 % interval of percent"),
+    ("percent_ci_high", _FLOAT, "95 % interval of percent"),
+    ("chance", _FLOAT, "how often chance alone makes as large a difference, 0 to 1"),
+    ("verdict", _TEXT, "same, different or untold"),
+    ("is_sure", _TRUTH, "different even when the number of lines is allowed for"),
+    ("told_from", _TEXT, "model or measured"),
+    ("words", _TEXT, "the verdict in words"),
+)
+_POINT_COLUMNS: tuple[tuple[str, pa.DataType, str], ...] = (
+    ("run", _TEXT, "whose force it is"),
+    ("setting", _TEXT, "adjuster setting"),
+    ("speed_m_per_s", _FLOAT, "positive; empty where a whole setting is missing"),
+    ("stroke", _TEXT, "rebound or bump"),
+    ("force_N", _FLOAT, "positive in rebound"),
+    ("low_N", _FLOAT, "lower edge of the band"),
+    ("high_N", _FLOAT, "upper edge of the band"),
+    ("margin_N", _FLOAT, "how far inside the band; negative: outside"),
+    ("half_interval_N", _FLOAT, "half the 95 % interval of the force that is checked"),
+    ("told_from", _TEXT, "model or measured"),
+    ("is_met", _TRUTH, "whether it is inside; false where it could not be evaluated"),
+    ("words", _TEXT, "the result in words"),
+)
 
 
 def comparison_rows(comparison: RunComparison) -> list[dict[str, Any]]:
@@ -436,3 +430,130 @@ def junit_report(points: Sequence[Point], *, source: str) -> bytes:
     indent(root)
     text: bytes = tostring(root, encoding="utf-8", xml_declaration=True)
     return text + b"\n"
+
+
+# Figures: loops of a setting with their differences below, and all settings
+
+
+def loop_plots(runs: Sequence[ComparedRun], setting: Setting, *, name: str) -> tuple[Plot, ...]:
+    """Return force against velocity and displacement of a setting, where all ran one motion.
+
+    The reference is the first of the runs; ``name`` is what the names of the plots begin with.
+    """
+    groups = common_tests(runs, setting)
+    if groups is None:
+        return ()
+    if any(not len(test.displacement) for group in groups for test in group):
+        return (_points(runs, groups, setting, name),)
+    # Of several tests the mean: x, v and force over one cycle, begun where x passes its middle.
+    loops = [np.mean([_aligned(test) for test in group], axis=0) for group in groups]
+    closed = [np.column_stack([loop, loop[:, :1]]) for loop in loops]
+    reference, whose = closed[0], runs[0].name
+    plots = []
+    for place, word, unit, factor in ((1, "velocity", "m/s", 1.0), (0, "displacement", "mm", 1e3)):
+        upper = tuple(
+            Line(
+                *(factor * loop[place], loop[2], run.name, _colour(k)),
+                setting=setting,
+                style="thin" if k == 0 else "wide",
+            )
+            # The reference last and thin: it would else be hidden where nothing differs.
+            for k, (run, loop) in reversed(list(enumerate(zip(runs, closed, strict=True))))
+        )
+        # One phase is one motion: forces are taken from each other there.
+        lower = tuple(
+            Line(
+                *(factor * reference[place], loop[2] - reference[2]),
+                *(f"{run.name} less {whose}", _colour(k)),
+                setting=setting,
+                style="thin",
+                in_legend=False,
+            )
+            for k, (run, loop) in enumerate(zip(runs[1:], closed[1:], strict=True), start=1)
+        )
+        panels = (
+            Panel(word, unit, "force", "N", upper),
+            Panel(word, unit, "difference", "N", lower, rules=((0.0, ""),)),
+        )
+        title = f"Setting {setting}: force against {word}"
+        caption = f"Mean measured cycles. Below: less {whose}, phase by phase."
+        plots.append(Plot(f"{name}_force_{word}", title, panels, caption))
+    return tuple(plots)
+
+
+def _points(
+    runs: Sequence[ComparedRun],
+    groups: Sequence[tuple[MeasuredTest, ...]],
+    setting: Setting,
+    name: str,
+) -> Plot:
+    """Return force over velocity of curves without time."""
+    lines = tuple(
+        Line(
+            *(test.velocity, test.force, run.name, _colour(k)),
+            setting=setting,
+            style="points" if k == 0 else "triangles",
+        )
+        for k, (run, group) in enumerate(zip(runs, groups, strict=True))
+        for test in group[:1]
+    )
+    panel = Panel("velocity", "m/s", "force", "N", lines)
+    return Plot(f"{name}_force_velocity", f"Setting {setting}: force against velocity", (panel,))
+
+
+def _colour(k: int) -> str:
+    return RUN_COLOURS[k % len(RUN_COLOURS)]
+
+
+def _aligned(test: MeasuredTest) -> FloatArray:
+    """Return x, v and force over one cycle from the rising passage of mid-stroke."""
+    x = test.displacement - 0.5 * (test.displacement.max() + test.displacement.min())
+    n = len(x)
+    later = np.roll(x, -1)
+    rises = np.flatnonzero((x < 0.0) & (later >= 0.0))
+    start = 0.0
+    if len(rises):
+        at = int(rises[np.argmax(test.velocity[rises])])
+        start = at + float(x[at] / (x[at] - later[at]))
+    phases = start + np.arange(n)
+    rows = (x, test.velocity, test.force)
+    return np.stack([np.interp(phases, np.arange(n), row, period=n) for row in rows])
+
+
+def difference_plots(comparisons: Sequence[RunComparison]) -> tuple[Plot, ...]:
+    """Return the difference of force over the settings, at the fastest speed of each pair.
+
+    All comparisons have one reference.
+    """
+    plots = []
+    settings = sorted({s for one in comparisons for s in one.settings})
+    places = setting_places(settings)
+    is_bare = any(one.is_without_model for one in comparisons)
+    for stroke, word in STROKE_WORDS.items():
+        lines, speeds = [], []
+        for k, one in enumerate(comparisons, start=1):
+            known = [
+                line
+                for line in one.of("force")
+                if line.subject.stroke == stroke and math.isfinite(line.percent)
+            ]
+            top = max((line.subject.speed or 0.0 for line in known), default=0.0)
+            known = [line for line in known if line.subject.speed == top]
+            if not known:
+                continue
+            speeds.append(one.units.write_speed(top))
+            x = np.array([places[line.subject.setting] for line in known if line.subject.setting])
+            y, low, high = np.array(
+                [(line.percent, line.percent_low, line.percent_high) for line in known]
+            ).T
+            errors = {"low": low, "high": high} if np.isfinite(low).all() else {}
+            label = f"{one.second.name}, {speeds[-1]}"
+            lines.append(Line(x, y, label, _colour(k), style="points", **errors))
+        if lines:
+            unit = f"% of {'measured force' if is_bare else 'damping'}"
+            panel = setting_panel(settings, "difference", unit, lines, rules=((0.0, ""),))
+            title = f"Difference of force in {word}, with 95 % intervals"
+            at = " and ".join(dict.fromkeys(speeds))
+            caption = f"At {at}. Above zero: harder than {comparisons[0].first.name}."
+            plots.append(Plot(f"difference_{stroke}", title, (panel,), caption))
+    return tuple(plots)

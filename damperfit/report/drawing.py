@@ -7,8 +7,6 @@ import sys
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from damperfit.errors import InstallationError
-
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
@@ -16,16 +14,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from damperfit.report.figures import Line, Panel, Plot
-    from damperfit.simulation import Response
-
-__all__ = [
-    "FIXED_METADATA",
-    "compose",
-    "draw_loops",
-    "draw_plot",
-    "fixed_style",
-    "matplotlib_of_files",
-]
 
 
 # Plots as files for a report or a paper, by matplotlib; equal tables give equal bytes.
@@ -128,11 +116,13 @@ def compose(plot: Plot, *, dpi: float = 160.0) -> Figure:
     size = 6.4 if is_wide else 5.4, 3.8 if n == 1 else 4.8  # inch
     figure = Figure(figsize=size, dpi=dpi, layout="constrained")
     FigureCanvasAgg(figure)
-    heights = [2.0, *(1.0 for _ in range(n - 1))]
-    rows = figure.subplots(n, 1, sharex=True, squeeze=False, height_ratios=heights)
+    is_shared = len({panel.x_label for panel in plot.panels}) == 1
+    heights = [2.0 if is_shared else 1.0, *(1.0 for _ in range(n - 1))]
+    rows = figure.subplots(n, 1, sharex=is_shared, squeeze=False, height_ratios=heights)
     for axes, panel in zip(rows[:, 0], plot.panels, strict=True):
         _draw_panel(axes, panel)
-    rows[-1, 0].set_xlabel(_label(plot.panels[-1].x_label, plot.panels[-1].x_unit))
+        if panel is plot.panels[-1] or not is_shared:
+            axes.set_xlabel(_label(panel.x_label, panel.x_unit))
     top = rows[0, 0]
     if plot.key:
         _draw_key(top, plot)
@@ -256,53 +246,3 @@ def _draw_line(axes: Any, line: Line) -> None:
     else:
         reach = [line.y - line.low, line.high - line.y]
         axes.errorbar(line.x, line.y, yerr=reach, color=colour, capsize=2.5, label=label, **style)
-
-
-# The two loops of a simulated cycle as one figure, drawn by matplotlib.
-
-
-def draw_loops(
-    path: Path, response: Response, frequency: float, *, kind: str, title: str = ""
-) -> None:
-    """Draw force against displacement and against velocity over the last cycle.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        Where to write.
-    response : Response
-        Signals, at least one cycle.
-    frequency : float
-        Hz.
-    kind : str
-        "png", "svg" or "pdf".
-    title : str
-        Above both.
-
-    Raises
-    ------
-    InstallationError
-        matplotlib is not installed.
-    """
-    try:
-        matplotlib_of_files()
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise InstallationError(
-            "--plot needs matplotlib; install it with: pip install matplotlib"
-        ) from error
-    with fixed_style():
-        figure = Figure(figsize=(10.0, 4.5), layout="constrained")
-        FigureCanvasAgg(figure)
-        left, right = figure.subplots(1, 2, sharey=True)
-        last = response.time >= response.time[-1] - (1.0 + 1e-9) / frequency
-        figure.suptitle(title, parse_math=False)
-        left.plot(1e3 * response.displacement[last], response.force[last])
-        left.set_xlabel("displacement, mm (positive: rebound)")
-        left.set_ylabel("force, N (positive: rebound)")
-        right.plot(response.velocity[last], response.force[last])
-        right.set_xlabel("velocity, m/s (positive: rebound)")
-        for axes in (left, right):
-            axes.grid(visible=True, alpha=0.3)
-        figure.savefig(path, format=kind, metadata=FIXED_METADATA[kind])

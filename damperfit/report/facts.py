@@ -1,4 +1,4 @@
-"""What a report tells besides the tables; of many problems of one code the first.
+"""What has no result, and why; of many problems of one code the first is told.
 
 What is wrong with hundreds of logs is a few lines, one for each code; run.json keeps all.
 """
@@ -6,29 +6,16 @@ What is wrong with hundreds of logs is a few lines, one for each code; run.json 
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from damperfit.errors import DamperfitError
 from damperfit.problem import Problem
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
-    from damperfit.checks import Check
     from damperfit.tested.setting import Setting
-    from damperfit.uncertainty import Prediction
-
-__all__ = [
-    "FEW",
-    "Failure",
-    "ReportFacts",
-    "failure_lines",
-    "grouped",
-    "kind_of",
-    "listed_names",
-    "short_listing",
-]
 
 
 FEW = 20  # sentences in all that are shown one by one; a damper has some twenty settings
@@ -196,76 +183,3 @@ def failure_lines(failures: Sequence[Failure]) -> list[str]:
             more = f"(and {len(others)} other tests of this file alike)"
             problems.append((first.likeness, first.place, f"{first.line} {more}"))
     return list(grouped(problems))
-
-
-@dataclass(frozen=True, slots=True)
-class ReportFacts:
-    """What a report tells besides the tables.
-
-    Attributes
-    ----------
-    version : str
-        Version of damperfit.
-    tested : str
-        Whose test it is; empty where nobody said.
-    procedure : tuple of str
-        How the parameters were found, one sentence each.
-    failures : tuple of Failure
-        Logs and settings without a result.
-    warnings : tuple of str
-        What the reader should know before believing the numbers.
-    gaps : tuple of (int, int)
-        Runs of settings without a result, first and last, between the lowest and the highest one.
-    gates : tuple of str
-        Gates that were not met, one sentence each.
-    advice : tuple of (str, str)
-        Each outcome other than success that occurred, and what to do about it.
-    trust : tuple of str
-        What the residuals say of noise and lack of fit, one sentence each.
-    held_out : tuple of Prediction
-        What was not fitted but predicted.
-    identifiability : tuple of str
-        Parameters that the logs do not tell, and those that are tied, one sentence each.
-    undetermined : tuple of str
-        Those of them that are not determined, which the command says too.
-    taken : tuple of str
-        Tables of tests that were used, which the command says too.
-    searches : tuple of str
-        What fits from many starts found, one sentence each.
-    cavitation : tuple of str
-        How near the chambers are to zero pressure, one sentence each.
-    across : tuple of str
-        What shows only across the settings, one sentence each.
-    checks : tuple of Check
-        Every check, with reason.
-    withheld : tuple of str
-        Settings whose grade is withheld, and why.
-    stretches : tuple of mapping
-        What was compared, stretch by stretch, as in run.json.
-    law_choice : mapping
-        Which laws were tried, as in run.json; empty where the logs did not choose.
-    is_interrupted : bool
-        The run was stopped before all settings were done.
-    """
-
-    version: str
-    procedure: tuple[str, ...] = ()
-    tested: str = ""
-    failures: tuple[Failure, ...] = ()
-    warnings: tuple[str, ...] = ()
-    gaps: tuple[tuple[int, int], ...] = ()
-    gates: tuple[str, ...] = ()
-    advice: tuple[tuple[str, str], ...] = ()
-    trust: tuple[str, ...] = ()
-    held_out: tuple[Prediction, ...] = ()
-    identifiability: tuple[str, ...] = ()
-    undetermined: tuple[str, ...] = ()
-    taken: tuple[str, ...] = ()
-    searches: tuple[str, ...] = ()
-    cavitation: tuple[str, ...] = ()
-    across: tuple[str, ...] = ()
-    checks: tuple[Check, ...] = ()
-    withheld: tuple[str, ...] = ()
-    stretches: tuple[Mapping[str, Any], ...] = ()
-    law_choice: Mapping[str, Any] = field(default_factory=dict)
-    is_interrupted: bool = False

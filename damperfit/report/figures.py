@@ -1,45 +1,29 @@
-"""What is drawn, before anything draws it; colours."""
+"""What is drawn, before anything draws it: plots as plain descriptions, their colours and units.
+
+A `Plot` has one or more `Panel` under one another, a panel has `Line`. The web page and the static
+figures draw the same descriptions, so a number cannot differ between them.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from damperfit.tested.setting import Setting
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Mapping
 
     from numpy.typing import NDArray
 
     from damperfit.tested.setting import Place
+    from damperfit.units.shown_units import ShownUnits
 
     FloatArray = NDArray[np.float64]
-    from collections.abc import Mapping
 
-__all__ = [
-    "CHAMBER_COLOURS",
-    "CHAMBER_STYLES",
-    "SPEED_COLOURS",
-    "Line",
-    "Panel",
-    "Plot",
-    "setting_axis",
-    "setting_colours",
-    "setting_names",
-    "setting_places",
-    "thin",
-]
-
-
-# What is drawn, before anything draws it: plots as plain descriptions, and how to thin traces.
-#
-# A `Plot` has one or more `Panel` under one another, a panel has `Line`. The web page and the
-# static
-# figures draw the same descriptions, so a number cannot differ between them.
 
 _MOST_TICKS = 20
 
@@ -153,6 +137,46 @@ class Plot:
     key: tuple[tuple[str, str], ...] = ()
 
 
+def plot_in_units(plot: Plot, units: ShownUnits) -> Plot:
+    """Return a figure with forces, speeds and displacements scaled; other axes stay."""
+    if units.is_si:
+        return plot
+    return replace(plot, panels=tuple(_panel(panel, units) for panel in plot.panels))
+
+
+def _panel(panel: Panel, units: ShownUnits) -> Panel:
+    (x, x_unit), (y, y_unit) = (_scale(unit, units) for unit in (panel.x_unit, panel.y_unit))
+    return replace(
+        panel,
+        x_unit=x_unit,
+        y_unit=y_unit,
+        lines=tuple(_line(line, x, y) for line in panel.lines),
+        rules=tuple((y * at, word) for at, word in panel.rules),
+        bands=tuple((x * begin, x * end) for begin, end in panel.bands),
+        ticks=tuple(x * tick for tick in panel.ticks),
+        x_range=panel.x_range and (x * panel.x_range[0], x * panel.x_range[1]),
+        y_range=panel.y_range and (y * panel.y_range[0], y * panel.y_range[1]),
+    )
+
+
+def _scale(unit: str, units: ShownUnits) -> tuple[float, str]:
+    """Return the factor and the unit of an axis; figures have displacements in mm."""
+    if unit == "mm":
+        chosen = units.of("m")
+        return (1.0, unit) if chosen == "m" else (1e-3 * units.show(1.0, "m"), chosen)
+    return units.show(1.0, unit), units.of(unit)
+
+
+def _line(line: Line, x: float, y: float) -> Line:
+    return replace(
+        line,
+        x=x * line.x,
+        y=y * line.y,
+        low=None if line.low is None else y * line.low,
+        high=None if line.high is None else y * line.high,
+    )
+
+
 def setting_places(settings: Iterable[Setting | Place]) -> dict[Setting, float]:
     """Return where each setting stands on an axis: at its number, or one after the other.
 
@@ -202,6 +226,21 @@ def setting_axis(
     return tuple(ticks), (known[0] - edge, known[-1] + edge)
 
 
+def setting_panel(
+    settings: Iterable[Setting | Place],
+    label: str,
+    unit: str,
+    lines: Iterable[Line],
+    **more: Any,
+) -> Panel:
+    """Return a panel over the settings, with more fields of `Panel`."""
+    known = list(settings)
+    ticks, x_range = setting_axis(known)
+    names = setting_names(known)
+    axis: Any = {"ticks": ticks, "names": names, "x_range": x_range}
+    return Panel("setting", "", label, unit, tuple(lines), **axis, **more)
+
+
 def thin(n_buckets: int, *signals: FloatArray) -> NDArray[np.intp]:
     """Return the indices of samples that keep every peak of every signal.
 
@@ -236,19 +275,16 @@ def thin(n_buckets: int, *signals: FloatArray) -> NDArray[np.intp]:
     return np.array(sorted(kept), dtype=np.intp)
 
 
-# Colours of settings, chambers and speeds.
-#
-# Every adjuster setting has one colour everywhere, on a ramp from blue (lowest) over purple to red
-# (highest). The ramp was laid by equal steps of the smallest difference that readers with full
-# sight
-# and the three kinds of dichromats see, gets darker all the way, and stands out 3 to 1 on white and
-# on the dark page; `tests/test_colours.py` computes this. "ink" and "muted" stand for the text
-# colour
-# and a grey of the theme.
+# Every setting has one colour, on a ramp from blue (lowest) over purple to red (highest). It was
+# laid by equal steps of the smallest difference that readers with full sight and the three kinds of
+# dichromats see, gets darker all the way, and stands out 3 to 1 on white and on the dark page;
+# `tests/test_colours.py` computes this. "ink" and "muted" are the text colour and a grey.
 
 CHAMBER_COLOURS = ("#0072b2", "#d55e00", "#009e73")  # Okabe and Ito (2008)
 # Blue and green come close for a reader without blue cones: the gas chamber is dashed as well.
 CHAMBER_STYLES = ("solid", "solid", "dashed")
+# Okabe and Ito (2008), readable on white and on black; the reference is in ink.
+RUN_COLOURS = ("ink", "#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 _RAMP = (
     (104, 113, 251),
     (119, 110, 218),

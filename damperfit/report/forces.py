@@ -10,8 +10,16 @@ import numpy as np
 
 from damperfit.io import ForceCurve
 from damperfit.report.inspection import MANY_ROWS
-from damperfit.report.rounding import NOTHING, number, percent, stroke_ratio, with_interval
-from damperfit.report.sheet import Sheet
+from damperfit.report.sheet import (
+    NOTHING,
+    Column,
+    Sheet,
+    laid_out,
+    number,
+    percent,
+    stroke_ratio,
+    with_interval,
+)
 from damperfit.report.tables import BLOCK_LEVELS, sparkline
 from damperfit.tested.setting import Setting, clicks_between, lines_of
 
@@ -23,27 +31,9 @@ if TYPE_CHECKING:
     Row = Mapping[str, Any]
     Places = Sequence[tuple[Any, str | None]]
 
-__all__ = [
-    "STROKE_WORDS",
-    "SweepMember",
-    "curve_forces_sheet",
-    "curve_sheet",
-    "cycle_force_sheet",
-    "cycle_pressure_sheet",
-    "cycle_sparklines",
-    "force_by_setting_sheet",
-    "force_sheets",
-    "log_force_sheet",
-    "measured_force_sheet",
-    "measured_segment_sheet",
-    "segment_sheet",
-    "sweep_records",
-    "sweep_sentence",
-    "sweep_sheet",
-]
-
 STROKE_WORDS = {"rebound": "rebound", "bump": "compression"}  # keys are the paper's, words people's
 _BOTH = ("rebound", "bump")
+_WHOSE = ("measured", "simulated")
 _OF_DAMPING = "% of the damping: of the force less the gas force at mid-stroke"
 _AS_MEASURED = "* measured: the model misses the force there by more than 2 %"
 _BRANCHES = "force at a speed: mean of both branches; hysteresis: opening less closing branch"
@@ -51,7 +41,6 @@ _SEGMENTS = (
     "Mean of the cycles; where nothing repeats the extremes, and the energy of all of it. "
     "Hysteresis: opening less closing force at half of the lower peak speed."
 )
-_CLICK_UNITS = ("N ±95 %", "%")
 _MOST = 60  # segments that have a row
 _MOST_STEPS = 5  # steps of several clicks that are named
 _CURVE_SPEEDS = (0.05, 0.1, 0.13, 0.26, 0.52)  # m/s, of the speeds that damper tests name
@@ -60,121 +49,90 @@ _CELLS, _FEWEST = 44, 16  # characters of one cycle; where the terminal is narro
 _BESIDE = 36  # name and range of a line
 
 
-def force_sheets(rows: Sequence[Row], strokes: Sequence[str] = _BOTH) -> list[Sheet]:
-    """Return the forces at all speeds and the click at the fastest, a table a stroke.
+# By setting and click: rows of the table "adjustment"
 
-    Parameters
-    ----------
-    rows : sequence of mapping
-        Of the table "adjustment".
-    strokes : sequence of str
-        Which to show.
-    """
-    sheets = [_force_by_speed(rows, stroke) for stroke in strokes if rows]
+
+def force_sheets(rows: Sequence[Row], strokes: Sequence[str] = _BOTH) -> list[Sheet]:
+    """Return the forces at all speeds and the click at the fastest, a table a stroke."""
+    speeds = sorted({row["speed_m_per_s"] for row in rows})
+    sheets = [_by_setting(rows, (stroke,), speeds) for stroke in strokes if rows]
     # A note stands once, below the last table.
     return [*(replace(one, notes=()) for one in sheets[:-1]), *sheets[-1:]]
 
 
-def _force_by_speed(rows: Sequence[Row], stroke: str) -> Sheet:
-    table = {
-        (row["setting"], row.get("changed"), row["speed_m_per_s"]): row
-        for row in rows
-        if row["stroke"] == stroke
-    }
-    speeds = sorted({speed for *_, speed in table}) or [0.0]
-    places = _places(table)
-    click = _click_headings(rows, places)
-
-    def cells(setting: Any, changed: str | None) -> tuple[str, ...]:
-        known = [table.get((setting, changed, speed), {}) for speed in speeds]
-        slower = (_force(row, has_error=False) for row in known[:-1])
-        return (*slower, *_force_and_click(known[-1])[: 1 + len(click)])
-
-    return Sheet(
-        headings=(STROKE_WORDS[stroke], *map("{:.3g}".format, speeds), *click),
-        units=("N at", *("m/s" for _ in speeds[1:]), "m/s ±95 %", *_CLICK_UNITS[: len(click)]),
-        rows=tuple((_words(*place), *cells(*place)) for place in places),
-        is_number=(True,) * (1 + len(speeds) + len(click)),
-        notes=(*(_notes_on_clicks(places) if click else ()), *_marks(rows)),
-    )
-
-
 def force_by_setting_sheet(rows: Sequence[Row], strokes: Sequence[str] = _BOTH) -> Sheet:
-    """Return force and change by click at one speed, the fastest of the rows.
-
-    Parameters
-    ----------
-    rows : sequence of mapping
-        Of the table "adjustment".
-    strokes : sequence of str
-        Which to show, beside each other.
-    """
+    """Return force and change by click at the fastest speed of the rows, strokes side by side."""
     fastest = max((row["speed_m_per_s"] for row in rows), default=0.0)
+    known = [row for row in rows if row["speed_m_per_s"] == fastest]
+    sheet = _by_setting(known, strokes, [fastest])
+    n = (len(sheet.headings) - 1) // len(strokes)
+    heads = [STROKE_WORDS[one] for one in strokes]
+    return replace(
+        sheet,
+        headings=("set", *(heads[k // n] if k % n == 0 else one
+                           for k, one in enumerate(sheet.headings[1:]))),
+        units=("", *(one.replace("m/s", "N") for one in sheet.units[1:])),
+        notes=(f"at {fastest:g} m/s", *sheet.notes),
+    )  # fmt: skip
+
+
+def _by_setting(rows: Sequence[Row], strokes: Sequence[str], speeds: Sequence[float]) -> Sheet:
+    """Force at each speed, and what a click changes at the last, a row a setting."""
     table = {
-        (row["setting"], row.get("changed"), row["stroke"]): row
+        (row["setting"], row.get("changed"), row["stroke"], row["speed_m_per_s"]): row
         for row in rows
-        if row["speed_m_per_s"] == fastest
     }
-    places = _places(table)
-    click = _click_headings(rows, places)
-    n = 1 + len(click)
-    return Sheet(
-        headings=("set", *(cell for one in strokes for cell in (STROKE_WORDS[one], *click))),
-        units=("", *(("N ±95 %", *_CLICK_UNITS[: len(click)]) * len(strokes))),
-        rows=tuple(
-            (
-                _words(*place),
-                *(
-                    cell
-                    for one in strokes
-                    for cell in _force_and_click(table.get((*place, one), {}))[:n]
-                ),
-            )
-            for place in places
-        ),
-        is_number=(True,) * (1 + n * len(strokes)),
-        notes=(
-            f"at {fastest:g} m/s",
-            *(_notes_on_clicks(places) if click else ()),
-            *_marks(table.values()),
-        ),
-    )
+    # With several adjusters a setting has a row for each that was turned.
+    places = sorted({key[:2] for key in table}, key=lambda one: (Setting.of(one[0]), one[1] or ""))
+    has_click = any(row.get("change_N") is not None for row in rows)
+    columns = [Column(STROKE_WORDS[strokes[0]], "N at", lambda place: _words(*place))]
+
+    def column(
+        heading: str, unit: str, stroke: str, speed: float, cell: Callable[[Row], str]
+    ) -> Column:
+        return Column(heading, unit, lambda at: cell(table.get((*at, stroke, speed), {})))
+
+    for stroke in strokes:
+        for speed in speeds:
+            is_last = speed == speeds[-1]
+            cell = _force if is_last else _bare_force
+            unit = "m/s ±95 %" if is_last else "m/s"
+            columns.append(column(f"{speed:.3g}", unit, stroke, speed, cell))
+        if has_click:
+            heading = "change" if _wide_steps(places) else "click"
+            columns.append(column(heading, "N ±95 %", stroke, speeds[-1], _change))
+            columns.append(column("", "%", stroke, speeds[-1], _change_percent))
+    notes = _notes_on_clicks(places) if has_click else ()
+    return laid_out(places, columns, *notes, *_marks(rows))
 
 
-def _force_and_click(row: Row) -> tuple[str, str, str]:
-    """Return force and change, each with its 95 % interval, and the change in per cent."""
-    change = with_interval(
-        *(row.get(name) for name in ("change_N", "change_ci_low_N", "change_ci_high_N")), plus="+"
-    )
-    share = row.get("change_percent")
-    return _force(row), change, NOTHING if share is None else f"{share:+.1f}"
-
-
-def _force(row: Row, *, has_error: bool = True) -> str:
-    """Return the force, marked where it was measured."""
+def _force(row: Row) -> str:
+    """Return the force with its 95 % interval, marked where it was measured."""
     limits = [row.get(name) for name in ("force_N", "force_ci_low_N", "force_ci_high_N")]
-    mark = "*" if row.get("origin") == "measured" else ""
-    if has_error:
-        return with_interval(*limits, digits=4) + mark
-    return number(limits[0], digits=4) + mark
+    return with_interval(*limits, digits=4) + _mark(row)
 
 
-def _places(rows: Iterable[tuple[Any, str | None, Any]]) -> list[tuple[Any, str | None]]:
-    """Return settings in order; with several adjusters one for each that was turned."""
-    known = {(setting, changed) for setting, changed, _ in rows}
-    return sorted(known, key=lambda one: (Setting.of(one[0]), one[1] or ""))
+def _bare_force(row: Row) -> str:
+    return number(row.get("force_N"), digits=4) + _mark(row)
+
+
+def _mark(row: Row) -> str:
+    return "*" if row.get("origin") == "measured" else ""
+
+
+def _change(row: Row) -> str:
+    names = ("change_N", "change_ci_low_N", "change_ci_high_N")
+    return with_interval(*(row.get(name) for name in names), plus="+")
+
+
+def _change_percent(row: Row) -> str:
+    share = row.get("change_percent")
+    return NOTHING if share is None else f"{share:+.1f}"
 
 
 def _words(setting: Any, changed: str | None) -> str:
     several = changed is not None and " " in str(setting)
     return f"{setting}, {changed}" if several else str(setting)
-
-
-def _click_headings(rows: Iterable[Row], places: Places) -> tuple[str, ...]:
-    """Return the headings of what a click changes; none where no setting has a neighbour."""
-    if all(row.get("change_N") is None for row in rows):
-        return ()
-    return ("change" if _wide_steps(places) else "click", "")
 
 
 def _wide_steps(places: Places) -> list[tuple[Setting, Setting, float]]:
@@ -203,105 +161,78 @@ def _notes_on_clicks(places: Places) -> tuple[str, ...]:
 
 
 def _marks(rows: Iterable[Row]) -> tuple[str, ...]:
-    return (_AS_MEASURED,) if any(row.get("origin") == "measured" for row in rows) else ()
+    return (_AS_MEASURED,) if any(map(_mark, rows)) else ()
 
 
 def measured_force_sheet(rows: Sequence[Row]) -> Sheet:
     """Return the measured force beside the model's on the same cycles, with the difference.
 
     At the fastest speed of all settings, and wherever else the model misses the measured force.
-
-    Parameters
-    ----------
-    rows : sequence of mapping
-        Of the table "adjustment".
     """
     known = [row for row in rows if row.get("measured_N") is not None]
     table = {(row["setting"], row["speed_m_per_s"], row["stroke"]): row for row in known}
     fastest = max((row["speed_m_per_s"] for row in known), default=0.0)
-    missed = {
-        (row["setting"], row["speed_m_per_s"]) for row in known if row.get("origin") == "measured"
-    }
+    missed = {(row["setting"], row["speed_m_per_s"]) for row in known if _mark(row)}
     places = sorted(
         {(a, b) for a, b, _ in table if b == fastest or (a, b) in missed},
         key=lambda place: (Setting.of(place[0]), place[1]),
     )
 
-    def cells(row: Row) -> tuple[str, str, str]:
-        if not row:
-            return (NOTHING,) * 3
-        measured, difference = row["measured_N"], row["difference_N"]
-        mark = "*" if row.get("origin") == "measured" else ""
-        modelled = number(measured - difference, digits=4)
-        return number(measured, digits=4) + mark, modelled, f"{difference:+.1f}"
+    def column(stroke: str, heading: str, text: Callable[[Row], str]) -> Column:
+        def cell(place: tuple[Any, float]) -> str:
+            row = table.get((*place, stroke))
+            return text(row) if row else NOTHING
 
-    return Sheet(
-        headings=("set", "speed", *(STROKE_WORDS[one] for one in _BOTH for _ in range(3))),
-        units=("", "m/s", *("measured", "model", "diff.") * 2),
-        rows=tuple(
-            (
-                *(str(setting), f"{speed:g}"),
-                *(c for one in _BOTH for c in cells(table.get((setting, speed, one), {}))),
-            )
-            for setting, speed in places
-        ),
-        is_number=(True,) * 8,
-        notes=(
-            "force in N, mean of all compared cycles, beside the model's on the same cycles",
-            *_marks(known),
-        ),
-    )
+        return Column(STROKE_WORDS[stroke], heading, cell)
+
+    columns = [
+        Column("set", "", lambda place: str(place[0])),
+        Column("speed", "m/s", lambda place: f"{place[1]:g}"),
+    ]
+    for stroke in _BOTH:
+        columns += [
+            column(stroke, "measured", lambda r: number(r["measured_N"], digits=4) + _mark(r)),
+            column(
+                stroke, "model", lambda r: number(r["measured_N"] - r["difference_N"], digits=4)
+            ),
+            column(stroke, "diff.", lambda row: f"{row['difference_N']:+.1f}"),
+        ]
+    note = "force in N, mean of all compared cycles, beside the model's on the same cycles"
+    return laid_out(places, columns, note, *_marks(known))
+
+
+# Of logs and segments: rows of the table "characteristics"
 
 
 def log_force_sheet(rows: Sequence[Row]) -> Sheet:
-    """Return the forces of one log, measured beside simulated: at named speeds, and peaks.
-
-    Parameters
-    ----------
-    rows : sequence of mapping
-        Of the table "characteristics", of one segment.
-    """
+    """Return the forces of one segment, measured beside simulated: at named speeds, and peaks."""
     peak = next(row for row in rows if row["point"] == "peak")
     named = [(f"at {one['speed_rebound_m_per_s']:g} m/s", one) for one in rows if one is not peak]
 
     def pair(name: str, row: Row) -> tuple[str, ...]:
-        forces = {
-            (stroke, whose): row[f"{whose}_{stroke}_N"]
-            for stroke in _BOTH
-            for whose in ("measured", "simulated")
-        }
-        ratios = (
-            stroke_ratio(forces["rebound", whose], forces["bump", whose])
-            for whose in ("measured", "simulated")
-        )
-        return (name, *(number(force, digits=4) for force in forces.values()), *ratios)
+        forces = [row[f"{whose}_{stroke}_N"] for stroke in _BOTH for whose in _WHOSE]
+        ratios = map(stroke_ratio, forces[:2], forces[2:])
+        return (name, *(number(force, digits=4) for force in forces), *ratios)
 
-    lost = [
+    lost = (
         number(_rounded(peak[f"{whose}_hysteresis_{stroke}_N"]), digits=4)
         for stroke in _BOTH
-        for whose in ("measured", "simulated")
-    ]
+        for whose in _WHOSE
+    )
     hysteresis = f"hysteresis, {number(peak['hysteresis_speed_m_per_s'], digits=2)} m/s"
-    warmth = peak["temperature_degC"]
-    temperature = f"Temperature: {'not logged' if warmth is None else f'{warmth:.1f} degC'}"
-    energy = [number(peak[f"{w}_energy_J"], digits=4) for w in ("measured", "simulated")]
+    heat = peak["temperature_degC"]
+    temperature = f"Temperature: {'not logged' if heat is None else f'{heat:.1f} degC'}"
+    energy = [number(peak[f"{whose}_energy_J"], digits=4) for whose in _WHOSE]
     return Sheet(
-        headings=(
-            "force, N",
-            *(STROKE_WORDS[one] for one in _BOTH for _ in "ms"),
-            "ratio",
-            "ratio",
-        ),
-        units=("", *("measured", "simulated") * 3),
-        rows=(
+        ("force, N", *(STROKE_WORDS[one] for one in _BOTH for _ in _WHOSE), "ratio", "ratio"),
+        ("", *_WHOSE * 3),
+        (
             *(pair(name, row) for name, row in named),
             pair("peak", peak),
             (hysteresis, *lost, "", ""),
         ),
-        is_number=(False, *(True,) * 6),
-        notes=(
-            f"Energy per cycle: {energy[0]} J measured, {energy[1]} J simulated. {temperature}.",
-        ),
+        (False, *(True,) * 6),
+        (f"Energy per cycle: {energy[0]} J measured, {energy[1]} J simulated. {temperature}.",),
     )
 
 
@@ -312,98 +243,73 @@ def _rounded(force: float | None) -> float | None:
 def segment_sheet(rows: Sequence[Row], *, has_setting: bool) -> Sheet:
     """Return peak force against peak speed (PVP), energy, hysteresis: a row a segment.
 
-    Parameters
-    ----------
-    rows : sequence of mapping
-        Of the table "characteristics".
-    has_setting : bool
-        Of all settings, by setting and speed; else of one log, as it ran.
+    Of all settings, by setting and speed; else of one log, as it ran.
     """
     peaks = [row for row in rows if row["point"] == "peak"]
+    columns = [Column.of("from", "s", "start_s")]
     if has_setting:
         peaks.sort(
             key=lambda row: (Setting.of(row["setting"]), row["speed_rebound_m_per_s"] or 0.0)
         )
-    more = len(peaks) - _MOST
-    pairs = ("rebound", "compression", "energy", "hyst. rebound", "hyst. compression")
-    names = ("{}_rebound_N", "{}_bump_N", "{}_energy_J", "{}_hysteresis_rebound_N",
-             "{}_hysteresis_bump_N")  # fmt: skip
-    return Sheet(
-        headings=(
-            *(["setting"] if has_setting else ["from"]),
-            *("cycles", "freq.", "speed", *(name for name in pairs for _ in "ms")),
-        ),
-        units=(
-            *("" if has_setting else "s", "", "Hz", "m/s"),
-            *(f"{word}, {'J' if one == 'energy' else 'N'}" for one in pairs
-              for word in ("measured", "simulated")),
-        ),
-        rows=tuple(
-            (
-                str(row["setting"]) if has_setting else number(row["start_s"], digits=4),
-                str(row["cycles"]) if row["cycles"] else "moving",
-                number(row["frequency_Hz"], digits=3),
-                number(_fastest(row, "speed_{}_m_per_s"), digits=3),
-                *(
-                    number(row[name.format(whose)], digits=3 if "hysteresis" in name else 4)
-                    for name in names
-                    for whose in ("measured", "simulated")
-                ),
-            )
-            for row in peaks[:_MOST]
-        ),
-        is_number=(True,) * 14,
-        notes=(_SEGMENTS, *([f"{more} more in characteristics.csv"] if more > 0 else [])),
-    )  # fmt: skip
+        columns = [Column("setting", "", lambda row: str(row["setting"]))]
+    columns += _motion("speed_{}_m_per_s")
+    for heading, name, unit, digits in (
+        ("rebound", "rebound", "N", 4),
+        ("compression", "bump", "N", 4),
+        ("energy", "energy", "J", 4),
+        ("hyst. rebound", "hysteresis_rebound", "N", 3),
+        ("hyst. compression", "hysteresis_bump", "N", 3),
+    ):
+        columns += [
+            Column.of(heading, f"{whose}, {unit}", f"{whose}_{name}_{unit}", digits=digits)
+            for whose in _WHOSE
+        ]
+    return _first_segments(peaks, columns, "characteristics.csv")
 
 
 def measured_segment_sheet(entries: Sequence[Row]) -> Sheet:
-    """Return a row a segment of all logs: what was measured, and the MSE of the fit.
-
-    Parameters
-    ----------
-    entries : sequence of mapping
-        As in run.json, "stretches".
-    """
-    more = len(entries) - _MOST
-    return Sheet(
-        headings=(
-            *("setting", "log", "cycles", "freq.", "speed", "rebound", "compression", "energy"),
-            *("hyst. rebound", "hyst. compression", "MSE"),
-        ),
-        units=("", "", "", "Hz", "m/s", "N", "N", "J", "N", "N", "%"),
-        rows=tuple(
-            (
-                *(str(one["setting"]), str(one["log"])),
-                str(one["cycles"]) if one.get("cycles") else "moving",
-                number(one.get("frequency_Hz"), digits=3),
-                number(_fastest(one, "peak_speed_{}_m_per_s"), digits=3),
-                number(one.get("peak_force_rebound_N"), digits=4),
-                number(one.get("peak_force_bump_N"), digits=4),
-                number(one.get("energy_J"), digits=4),
-                number(one.get("hysteresis_rebound_N"), digits=3),
-                number(one.get("hysteresis_bump_N"), digits=3),
-                percent(one.get("mse_percent")),
-            )
-            for one in entries[:_MOST]
-        ),
-        is_number=(True, False, *(True,) * 9),
-        notes=(_SEGMENTS, *([f"{more} more in run.json"] if more > 0 else [])),
-    )
+    """Return a row a segment, of run.json's "stretches": what was measured, MSE of the fit."""
+    columns = [
+        Column("setting", "", lambda row: str(row["setting"])),
+        Column("log", "", lambda row: str(row["log"]), is_number=False),
+        *_motion("peak_speed_{}_m_per_s"),
+        Column.of("rebound", "N", "peak_force_rebound_N"),
+        Column.of("compression", "N", "peak_force_bump_N"),
+        Column.of("energy", "J", "energy_J"),
+        Column.of("hyst. rebound", "N", "hysteresis_rebound_N", digits=3),
+        Column.of("hyst. compression", "N", "hysteresis_bump_N", digits=3),
+        Column("MSE", "%", lambda row: percent(row.get("mse_percent"))),
+    ]
+    return _first_segments(entries, columns, "run.json")
 
 
-def _fastest(row: Row, name: str) -> float | None:
-    speeds = (row.get(name.format(stroke)) for stroke in _BOTH)
-    return max((speed for speed in speeds if speed is not None), default=None)
+def _motion(speed: str) -> list[Column]:
+    """Cycles, frequency and peak speed of a segment, whose columns have the stroke for {}."""
+
+    def fastest(row: Row) -> str:
+        speeds = (row.get(speed.format(stroke)) for stroke in _BOTH)
+        return number(max((one for one in speeds if one is not None), default=None), digits=3)
+
+    return [
+        Column("cycles", "", lambda row: str(row["cycles"]) if row.get("cycles") else "moving"),
+        Column.of("freq.", "Hz", "frequency_Hz", digits=3),
+        Column("speed", "m/s", fastest),
+    ]
+
+
+def _first_segments(rows: Sequence[Row], columns: Sequence[Column], file: str) -> Sheet:
+    more = len(rows) - _MOST
+    notes = (_SEGMENTS, *([f"{more} more in {file}"] if more > 0 else []))
+    return laid_out(rows[:_MOST], columns, *notes)
+
+
+# Curves without time
 
 
 def curve_sheet(logs: Iterable[Row]) -> Sheet:
     """Return one row per curve and stroke of the files without time; no rows without.
 
-    Parameters
-    ----------
-    logs : iterable of mapping
-        Facts of `damperfit.run.logs.LogFacts`, also of logs with time.
+    ``logs`` are facts of `damperfit.run.logs.LogFacts`, also of logs with time.
     """
     files = [log for log in logs if log.get("curves")]
     curves = []
@@ -417,15 +323,7 @@ def curve_sheet(logs: Iterable[Row]) -> Sheet:
 
 
 def curve_forces_sheet(curves: Sequence[ForceCurve], speeds: Sequence[float]) -> Sheet:
-    """Return one row per curve and stroke: its points, its peaks and its forces at some speeds.
-
-    Parameters
-    ----------
-    curves : sequence of ForceCurve
-        As measured.
-    speeds : sequence of float
-        m/s.
-    """
+    """Return one row per curve and stroke: points, peaks and forces at some speeds, m/s."""
     rows = []
     for curve in curves:
         name = curve.label
@@ -454,6 +352,9 @@ def curve_forces_sheet(curves: Sequence[ForceCurve], speeds: Sequence[float]) ->
             *([f"{more} more rows are not shown; --json lists them all"] if more > 0 else []),
         ),
     )
+
+
+# A simulated cycle
 
 
 def cycle_force_sheet(figures: Characteristics) -> Sheet:
@@ -500,19 +401,7 @@ def cycle_pressure_sheet(figures: Characteristics) -> Sheet:
 def cycle_sparklines(
     response: Response, frequency: float, *, columns: int = 80, levels: str = BLOCK_LEVELS
 ) -> tuple[str, ...]:
-    """Return the last cycle as sparklines: displacement, force and the three pressures.
-
-    Parameters
-    ----------
-    response : Response
-        Signals, at least one cycle.
-    frequency : float
-        Hz.
-    columns : int
-        Width that the lines must fit into.
-    levels : str
-        Characters from low to high.
-    """
+    """Return the last cycle, of ``frequency`` Hz, as lines: displacement, force, pressures."""
     cells = max(_FEWEST, min(_CELLS, columns - _BESIDE))
     at = response.time[-1] - (1.0 - np.arange(cells) / (cells - 1.0)) / frequency
     is_inside = response.time >= at[0]
@@ -528,6 +417,9 @@ def cycle_sparklines(
         low, high = (number(float(end(signal[is_inside])), digits=4) for end in (np.min, np.max))
         lines.append(f"{name:<12} {marks} {low} to {high} {unit}")
     return tuple(lines)
+
+
+# A sweep
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -558,26 +450,30 @@ class SweepMember:
         return max(self.figures.cavitation_shares)
 
 
+# Heading, unit and key of each figure of a member, and what it is in `Characteristics`.
+_SWEPT = (
+    ("peak", "rebound N", "peak_force_rebound_N", "peak_force_rebound"),
+    ("peak", "compr. N", "peak_force_bump_N", "peak_force_bump"),
+    ("", "", "hysteresis_speed_m_per_s", "hysteresis_speed"),
+    ("hyst.", "rebound N", "hysteresis_rebound_N", "hysteresis_rebound"),
+    ("hyst.", "compr. N", "hysteresis_bump_N", "hysteresis_bump"),
+    ("energy", "J", "energy_J", "energy"),
+)
+
+
 def sweep_sheet(name: str, unit: str, members: Sequence[SweepMember]) -> Sheet:
     """Return one row per member: peaks, hysteresis, energy, cavitation."""
-    return Sheet(
-        headings=("factor", name, "peak", "peak", "hyst.", "hyst.", "energy", "cavitation"),
-        units=("", unit, *("rebound N", "compr. N") * 2, "J", "% of cycle"),
-        rows=tuple(
-            (
-                f"{member.factor:g}",
-                number(member.value, digits=5),
-                number(member.figures.peak_force_rebound, digits=4),
-                number(member.figures.peak_force_bump, digits=4),
-                number(member.figures.hysteresis_rebound, digits=4),
-                number(member.figures.hysteresis_bump, digits=4),
-                number(member.figures.energy, digits=4),
-                f"{100.0 * member.cavitation:.1f}",
-            )
-            for member in members
-        ),
-        is_number=(True,) * 8,
-    )
+
+    def shown(figure: str) -> Callable[[SweepMember], str]:
+        return lambda member: number(getattr(member.figures, figure), digits=4)
+
+    columns = [
+        Column("factor", "", lambda member: f"{member.factor:g}"),
+        Column(name, unit, lambda member: number(member.value, digits=5)),
+        *(Column(heading, of, shown(figure)) for heading, of, _, figure in _SWEPT if heading),
+        Column("cavitation", "% of cycle", lambda member: f"{100.0 * member.cavitation:.1f}"),
+    ]
+    return laid_out(members, columns)
 
 
 def sweep_records(name: str, members: Sequence[SweepMember]) -> list[dict[str, float | str]]:
@@ -587,12 +483,7 @@ def sweep_records(name: str, members: Sequence[SweepMember]) -> list[dict[str, f
             "quantity": name,
             "factor": member.factor,
             "value": member.value,
-            "peak_force_rebound_N": member.figures.peak_force_rebound,
-            "peak_force_bump_N": member.figures.peak_force_bump,
-            "hysteresis_speed_m_per_s": member.figures.hysteresis_speed,
-            "hysteresis_rebound_N": member.figures.hysteresis_rebound,
-            "hysteresis_bump_N": member.figures.hysteresis_bump,
-            "energy_J": member.figures.energy,
+            **{key: getattr(member.figures, figure) for *_, key, figure in _SWEPT},
             **{
                 f"cavitation_fraction_{i}": share
                 for i, share in enumerate(member.figures.cavitation_shares, start=1)
@@ -615,17 +506,16 @@ def sweep_sentence(name: str, members: Sequence[SweepMember]) -> str:
     cavitation = f"cavitation: {', '.join(dry)}" if dry else "no chamber cavitates"
     if len(ranked) == 1:
         return f"{name} x{first.factor:g}: {cavitation}."
-
-    def change(words: str, get: Callable[[Characteristics], float]) -> str:
-        before, after = abs(get(first.figures)), abs(get(last.figures))
+    changes = []
+    for words, figure in (
+        ("peak rebound", "peak_force_rebound"),
+        ("peak compression", "peak_force_bump"),
+        ("hysteresis in rebound", "hysteresis_rebound"),
+        ("in compression", "hysteresis_bump"),
+    ):
+        before, after = (abs(getattr(one.figures, figure)) for one in (first, last))
         gain = round(100.0 * (after / before - 1.0), 1) + 0.0 if before > 0.0 else None
-        share = "" if gain is None else f" ({gain:+.1f} %)"
-        return f"{words} {number(before, digits=4)} to {number(after, digits=4)} N{share}"
-
-    changes = (
-        change("peak rebound", lambda f: f.peak_force_rebound),
-        change("peak compression", lambda f: f.peak_force_bump),
-        change("hysteresis in rebound", lambda f: f.hysteresis_rebound),
-        change("in compression", lambda f: f.hysteresis_bump),
-    )
+        share_of = "" if gain is None else f" ({gain:+.1f} %)"
+        change = f"{number(before, digits=4)} to {number(after, digits=4)} N{share_of}"
+        changes.append(f"{words} {change}")
     return f"{name} x{first.factor:g} to x{last.factor:g}: {', '.join(changes)}; {cavitation}."

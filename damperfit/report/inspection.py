@@ -9,13 +9,10 @@ from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 from damperfit.report.facts import FEW, kind_of, listed_names
-from damperfit.report.rounding import NOTHING, number
-from damperfit.report.sheet import Sheet
+from damperfit.report.sheet import NOTHING, Column, Sheet, laid_out, number
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
-
-__all__ = ["MANY_ROWS", "VERDICT_COLOURS", "finding_lines", "inspection_sheet", "stretch_sheet"]
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
 VERDICT_COLOURS = {"good": 32, "warnings": 33, "curves": 36, "refused": 31}  # ANSI
 _NOISE_NOTE = "* read above the filter's band; otherwise from the scatter between cycles"
@@ -29,32 +26,27 @@ _HEADINGS = {"refusal": "Refused", "warning": "Warnings: usable, but read them"}
 
 def inspection_sheet(logs: Iterable[Mapping[str, Any]]) -> Sheet:
     """Return one row per log: what was found in it, and whether it can be used."""
-    rows = []
+
+    def cell(name: str) -> Callable[[Mapping[str, Any]], str]:
+        return lambda log: NOTHING if log.get(name) is None else str(log[name])
+
+    def cycles(log: Mapping[str, Any]) -> str:
+        used = log.get("cycles_used")
+        return NOTHING if used is None else f"{used} of {log.get('cycles_found')}"
+
+    columns = [
+        Column("log", "", cell("name"), is_number=False),
+        Column("set", "", cell("setting")),
+        Column("samples", "", cell("n_samples_read")),
+        Column.of("rate", "Hz", "sample_rate_Hz"),
+        Column("cycles", "used", cycles),
+        Column.of("freq.", "Hz", "frequency_Hz"),
+        Column.of("ampl.", "mm", "amplitude_m", factor=1e3),
+        Column.of("temp.", "degC", "temperature_degC", digits=3),
+        Column("verdict", "", cell("verdict"), is_number=False),
+    ]
     shown, notes = _shown(list(logs))
-    for log in shown:
-        amplitude = log.get("amplitude_m")
-        used, found = log.get("cycles_used"), log.get("cycles_found")
-        n_read = log.get("n_samples_read")
-        rows.append(
-            (
-                str(log["name"]),
-                NOTHING if log.get("setting") is None else str(log["setting"]),
-                NOTHING if n_read is None else str(n_read),
-                number(log.get("sample_rate_Hz"), digits=4),
-                NOTHING if used is None else f"{used} of {found}",
-                number(log.get("frequency_Hz"), digits=4),
-                number(None if amplitude is None else 1e3 * amplitude, digits=4),
-                number(log.get("temperature_degC"), digits=3),
-                str(log.get("verdict", NOTHING)),
-            )
-        )
-    return Sheet(
-        headings=("log", "set", "samples", "rate", "cycles", "freq.", "ampl.", "temp.", "verdict"),
-        units=("", "", "", "Hz", "used", "Hz", "mm", "degC", ""),
-        rows=tuple(rows),
-        is_number=(False, *(True,) * 7, False),
-        notes=notes,
-    )
+    return laid_out(shown, columns, *notes)
 
 
 def _shown(logs: Sequence[Mapping[str, Any]]) -> tuple[list[Mapping[str, Any]], tuple[str, ...]]:
@@ -69,44 +61,36 @@ def _shown(logs: Sequence[Mapping[str, Any]]) -> tuple[list[Mapping[str, Any]], 
 
 def stretch_sheet(logs: Iterable[Mapping[str, Any]]) -> Sheet:
     """Return one row per segment of the logs that are no single steady run; no rows without."""
-    rows: list[tuple[str, ...]] = []
+
+    def noise(row: Mapping[str, Any]) -> str:
+        is_spectral = row["noise_source"] == "above the filter"
+        return number(row["noise_N"], digits=2) + "*" * bool(is_spectral)
+
+    rows = []
     for log in logs:
-        stretches = log.get("stretches", [])
-        if len(stretches) == 1 and stretches[0]["kind"] == "steady":
+        segments = log.get("stretches", [])
+        if len(segments) == 1 and segments[0]["kind"] == "steady":
             continue
-        names = [str(log["name"]), *("" for _ in stretches[1:])]
-        rows += [_stretch_row(name, one) for name, one in zip(names, stretches, strict=False)]
-    notes = [_NOISE_NOTE] if any("*" in row[-1] for row in rows) else []
+        names = [str(log["name"]), *("" for _ in segments[1:])]
+        rows += [{**one, "name": name} for name, one in zip(names, segments, strict=False)]
+    columns = [
+        Column("segments", "", lambda row: str(row["name"]), is_number=False),
+        Column.of("from", "s", "start_s"),
+        Column("cycles", "", lambda row: str(row["cycles"]) if row["cycles"] else "moving"),
+        Column.of("freq.", "Hz", "frequency_Hz", digits=3),
+        Column.of("ampl.", "mm", "amplitude_m", digits=3, factor=1e3),
+        Column.of("speed", "m/s", "peak_speed_m_per_s", digits=3),
+        Column.of("rebound", "N", "peak_force_rebound_N"),
+        Column.of("compression", "N", "peak_force_bump_N"),
+        Column.of("energy", "J", "energy_J", digits=3),
+        Column("noise", "N", noise),
+    ]
+    notes = [_NOISE_NOTE] if any("*" in noise(row) for row in rows) else []
     if len(rows) > MANY_ROWS:
         notes.append(
             f"{len(rows) - MANY_ROWS} more segments have no row here; --json lists them all"
         )
-    return Sheet(
-        headings=(
-            *("segments", "from", "cycles", "freq.", "ampl.", "speed"),
-            *("rebound", "compression", "energy", "noise"),
-        ),
-        units=("", "s", "", "Hz", "mm", "m/s", "N", "N", "J", "N"),
-        rows=tuple(rows[:MANY_ROWS]),
-        is_number=(False, *(True,) * 9),
-        notes=tuple(notes),
-    )
-
-
-def _stretch_row(name: str, one: Mapping[str, Any]) -> tuple[str, ...]:
-    is_spectral = one["noise_source"] == "above the filter"
-    return (
-        name,
-        number(one["start_s"], digits=4),
-        str(one["cycles"]) if one["cycles"] else "moving",
-        number(one["frequency_Hz"], digits=3),
-        number(1e3 * one["amplitude_m"], digits=3),
-        number(one["peak_speed_m_per_s"], digits=3),
-        number(one.get("peak_force_rebound_N"), digits=4),
-        number(one.get("peak_force_bump_N"), digits=4),
-        number(one.get("energy_J"), digits=3),
-        number(one["noise_N"], digits=2) + "*" * is_spectral,
-    )
+    return laid_out(rows[:MANY_ROWS], columns, *notes)
 
 
 def finding_lines(

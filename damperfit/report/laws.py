@@ -6,40 +6,14 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from damperfit.laws import UNDETERMINED
-from damperfit.report.rounding import NOTHING, number
-from damperfit.report.sheet import Sheet
+from damperfit.report.sheet import NOTHING, Column, Sheet, laid_out, number
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from damperfit.laws import LawFit, LawSearch, Tried
 
     Row = Mapping[str, Any]
-
-__all__ = [
-    "chosen_records",
-    "chosen_sheet",
-    "law_sentences",
-    "rival_records",
-    "rival_sheet",
-    "tried_law_records",
-    "tried_laws_sheet",
-]
-
-# Headings of what stands in a record as text, and its key there.
-_TEXTS = {
-    "structure": "law",
-    "changed": "change",
-    "why": "reason",
-    "model of the literature": "title",
-    "source": "source",
-}
-_NUMBERS = {
-    "factor": "gain",
-    "BIC": "bic",
-    "MSE": "mse_percent",
-    "held out": "held_out_mse_percent",
-}
 
 
 def tried_laws_sheet(choice: Row, *, is_narrow: bool = False) -> Sheet:
@@ -52,19 +26,6 @@ def tried_laws_sheet(choice: Row, *, is_narrow: bool = False) -> Sheet:
     is_narrow : bool
         For a terminal: without what was changed and why it was taken or not.
     """
-    headings: tuple[str, ...] = (
-        "",
-        "structure",
-        "changed",
-        "factor",
-        "BIC",
-        "free",
-        "MSE",
-        "held out",
-        "why",
-    )
-    if is_narrow:
-        headings = ("", "structure", "free", "BIC", "MSE", "held out")
     notes = ["* chosen; MSE and what was held out in per cent of the variance"]
     samples = _number(choice, "effective_samples")
     if not math.isnan(samples):
@@ -73,49 +34,53 @@ def tried_laws_sheet(choice: Row, *, is_narrow: bool = False) -> Sheet:
             "compared with: positive where it is for the larger of both"
             + ("; factor: MSE of the smaller of both over that of the larger" * (not is_narrow))
         )
-    return _sheet(headings, _entries(choice, "laws"), notes)
+    chosen = Column("", "", lambda one: "*" if one.get("is_chosen") is True else "", False)
+    structure, free, bic, errors = _text("structure", "law"), _FREE, _figure("BIC", "bic"), _ERRORS
+    columns = [chosen, structure, free, bic, *errors]
+    if not is_narrow:
+        factor = _figure("factor", "gain")
+        columns = [chosen, structure, _text("changed", "change"), factor, bic, free, *errors]
+        columns.append(_text("why", "reason"))
+    return laid_out(_entries(choice, "laws"), columns, *notes)
 
 
 def rival_sheet(choice: Row) -> Sheet:
-    """Return one row a model of the literature, the best prediction first.
-
-    Parameters
-    ----------
-    choice : mapping
-        What a choice of structures tells, as in run.json.
-    """
+    """Return one row a model of the literature, as in run.json, the best prediction first."""
     caveats: dict[str, list[str]] = {}
     for one in _entries(choice, "rivals"):
         if one.get("caveat"):
             caveats.setdefault(str(one["caveat"]), []).append(str(one.get("title")))
     notes = [f"{', '.join(titles)}: {why}" for why, titles in caveats.items()]
-    headings = ("model of the literature", "source", "free", "MSE", "held out")
-    return _sheet(headings, _entries(choice, "rivals"), notes)
+    columns = [_text("model of the literature", "title"), _text("source", "source"), _FREE]
+    return laid_out(_entries(choice, "rivals"), [*columns, *_ERRORS], *notes)
 
 
-def _sheet(headings: Sequence[str], entries: Sequence[Row], notes: Sequence[str]) -> Sheet:
-    return Sheet(
-        headings=tuple(headings),
-        units=tuple("%" if one in {"MSE", "held out"} else "" for one in headings),
-        rows=tuple(tuple(_cell(one, heading) for heading in headings) for one in entries),
-        is_number=tuple(one in _NUMBERS or one == "free" for one in headings),
-        notes=tuple(notes),
-    )
+def _text(heading: str, key: str) -> Column:
+    return Column(heading, "", lambda one: str(one.get(key) or ""), is_number=False)
 
 
-def _cell(one: Row, heading: str) -> str:
-    """What stands under a heading in the row of a candidate."""
-    if heading in _TEXTS:
-        return str(one.get(_TEXTS[heading]) or "")
-    if heading in _NUMBERS:
-        value = _number(one, _NUMBERS[heading])
-        if heading in {"MSE", "held out"}:
-            return _percent(value)
-        return "" if math.isnan(value) else f"{value:+.0f}" if heading == "BIC" else f"{value:.3g}"
-    if heading == "free":
-        free = one.get("free")
-        return str(len(free)) if isinstance(free, list) else ""
-    return "*" if one.get("is_chosen") is True else ""
+def _figure(heading: str, key: str) -> Column:
+    def cell(one: Row) -> str:
+        value = _number(one, key)
+        return "" if math.isnan(value) else f"{value:+.0f}" if key == "bic" else f"{value:.3g}"
+
+    return Column(heading, "", cell)
+
+
+def _n_free(one: Row) -> str:
+    free = one.get("free")
+    return str(len(free)) if isinstance(free, list) else ""
+
+
+def _error(key: str) -> Callable[[Row], str]:
+    return lambda one: _percent(_number(one, key))
+
+
+_FREE = Column("free", "", _n_free)
+_ERRORS = (
+    Column("MSE", "%", _error("mse_percent")),
+    Column("held out", "%", _error("held_out_mse_percent")),
+)
 
 
 def _entries(choice: Row, key: str) -> list[Row]:

@@ -1,20 +1,27 @@
-"""The MSE report for people, as Markdown; text from logs and configurations is escaped."""
+"""What a run tells in words, for report.md and the page; text of logs is escaped at the end."""
 
 from __future__ import annotations
 
 from statistics import median
 from typing import TYPE_CHECKING, Any
 
+from damperfit.adjustment.trends import in_few_words
+from damperfit.identification import Outcome
 from damperfit.identification.sharing import of_runs
 from damperfit.report.facts import failure_lines, short_listing
-from damperfit.report.forces import (
-    force_sheets,
-    measured_force_sheet,
-    measured_segment_sheet,
-)
+from damperfit.report.forces import force_sheets, measured_force_sheet, measured_segment_sheet
 from damperfit.report.laws import law_sentences, rival_sheet, tried_laws_sheet
-from damperfit.report.rounding import percent
-from damperfit.report.sheet import escape, markdown_table
+from damperfit.report.records import (
+    checks_in,
+    failures_in,
+    gaps_in,
+    law_in,
+    listed_in,
+    predictions_in,
+    sentences_in,
+    trends_in,
+)
+from damperfit.report.sheet import escape, markdown_table, percent
 from damperfit.report.tables import (
     check_sheet,
     check_summary,
@@ -23,100 +30,113 @@ from damperfit.report.tables import (
     mse_sheet,
     parameter_sheet,
 )
-from damperfit.tables.columns import PAPER_QUANTITIES
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Iterator
 
-    import pyarrow as pa
-
-    from damperfit.damper.quantity import Quantity
-    from damperfit.report.facts import ReportFacts
-
-__all__ = ["markdown_report"]
+    from damperfit.report.sheet import Sheet
+    from damperfit.results import Run
 
 
-def markdown_report(
-    tables: Mapping[str, pa.Table],
-    facts: ReportFacts,
-    quantities: Sequence[Quantity] = PAPER_QUANTITIES,
-) -> str:
-    """Return the MSE report of a run: forces first, parameters second, then what to believe.
-
-    Parameters
-    ----------
-    tables : mapping of str to pyarrow.Table
-        Parameters, MSE and forces by setting.
-    facts : ReportFacts
-        Failures, warnings, procedure and the rest.
-    quantities : sequence of Quantity
-        Of the model.
-    """
-    parameters = tables["parameters"].to_pylist()
-    errors = mse_sheet(tables["mse"].to_pylist(), parameters, quantities)
-    forces = tables["adjustment"].to_pylist()
-    missing = [*failure_lines(facts.failures)]
-    missing += [f"no result for {of_runs(facts.gaps)}"] if facts.gaps else []
-    law = _list(law_sentences(facts.law_choice))
-    sections: tuple[tuple[str, Iterable[str]], ...] = (
-        ("Not done", _list(missing)),
-        ("Gates not met", _list(facts.gates)),
-        ("Force by setting", _one_below_another(map(markdown_table, force_sheets(forces)))),
-        ("Parameters", markdown_table(parameter_sheet(parameters, quantities))),
-        ("MSE by setting and log", markdown_table(errors)),
-        ("Checks", _checks(facts)),
-        ("What to do", _list(f"{word}: {advice}" for word, advice in facts.advice)),
-        ("Grades withheld", _list(facts.withheld)),
-        ("Warnings", _list(short_listing(facts.warnings))),
-        (
-            "Model structure that the logs support",
-            [*law, "", *markdown_table(tried_laws_sheet(facts.law_choice))] if law else [],
-        ),
-        ("Models of the literature", markdown_table(rival_sheet(facts.law_choice))),
-        ("Characteristics as measured", markdown_table(measured_segment_sheet(facts.stretches))),
-        ("Measured beside the model", markdown_table(measured_force_sheet(forces))),
-        ("Held out: predicted, not fitted", markdown_table(held_out_sheet(facts.held_out))),
-        ("Across the settings", _list(facts.across)),
-        ("Noise and lack of fit", _list(facts.trust)),
-        ("Identifiability", _list(facts.identifiability)),
-        ("Many starts", _list(facts.searches)),
-        ("Cavitation", _list(facts.cavitation)),
-        ("How it was done", _list((*facts.procedure, f"damperfit {facts.version}"))),
-    )
-    lines = ["# MSE report", "", *_summary(parameters, facts)]
-    for title, body in sections:
-        text = list(body)
-        lines += ["", f"## {title}", "", *text] if text else []
-    return "\n".join(lines) + "\n"
-
-
-def _summary(parameters: Sequence[Mapping[str, Any]], facts: ReportFacts) -> Iterator[str]:
-    rows = [row for row in parameters if row["mse_percent"] is not None]
-    if facts.tested:
-        yield from (f"Tested: {escape(facts.tested)}.", "")
-    if facts.is_interrupted:
-        yield from ("**Interrupted: these are the settings that were finished.**", "")
+def lead(run: Run) -> str:
+    """Return how it went, in a line."""
+    rows = [row for row in run.rows("parameters") if row["mse_percent"] is not None]
     if not rows:
-        yield "No setting could be fitted."
-        return
-    values = {row["setting"]: row["mse_percent"] for row in rows}
-    worst = max(values, key=lambda setting: values[setting])
-    yield (
-        f"{len(rows)} setting{'s' if len(rows) > 1 else ''} fitted, {grade_counts(rows)} "
-        f"(excellent below 1 %, good below 5 %); MSE median {percent(median(values.values()))} %, "
-        f"worst {percent(values[worst])} % at setting {worst}."
+        return "No setting could be fitted."
+    known = {row["setting"]: row["mse_percent"] for row in rows}
+    worst = max(known, key=known.__getitem__)
+    checks = checks_in(run.record)
+    said = f"; {check_summary(checks)}" if checks else ""
+    return (
+        f"{len(known)} setting{'s' * (len(known) > 1)} fitted, {grade_counts(rows)} (excellent "
+        f"below 1 %, good below 5 %); MSE median {percent(median(known.values()))} %, worst "
+        f"{percent(known[worst])} % at setting {worst}{said}."
     )
 
 
-def _checks(facts: ReportFacts) -> list[str]:
-    if not facts.checks:
-        return []
-    return [f"{check_summary(facts.checks)}.", "", *markdown_table(check_sheet(facts.checks))]
+def listings(run: Run) -> dict[str, list[str]]:
+    """Return what to know before believing the numbers: sentences by title."""
+    record, rows = run.record, run.rows("parameters")
+    gaps = gaps_in(record)
+    missing = [f"no result for {of_runs(gaps)}"] if gaps else []
+    trends = in_few_words(trend.sentence for trend in trends_in(record) if trend.sentence)
+    return {
+        "Not done": [*failure_lines(failures_in(record)), *missing],
+        "Gates not met": [str(one) for one in listed_in(record, "gates_missed")],
+        "What to do": sorted({one for row in rows for one in _advice(row.get("outcome"))}),
+        "Grades withheld": [
+            f"setting {row['setting']}: {row['grade_reason']}"
+            for row in rows
+            if row.get("grade_reason")
+        ],
+        "Warnings": short_listing(listed_in(record, "warnings")),
+        "Model structure that the logs support": law_sentences(law_in(record)),
+        "Held out: predicted, not fitted": [*map(_prediction, predictions_in(record))],
+        "Across the settings": [*trends, *sentences_in(record, "force_offset")],
+        "Noise and lack of fit": sentences_in(record, "noise_and_lack_of_fit"),
+        "Identifiability": sentences_in(record, "identifiability"),
+        "Many starts": sentences_in(record, "many_starts"),
+        "Cavitation": sentences_in(record, "cavitation"),
+        "How it was done": [str(one) for one in listed_in(record, "procedure")],
+    }
 
 
-def _one_below_another(tables: Iterable[list[str]]) -> list[str]:
-    return [line for table in tables if table for line in (*table, "")][:-1]
+def _advice(outcome: Any) -> Iterator[str]:
+    known = next((one for one in Outcome if one.value == outcome), Outcome.CONVERGED)
+    if known is not Outcome.CONVERGED:
+        yield f"{known.value}: {known.advice}"
 
 
-def _list(items: Iterable[str]) -> list[str]:
-    return [f"- {escape(item)}" for item in items]
+def _prediction(entry: dict[str, Any]) -> str:
+    """Return how one log that was held out was predicted."""
+    cycles = entry.get("cycles")
+    which = f"{cycles} cycles"
+    if cycles == "transients":
+        which = "run-up, coast-down and changes of speed"
+    return (
+        f"setting {entry.get('setting')}, {entry.get('log')}, {which}: MSE "
+        f"{entry['mse_percent']:.3g} % ({entry['expected_mse_percent']:.3g} % expected), "
+        f"{entry.get('verdict')}"
+    )
+
+
+def markdown_report(run: Run) -> str:
+    """Return the MSE report of a run: forces first, parameters second, then what to believe."""
+    record, known = run.record, listings(run)
+    checks, law = checks_in(record), law_in(record)
+    parameters, forces = run.rows("parameters"), run.rows("adjustment")
+    known["Checks"] = [f"{check_summary(checks)}."] if checks else []
+    known["Held out: predicted, not fitted"] = []  # the table says more
+    known["How it was done"].append(f"damperfit {record.get('version')}")
+    sections: tuple[tuple[str, Iterable[Sheet]], ...] = (
+        ("Not done", ()),
+        ("Gates not met", ()),
+        ("Force by setting", force_sheets(forces)),
+        ("Parameters", [parameter_sheet(parameters, run.quantities)]),
+        ("MSE by setting and log", [mse_sheet(run.rows("mse"), parameters, run.quantities)]),
+        ("Checks", [check_sheet(checks)]),
+        ("What to do", ()),
+        ("Grades withheld", ()),
+        ("Warnings", ()),
+        ("Model structure that the logs support", [tried_laws_sheet(law)]),
+        ("Models of the literature", [rival_sheet(law)]),
+        ("Characteristics as measured", [measured_segment_sheet(listed_in(record, "stretches"))]),
+        ("Measured beside the model", [measured_force_sheet(forces)]),
+        ("Held out: predicted, not fitted", [held_out_sheet(predictions_in(record))]),
+        ("Across the settings", ()),
+        ("Noise and lack of fit", ()),
+        ("Identifiability", ()),
+        ("Many starts", ()),
+        ("Cavitation", ()),
+        ("How it was done", ()),
+    )
+    identity = "; ".join(f"{key} {value}" for key, value in run.identity.items())
+    lines = ["# MSE report", "", *([f"Tested: {escape(identity)}.", ""] if identity else [])]
+    if record.get("ending") == "interrupted":
+        lines += ["**Interrupted: these are the settings that were finished.**", ""]
+    lines.append(escape(lead(run)))
+    for title, sheets in sections:
+        parts = [[f"- {escape(one)}" for one in known.get(title, ())], *map(markdown_table, sheets)]
+        text = [line for part in parts if part for line in ("", *part)]
+        lines += ["", f"## {title}", *text] if text else []
+    return "\n".join(lines) + "\n"

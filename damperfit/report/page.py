@@ -15,7 +15,6 @@ from functools import cache
 from importlib import resources
 from importlib.util import find_spec
 from pathlib import Path
-from statistics import median
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -23,40 +22,39 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
 from damperfit import __version__
-from damperfit.adjustment.trends import in_few_words
 from damperfit.errors import InstallationError
-from damperfit.identification.sharing import of_runs
-from damperfit.report.compared import comparison_sheets, tolerance_outcome, tolerance_sheet
-from damperfit.report.compared_figures import difference_plots, loop_plots
-from damperfit.report.facts import failure_lines, grouped, short_listing
-from damperfit.report.figures import setting_colours
-from damperfit.report.forces import force_sheets, log_force_sheet, segment_sheet
-from damperfit.report.laws import law_sentences, rival_sheet, tried_laws_sheet
-from damperfit.report.logs import has_several_speeds
-from damperfit.report.records import (
-    checks_in,
-    failures_in,
-    findings_in,
-    gaps_in,
-    held_out_in,
-    law_in,
-    listed_in,
-    sentences_in,
-    trends_in,
+from damperfit.report.compared import (
+    comparison_sheets,
+    difference_plots,
+    loop_plots,
+    tolerance_outcome,
+    tolerance_sheet,
 )
-from damperfit.report.rounding import number, percent
-from damperfit.report.sheet import Sheet, html_table, printable
+from damperfit.report.facts import grouped, short_listing
+from damperfit.report.figures import plot_in_units, setting_colours
+from damperfit.report.forces import force_sheets, log_force_sheet, segment_sheet
+from damperfit.report.laws import rival_sheet, tried_laws_sheet
+from damperfit.report.markdown import lead, listings
+from damperfit.report.records import checks_in, findings_in, law_in, listed_in
+from damperfit.report.run_figures import has_several_speeds
+from damperfit.report.sheet import (
+    Sheet,
+    html_table,
+    number,
+    percent,
+    printable,
+    rows_in_units,
+    sheet_in_units,
+)
 from damperfit.report.tables import (
     cavitation_sheet,
     check_sheet,
     check_summary,
-    grade_counts,
     mse_sheet,
     parameter_line,
     parameter_sheet,
     remarks_on,
 )
-from damperfit.report.units import plot_in_units, rows_in_units, sheet_in_units
 from damperfit.tested.setting import Setting
 
 if TYPE_CHECKING:
@@ -66,22 +64,10 @@ if TYPE_CHECKING:
 
     from damperfit.comparison import Point, RunComparison
     from damperfit.report.figures import Line, Panel, Plot
-    from damperfit.report.logs import LogView
-    from damperfit.report.settings_figures import ReportPlots
+    from damperfit.report.run_figures import LogView, ReportPlots
     from damperfit.units.shown_units import ShownUnits
 
     Row = Mapping[str, Any]
-
-__all__ = [
-    "Figure",
-    "PlotData",
-    "asset",
-    "comparison_page",
-    "draw",
-    "html_report",
-    "page_text",
-    "plotly_script",
-]
 
 _IDENTITY = ("damper", "serial", "date", "operator", "customer", "rig")
 _LOOKS = {"excellent": "well", "passed": "well", "poor": "ill", "FAILED": "ill"}
@@ -255,33 +241,6 @@ def plotly_script() -> Markup:
 # A run
 
 
-class Listing(NamedTuple):
-    """A titled list of sentences; not shown when it is empty."""
-
-    title: str
-    items: Sequence[object]
-
-
-class LogSection(NamedTuple):
-    """One log on the page; its template is `log.html`.
-
-    The anchor is where the page can be entered: ``setting-12``, a second log of the setting has
-    ``setting-12-log-2``.
-    """
-
-    setting: Setting
-    anchor: str
-    log: str
-    verdict: str
-    parameters: str
-    facts: str
-    findings: tuple[str, ...]
-    details: tuple[Listing, ...]
-    figures: tuple[Figure, ...]
-    forces: Sheet | None
-    segments: Sheet | None
-
-
 def html_report(shown: ReportPlots, *, title: str) -> str:
     """Return a run as one self-contained HTML page.
 
@@ -297,39 +256,40 @@ def html_report(shown: ReportPlots, *, title: str) -> str:
     InstallationError
         plotly is not installed.
     """
-    run, data = shown.run, PlotData()
-    record = run.record
+    run, units, data = shown.run, shown.units, PlotData()
     overall = [data.add(plot) for plot in shown.overall]
     logs = list(_log_sections(shown, data))
-    checks = checks_in(record)
-    forces = rows_in_units(run.rows("adjustment"), shown.units)
+    checks, known = checks_in(run.record), listings(run)
+    procedure = [*known.pop("How it was done"), *_tests(shown)]
+    alarms = {name: known.pop(name) for name in ("Not done", "Gates not met")}
+    del known["Grades withheld"]  # the verdicts say why
+    warnings = known.pop("Warnings")
+    identity = run.identity
     return draw(
         "page.html",
         title=title,
         version=__version__,
         style=asset("page.css"),
         colours=shown.colours,
-        places=list(dict.fromkeys(section.setting for section in logs)),
-        entries={section.setting: section.anchor for section in reversed(logs)},
-        identity=_identity(record),
-        lead=_lead(shown),
-        forces=[sheet_in_units(sheet, shown.units) for sheet in force_sheets(forces)],
+        places=list(dict.fromkeys(section["setting"] for section in logs)),
+        identity=[
+            (key, identity[key])
+            for key in dict.fromkeys((*_IDENTITY, *identity))
+            if key in identity
+        ],
+        lead=lead(run),
+        forces=_in_units(force_sheets(rows_in_units(run.rows("adjustment"), units)), units),
         first=overall[0] if overall else None,
-        facts=_facts(shown),
-        alarms=(
-            Listing("These results are incomplete", run.remarks),
-            Listing("Not done", list(_not_done(record))),
-            Listing("Gates not met", listed_in(record, "gates_missed")),
-        ),
+        alarms={"These results are incomplete": run.remarks, **alarms},
         checks_title=f"Checks: {check_summary(checks)}",
         failed=[check for check in checks if check.passed is False],
         checks=check_sheet(checks),
-        listings=tuple(_listings(shown)),
-        details_below=(
-            Listing("Warnings of each log", _log_findings(record)),
-            Listing("How it was done", listed_in(record, "procedure")),
-            Listing("What the words mean", _WORDS),
-        ),
+        listings=_each_once({"Warnings": warnings, "Verdicts": _verdicts(shown), **known}),
+        details_below={
+            "Warnings of each log": _log_findings(run.record),
+            "How it was done": procedure,
+            "What the words mean": _WORDS,
+        },
         parameters=parameter_sheet(run.rows("parameters"), run.quantities),
         overall=overall[1:],
         tables=_tables(shown),
@@ -340,87 +300,50 @@ def html_report(shown: ReportPlots, *, title: str) -> str:
     )
 
 
-def _identity(record: Row) -> tuple[tuple[str, str], ...]:
-    """Return whose test it is, as far as the run tells: damper, serial, date, operator first."""
-    test = record.get("test")
-    known = {str(k): str(value) for k, value in (test if isinstance(test, dict) else {}).items()}
-    order = [*(key for key in _IDENTITY if key in known), *known]
-    return tuple((key, known[key]) for key in dict.fromkeys(order) if known[key])
+def _in_units(sheets: Sequence[Sheet], units: ShownUnits) -> list[Sheet]:
+    return [sheet_in_units(sheet, units) for sheet in sheets]
 
 
-def _lead(shown: ReportPlots) -> str:
-    """Return how it went, in a line."""
-    rows = [row for row in shown.run.rows("parameters") if row["mse_percent"] is not None]
-    if not rows:
-        return "The tables hold no MSE."
-    known = {row["setting"]: row["mse_percent"] for row in rows}
-    worst = max(known, key=known.__getitem__)
-    checks = checks_in(shown.run.record)
-    failed = f"; {check_summary(checks)}" if checks else ""
-    return (
-        f"{len(known)} setting{'s' * (len(known) > 1)} fitted, {grade_counts(rows)}; MSE median "
-        f"{percent(median(known.values()))} %, worst {percent(known[worst])} % at setting "
-        f"{worst}{failed}."
-    )
+def _each_once(known: Mapping[str, Sequence[str]]) -> dict[str, list[str]]:
+    """Return the listings without what stands in an earlier one."""
+    seen: set[str] = set()
+    new = {}
+    for title, items in known.items():
+        new[title] = [item for item in items if item not in seen]
+        seen.update(items)
+    return new
 
 
-def _facts(shown: ReportPlots) -> Sheet | None:
-    """Return damper, rig, test and procedure as a small table."""
-    record = shown.run.record
-    procedure = [str(line) for line in listed_in(record, "procedure")]
-
-    def told(word: str) -> str:
-        line = next((one for one in procedure if one.startswith(f"{word}: ")), "")
-        return line.removeprefix(f"{word}: ").rstrip(".")
-
-    rows = (
-        ("damper", told("Damper")),
-        ("rig", _rig(record)),
-        ("test", shown.units.say_lengths(_test(shown.logs))),
-        ("procedure", told("Procedure")),
-        ("made by", f"damperfit {record.get('version')}" if record.get("version") else ""),
-    )
-    known = tuple(row for row in rows if row[1])
-    return Sheet(("", ""), ("", ""), known, (False, False)) if known else None
-
-
-def _rig(record: Row) -> str:
+def _tests(shown: ReportPlots) -> Iterator[str]:
+    """Yield how the rig was declared, what was tested, and what made the results."""
+    record, logs = shown.run.record, shown.logs
     configuration = record.get("configuration")
     rig = configuration.get("rig") if isinstance(configuration, dict) else None
-    if not isinstance(rig, dict):
-        return ""
-    turned = [key for key in ("displacement", "force") if rig.get(f"reverse_{key}") is True]
-    return (
-        f"filter in the rig {rig.get('filter', 'unknown')}, x = 0 at "
-        f"{rig.get('centre', 'unknown')}, signs reversed: {' and '.join(turned) or 'none'}"
-    )
+    if isinstance(rig, dict):
+        turned = [key for key in ("displacement", "force") if rig.get(f"reverse_{key}") is True]
+        yield (
+            f"Rig: filter in the rig {rig.get('filter', 'unknown')}, x = 0 at "
+            f"{rig.get('centre', 'unknown')}, signs reversed: {' and '.join(turned) or 'none'}."
+        )
+    if logs:
+        rates = [log.frequency for log in logs if log.frequency is not None]
+        heats = [log.temperature for log in logs if log.temperature is not None]
+        parts = [f"{len(logs)} log{'s' if len(logs) > 1 else ''}"]
+        parts += [f"{_spread(rates)} Hz"] if rates else []
+        parts.append(f"amplitude {_spread([1e3 * log.amplitude for log in logs])} mm")
+        parts.append(f"{_spread(heats)} degC" if heats else "temperature not logged")
+        yield f"Test: {shown.units.say_lengths(', '.join(parts))}."
+    if record.get("version"):
+        yield f"Made by damperfit {record['version']}."
 
 
-def _test(logs: Sequence[LogView]) -> str:
-    def spread(values: Sequence[float]) -> str:
-        low, high = number(min(values), digits=3), number(max(values), digits=3)
-        return low if low == high else f"{low} to {high}"
-
-    if not logs:
-        return ""
-    rates = [log.frequency for log in logs if log.frequency == log.frequency]
-    warmth = [log.temperature for log in logs if log.temperature is not None]
-    parts = [f"{len(logs)} log{'s' if len(logs) > 1 else ''}"]
-    parts += [f"{spread(rates)} Hz"] if rates else []
-    parts.append(f"amplitude {spread([1e3 * log.amplitude for log in logs])} mm")
-    parts.append(f"{spread(warmth)} degC" if warmth else "temperature not logged")
-    return ", ".join(parts)
+def _spread(values: Sequence[float]) -> str:
+    low, high = number(min(values), digits=3), number(max(values), digits=3)
+    return low if low == high else f"{low} to {high}"
 
 
-def _not_done(record: Row) -> Iterator[str]:
-    yield from failure_lines(failures_in(record))
-    if gaps := gaps_in(record):
-        yield f"no result for {of_runs(gaps)}"
-
-
-def _listings(shown: ReportPlots) -> Iterator[Listing]:
-    """Yield what to know before believing the numbers; a sentence stands once."""
-    record = shown.run.record
+def _verdicts(shown: ReportPlots) -> list[str]:
+    """Return how the fits went that are less than good, or need a remark."""
     rows = shown.run.rows("parameters")
     doubtful = [
         f"setting {row['setting']}: {_verdict(row, shown)}"
@@ -428,24 +351,8 @@ def _listings(shown: ReportPlots) -> Iterator[Listing]:
         if row["grade"] not in {"excellent", "good"} or remarks_on(row, shown.run.quantities)
     ]
     if rows and not doubtful:
-        doubtful = ["every fit converged, good or better, without a remark"]
-    trends = in_few_words(trend.sentence for trend in trends_in(record) if trend.sentence)
-    listings = (
-        Listing("Warnings", short_listing(listed_in(record, "warnings"))),
-        Listing("Verdicts", short_listing(doubtful)),
-        Listing("Model structure that the logs support", law_sentences(law_in(record))),
-        Listing("Held out: predicted, not fitted", held_out_in(record)),
-        Listing("Across the settings", [*trends, *sentences_in(record, "force_offset")]),
-        Listing("Noise and lack of fit", sentences_in(record, "noise_and_lack_of_fit")),
-        Listing("Identifiability", sentences_in(record, "identifiability")),
-        Listing("Many starts", sentences_in(record, "many_starts")),
-        Listing("Cavitation", sentences_in(record, "cavitation")),
-    )
-    seen: set[str] = set()
-    for one in listings:
-        new = [item for item in map(str, one.items) if item not in seen]
-        seen.update(new)
-        yield Listing(one.title, new)
+        return ["every fit converged, good or better, without a remark"]
+    return short_listing(doubtful)
 
 
 def _verdict(row: Row, shown: ReportPlots) -> str:
@@ -461,27 +368,23 @@ def _verdict(row: Row, shown: ReportPlots) -> str:
 def _log_findings(record: Row) -> list[str]:
     """Return the findings that matter; mere notes stand with their log."""
     inputs = [entry for entry in listed_in(record, "inputs") if isinstance(entry, dict)]
-    names = [str(entry.get("log", "log")) for entry in inputs]
+    findings = ((str(one.get("log", "log")), seen) for one in inputs for seen in findings_in(one))
     return list(
         grouped(
-            (finding.name, name, f"{name}: {finding.sentence}")
-            for name, entry in zip(names, inputs, strict=True)
-            for finding in findings_in(entry)
-            if finding.severity != "note"
+            (seen.name, name, f"{name}: {seen.sentence}")
+            for name, seen in findings
+            if seen.severity != "note"
         )
     )
 
 
 def _tables(shown: ReportPlots) -> list[tuple[str, Sheet]]:
     """Return the tables that are folded, by title; those without rows are left out."""
-    run, units = shown.run, shown.units
-    rows = run.rows("parameters")
+    run, rows, law = shown.run, shown.run.rows("parameters"), law_in(shown.run.record)
     settings = {row["setting"] for row in rows}
     errors = [row for row in run.rows("mse") if row["setting"] in settings]
-    law = law_in(run.record)
-    characteristics = rows_in_units(run.rows("characteristics"), units)
-    several = has_several_speeds(characteristics)
-    peaks = [row for row in characteristics if several]
+    known = rows_in_units(run.rows("characteristics"), shown.units)
+    peaks = known if has_several_speeds(known) else []
     sheets = (
         ("Peak force against peak speed (PVP)", segment_sheet(peaks, has_setting=True)),
         ("MSE by setting and log", mse_sheet(errors, rows, run.quantities)),
@@ -489,61 +392,58 @@ def _tables(shown: ReportPlots) -> list[tuple[str, Sheet]]:
         ("Models from the literature on the same logs", rival_sheet(law)),
         ("How near to cavitation", cavitation_sheet(rows)),
     )
-    return [(title, sheet_in_units(sheet, units)) for title, sheet in sheets if sheet.rows]
+    return [(title, sheet_in_units(sheet, shown.units)) for title, sheet in sheets if sheet.rows]
 
 
-def _log_sections(shown: ReportPlots, data: PlotData) -> Iterator[LogSection]:
+def _log_sections(shown: ReportPlots, data: PlotData) -> Iterator[dict[str, Any]]:
+    """Yield what `log.html` shows of each log.
+
+    The anchor is where the page can be entered: ``setting-12``, a second log of the setting has
+    ``setting-12-log-2``.
+    """
     rows = {row["setting"]: row for row in shown.run.rows("parameters")}
     seen: dict[str, int] = {}
     for log, plots in shown.by_log:
         name = str(log.setting.cell) if isinstance(log.setting.cell, int) else log.setting.slug
         seen[name] = seen.get(name, 0) + 1
-        row = rows.get(log.setting)
+        row, fastest = rows.get(log.setting), log.fastest
         own = rows_in_units(log.rows, shown.units)
-        fastest = log.fastest and [one for one in own if one["stretch"] == log.fastest["stretch"]]
+        at_best = [one for one in own if fastest and one["stretch"] == fastest["stretch"]]
         findings = log.findings
         notes = [one.sentence for one in findings if one.severity == "note"]
-        yield LogSection(
-            setting=log.setting,
-            anchor=f"setting-{name}" + (f"-log-{seen[name]}" if seen[name] > 1 else ""),
-            log=log.signals.log,
-            verdict=_verdict(row, shown) if row else "",
-            parameters=parameter_line(row, shown.run.quantities) if row else "",
-            facts=_log_facts(log, shown.units),
-            findings=tuple(f"{f.severity}: {f.sentence}" for f in findings if f.severity != "note"),
-            details=(
-                Listing("Notes on the log", notes),
-                Listing("How the log was read", [one for one in log.notes if one not in notes]),
-            ),
-            figures=tuple(data.add(plot) for plot in plots),
-            forces=sheet_in_units(log_force_sheet(fastest), shown.units) if fastest else None,
-            segments=sheet_in_units(segment_sheet(own, has_setting=False), shown.units)
-            if log.has_segments
-            else None,
-        )
+        forces = [log_force_sheet(at_best)] if at_best else []
+        segments = [segment_sheet(own, has_setting=False)] if log.has_segments else []
+        yield {
+            "setting": log.setting,
+            "anchor": f"setting-{name}" + (f"-log-{seen[name]}" if seen[name] > 1 else ""),
+            "log": log.signals.log,
+            "verdict": _verdict(row, shown) if row else "",
+            "parameters": parameter_line(row, shown.run.quantities) if row else "",
+            "facts": _log_facts(log, shown.units),
+            "findings": [f"{f.severity}: {f.sentence}" for f in findings if f.severity != "note"],
+            "details": {
+                "Notes on the log": notes,
+                "How the log was read": [one for one in log.notes if one not in notes],
+            },
+            "figures": [data.add(plot) for plot in plots],
+            "forces": _in_units(forces, shown.units),
+            "segments": _in_units(segments, shown.units),
+        }
 
 
 def _log_facts(log: LogView, units: ShownUnits) -> str:
-    frequency = f"{log.frequency:.3g} Hz" if log.frequency == log.frequency else "frequency unknown"
+    frequency = "frequency unknown" if log.frequency is None else f"{log.frequency:.3g} Hz"
     if log.has_segments:
         fastest = max(row["speed_rebound_m_per_s"] or 0.0 for row in log.peaks)
         n = len(log.peaks)
         frequency = f"{n} segment{'s' * (n > 1)}, to {units.write(fastest, 'm/s', '.3g')}"
     amplitude = units.say_lengths(f"amplitude {1e3 * log.amplitude:.3g} mm")
-    warmth = log.temperature
-    temperature = "temperature not logged" if warmth is None else f"{warmth:.1f} degC"
+    heat = log.temperature
+    temperature = "temperature not logged" if heat is None else f"{heat:.1f} degC"
     return f"{frequency}, {amplitude}, {temperature}, {len(log.signals.time)} samples evaluated."
 
 
 # Runs beside one another
-
-
-class _Section(NamedTuple):
-    """One setting of the runs that have one reference."""
-
-    setting: Setting
-    title: str
-    figures: tuple[Figure, ...]
 
 
 def comparison_page(
@@ -577,7 +477,7 @@ def comparison_page(
         groups.setdefault(one.first.place, []).append(one)
     colours = setting_colours(sorted({s for one in comparisons for s in one.settings}))
     overall: list[Figure] = []
-    sections: list[_Section] = []
+    sections: list[dict[str, Any]] = []
     for k, group in enumerate(groups.values()):
         more = f"_{k + 1}" if len(groups) > 1 else ""
         whose = f" ({group[0].first.name})" if len(groups) > 1 else ""
@@ -590,7 +490,9 @@ def comparison_page(
             having = [run for run in runs if setting in run.settings]
             plots = loop_plots(having, setting, name=f"setting_{setting.slug}{more}")
             figures = tuple(data.add(plot_in_units(plot, group[0].units)) for plot in plots)
-            sections.append(_Section(setting, f"Setting {setting}{whose}", figures))
+            sections.append(
+                {"setting": setting, "title": f"Setting {setting}{whose}", "figures": figures}
+            )
     titles = [f"{one.second.name} beside {one.first.name}" for one in comparisons]
     return draw(
         "comparison.html",

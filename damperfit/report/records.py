@@ -25,22 +25,6 @@ from damperfit.units.shown_units import SI, ShownUnits, parse_units
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-__all__ = [
-    "checks_in",
-    "failures_in",
-    "findings_in",
-    "gaps_in",
-    "held_out_in",
-    "law_in",
-    "listed_in",
-    "number_in",
-    "read_back",
-    "sentences_in",
-    "to_record",
-    "trends_in",
-    "units_in",
-]
-
 _T = TypeVar("_T")
 
 # Names in run.json where they are not those of the fields.
@@ -54,6 +38,10 @@ _KEYS: dict[type, dict[str, str]] = {
         "high": "high_N",
     },
 }
+_OF_PREDICTIONS = (
+    *("amplitude_m", "frequency_Hz", "mse_percent"),
+    *("fitted_mse_percent", "expected_mse_percent"),
+)
 _PLAIN = frozenset({float, int, str, bool, type(None)})
 
 
@@ -179,22 +167,13 @@ def sentences_in(record: Mapping[str, Any], about: str) -> list[str]:
     return [str(one) for one in listed_in(sentences, about)] if isinstance(sentences, dict) else []
 
 
-def held_out_in(record: Mapping[str, Any]) -> list[str]:
-    """Return one sentence for each log that was predicted and not fitted."""
+def predictions_in(record: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return what was held out, predicted and not fitted, an entry each."""
     return [
-        f"setting {entry.get('setting')}, {_text(entry.get('log'))}, "
-        f"{_cycles(_text(entry.get('cycles')))}: MSE {_number(entry.get('mse_percent')):.3g} % "
-        f"({_number(entry.get('expected_mse_percent')):.3g} % expected), "
-        f"{_text(entry.get('verdict'))}"
+        entry | {key: _number(entry.get(key)) for key in _OF_PREDICTIONS}
         for entry in listed_in(record, "held_out")
         if isinstance(entry, dict)
     ]
-
-
-def _cycles(held_out: str) -> str:
-    if held_out == "transients":
-        return "run-up, coast-down and changes of speed"
-    return f"{held_out} cycles"
 
 
 def law_in(record: Mapping[str, Any]) -> Mapping[str, Any]:

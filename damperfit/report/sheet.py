@@ -1,24 +1,28 @@
-"""A table of strings, and how it is written: text for a terminal or a pipe, Markdown, HTML.
+"""A table of strings, its numbers as text, and how it is written: terminal, Markdown, HTML.
 
 A cell may be the name of a log, which may hold anything: control characters and reversed writing
-are shown as escapes, and what Markdown or HTML could read as markup is escaped.
+are shown as escapes, and what Markdown or HTML could read as markup is escaped. Numbers are rounded
+for reading: by their 95 % interval where there is one.
 """
 
 from __future__ import annotations
 
+import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html import escape as escape_html
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 from unicodedata import combining, east_asian_width
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
-__all__ = ["Sheet", "escape", "html_table", "markdown_table", "printable", "text_table", "wrapped"]
+    from damperfit.damper.quantity import Quantity
+    from damperfit.units.shown_units import ShownUnits
 
 _COLUMNS = 80
 _COLOURS = {"excellent": 32, "passed": 32, "good": 33, "poor": 31, "FAILED": 31}  # ANSI
+_WORD = 12  # letters of a word that a narrow column does not tear
 # Everything Markdown or the HTML inside it could read as markup, and no more: the report is read as
 # it stands too. An underscore between letters is none; signs and numbers are lists at a start only.
 _SPECIAL = re.compile(r"([\\`*\[\]<>#|~&$@]|(?<![^\W_])_|_(?![^\W_]))")
@@ -49,24 +53,37 @@ class Sheet:
     is_number: tuple[bool, ...]
     notes: tuple[str, ...] = ()
 
-    def width(self, gap: int, *, folds: bool = False) -> int:
-        """Return the characters of the widest row with ``gap`` blanks between columns.
 
-        Parameters
-        ----------
-        gap : int
-            Blanks.
-        folds : bool
-            Columns of text are as wide as their longest word: they may wrap.
-        """
-        columns = zip(self.headings, self.units, *self.rows, strict=True)
-        widths = [
-            max(_places(part) for cell in column for part in (cell.split() or [""]))
-            if folds and not is_number
-            else max(map(_places, column))
-            for column, is_number in zip(columns, self.is_number, strict=True)
-        ]
-        return sum(widths) + gap * (len(widths) - 1)
+class Column(NamedTuple):
+    """How a column of a table is made: its heading, its unit, and the cell of each row."""
+
+    heading: str
+    unit: str
+    cell: Callable[[Any], str]
+    is_number: bool = True
+
+    @classmethod
+    def of(
+        cls, heading: str, unit: str, name: str, *, digits: int = 4, factor: float = 1.0
+    ) -> Column:
+        """Return a column of numbers that rows hold by name; a number that is missing is "-"."""
+
+        def cell(row: Mapping[str, Any]) -> str:
+            value = row.get(name)
+            return number(None if value is None else factor * value, digits=digits)
+
+        return cls(heading, unit, cell)
+
+
+def laid_out(rows: Iterable[Any], columns: Sequence[Column], *notes: str) -> Sheet:
+    """Return a table of rows by its columns, with notes below it."""
+    return Sheet(
+        tuple(one.heading for one in columns),
+        tuple(one.unit for one in columns),
+        tuple(tuple(one.cell(row) for one in columns) for row in rows),
+        tuple(one.is_number for one in columns),
+        notes,
+    )
 
 
 def printable(text: str) -> str:
@@ -100,12 +117,14 @@ def text_table(
         ANSI colours of cells, by the word in them; None: plain. What is not in it has the colour
         of a grade.
     """
-    gap = 2 if sheet.width(2) <= min(_COLUMNS, width) else 1
+    columns = zip(sheet.headings, sheet.units, *sheet.rows, strict=True)
+    whole = sum(max(map(_places, column)) + 2 for column in columns) - 2
+    gap = 2 if whole <= min(_COLUMNS, width) else 1
     least = _least_widths(sheet, width, gap)
     known = None if colours is None else {**_COLOURS, **colours}
     lines: list[str] = []
-    for columns in _parts(least, width, gap):
-        lines += ["", *_part(sheet, columns, least, width, gap, known)]
+    for part in _parts(least, width, gap):
+        lines += ["", *_part(sheet, part, least, width, gap, known)]
     for note in sheet.notes:
         said = wrapped(printable(note), width)
         lines += said if known is None else [f"\x1b[2m{line}\x1b[0m" for line in said]
@@ -257,4 +276,178 @@ def html_table(sheet: Sheet, *, caption: str = "", looks: Mapping[str, str] | No
     return f"<table>{title}<thead>{''.join(heads)}</thead><tbody>\n{body}</tbody></table>"
 
 
-_WORD = 12  # letters of a word that a narrow column does not tear
+# Numbers
+
+NOTHING = "-"
+
+
+def number(value: float | None, *, digits: int = 5) -> str:
+    """Return a number with ``digits`` significant digits and no exponent where that reads well.
+
+    Examples
+    --------
+    >>> number(23.9451234), number(0.0), number(None), number(1234567.0)
+    ('23.945', '0', '-', '1.2346e+06')
+    """
+    if value is None or not math.isfinite(value):
+        return NOTHING
+    if value == 0.0:
+        return "0"
+    if not 1e-3 <= abs(value) < 10.0**digits:
+        return f"{value:.{digits - 1}e}"
+    return f"{value:.{_decimals(value, digits)}f}"
+
+
+def with_interval(
+    value: float | None,
+    low: float | None,
+    high: float | None,
+    *,
+    digits: int = 5,
+    plus: str = "",
+) -> str:
+    """Return a value and half of its interval, both to the place that the interval tells.
+
+    Where the limits are not as far below as above, they stand behind it. Without limits
+    ``digits`` significant digits are shown.
+
+    Parameters
+    ----------
+    value, low, high : float or None
+        The value and its limits.
+    digits : int
+        Significant digits of a value without limits.
+    plus : str
+        "+" for changes, which show their sign.
+
+    Examples
+    --------
+    >>> with_interval(14.0049, 13.9842, 14.0257), with_interval(45678.9, 45300.0, 46050.0)
+    ('14.00 ± 0.02', '45700 ± 400')
+    >>> with_interval(0.631, 0.134, 2.963), with_interval(2.0, None, None)
+    ('0.6 (0.1 to 3.0)', '2.0000')
+    """
+    if value is None or not math.isfinite(value):
+        return NOTHING
+    ends = [end for end in (low, high) if end is not None and math.isfinite(end)]
+    if len(ends) < 2 or not ends[0] <= value <= ends[1] or ends[0] == ends[1]:
+        return number(value, digits=digits) if not plus else f"{value:+.{digits - 1}g}"
+    below, above = value - ends[0], ends[1] - value
+    half = 0.5 * (ends[1] - ends[0])
+    is_even = max(below, above) <= _UNEVEN * min(below, above)
+    place = _place(half if is_even else max(min(below, above), _LEAST * half))
+    shown = _round_at(value, place, plus)
+    if is_even:
+        return f"{shown} ± {_round_at(half, place)}"
+    return f"{shown} ({_round_at(ends[0], place)} to {_round_at(ends[1], place)})"
+
+
+_UNEVEN, _LEAST = 1.25, 0.1
+_TWO_DIGITS = 19  # an error of these digits or fewer shows two of them, another one
+
+
+def percent(value: float | None) -> str:
+    """Return a percentage with three significant digits.
+
+    Examples
+    --------
+    >>> percent(0.012345), percent(12.3456), percent(None)
+    ('0.0123', '12.3', '-')
+    """
+    if value is None or not math.isfinite(value):
+        return NOTHING
+    if value == 0.0:
+        return "0"
+    if abs(value) < 1e-4:
+        return f"{value:.1e}"
+    return f"{value:.{_decimals(value, 3)}f}"
+
+
+def _place(error: float) -> int:
+    """Return the decimal place of the last digit that an error tells."""
+    place = math.floor(math.log10(error)) - 1
+    return place if round(error / 10.0**place) <= _TWO_DIGITS else place + 1
+
+
+def _round_at(value: float, place: int, plus: str = "") -> str:
+    step = 10.0**place
+    return f"{round(value / step) * step + 0.0:{plus}.{max(0, -place)}f}"
+
+
+def _decimals(value: float, digits: int) -> int:
+    """Return the decimals that show ``digits`` significant digits of the rounded value."""
+    power = int(f"{value:.{digits - 1}e}".partition("e")[2])
+    return max(0, digits - 1 - power)
+
+
+def stroke_ratio(rebound: float, bump: float) -> str:
+    """Return the force in rebound over that in bump.
+
+    At low speed the gas pushes both strokes to one side: then there is no ratio.
+    """
+    return number(-rebound / bump if rebound > 0.0 > bump else None, digits=3)
+
+
+# Units of people
+
+_OF_A_PARAMETER = ("", "_se", "_ci_low", "_ci_high", "_misfit_se")
+
+
+def sheet_in_units(sheet: Sheet, units: ShownUnits) -> Sheet:
+    """Return a table whose forces and speeds are scaled already with the names of the units.
+
+    Names stand in the headings, the units, the first column and the notes.
+    """
+    if units.is_si:
+        return sheet
+    speed = units.of("m/s")
+    return replace(
+        sheet,
+        headings=tuple(map(units.say, sheet.headings)),
+        units=tuple(map(units.say, sheet.units)),
+        # "hysteresis at 5.9 m/s"; a setting may be called N.
+        rows=tuple((row[0].replace(" m/s", f" {speed}"), *row[1:]) for row in sheet.rows),
+        notes=tuple(map(units.say, sheet.notes)),
+    )
+
+
+def rows_in_units(rows: Iterable[Mapping[str, Any]], units: ShownUnits) -> list[dict[str, Any]]:
+    """Return rows whose columns end in ``_N`` and ``_m_per_s`` with these numbers scaled."""
+    return [{name: _scaled(name, cell, units) for name, cell in row.items()} for row in rows]
+
+
+def _scaled(name: str, cell: Any, units: ShownUnits) -> Any:
+    if isinstance(cell, float):
+        for end, unit in (("_N", "N"), ("_m_per_s", "m/s")):
+            if name.endswith(end):
+                return units.show(cell, unit)
+    return cell
+
+
+def parameters_in_units(
+    rows: Sequence[Mapping[str, Any]], quantities: Sequence[Quantity], units: ShownUnits
+) -> tuple[list[dict[str, Any]], tuple[Quantity, ...]]:
+    """Return rows of parameters with what is a force scaled, and the quantities as they are shown.
+
+    What has units of its own, as R_m1 does, keeps them.
+    """
+    forces = [one.name for one in quantities if one.unit == "N" and units.of("N") != "N"]
+    names = {f"{name}{end}" for name in forces for end in _OF_A_PARAMETER}
+
+    def cell(name: str, value: Any) -> Any:
+        is_force = name in names and value is not None
+        return units.show(float(value), "N") if is_force else value
+
+    shown = tuple(
+        replace(
+            one,
+            unit=units.of("N"),
+            shown_unit="",
+            plausible=(units.show(one.plausible[0], "N"), units.show(one.plausible[1], "N")),
+            size=units.show(one.size, "N"),
+        )
+        if one.name in forces
+        else one
+        for one in quantities
+    )
+    return [{name: cell(name, value) for name, value in row.items()} for row in rows], shown

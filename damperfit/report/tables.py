@@ -7,8 +7,15 @@ from itertools import combinations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from damperfit.damper.quantity import SETTING
-from damperfit.report.rounding import NOTHING, number, percent, with_interval
-from damperfit.report.sheet import Sheet
+from damperfit.report.sheet import (
+    NOTHING,
+    Column,
+    Sheet,
+    laid_out,
+    number,
+    percent,
+    with_interval,
+)
 from damperfit.tables.columns import PAPER_QUANTITIES
 
 if TYPE_CHECKING:
@@ -17,29 +24,8 @@ if TYPE_CHECKING:
     from damperfit.checks import Check
     from damperfit.damper.quantity import Quantity
     from damperfit.tested.setting import Setting
-    from damperfit.uncertainty import Prediction
 
     Row = Mapping[str, Any]
-
-__all__ = [
-    "ASCII_LEVELS",
-    "BLOCK_LEVELS",
-    "CHECK_WORDS",
-    "cavitation_sheet",
-    "check_lines",
-    "check_sheet",
-    "check_summary",
-    "grade_counts",
-    "held_out_sheet",
-    "is_one_for_all",
-    "mse_sheet",
-    "parameter_line",
-    "parameter_sheet",
-    "remarks_on",
-    "scale_of",
-    "shared_sentence",
-    "sparkline",
-]
 
 _SHORT = 5  # letters of a unit that fits over a column
 _SAME = 1e-9  # of a value that went through a file
@@ -56,7 +42,7 @@ _BY_CLICK = "shared by all settings, or by those with one click of the adjuster 
 _OF_MISFIT = "intervals are of noise and of what repeats in the residual; parameters.csv has both"
 _WITHOUT_VALUE = {"absent", "at_bound", "not_identifiable"}
 _GRADES = ("excellent", "good", "poor", "withheld")
-CHECK_WORDS = {True: "passed", False: "FAILED", None: "not evaluated"}
+_CHECK_WORDS = {True: "passed", False: "FAILED", None: "not evaluated"}
 BLOCK_LEVELS = "▁▂▃▄▅▆▇█"
 ASCII_LEVELS = ".:-=+*#@"  # for terminals and files that know nothing else: more ink is more
 _FEWEST, _MOST = 3, 60  # settings that a sparkline is drawn of
@@ -102,13 +88,11 @@ def parameter_sheet(
     rows: Sequence[Row],
     quantities: Sequence[Quantity] = PAPER_QUANTITIES,
     *,
-    columns: int | None = None,
     levels: str = "",
 ) -> Sheet:
     """Return one row per setting: parameters with their 95 % intervals, MSE, grade, remarks.
 
-    What all settings have in common is a note below. Where so many columns are not enough the
-    intervals go first, then rows and columns change places.
+    What all settings have in common is a note below.
 
     Parameters
     ----------
@@ -116,8 +100,6 @@ def parameter_sheet(
         Of the table of parameters.
     quantities : sequence of Quantity
         What was fitted.
-    columns : int, optional
-        Characters of a line; None: any.
     levels : str
         Characters of a course over the settings below the table, from low to high.
     """
@@ -125,66 +107,24 @@ def parameter_sheet(
     own = [
         one for one in shown if not (is_one_for_all(rows, one.name) and _may_be_shared(one, rows))
     ]
-    courses = tuple(_courses(rows, own, levels)) if levels else ()
-    once = shared_sentence(rows, [one for one in shown if one not in own])
-    common = (*(once.split("; ") if once else ()), *courses)
-    sheets = [_by_setting(rows, own, common, has_errors=True)]
-    if columns is not None:
-        sheets += [
-            _by_setting(rows, own, common, has_errors=False),
-            _by_quantity(rows, own, common),
-        ]
-        sheets = [one for one in sheets if one.width(1, folds=True) <= columns] or sheets[1:2]
-    return sheets[0]
 
+    def column(one: Quantity) -> Column:
+        spread = " ±95 %" * any(" " in _value(row, one) for row in rows)
+        unit = f"{scale_of(one).short_unit}{spread}"
+        return Column(one.symbol, unit, lambda row: _cell(row, one))
 
-def _by_setting(
-    rows: Sequence[Row], shown: Sequence[Quantity], notes: tuple[str, ...], *, has_errors: bool
-) -> Sheet:
-    scales = [scale_of(one) for one in shown]
-    remarks = [remarks_on(row) for row in rows]
-    has_remarks = any(remarks)
-    last = ("remarks",) if has_remarks else ()
-    spread = " ±95 %" if has_errors else ""
-    return Sheet(
-        headings=("set", *(scale.symbol for scale in scales), "MSE", "grade", *last),
-        units=(
-            *("", *(f"{scale.short_unit}{spread * _has_interval(rows, one)}"
-                    for scale, one in zip(scales, shown, strict=True))),
-            *("%", "", *("" for _ in last)),
-        ),
-        rows=tuple(
-            (
-                str(row["setting"]),
-                *(_cell(row, one, has_error=has_errors) for one in shown),
-                *(percent(row["mse_percent"]), row["grade"] or NOTHING),
-                *([said] if has_remarks else []),
-            )
-            for row, said in zip(rows, remarks, strict=True)
-        ),
-        is_number=(True, *(True for _ in shown), True, False, *(False for _ in last)),
-        notes=(*notes, *_legend(rows, shown, has_errors=has_errors)),
-    )  # fmt: skip
-
-
-def _by_quantity(rows: Sequence[Row], shown: Sequence[Quantity], notes: tuple[str, ...]) -> Sheet:
-    """Return a column for each setting: for models of many quantities, where settings are few."""
-    lines = []
-    for one, scale in ((one, scale_of(one)) for one in shown):
-        power = f"1e{scale.power} " if len(scale.unit) > _SHORT and scale.power else ""
-        cells = (_cell(row, one, has_error=False) for row in rows)
-        lines.append((scale.symbol, f"{power}{scale.unit}", *cells))
-    lines += [
-        ("MSE", "%", *(percent(row["mse_percent"]) for row in rows)),
-        ("grade", "", *(row["grade"] or NOTHING for row in rows)),
-        ("remarks", "", *(remarks_on(row) for row in rows)),
+    columns = [
+        Column("set", "", lambda row: str(row["setting"])),
+        *map(column, own),
+        Column("MSE", "%", lambda row: percent(row["mse_percent"])),
+        Column("grade", "", lambda row: row["grade"] or NOTHING, is_number=False),
     ]
-    return Sheet(
-        headings=("set", "", *(str(row["setting"]) for row in rows)),
-        units=("",) * (len(rows) + 2),
-        rows=tuple(line for line in lines if any(line[2:])),
-        is_number=(False, False, *(True for _ in rows)),
-        notes=(*notes, *_legend(rows, shown, has_errors=False, has_units=False)),
+    if any(map(remarks_on, rows)):
+        columns.append(Column("remarks", "", remarks_on, is_number=False))
+    once = shared_sentence(rows, [one for one in shown if one not in own])
+    courses = _courses(rows, own, levels) if levels else ()
+    return laid_out(
+        rows, columns, *(once.split("; ") if once else ()), *courses, *_legend(rows, own)
     )
 
 
@@ -225,26 +165,19 @@ def shared_sentence(rows: Sequence[Row], quantities: Sequence[Quantity]) -> str:
     return "; ".join(said)
 
 
-def _value(row: Row, quantity: Quantity, *, has_error: bool = True) -> str:
+def _value(row: Row, quantity: Quantity) -> str:
     """Return a value as it is shown, with its 95 % interval."""
-    factor = scale_of(quantity).factor
-    name = quantity.name
+    factor, name = scale_of(quantity).factor, quantity.name
     numbers = (row[name], row.get(f"{name}_ci_low"), row.get(f"{name}_ci_high"))
-    shown = (None if one is None else factor * one for one in numbers)
-    return with_interval(*shown, digits=4, has_error=has_error)
+    return with_interval(*(None if one is None else factor * one for one in numbers), digits=4)
 
 
-def _cell(row: Row, quantity: Quantity, *, has_error: bool) -> str:
+def _cell(row: Row, quantity: Quantity) -> str:
     status = row[f"{quantity.name}_status"] or ""
     mark = _MARKS[status][0] if status in _MARKS else ""
     if status in {"absent", "not_identifiable"}:
         return mark  # no number that pretends to be known
-    text = _bound(row, quantity) or _value(row, quantity, has_error=has_error)
-    return f"{text} {mark}" if mark else text
-
-
-def _has_interval(rows: Sequence[Row], quantity: Quantity) -> bool:
-    return any(" " in _value(row, quantity) for row in rows)
+    return f"{_bound(row, quantity) or _value(row, quantity)} {mark}".rstrip()
 
 
 def _bound(row: Row, quantity: Quantity) -> str:
@@ -282,16 +215,15 @@ def parameter_line(row: Row, quantities: Sequence[Quantity] = PAPER_QUANTITIES) 
     return f"{', '.join(parts)}." if parts else ""
 
 
-def _legend(
-    rows: Sequence[Row], shown: Sequence[Quantity], *, has_errors: bool, has_units: bool = True
-) -> tuple[str, ...]:
-    """Return what units and marks of a table of parameters mean."""
+def _legend(rows: Sequence[Row], shown: Sequence[Quantity]) -> Iterator[str]:
+    """Yield what units and marks of a table of parameters mean."""
     groups: dict[str, list[str]] = {}
     for scale in map(scale_of, shown):
-        if scale.short_unit != scale.unit and has_units:
+        if scale.short_unit != scale.unit:
             power = f"1e{scale.power} " if scale.power else ""
             groups.setdefault(f"{power}{scale.unit}", []).append(scale.symbol)
-    units = ", ".join(f"{_listed(symbols)} in {unit}" for unit, symbols in groups.items())
+    if groups:
+        yield ", ".join(f"{_listed(symbols)} in {unit}" for unit, symbols in groups.items())
     used = {row[f"{one.name}_status"] for row in rows for one in shown}
     marks = {status: f"{mark} {said}" for status, (mark, said) in _MARKS.items() if status in used}
     follows = (
@@ -299,11 +231,10 @@ def _legend(
     )
     if any(len(values) > 1 for values in follows):
         marks["shared"] = f"s {_BY_CLICK}"
-    is_known = any(_has_interval(rows, one) for one in shown)
-    rounded = "" if has_errors else "rounded by their 95 % intervals, which are in parameters.csv"
-    misfit = any(row.get(f"{one.name}_misfit_se") for row in rows for one in shown)
-    notes = (units, ", ".join(marks.values()), rounded * is_known, _OF_MISFIT * misfit)
-    return tuple(note for note in notes if note)
+    if marks:
+        yield ", ".join(marks.values())
+    if any(row.get(f"{one.name}_misfit_se") for row in rows for one in shown):
+        yield _OF_MISFIT
 
 
 def _listed(symbols: Sequence[str]) -> str:
@@ -401,31 +332,34 @@ def mse_sheet(
     for row in everything:
         is_fitted_log = row["log"] and row.get("role") != "held_out"
         logs.setdefault(row["setting"], []).extend([row["log"]] if is_fitted_log else [])
-    rows = []
-    for row in everything:
-        mine = logs[row["setting"]]
-        is_whole = not row["log"]
-        if mine == [row["log"]]:  # the row of its setting says the same
-            continue
-        setting = settings.get(row["setting"])  # one that was only predicted has no parameters
-        held_out = "held out: predicted, not fitted" if row.get("role") == "held_out" else ""
-        rows.append(
-            (
-                str(row["setting"]) if is_whole or not setting else "",
-                row["log"] or (mine[0] if len(mine) == 1 else "all logs"),
-                percent(row["mse_percent"]),
-                percent(row["noise_floor_percent"]),
-                row["grade"] or NOTHING,
-                str(row["n_samples"]),
-                remarks_on(setting, quantities) if is_whole and setting else held_out,
-            )
-        )
-    return Sheet(
-        headings=("setting", "log", "MSE", "noise floor", "grade", "samples", "remarks"),
-        units=("", "", "%", "%", "", "", ""),
-        rows=tuple(rows),
-        is_number=(True, False, True, True, False, True, False),
-    )
+
+    def setting(row: Row) -> str:
+        # One that was only predicted has no parameters, hence no row of its own.
+        is_named = not row["log"] or row["setting"] not in settings
+        return str(row["setting"]) if is_named else ""
+
+    def log(row: Row) -> str:
+        fitted = logs[row["setting"]]
+        return row["log"] or (fitted[0] if len(fitted) == 1 else "all logs")
+
+    def remarks(row: Row) -> str:
+        if not row["log"]:
+            known = settings.get(row["setting"])
+            return remarks_on(known, quantities) if known else ""
+        return "held out: predicted, not fitted" if row.get("role") == "held_out" else ""
+
+    # The only log of a setting says the same as the setting.
+    rows = [row for row in everything if logs[row["setting"]] != [row["log"]]]
+    columns = [
+        Column("setting", "", setting),
+        Column("log", "", log, is_number=False),
+        Column("MSE", "%", lambda row: percent(row["mse_percent"])),
+        Column("noise floor", "%", lambda row: percent(row["noise_floor_percent"])),
+        Column("grade", "", lambda row: row["grade"] or NOTHING, is_number=False),
+        Column("samples", "", lambda row: str(row["n_samples"])),
+        Column("remarks", "", remarks, is_number=False),
+    ]
+    return laid_out(rows, columns)
 
 
 def grade_counts(rows: Iterable[Row]) -> str:
@@ -440,29 +374,21 @@ def cavitation_sheet(rows: Sequence[Row]) -> Sheet:
 
     Columns of another version may be missing; a setting that tells nothing has no row.
     """
-
-    def cell(row: Row, name: str, factor: float) -> str:
-        value = row.get(name)
-        return number(None if value is None else factor * value, digits=3)
-
-    return Sheet(
-        headings=("setting", "lowest pressure", "in chamber", "cavitates", "R_m3 margin", "gas"),
-        units=("", "bar", "", "% of cycle", "%", "bar at least"),
-        rows=tuple(
-            (
-                str(row["setting"]),
-                cell(row, "lowest_pressure", 1e-5),
-                str(row.get("lowest_pressure_chamber") or NOTHING),
-                cell(row, "cavitation_fraction", 100.0),
-                cell(row, "r_m3_cavitation_margin", 100.0),
-                cell(row, "safe_gas_pressure", 1e-5),
-            )
-            for row in rows
-            if not (row.get("lowest_pressure") is row.get("r_m3_cavitation_margin") is None)
-        ),
-        is_number=(True,) * 6,
-        notes=("Absolute pressures, of the simulation on the motion of the logs.",),
-    )
+    known = [
+        row
+        for row in rows
+        if not (row.get("lowest_pressure") is row.get("r_m3_cavitation_margin") is None)
+    ]
+    columns = [
+        Column("setting", "", lambda row: str(row["setting"])),
+        Column.of("lowest pressure", "bar", "lowest_pressure", digits=3, factor=1e-5),
+        Column("in chamber", "", lambda row: str(row.get("lowest_pressure_chamber") or NOTHING)),
+        Column.of("cavitates", "% of cycle", "cavitation_fraction", digits=3, factor=100.0),
+        Column.of("R_m3 margin", "%", "r_m3_cavitation_margin", digits=3, factor=100.0),
+        Column.of("gas", "bar at least", "safe_gas_pressure", digits=3, factor=1e-5),
+    ]
+    note = "Absolute pressures, of the simulation on the motion of the logs."
+    return laid_out(known, columns, note)
 
 
 def check_summary(checks: Sequence[Check]) -> str:
@@ -483,46 +409,38 @@ def check_lines(checks: Sequence[Check]) -> list[str]:
 
 def check_sheet(checks: Sequence[Check]) -> Sheet:
     """Return one row per check, those that failed first."""
-    order = sorted(checks, key=lambda check: check.passed is not False)
-    return Sheet(
-        headings=("check", "result", "reason"),
-        units=("", "", ""),
-        rows=tuple((check.name, CHECK_WORDS[check.passed], check.reason) for check in order),
-        is_number=(False, False, False),
-    )
+    columns = [
+        Column("check", "", lambda check: check.name, is_number=False),
+        Column("result", "", lambda check: _CHECK_WORDS[check.passed], is_number=False),
+        Column("reason", "", lambda check: check.reason, is_number=False),
+    ]
+    return laid_out(sorted(checks, key=lambda check: check.passed is not False), columns)
 
 
-def held_out_sheet(predictions: Iterable[Prediction], *, columns: int | None = None) -> Sheet:
-    """Return one row per prediction: the motion, its MSE beside the fitted logs', the verdict.
+def held_out_sheet(predictions: Iterable[Row], *, is_narrow: bool = False) -> Sheet:
+    """Return one row per prediction: its MSE beside the fitted logs', the verdict.
 
     Parameters
     ----------
-    predictions : iterable of Prediction
-        What was held out.
-    columns : int, optional
-        Characters of a line, in which the motion has no room; None: any.
+    predictions : iterable of mapping
+        What was held out, as in run.json.
+    is_narrow : bool
+        For a terminal: without amplitude and frequency.
     """
-    motion = columns is None
-    return Sheet(
-        headings=(
-            *("set", "held out", "cycles"),
-            *(("ampl.", "freq.") if motion else ()),
-            *("MSE", "fitted", "verdict"),
-        ),
-        units=("", "", "", *(("mm", "Hz") if motion else ()), "%", "%", ""),
-        rows=tuple(
-            (
-                *(str(one.setting), one.trace.name, one.cycles),
-                *(_motion(one) if motion else ()),
-                *(percent(one.mse_percent), percent(one.fitted_mse_percent), one.verdict),
-            )
-            for one in predictions
-        ),
-        is_number=(True, False, False, *((True, True) if motion else ()), True, True, False),
-    )
 
+    def frequency(row: Row) -> str:
+        # What moves beside the steady cycles has no frequency of its own.
+        rate = row.get("frequency_Hz")
+        return number(rate, digits=3) if rate and rate > 0.0 else "varies"
 
-def _motion(one: Prediction) -> tuple[str, str]:
-    # What moves beside the steady cycles has no frequency of its own.
-    frequency = number(one.trace.frequency, digits=3) if one.trace.frequency > 0.0 else "varies"
-    return number(1e3 * one.trace.amplitude, digits=3), frequency
+    columns = [
+        Column("set", "", lambda row: str(row.get("setting"))),
+        Column("held out", "", lambda row: str(row.get("log")), is_number=False),
+        Column("cycles", "", lambda row: str(row.get("cycles")), is_number=False),
+        Column.of("ampl.", "mm", "amplitude_m", digits=3, factor=1e3),
+        Column("freq.", "Hz", frequency),
+        Column("MSE", "%", lambda row: percent(row.get("mse_percent"))),
+        Column("fitted", "%", lambda row: percent(row.get("fitted_mse_percent"))),
+        Column("verdict", "", lambda row: str(row.get("verdict")), is_number=False),
+    ]
+    return laid_out(predictions, columns[:3] + columns[5:] if is_narrow else columns)

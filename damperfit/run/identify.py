@@ -37,11 +37,11 @@ if TYPE_CHECKING:
     from damperfit.configuration.options import Configuration
     from damperfit.identification import Campaign, Fit, LogFit
     from damperfit.recording import Trace
-    from damperfit.report.facts import ReportFacts
     from damperfit.results import Run
     from damperfit.run.auto_model import LawChoice
     from damperfit.run.logs import LogBatch
     from damperfit.run.mishaps import Mishaps
+    from damperfit.run.run_json import ReportFacts
     from damperfit.tables.reading import LogSignals
     from damperfit.tested.setting import Setting
 

@@ -6,7 +6,7 @@ that a bad log beside them changes no byte. `record` is run.json and tells every
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from damperfit import __version__
@@ -15,7 +15,7 @@ from damperfit.checks import Check, missed_gates
 from damperfit.damper.cavitation import describe_cavitation
 from damperfit.errors import sparing
 from damperfit.identification import Outcome, Status, describe_searches
-from damperfit.report.facts import Failure, ReportFacts
+from damperfit.report.facts import Failure
 from damperfit.report.markdown import markdown_report
 from damperfit.report.records import to_record
 from damperfit.results import Run
@@ -55,6 +55,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Judgement",
+    "ReportFacts",
     "ending_of",
     "failures_of",
     "identity_of",
@@ -88,6 +89,33 @@ class Judgement:
     checks: tuple[Check, ...] = ()
     predictions: tuple[Prediction, ...] = ()
     failures: tuple[Failure, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class ReportFacts:
+    """What run.json tells besides the tables, by its keys there, before it is JSON."""
+
+    version: str
+    procedure: tuple[str, ...] = ()
+    tested: str = ""
+    failures: tuple[Failure, ...] = ()
+    warnings: tuple[str, ...] = ()
+    gaps: tuple[tuple[int, int], ...] = ()
+    gates: tuple[str, ...] = ()
+    advice: tuple[tuple[str, str], ...] = ()
+    trust: tuple[str, ...] = ()
+    held_out: tuple[Prediction, ...] = ()
+    identifiability: tuple[str, ...] = ()
+    undetermined: tuple[str, ...] = ()
+    taken: tuple[str, ...] = ()
+    searches: tuple[str, ...] = ()
+    cavitation: tuple[str, ...] = ()
+    across: tuple[str, ...] = ()
+    checks: tuple[Check, ...] = ()
+    withheld: tuple[str, ...] = ()
+    stretches: tuple[Mapping[str, Any], ...] = ()
+    law_choice: Mapping[str, Any] = field(default_factory=dict)
+    is_interrupted: bool = False
 
 
 def run_of(  # noqa: PLR0913 - all that a run is made of
@@ -139,8 +167,8 @@ def run_of(  # noqa: PLR0913 - all that a run is made of
         record(configuration, batch, facts, campaign, judgement, ending=ending),
         quantities=quantities,
         tables=tables,
-        report=markdown_report(tables, facts, quantities),
     )
+    run.report_text = markdown_report(run)
     return run, facts
 
 

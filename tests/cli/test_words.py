@@ -81,9 +81,9 @@ def test_figures_of_the_paper_have_its_numbers() -> None:
 @pytest.mark.parametrize(("shares", "title"), [((0.0, 0.0, 0.0), None), ((0.0, 0.2, 0.1), "x1")])
 def test_pressures_are_drawn_of_the_member_that_cavitates_most(shares, title, monkeypatch) -> None:
     drawn = []
-    monkeypatch.setattr("damperfit.report.log_figures.sweep_plot", lambda *_, **__: "loops")
+    monkeypatch.setattr("damperfit.report.run_figures.sweep_plot", lambda *_, **__: "loops")
     monkeypatch.setattr(
-        "damperfit.report.log_figures.sweep_pressure_plot",
+        "damperfit.report.run_figures.sweep_pressure_plot",
         lambda one, **said: drawn.append((one, said)),
     )
     members = [

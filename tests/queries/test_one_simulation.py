@@ -18,7 +18,7 @@ from damperfit.tables.rows import make_tables
 from damperfit.uncertainty import Prediction
 from tests import fakes
 from tests.identification.adjusted import HIGH, LOW, SETTINGS, at
-from tests.texts import FACTS
+from tests.texts import run_of
 
 BLEED, OPENING = {6: 2e4, 14: 1e4}, {1: 3e6, 3: 4e6}
 
@@ -52,7 +52,7 @@ def test_what_is_only_predicted_stands_in_the_report() -> None:
     tables = make_tables(one, predictions=(unseen,))
     last = tables["mse"].to_pylist()[-1]
     assert (str(last["setting"]), last["role"]) == ("LS14 HS3", "held_out")
-    text = markdown_report(tables, replace(FACTS, held_out=(unseen,)))
+    text = markdown_report(run_of(one, {"held_out": [unseen.describe()]}))
     assert "LS14 HS3" in text
     assert "parameters combined from settings that share its clicks" in text
 

@@ -19,7 +19,7 @@ from damperfit.queries.simulations import (
     swept_units,
 )
 from damperfit.report.forces import SweepMember, sweep_sentence, sweep_sheet
-from damperfit.report.log_figures import sweep_plot, sweep_pressure_plot
+from damperfit.report.run_figures import sweep_plot, sweep_pressure_plot
 from damperfit.report.sheet import text_table
 
 

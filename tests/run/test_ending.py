@@ -9,10 +9,10 @@ import pytest
 
 from damperfit.configuration.loading import load_configuration
 from damperfit.identification import Outcome
-from damperfit.report.facts import Failure, ReportFacts
+from damperfit.report.facts import Failure
 from damperfit.run.logs import Ending, LogBatch
 from damperfit.run.remarks import gates_not_met
-from damperfit.run.run_json import ending_of
+from damperfit.run.run_json import ReportFacts, ending_of
 from damperfit.tables.documents import json_pieces
 from tests.fakes import campaign, fit
 
