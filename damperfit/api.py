@@ -934,6 +934,10 @@ def report(
     from damperfit.tables.reading import written_of
 
     folder = _folder_of(results, "damperfit.report")
+    if out is None and getattr(results, "is_temporary", False):
+        raise ConfigurationError(
+            "damperfit.report: these results are in no folder of yours; give out=FOLDER"
+        )
     where = _path(out, "report", "out", "the path of a folder")
     _check_places(where)
     where = where or written_of(folder, "reports")

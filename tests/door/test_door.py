@@ -9,7 +9,6 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -17,13 +16,7 @@ import pytest
 
 import damperfit
 from damperfit.conditioning import condition
-from damperfit.errors import (
-    ConfigurationError,
-    DamperfitError,
-    LogError,
-    refuse_wrong_arguments,
-)
-from damperfit.run import identify
+from damperfit.errors import ConfigurationError, DamperfitError, LogError, refuse_wrong_arguments
 
 ROOT = Path(__file__).parents[2]
 LOGS = [str(ROOT / "sample_runs" / f"setting_{number:02d}.csv") for number in (1, 10)]
@@ -44,20 +37,17 @@ def frame():
     return pd.read_csv(LOGS[1], comment="#")
 
 
-def test_every_name_is_there_and_told():
+def copy_of(run):
+    return pickle.loads(pickle.dumps(run))  # noqa: S301 - our own
+
+
+def test_every_name_is_there_and_importing_it_imports_nothing_of_weight():
     assert set(dir(damperfit)) >= NAMES
-    for name in NAMES:
-        assert getattr(damperfit, name).__doc__
-
-
-def test_importing_it_imports_nothing_of_weight():
+    assert all(getattr(damperfit, name).__doc__ for name in NAMES)
     heavy = ("numpy", "pandas", "pyarrow", "scipy", "matplotlib")
     code = f"import sys, damperfit\nprint([name for name in {heavy} if name in sys.modules])"
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert said.stdout.strip() == "[]"
-
-
-def test_a_name_that_is_none_is_an_attribute_error_with_the_nearest():
     with pytest.raises(AttributeError, match=r"no 'identifi'\. Did you mean 'identify'"):
         _ = damperfit.identifi
     assert not hasattr(damperfit, "anything_else")
@@ -69,7 +59,6 @@ def test_a_result_has_values_intervals_and_verdicts_without_a_second_call(result
     assert table["r_m1"].tolist() == pytest.approx([14012.0, 23952.0], rel=1e-3)
     assert (table["r_m1_ci_low"] < table["r_m1"]).all()
     assert (table["r_m1"] < table["r_m1_ci_high"]).all()
-    assert result.to_frame().equals(table)
     ten = result.setting(10)
     assert (ten.label, ten.grade) == ("10", "excellent")
     assert ten.values["r_m1"] == table["r_m1"][1]
@@ -97,259 +86,302 @@ def test_a_setting_simulates_itself(result):
     assert np.ptp(seen.displacement) == pytest.approx(0.08, rel=1e-4)
     assert seen.force.max() == pytest.approx(4121.6, abs=0.5)
     assert len(seen.time) == len(seen.velocity) == seen.pressures.shape[1]
-    assert list(seen.to_frame())[:4] == [
-        "time_s",
-        "displacement_m",
-        "velocity_m_per_s",
-        "force_N",
-    ]
+    names = ["time_s", "displacement_m", "velocity_m_per_s", "force_N"]
+    assert list(seen.to_frame())[:4] == names
     assert "sine of 40 mm at 2 Hz" in repr(seen)
     same = damperfit.simulate(10, parameters=result, amplitude="40mm", frequency="2Hz")
     assert np.array_equal(same.force, seen.force)
-
-
-def test_the_reference_set_is_simulated_where_nothing_is_given():
-    plain = damperfit.simulate(10)
-    firm = damperfit.simulate(10, set={"r_m1": 4e4})
+    # The reference set, where nothing is given.
+    plain, firm = damperfit.simulate(10), damperfit.simulate(10, set={"r_m1": 4e4})
     assert firm.force.max() > 1.5 * plain.force.max()
 
 
 def test_figures_return_their_axes(result):
-    axes = result.plot()
-    assert axes.get_title(loc="left").startswith("Force against velocity")
+    assert result.plot().get_title(loc="left").startswith("Force against velocity")
     assert len(result.plot("setting_10_force_time")) == 2
     left, right = result.setting(1).simulate().plot()
     assert (left.get_xlabel(), right.get_xlabel()) == ("velocity, m/s", "displacement, mm")
 
 
-def test_a_result_pickles_with_its_files(result):
-    again = pickle.loads(pickle.dumps(result))  # noqa: S301
-    assert again.folder != result.folder
-    assert again.parameters.equals(result.parameters)
-    assert again.frame("responses").equals(result.frame("responses"))
-    assert again.setting(1).simulate().force.tolist() == result.setting(1).simulate().force.tolist()
+# A run in memory
 
 
-def test_a_temporary_folder_goes_with_its_result(result):
-    again = pickle.loads(pickle.dumps(result))  # noqa: S301
-    folder = again.folder
-    assert folder.is_dir()
-    del again
-    gc.collect()
-    assert not folder.exists()
-    assert result.folder.is_dir()
+def test_nothing_is_written_without_a_folder(tmp_path, monkeypatch):
+    monkeypatch.setenv("TMPDIR", str(tmp_path / "tmp"))
+    monkeypatch.setattr("tempfile.tempdir", None)
+    (tmp_path / "tmp").mkdir()
+    monkeypatch.chdir(tmp_path)
+    run = damperfit.identify(LOGS[1])
+    assert len(run.traces) == len(run.residuals)
+    assert run.which_setting is not None
+    assert sorted(path.name for path in tmp_path.rglob("*")) == ["tmp"]
 
 
-def test_a_result_is_saved_and_loaded(result, tmp_path):
+def test_a_saved_result_is_what_the_command_line_writes(result, tmp_path):
     where = result.save(tmp_path / "kept")
+    written = damperfit.identify(LOGS, out=tmp_path / "results")
+    assert written.folder == tmp_path / "results"
     names = {path.name for path in where.iterdir()}
     assert {"parameters.parquet", "parameters.csv", "run.json", "report.md"} <= names
+    assert names == {path.name for path in written.folder.iterdir()}
+    for name in names - {"run.json"}:
+        assert (where / name).read_bytes() == (written.folder / name).read_bytes()
     again = damperfit.load(where)
-    assert again.parameters.equals(result.parameters)
+    for name in ("parameters", "mse", "characteristics", "adjustment", "responses"):
+        assert again.frame(name).equals(result.frame(name))
+    assert {**again.record, "files": 0, "timings": 0} == {
+        **written.record, "files": 0, "timings": 0,
+        "configuration": again.record["configuration"],
+    }  # fmt: skip
     with pytest.raises(DamperfitError, match="there already"):
         again.save(where)
+    assert damperfit.load(again.save(tmp_path / "moved")).parameters.equals(result.parameters)
     page = again.report(tmp_path / "page.html")
     assert page.read_text().startswith("<!DOCTYPE html>")
 
 
-def test_out_is_where_the_command_line_writes_too(tmp_path):
-    found = damperfit.identify(LOGS[1], out=tmp_path / "results")
-    assert found.folder == tmp_path / "results"
-    assert (tmp_path / "results" / "report.md").exists()
+def test_a_pickle_holds_the_whole_result_whether_or_not_it_was_saved(result, tmp_path):
+    kept = damperfit.load(result.save(tmp_path / "kept"))
+    for again in (copy_of(result), copy_of(kept), copy_of(copy_of(kept))):
+        assert again.is_temporary
+        for name in ("parameters", "mse", "responses", "characteristics"):
+            assert again.frame(name).equals(result.frame(name))
+        force = again.setting(1).simulate().force
+        assert force.tolist() == result.setting(1).simulate().force.tolist()
+    folder = again.folder  # what wants files gets them, for as long as it lives
+    assert (folder / "run.json").is_file()
+    del again
+    gc.collect()
+    assert not folder.exists()
 
 
-class TestFrames:
-    """A data frame or arrays are as good as a file."""
-
-    def test_a_frame_gives_what_its_file_gives(self, frame):
-        alone = damperfit.identify(LOGS[1])
-        found = damperfit.identify({"10": frame})
-        assert found.parameters["r_m1"].tolist() == alone.parameters["r_m1"].tolist()
-
-    def test_arrays_with_units_do_too(self, frame):
-        arrays = {
-            "time": frame["time_s"].to_numpy(),
-            "displacement": frame["displacement_mm"].to_numpy() / 10.0,
-            "force": frame["force_N"].to_numpy() / 1e3,
-        }
-        units = {"time": "s", "displacement": "cm", "force": "kN"}
-        alone = damperfit.identify(LOGS[1]).parameters["r_m1"]
-        found = damperfit.identify({10: arrays}, units=units).parameters["r_m1"]
-        assert found.tolist() == pytest.approx(alone.tolist(), rel=1e-9)
-
-    def test_a_label_may_be_a_word(self, frame):
-        found = damperfit.identify({"soft": frame})
-        assert [one.label for one in found.settings] == ["soft"]
-
-    def test_time_may_be_the_index(self, frame):
-        found = damperfit.read({"10": frame.set_index("time_s")})
-        assert len(found.time) == len(frame)
-
-    def test_units_that_are_missing_are_asked_for_in_words_of_a_call(self, frame):
-        bare = frame.rename(columns={"force_N": "force"})
-        with pytest.raises(LogError, match=r"units=\{'force': 'N'\}") as caught:
-            damperfit.identify({"10": bare})
-        assert "--rig" not in str(caught.value)
-
-    def test_a_frame_of_two_columns_of_one_name_is_refused(self, frame):
-        doubled = pd.concat([frame, frame[["force_N"]]], axis=1)
-        with pytest.raises(LogError, match="10: the data frame cannot be read as a log"):
-            damperfit.identify({"10": doubled})
-
-    def test_columns_of_different_lengths_are_refused(self):
-        with pytest.raises(LogError, match="give columns of one length"):
-            damperfit.identify({"10": {"time_s": [0.0, 1.0], "force_N": [1.0]}})
+def test_a_damaged_file_of_results_is_told(result, tmp_path):
+    where = result.save(tmp_path / "damaged")
+    (where / "run.json").write_text("{")
+    assert any("run.json" in said for said in damperfit.load(where).warnings)
+    assert damperfit.export(damperfit.load(where), "csv")[0].parent == where / "export"
 
 
-@pytest.mark.parametrize(
-    ("call", "said"),
-    [
-        (lambda f, _: damperfit.identify(f), "without a label; give {'10': frame}"),
-        (lambda *_: damperfit.identify(3), "found int; expected paths or patterns"),
-        (lambda f, _: damperfit.identify([f]), "found DataFrame in a list"),
-        (lambda *_: damperfit.identify([]), "found no log"),
-        (lambda *_: damperfit.identify({}), "found no log"),
-        (lambda *_: damperfit.identify({"10": 3}), "'10' is of type int"),
-        (lambda *_: damperfit.identify("nowhere.csv"), "nowhere.csv: no such file"),
-        (lambda *_: damperfit.compare(3, 4), "damperfit.compare: found int; expected a result"),
-        (lambda *_: damperfit.export(7, "csv"), "damperfit.export: found int; expected a result"),
-        (lambda *_: damperfit.identify(LOGS, free=["r_m9"]), r"(free=...): no parameter 'r_m9'"),
-        (lambda *_: damperfit.identify(LOGS, fix={"f_f": "x"}), "(fix=...): f_f = x: expected"),
-        (lambda *_: damperfit.identify(LOGS, damper=3), "(damper=...): found int"),
-        (
-            lambda *_: damperfit.identify(LOGS, damper={"rod": "1mm"}),
-            "damperfit.identify: unknown key 'rod' in [damper]",
-        ),
-        (lambda *_: damperfit.identify(LOGS, units={"force": "stone"}), "no unit of force"),
-        (lambda *_: damperfit.identify(LOGS, setting=""), "setting=''"),
-        (lambda _, r: r.frame("params"), "Did you mean 'parameters'?"),
-        (lambda _, r: r.setting(7), "no setting 7; there are 1, 10"),
-        (lambda _, r: r.plot("fann"), "Did you mean 'fan'?"),
-        (lambda *_: damperfit.load(3), "expected the path of a results folder"),
-        (lambda *_: damperfit.load("/nowhere"), "nowhere"),
-        (lambda *_: damperfit.compare(), "found no result"),
-        (lambda *_: damperfit.read(LOGS), "found several logs"),
-        (lambda _, r: damperfit.simulate(r), "damperfit.simulate(10, parameters=result)"),
-        (lambda *_: damperfit.simulate(), "give setting=N or set= them all"),
-        (lambda _, r: damperfit.export(r, "csv"), "give out=FOLDER"),
-        (lambda *_: damperfit.inspect(LOGS, test="t.csv"), "no keyword 'test'"),
-        (lambda *_: damperfit.simulate(10, frequncy=2), "no keyword 'frequncy'"),
-        (lambda *_: damperfit.identify(LOGS, fix="f_f=50N"), "expected a mapping of names"),
-        (lambda *_: damperfit.identify(LOGS, rig="strict"), "(rig=...): found 'strict'"),
-        (lambda *_: damperfit.identify(LOGS, units="kN,stone"), "stone"),
-        (lambda *_: damperfit.identify(LOGS, fix=["k_e"]), "damperfit.identify(fix=...): found"),
-        (lambda *_: damperfit.identify(LOGS, fixed={"k_e": 1e9}), "no keyword 'fixed'"),
-        (lambda *_: damperfit.identify(LOGS, jobs=0), "(jobs=...): found 0; expected a whole"),
-        (lambda *_: damperfit.inspect(LOGS, jobs=1.5), "(jobs=...): found 1.5"),
-        (lambda _, r: damperfit.export(r), "damperfit.export: no target given"),
-        (
-            lambda *_: damperfit.Damper(rod_diameter="19mm"),
-            "rod_diameter: expected a number in m, found '19mm'",
-        ),
-    ],
-)
-def test_a_wrong_call_gets_a_sentence(call, said, frame, result):
-    with pytest.raises(ConfigurationError) as caught:
-        call(frame, result)
-    assert said in str(caught.value)
-    assert "\n" not in str(caught.value)
+def test_results_are_compared_by_their_place_in_the_call_where_they_are_unsaved(result, tmp_path):
+    copy = copy_of(result)
+    same = damperfit.compare(result, copy)
+    assert same.sentences[0].startswith("measured: identical")
+    assert same.sentences[1].startswith("forces: all 20 the same")
+    assert "same within errors" in same._repr_html_()
+    both = same.compared.comparisons[0]
+    assert (both.first.name, both.second.name) == ("result 1", "result 2")
+    saved = damperfit.compare(result.save(tmp_path / "kept"), copy)
+    table = saved.to_frame()
+    assert len(table) > 20
+    assert (set(table["first"]), set(table["second"])) == ({"kept"}, {"result 2"})
+    assert str(copy.folder) not in saved._repr_html_() + str(saved)
 
 
-_WRONG = [
-    ("identify()", "damperfit.identify: logs missing"),
-    ("identify(LOG, LOG)", "too many arguments; give those after the first by name: logs, free"),
-    ("identify(None)", "found NoneType; expected paths"),
-    ("identify(result)", "found Run; expected paths"),
-    ("identify([[LOG]])", "found list in a list"),
-    ("identify(LOG, free=3)", "(free=...): found 3; expected a list of names"),
-    ("identify(LOG, share=3)", "(share=...): found 3"),
-    ("identify(LOG, hold_out=3)", "(hold_out=...): found 3"),
-    ("identify(LOG, profile=True)", "(profile=...): found True"),
-    ("identify(LOG, hold_out='no.csv')", "as in hold_out='*_16mm.csv'"),
-    ("identify(LOG, rig={3: 3})", "(rig=...): found 3 in place of a name"),
-    ("identify(LOG, units={3: 4})", "(units=...): found 3 in place of a name"),
-    ("identify(LOG, damper={3: 4})", "(damper=...): found 3 in place of a name"),
-    ("identify(LOG, damper={'bore': '32mm'})", "unknown key 'bore' in [damper]"),
-    ("identify(LOG, damper={'rod_diameter': '32kg'})", "no unit of length 'kg'"),
-    ("identify(LOG, damper=damperfit.Damper)", "found the class Damper; expected a damper"),
-    ("identify(LOG, damper=damperfit.Motion(1.0, [1], [0]))", "(damper=...): found Motion"),
-    ("identify(LOG, config=3)", "(config=...): found int; expected the path of a TOML file"),
-    ("identify(LOG, out=3)", "(out=...): found int; expected the path of a folder"),
-    ("identify(LOG, tests=3)", "(tests=...): found int; expected the path of a table"),
-    ("identify(LOG, jobs=True)", "(jobs=...): found True; expected a whole number"),
-    ("identify(LOG, setting=3j)", "setting=...: found complex; expected a setting"),
-    ("inspect(LOG, setting=object())", "setting=...: found object; expected a setting"),
-    (
-        "inspect(LOG, setting=9)",
-        "(setting=9): setting_10.csv says setting 10; leave the option out",
-    ),
-    ("read()", "damperfit.read: log missing"),
-    ("simulate(setting='x')", "(setting=x): not in the reference set; expected a whole number"),
-    ("simulate(frame)", "(setting=...): found DataFrame; expected a setting"),
-    ("simulate(10, 'sine')", "damperfit.simulate: too many arguments"),
-    ("simulate(10, parameters=3)", "(parameters=...): found int; expected a result"),
-    ("simulate(10, displacement=frame)", "(displacement=...): found DataFrame; expected the path"),
-    ("simulate(10, wave='square')", "expected 'sine' or 'triangle', found 'square'"),
-    ("compare(result)", "or tolerance=FILE with nominal forces"),
-    ("compare(result, result, tolerance=5)", "(tolerance=...): found 5; expected '5%'"),
-    ("compare(result, result, tolerance='x')", "(tolerance=x): expected per cent, newtons"),
-    ("compare(result, result, toleranz=3)", "Did you mean 'tolerance'?"),
-    ("compare(result, result, velocity=3j)", "(velocity=...): found 3j; expected speeds"),
-    ("compare(result, result, jobs='x')", "(jobs=...): found 'x'"),
-    ("compare(result, result, measured='x')", "(measured=...): found 'x'; expected True"),
-    ("compare(result, result, amplitude='5mm')", "amplitude= and frequency= make the sine"),
-    ("export(result, to='fmu9')", "(to=fmu9): expected one of csv, xlsx"),
-    ("export(result, to=3)", "(to=3): expected one of csv, xlsx"),
-    (
-        "export(result, to='csv', out=3)",
-        "(out=...): found int; expected the path of a file or folder",
-    ),
-    (
-        "export(result, 'csv', 'x', extend=[])",
-        "or a text such as '1.5m/s' for a velocity, found []",
-    ),
-    ("export(result, 'fmu2', 'x.csv')", "(out=x.csv): fmu2 writes .fmu files"),
-    ("export(result, 'csv', '')", "damperfit.export(out=...): found ''; expected the path"),
-    ("identify('')", "damperfit.identify: found ''; expected paths or patterns"),
-    ("identify(['a.csv', ''])", "damperfit.identify: found ''; expected paths or patterns"),
-    ("inspect('')", "damperfit.inspect: found ''; expected paths or patterns"),
-    ("identify(LOG, out='')", "(out=...): found ''; expected the path of a folder, '.' for this"),
-    ("identify(LOG, share=['r_m3'])", "(share=...): only procedure joint fits shared"),
-    ("simulate(10, damper={'model': 'auto'})", "let the logs choose"),
-    ("compare(result, '')", "damperfit.compare: found ''; expected a result, or the path"),
-    ("load('')", "damperfit.load: found ''; expected the path of a results folder"),
-    ("load(None)", "damperfit.load: found NoneType; expected the path of a results folder"),
-    ("Damper(bore='32')", "damperfit.Damper: no keyword 'bore'; there are rod_diameter,"),
-    ("Damper(rod_diamter=0.03)", "Did you mean 'rod_diameter'?"),
-    ("Motion([1, 2], [3])", "damperfit.Motion: velocity missing"),
-    ("Motion('x', [1, 2], [3, 4])", "motion: expected a number for interval, found 'x'"),
-    ("Motion(0.001, [1, 2], [3, 4], 'x')", "motion: expected a number for start_time, found 'x'"),
-    ("Motion(0.001, [1, 2], [3, 4], gas_pressure='x')", "number for gas_pressure, found 'x'"),
-    ("Motion(0.001, ['a', 'b'], [3, 4])", "expected an array of numbers for displacement"),
-    ("Motion(0.001, [1, 2], [[1, 2], [3]])", "expected an array of numbers for velocity"),
-    ("Run.load(3)", "damperfit.load: found int; expected the path of a results folder"),
-    ("result.setting()", "run.setting: setting missing"),
-    ("result.setting(frame)", "run.setting: found DataFrame; expected a setting"),
-    ("result.setting(True)", "run.setting: found bool; expected a setting"),
-    ("result.setting(10).simulate(setting=3)", "the parameters are those of setting 10"),
-    ("result.plot([])", "no figure '[]'; there are fan"),
-    ("result.frame(3)", "no table '3' in these results"),
-    ("result.report(3)", "run.report: found int; expected the path of a page"),
-    ("result.save(3)", "run.save: found int; expected the path of a folder"),
-    ("identify({'10': {}})", "10: the data frame has no columns"),
-    ("identify({'10': frame.drop(columns='time_s')})", "rig.columns.time = 'NAME'"),
-    ("identify({'10': {'time_s': 3, 'force_N': 4}})", "10: found single numbers"),
-]
+def test_a_result_is_handed_over_also_when_the_package_of_targets_is_loaded(result, tmp_path):
+    import damperfit.exporting
+
+    (one,) = damperfit.export(result, to="fmu2", out=tmp_path / "mine.fmu")
+    assert one == tmp_path / "mine.fmu"  # a file, as on the command line
+    assert one.is_file()
+    files = damperfit.export(result, to="csv", out=tmp_path / "out")
+    tables = [path for path in files if path.suffix == ".csv"]
+    assert "damper.csv" in {path.name for path in tables}
+    assert all(path.read_text().startswith("setting") for path in tables)
 
 
-@pytest.mark.parametrize(("call", "said"), _WRONG)
-def test_no_wrong_call_ends_inside(call, said, frame, result):
+# What is given
+
+
+def test_a_frame_gives_what_its_file_gives(frame):
+    by_file = damperfit.identify(LOGS[1]).parameters["r_m1"].tolist()
+    assert damperfit.identify({"10": frame}).parameters["r_m1"].tolist() == by_file
+    arrays = {
+        "time": frame["time_s"].to_numpy(),
+        "displacement": frame["displacement_mm"].to_numpy() / 10.0,
+        "force": frame["force_N"].to_numpy() / 1e3,
+    }
+    units = {"time": "s", "displacement": "cm", "force": "kN"}
+    found = damperfit.identify({10: arrays}, units=units).parameters["r_m1"].tolist()
+    assert found == pytest.approx(by_file, rel=1e-9)
+    assert [one.label for one in damperfit.identify({"soft": frame}).settings] == ["soft"]
+    assert len(damperfit.read({"10": frame.set_index("time_s")}).time) == len(frame)
+
+
+def test_traces_and_recordings_are_as_good_as_paths(result):
+    """What is in memory is fitted as it is, beside what must be read."""
+    recordings = [damperfit.read(path) for path in LOGS]
+    traces = [condition(one) for one in recordings]
+    for given in (traces, recordings, [LOGS[0], traces[1]], [recordings[0], traces[1]]):
+        found = damperfit.identify(given)
+        assert found.parameters.equals(result.parameters)
+        assert [one["log"] for one in found.record["inputs"]] == [Path(p).name for p in LOGS]
+        assert found.failures == ()
+    assert damperfit.identify(traces[0]).settings[0].label == "1"
+    assert damperfit.identify(replace(traces[0], setting=None), setting=7).setting(7)
+    with pytest.raises(LogError, match="has no setting; give setting=N"):
+        damperfit.identify(replace(traces[0], setting=None))
+    with pytest.raises(ConfigurationError, match=r"two logs are called setting_01\.csv"):
+        damperfit.identify([LOGS[0], traces[0]])
+
+
+def test_a_damper_is_declared_as_an_object_or_as_keys():
+    thick = damperfit.Damper(rod_diameter=0.014)
+    held = {"fix": {"r_m3": 2.6e6, "f_f": 50.0}}
+    as_object = damperfit.identify(LOGS[1], damper=thick, **held).parameters
+    as_keys = damperfit.identify(LOGS[1], damper={"rod_diameter": "14mm"}, **held).parameters
+    assert as_object["r_m1"].tolist() == as_keys["r_m1"].tolist()
+    assert as_object["r_m1"][0] != pytest.approx(23952.0, rel=0.01)
+
+
+def test_logs_are_inspected():
+    seen = damperfit.inspect(LOGS)
+    assert seen.to_frame()["setting"].tolist() == ["1", "10"]
+    assert repr(seen) == "<Inspection: 2 logs, 0 cannot be used>"
+    assert "setting_10.csv" in str(seen)
+    assert "<td>setting_10.csv</td>" in seen._repr_html_()
+
+
+@pytest.mark.parametrize(("n", "more"), [(3, False), (4, True)])
+def test_three_logs_that_could_not_be_fitted_are_named(tmp_path, n, more):
+    paths = [tmp_path / f"{k}_s{k}.csv" for k in range(n)]
+    for path in paths:
+        path.write_text("")
+    with pytest.raises(LogError, match="no setting could be fitted: ") as caught:
+        damperfit.identify([str(path) for path in paths])
+    said = str(caught.value)
+    assert [path.name in said for path in paths] == [True] * 3 + [False] * (n - 3)
+    assert said.endswith(" (and 1 more)") is more
+
+
+# A wrong call, and what its sentence says: that, on one line, without an option's dashes
+_WRONG = """
+identify() -> damperfit.identify: logs missing
+identify(LOG, LOG) -> too many arguments; give those after the first by name: logs, free
+identify(None) -> found NoneType; expected paths
+identify(3) -> found int; expected paths
+identify('') -> damperfit.identify: found ''; expected paths
+identify(['a.csv', '']) -> damperfit.identify: found ''; expected paths
+identify('nowhere.csv') -> nowhere.csv: no such file
+identify([]) -> found no log
+identify({}) -> found no log
+identify([frame]) -> found DataFrame in a list
+identify([[LOG]]) -> found list in a list
+identify(frame) -> without a label; give {'10': frame}
+identify({'10': 3}) -> '10' is of type int
+identify({'10': {}}) -> 10: the data frame has no columns
+identify({'10': {'time_s': [0.0, 1.0], 'force_N': [1.0]}}) -> give columns of one length
+identify({'10': {'time_s': 3, 'force_N': 4}}) -> 10: found single numbers
+identify({'10': frame.drop(columns='time_s')}) -> rig.columns.time = 'NAME'
+identify({'10': frame.rename(columns={'force_N': 'force'})}) -> units={'force': 'N'}
+identify({'10': frame.iloc[:, [0, 1, 2, 2]]}) -> 10: the data frame cannot be read as a log
+identify(result) -> found Run; expected paths
+identify(LOG, free=3) -> (free=...): found 3; expected a list of names
+identify(LOG, free=['r_m9']) -> (free=...): no parameter 'r_m9'
+identify(LOG, fix='f_f=50N') -> expected a mapping of names
+identify(LOG, fix=['k_e']) -> damperfit.identify(fix=...): found
+identify(LOG, fix={'f_f': 'x'}) -> (fix=...): f_f = x: expected
+identify(LOG, fixed={'k_e': 1e9}) -> no keyword 'fixed'
+identify(LOG, share=3) -> (share=...): found 3
+identify(LOG, share=['r_m3']) -> (share=...): only procedure joint fits shared
+identify(LOG, hold_out=3) -> (hold_out=...): found 3
+identify(LOG, hold_out='no.csv') -> as in hold_out='*_16mm.csv'
+identify(LOG, profile=True) -> (profile=...): found True
+identify(LOG, rig='strict') -> (rig=...): found 'strict'
+identify(LOG, rig={3: 3}) -> (rig=...): found 3 in place of a name
+identify(LOG, units='kN,stone') -> stone
+identify(LOG, units={3: 4}) -> (units=...): found 3 in place of a name
+identify(LOG, units={'force': 'stone'}) -> no unit of force
+identify(LOG, damper=3) -> (damper=...): found int
+identify(LOG, damper={3: 4}) -> (damper=...): found 3 in place of a name
+identify(LOG, damper={'bore': '32mm'}) -> damperfit.identify: unknown key 'bore' in [damper]
+identify(LOG, damper={'rod_diameter': '32kg'}) -> no unit of length 'kg'
+identify(LOG, damper=damperfit.Damper) -> found the class Damper; expected a damper
+identify(LOG, damper=damperfit.Motion(1.0, [1], [0])) -> (damper=...): found Motion
+identify(LOG, config=3) -> (config=...): found int; expected the path of a TOML file
+identify(LOG, out=3) -> (out=...): found int; expected the path of a folder
+identify(LOG, out='') -> (out=...): found ''; expected the path of a folder, '.' for this
+identify(LOG, tests=3) -> (tests=...): found int; expected the path of a table
+identify(LOG, jobs=0) -> (jobs=...): found 0; expected a whole
+identify(LOG, jobs=True) -> (jobs=...): found True; expected a whole number
+identify(LOG, setting='') -> setting=''
+identify(LOG, setting=3j) -> setting=...: found complex; expected a setting
+inspect('') -> damperfit.inspect: found ''; expected paths or patterns
+inspect(LOG, jobs=1.5) -> (jobs=...): found 1.5
+inspect(LOG, test='t.csv') -> no keyword 'test'
+inspect(LOG, setting=object()) -> setting=...: found object; expected a setting
+inspect(LOG, setting=9) -> (setting=9): setting_10.csv says setting 10; leave the option out
+read() -> damperfit.read: log missing
+read([LOG, LOG]) -> found several logs
+simulate() -> give setting=N or set= them all
+simulate(result) -> damperfit.simulate(10, parameters=result)
+simulate(frame) -> (setting=...): found DataFrame; expected a setting
+simulate(setting='x') -> (setting=x): not in the reference set; expected a whole number
+simulate(10, 'sine') -> damperfit.simulate: too many arguments
+simulate(10, frequncy=2) -> no keyword 'frequncy'
+simulate(10, parameters=3) -> (parameters=...): found int; expected a result
+simulate(10, displacement=frame) -> (displacement=...): found DataFrame; expected the path
+simulate(10, wave='square') -> expected 'sine' or 'triangle', found 'square'
+simulate(10, damper={'model': 'auto'}) -> let the logs choose
+compare() -> found no result
+compare(3, 4) -> damperfit.compare: found int; expected a result
+compare(result) -> or tolerance=FILE with nominal forces
+compare(result, '') -> damperfit.compare: found ''; expected a result, or the path
+compare(result, result, tolerance=5) -> (tolerance=...): found 5; expected '5%'
+compare(result, result, tolerance='x') -> (tolerance=x): expected per cent, newtons
+compare(result, result, toleranz=3) -> Did you mean 'tolerance'?
+compare(result, result, velocity=3j) -> (velocity=...): found 3j; expected speeds
+compare(result, result, jobs='x') -> (jobs=...): found 'x'
+compare(result, result, measured='x') -> (measured=...): found 'x'; expected True
+compare(result, result, amplitude='5mm') -> amplitude= and frequency= make the sine
+export(7, 'csv') -> damperfit.export: found int; expected a result
+export(result) -> damperfit.export: no target given
+export(result, 'csv') -> give out=FOLDER
+export(result, to='fmu9') -> (to=fmu9): expected one of csv, xlsx
+export(result, to='fmu22', out='x') -> Did you mean 'fmu2'
+export(result, to=3) -> (to=3): expected one of csv, xlsx
+export(result, to='csv', out=3) -> (out=...): found int; expected the path of a file or folder
+export(result, 'csv', '') -> damperfit.export(out=...): found ''; expected the path
+export(result, 'csv', 'x', extend=[]) -> or a text such as '1.5m/s' for a velocity, found []
+export(result, 'fmu2', 'x.csv') -> (out=x.csv): fmu2 writes .fmu files
+report(result) -> give out=FOLDER
+load('') -> damperfit.load: found ''; expected the path of a results folder
+load(3) -> damperfit.load: found int; expected the path of a results folder
+load('/nowhere') -> nowhere
+Run.load(3) -> damperfit.load: found int; expected the path of a results folder
+Damper(bore='32') -> damperfit.Damper: no keyword 'bore'; there are rod_diameter,
+Damper(rod_diamter=0.03) -> Did you mean 'rod_diameter'?
+Damper(rod_diameter='19mm') -> rod_diameter: expected a number in m, found '19mm'
+Motion([1, 2], [3]) -> damperfit.Motion: velocity missing
+Motion('x', [1, 2], [3, 4]) -> motion: expected a number for interval, found 'x'
+Motion(0.001, [1, 2], [3, 4], 'x') -> motion: expected a number for start_time, found 'x'
+Motion(0.001, [1, 2], [3, 4], gas_pressure='x') -> number for gas_pressure, found 'x'
+Motion(0.001, ['a', 'b'], [3, 4]) -> expected an array of numbers for displacement
+Motion(0.001, [1, 2], [[1, 2], [3]]) -> expected an array of numbers for velocity
+result.setting() -> run.setting: setting missing
+result.setting(7) -> no setting 7; there are 1, 10
+result.setting(frame) -> run.setting: found DataFrame; expected a setting
+result.setting(True) -> run.setting: found bool; expected a setting
+result.setting(10).simulate(setting=3) -> the parameters are those of setting 10
+result.plot('fann') -> Did you mean 'fan'?
+result.plot([]) -> no figure '[]'; there are fan
+result.frame('params') -> Did you mean 'parameters'?
+result.frame(3) -> no table '3' in these results
+result.report(3) -> run.report: found int; expected the path of a page
+result.save(3) -> run.save: found int; expected the path of a folder
+"""
+
+
+@pytest.mark.parametrize("line", _WRONG.strip().splitlines())
+def test_no_wrong_call_ends_inside(line, frame, result, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    call, said = line.split(" -> ")
     names = {"damperfit": damperfit, "result": result, "frame": frame, "LOG": LOGS[1]}
     with pytest.raises(DamperfitError) as caught:
         eval(call if call.startswith("result.") else f"damperfit.{call}", names)  # noqa: S307
     assert said in str(caught.value)
     assert "\n" not in str(caught.value)
     assert not re.search(r"(?<!export )--[a-z]", str(caught.value))
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_type_error_that_is_no_wrong_call_stays_what_it_is():
@@ -363,110 +395,3 @@ def test_a_type_error_that_is_no_wrong_call_stays_what_it_is():
         door()
     with pytest.raises(ConfigurationError, match="door: number given twice"):
         door(3, number=4)
-
-
-def test_traces_and_recordings_are_as_good_as_paths(result):
-    """What is in memory is fitted as it is, beside what must be read."""
-    paths, by_path = LOGS, result
-    recordings = [damperfit.read(path) for path in paths]
-    traces = [condition(one) for one in recordings]
-    for given in (traces, recordings, [paths[0], traces[1]], [recordings[0], traces[1]]):
-        found = damperfit.identify(given)
-        assert found.parameters.equals(by_path.parameters)
-        assert [one["log"] for one in found.record["inputs"]] == [Path(p).name for p in paths]
-        assert found.failures == ()
-    assert damperfit.identify(traces[0]).settings[0].label == "1"
-    assert damperfit.identify(replace(traces[0], setting=None), setting=7).setting(7)
-    with pytest.raises(LogError, match="has no setting; give setting=N"):
-        damperfit.identify(replace(traces[0], setting=None))
-    with pytest.raises(ConfigurationError, match=r"two logs are called setting_01\.csv"):
-        damperfit.identify([paths[0], traces[0]])
-
-
-def test_a_damper_is_declared_as_an_object_or_as_keys():
-    thick = damperfit.Damper(rod_diameter=0.014)
-    held = {"fix": {"r_m3": 2.6e6, "f_f": 50.0}}
-    as_object = damperfit.identify(LOGS[1], damper=thick, **held).parameters
-    as_keys = damperfit.identify(LOGS[1], damper={"rod_diameter": "14mm"}, **held).parameters
-    assert as_object["r_m1"].tolist() == as_keys["r_m1"].tolist()
-    assert as_object["r_m1"][0] != pytest.approx(23952.0, rel=0.01)
-
-
-def test_logs_are_inspected(result):
-    seen = damperfit.inspect(LOGS)
-    assert seen.to_frame()["setting"].tolist() == ["1", "10"]
-    assert repr(seen) == "<Inspection: 2 logs, 0 cannot be used>"
-    assert "setting_10.csv" in str(seen)
-    assert "<td>setting_10.csv</td>" in seen._repr_html_()
-
-
-def test_results_are_compared(result):
-    same = damperfit.compare(result, pickle.loads(pickle.dumps(result)))  # noqa: S301
-    assert same.sentences[0].startswith("measured: identical")
-    assert same.sentences[1].startswith("forces: all 20 the same")
-    assert len(same.to_frame()) > 20
-    assert "same within errors" in same._repr_html_()
-
-
-def test_unsaved_results_are_called_by_their_place_in_the_call(result, tmp_path):
-    copy = pickle.loads(pickle.dumps(result))  # noqa: S301
-    kept = result.save(tmp_path / "kept")
-    both = damperfit.compare(result, copy).compared.comparisons[0]
-    assert (both.first.name, both.second.name) == ("result 1", "result 2")
-    one = damperfit.compare(kept, copy)
-    assert one.compared.comparisons[0].first.name == "kept"
-    frame = one.to_frame()
-    assert set(frame["first"]) == {"kept"}
-    assert set(frame["second"]) == {"result 2"}
-    assert str(copy.folder) not in one._repr_html_() + str(one)
-
-
-def test_a_suggestion_is_near():
-    with pytest.raises(AttributeError, match="Did you mean 'identify'"):
-        damperfit.identfy  # noqa: B018
-    with pytest.raises(AttributeError, match=r"damperfit has no 'nothing'\.$"):
-        damperfit.nothing  # noqa: B018
-
-
-def test_calls_of_the_layers_below_say_what_they_want():
-    from damperfit.conditioning import condition
-    from damperfit.identification import identify
-
-    with pytest.raises(ConfigurationError, match=r"found str; expected a recording"):
-        condition(LOGS[0])
-    with pytest.raises(ConfigurationError, match=r"found str among the traces"):
-        identify(LOGS, damperfit.Damper())
-
-
-def test_a_result_is_handed_over_also_when_the_package_of_targets_is_loaded(result, tmp_path):
-    import damperfit.exporting
-
-    (one,) = damperfit.export(result, to="fmu2", out=tmp_path / "mine.fmu")
-    assert one == tmp_path / "mine.fmu"  # a file, as on the command line
-    assert one.is_file()
-    files = damperfit.export(result, to="csv", out=tmp_path / "out")
-    tables = [path for path in files if path.suffix == ".csv"]
-    assert "damper.csv" in {path.name for path in tables}
-    assert all(path.read_text().startswith("setting") for path in tables)
-    with pytest.raises(ConfigurationError, match="Did you mean 'fmu2'"):
-        damperfit.export(result, to="fmu22", out=tmp_path)
-
-
-@pytest.mark.parametrize(("n", "more"), [(3, ""), (4, " (and 1 more)")])
-def test_three_logs_that_could_not_be_fitted_are_named(monkeypatch, tmp_path, n, more):
-    failures = [SimpleNamespace(message=f"{k}.csv: empty", problem=None) for k in range(n)]
-    found = SimpleNamespace(
-        campaign=SimpleNamespace(fits=()), facts=SimpleNamespace(failures=failures), error=None
-    )
-    monkeypatch.setattr(identify, "written", lambda *_, **__: [found])
-    with pytest.raises(LogError) as caught:
-        damperfit.identify(LOGS, out=tmp_path / "results")
-    said = "no setting could be fitted: 0.csv: empty; 1.csv: empty; 2.csv: empty"
-    assert str(caught.value) == f"{said}{more}"
-
-
-def test_a_damaged_file_of_results_is_told(result, tmp_path):
-    where = result.save(tmp_path / "damaged")
-    (where / "run.json").write_text("{")
-    assert any("run.json" in said for said in damperfit.load(where).warnings)
-    assert damperfit.export(damperfit.load(where), "csv")[0].parent == where / "export"
