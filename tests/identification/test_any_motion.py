@@ -77,7 +77,7 @@ def test_the_first_quarter_of_the_slowest_speed_is_predicted():
     assert beside is not None
     (one,) = predict(campaign, assessed("three steps"), [beside], damper=PURDY_DAMPER)
     assert one.mse_percent > 10.0 * one.fitted_mse_percent
-    assert one.verdict == "predicted as well as fitted"
+    assert one.verdict.startswith("predicted within the expected")
 
 
 def test_a_triangle_alone_does_not_tell_and_says_so():

@@ -1,0 +1,235 @@
+"""Which wrong lines do the tests notice? Mutants of the numerics, drawn afresh, one at a time.
+
+    python -m tests.mutants --seed 7 --count 150      # at night: some hours; ends with 1 above 8 %
+
+A mutant changes one comparison, operator, number, truth value or sign in a line that some test
+executes. Tests that pass through its function are run, quickest first, until one fails. Which these
+are is traced once for a tree and kept in ``--folder``. A mutant that survives is printed with its
+line: it is either equivalent, or a case of behaviour is missing.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import json
+import os
+import random
+import shutil
+import subprocess
+import sys
+from collections import defaultdict
+from dataclasses import dataclass
+from itertools import chain, zip_longest
+from pathlib import Path
+from tempfile import gettempdir
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+NUMERICS = ("adjustment", "conditioning", "damper", "identification", "laws", "uncertainty")
+COPIED = ("damperfit", "tests", "configs", "sample_runs", "pyproject.toml", "README.md")
+MOST_TESTS = 200
+PATIENCE = 300.0  # s a mutant; a loop without end is noticed
+
+_COMPARISONS = {
+    ast.Lt: "<=", ast.LtE: "<", ast.Gt: ">=", ast.GtE: ">", ast.Eq: "!=", ast.NotEq: "==",
+}  # fmt: skip
+_OPERATORS = {ast.Add: "-", ast.Sub: "+", ast.Mult: "/", ast.Div: "*", ast.Pow: "*"}
+_NAMES = {"min": "max", "max": "min", "argmin": "argmax", "argmax": "argmin"}
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """One change: of `file` (from the root) the text between two offsets becomes another."""
+
+    file: str
+    function: str
+    line: int
+    start: int
+    stop: int
+    text: str
+
+    def applied(self, root: Path) -> str:
+        """Return the file's source with the change."""
+        source = (root / self.file).read_bytes()
+        return (source[: self.start] + self.text.encode() + source[self.stop :]).decode()
+
+
+def mutants_of(root: Path, file: Path) -> list[Mutant]:
+    """Return every mutant of a module."""
+    source = file.read_bytes()
+    begins = [0]
+    for line in source.splitlines(keepends=True):
+        begins.append(begins[-1] + len(line))
+    found: list[Mutant] = []
+
+    def add(node: ast.AST, text: str, function: str, *, until: ast.AST | None = None) -> None:
+        start = begins[node.lineno - 1] + node.col_offset  # type: ignore[attr-defined]
+        last = until or node
+        stop = begins[last.end_lineno - 1] + last.end_col_offset  # type: ignore[attr-defined]
+        place = str(file.relative_to(root))
+        found.append(Mutant(place, function, node.lineno, start, stop, text))  # type: ignore[attr-defined]
+
+    def visit(node: ast.AST, function: str) -> None:
+        if isinstance(node, ast.FunctionDef):
+            for child in (*node.args.kw_defaults, *node.args.defaults, *node.body):
+                if child is not None and not _is_text(child):
+                    visit(child, node.name)
+            return
+        if isinstance(node, ast.AnnAssign) and node.value is not None:
+            visit(node.value, function)
+            return
+        changed = _changed(node)
+        if changed is not None:
+            add(node, changed, function)
+        for child in ast.iter_child_nodes(node):
+            visit(child, function)
+
+    visit(ast.parse(source), "")
+    return found
+
+
+def _is_text(node: ast.AST) -> bool:
+    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+
+
+def _changed(node: ast.AST) -> str | None:  # noqa: PLR0911 - a kind of node each
+    """Return the source of a node with one mistake, None where there is none to make."""
+    if isinstance(node, ast.Compare) and type(node.ops[0]) in _COMPARISONS:
+        left, right = ast.unparse(node.left), ast.unparse(node.comparators[0])
+        more = ast.unparse(node)[len(f"{left} {_sign(node.ops[0])} {right}") :]
+        return f"({left} {_COMPARISONS[type(node.ops[0])]} {right}{more})"
+    if isinstance(node, ast.BinOp) and type(node.op) in _OPERATORS:
+        if any(_is_string(side) for side in (node.left, node.right)):
+            return None
+        left, right = f"({ast.unparse(node.left)})", f"({ast.unparse(node.right)})"
+        return f"({left} {_OPERATORS[type(node.op)]} {right})"
+    if isinstance(node, ast.BoolOp):
+        word = " or " if isinstance(node.op, ast.And) else " and "
+        return f"({word.join(f'({ast.unparse(value)})' for value in node.values)})"
+    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not | ast.USub):
+        return f"({ast.unparse(node.operand)})"
+    if isinstance(node, ast.Constant):
+        value = node.value
+        if isinstance(value, bool):
+            return str(not value)
+        if isinstance(value, int | float):
+            return repr(value + 1) if isinstance(value, int) else repr(1.5 * value + 0.1)
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in _NAMES:
+        return ast.unparse(node).replace(node.func.id, _NAMES[node.func.id], 1)
+    return None
+
+
+def _sign(operator: ast.cmpop) -> str:
+    return ast.unparse(ast.Compare(ast.Name("a"), [operator], [ast.Name("b")]))[2:-2]
+
+
+def _is_string(node: ast.AST) -> bool:
+    return isinstance(node, ast.JoinedStr) or (
+        isinstance(node, ast.Constant) and isinstance(node.value, str)
+    )
+
+
+class _Tracer:
+    """A plugin of pytest that notes which functions of ours each test calls, and its time."""
+
+    def __init__(self, package: Path) -> None:
+        self.package, self.test = str(package), ""
+        self.tests: dict[str, set[str]] = defaultdict(set)
+        self.seconds: dict[str, float] = {}
+
+    @pytest.hookimpl(hookwrapper=True)
+    def pytest_runtest_protocol(self, item: pytest.Item):  # type: ignore[no-untyped-def]
+        self.test = item.nodeid
+        sys.setprofile(self._called)
+        yield
+        sys.setprofile(None)
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        self.seconds[report.nodeid] = self.seconds.get(report.nodeid, 0.0) + report.duration
+
+    def _called(self, frame, event: str, _: object) -> None:  # type: ignore[no-untyped-def]
+        code = frame.f_code
+        if event == "call" and code.co_filename.startswith(self.package):
+            name = code.co_qualname.split(".<locals>")[0].rpartition(".")[2]
+            self.tests[f"{Path(code.co_filename).name}:{name}"].add(self.test)
+
+
+def traced(root: Path, folder: Path, tests: str) -> dict[str, list[str]]:
+    """Return by file and function the tests that call it, quickest first; kept in a folder."""
+    kept = folder / "traced.json"
+    if not kept.exists():
+        tracer = _Tracer(root / "damperfit")
+        pytest.main(["-q", "-n0", "-p", "no:cacheprovider", *tests.split(",")], plugins=[tracer])
+        quickest = {
+            place: sorted(called, key=lambda test: tracer.seconds.get(test, 9e9))
+            for place, called in tracer.tests.items()
+        }
+        kept.write_text(json.dumps(quickest), encoding="utf-8")
+    return dict(json.loads(kept.read_text(encoding="utf-8")))
+
+
+def is_noticed(mutant: Mutant, tests: list[str], tree: Path) -> bool:
+    """Return whether a test fails in a copy of the tree that has the mutant."""
+    whole = (tree / mutant.file).read_text(encoding="utf-8")
+    (tree / mutant.file).write_text(mutant.applied(tree), encoding="utf-8")
+    command = [sys.executable, "-m", "pytest", "-q", "-x", "-n0", "-p", "no:cacheprovider", *tests]
+    environment = os.environ | {"PYTHONPATH": str(tree), "PYTHONDONTWRITEBYTECODE": "1"}
+    try:
+        ended = subprocess.run(
+            command, cwd=tree, env=environment, capture_output=True, timeout=PATIENCE, check=False
+        )
+    except subprocess.TimeoutExpired:
+        return True
+    else:
+        return ended.returncode != 0
+    finally:
+        (tree / mutant.file).write_text(whole, encoding="utf-8")
+
+
+def main() -> int:
+    """Draw, try and print; 1 where more than the allowed share survives."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--count", type=int, default=150)
+    parser.add_argument("--packages", default=",".join(NUMERICS))
+    parser.add_argument("--tests", default="tests", help="what is traced, by comma")
+    parser.add_argument("--at-most", type=float, default=8.0, help="per cent that may survive")
+    parser.add_argument("--folder", type=Path, default=Path(gettempdir()) / "mutants")
+    options = parser.parse_args()
+    options.folder.mkdir(parents=True, exist_ok=True)
+    tree = options.folder / "tree"
+    shutil.rmtree(tree, ignore_errors=True)
+    for name in COPIED:
+        copy = shutil.copytree if (ROOT / name).is_dir() else shutil.copy
+        tree.mkdir(exist_ok=True)
+        copy(ROOT / name, tree / name)
+    tests_of = traced(ROOT, options.folder, options.tests)
+    files = [
+        file
+        for package in options.packages.split(",")
+        for file in sorted((ROOT / "damperfit" / package).rglob("*.py"))
+    ]
+    mutants = [mutant for file in files for mutant in mutants_of(ROOT, file)]
+    chooser = random.Random(options.seed)  # noqa: S311
+    drawn = chooser.sample(mutants, min(options.count, len(mutants)))
+    survivors = 0
+    for number, mutant in enumerate(drawn, start=1):
+        place = f"{Path(mutant.file).name}:{mutant.function}"
+        called = [tests for name, tests in tests_of.items() if name.startswith(place)]
+        tests = list(dict.fromkeys(chain.from_iterable(zip_longest(*called))))
+        tests = [test for test in tests if test][:MOST_TESTS]
+        noticed = bool(tests) and is_noticed(mutant, tests, tree)
+        survivors += not noticed
+        if not noticed:
+            line = (ROOT / mutant.file).read_text(encoding="utf-8").splitlines()[mutant.line - 1]
+            print(f"{mutant.file}:{mutant.line}: {line.strip()}  ->  {mutant.text}", flush=True)
+        print(f"{number}: {survivors} of {number} survive", file=sys.stderr, flush=True)
+    share = 100.0 * survivors / max(len(drawn), 1)
+    print(f"{survivors} of {len(drawn)} mutants survive: {share:.1f} %")
+    return int(share > options.at_most)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
