@@ -244,10 +244,7 @@ def identify(  # noqa: PLR0913 - one keyword an option of the command line
         raise one.error
     if not one.campaign.fits:
         words = Words("damperfit.identify")
-        said = [
-            failure.message if failure.problem is None else failure.problem.sentence(words)
-            for failure in one.facts.failures
-        ]
+        said = [failure.placed.sentence(words) for failure in one.facts.failures]
         more = f" (and {len(said) - _FEW} more)" if len(said) > _FEW else ""
         raise LogError(f"no setting could be fitted: {'; '.join(said[:_FEW])}{more}")
     return one.run

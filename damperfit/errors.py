@@ -9,13 +9,13 @@ from __future__ import annotations
 import traceback
 from contextlib import contextmanager
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from difflib import get_close_matches
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ParamSpec, Self, TypeVar
 
-from damperfit.problem import Problem, Words
+from damperfit.problem import Failure, Option, Problem, Words
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -37,7 +37,6 @@ __all__ = [
     "InstallationError",
     "InternalError",
     "LogError",
-    "Mishap",
     "OutputError",
     "QualityError",
     "SimulationError",
@@ -194,30 +193,7 @@ class InternalError(DamperfitError):
     code = "bug"
 
 
-@dataclass(frozen=True, slots=True)
-class Mishap:
-    """What ended the work on one log or one setting, while the others went on.
-
-    Attributes
-    ----------
-    kind : str
-        The name of the error's class; "InternalError" for every one that damperfit did not mean to
-        raise, and "MemoryError".
-    message : str
-        One sentence: what, where, what to do.
-    trace : str
-        Where it happened, in many lines, for whoever mends it; empty where it was meant.
-    problem : Problem or None
-        The same as a record, of errors that are meant.
-    """
-
-    kind: str
-    message: str
-    trace: str = ""
-    problem: Problem | None = None
-
-
-def mishap_of(error: Exception, task: str) -> Mishap:
+def mishap_of(error: Exception, task: str) -> Failure:
     """Return what to tell of an error that must not cost the others their results.
 
     Parameters
@@ -228,11 +204,19 @@ def mishap_of(error: Exception, task: str) -> Mishap:
         What was being done, as in "reading the log".
     """
     if isinstance(error, DamperfitError):
-        return Mishap(type(error).__name__, str(error), problem=error.problem)
+        return Failure(error.problem, type(error).__name__)
     if isinstance(error, MemoryError):
-        said = f" ({error})" if str(error) else ""
-        advice = "give fewer or shorter logs at a time, or a lower --jobs"
-        return Mishap("MemoryError", f"not enough memory for {task}{said}; {advice}")
+        problem = Problem(
+            "memory",
+            "not enough memory for {task}{more}; give fewer or shorter logs at a time, or a lower "
+            "{jobs}",
+            values={
+                "task": task,
+                "more": f" ({error})" if str(error) else "",
+                "jobs": Option("jobs"),
+            },
+        )
+        return Failure(problem, "MemoryError")
     frames = traceback.extract_tb(error.__traceback__)
     package = Path(__file__).parent
     inside = [frame for frame in frames if package in Path(frame.filename).parents]
@@ -240,13 +224,19 @@ def mishap_of(error: Exception, task: str) -> Mishap:
     if inside:
         at = Path(inside[-1].filename).relative_to(package).as_posix()
         where = f" (damperfit/{at}, line {inside[-1].lineno})"
-    said = " ".join(str(error).split()) or "no message"
-    return Mishap(
-        "InternalError",
-        f"internal error while {task}, {type(error).__name__}: {said}{where}; this is a bug in "
-        "damperfit: please report this line, with the log if it may be shown",
-        "".join(traceback.format_exception(error)),
+    problem = Problem(
+        "bug",
+        "internal error while {task}, {error}: {reason}{where}; this is a bug in damperfit: please "
+        "report this line, with the log if it may be shown",
+        values={
+            "task": task,
+            "error": type(error).__name__,
+            "reason": " ".join(str(error).split()) or "no message",
+            "where": where,
+        },
     )
+    trace = "".join(traceback.format_exception(error))
+    return Failure(problem, "InternalError", trace=trace)
 
 
 @contextmanager

@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from damperfit.problem import Problem
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
@@ -59,24 +61,41 @@ class Finding:
     severity : str
         "note": good to know, or put right with certainty. "warning": the parameters are doubtful.
         "refusal": the log cannot be used (only in what `inspect` tells; a trace has none).
-    sentence : str
-        One plain sentence with what was found, where, and what to do; without the log's name.
+    text : str
+        One plain sentence with what was found, where, and what to do; without the log's name, and
+        with ``{name}`` in place of its values.
     value, unit : float or None, str
         The number behind it, for scripts, or None; its unit, empty for counts and shares.
     is_correction : bool
         The data were changed for it.
+    values : mapping
+        Those of the text: an `Option` among them is worded by the outlet.
     """
 
     name: str
     severity: str
-    sentence: str
+    text: str
     value: float | None = None
     unit: str = ""
     is_correction: bool = False
+    values: Mapping[str, Any] = field(default_factory=dict, compare=False)
+
+    @property
+    def problem(self) -> Problem:
+        """The same as a problem, worded by whoever shows it."""
+        return Problem(self.name, self.text, self.severity, values=self.values)
+
+    @property
+    def sentence(self) -> str:
+        """The text in the words of the command line."""
+        return self.problem.message()
 
     def describe(self) -> dict[str, Any]:
         """Return the finding for run.json."""
-        return {name: getattr(self, name) for name in self.__slots__}
+        names = ("name", "severity", "sentence", "value", "unit", "is_correction")
+        record = {name: getattr(self, name) for name in names}
+        problem = self.problem.record() if self.values else {}
+        return record | {name: problem[name] for name in ("text", "values") if problem}
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -38,7 +38,7 @@ from damperfit.errors import ConfigurationError, OutputError, did_you_mean, refu
 from damperfit.identification.outcome import Status
 from damperfit.identification.sharing import of_settings
 from damperfit.io.files import read_bytes, read_text, sha256_of
-from damperfit.problem import Option
+from damperfit.problem import Option, Problem, Words
 from damperfit.recording import natural_order
 from damperfit.report.records import units_in
 from damperfit.store import file_set, settle
@@ -96,6 +96,7 @@ PAGE = "report.html"
 _OF_TABLE = {"schema_version", "table", "quantities"}  # facts that each table has of its own
 _FAN = "fan"  # force against velocity of all settings
 _SHOWN_FAILURES = 5
+_WORDS = Words("damperfit.identify")
 NOTEBOOK_COLUMNS = 100
 
 
@@ -1012,31 +1013,42 @@ class Run:
         """What failed, what to know before believing the numbers, and checks that did not pass."""
         import pandas as pd
 
-        failed = [one for one in _listed(self.record, "failures") if isinstance(one, dict)]
         checks = [one for one in _listed(self.record, "checks") if isinstance(one, dict)]
-        rows = [
-            *(
-                ("failure", str(one.get("log") or one.get("setting") or ""), one.get("message"))
-                for one in failed
-            ),
-            *(("warning", "", sentence) for sentence in self.warnings),
-            *(
-                ("failed check", str(one.get("name")), one.get("reason"))
-                for one in checks
-                if one.get("passed") is False
-            ),
+        unmet = [
+            Problem(str(one.get("name")), str(one.get("reason")), "failed check")
+            for one in checks
+            if one.get("passed") is False
         ]
-        return pd.DataFrame(rows, columns=["severity", "subject", "message"])
+        rows = [
+            *(("failure", one.code, one.subject, one.message(_WORDS)) for one in self._failed),
+            *((one.severity, one.code, one.subject, one.message(_WORDS)) for one in self._warned),
+            *((one.severity, one.code, one.code, one.text) for one in unmet),
+        ]
+        return pd.DataFrame(rows, columns=["severity", "code", "subject", "message"])
+
+    @property
+    def _failed(self) -> tuple[Problem, ...]:
+        from damperfit.report.records import failures_in
+
+        return tuple(one.placed for one in failures_in(self.record))
+
+    @property
+    def _warned(self) -> tuple[Problem, ...]:
+        """As recorded; of a run that tells no records the sentences."""
+        known = [one for one in _listed(self.record, "problems") if isinstance(one, dict)]
+        told = known or [{"text": one} for one in _listed(self.record, "warnings")]
+        texts = ({"text": one} for one in self.remarks)
+        return tuple(map(Problem.of_record, (*texts, *told)))
 
     @property
     def failures(self) -> tuple[str, ...]:
         """Logs and settings without a result, a sentence each."""
-        return tuple(str(one.get("message", "")) for one in _listed(self.record, "failures"))
+        return tuple(one.sentence(_WORDS) for one in self._failed)
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """What to know before believing the numbers, a sentence each."""
-        return (*self.remarks, *_listed(self.record, "warnings"))
+        return tuple(one.sentence(_WORDS) for one in self._warned)
 
     @property
     def checks(self) -> pd.DataFrame:

@@ -9,6 +9,7 @@ import numpy as np
 from damperfit.damper.cavitation import Cavitation
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters
 from damperfit.identification import Campaign, Fit, LogFit, Outcome, Status
+from damperfit.problem import Failure, Problem
 from damperfit.recording import Drive, FilterDesign, Stretch, Trace
 from damperfit.results import Run
 from damperfit.simulation import SolverOptions
@@ -120,3 +121,10 @@ def fitted_run(damper, stages, motion, forces, rows, quantities, solver=SolverOp
     vars(run).update(settings=tuple(stages), motion=motion, speed_forces=tuple(forces))
     vars(run).update(configuration=told)
     return run
+
+
+def failed(log, path, setting, kind, message, code="log"):
+    """Return a failure with its sentence."""
+    text = message.removeprefix(f"{log}: ") if log else message.removeprefix(f"setting {setting}: ")
+    subject = message[: len(message) - len(text)].removesuffix(": ")
+    return Failure(Problem(code, text, subject=subject), kind, log, path, setting)

@@ -14,7 +14,7 @@ import damperfit
 from damperfit.cli.main import app, main
 from damperfit.configuration.loading import load_configuration
 from damperfit.errors import ConfigurationError, DamperfitError, LogError
-from damperfit.problem import FilePlace, Option, Words
+from damperfit.problem import FilePlace, Option, Problem, Words, warning
 from damperfit.samples import SampleOptions, make_samples
 
 # The command; its exit status, the code of the problem, and what its sentence begins with.
@@ -131,6 +131,23 @@ def test_a_problem_survives_the_way_from_a_worker() -> None:
     assert sent.problem == error.problem
     assert str(sent) == "a.csv: give --setting N"
     assert str(error) == "a.csv: give setting=N"
+
+
+def test_a_problem_is_read_back_from_its_record_and_worded_again() -> None:
+    known = warning("skew", "{n} ms late: give {how}", "a.csv", n=3, how=Option("skew", "auto"))
+    problem = Problem.of_record(json.loads(json.dumps(known.record())))
+    assert problem.record() == known.record()
+    assert str(problem) == "a.csv: 3 ms late: give --skew auto"
+    assert problem.sentence(Words("damperfit.identify")).endswith("give skew='auto'")
+
+
+def test_advice_reaches_a_python_user_in_his_words(log, tmp_path) -> None:
+    lines = log.read_text().splitlines()
+    (tmp_path / "x_1.csv").write_text("\n".join(one for one in lines if "setting" not in one))
+    with pytest.raises(DamperfitError) as caught:
+        damperfit.identify([tmp_path / "x_1.csv"])
+    assert "rig={'setting_pattern': " in str(caught.value)
+    assert "--" not in str(caught.value)
 
 
 def test_a_template_does_not_touch_braces_of_values() -> None:

@@ -13,8 +13,8 @@ from markdown_it import MarkdownIt
 from damperfit.adjustment.clicks import Click
 from damperfit.adjustment.trends import Trend
 from damperfit.checks import Check
+from damperfit.problem import Failure, Problem
 from damperfit.recording import Finding
-from damperfit.report.facts import Failure
 from damperfit.report.forces import (
     force_by_setting_sheet,
     force_sheets,
@@ -23,7 +23,7 @@ from damperfit.report.forces import (
 )
 from damperfit.report.laws import law_sentences, rival_sheet, tried_laws_sheet
 from damperfit.report.markdown import markdown_report
-from damperfit.report.records import checks_in, gaps_in, read_back, to_record, units_in
+from damperfit.report.records import checks_in, failures_in, gaps_in, read_back, to_record, units_in
 from damperfit.report.sheet import (
     Sheet,
     escape,
@@ -46,6 +46,7 @@ from damperfit.report.tables import (
     sparkline,
 )
 from damperfit.tables.columns import PAPER_QUANTITIES
+from damperfit.tables.documents import json_values
 from damperfit.tables.rows import make_tables
 from damperfit.tested.setting import Setting
 from damperfit.units.shown_units import parse_units
@@ -331,12 +332,18 @@ def test_structures_that_were_tried_are_told_loosely() -> None:
         Check("no_cavitation", None, "why"),
         Click(Setting.of(1), Setting.of("R6 C2"), 0.3, "rebound", 1.0, 0.5, 1.5, 2.0, 1.0, 3.0),
         Finding("noise", "note", "noise of 1 N", 1.0, "N"),
-        Failure("a.csv", "x/a.csv", Setting.of(3), "LogError", "a.csv: empty"),
     ],
 )
 def test_what_run_json_holds_is_read_back(one) -> None:
     record = json.loads(json.dumps(to_record(one)))
     assert read_back(type(one), record) == one
+
+
+def test_failures_are_read_back() -> None:
+    problem = Problem("log", "empty", subject="a.csv")
+    failure = Failure(problem, "LogError", "a.csv", "x/a.csv", Setting.of(3))
+    record = json.loads(json.dumps(json_values({"failures": [failure.describe()]})))
+    assert failures_in(record) == (failure,)
 
 
 @pytest.mark.parametrize("entry", [None, 5, "a", [], {}, {"name": ""}, {"passed": True}])

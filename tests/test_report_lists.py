@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from damperfit.problem import Problem
-from damperfit.report.facts import Failure, failure_lines, grouped, listed_names, short_listing
+from damperfit.problem import Failure, Problem, failure_lines, listed_names, listing, short_listing
 from damperfit.report.inspection import MANY_ROWS, finding_lines, inspection_sheet, stretch_sheet
+from tests.fakes import failed
 
 CAUSES = {
     "empty-file": "empty file (0 bytes)",
@@ -17,9 +17,8 @@ CAUSES = {
 
 def failure(n: int, code: str) -> Failure:
     name = f"run_{n}.csv"
-    said = f"{name}: {CAUSES[code].format(n=n)}"
     problem = Problem(code, CAUSES[code], subject=name, values={"n": n})
-    return Failure(name, f"runs/{name}", None, "LogError", said, problem=problem)
+    return Failure(problem, "LogError", name, f"runs/{name}")
 
 
 def log(n: int, code: str, severity: str = "refusal") -> dict:
@@ -43,7 +42,9 @@ def test_failures_of_three_codes_are_three_lines_where_there_are_many(per_code, 
 
 def test_the_tests_of_one_file_that_fail_alike_are_one_line() -> None:
     parts = [
-        Failure(f"a.dat part {k}", "a.dat", 3, "LogError", f"a.dat part {k}: {900 + k} samples")
+        failed(
+            f"a.dat part {k}", "a.dat", 3, "LogError", f"a.dat part {k}: {900 + k} samples", "short"
+        )
         for k in range(1, 301)
     ]
     assert failure_lines(parts) == [
@@ -52,10 +53,10 @@ def test_the_tests_of_one_file_that_fail_alike_are_one_line() -> None:
 
 
 def test_long_sentences_of_one_code_are_said_once() -> None:
-    told = list(grouped(("a", f"{k}.csv", f"{k}.csv: ".ljust(200, "x")) for k in range(4)))
+    told = listing(Problem("a", "x" * 200, subject=f"{k}.csv") for k in range(4))
     assert len(told) == 1
     assert told[0].endswith("x (and 3 alike: 1.csv, 2.csv, 3.csv)")
-    assert len(list(grouped(("a", f"{k}.csv", f"{k}.csv: short") for k in range(4)))) == 4
+    assert len(listing(Problem("a", "short", subject=f"{k}.csv") for k in range(4))) == 4
 
 
 @pytest.mark.parametrize(("n", "last"), [(20, "19"), (21, "and 1 more"), (800, "and 780 more")])

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from rich.console import RenderableType
 
-    from damperfit.report.facts import Failure
+    from damperfit.problem import Failure
     from damperfit.report.sheet import Sheet
 
 __all__ = [
@@ -69,7 +69,7 @@ def say(text: str, level: int = logging.INFO) -> None:
 
 def say_failures(failures: Sequence[Failure], *, is_debug: bool) -> None:
     """Write a line for each failure to stderr; where it happened too, if that is asked for."""
-    from damperfit.report.facts import failure_lines
+    from damperfit.problem import failure_lines
 
     for line in failure_lines(failures):
         say(f"damperfit: {line}", logging.ERROR)

@@ -117,7 +117,7 @@ def _show(one: Identified) -> None:
 
 
 def _tell_people(one: Identified, *, is_quiet: bool) -> None:
-    from damperfit.report.facts import short_listing
+    from damperfit.problem import listing, short_listing
     from damperfit.run.remarks import corrections
 
     facts, configuration = one.facts, one.configuration
@@ -130,7 +130,7 @@ def _tell_people(one: Identified, *, is_quiet: bool) -> None:
         say(f"damperfit: {physics}")
     for line in (*configuration.notes, *facts.taken, *corrections(one.campaign)):
         say(f"note: {line}")
-    for warning in short_listing(facts.warnings):
+    for warning in listing(facts.warnings):
         say(f"warning: {warning}")
     for sentence in short_listing(facts.withheld):
         say(f"warning: grade withheld: {sentence}")

@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 
     from damperfit.adjustment.force_at import Sine
     from damperfit.comparison.run import ComparedRun
-    from damperfit.errors import Mishap
+    from damperfit.problem import Failure
     from damperfit.results import Run
     from damperfit.tested.setting import Setting
     from damperfit.units.shown_units import ShownUnits
@@ -200,7 +200,7 @@ def compare_runs(
     """
     runs = (first, *repeats, second)
     settings = _common(runs)
-    mishaps: list[Mishap] = []
+    mishaps: list[Failure] = []
 
     def take(setting: Setting, error: Exception) -> None:
         mishaps.append(mishap_of(error, f"simulating setting {setting}"))

@@ -24,7 +24,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -32,6 +32,7 @@ from damperfit.conditioning.delay import Delay, estimate_delay
 from damperfit.conditioning.drive import dwells_of
 from damperfit.conditioning.gas_force import force_level, gas_force
 from damperfit.errors import ConditioningError
+from damperfit.problem import Option
 from damperfit.recording import Finding, Recording, Trace
 from damperfit.statistics import mean_of, median
 
@@ -422,31 +423,36 @@ def describe_level(level: ForceLevel | None, options: ConditionOptions) -> tuple
     if abs(missing) <= _NEAR * size + unsure:
         return (Finding("tare", "note", f"gas force present: {numbers}", missing, "N"),)
     if abs(level.ratio) < TARED:
-        return (Finding("tare", severity, _removed(numbers, level, options), missing, "N"),)
+        text = _removed(numbers, options)
+        values = _ways_out(options, -level.expected)
+        return (Finding("tare", severity, text, missing, "N", values=values),)
     what = "part of the gas force is missing" if 0.0 < missing < size else "not the gas force"
     text = (
         f"{what}: {numbers}; a tare, another gas pressure, cavitation or much elasticity: check "
-        f"damper.gas_pressure, or free the offset{_freeing(options)}"
+        f"damper.gas_pressure, or free the offset{{free}}"
     )
-    return (Finding("tare", severity, text, missing, "N"),)
+    values = _ways_out(options, -level.expected)
+    return (Finding("tare", severity, text, missing, "N", values=values),)
 
 
-def _removed(numbers: str, level: ForceLevel, options: ConditionOptions) -> str:
+def _removed(numbers: str, options: ConditionOptions) -> str:
     if options.offset.is_known:
         return f"gas force tared away: {numbers}; {options.offset.name} accounts for it"
     return (
-        f"gas force tared away: {numbers}; free the offset{_freeing(options)} or hold it"
-        f"{_holding(options, -level.expected)}, or the other parameters absorb it"
+        f"gas force tared away: {numbers}; free the offset{{free}} or hold it{{hold}}, or the "
+        "other parameters absorb it"
     )
 
 
-def _freeing(options: ConditionOptions) -> str:
+def _ways_out(options: ConditionOptions, newtons: float) -> dict[str, Any]:
+    """Return the options that free the offset and hold it, each in brackets."""
     offset = options.offset
-    return f" (--free {','.join((*offset.beside, offset.name))})" if offset.name else ""
-
-
-def _holding(options: ConditionOptions, newtons: float) -> str:
-    return f" (--fix {options.offset.name}={newtons:.0f}N)" if options.offset.name else ""
+    if not offset.name:
+        return {"free": "", "hold": ""}
+    return {
+        "free": Option("free", ",".join((*offset.beside, offset.name)), is_aside=True),
+        "hold": Option("fix", f"{newtons:.0f}N", offset.name, is_aside=True),
+    }
 
 
 def middle_of(displacement: FloatArray, stretches: Sequence[Stretch]) -> float:
@@ -552,15 +558,17 @@ def find_delay(
     whole = skew.delay + float(options.skew)  # what was declared is no longer in the log looked at
     said = f"rig.skew = '{1e3 * whole:.1f}ms'"
     if skew.delay < 0.0:
-        text += f"; that affects K_e most: set {said} if the rig is known to do so, or --skew auto"
+        text += f"; that affects K_e most: set {said} if the rig is known to do so, or {{auto}}"
     else:
         text = (
             f"the friction turns {1e3 * skew.delay:.2f} +- {1e3 * skew.uncertainty:.2f} ms late at "
             "the ends of the stroke: the force is late, or the mounting gives and the force is "
-            "right (--model auto tries both; two frequencies or more can tell them apart). A late "
-            f"force affects K_e most: only if the rig is known for it set {said}, or --skew auto"
+            "right ({model} tries both; two frequencies or more can tell them apart). A late "
+            f"force affects K_e most: only if the rig is known for it set {said}, or {{auto}}"
         )
-    return 0.0, (*declared, Finding("skew", "warning", text, skew.delay, "s"))
+    options_named = {"auto": Option("skew", "auto"), "model": Option("model", "auto")}
+    found = Finding("skew", "warning", text, skew.delay, "s", values=options_named)
+    return 0.0, (*declared, found)
 
 
 def _moved(delay: float) -> Finding:

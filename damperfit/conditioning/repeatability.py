@@ -23,6 +23,7 @@ from damperfit.compiled_core import compiled_core
 from damperfit.conditioning.channels import noise_of
 from damperfit.conditioning.cycles import clean_cycles
 from damperfit.conditioning.filters import apply_filter, settling_samples
+from damperfit.problem import Option
 from damperfit.recording import FilterDesign, Finding
 from damperfit.statistics import mean_of, variance_of
 
@@ -320,8 +321,9 @@ def _trend_of_peaks(up: _Peaks, down: _Peaks, warming: tuple[float, float] | Non
     text += ": a trend, not scatter; the parameters are a mean over it: let the damper settle, or "
     text += "fit shorter parts of the log"
     if is_warming:
-        text += ", all of them at once with --covariate temperature"
-    return Finding("force_trend", "warning", text, share, "%")
+        text += ", all of them at once with {covariate}"
+    covariate = Option("covariate", "temperature")
+    return Finding("force_trend", "warning", text, share, "%", values={"covariate": covariate})
 
 
 def _noise_floor(trace: Trace, floor: float) -> Finding:

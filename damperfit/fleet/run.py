@@ -19,7 +19,7 @@ import pyarrow as pa
 
 from damperfit import __version__
 from damperfit.damper.warmed import Warmed
-from damperfit.errors import ConfigurationError, Mishap, mishap_of
+from damperfit.errors import ConfigurationError, mishap_of
 from damperfit.fleet.parts import (
     SYMBOL,
     forget_earlier,
@@ -41,7 +41,7 @@ from damperfit.fleet.sources import (
 )
 from damperfit.io import TestsTable, is_tests_table, read_tests
 from damperfit.io.files import sha256_of
-from damperfit.problem import Option
+from damperfit.problem import Failure, Option, Problem
 from damperfit.queries.compared import compared_record
 from damperfit.recording import natural_order
 from damperfit.run.labelling import labels_for
@@ -54,7 +54,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 
     from damperfit.configuration.options import Configuration
-    from damperfit.report.facts import Failure
     from damperfit.results import Run
     from damperfit.run.identify import Identified
     from damperfit.workers import Executor
@@ -414,11 +413,12 @@ def _done(job: Job, here: Mapping[FleetLog, Path], stamps: Mapping[FleetLog, str
     records: list[dict[str, Any]] = []
     failed = list(_dead_rows(job, here))
     living = [str(here[one]) for one in task.logs if one.place not in dead]
+    names = {str(here[one]): one.name for one in task.logs}
     try:
         for found in _results(configuration, living):
             owner = found.owner or task.owner
             rows += list(_part_rows(found.run, owner))
-            gates += found.facts.gates
+            gates += map(str, found.facts.gates)
             records.append(compared_record(found.run.record))
             failed += [
                 _failure(one, names, log=one.log, damper=owner, setting=one.setting)
@@ -464,12 +464,12 @@ def _dead_rows(job: Job, here: Mapping[FleetLog, Path]) -> Iterator[dict[str, An
     labels = labels_for([here[one] for one in job.task.logs], job.configuration, setting=None)
     for one in dead:
         setting = labels.unread(here[one], job.configuration.reading)
-        mishap = Mishap("WorkerDied", said[one.place])
-        yield _failure(mishap, {}, log=one.file, setting=setting)
+        died = Failure(Problem("worker-died", said[one.place]), "WorkerDied")
+        yield _failure(died, {}, log=one.file, setting=setting)
 
 
 def _failure(
-    failure: Failure | Mishap,
+    failure: Failure,
     names: Mapping[str, str],
     *,
     log: str = "",
@@ -477,9 +477,8 @@ def _failure(
     setting: object = None,
 ) -> dict[str, Any]:
     """Return the row of a failure, its log called as in the fleet, wherever it was read."""
-    problem, sentence = failure.problem, failure.message
-    if problem is not None and problem.subject in names:
-        sentence = replace(problem, subject=names[problem.subject]).sentence()
+    problem = failure.problem
+    sentence = replace(problem, subject=names.get(problem.subject, problem.subject)).sentence()
     row = {"log": log, "error_kind": failure.kind, "error": sentence, "damper": damper}
     row["setting"] = None if setting is None else str(setting)
     return {name: _in_unicode(text) for name, text in row.items() if text is not None}

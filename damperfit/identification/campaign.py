@@ -12,7 +12,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from damperfit.damper.warmed import BETA
-from damperfit.errors import ConfigurationError, FitCancelledError, LogError, Mishap
+from damperfit.errors import ConfigurationError, FitCancelledError, LogError
 from damperfit.identification.blas_threads import one_blas_thread
 from damperfit.identification.every_setting import Campaign, fit_every_setting, with_status
 from damperfit.identification.failures import SettingFailure, attempted, attempted_for_all
@@ -29,7 +29,7 @@ from damperfit.identification.paper.shared_values import MEAN, TAKEN
 from damperfit.identification.procedure_input import ProcedureInput
 from damperfit.identification.setting import Fit, describe_fit
 from damperfit.identification.settled import SettledLogs, settled
-from damperfit.problem import Option
+from damperfit.problem import Failure, Option
 from damperfit.recording import Trace, natural_order
 from damperfit.tested.setting import Setting
 from damperfit.workers import apart
@@ -184,7 +184,7 @@ def _joint(given: ProcedureInput) -> Campaign:
         found = attempted_for_all(lambda: fit_settings_jointly(given, before.fits, way, moving))
     except FitCancelledError:
         return Campaign("joint", (), is_complete=False)
-    if isinstance(found, Mishap):
+    if isinstance(found, Failure):
         warnings = (*before.warnings, _NOT_FITTED_JOINTLY.format(name))
         return replace(before, procedure="joint", warnings=warnings, mishap=found)
     together, broken = found

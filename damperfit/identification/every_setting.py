@@ -18,10 +18,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
 
     from damperfit.damper.quantity import Quantity
-    from damperfit.errors import Mishap
     from damperfit.identification.multistart import Search
     from damperfit.identification.outcome import Status
     from damperfit.identification.procedure_input import ProcedureInput
+    from damperfit.problem import Failure
 
 __all__ = ["Campaign", "fit_every_setting", "with_status"]
 
@@ -46,7 +46,7 @@ class Campaign:
         How the shared parameters were estimated.
     searches : tuple of Search
         What fits from many starts found, where they were asked for.
-    mishap : Mishap or None
+    mishap : Failure or None
         What damperfit got wrong in a step over all settings, done without.
     named : tuple of Quantity
         Quantities of the model, where there may be no fit to tell them.
@@ -59,7 +59,7 @@ class Campaign:
     is_complete: bool = True
     sharing: Sharing = Sharing()
     searches: tuple[Search, ...] = ()
-    mishap: Mishap | None = None
+    mishap: Failure | None = None
     named: tuple[Quantity, ...] = ()
 
     @property

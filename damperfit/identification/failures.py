@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import replace
 from typing import TYPE_CHECKING, TypeVar
 
 from damperfit.errors import (
     ConfigurationError,
     FitCancelledError,
     InstallationError,
-    Mishap,
     SimulationError,
     mishap_of,
 )
+from damperfit.problem import Failure
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -21,43 +21,15 @@ if TYPE_CHECKING:
 
 __all__ = ["SettingError", "SettingFailure", "attempted", "attempted_for_all"]
 
-_INTERNAL = "InternalError"
-
 Found = TypeVar("Found")
-
-
-@dataclass(frozen=True, slots=True)
-class SettingFailure:
-    """Why a setting has no fit.
-
-    Attributes
-    ----------
-    setting : Setting
-        Adjuster setting.
-    kind : str
-        Name of the error class; InternalError where it is none of damperfit's own.
-    message : str
-        One sentence: what, where, what to do.
-    trace : str
-        Of an internal error, where it happened, for whoever mends it.
-    """
-
-    setting: Setting
-    kind: str
-    message: str
-    trace: str = ""
-
-    @property
-    def is_internal(self) -> bool:
-        """Whether the fault is damperfit's and not the logs'."""
-        return self.kind == _INTERNAL
+SettingFailure = Failure  # of a setting that has no fit
 
 
 class SettingError(SimulationError):
     """One of the settings that are fitted together has failed."""
 
     def __init__(self, failure: SettingFailure) -> None:
-        super().__init__(f"setting {failure.setting}: {failure.message}")
+        super().__init__(failure.message, subject=f"setting {failure.setting}")
         self.failure = failure
 
 
@@ -76,11 +48,10 @@ def attempted(setting: Setting, fit: Callable[[], Found]) -> Found | SettingFail
     except (FitCancelledError, ConfigurationError, InstallationError):
         raise
     except Exception as error:  # noqa: BLE001 - a bug that one setting meets leaves the others
-        mishap = mishap_of(error, "fitting")
-        return SettingFailure(setting, mishap.kind, mishap.message, mishap.trace)
+        return replace(mishap_of(error, "fitting"), setting=setting)
 
 
-def attempted_for_all(fit: Callable[[], Found]) -> Found | Mishap:
+def attempted_for_all(fit: Callable[[], Found]) -> Found | Failure:
     """Return what a fit of all settings together finds, or what went wrong in it.
 
     Raises

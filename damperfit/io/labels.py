@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 from damperfit.errors import LogError
 from damperfit.io.channels import visible
 from damperfit.io.options import SETTING_PATTERN
+from damperfit.problem import Option, Problem, note
 from damperfit.tested.adjuster_words import adjuster_of
 from damperfit.tested.identity import IDENTITY_KEYS
 from damperfit.tested.setting import ADJUSTER, Setting, parse_place, parse_setting
@@ -164,10 +165,20 @@ class Guess:
     """
 
     settings: Mapping[str, Setting] = field(default_factory=dict)
-    sentence: str = ""
-    advice: str = ""
+    said: Problem | None = None
+    way: Problem | None = None
     adjusters: tuple[str, ...] = ()
     pattern: str = ""
+
+    @property
+    def sentence(self) -> str:
+        """The guess in the words of the command line."""
+        return "" if self.said is None else str(self.said)
+
+    @property
+    def advice(self) -> str:
+        """What to declare, in the words of the command line."""
+        return "" if self.way is None else str(self.way)
 
 
 @dataclass(frozen=True, slots=True)
@@ -223,7 +234,7 @@ def guess_settings(names: Iterable[str]) -> Guess:
     whole = [name for group in groups.values() for name in group]
     told = pattern_of_signs(whole) or (pattern_of_words(whole) if len(groups) > 1 else "")
     if told:
-        return Guess(advice=_option(told))
+        return Guess(way=_declaring(told))
     texts, alike = max(groups.items(), key=lambda pair: len(pair[1]))
     fields = _fields(texts, alike)
     n_names = sum(map(len, groups.values()))
@@ -231,15 +242,14 @@ def guess_settings(names: Iterable[str]) -> Guess:
     chosen = _chosen(fields) if is_most else None
     if chosen is None:
         best = _likely(fields)
-        advice = _option(_pattern(best, alike)) if best else ""
         called = _called(fields)
         every = _pattern_of_all(called, fields, alike) if called else ""
         names = tuple(called.values())
-        advice += _of_several(names, every)
+        way = _declaring(_pattern(best, alike) if best else "", names, every)
         is_said = len(groups) == 1 and names != _PLACES[: len(names)]
         if is_said and all(adjuster_of(one.word) for one in called):
-            return Guess(advice=advice, adjusters=names, pattern=every)
-        return Guess(advice=advice)
+            return Guess(way=way, adjusters=names, pattern=every)
+        return Guess(way=way)
     pattern = _pattern(chosen, alike)
     settings = {
         name: Setting.of(parse_place(value))
@@ -249,9 +259,14 @@ def guess_settings(names: Iterable[str]) -> Guess:
     where = f"the number after '{chosen.before}'" if chosen.before else "the first number"
     return Guess(
         settings,
-        f"the setting is guessed from the file names: {why}, {where}; to confirm it: "
-        f"{_option(pattern)}",
-        _option(pattern),
+        note(
+            "setting-guessed",
+            "the setting is guessed from the file names: {why}, {where}; to confirm it: {option}",
+            why=why,
+            where=where,
+            option=_option(pattern),
+        ),
+        _declaring(pattern),
         pattern=pattern,
     )
 
@@ -387,15 +402,19 @@ def _called(fields: Sequence[_Field]) -> dict[_Field, str]:
     return dict(zip(varied, called, strict=True))
 
 
-def _of_several(called: Sequence[str], pattern: str) -> str:
-    """Return what to declare where several of the numbers that differ are adjusters; or nothing."""
+def _declaring(pattern: str, called: Sequence[str] = (), every: str = "") -> Problem | None:
+    """Return what to declare; also where several of the numbers that differ are adjusters."""
     if not called:
-        return ""
+        return note("setting-in-names", "{option}", option=_option(pattern)) if pattern else None
     declared = ", ".join(f'{one} = ""' for one in called)
-    return (
+    text = (
         "; or, where several adjusters were turned, declare them in a configuration, [adjusters] "
-        f"{declared}, and give it with --config and {_option(pattern)}"
+        f"{declared}, and give it with {{config}} and {{every}}"
     )
+    values = {"config": Option("config"), "every": _option(every)}
+    if pattern:
+        text, values = f"{{option}}{text}", {**values, "option": _option(pattern)}
+    return note("setting-in-names", text, **values)
 
 
 def _pattern_of_all(
@@ -443,8 +462,8 @@ def _finds(pattern: str, name: str, value: str) -> bool:
     return [match["setting"] for match in re.finditer(pattern, name, re.IGNORECASE)][-1:] == [value]
 
 
-def _option(pattern: str) -> str:
-    return f"--rig 'setting_pattern={pattern}'"
+def _option(pattern: str) -> Option:
+    return Option("rig", pattern, "setting_pattern")
 
 
 # Where the adjusters stand as a log says it: in its preamble, a column, or its file's name.

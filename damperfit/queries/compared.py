@@ -58,9 +58,9 @@ if TYPE_CHECKING:
     from damperfit.comparison import Point, Tolerance
     from damperfit.configuration.options import Configuration
     from damperfit.io import ForceCurve, ReadOptions
+    from damperfit.problem import Failure
     from damperfit.queries.settings import Question
     from damperfit.recording import Trace
-    from damperfit.report.facts import Failure
     from damperfit.run.logs import LogBatch
 
 __all__ = [
@@ -328,7 +328,8 @@ def _run(place: Path, *, batch: LogBatch, configuration: Configuration) -> Compa
     timeless = [one for one in batch.failures if one.kind == TimelessError.__name__]
     lost = [one.message for one in batch.failures if one not in timeless]
     tests: list[MeasuredTest] = []
-    notes = [*batch.notes, *skipped_files(batch), *batch.remarks, *log_warnings(batch.traces)]
+    about = (*batch.notes, *skipped_files(batch), *batch.remarks, *log_warnings(batch.traces))
+    notes = list(map(str, about))
     for trace in batch.traces:
         found = _of_trace(trace)
         tests += found

@@ -20,9 +20,9 @@ from damperfit.adjustment.force_at import (
 from damperfit.adjustment.wanted import Wanted, which_setting
 from damperfit.damper.quantity import RIG
 from damperfit.damper.warmed import Warmed
-from damperfit.errors import ConfigurationError, Mishap, mishap_of
+from damperfit.errors import ConfigurationError, mishap_of
 from damperfit.identification.sharing import of_settings
-from damperfit.problem import Option
+from damperfit.problem import Failure, Option
 from damperfit.results import Run
 from damperfit.simulation import refuse_amplitude
 from damperfit.tested.setting import Setting, lines_of
@@ -331,7 +331,7 @@ def tabulate_forces(adjuster: AdjusterResults, question: Question) -> ForcesBySe
             frequency=Option("frequency"),
             subject="the named test speeds",
         )
-    mishaps: dict[Setting, Mishap] = {}
+    mishaps: dict[Setting, Failure] = {}
 
     def take(setting: Setting, error: Exception) -> None:
         mishaps[setting] = mishap_of(error, f"simulating setting {setting}")

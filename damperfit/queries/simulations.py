@@ -26,8 +26,7 @@ from damperfit.errors import (
 )
 from damperfit.identification import unlimited_in, values_from_others
 from damperfit.io import read_log
-from damperfit.problem import Option
-from damperfit.report.facts import listed_names
+from damperfit.problem import Option, listed_names
 from damperfit.results import Run, Tested
 from damperfit.run.labelling import labels_for
 from damperfit.run.tested_at import conditioned_as_tested, facts_of

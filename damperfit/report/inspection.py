@@ -8,7 +8,7 @@ from __future__ import annotations
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
-from damperfit.report.facts import FEW, kind_of, listed_names
+from damperfit.problem import FEW, Problem, listed_names
 from damperfit.report.sheet import NOTHING, Column, Sheet, laid_out, number
 
 if TYPE_CHECKING:
@@ -145,7 +145,8 @@ def _by_code(
                 # Refusals share a few names: the problem tells their causes apart.
                 code = one["name"]
                 if severity == "refusal" and log.get("code"):
-                    code = kind_of(log["code"], one["sentence"].replace(str(log["name"]), ""))
+                    subject = str(log["name"])
+                    code = Problem(log["code"], one["sentence"], subject=subject).likeness
                 by_code.setdefault(code, []).append((str(log["name"]), one))
     return by_code
 

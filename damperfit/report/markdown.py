@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from damperfit.adjustment.trends import in_few_words
 from damperfit.identification import Outcome
 from damperfit.identification.sharing import of_runs
-from damperfit.report.facts import failure_lines, short_listing
+from damperfit.problem import failure_lines, short_listing
 from damperfit.report.forces import force_sheets, measured_force_sheet, measured_segment_sheet
 from damperfit.report.laws import law_sentences, rival_sheet, tried_laws_sheet
 from damperfit.report.records import (

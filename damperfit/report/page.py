@@ -23,6 +23,7 @@ from markupsafe import Markup, escape
 
 from damperfit import __version__
 from damperfit.errors import InstallationError
+from damperfit.problem import Problem, listing, short_listing
 from damperfit.report.compared import (
     comparison_sheets,
     difference_plots,
@@ -30,7 +31,6 @@ from damperfit.report.compared import (
     tolerance_outcome,
     tolerance_sheet,
 )
-from damperfit.report.facts import grouped, short_listing
 from damperfit.report.figures import plot_in_units, setting_colours
 from damperfit.report.forces import force_sheets, log_force_sheet, segment_sheet
 from damperfit.report.laws import rival_sheet, tried_laws_sheet
@@ -369,12 +369,10 @@ def _log_findings(record: Row) -> list[str]:
     """Return the findings that matter; mere notes stand with their log."""
     inputs = [entry for entry in listed_in(record, "inputs") if isinstance(entry, dict)]
     findings = ((str(one.get("log", "log")), seen) for one in inputs for seen in findings_in(one))
-    return list(
-        grouped(
-            (seen.name, name, f"{name}: {seen.sentence}")
-            for name, seen in findings
-            if seen.severity != "note"
-        )
+    return listing(
+        Problem(seen.name, seen.sentence, seen.severity, subject=name)
+        for name, seen in findings
+        if seen.severity != "note"
     )
 
 

@@ -7,7 +7,7 @@ that is another thing is left out.
 from __future__ import annotations
 
 import math
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cache
 from types import NoneType, UnionType
 from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_origin, get_type_hints
@@ -15,9 +15,8 @@ from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_origin, get_type_h
 from damperfit.adjustment.clicks import Click
 from damperfit.adjustment.trends import Trend
 from damperfit.checks import Check
-from damperfit.problem import Problem
+from damperfit.problem import Failure, Problem
 from damperfit.recording import Finding
-from damperfit.report.facts import Failure
 from damperfit.tested.setting import Setting, parse_place
 from damperfit.units.quantities import QuantityError
 from damperfit.units.shown_units import SI, ShownUnits, parse_units
@@ -26,6 +25,18 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
 _T = TypeVar("_T")
+
+
+@dataclass(frozen=True, slots=True)
+class _Place:
+    """What a failure in run.json is about."""
+
+    kind: str
+    message: str
+    log: str
+    path: str
+    setting: Setting | None
+
 
 # Names in run.json where they are not those of the fields.
 _KEYS: dict[type, dict[str, str]] = {
@@ -37,6 +48,7 @@ _KEYS: dict[type, dict[str, str]] = {
         "low": "low_N",
         "high": "high_N",
     },
+    Finding: {"text": "sentence"},
 }
 _OF_PREDICTIONS = (
     *("amplitude_m", "frequency_Hz", "mse_percent"),
@@ -86,7 +98,7 @@ def read_back(kind: type[_T], entry: object) -> _T | None:
     Parameters
     ----------
     kind : type
-        Check, Trend, Click, Finding or Failure.
+        Check, Trend, Click or Finding.
     entry : object
         As it stands in run.json; anything at all.
 
@@ -131,7 +143,13 @@ def units_in(record: Mapping[str, Any]) -> ShownUnits:
 def findings_in(log: Mapping[str, Any]) -> tuple[Finding, ...]:
     """Return the findings of one entry of ``inputs``, the gravest first."""
     order = {"refusal": 0, "warning": 1}
-    found = _all(Finding, log, "findings")
+    found = []
+    for entry in listed_in(log, "findings"):
+        finding = read_back(Finding, entry)
+        if finding is not None and "values" in entry:  # to be worded by whoever shows it
+            problem = Problem.of_record(entry)
+            finding = replace(finding, text=problem.text, values=problem.values)
+        found += [] if finding is None else [finding]
     return tuple(sorted(found, key=lambda finding: order.get(finding.severity, 2)))
 
 
@@ -139,12 +157,13 @@ def failures_in(record: Mapping[str, Any]) -> tuple[Failure, ...]:
     """Return the logs and settings that have no result, with what kind of problem it is."""
     failures = []
     for entry in listed_in(record, "failures"):
-        failure = read_back(Failure, entry)
-        if failure is not None and failure.message:
-            text = failure.message.removeprefix(f"{failure.log}: ")
-            code = entry.get("code")
-            problem = Problem(code, text, subject=failure.log) if isinstance(code, str) else None
-            failures.append(replace(failure, problem=problem))
+        place = read_back(_Place, entry)
+        if place is None or not place.message:
+            continue
+        text = place.message.removeprefix(f"{place.log}: ")  # of older runs, without a text
+        problem = Problem.of_record({"text": text, "subject": place.log, **entry})
+        problem = replace(problem, severity="error")
+        failures.append(Failure(problem, place.kind, place.log, place.path, place.setting))
     return tuple(failures)
 
 
@@ -201,8 +220,8 @@ def _all(kind: type[_T], record: Mapping[str, Any], key: str) -> tuple[_T, ...]:
 
 @cache
 def _hints(kind: Any) -> dict[str, Any]:
-    hints = get_type_hints(kind, localns={"Setting": Setting, "Problem": Problem})
-    return {name: hint for name, hint in hints.items() if Problem not in get_args(hint)}
+    hints = get_type_hints(kind, localns={"Setting": Setting, "Mapping": dict})
+    return {name: hint for name, hint in hints.items() if get_origin(hint) is not dict}
 
 
 def _read(hint: Any, value: Any) -> Any:

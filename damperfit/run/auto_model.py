@@ -34,7 +34,7 @@ from damperfit.laws import (
 from damperfit.laws.elsewhere import freed_of
 from damperfit.laws.other_layouts import LAYOUTS
 from damperfit.laws.together import told_together
-from damperfit.report.facts import failure_lines
+from damperfit.problem import failure_lines
 from damperfit.report.laws import chosen_records, rival_records, tried_law_records
 from damperfit.run.dampers import of_one_damper
 from damperfit.run.duplicate_tests import once_each, without_contradictions, without_copies
@@ -52,7 +52,7 @@ if TYPE_CHECKING:
     from damperfit.identification import FitOptions
     from damperfit.identification.unknowns import Follows
     from damperfit.laws import JudgedLaw, LawFit, LawSearch, Tried
-    from damperfit.report.facts import Failure
+    from damperfit.problem import Failure, Problem
     from damperfit.run.hold_out import Parted
     from damperfit.simulation import SolverOptions
     from damperfit.tested.setting import Setting
@@ -419,7 +419,7 @@ class LawChoice:
         Settings that the chosen law cannot be simulated at.
     rivals : tuple of Tried
         Models of the literature at the settings that were compared; empty unless asked for.
-    remarks : tuple of str
+    remarks : tuple of Problem or str
         What was done with the logs: copies left out, contradictions averaged.
     undecided : tuple of str
         What the logs leave open, and which test would decide it.
@@ -437,7 +437,7 @@ class LawChoice:
     failures: tuple[Failure, ...]
     lost: tuple[Setting, ...] = ()
     rivals: tuple[Tried, ...] = ()
-    remarks: tuple[str, ...] = ()
+    remarks: tuple[Problem | str, ...] = ()
     undecided: tuple[str, ...] = ()
     alike: tuple[str, ...] = ()
     open_layouts: tuple[str, ...] = ()

@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from damperfit.errors import ConfigurationError, LogError
+from damperfit.problem import Failure, Problem
 from damperfit.recording import natural_order
-from damperfit.report.facts import Failure
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -44,9 +44,13 @@ def by_damper(batch: LogBatch) -> dict[str, LogBatch]:
         return {named[0] if named else "": replace(batch, remarks=remarks)}
     lost = tuple(
         Failure(
-            *(log.log, log.path, log.facts.get("setting"), LogError.__name__),
-            f"{log.log}: the log does not say which damper it belongs to, and there are "
-            f"{_listed(named)}; give it a line '# serial: {named[0]}' or a row in tests.csv",
+            Problem(
+                "no-owner",
+                "the log does not say which damper it belongs to, and there are "
+                f"{_listed(named)}; give it a line '# serial: {named[0]}' or a row in tests.csv",
+                subject=log.log,
+            ),
+            *(LogError.__name__, log.log, log.path, log.facts.get("setting")),
         )
         for log in batch.logs
         if log.log in nameless and not _has_failed(batch, log.log)

@@ -15,7 +15,7 @@ from damperfit.conditioning.duplicates import (
 )
 from damperfit.errors import ContradictionError
 from damperfit.identification.unlike_motions import contradictory_motions
-from damperfit.report.facts import Failure, listed_names
+from damperfit.problem import Failure, Option, Problem, listed_names
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -55,7 +55,7 @@ def once_each(batch: LogBatch) -> LogBatch:
             f"the same test under several settings: {listed_names(tests)}; check which is right "
             "and leave out the rest"
         )
-        failures.append(Failure("", "", None, ContradictionError.__name__, said))
+        failures.append(Failure(Problem("two-settings", said), ContradictionError.__name__))
     said_of_copies = _copies_in_words({k: v for k, v in copies.items() if k not in bad})
     return replace(
         batch,
@@ -160,10 +160,18 @@ def _contradicting(
         return replace(batch, remarks=(*batch.remarks, *said))
     failures = [
         Failure(
-            *("", "", setting, ContradictionError.__name__),
-            f"setting {setting}: {sentence}, more than their scatter; check whether the setting or "
-            "the damper differs, leave one out, or fit them together by "
-            "--rig contradictions=average",
+            Problem(
+                "logs-differ",
+                "{sentence}, more than their scatter; check whether the setting or the damper "
+                "differs, leave one out, or fit them together by {average}",
+                subject=f"setting {setting}",
+                values={
+                    "sentence": sentence,
+                    "average": Option("rig", "average", "contradictions"),
+                },
+            ),
+            ContradictionError.__name__,
+            setting=setting,
         )
         for setting, sentence in sentences.items()
     ]

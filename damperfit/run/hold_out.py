@@ -14,8 +14,8 @@ from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING
 
 from damperfit.conditioning import TRANSIENTS, transients
-from damperfit.errors import ConfigurationError, Mishap, mishap_of
-from damperfit.problem import Option
+from damperfit.errors import ConfigurationError, mishap_of
+from damperfit.problem import Failure, Option, Problem
 from damperfit.run.log_paths import expand, real_path
 from damperfit.run.logs import LogBatch, failure_of
 from damperfit.uncertainty import SegmentRange, split_cycles
@@ -26,15 +26,13 @@ if TYPE_CHECKING:
 
     from damperfit.identification import Campaign
     from damperfit.recording import Trace
-    from damperfit.report.facts import Failure
     from damperfit.uncertainty import HoldOutOptions, Prediction
 
 __all__ = ["Parted", "fitting", "named_files", "note_unpredicted", "part", "with_transients"]
 
 _NO_FIT = (
     "has no fit, and no joint fit of others that have its clicks; fit settings that have them "
-    "together (--procedure joint), give another log of it to fit, or hold out some of its cycles "
-    "(--hold-out-cycles)"
+    "together{joint}, give another log of it to fit, or hold out some of its cycles{cycles}"
 )
 
 
@@ -239,17 +237,19 @@ def note_unpredicted(
     return replace(parted.batch, failures=(*parted.batch.failures, *lost))
 
 
-def _unpredicted(trace: Trace, *, is_fitted: bool) -> Mishap:
+def _unpredicted(trace: Trace, *, is_fitted: bool) -> Failure:
     kind, why = (
         ("SimulationError", "cannot be simulated on it")
         if is_fitted
         else ("PredictionError", _NO_FIT)
     )
-    said = f"{trace.name}: held out, but cannot be predicted: setting {trace.setting} {why}"
-    return Mishap(kind, said)
+    text = f"held out, but cannot be predicted: setting {trace.setting} {why}"
+    ways = {"joint": Option("procedure", "joint", is_aside=True)}
+    ways |= {"cycles": Option("hold_out_cycles", is_aside=True)}
+    return Failure(Problem("not-predicted", text, subject=trace.name, values=ways), kind)
 
 
-def _failure(batch: LogBatch, trace: Trace, mishap: Mishap) -> Failure:
+def _failure(batch: LogBatch, trace: Trace, mishap: Failure) -> Failure:
     path = next((log.path for log in batch.logs if log.log == trace.name), "")
     return failure_of(mishap, trace.name, path, trace.setting)
 

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 from damperfit.adjustment.clicks import Adjustment, compare_settings
 from damperfit.checks import Subject, run_checks, unchecked
 from damperfit.damper.valve_dampers import ValveDamper
-from damperfit.errors import Mishap
 from damperfit.laws.other_layouts import times_in
+from damperfit.problem import Failure, Option, Problem
 from damperfit.run.remarks import MANY
 from damperfit.run.run_json import Judgement, failures_of
 from damperfit.uncertainty import (
@@ -148,9 +148,11 @@ def judge(
         ),
         no_air,
     )
-    for setting, sentence in _undelivered(configuration, judged):
-        mishaps.add(Mishap("DeliveryError", f"setting {setting}: {sentence}"), setting)
-        one = Objection("delivery", "", sentence)
+    for setting, problem in _undelivered(configuration, judged):
+        mishaps.add(
+            Failure(replace(problem, subject=f"setting {setting}"), "DeliveryError"), setting
+        )
+        one = Objection("delivery", "", problem.message())
         found_against[setting] = (*found_against.get(setting, ()), one)
     missed = missed_predictions(predictions)
     for setting, one in (*air.items(), *missed.items()):
@@ -166,23 +168,25 @@ def judge(
     return judged, Judgement(assessment, adjustment, checks, predictions)
 
 
-def _undelivered(configuration: Configuration, campaign: Campaign) -> Iterator[tuple[Setting, str]]:
+def _undelivered(
+    configuration: Configuration, campaign: Campaign
+) -> Iterator[tuple[Setting, Problem]]:
     """Yield the settings at which a law that the logs chose is not fitted as it was chosen."""
+    advice, ways = "name the model{model}, and give its values as a start{start}", {
+        "model": Option("model", is_aside=True), "start": Option("start", is_aside=True)
+    }  # fmt: skip
+    if campaign.procedure != "plain":
+        advice = "fit each setting by itself{plain}"
+        ways = {"plain": Option("procedure", "plain", is_aside=True)}
     for fit in campaign.fits:
         chosen = configuration.chosen_mse.get(fit.setting, math.inf)
-        if fit.mse_percent <= _DELIVERED * max(chosen, _OF_NO_USE):
-            continue
-        advice = "name the model (--model), and give its values as a start (--start)"
-        if campaign.procedure != "plain":
-            advice = "fit each setting by itself (--procedure plain)"
-        yield (
-            fit.setting,
-            (
+        if fit.mse_percent > _DELIVERED * max(chosen, _OF_NO_USE):
+            text = (
                 f"the law was chosen at an MSE of {chosen:.2g} % and is fitted at "
                 f"{fit.mse_percent:.2g} %, by procedure {campaign.procedure}; these are not the "
                 f"parameters of the choice: {advice}"
-            ),
-        )
+            )
+            yield fit.setting, Problem("not-delivered", text, values=ways)
 
 
 def _predicted(

@@ -25,7 +25,7 @@ from damperfit.io import (
 )
 from damperfit.io.labels import file_setting
 from damperfit.io.options import SETTING_PATTERN
-from damperfit.problem import Option
+from damperfit.problem import Option, Problem, warning
 from damperfit.run.log_paths import real_path
 from damperfit.tested.adjuster_words import letters_of
 from damperfit.tested.identity import Identity, identity_in
@@ -150,8 +150,8 @@ class Labels:
         stated = _complete({**places, **(row.places if row else {})}, self.adjusters)
         return stated or self.guess.settings.get(path.name)
 
-    def one_of_several(self, name: str) -> str:
-        """Say which of several numbers in a file's name is taken for the setting; empty: no choice.
+    def one_of_several(self, name: str) -> Problem | None:
+        """Say which of several numbers in a file's name is taken for the setting; None: no choice.
 
         Parameters
         ----------
@@ -160,10 +160,14 @@ class Labels:
         """
         is_said = self.has_pattern or len(self.adjusters) > 1
         number = "" if is_said else one_of_several(name)
-        return number and (
-            f"{name}: of the numbers in its name the one after 's', {number}, is taken for the "
-            "setting; if it is another, name what precedes it: "
-            "--rig 'setting_pattern=s(?P<setting>\\d+)'"
+        if not number:
+            return None
+        return warning(
+            "one-of-several",
+            f"of the numbers in its name the one after 's', {number}, is taken for the setting; if "
+            "it is another, name what precedes it: {pattern}",
+            name,
+            pattern=Option("rig", r"s(?P<setting>\d+)", "setting_pattern"),
         )
 
     def taken_as_words(self, settings: Iterable[Setting | None]) -> str:
@@ -218,11 +222,12 @@ class Labels:
                 setting=Option("setting", f"'{example}'"),
                 subject=name,
             )
-        said = f", or {self.guess.advice}" if self.guess.advice else ""
+        more = ", or {way}" if self.guess.way is not None else ""
         return LogError(
             f"the log does not say its adjuster setting; expected a line '# setting: 10', "
-            f"a column 'setting' or a name such as setting_10.csv; or give {{setting}}{said}",
+            f"a column 'setting' or a name such as setting_10.csv; or give {{setting}}{more}",
             setting=Option("setting", "N"),
+            way=self.guess.way,
             subject=name,
         )
 

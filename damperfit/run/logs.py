@@ -18,7 +18,6 @@ from damperfit.errors import (
     ConfigurationError,
     InstallationError,
     LogError,
-    Mishap,
     QualityError,
     TimelessError,
     mishap_of,
@@ -27,9 +26,8 @@ from damperfit.identification.blas_threads import one_blas_thread
 from damperfit.io import is_tests_table, read_curves, read_logs
 from damperfit.io.files import sha256_of
 from damperfit.io.formats import FORMATS
-from damperfit.problem import Option
+from damperfit.problem import Failure, Option, Problem
 from damperfit.recording import Finding
-from damperfit.report.facts import Failure
 from damperfit.run.labelling import FROM_NAME, GUESSED, labels_for
 from damperfit.run.own_tables import is_own_table
 from damperfit.run.tested_at import conditioned_as_tested, facts_of
@@ -110,7 +108,7 @@ class LogBatch:
         Files that are no logs and are not meant to be.
     n_good : int
         Logs that can be used, whether or not their traces were kept.
-    remarks : tuple of str
+    remarks : tuple of Problem or str
         How settings were found, where that is more than reading them.
     notes : tuple of str
         Tables of tests that were used.
@@ -123,7 +121,7 @@ class LogBatch:
     failures: tuple[Failure, ...]
     skipped: tuple[str, ...]
     n_good: int
-    remarks: tuple[str, ...] = ()
+    remarks: tuple[Problem | str, ...] = ()
     notes: tuple[str, ...] = ()
     identities: Mapping[str, Identity] = field(default_factory=dict)
 
@@ -260,13 +258,13 @@ def _note(part: _Taken, spent: float) -> None:
     )
 
 
-def _label_remarks(labels: Labels, taken: Sequence[_Taken]) -> Iterator[str]:
+def _label_remarks(labels: Labels, taken: Sequence[_Taken]) -> Iterator[Problem | str]:
     """Say what is doubtful in tables of tests, and what was guessed."""
     yield from labels.notes
     if any(GUESSED in part.facts.facts.get("notes", ()) for part in taken):
-        yield labels.guess.sentence
-    if said := labels.taken_as_words(part.facts.facts.get("setting") for part in taken):
-        yield said
+        yield labels.guess.said or ""
+    if words := labels.taken_as_words(part.facts.facts.get("setting") for part in taken):
+        yield words
     for part in taken:
         notes = part.facts.facts.get("notes", ())
         if FROM_NAME in notes and (said := labels.one_of_several(Path(part.facts.path).name)):
@@ -448,10 +446,10 @@ _USAGE = (ConfigurationError, InstallationError)
 
 
 def failure_of(
-    mishap: Mishap, log: str = "", path: str = "", setting: Setting | None = None
+    mishap: Failure, log: str = "", path: str = "", setting: Setting | None = None
 ) -> Failure:
     """Return what is reported of a log or a setting that something ended the work on."""
-    return Failure(log, path, setting, mishap.kind, mishap.message, mishap.trace, mishap.problem)
+    return replace(mishap, log=log, path=path, setting=setting)
 
 
 def _seen_raw(recording: Recording) -> tuple[Finding, ...]:
@@ -471,9 +469,8 @@ def _failed(
 ) -> _Taken:
     mishap = mishap_of(error, task)
     failure = failure_of(mishap, known.log, known.path, known.facts["setting"])
-    problem = mishap.problem
-    is_of_log = problem is not None and problem.subject == known.log
-    sentence = problem.message() if problem is not None and is_of_log else mishap.message
+    is_of_log = mishap.problem.subject == known.log
+    sentence = mishap.problem.message() if is_of_log else mishap.message
     refusal = Finding(_REFUSALS.get(mishap.kind, "unreadable"), "refusal", sentence)
     refused = {"findings": [one.describe() for one in (refusal, *findings)], "verdict": "refused"}
     facts = known.facts | refused | {"code": failure.code}

@@ -15,9 +15,9 @@ from damperfit.run.logs import failure_of
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from damperfit.errors import Mishap, OnError
+    from damperfit.errors import OnError
+    from damperfit.problem import Failure
     from damperfit.recording import Trace
-    from damperfit.report.facts import Failure
     from damperfit.run.logs import LogBatch
     from damperfit.tested.setting import Setting
 
@@ -67,7 +67,7 @@ class Mishaps:
 
         return take
 
-    def add(self, mishap: Mishap, setting: Setting | None = None) -> None:
+    def add(self, mishap: Failure, setting: Setting | None = None) -> None:
         """Take what a step over all settings, or one of them, has met, and went on."""
         self._found.append(failure_of(mishap, setting=setting))
 

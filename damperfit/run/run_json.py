@@ -15,12 +15,12 @@ from damperfit.checks import Check, missed_gates
 from damperfit.damper.cavitation import describe_cavitation
 from damperfit.errors import sparing
 from damperfit.identification import Outcome, Status, describe_searches
-from damperfit.report.facts import Failure
+from damperfit.problem import Failure, Problem
 from damperfit.report.markdown import markdown_report
 from damperfit.report.records import to_record
 from damperfit.results import Run
 from damperfit.run.logs import Ending
-from damperfit.run.remarks import corrections, gates_not_met, missing_logs, run_warnings
+from damperfit.run.remarks import as_warning, corrections, gates_not_met, missing_logs, run_warnings
 from damperfit.run.trust import (
     other_model_advice,
     uncertainty_record,
@@ -99,9 +99,9 @@ class ReportFacts:
     procedure: tuple[str, ...] = ()
     tested: str = ""
     failures: tuple[Failure, ...] = ()
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Problem, ...] = ()
     gaps: tuple[tuple[int, int], ...] = ()
-    gates: tuple[str, ...] = ()
+    gates: tuple[Problem, ...] = ()
     advice: tuple[tuple[str, str], ...] = ()
     trust: tuple[str, ...] = ()
     held_out: tuple[Prediction, ...] = ()
@@ -176,7 +176,7 @@ def failures_of(
     configuration: Configuration, batch: LogBatch, campaign: Campaign
 ) -> tuple[Failure, ...]:
     """Return the logs and settings without a result."""
-    return (*batch.failures, *_setting_failures(campaign), *missing_logs(configuration, batch))
+    return (*batch.failures, *campaign.failures, *missing_logs(configuration, batch))
 
 
 def report_facts(
@@ -200,7 +200,7 @@ def report_facts(
             *_method(campaign, assessment),
         ),
         failures=(*failures_of(configuration, batch, campaign), *judgement.failures),
-        warnings=(
+        warnings=_problems(
             *run_warnings(batch, campaign),
             *unconfirmed_tares(campaign, assessment),
             *unlike_frictions(campaign, assessment),
@@ -222,7 +222,7 @@ def report_facts(
         across=judgement.adjustment.sentences,
         checks=judgement.checks,
         gaps=campaign.gaps,
-        gates=(
+        gates=_problems(
             *gates_not_met(configuration, batch, campaign),
             *missed_gates(judgement.checks, configuration.output.checks),
         ),
@@ -236,6 +236,10 @@ def report_facts(
         law_choice=_chosen_law(configuration, campaign),
         is_interrupted=is_interrupted,
     )
+
+
+def _problems(*said: Problem | str) -> tuple[Problem, ...]:
+    return tuple(map(as_warning, said))
 
 
 def _chosen_law(configuration: Configuration, campaign: Campaign) -> Mapping[str, Any]:
@@ -326,7 +330,8 @@ def record(
         "inputs": [log.describe() for log in batch.logs],
         "skipped": list(batch.skipped),
         "failures": [failure.describe() for failure in facts.failures],
-        "warnings": list(facts.warnings),
+        "warnings": list(map(str, facts.warnings)),
+        "problems": [one.record() for one in facts.warnings],
         "gaps": [{"first": first, "last": last} for first, last in facts.gaps],
         "sentences": {
             "noise_and_lack_of_fit": list(facts.trust),
@@ -336,7 +341,7 @@ def record(
             "force_offset": list(judgement.adjustment.of_offset),
         },
         **({"law_choice": dict(facts.law_choice)} if facts.law_choice else {}),
-        "gates_missed": list(facts.gates),
+        "gates_missed": list(map(str, facts.gates)),
         "procedure": list(facts.procedure),
         "checks": [to_record(check) for check in judgement.checks],
         **uncertainty_record(campaign, judgement.assessment),
@@ -383,11 +388,6 @@ def _across(adjustment: Adjustment, campaign: Campaign) -> dict[str, Any]:
         ],
         "clicks": [to_record(click) for click in adjustment.clicks],
     }
-
-
-def _setting_failures(campaign: Campaign) -> Iterator[Failure]:
-    for one in campaign.failures:
-        yield Failure("", "", one.setting, one.kind, one.message, one.trace)
 
 
 def _procedure(configuration: Configuration, campaign: Campaign) -> Iterator[str]:

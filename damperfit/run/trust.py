@@ -9,6 +9,7 @@ import numpy as np
 
 from damperfit.identification import Status
 from damperfit.identification.sharing import of_settings
+from damperfit.problem import Option, Problem, warning
 from damperfit.report.records import to_record
 
 if TYPE_CHECKING:
@@ -29,7 +30,7 @@ _OF_LAWS = frozenset({"bound", "beyond", "cavitation", "friction", "misfit", "pr
 
 def other_model_advice(
     assessment: Assessment, damper: Model, *, is_chosen_by_logs: bool = False
-) -> Iterator[str]:
+) -> Iterator[Problem]:
     """Say where a grade is withheld that the logs should choose the model.
 
     Parameters
@@ -47,9 +48,11 @@ def other_model_advice(
         if any(one.kind in _OF_LAWS for one in why)
     ]
     if withheld and not is_chosen_by_logs:
-        yield (
-            f"model {damper.name} does not describe {of_settings(withheld)}: "
-            "let the logs choose a model: damperfit identify LOGS --model auto"
+        yield warning(
+            "other-model",
+            f"model {damper.name} does not describe {of_settings(withheld)}: let the logs choose "
+            "a model: identify the logs with {model}",
+            model=Option("model", "auto"),
         )
 
 
@@ -140,7 +143,7 @@ def _is_warned_of_tare(fit: Fit) -> bool:
     return any(one.name == "tare" and one.severity == "warning" for one in findings)
 
 
-def unlike_frictions(campaign: Campaign, assessment: Assessment) -> Iterator[str]:
+def unlike_frictions(campaign: Campaign, assessment: Assessment) -> Iterator[Problem]:
     """Say where settings that were fitted apart have frictions that cannot be those of one damper.
 
     With the bleed closed, a preload and a friction give nearly the same force at one speed.
@@ -168,9 +171,10 @@ def unlike_frictions(campaign: Campaign, assessment: Assessment) -> Iterator[str
         (low, low_error, where_low), (high, high_error, where_high) = found[0], found[-1]
         apart = high - low > _ERRORS_APART * math.hypot(low_error, high_error)
         if apart and high > _TIMES_APART * low:
-            yield (
+            yield warning(
+                "unlike-frictions",
                 f"{quantity.symbol} is {low:.3g} N at setting {where_low} and {high:.3g} N at "
                 f"setting {where_high}, but friction belongs to the damper and not to its clicks: "
-                "a preloaded valve may be taken for friction; fit the settings together: "
-                "--procedure joint"
+                "a preloaded valve may be taken for friction; fit the settings together: {joint}",
+                joint=Option("procedure", "joint"),
             )

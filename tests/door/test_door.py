@@ -315,7 +315,7 @@ read([LOG, LOG]) -> found several logs
 simulate() -> give setting=N or set= them all
 simulate(result) -> damperfit.simulate(10, parameters=result)
 simulate(frame) -> (setting=...): found DataFrame; expected a setting
-simulate(setting='x') -> (setting=x): not in the reference set; expected a whole number
+simulate(setting='x') -> (setting='x'): not in the reference set; expected a whole number
 simulate(10, 'sine') -> damperfit.simulate: too many arguments
 simulate(10, frequncy=2) -> no keyword 'frequncy'
 simulate(10, parameters=3) -> (parameters=...): found int; expected a result
@@ -327,7 +327,7 @@ compare(3, 4) -> damperfit.compare: found int; expected a result
 compare(result) -> or tolerance=FILE with nominal forces
 compare(result, '') -> damperfit.compare: found ''; expected a result, or the path
 compare(result, result, tolerance=5) -> (tolerance=...): found 5; expected '5%'
-compare(result, result, tolerance='x') -> (tolerance=x): expected per cent, newtons
+compare(result, result, tolerance='x') -> (tolerance='x'): expected per cent, newtons
 compare(result, result, toleranz=3) -> Did you mean 'tolerance'?
 compare(result, result, velocity=3j) -> (velocity=...): found 3j; expected speeds
 compare(result, result, jobs='x') -> (jobs=...): found 'x'
@@ -336,13 +336,13 @@ compare(result, result, amplitude='5mm') -> amplitude= and frequency= make the s
 export(7, 'csv') -> damperfit.export: found int; expected a result
 export(result) -> damperfit.export: no target given
 export(result, 'csv') -> give out=FOLDER
-export(result, to='fmu9') -> (to=fmu9): expected one of csv, xlsx
+export(result, to='fmu9') -> (to='fmu9'): expected one of csv, xlsx
 export(result, to='fmu22', out='x') -> Did you mean 'fmu2'
 export(result, to=3) -> (to=3): expected one of csv, xlsx
 export(result, to='csv', out=3) -> (out=...): found int; expected the path of a file or folder
 export(result, 'csv', '') -> damperfit.export(out=...): found ''; expected the path
 export(result, 'csv', 'x', extend=[]) -> or a text such as '1.5m/s' for a velocity, found []
-export(result, 'fmu2', 'x.csv') -> (out=x.csv): fmu2 writes .fmu files
+export(result, 'fmu2', 'x.csv') -> (out='x.csv'): fmu2 writes .fmu files
 report(result) -> give out=FOLDER
 load('') -> damperfit.load: found ''; expected the path of a results folder
 load(3) -> damperfit.load: found int; expected the path of a results folder

@@ -9,16 +9,15 @@ import pytest
 
 from damperfit.configuration.loading import load_configuration
 from damperfit.identification import Outcome
-from damperfit.report.facts import Failure
 from damperfit.run.logs import Ending, LogBatch
 from damperfit.run.remarks import gates_not_met
 from damperfit.run.run_json import ReportFacts, ending_of
 from damperfit.tables.documents import json_pieces
-from tests.fakes import campaign, fit
+from tests.fakes import campaign, failed, fit
 
-FAILED = Failure("a.csv", "a.csv", 1, "LogError", "a.csv: broken")
-LEFT_OUT = Failure("b.csv", "b.csv", 2, "QualityError", "b.csv: clipped")
-SETTING = Failure("", "", 3, "SimulationError", "setting 3: rigid")
+FAILED = failed("a.csv", "a.csv", 1, "LogError", "a.csv: broken")
+LEFT_OUT = failed("b.csv", "b.csv", 2, "QualityError", "b.csv: clipped")
+SETTING = failed("", "", 3, "SimulationError", "setting 3: rigid")
 
 
 def test_the_codes_are_those_of_the_contract() -> None:
@@ -74,7 +73,7 @@ def test_reading_alone_ends_alike(n_good, failures, ending) -> None:
 def gates(*fits, failures=(), limit=0.0) -> list[str]:
     plain = load_configuration()
     asked = replace(plain, output=replace(plain.output, max_mse_percent=limit))
-    return list(gates_not_met(asked, LogBatch((), (), failures, (), 1), campaign(*fits)))
+    return list(map(str, gates_not_met(asked, LogBatch((), (), failures, (), 1), campaign(*fits))))
 
 
 @pytest.mark.parametrize(("mse", "is_met"), [(0.99, True), (1.0, True), (1.01, False)])

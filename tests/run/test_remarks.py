@@ -9,7 +9,7 @@ import pytest
 
 from damperfit.configuration.loading import load_configuration
 from damperfit.identification import Outcome
-from damperfit.report.facts import Failure, failure_lines
+from damperfit.problem import failure_lines
 from damperfit.run import judging
 from damperfit.run.hold_out import Parted
 from damperfit.run.logs import LogBatch
@@ -22,7 +22,7 @@ from damperfit.run.remarks import (
 )
 from damperfit.run.run_json import Judgement, ending_of, record, report_facts
 from damperfit.tables.rows import make_tables
-from tests.fakes import campaign, fit
+from tests.fakes import campaign, failed, fit
 
 NO_LOGS = LogBatch((), (), (), (), 0)
 
@@ -55,7 +55,7 @@ def test_gaps_stand_in_report_and_page_whoever_wrote_them() -> None:
 @pytest.mark.parametrize(("n", "lines"), [(MANY, MANY), (MANY + 1, 1)])
 def test_gates_of_many_settings_are_one_line(n, lines) -> None:
     configuration = load_configuration(overlay={"output": {"max_mse_percent": 0.001}})
-    said = list(gates_not_met(configuration, NO_LOGS, _fits(n, mse=0.5)))
+    said = list(map(str, gates_not_met(configuration, NO_LOGS, _fits(n, mse=0.5))))
     assert len(said) == lines
     assert said[0].startswith("setting 1: MSE 0.5 % is above 0.001 %")
     if lines == 1:
@@ -65,7 +65,9 @@ def test_gates_of_many_settings_are_one_line(n, lines) -> None:
 @pytest.mark.parametrize(("n", "lines"), [(MANY, MANY), (MANY + 1, 1)])
 def test_fits_of_many_settings_that_did_not_converge_are_one_line(n, lines) -> None:
     configuration = load_configuration()
-    said = list(gates_not_met(configuration, NO_LOGS, _fits(n, outcome=Outcome.EVALUATION_LIMIT)))
+    said = list(
+        map(str, gates_not_met(configuration, NO_LOGS, _fits(n, outcome=Outcome.EVALUATION_LIMIT)))
+    )
     assert len(said) == lines
     assert said[0].startswith("setting 1: the fit did not converge (")
 
@@ -78,7 +80,9 @@ def test_no_setting_is_told_to_have_missed_the_gate_of_another(n, is_by_setting)
         setting: fit(setting, mse=0.5, outcome=Outcome.NO_DESCENT) for setting in range(1, n + 1, 2)
     }
     both = {**above, **unsound}
-    said = list(gates_not_met(configuration, NO_LOGS, campaign(*(both[k] for k in sorted(both)))))
+    said = list(
+        map(str, gates_not_met(configuration, NO_LOGS, campaign(*(both[k] for k in sorted(both)))))
+    )
     told = [f"setting {k}: MSE 2 % is above 1 %" for k in above]
     told += [f"setting {k}: the fit did not converge (no_descent)" for k in unsound]
     if is_by_setting:
@@ -90,7 +94,7 @@ def test_no_setting_is_told_to_have_missed_the_gate_of_another(n, is_by_setting)
 def test_warnings_of_many_fits_are_one_line(n, lines) -> None:
     found = _fits(n)
     fits = tuple(replace(one, warnings=(f"{one.setting} trials failed.",)) for one in found.fits)
-    said = list(run_warnings(NO_LOGS, replace(found, fits=fits)))
+    said = list(map(str, run_warnings(NO_LOGS, replace(found, fits=fits))))
     assert len(said) == lines
     assert said[0].startswith("setting 1: 1 trials failed.")
 
@@ -118,7 +122,7 @@ def test_many_settings_without_a_log_are_one_failure(n, lines) -> None:
 
 @pytest.mark.parametrize(("n", "more"), [(MANY, []), (MANY + 1, ["and 1 more"])])
 def test_checks_are_told_of_a_few_lost_logs_and_how_many_more(n, more, monkeypatch) -> None:
-    failures = tuple(Failure(f"{k}.csv", "", k, "LogError", "empty") for k in range(n))
+    failures = tuple(failed(f"{k}.csv", "", k, "LogError", "empty") for k in range(n))
     monkeypatch.setattr(judging, "run_checks", lambda subject: subject.missing)
     batch = replace(NO_LOGS, failures=failures)
     missing = judging._checks(load_configuration(), Parted(batch), campaign(fit(1)), None, None)
@@ -127,12 +131,12 @@ def test_checks_are_told_of_a_few_lost_logs_and_how_many_more(n, more, monkeypat
 
 @pytest.mark.parametrize(("n", "lines"), [(5, 5), (6, 1), (300, 1)])
 def test_the_tests_of_one_file_that_fail_alike_are_one_line(n, lines) -> None:
-    def failure(k: int) -> Failure:
+    def failure(k: int):
         name = f"long.dat part {k}"
         said = f"{name}: the log does not say its adjuster setting"
-        return Failure(name, "runs/long.dat", None, "LogError", said)
+        return failed(name, "runs/long.dat", None, "LogError", said)
 
-    other = Failure("b.csv", "runs/b.csv", 2, "LogError", "b.csv: empty file")
+    other = failed("b.csv", "runs/b.csv", 2, "LogError", "b.csv: empty file")
     said = failure_lines([*(failure(k) for k in range(1, n + 1)), other])
     assert len(said) == lines + 1
     assert said[-1] == "b.csv: empty file"
@@ -145,6 +149,6 @@ def test_the_tests_of_one_file_that_fail_alike_are_one_line(n, lines) -> None:
 
 def test_files_that_fail_alike_have_a_line_each() -> None:
     failures = [
-        Failure(f"{k}.csv", f"{k}.csv", None, "LogError", f"{k}.csv: empty file") for k in range(9)
+        failed(f"{k}.csv", f"{k}.csv", None, "LogError", f"{k}.csv: empty file") for k in range(9)
     ]
     assert failure_lines(failures) == [f"{k}.csv: empty file" for k in range(9)]
