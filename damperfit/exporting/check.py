@@ -1,13 +1,16 @@
-"""What was written held against the logs of the run: an FMU is run, a table is looked up.
+"""What was written held against the logs of the run: files are read back, models and FMUs are run.
 
 The force of either passes the filter that the measured one passed, and is compared with it where
-neither a beginning nor the filter's edges are felt.
+neither a beginning nor the filter's edges are felt. A table is the one that stands in the file, in
+the file's units and signs; equations are those of the file, solved as they stand there.
 """
 
 from __future__ import annotations
 
+import csv
 import ctypes as ct
 import io
+import json
 import platform
 import re
 import sys
@@ -15,7 +18,8 @@ import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
+from xml.etree import ElementTree as ET
 
 import numpy as np
 
@@ -30,22 +34,21 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from damperfit.exporting.source import ExportedRun
-    from damperfit.exporting.tables import ForceTable
+    from damperfit.exporting.tables import ExportedRun, ForceTable
     from damperfit.exporting.targets import Export
     from damperfit.recording import FilterDesign
-    from damperfit.tables.reading import LogSignals
     from damperfit.tested.setting import Setting
 
     FloatArray = NDArray[np.float64]
-    Forces = Callable[[LogSignals, slice], FloatArray]
-
-__all__ = ["SettingCheck", "check_export"]
+    Curve = tuple[FloatArray, FloatArray]
+    # Time, displacement and velocity of a segment -> force without the rig's tare.
+    Force = Callable[[FloatArray, FloatArray, FloatArray], FloatArray]
 
 _RUN_IN, _EDGE = 0.25, 0.1  # s: a pressure settles, a filter's end is felt
 _NEAR = 1.02  # of a table's end
 # Value references of an FMU: `c/exported.h`.
 _INPUTS, _FORCE, _SETTING, _BAND, _EXTRAPOLATION, _WITH_RIG = (1, 2), 3, 8, 9, 10, 24
+_SHEETS = "{http://schemas.openxmlformats.org/spreadsheetml/2006/main}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,9 +91,9 @@ def check_export(run: ExportedRun, export: Export) -> tuple[SettingCheck, ...]:
     Raises
     ------
     ConfigurationError
-        The run has no signals, or nothing here runs what was written.
+        The run has no signals, or the FMU has no library for this machine.
     SimulationError
-        The FMU refuses a step.
+        The FMU refuses a step, or the file does not hold what was written.
     """
     if not run.run.signals:
         raise ConfigurationError(
@@ -98,46 +101,53 @@ def check_export(run: ExportedRun, export: Export) -> tuple[SettingCheck, ...]:
             "identify LOGS again, and export its results folder",
             where=Option("check"),
         )
-    name, content = next(iter(export.files.items()))
-    if not name.endswith(".fmu"):
-        if not export.lost:
-            raise ConfigurationError(
-                f"nothing here runs the equations of {name}; check the FMU of the same "
-                "damper: {to} {check}",
-                to=Option("to", "fmu2"),
-                check=Option("check"),
-                where=Option("check"),
-            )
-        return tuple(_checks(run, export.tables, _of_table))
-    settings = dict(zip(exported_damper(run).settings, export.tables, strict=True))
-    places = {table.setting: number for number, table in settings.items()}
-    with TemporaryDirectory(prefix="damperfit-", ignore_cleanup_errors=True) as folder:
-        unit = _Unit(content, Path(folder))
+    tables, band = export.tables, run.run.solver.dead_band
+    first, content = next(iter(export.files.items()))
+    if first.endswith(".fmu"):
+        with TemporaryDirectory(prefix="damperfit-", ignore_cleanup_errors=True) as folder:
+            unit = _Unit(content, Path(folder))
+            places = exported_damper(run).settings
+            units = [unit.at(place, band) for place in places]
+            # With the rig, hence with its tare.
+            return tuple(_checks(run, tables, units, [0.0] * len(tables), None))
+    tares = [table.tare for table in tables]
+    if first.endswith(".mo"):
+        model = _Model(content.decode("utf-8"))
+        models = [model.at(place, band) for place in range(1, len(tables) + 1)]
+        ends = [table.end for table in tables] if export.lost else None
+        return tuple(_checks(run, tables, models, tares, ends))
+    curves = read_back(export)
+    looked_up = [_look_up(curve, table) for curve, table in zip(curves, tables, strict=True)]
+    return tuple(_checks(run, tables, looked_up, tares, [float(v[-1]) for v, _ in curves]))
 
-        def forces(log: LogSignals, part: slice) -> FloatArray:
-            return unit.force(places[log.setting], run.run.solver.dead_band, log, part)
 
-        return tuple(_checks(run, export.tables, lambda _: forces))
+def _look_up(curve: Curve, table: ForceTable) -> Force:
+    return lambda _, x, v: np.interp(v, *curve) + table.at_rest(x)
 
 
 def _checks(
-    run: ExportedRun, tables: Sequence[ForceTable], make: Callable[[ForceTable], Forces]
+    run: ExportedRun,
+    tables: Sequence[ForceTable],
+    forces: Sequence[Force],
+    tares: Sequence[float],
+    ends: Sequence[float] | None,
 ) -> Iterator[SettingCheck]:
-    """Compare the settings one by one; samples beyond a table are left out."""
-    for table in tables:
-        forces, rows, n_beyond = make(table), [], 0
+    """Compare the settings one by one; samples beyond the end of a table are left out."""
+    for place, table in enumerate(tables):
+        rows, n_beyond = [], 0
         for log in run.run.signals:
             if log.setting != table.setting:
                 continue
             for part in _segments(log.time):
-                interval = float(np.median(np.diff(log.time[part])))
+                time, x, v = log.time[part], log.displacement[part], log.velocity[part]
+                interval = float(np.median(np.diff(time)))
                 design = _filter(run.run.record, 1.0 / interval)
-                force = apply_filter(design, forces(log, part))
+                force = apply_filter(design, forces[place](time, x, v) + tares[place])
                 inner = slice(round(_RUN_IN / interval), len(force) - round(_EDGE / interval))
                 both = log.force_measured[part][inner], log.force[part][inner]
-                known = np.isfinite(log.force_measured[part][inner])
-                if make is _of_table:
-                    known &= np.abs(log.velocity[part][inner]) <= _NEAR * table.end
+                known = np.isfinite(both[0])
+                if ends is not None:
+                    known &= np.abs(v[inner]) <= _NEAR * ends[place]
                 n_beyond += int((~known).sum())
                 rows.append(np.array([force[inner], *both])[:, known])
         if not rows:
@@ -179,13 +189,186 @@ def _filter(record: Mapping[str, Any], sample_rate: float) -> FilterDesign:
     return completed(causal, corner, order)
 
 
-def _of_table(table: ForceTable) -> Forces:
-    def forces(log: LogSignals, part: slice) -> FloatArray:
-        v = log.velocity[part]
-        force = np.interp(v, table.speeds, table.forces) + table.at_rest(log.displacement[part])
-        return np.asarray(force + table.tare)
+# Tables, read back from the files that were written
 
-    return forces
+
+def read_back(export: Export) -> list[Curve]:
+    """Return speeds and forces as they stand in the files, for each table: m/s and N, rebound +.
+
+    Raises
+    ------
+    SimulationError
+        A table is not found in its file.
+    """
+    read = {"csv": _from_csv, "xlsx": _from_workbook, "matlab": _from_matlab}
+    curves = read.get(export.target.name, _from_texts)(export)
+    for table, (v, _) in zip(export.tables, curves, strict=True):
+        if len(v) < 2 or not (np.diff(v) > 0.0).all():
+            raise SimulationError(
+                f"setting {table.setting}: the {export.target.name} file does not hold its table"
+            )
+    return curves
+
+
+def _from_texts(export: Export) -> list[Curve]:
+    """Find the rows of each setting by the pattern of the target, ``read`` in targets.toml."""
+    target, read = export.target, export.target.read
+    row = read["row"].replace("@", r"(-?\d[\d.]*(?:e[-+]?\d+)?)")
+    found = []
+    for table in export.tables:
+        file = target.file.format(stem=export.options.stem, setting=table.slug)
+        text = export.files[file].decode(target.encoding)
+        text = "\n".join(one for one in text.splitlines() if not one.startswith(read["comment"]))
+        if "begins" in read:
+            name = re.sub(r"[^A-Za-z0-9]", "_", table.slug)
+            text = text.partition(read["begins"].format(setting=name))[2].partition("double")[0]
+        rows = []
+        for heading, side in read.get("sides", {"": 1.0}).items():
+            part = re.search(rf"{heading}[^\n]*\n(?:\t[^\n]*\n?)*", text) if heading else None
+            rows += [
+                (side * read["speed"] * float(v), side * read["force"] * float(force))
+                for v, force in re.findall(row, part[0] if part else text, re.MULTILINE)
+            ]
+        found.append(_curve(sorted(set(rows))))
+    return found
+
+
+def _curve(rows: Sequence[Sequence[float]]) -> Curve:
+    v, force = np.array(rows, dtype=np.float64).reshape(-1, 2).T + 0.0
+    return v, force
+
+
+def _from_csv(export: Export) -> list[Curve]:
+    options = export.options
+    text = export.files[f"{options.stem}.csv"].decode("utf-8").replace(options.decimal, ".")
+    _, *rows = csv.reader(io.StringIO(text), delimiter=";" if options.decimal == "," else ",")
+    of_setting: dict[str, list[tuple[float, float]]] = {}
+    for name, v, force, *_ in rows:
+        of_setting.setdefault(name, []).append((float(v), float(force)))
+    return [_in_si(_curve(one), export) for one in of_setting.values()]
+
+
+def _in_si(curve: Curve, export: Export) -> Curve:
+    shown = export.options.units
+    return curve[0] / shown.show(1.0, "m/s"), curve[1] / shown.show(1.0, "N")
+
+
+def _from_workbook(export: Export) -> list[Curve]:
+    content = export.files[f"{export.options.stem}.xlsx"]
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        book = ET.fromstring(archive.read("xl/workbook.xml"))  # noqa: S314 - our own file
+        names = [one.get("name") for one in book.iter(f"{_SHEETS}sheet")]
+        place = f"xl/worksheets/sheet{names.index('forces') + 1}.xml"
+        sheet = ET.fromstring(archive.read(place))  # noqa: S314
+    rows = [
+        [float(cell.text or "nan") for cell in row.iter(f"{_SHEETS}v")]
+        for row in sheet.iter(f"{_SHEETS}row")
+    ]
+    numbers = np.array([row for row in rows if row])  # the heads are texts
+    return [
+        _in_si((numbers[:, 0], numbers[:, k]), export) for k in range(1, len(export.tables) + 1)
+    ]
+
+
+def _from_matlab(export: Export) -> list[Curve]:
+    """Read the data file, and the script, which must hold the same."""
+    from scipy.io import loadmat
+
+    stem = export.options.stem
+    known = loadmat(cast("Any", io.BytesIO(export.files[f"{stem}.mat"])))
+    script = export.files[f"{stem}.m"].decode("utf-8")
+    for name in ("velocity", "force"):
+        found = re.search(rf"^{name} = \[([^\]]*)\];", script, re.MULTILINE)
+        rows = [row.split() for row in found[1].split(";")] if found else []
+        if not rows or not np.allclose(np.array(rows, dtype=float), known[name], rtol=1e-8):
+            raise SimulationError(f"{stem}.m and {stem}.mat do not hold the same {name}")
+    return [(known["velocity"][:, 0], force) for force in known["force"].T]
+
+
+# Equations of a Modelica model
+
+
+class _Model:
+    """A model of Modelica: its parameters, and its equations, each solved for what it assigns."""
+
+    def __init__(self, text: str) -> None:
+        flat = " ".join(re.sub(r'//[^\n]*|"[^"]*"', "", text).split())
+        head, word, body = flat.rpartition(" equation ")
+        if not word or not re.fullmatch(r"[\w\s()\[\]{}.,;=+*/^-]*", flat):
+            raise SimulationError("the Modelica file holds no equations that could be solved")
+        self.known = {
+            name: _number(value)
+            for name, value in re.findall(
+                r"parameter (?:Real|Integer) (\w+)(?:\[[^\]]*\])?(?:\([^)]*\))? = ([^;]+);", head
+            )
+        }
+        self.starts = {
+            name: float(value)
+            for name, value in re.findall(r"Real (\w+)\(unit = , start = ([^)]+)\)", head)
+        }
+        begin = head.partition(" initial equation ")[2]
+        self.begin, self.body = _compiled(begin), _compiled(body)
+
+    def at(self, setting: int, band: float) -> Force:
+        """Return what gives the force of a setting, counted from 1."""
+        known = {**self.known, "setting": setting, "friction_band": band}
+
+        def solved(code: Any, x: Any, v: Any, **states: Any) -> dict[str, Any]:
+            names = {**known, "s_rel": x, "v_rel": v, **states}
+            exec(code, {"__builtins__": {}, "max": np.maximum, "min": np.minimum}, names)  # noqa: S102 - read by `_compiled`
+            return names
+
+        def force(time: FloatArray, x: FloatArray, v: FloatArray) -> FloatArray:
+            states: dict[str, FloatArray] = {}
+            if self.starts:
+                from scipy.integrate import solve_ivp
+                from scipy.interpolate import CubicHermiteSpline
+
+                motion = CubicHermiteSpline(time, x, v)
+                speed = motion.derivative()
+
+                def rates(t: float, masses: FloatArray) -> list[float]:
+                    held = dict(zip(self.starts, masses, strict=True))
+                    now = solved(self.body, float(motion(t)), float(speed(t)), **held)
+                    return [now[f"rate_of_{name}"] for name in self.starts]
+
+                at_first = solved(self.body, x[0], v[0], **self.starts)
+                exec(self.begin, {"__builtins__": {}}, at_first)  # noqa: S102
+                start = [float(at_first[name]) for name in self.starts]
+                done = solve_ivp(
+                    rates, (time[0], time[-1]), start, method="LSODA", t_eval=time, rtol=1e-7,
+                    atol=1e-11, max_step=5e-3,
+                )  # fmt: skip
+                if not done.success:
+                    raise SimulationError(f"the equations cannot be solved: {done.message}")
+                states = dict(zip(self.starts, done.y, strict=True))
+            return np.asarray(solved(self.body, x, v, **states)["f"])
+
+        return force
+
+
+def _number(text: str) -> Any:
+    """Return a number or, of nested braces, a list of them."""
+    if not text.startswith("{"):
+        return float(text)
+    return json.loads(text.replace("{", "[").replace("}", "]"))
+
+
+def _compiled(equations: str) -> Any:
+    """Return assignments of Modelica as code, in their order."""
+    lines = []
+    for left, right in re.findall(r"([\w()]+) = ([^;]+);", equations):
+        places = re.sub(
+            r"\[([^\]]+)\]",
+            lambda found: "".join(f"[{place} - 1]" for place in found[1].split(",")),
+            right.strip(),
+        )
+        name = re.sub(r"der\((\w+)\)", r"rate_of_\1", left)
+        lines.append(f"{name} = {places.replace('^', '**')}")
+    return compile("\n".join(lines), "damper.mo", "exec")
+
+
+# FMUs
 
 
 class _Unit:
@@ -215,9 +398,13 @@ class _Unit:
         tokens = re.findall(r'(?:guid|instantiationToken)="([^"]*)"', description)
         self.token, self.resources = tokens[0].encode(), f"{folder}/resources/".encode()
 
-    def force(self, setting: int, band: float, log: LogSignals, part: slice) -> FloatArray:
-        """Return the force as the rig would log it, at the samples of a segment, N."""
-        x, v, time = (row[part] for row in (log.displacement, log.velocity, log.time))
+    def at(self, setting: int, band: float) -> Force:
+        """Return what gives the force of a setting as the rig would log it."""
+        return lambda time, x, v: self._force(setting, band, time, x, v)
+
+    def _force(
+        self, setting: int, band: float, time: FloatArray, x: FloatArray, v: FloatArray
+    ) -> FloatArray:
         no, zero = ct.c_bool(False), ct.c_double(0.0)
         flags = [no] * 4
         instance = ct.c_void_p(
@@ -230,7 +417,7 @@ class _Unit:
 
         def call(name: str, *arguments: Any) -> None:
             if getattr(self.library, f"fmi3{name}")(instance, *arguments):
-                raise SimulationError(f"setting {log.setting}: the FMU refuses fmi3{name}")
+                raise SimulationError(f"setting {setting}: the FMU refuses fmi3{name}")
 
         def number(verb: str, kind: str, references: Sequence[int], *values: float) -> Any:
             n, places = len(references), (ct.c_uint32 * len(references))(*references)

@@ -1,36 +1,29 @@
 """What every file says of itself: whose damper, tested where, how good, what is in it and what not.
 
-Plain lines; each target puts its own mark of a comment before them.
+Plain lines; each target puts its own mark of a comment before them. And the templates of files.
 """
 
 from __future__ import annotations
 
 import math
+from functools import cache
 from itertools import groupby
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup, escape
 
 from damperfit import __version__
 from damperfit.damper.mounting import NONE
 from damperfit.damper.quantity import RIG
 from damperfit.exporting.tables import road_misses
+from damperfit.report.sheet import printable
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from damperfit.exporting.source import ExportedRun
-    from damperfit.exporting.tables import ForceTable, RoadMiss
+    from damperfit.exporting.tables import ExportedRun, ForceTable, RoadMiss
     from damperfit.results import Tested
-
-__all__ = [
-    "determined_line",
-    "gas_line",
-    "header_lines",
-    "interval_lines",
-    "one_line",
-    "road_line",
-    "taken_out",
-    "tested_range",
-]
 
 _OTHERS = 6  # settings whose MSE is listed one by one
 
@@ -230,3 +223,36 @@ def _mse(tables: Sequence[ForceTable]) -> str:
     if len(known) == 1:
         return f"{known[0].mse_percent:.3g} %"
     return ", ".join(f"{one.mse_percent:.3g} % at setting {one.setting}" for one in known)
+
+
+def rendered(template: str, **known: Any) -> str:
+    """Return a template of this package filled in; in XML and HTML texts cannot leave their place.
+
+    Parameters
+    ----------
+    template : str
+        Name of its file.
+    **known
+        What it asks for.
+    """
+    is_marked = template.endswith((".xml", ".html"))
+    return _environment(is_marked=is_marked).get_template(template).render(**known)
+
+
+@cache
+def _environment(*, is_marked: bool) -> Environment:
+    found = Environment(
+        loader=PackageLoader("damperfit.exporting"),
+        autoescape=is_marked,  # noqa: S701 - other texts are no markup
+        finalize=_shown if is_marked else None,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    found.filters["one_line"] = one_line
+    return found
+
+
+def _shown(text: object) -> Markup:
+    return text if isinstance(text, Markup) else escape(printable(str(text)))

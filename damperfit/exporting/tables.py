@@ -1,4 +1,4 @@
-"""Force by speed of one setting: the quasi-static characteristic of the damper alone.
+"""What is exported of a run, and force by speed: the characteristic of the damper alone.
 
 The valves at constant speed through the middle of the stroke. What the rig adds (mounting, play,
 moving mass, lag, tare) is out, and so is what only moves with the stroke: the elasticity of the
@@ -24,24 +24,24 @@ from damperfit.adjustment.force_at import STROKES, determined_speed, force_at
 from damperfit.damper.mounting import NONE, Mounting
 from damperfit.damper.quasi_static import quasi_static
 from damperfit.damper.valve_dampers import ValveDamper
+from damperfit.damper.warmed import Warmed
 from damperfit.errors import ConfigurationError
 from damperfit.problem import Option
+from damperfit.results import Run
 from damperfit.simulation import Motion, simulate
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from pathlib import Path
 
     from numpy.typing import NDArray
 
     from damperfit.damper.model import Model, Values
-    from damperfit.exporting.source import ExportedRun
     from damperfit.results import SettingResult
     from damperfit.simulation import SolverOptions
     from damperfit.tested.setting import Setting
 
     FloatArray = NDArray[np.float64]
-
-__all__ = ["ForceTable", "RoadMiss", "force_tables", "road_misses", "standard_road", "without_rig"]
 
 # m/s: low-speed adjusters of cars work at 5 to 50 mm/s; beyond, each point is a fifth farther.
 _TUNED = (5e-3, 7.5e-3, 0.01, 0.0125, 0.015, 0.02, 0.025, 0.03, 0.035, 0.04, 0.045, 0.05)
@@ -50,6 +50,93 @@ _HALVED = 6  # times, between two points whose line misses
 _MISS, _LEAST_MISS = 3e-3, 0.1  # of the force, and N
 _FARTHEST = 5.0  # times the tested speed; the model says little of the damper beyond
 _GAS_POINTS = 13
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ExportedRun:
+    """A run as the targets need it.
+
+    Attributes
+    ----------
+    run : Run
+        Whose test it was, and how it was tested.
+    damper : Model
+        At one temperature, where the run's follows it: other programs know of none.
+    settings : tuple of SettingResult
+        Rising; at least one.
+    notes : tuple of str
+        What else to know of the values.
+    """
+
+    run: Run
+    damper: Model
+    settings: tuple[SettingResult, ...]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def fastest(self) -> float:
+        """Speed of the run's fastest motion, m/s, for settings whose own tests are not known."""
+        return (
+            self.run.motion.peak_speed if self.run.tested.speed is None else self.run.tested.speed
+        )
+
+
+def exported_run(
+    folder: Path, *, config: Path | None = None, temperature: str | None = None
+) -> ExportedRun:
+    """Read what `identify` wrote, for a target.
+
+    Parameters
+    ----------
+    folder : pathlib.Path
+        Results folder, or a fleet's part.
+    config : pathlib.Path, optional
+        Configuration; its damper is taken where the run does not tell its own.
+    temperature : str, optional
+        Of the oil, where the damper follows it; the reference temperature by default.
+
+    Raises
+    ------
+    ConfigurationError
+        There is no such folder, no setting in it has parameters, or ``config`` declares another
+        damper.
+    """
+    run = Run.load(folder, parts=("parameters",), config=config, temperature=temperature)
+    damper, settings, notes = run.damper, run.settings, []
+    if not settings:
+        raise ConfigurationError(
+            "no setting has all parameters; run damperfit identify LOGS first", subject=folder
+        )
+    if isinstance(damper, Warmed):
+        at = damper.oil_temperature
+        notes.append(
+            f"resistances as they are at {at:g} degC (fitted at {damper.reference:g} degC)"
+        )
+        settings = tuple(_at_one_temperature(one, damper) for one in settings)
+        damper = damper.plain
+    notes += [
+        f"{', '.join(one.unlimited)} at setting {one.setting}: the logs set no upper limit, so the "
+        "force beyond their speeds may be far off"
+        for one in settings
+        if one.unlimited
+    ]
+    run.motion  # noqa: B018 - where it is not known, that is remarked
+    return ExportedRun(run, damper, settings, tuple(notes))
+
+
+def _at_one_temperature(one: SettingResult, damper: Warmed) -> SettingResult:
+    values = damper.at_reference(one.values, damper.oil_temperature)
+    names = (*one.own, *one.shared)
+    kept = [k for k, name in enumerate(names) if name in values.names]
+    covariance = None if one.covariance is None else one.covariance[np.ix_(kept, kept)]
+    return replace(
+        one,
+        parameters=values,
+        own=tuple(name for name in one.own if name in values.names),
+        shared=tuple(name for name in one.shared if name in values.names),
+        covariance=covariance,
+        open_limits=tuple(pair for pair in one.open_limits if pair[0] in values.names),
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,31 +1,97 @@
-"""The targets of ``damperfit export``: entries of ``targets.toml``, and what makes them."""
+"""The targets of ``damperfit export``: entries of ``targets.toml``, and what writes their files.
+
+A text is a template of this package. A template gets the run, its tables (`table` is the first),
+the options, and a few functions: ``header(sign, gas)`` and ``intervals(speed, sign)`` return the
+lines that every file holds, ``comments(mark, lines)`` puts a mark before each. Sources of the
+grammars: examples that come with the programs, and public files; hardly one is documented by its
+maker.
+
+=================  =================================================================================
+template           grammar
+=================  =================================================================================
+``adams.dpr``      Adams/Car in TeimOrbit, which MotionView reads too: blocks in square brackets,
+                   tables below one line of column names in braces, comments behind ``$``; signs as
+                   in the program's own example (3218 N at +1270, 1495 N at -1270 mm/s)
+``adams.xml``      the same in XML; the sizes of the program's picture of a damper are left out
+``carmaker.txt``   Infofile: lines of a table begin with a tab, the first row is 0 0; pull is
+                   rebound, as in the program's own example; no place for gas or friction is known
+``carsim.par``     block FD_TABLE, compression positive; the name of the data set around it is not
+                   known, so the block stands alone
+``chrono.yaml``    a TSDA; Chrono applies minus the curve at the rate at which the length grows
+``combitable.txt`` Modelica's CombiTable1D and 2D: ``#1``, matrices with their sizes; grids rise
+                   strictly, the corner of one is ignored
+``matlab.m``       script for MATLAB, Octave, Scilab: breakpoints and table of a 2-D lookup
+``modelica.mo``    a model without any library: the paper's physics where that is the law, else the
+                   table; s_rel, v_rel, f as in ``PartialCompliantWithRelativeStates``
+=================  =================================================================================
+
+In spreadsheets text is stored as text, so that no cell can become a formula; their bytes, as those
+of the .mat file, depend on the results alone: no date stands in them.
+"""
 
 from __future__ import annotations
 
+import csv
+import io
+import math
+import re
 import tomllib
-from dataclasses import dataclass
+import zipfile
+from dataclasses import dataclass, field
 from functools import partial
 from importlib import resources
-from typing import TYPE_CHECKING
+from itertools import groupby
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from xml.sax.saxutils import escape as escape_xml
 
+import numpy as np
+
+from damperfit import __version__
+from damperfit.damper.purdy.parameters import Damper
 from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.exporting.fmu import missing_platforms, write_fmu
-from damperfit.exporting.header import determined_line, road_line
-from damperfit.exporting.spreadsheets import csv_files, write_xlsx
+from damperfit.exporting.header import (
+    determined_line,
+    gas_line,
+    header_lines,
+    interval_lines,
+    one_line,
+    rendered,
+    road_line,
+)
 from damperfit.exporting.tables import force_tables
-from damperfit.exporting.writers import matlab_files, modelica, text_of
 from damperfit.problem import Option
+from damperfit.tables.columns import describe_tables
+from damperfit.tables.files import safe_cell
+from damperfit.tested.setting import Setting
 from damperfit.units.shown_units import SI, ShownUnits
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
 
-    from damperfit.damper.model import Model
-    from damperfit.exporting.source import ExportedRun
-    from damperfit.exporting.tables import ForceTable
+    from numpy.typing import NDArray
 
-__all__ = ["TARGETS", "Export", "ExportOptions", "Target", "find_target"]
+    from damperfit.damper.model import Model
+    from damperfit.exporting.tables import ExportedRun, ForceTable
+
+    FloatArray = NDArray[np.float64]
+
+_REBOUND = "velocity in m/s and force in N are positive in rebound; displacement in m likewise"
+_OF_PAPER = ("r_m1", "r_m2", "r_m3", "k_e", "f_f")
+_STORED = ("parameters", "mse", "adjustment", "characteristics")
+_SIGN = "forces, displacement and velocity are positive in rebound (rod out)"
+_DATE = (1980, 1, 1, 0, 0, 0)
+_MAIN = "http://schemas.openxmlformats.org/spreadsheetml/2006/main"
+_HEAD = '<?xml version="1.0" encoding="UTF-8" standalone="yes"?>\n'
+_BOLD, _GREY = 1, 2  # places in templates/xlsx_styles.xml
+_PARTS = {
+    "[Content_Types].xml": "xlsx_types.xml",
+    "_rels/.rels": "xlsx_rels.xml",
+    "xl/workbook.xml": "xlsx_workbook.xml",
+    "xl/_rels/workbook.xml.rels": "xlsx_workbook_rels.xml",
+    "xl/styles.xml": "xlsx_styles.xml",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +122,10 @@ class Export:
 
     Attributes
     ----------
+    target : Target
+        For which.
+    options : ExportOptions
+        As it was asked for.
     files : mapping of str to bytes
         By name.
     tables : tuple of ForceTable
@@ -68,6 +138,8 @@ class Export:
         What else to know.
     """
 
+    target: Target
+    options: ExportOptions
     files: Mapping[str, bytes]
     tables: tuple[ForceTable, ...]
     lost: str
@@ -90,6 +162,8 @@ class Target:
         several with a comma between.
     template, encoding : str
         Of a text that a template makes; what the encoding cannot hold becomes a question mark.
+    read : mapping
+        How the table is found in such a text again (`damperfit.exporting.check`).
     has_table : bool
         It holds force by speed.
     physics_of : sequence of str
@@ -106,6 +180,7 @@ class Target:
     place: str
     template: str = ""
     encoding: str = "utf-8"
+    read: Mapping[str, Any] = field(default_factory=dict)
     has_table: bool = True
     physics_of: Sequence[str] = ()
     takes: Sequence[str] = ()
@@ -156,7 +231,7 @@ class Target:
                 where=Option("extend", f"{options.extend:g}"),
             )
         tables = force_tables(run, extend=options.extend, common=not is_one_each)
-        write = text_of(self.template) if self.template else _WRITERS[self.name]
+        write = _WRITERS.get(self.name, self._text)
         files: dict[str, bytes] = {}
         for group in [(one,) for one in tables] if is_one_each else [tables]:
             made = write(run, group, options)
@@ -167,6 +242,8 @@ class Target:
             files |= made
         fmi = {"fmu2": 2, "fmu3": 3}.get(self.name)
         return Export(
+            self,
+            options,
             files,
             tables,
             road_line(run, tables) if has_table else "",
@@ -174,16 +251,334 @@ class Target:
             (*run.notes, *(missing_platforms(fmi) if fmi else ())),
         )
 
+    def _text(self, run: ExportedRun, tables: Sequence[ForceTable], options: ExportOptions) -> str:
+        return rendered(self.template, **_known(run, tables, options)).rstrip("\n") + "\n"
 
-# What no template makes.
+
+# Texts
+
+
+def _known(
+    run: ExportedRun, tables: Sequence[ForceTable], options: ExportOptions
+) -> dict[str, Any]:
+    """What templates may ask for."""
+    first, numbers = tables[0], _setting_numbers(tables)
+
+    def header(
+        sign: str, place: str, *, is_bump_positive: bool = False, has_table: bool = True
+    ) -> list[str]:
+        gas = gas_line(first, place=place, is_bump_positive=is_bump_positive)
+        gas = gas if has_table else place
+        return list(header_lines(run, tables, sign=sign, gas=gas, has_table=has_table))
+
+    def grid_of(column: str) -> FloatArray:
+        grid = np.zeros((len(first.speeds) + 1, len(tables) + 1))
+        grid[0, 1:], grid[1:, 0] = numbers, first.speeds
+        grid[1:, 1:] = np.column_stack([getattr(table, column) for table in tables])
+        return grid
+
+    gas = list(zip(first.gas_displacements, first.gas_forces, strict=True))
+    if len(gas) == 1:  # a table needs two points
+        gas = [(-first.stroke, first.level), (first.stroke, first.level)]
+    return {
+        "run": run,
+        "version": __version__,
+        "tables": tables,
+        "table": first,
+        "options": options,
+        "header": header,
+        "intervals": lambda speed=1.0, sign=None, of=first: interval_lines(
+            of, speed=speed, sign=(-1.0 if speed < 0.0 else 1.0) if sign is None else sign
+        ),
+        "comments": lambda mark, lines: "\n".join(f"{mark} {one}".rstrip() for one in lines),
+        "rebound": _REBOUND,
+        "ranges": [
+            (range_, list(rows))
+            for range_, rows in groupby(first.rows(), key=lambda row: first.range_of(row[0]))
+        ],
+        "grid_of": grid_of,
+        "gas_rows": gas,
+        # A name that programs take as an identifier: 10, _3.
+        "identifier": lambda table: re.sub(r"[^A-Za-z0-9]", "_", table.slug),
+        "labels": [
+            f"column {at:g} is setting {one_line(str(table.setting))}"
+            for at, table in zip(numbers, tables, strict=True)
+            if len(tables) > 1 and str(table.setting) != f"{at:g}"
+        ],
+    }
+
+
+def _setting_numbers(tables: Sequence[ForceTable]) -> FloatArray:
+    """Return a number for each setting, rising: where it stands, else 1, 2, ..."""
+    known = [table.setting.number() for table in tables]
+    numbers = np.array([np.nan if one is None else one for one in known])
+    if np.isfinite(numbers).all() and (np.diff(numbers) > 0.0).all():
+        return numbers
+    return np.arange(1.0, len(tables) + 1.0)
+
+
+def _modelica(run: ExportedRun, tables: Sequence[ForceTable], options: ExportOptions) -> str:
+    """Return a Modelica model with all settings; ``setting`` counts them from 1."""
+    speeds = tables[0].speeds
+    slopes = [np.diff(table.forces) / np.diff(speeds) for table in tables]
+    x, gas = tables[0].gas_displacements, tables[0].gas_forces
+    word = re.sub(r"\W", "_", options.stem, flags=re.ASCII).strip("_") or "damper"
+    word = word if word[0].isalpha() else f"D_{word}"
+    quantities = [one for one in run.damper.quantities if one.name in _OF_PAPER]
+    return rendered(
+        "modelica.mo",
+        **_known(run, tables, options),
+        name=word[0].upper() + word[1:],
+        sign="s_rel in m, v_rel in m/s and f in N are positive in rebound (tension)",
+        physics=isinstance(run.damper, Damper),
+        damper=run.damper,
+        quantities=quantities,
+        values={
+            one.name: [getattr(setting.values, one.name) for setting in run.settings]
+            for one in quantities
+        },
+        speeds=speeds[:-1].tolist(),
+        firsts=[float(table.forces[0]) for table in tables],
+        bends=[[float(one[0]), *np.diff(one).tolist()] for one in slopes],
+        gas=np.polyfit(x, gas, min(3, len(x) - 1))[::-1].tolist(),
+    )
+
+
+def _matlab(
+    run: ExportedRun, tables: Sequence[ForceTable], options: ExportOptions
+) -> Mapping[str, bytes]:
+    """Return a script (.m) and a data file (.mat, version 5) with the same variables.
+
+    The bytes of the .mat depend on the damper alone: no date stands in it.
+    """
+    from scipy.io import savemat
+
+    first, known = tables[0], _known(run, tables, options)
+    labels = [str(table.setting) for table in tables]
+    about = [
+        *known["header"](_REBOUND, "gas_force at gas_displacement; add it to the table's force"),
+        "set the table's extrapolation: linear or error, never the last value",
+        *(f"column {k} of force: setting {label}" for k, label in enumerate(labels, 1)),
+    ]
+
+    def columns(name: str) -> FloatArray:
+        return np.column_stack([getattr(table, name) for table in tables])
+
+    variables: dict[str, FloatArray] = {
+        "setting": _setting_numbers(tables)[None, :],
+        "velocity": first.speeds[:, None],
+        "force": columns("forces"),
+        "force_low": columns("low"),
+        "force_high": columns("high"),
+        "determined_speed": columns("determined"),
+        "tested_speed": np.array([[max(table.tested for table in tables)]]),
+        "gas_displacement": first.gas_displacements[:, None],
+        "gas_force": first.gas_forces[:, None],
+    }
+    lines = [one_line(line) for line in about]
+    script = rendered("matlab.m", **known, about=lines, variables=variables)
+    file = io.BytesIO()
+    cells = np.array(labels, dtype=object)[None, :]
+    document = {"setting_label": cells, **variables, "about": "\n".join(about)}
+    savemat(cast("Any", file), document, format="5")
+    content = b"MATLAB 5.0 MAT-file, damperfit".ljust(116) + file.getvalue()[116:]
+    stem = options.stem
+    return {f"{stem}.m": script.encode("utf-8", "replace"), f"{stem}.mat": content}
+
+
+# Spreadsheets
+
+
+class _Table(NamedTuple):
+    """A table as columns of numbers, text, or None where nothing is known."""
+
+    name: str
+    headings: list[str]
+    units: list[str]
+    columns: list[list[Any]]
+
+
+def _xlsx(
+    run: ExportedRun, tables: Sequence[ForceTable], options: ExportOptions
+) -> Mapping[str, bytes]:
+    """Return one workbook: what it is about, force by speed, and every table of the results."""
+    gas = gas_line(tables[0], place="add it to the force")
+    lines = header_lines(run, tables, sign=_SIGN, gas=gas)
+    about = _Table("about", ["about"], [""], [list(lines)])
+    sheets = (about, _forces(tables, options.units), *_stored(run, options.units))
+    return {f"{options.stem}.xlsx": _archive(sheets)}
+
+
+def _forces(tables: Sequence[ForceTable], shown: ShownUnits) -> _Table:
+    """Force by speed, a column for each setting, then half the 95 % interval of each."""
+    known = [table for table in tables if table.has_interval]
+    halves = [0.5 * (table.high - table.low) for table in known]
+    columns = [
+        shown.show(tables[0].speeds, "m/s"),
+        *(shown.show(one, "N") for one in (*(table.forces for table in tables), *halves)),
+    ]
+    headings = [
+        shown.column("speed_m_per_s", "m/s"),
+        *(f"setting {table.setting}" for table in tables),
+        *(f"± 95 % of setting {table.setting}" for table in known),
+    ]
+    units = [shown.of("m/s"), *(shown.of("N") for _ in columns[1:])]
+    return _Table("forces", headings, units, [column.tolist() for column in columns])
+
+
+def _stored(run: ExportedRun, units: ShownUnits) -> Iterator[_Table]:
+    """Yield the tables of the run, as far as they are there."""
+    settings = [one.setting for one in run.settings]
+    described = describe_tables(settings, run.run.quantities)
+    for name in _STORED:
+        rows = run.run.rows(name)
+        if not rows:
+            continue
+        table = _Table(name, [], [], [])
+        for one in described[name]:
+            heading, unit = one["name"], one["unit"] if one["unit"] != "1" else ""
+            cells = [_stored_cell(row, heading) for row in rows]
+            if units.of(unit) != unit:
+                cells = [None if cell is None else units.show(float(cell), unit) for cell in cells]
+            if heading in rows[0] or any(cell is not None for cell in cells):
+                table.headings.append(units.column(heading, unit))
+                table.units.append(units.of(unit))
+                table.columns.append(cells)
+        yield table
+
+
+def _stored_cell(row: Mapping[str, Any], name: str) -> Any:
+    setting: Setting = row["setting"]
+    if name == "setting":
+        return setting.cell
+    return row.get(name, dict(setting.places).get(name))
+
+
+def _archive(sheets: Sequence[_Table]) -> bytes:
+    parts = {name: rendered(template, sheets=sheets) for name, template in _PARTS.items()}
+    parts |= {f"xl/worksheets/sheet{k}.xml": _sheet(one) for k, one in enumerate(sheets, 1)}
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.comment = b"damperfit"
+        for name, text in parts.items():
+            entry = zipfile.ZipInfo(name, _DATE)
+            archive.writestr(entry, text.encode("utf-8", "replace"), zipfile.ZIP_DEFLATED)
+    return file.getvalue()
+
+
+def _sheet(table: _Table) -> str:
+    head = [(table.headings, _BOLD)] + ([(table.units, _GREY)] if any(table.units) else [])
+    styled = [*head, *((cells, 0) for cells in zip(*table.columns, strict=True))]
+    rows = "".join(
+        f'<row r="{k}">{"".join(_cell(one, f"{_column(c)}{k}", style) for c, one in cells)}</row>'
+        for k, (cells, style) in enumerate(((enumerate(c), style) for c, style in styled), 1)
+    )
+    widths = "".join(
+        f'<col min="{k}" max="{k}" width="{min(max(len(name) + 2, 9), 40)}" customWidth="1"/>'
+        for k, name in enumerate(table.headings, 1)
+    )
+    pane = (
+        f'<pane ySplit="{len(head)}" topLeftCell="A{len(head) + 1}" activePane="bottomLeft" '
+        'state="frozen"/>'
+    )
+    return (
+        f'{_HEAD}<worksheet xmlns="{_MAIN}"><sheetViews><sheetView workbookViewId="0">{pane}'
+        f"</sheetView></sheetViews><cols>{widths}</cols><sheetData>{rows}</sheetData></worksheet>"
+    )
+
+
+def _cell(cell: Any, place: str, style: int) -> str:
+    look = f' s="{style}"' if style else ""
+    if isinstance(cell, int | float) and not isinstance(cell, bool):
+        return f'<c r="{place}"{look}><v>{cell!r}</v></c>' if math.isfinite(cell) else ""
+    if cell is None or cell == "":
+        return ""
+    text = escape_xml("".join(one if one.isprintable() else " " for one in str(cell)))
+    return f'<c r="{place}"{look} t="inlineStr"><is><t xml:space="preserve">{text}</t></is></c>'
+
+
+def _column(place: int) -> str:
+    """Return the letters of a column counted from 0: A, Z, AA."""
+    letters = ""
+    place += 1
+    while place:
+        place, rest = divmod(place - 1, 26)
+        letters = chr(ord("A") + rest) + letters
+    return letters
+
+
+def _csv_files(
+    run: ExportedRun, tables: Sequence[ForceTable], options: ExportOptions
+) -> Mapping[str, bytes]:
+    """Return a row for each setting and speed, every table of the results, and what it is about.
+
+    With a decimal comma the cells stand between semicolons, as spreadsheets of those countries read
+    and write them. What other targets say in a comment stands in a text file: CSV has no comments.
+    """
+    shown, mark, stem = options.units, options.decimal, options.stem
+    columns = ("force_N", "force_ci_low_N", "force_ci_high_N")
+    rows = []
+    for table in tables:
+        forces = [shown.show(one, "N") for one in (table.forces, table.low, table.high)]
+        speeds = zip(table.speeds, shown.show(table.speeds, "m/s"), *forces, strict=True)
+        for at, speed, force, *ends in speeds:
+            numbers = [f"{speed:.6g}", f"{force:.3f}", *(f"{end:.3f}" for end in ends)]
+            numbers = [one.replace(".", mark) for one in numbers]
+            ends_known = numbers[2:] if table.has_interval else ["", ""]
+            rows.append([str(table.setting), *numbers[:2], table.range_of(at), *ends_known])
+    force, *ends = (shown.column(name, "N") for name in columns)
+    head = ("setting", shown.column("speed_m_per_s", "m/s"), force, "range", *ends)
+    gas = gas_line(tables[0], place="add it to the force")
+    about = "\n".join(header_lines(run, tables, sign=_SIGN, gas=gas)) + "\n"
+    files = {
+        f"{stem}.csv": _csv(head, rows, mark),
+        f"{stem}_about.txt": about.encode("utf-8", "backslashreplace"),
+    }
+    for stored in _stored(run, shown):
+        named = [_heading(*pair) for pair in zip(stored.headings, stored.units, strict=True)]
+        cells = ([_csv_cell(one, mark) for one in row] for row in zip(*stored.columns, strict=True))
+        files[f"{stem}_{stored.name}.csv"] = _csv(named, cells, mark)
+    return files
+
+
+def _csv(head: Sequence[str], rows: Iterable[Sequence[str]], mark: str) -> bytes:
+    text = io.StringIO()
+    writer = csv.writer(text, delimiter=";" if mark == "," else ",", lineterminator="\n")
+    writer.writerow(head)
+    writer.writerows([_safe(cell) for cell in row] for row in rows)
+    return text.getvalue().encode("utf-8", "backslashreplace")
+
+
+def _heading(name: str, unit: str) -> str:
+    """Return the name with its unit, where it does not end with it already."""
+    is_said = not unit or name.endswith("_" + unit.replace("/", "_per_"))
+    return name if is_said else f"{name} [{unit}]"
+
+
+def _csv_cell(cell: Any, mark: str) -> str:
+    if cell is None or (isinstance(cell, float) and not math.isfinite(cell)):
+        return ""
+    return repr(cell).replace(".", mark) if isinstance(cell, float) else str(cell)
+
+
+def _safe(cell: str) -> str:
+    """Return a cell that no spreadsheet takes for a formula; numbers stay numbers."""
+    try:
+        float(cell.replace(",", "."))
+    except ValueError:
+        return safe_cell(cell)
+    return cell
+
+
+# What no template makes alone.
 _WRITERS: Mapping[
     str,
     Callable[[ExportedRun, Sequence[ForceTable], ExportOptions], str | Mapping[str, bytes]],
 ] = {
-    "csv": csv_files,
-    "xlsx": write_xlsx,
-    "matlab": matlab_files,
-    "modelica": modelica,
+    "csv": _csv_files,
+    "xlsx": _xlsx,
+    "matlab": _matlab,
+    "modelica": _modelica,
     "fmu2": partial(write_fmu, version=2),
     "fmu3": partial(write_fmu, version=3),
 }

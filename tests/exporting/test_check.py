@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import zipfile
 from dataclasses import replace
 from io import BytesIO
@@ -13,14 +14,16 @@ import pytest
 
 from damperfit.damper.mounting import Mounting
 from damperfit.damper.valve_dampers import TwinTube
-from damperfit.errors import ConfigurationError
-from damperfit.exporting import TARGETS
-from damperfit.exporting.check import check_export
+from damperfit.errors import ConfigurationError, SimulationError
+from damperfit.exporting import TARGETS, ExportOptions, exported_run
+from damperfit.exporting.check import check_export, read_back
 from damperfit.results import SettingResult
 from damperfit.simulation import Motion, SolverOptions, simulate
 from damperfit.tested.setting import Setting
+from damperfit.units.shown_units import parse_units
 from tests.cli.conftest import run  # noqa: F401
 from tests.exporting.clients import ERROR, OK, Unit, unzip
+from tests.exporting.reading_back import READERS
 from tests.exporting.units import SOFT, STIFF, rms, runs_here, sine
 
 SAMPLES = Path(__file__).parents[2] / "sample_runs"
@@ -96,8 +99,8 @@ def fitted(tmp_path_factory):
 
 
 @runs_here
-@pytest.mark.parametrize("target", ["fmu2", "fmu3"])
-def test_an_fmu_is_as_near_to_the_logs_as_the_fit(run, fitted, tmp_path, target) -> None:  # noqa: F811
+@pytest.mark.parametrize("target", ["fmu2", "fmu3", "modelica"])
+def test_equations_are_as_near_to_the_logs_as_the_fit(run, fitted, tmp_path, target) -> None:  # noqa: F811
     ended = run("export", fitted, "--to", target, "--out", tmp_path / "out", "--check", "--json")
     rows = json.loads(ended.out)["check"]
     assert [row["setting"] for row in rows] == [1, 20]
@@ -106,30 +109,52 @@ def test_an_fmu_is_as_near_to_the_logs_as_the_fit(run, fitted, tmp_path, target)
         assert row["n_samples"] > 1000
 
 
-def test_a_table_s_error_is_printed_by_setting(run, fitted, tmp_path) -> None:  # noqa: F811
-    ended = run("export", fitted, "--to", "carsim", "--out", tmp_path / "out", "--check")
-    assert ended.code == 0
-    first, second = ended.out.splitlines()
-    assert first.startswith("check, setting 1: MSE 0.0")
-    assert "against the logs, the fit's own" in first
-    assert second.startswith("check, setting 20: MSE 1.")  # the oil's compressibility
+@pytest.mark.parametrize("target", sorted({*READERS, "xlsx"}))
+def test_a_table_is_read_back_from_its_file(fitted, target) -> None:
+    source = exported_run(fitted)
+    options = ExportOptions()
+    if "units" in TARGETS[target].takes:
+        options = replace(options, units=parse_units("lbf,in/s"))
+    if "decimal" in TARGETS[target].takes:
+        options = replace(options, decimal=",")
+    made = TARGETS[target].export(source, options)
+    for (v, force), table in zip(read_back(made), made.tables, strict=True):
+        assert v == pytest.approx(table.speeds, abs=2e-6)
+        assert force == pytest.approx(table.forces, abs=5e-3)
+    first, second = check_export(source, made)
+    assert first.mse_percent == pytest.approx(0.029, abs=0.001)
+    assert second.mse_percent == pytest.approx(1.55, abs=0.01)  # the oil's compressibility
 
 
-def test_what_cannot_be_checked_says_why(run, fitted, results, tmp_path) -> None:  # noqa: F811
-    for folder, target, message in (
-        (fitted, "modelica", "nothing here runs the equations"),
-        (results, "csv", "has no responses.parquet"),
-    ):
-        ended = run("export", folder, "--to", target, "--out", tmp_path / "out", "--check")
-        assert ended.code == 2
-        assert message in ended.err
-        assert not (tmp_path / "out").exists()
+@pytest.mark.parametrize(
+    ("target", "old", "new"),
+    [
+        ("carsim", r"(?m)^(\S+), .*$", r"\1, 0"),
+        ("modelica", r"P_2\*A_2", "P_2*A_1"),
+    ],
+)
+def test_what_stands_in_the_file_counts_not_what_was_meant(fitted, target, old, new) -> None:
+    source = exported_run(fitted)
+    made = TARGETS[target].export(source)
+    spoilt = {n: re.sub(old, new, one.decode()).encode() for n, one in made.files.items()}
+    (first, _) = check_export(source, replace(made, files=spoilt))
+    assert first.mse_percent > 10.0
+
+
+def test_a_file_without_its_table_and_a_run_without_signals_say_so(fitted, results) -> None:
+    source = exported_run(fitted)
+    for target in ("adams", "modelica"):
+        made = TARGETS[target].export(source)
+        empty = replace(made, files=dict.fromkeys(made.files, b"end Damper;"))
+        with pytest.raises(SimulationError):
+            check_export(source, empty)
+    bare = exported_run(results)
+    with pytest.raises(ConfigurationError, match=r"has no responses\.parquet"):
+        check_export(bare, TARGETS["csv"].export(bare))
 
 
 @runs_here
 def test_a_library_for_another_machine_alone_is_refused(handed, fitted) -> None:
-    from damperfit.exporting import exported_run
-
     source = exported_run(fitted)
     made = TARGETS["fmu2"].export(source)
     bare = BytesIO()
