@@ -746,12 +746,8 @@ def compare(  # noqa: PLR0913 - one keyword an option of the command line
         Folder for page, Markdown, JSON and tables; the reference as a baseline; JUnit XML.
     """
     given = dict(locals())
-    from damperfit.queries.compared import (
-        Compared,
-        compare_all,
-        comparison_options,
-        parse_bands,
-    )
+    from damperfit.comparison import parse_bands
+    from damperfit.queries.compared import Compared, compare_all, comparison_options
     from damperfit.results import Run
     from damperfit.shown import Comparison
 
@@ -806,7 +802,8 @@ def compare(  # noqa: PLR0913 - one keyword an option of the command line
     options = replace(options, names=names)
     file = _path(config, "compare", "config", "the path of a TOML file")
     if paths["save"] is not None:
-        from damperfit.queries.compared import baseline_text, one_run
+        from damperfit.comparison.runs import baseline_text
+        from damperfit.queries.compared import one_run
         from damperfit.store import write_text
 
         run = one_run(places[0], options, config=file, reading=reading)
@@ -1001,8 +998,8 @@ def fleet(  # noqa: PLR0913 - one keyword an option of the command line
         Who looks on: progress by damper, and the wish to stop.
     """
     given = dict(locals())
+    from damperfit.comparison import parse_bands
     from damperfit.fleet.run import planned, share_of
-    from damperfit.queries.compared import parse_bands
     from damperfit.run.identify import Watch
     from damperfit.shown import FleetDone
 

@@ -283,3 +283,26 @@ def test_the_force_at_the_named_speeds(shown: Outlets) -> None:
     for (speed, stroke), force in known.items():
         column = f"force_{stroke}_{round(1e3 * speed)}_mm_per_s_N"
         assert shown.fleet[column] == pytest.approx(force, abs=0.05)
+
+
+def test_compare_reads_the_forces_that_the_tables_hold(shown: Outlets) -> None:
+    stored = pd.read_parquet(shown.folder / "run" / "adjustment.parquet")
+    known = {
+        (row["speed_m_per_s"], row["stroke"]): row
+        for _, row in stored.iterrows()
+        if row["origin"] == "model"
+    }
+    lines = [line for line in shown.compared if line["kind"] == "force"]
+    model = [line for line in lines if line["told_from"] == "model"]
+    assert len(lines) == len(stored)
+    for line in model:
+        row = known[line["speed_m_per_s"], line["stroke"]]
+        assert agrees(line["first_value"], row["force_N"])
+    measured = [line for line in shown.compared if line["kind"] == "measured"]
+    rows = pd.read_parquet(shown.folder / "run" / "characteristics.parquet")
+    rows = rows[(rows["point"] == "speed") & (rows["stretch"] == shown.peak["stretch"])]
+    assert len(measured) >= len(rows) > 0
+    for line in measured:
+        stroke = "rebound" if line["stroke"] == "rebound" else "bump"
+        row = rows[rows["speed_rebound_m_per_s"] == line["speed_m_per_s"]].iloc[0]
+        assert line["first_value"] == pytest.approx(row[f"measured_{stroke}_N"], rel=1e-5)

@@ -7,10 +7,11 @@ import math
 import re
 from dataclasses import dataclass, replace
 from io import StringIO
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from damperfit.adjustment.force_at import REPEATS, STROKES
-from damperfit.comparison.forces import force_readings, measured_readings
+from damperfit.comparison.comparing import force_readings, measured_readings
 from damperfit.comparison.reading import half_interval
 from damperfit.errors import ConfigurationError
 from damperfit.io.files import read_text
@@ -20,15 +21,14 @@ from damperfit.units.shown_units import SI
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
-    from pathlib import Path
 
     from damperfit.comparison.comparing import ComparisonOptions, RunComparison
     from damperfit.comparison.reading import Difference, Reading
-    from damperfit.comparison.run import ComparedRun
+    from damperfit.comparison.runs import ComparedRun
     from damperfit.tested.setting import Setting
     from damperfit.units.shown_units import ShownUnits
 
-__all__ = ["Band", "Point", "Tolerance", "bands_met", "parse_tolerance", "read_bands", "tolerated"]
+__all__ = ["Band", "Point", "Tolerance", "bands_met", "parse_bands", "parse_tolerance", "tolerated"]
 
 _UNIT = re.compile(r"(_n|_m_per_s|_m/s)$")  # of a column's name, in lower case
 _PER_CENT = re.compile(r"\s*([0-9.]+(?:[eE][-+]?\d+)?)\s*%\s*")
@@ -173,7 +173,23 @@ def parse_tolerance(text: str) -> Tolerance:
     return Tolerance(text, share, newtons)
 
 
-def read_bands(path: Path) -> Tolerance:
+def parse_bands(text: str | None) -> Tolerance | None:
+    """Return the tolerance that the text of a command line means: a file, or per cent and newtons.
+
+    Raises
+    ------
+    ConfigurationError
+        It is neither.
+    """
+    if text is None:
+        return None
+    path = Path(text)
+    # "2.5%" has a suffix too, as pathlib sees it.
+    is_file = path.is_file() or path.suffix[1:2].isalpha()
+    return _read_bands(path) if is_file else parse_tolerance(text)
+
+
+def _read_bands(path: Path) -> Tolerance:
     """Return nominal forces with their bands from a CSV file.
 
     Columns: speed, stroke, and force with tolerance (5% or 20N), or low and high; setting may be

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import pyarrow as pa
 
 from damperfit import __version__
+from damperfit.comparison.runs import compared_record
 from damperfit.damper.warmed import Warmed
 from damperfit.errors import ConfigurationError, mishap_of
 from damperfit.fleet.parts import (
@@ -42,7 +43,6 @@ from damperfit.fleet.sources import (
 from damperfit.io import TestsTable, is_tests_table, read_tests
 from damperfit.io.files import sha256_of
 from damperfit.problem import Failure, Option, Problem
-from damperfit.queries.compared import compared_record
 from damperfit.recording import natural_order
 from damperfit.run.labelling import labels_for
 from damperfit.simulation.characteristics import NAMED_SPEEDS
@@ -413,7 +413,6 @@ def _done(job: Job, here: Mapping[FleetLog, Path], stamps: Mapping[FleetLog, str
     records: list[dict[str, Any]] = []
     failed = list(_dead_rows(job, here))
     living = [str(here[one]) for one in task.logs if one.place not in dead]
-    names = {str(here[one]): one.name for one in task.logs}
     try:
         for found in _results(configuration, living):
             owner = found.owner or task.owner

@@ -441,7 +441,7 @@ def loop_plots(runs: Sequence[ComparedRun], setting: Setting, *, name: str) -> t
     The reference is the first of the runs; ``name`` is what the names of the plots begin with.
     """
     groups = common_tests(runs, setting)
-    if groups is None:
+    if not groups:
         return ()
     if any(not len(test.displacement) for group in groups for test in group):
         return (_points(runs, groups, setting, name),)

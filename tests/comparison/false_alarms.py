@@ -25,8 +25,8 @@ from damperfit.comparison import (
     ComparisonOptions,
     Sameness,
     compare_runs,
-    measured_tests,
 )
+from damperfit.comparison.runs import measured_tests
 from damperfit.conditioning import ConditionOptions, condition
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters

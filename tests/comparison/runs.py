@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from damperfit.comparison import ComparedRun, MeasuredTest, measured_tests
+from damperfit.comparison import ComparedRun, MeasuredTest
+from damperfit.comparison.runs import measured_tests
 from damperfit.tables.reading import LogSignals
 from damperfit.tested.setting import Setting
 

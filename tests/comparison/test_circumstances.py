@@ -7,8 +7,9 @@ from dataclasses import replace
 import pytest
 
 from damperfit.adjustment.force_at import Sine, Stage
-from damperfit.comparison import ComparedRun, circumstances
-from damperfit.comparison.forces import comparable_quantities
+from damperfit.comparison import ComparedRun
+from damperfit.comparison.circumstances import circumstances
+from damperfit.comparison.comparing import _comparable_quantities
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.simulation import SolverOptions
@@ -138,5 +139,5 @@ def test_a_quantity_in_another_unit_is_named_and_not_compared() -> None:
     assert _said(_run(), other) == [
         "unit of r_m1: s sqrt(N)/(m kg), then furlong: it is not compared"
     ]
-    found = comparable_quantities([_run().fitted, other.fitted])
+    found = _comparable_quantities([_run().fitted, other.fitted])
     assert [one.name for one in found] == [one.name for one in rest]

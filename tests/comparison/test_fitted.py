@@ -9,8 +9,7 @@ import pytest
 
 from damperfit.adjustment.force_at import Sine, Stage
 from damperfit.comparison import ComparisonOptions
-from damperfit.comparison.comparing import _speeds
-from damperfit.comparison.forces import figure_lines, freedom_of, parameter_readings
+from damperfit.comparison.comparing import _figure_lines, _freedom_of, _parameter_readings, _speeds
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.simulation import SolverOptions
@@ -40,25 +39,25 @@ def _fitted(sine: Sine = TESTED, rows: tuple = ROWS):
 
 
 def test_cycles_less_one_a_log_are_the_degrees_of_freedom() -> None:
-    assert [freedom_of(_fitted(), one) for one in SETTINGS] == [12.0, 10.0]
-    assert freedom_of(_fitted(rows=({}, {})), SETTINGS[0]) == math.inf
+    assert [_freedom_of(_fitted(), one) for one in SETTINGS] == [12.0, 10.0]
+    assert _freedom_of(_fitted(rows=({}, {})), SETTINGS[0]) == math.inf
 
 
 def test_what_all_share_stands_once_with_the_cycles_of_all() -> None:
-    (table,) = parameter_readings([_fitted()], SETTINGS)
+    (table,) = _parameter_readings([_fitted()], SETTINGS)
     told = {(topic.name, topic.setting): one.freedom for topic, one in table.items()}
     assert told["r_m3", None] == 22.0
     assert told["r_m1", SETTINGS[1]] == 10.0
     assert ("f_0", SETTINGS[0]) not in told
     apart = _fitted(rows=(_row(13, 1), _row(12, 2, r_m3=6.0)))
-    (table,) = parameter_readings([apart], SETTINGS)
+    (table,) = _parameter_readings([apart], SETTINGS)
     assert {topic.setting for topic in table if topic.name == "r_m3"} == set(SETTINGS)
 
 
 @pytest.mark.parametrize("status", ["at_bound", "not_identifiable"])
 def test_what_the_logs_do_not_tell_is_not_compared(status) -> None:
     rows = (_row(13, 1, r_m1_status=status), _row(12, 2))
-    (table,) = parameter_readings([_fitted(rows=rows)], SETTINGS)
+    (table,) = _parameter_readings([_fitted(rows=rows)], SETTINGS)
     told = {(topic.name, topic.setting): one.objection for topic, one in table.items()}
     assert told["r_m1", SETTINGS[0]]
     assert not told["r_m1", SETTINGS[1]]
@@ -79,7 +78,7 @@ def test_misfits_and_margins_are_told_in_per_cent() -> None:
         {"mse_percent": 0.8, "grade": "good", "r_m3_cavitation_margin": None},
     )
     first, second = (SimpleNamespace(row=lambda _, row=row: row) for row in rows)
-    misfit, margin = figure_lines(first, second, [Setting.of(1)])  # type: ignore[arg-type]
+    misfit, margin = _figure_lines(first, second, [Setting.of(1)])  # type: ignore[arg-type]
     assert (misfit.first.value, misfit.second.value, misfit.words) == (
         0.5, 0.8, "excellent, now good",
     )  # fmt: skip

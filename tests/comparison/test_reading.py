@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import t as student
 
-from damperfit.comparison import Reading, Sameness, Topic, compared
-from damperfit.comparison.reading import surely_different
+from damperfit.comparison.reading import Reading, Sameness, Topic, compared, surely_different
 from damperfit.tested.setting import Setting
 
 FORCE = Topic("force", "force", "force", "N", Setting.of(3), 0.26, "rebound")

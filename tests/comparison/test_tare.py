@@ -9,7 +9,7 @@ import pytest
 
 from damperfit.adjustment.force_at import Sine, Stage
 from damperfit.comparison import ComparedRun, ComparisonOptions, Sameness, compare_runs
-from damperfit.comparison.forces import force_readings, tare_notes
+from damperfit.comparison.comparing import _tare_notes, force_readings
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.damper.rivals.linear import Bilinear
@@ -89,7 +89,7 @@ def test_a_held_tare_is_known() -> None:
 
 def test_nobody_speaks_of_tares_that_there_are_not() -> None:
     runs = [run(name, 0.0, is_free=False) for name in "ab"]
-    assert list(tare_notes(runs, SETTINGS)) == []
+    assert list(_tare_notes(runs, SETTINGS)) == []
 
 
 def test_a_single_run_is_held_against_nominal_forces_as_its_rig_gave_them() -> None:

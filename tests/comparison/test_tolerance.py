@@ -13,12 +13,11 @@ from damperfit.comparison import (
     Point,
     bands_met,
     compare_runs,
+    parse_bands,
     parse_tolerance,
-    read_bands,
     tolerated,
 )
 from damperfit.errors import ConfigurationError
-from damperfit.queries.compared import parse_bands
 from damperfit.report.compared import junit_report, tolerance_outcome, tolerance_sheet
 from tests.comparison.runs import DAMPING, GAS, measured, run
 
@@ -26,10 +25,10 @@ MEASURED = ComparisonOptions(speeds=(0.13,), is_measured=True)
 AT = DAMPING * 0.13 + GAS
 
 
-def _table(text: str) -> Path:
+def _table(text: str) -> str:
     path = Path("nominal.csv")
     path.write_text(text)
-    return path
+    return str(path)
 
 
 @pytest.mark.parametrize(
@@ -91,7 +90,7 @@ def test_a_setting_that_was_not_tested_is_not_met() -> None:
 
 def test_nominal_forces_hold_by_setting_speed_and_stroke(tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
-    bands = read_bands(
+    bands = parse_bands(
         _table(
             "# from the drawing\nSetting,speed,Stroke,force_N,tolerance\n"
             f"1,130mm/s,rebound,{AT:.3f},1N\n,0.13,bump,{DAMPING * 0.13 - GAS:.3f},1%\n"
@@ -116,7 +115,7 @@ def test_nominal_forces_hold_by_setting_speed_and_stroke(tmp_path, monkeypatch) 
 def test_edges_may_be_given_themselves(tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
     table = f"speed,stroke,low_N,high_N\n0.13,rebound,{AT - 0.5},{AT + 0.5}\n0.13,bump,390,1e3\n"
-    bands = read_bands(_table(table))
+    bands = parse_bands(_table(table))
     assert bands.bands[1].low == -1000.0
     assert bands.bands[1].high == -390.0
     for factor, is_met in ((1.0, True), (1.004, False)):
@@ -140,7 +139,7 @@ def test_edges_may_be_given_themselves(tmp_path, monkeypatch) -> None:
 def test_a_table_that_is_none_is_refused_in_one_sentence(tmp_path, monkeypatch, text, said) -> None:
     monkeypatch.chdir(tmp_path)
     with pytest.raises(ConfigurationError, match=r"--tolerance nominal.csv") as caught:
-        read_bands(_table(text))
+        parse_bands(_table(text))
     assert said in str(caught.value)
     assert "\n" not in str(caught.value)
 
@@ -186,5 +185,5 @@ def test_junit_has_a_case_a_point_and_every_miss_is_a_failure() -> None:
 def test_in_a_table_the_larger_of_per_cent_and_newtons_counts_too(tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
     rows = '0.13,rebound,100,"1%,30N"\n0.2,rebound,100,"40%,30N"\n'
-    bands = read_bands(_table("speed,stroke,force,tolerance\n" + rows)).bands
+    bands = parse_bands(_table("speed,stroke,force,tolerance\n" + rows)).bands
     assert [(one.low, one.high) for one in bands] == [(70.0, 130.0), (60.0, 140.0)]

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import pytest
 
-from damperfit.comparison import (
-    ComparisonOptions,
+from damperfit.comparison import ComparisonOptions, compare_runs, verdict_of
+from damperfit.comparison.comparing import _on_repeats
+from damperfit.comparison.reading import (
     Reading,
     Topic,
-    compare_runs,
     compared,
-    verdict_of,
+    difference_of,
+    outcome_of,
+    place_of,
+    surely_different,
 )
-from damperfit.comparison.comparing import _on_repeats
-from damperfit.comparison.reading import difference_of, outcome_of, place_of, surely_different
 from damperfit.report.compared import comparison_force_sheet
 from damperfit.tested.setting import Setting
 from tests.comparison.runs import measured, run
