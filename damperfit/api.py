@@ -802,8 +802,8 @@ def compare(  # noqa: PLR0913 - one keyword an option of the command line
     options = replace(options, names=names)
     file = _path(config, "compare", "config", "the path of a TOML file")
     if paths["save"] is not None:
-        from damperfit.comparison.runs import baseline_text
         from damperfit.queries.compared import one_run
+        from damperfit.queries.compared_runs import baseline_text
         from damperfit.store import write_text
 
         run = one_run(places[0], options, config=file, reading=reading)

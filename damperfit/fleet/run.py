@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING, Any
 import pyarrow as pa
 
 from damperfit import __version__
-from damperfit.comparison.runs import compared_record
 from damperfit.damper.warmed import Warmed
 from damperfit.errors import ConfigurationError, mishap_of
 from damperfit.fleet.parts import (
@@ -43,6 +42,7 @@ from damperfit.fleet.sources import (
 from damperfit.io import TestsTable, is_tests_table, read_tests
 from damperfit.io.files import sha256_of
 from damperfit.problem import Failure, Option, Problem
+from damperfit.queries.compared_runs import compared_record
 from damperfit.recording import natural_order
 from damperfit.run.labelling import labels_for
 from damperfit.simulation.characteristics import NAMED_SPEEDS

@@ -12,7 +12,11 @@ from typing import TYPE_CHECKING, Any
 
 from damperfit.adjustment.force_at import STROKES, Sine
 from damperfit.comparison import ComparisonOptions, bands_met, compare_runs, tolerated
-from damperfit.comparison.runs import (
+from damperfit.configuration.loading import load_configuration
+from damperfit.errors import ConfigurationError, DamperfitError, LogError
+from damperfit.io import read_curves
+from damperfit.problem import Option
+from damperfit.queries.compared_runs import (
     NoUsableLogError,
     is_baseline,
     is_results,
@@ -20,10 +24,6 @@ from damperfit.comparison.runs import (
     read_run,
     with_distinct_names,
 )
-from damperfit.configuration.loading import load_configuration
-from damperfit.errors import ConfigurationError, DamperfitError, LogError
-from damperfit.io import read_curves
-from damperfit.problem import Option
 from damperfit.recording import natural_order
 from damperfit.run.log_paths import expand
 from damperfit.simulation import NAMED_SPEEDS

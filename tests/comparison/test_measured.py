@@ -11,8 +11,9 @@ from damperfit import results
 from damperfit.comparison import ComparisonOptions, Sameness, common_tests, compare_runs
 from damperfit.comparison.comparing import _by_repeats, measured_readings, repeat_scatter
 from damperfit.comparison.reading import Reading, Topic, compared
-from damperfit.comparison.runs import _tests_in, measured_tests
+from damperfit.comparison.runs import measured_tests
 from damperfit.errors import ConfigurationError
+from damperfit.queries.compared_runs import _tests_in
 from damperfit.tested.setting import Setting
 from tests.comparison.runs import (
     AMPLITUDE,

@@ -1,0 +1,453 @@
+"""Runs to be compared, read: results folders, parts of fleets, baselines and raw logs."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from damperfit import __version__
+from damperfit.adjustment.force_at import STROKES
+from damperfit.comparison.runs import ComparedRun, MeasuredTest, measured_tests
+from damperfit.errors import ConfigurationError, DamperfitError, LogError, TimelessError
+from damperfit.io import read_curves
+from damperfit.io.files import open_regular, read_text
+from damperfit.problem import Option
+from damperfit.queries.settings import adjuster_of
+from damperfit.report.records import listed_in, number_in
+from damperfit.results import Run, segments_in
+from damperfit.run.dampers import by_damper, folder_name
+from damperfit.run.log_paths import expand
+from damperfit.run.logs import Purpose, read_batch
+from damperfit.run.remarks import log_warnings, skipped_files
+from damperfit.tables.columns import (
+    adjusters_in,
+    column_names,
+    quantities_in,
+    read_setting,
+    setting_cells,
+)
+from damperfit.tables.reading import LogSignals, is_part
+from damperfit.tested.identity import common_identity
+from damperfit.tested.setting import Setting, parse_place
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from damperfit.configuration.options import Configuration
+    from damperfit.io import ForceCurve
+    from damperfit.problem import Failure
+    from damperfit.recording import Trace
+    from damperfit.run.logs import LogBatch
+
+    FloatArray = NDArray[np.float64]
+
+__all__ = [
+    "NoUsableLogError",
+    "baseline_text",
+    "compared_record",
+    "is_baseline",
+    "is_results",
+    "read_log_runs",
+    "read_run",
+    "with_distinct_names",
+]
+
+
+# Results folders, parts of fleets and baselines
+
+_MARKS = ("run.json", "parameters.parquet", "parameters.csv")
+
+
+def is_results(folder: Path) -> bool:
+    """Whether a folder holds results of `identify`."""
+    return any((folder / name).is_file() for name in _MARKS)
+
+
+def read_run(path: Path, *, config: Path | None = None, is_measured: bool = False) -> ComparedRun:
+    """Return a run to be compared.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        Results folder, baseline or a fleet's part.
+    config : pathlib.Path, optional
+        The damper of results that do not tell theirs.
+    is_measured : bool
+        Measured curves alone.
+
+    Raises
+    ------
+    ConfigurationError
+        There is nothing of the kind.
+    """
+    if is_part(path):
+        if is_measured:
+            raise ConfigurationError(
+                "a part of a fleet keeps no measured cycles; give {measured} the logs, or "
+                "results of damperfit identify",
+                measured=Option("measured"),
+                subject=path,
+            )
+        return _of_run(Run.load(path, config=config), (), is_measured=False)
+    if path.is_dir():
+        if not is_results(path):
+            raise ConfigurationError(
+                "holds no results of damperfit identify; expected run.json and parameters.parquet",
+                subject=path,
+            )
+        run = Run.load(path, parts=("parameters", "responses"), config=config)
+        return _of_run(run, tuple(_tests_in(run)), is_measured=is_measured)
+    if not path.is_file():
+        raise ConfigurationError("no such file or folder", subject=path)
+    if is_baseline(path):
+        run, tests = _read_baseline(path, config)
+        if not run.rows("parameters") and not is_measured:
+            raise ConfigurationError(
+                "a baseline of measured curves, nothing was fitted; give {measured}",
+                measured=Option("measured"),
+                subject=path,
+            )
+        return _of_run(run, tests, is_measured=is_measured)
+    raise ConfigurationError(
+        "neither a results folder nor a baseline; to compare logs and files of "
+        "curves, give {measured}",
+        measured=Option("measured"),
+        subject=path,
+    )
+
+
+def _of_run(run: Run, tests: tuple[MeasuredTest, ...], *, is_measured: bool) -> ComparedRun:
+    name = run.folder.resolve().name
+    if not is_measured:
+        remarks = adjuster_of(run).remarks
+        return ComparedRun(name, str(run.place), run, tests, run.record, remarks)
+    if not tests:
+        why = f" ({'; '.join(run.remarks)})" if run.remarks else "; no motion in it repeats"
+        raise ConfigurationError(f"{run.place}: no measured cycles to compare{why}")
+    return ComparedRun(name, str(run.place), None, tests, run.record, run.remarks)
+
+
+def _tests_in(run: Run) -> Iterator[MeasuredTest]:
+    """Yield the steady motions of all logs of a results folder."""
+    known = {
+        str(entry.get("log")): entry
+        for entry in listed_in(run.record, "inputs")
+        if isinstance(entry, dict)
+    }
+    for signals in run.signals:
+        facts = known.get(signals.log, {})
+        warmth = number_in(facts, "temperature_degC")
+        temperature = math.nan if warmth is None else warmth
+        yield from measured_tests(signals, segments_in(facts), temperature=temperature)
+
+
+# A run kept as one JSON file, to be the reference of later comparisons
+
+_KEY, _VERSION = "damperfit_baseline", 1
+# Of run.json: what is compared, or says what is compared.
+_KEPT = (
+    *("version", "schema_version", "test", "configuration", "procedure", "uncertainty"),
+    *("speed_forces", "quantities", "adjusters"),
+)
+_OF_INPUTS = (
+    *("log", "sha256", "setting", "reversed", "stretches"),
+    *("amplitude_m", "frequency_Hz", "temperature_degC"),
+)
+_NUMBERS = ("amplitude", "frequency", "temperature")
+_ARRAYS = ("displacement", "velocity", "force", "speeds")
+_DIGITS = 7  # as many as 32-bit floats have
+
+
+def baseline_text(run: ComparedRun) -> str:
+    """Return a run as the text of a baseline; of measured curves alone without parameters."""
+    rows = () if run.fitted is None else run.fitted.rows("parameters")
+    is_whole = all(isinstance(row["setting"].cell, int) for row in rows)
+    document = {
+        _KEY: _VERSION,
+        "version": __version__,
+        "source": run.name,
+        "record": compared_record(run.record),
+        # The columns of adjusters are those that follow the setting.
+        "parameters": [
+            {**setting_cells(row["setting"], is_whole=is_whole)}
+            | {name: cell for name, cell in row.items() if name != "setting"}
+            for row in rows
+        ],
+        "tests": [_test_record(test) for test in run.tests],
+    }
+    return json.dumps(document, indent=1, allow_nan=False) + "\n"
+
+
+def compared_record(record: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what of run.json is compared, or says what is compared."""
+    inputs = record.get("inputs")
+    return {key: record[key] for key in _KEPT if key in record} | {
+        "inputs": [
+            {key: one[key] for key in _OF_INPUTS if key in one}
+            for one in (inputs if isinstance(inputs, list) else ())
+            if isinstance(one, dict)
+        ]
+    }
+
+
+def _test_record(test: MeasuredTest) -> dict[str, Any]:
+    return {
+        "setting": setting_cells(test.setting, is_whole=isinstance(test.setting.cell, int)),
+        "log": test.log,
+        "n_cycles": test.n_cycles,
+        **{name: _finite(getattr(test, name)) for name in _NUMBERS},
+        **{name: _rounded(getattr(test, name)) for name in _ARRAYS},
+        "strokes": {name: [_rounded(row) for row in rows] for name, rows in test.strokes.items()},
+        "figures": {name: [_finite(x) for x in pair] for name, pair in test.figures.items()},
+    }
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _rounded(values: FloatArray) -> list[float | None]:
+    return [float(f"{x:.{_DIGITS}g}") if math.isfinite(x) else None for x in values.tolist()]
+
+
+def is_baseline(path: Path) -> bool:
+    """Whether a file says that it is a baseline."""
+    if path.suffix.lower() != ".json":
+        return False
+    try:
+        with open_regular(path) as file:
+            return f'"{_KEY}"'.encode() in file.read(200)
+    except OSError:
+        return False
+
+
+def _read_baseline(path: Path, config: Path | None) -> tuple[Run, tuple[MeasuredTest, ...]]:
+    try:
+        document = json.loads(read_text(path))
+        if document[_KEY] != _VERSION:
+            raise ConfigurationError(
+                f"a baseline of form {document[_KEY]} (damperfit "
+                f"{document.get('version')}), and this damperfit knows {_VERSION}; save it again",
+                subject=path,
+            )
+        record, rows = document["record"], document["parameters"]
+        quantities = quantities_in(record, list(rows[0]) if rows else ())
+        names = adjusters_in(list(rows[0]), quantities) if rows else ()
+        parameters = tuple({**row, "setting": read_setting(row, names)} for row in rows)
+        tests = tuple(_kept_test(one) for one in document["tests"])
+    except (OSError, ValueError, TypeError, KeyError, IndexError, AttributeError) as error:
+        raise ConfigurationError(
+            f"a damaged baseline ({type(error).__name__}: {error}); save it again with "
+            "damperfit compare RESULTS --save FILE",
+            subject=path,
+        ) from error
+    rows_of = {"parameters": parameters}
+    return Run(record, rows_of, quantities=quantities, place=path, config=config), tests
+
+
+def _kept_test(record: dict[str, Any]) -> MeasuredTest:
+    cells = record["setting"]
+    names = [name for name in cells if name != "setting" and name not in column_names()]
+    return MeasuredTest(
+        setting=read_setting(cells, names) or Setting.of(0),
+        log=str(record["log"]),
+        n_cycles=int(record["n_cycles"]),
+        amplitude=_number(record["amplitude"]),
+        frequency=_number(record["frequency"]),
+        temperature=_number(record["temperature"]),
+        displacement=_array(record["displacement"]),
+        velocity=_array(record["velocity"]),
+        force=_array(record["force"]),
+        speeds=_array(record["speeds"]),
+        strokes={
+            name: np.stack([_array(row) for row in rows])
+            for name, rows in record["strokes"].items()
+        },
+        figures={
+            name: (_number(value), _number(error))
+            for name, (value, error) in record["figures"].items()
+        },
+    )
+
+
+def _number(value: float | None) -> float:
+    return math.nan if value is None else float(value)
+
+
+def _array(values: list[float | None]) -> Any:
+    return np.array([_number(value) for value in values])
+
+
+# Raw logs, without a fit: a folder, pattern or list of them is one run, or one a damper
+
+_NAMELESS = Setting.of("as tested")  # of what says none
+
+
+class NoUsableLogError(LogError):
+    """None of the logs of a run can be used."""
+
+    exit_code = 3
+
+
+def read_log_runs(
+    place: Path, configuration: Configuration, *, jobs: int = 1
+) -> dict[str, ComparedRun]:
+    """Return what raw logs tell, by damper; one run without a name where they are of one.
+
+    A log that cannot be used costs itself: the run's remarks say so.
+
+    Parameters
+    ----------
+    place : pathlib.Path
+        Log, folder, pattern or ``@list.txt``.
+    configuration : Configuration
+        How logs are read and conditioned.
+    jobs : int
+        Threads.
+
+    Raises
+    ------
+    NoUsableLogError
+        No log can be used.
+    ConfigurationError
+        There is no log.
+    """
+    batch = read_batch(expand([str(place)]), configuration, jobs=jobs, purpose=Purpose.COMPARE)
+    groups = by_damper(batch)
+    if len(groups) == 1:
+        return {"": _of_logs(place, next(iter(groups.values())), configuration)}
+    return {
+        owner: _of_logs(place / folder_name(owner), part, configuration)
+        for owner, part in groups.items()
+    }
+
+
+def _of_logs(place: Path, batch: LogBatch, configuration: Configuration) -> ComparedRun:
+    timeless = [one for one in batch.failures if one.kind == TimelessError.__name__]
+    lost = [one.message for one in batch.failures if one not in timeless]
+    tests: list[MeasuredTest] = []
+    about = (*batch.notes, *skipped_files(batch), *batch.remarks, *log_warnings(batch.traces))
+    notes = list(map(str, about))
+    for trace in batch.traces:
+        found = _of_trace(trace)
+        tests += found
+        if not found:
+            lost.append(f"{trace.name}: no measured cycles to compare; no motion in it repeats")
+    for failure in timeless:
+        try:
+            curves = read_curves(Path(failure.path), configuration.reading)
+        except ConfigurationError:
+            raise
+        except DamperfitError as error:
+            lost.append(str(error))
+            continue
+        tests += [_of_curve(curve, None if place.is_file() else failure) for curve in curves]
+        notes += [f"{failure.log}: {note}" for note in curves[0].notes]
+    # Beside settings, what says none cannot be told apart.
+    if named := [test for test in tests if test.setting != _NAMELESS]:
+        lost += [
+            f"{log}: does not say its adjuster setting, and others do; give it a line "
+            "'# setting: 10', a column 'setting', a name such as setting_10.csv or a row in "
+            "tests.csv"
+            for log in dict.fromkeys(test.log for test in tests if test.setting == _NAMELESS)
+        ]
+        tests = named
+    if not tests:
+        more = f" (and {len(lost) - 1} more)" if len(lost) > 1 else ""
+        first = lost[0] if lost else "no log that is not damperfit's own"
+        where = "" if place.is_file() else f"{place}: none of its logs can be used: "
+        raise NoUsableLogError(f"{where}{first}{more}")
+    if not place.is_file() and not named:
+        n = len({test.log for test in tests})
+        notes.append(
+            f"no log says its setting: {'it is' if n == 1 else f'all {n} are'} compared as tested"
+        )
+    return ComparedRun(
+        place.resolve().name,
+        str(place),
+        None,
+        tuple(tests),
+        _record(batch, configuration),
+        remarks=tuple(lost),
+        notes=tuple(dict.fromkeys(notes)),
+    )
+
+
+def _record(batch: LogBatch, configuration: Configuration) -> dict[str, Any]:
+    """Return what run.json would say of what else may differ."""
+    inputs = []
+    for log in batch.logs:
+        setting = log.facts.get("setting") or _NAMELESS
+        known = {"reversed": log.facts["reversed"]} if "reversed" in log.facts else {}
+        inputs.append({"log": log.log, "sha256": log.sha256, "setting": setting.cell} | known)
+    return {
+        "inputs": inputs,
+        "test": common_identity(batch.identities.values()).describe(),
+        "configuration": {
+            section: configuration.document.get(section, {}) for section in ("rig", "conditioning")
+        },
+    }
+
+
+def _of_trace(trace: Trace) -> tuple[MeasuredTest, ...]:
+    n = len(trace.force)
+    nothing = np.full(n, np.nan)
+    signals = LogSignals(
+        trace.setting or _NAMELESS,
+        trace.name,
+        trace.start_time + trace.interval * np.arange(n, dtype=np.float64),
+        trace.displacement,
+        trace.velocity,
+        trace.force,
+        nothing,
+        np.stack([nothing] * 3),
+    )
+    segments = [stretch.describe(trace) for stretch in trace.stretches]
+    warmth = math.nan if trace.temperature is None else trace.temperature
+    return measured_tests(signals, segments, temperature=warmth)
+
+
+def _of_curve(curve: ForceCurve, known: Failure | None) -> MeasuredTest:
+    """Return a curve without time as a test without a motion: no errors are known."""
+    speeds = np.unique(np.abs(curve.velocity[curve.velocity != 0.0]))
+    strokes = {}
+    for stroke in STROKES:
+        forces = np.array([curve.force_at(float(speed), stroke) for speed in speeds])
+        strokes[stroke] = np.stack([forces, np.full(len(speeds), np.nan)])
+    return MeasuredTest(
+        setting=_setting_of(curve, known),
+        log=curve.name,
+        amplitude=math.nan,
+        frequency=math.nan,
+        n_cycles=0,
+        displacement=np.empty(0),
+        velocity=curve.velocity,
+        force=curve.force,
+        speeds=speeds,
+        strokes=strokes,
+    )
+
+
+def _setting_of(curve: ForceCurve, known: Failure | None) -> Setting:
+    """Return the setting that a curve's label names; of the only one of a file, what is known."""
+    if curve.label in {curve.name, Path(curve.name).stem}:
+        return _NAMELESS if known is None or known.setting is None else known.setting
+    try:
+        return Setting.of(parse_place(curve.label))
+    except ValueError:
+        return Setting.of(curve.label)
+
+
+def with_distinct_names(runs: Sequence[ComparedRun]) -> tuple[ComparedRun, ...]:
+    """Return the runs with names that differ: where two are alike, with as much of their path."""
+    names = [run.name for run in runs]
+    if len(set(names)) == len({run.place for run in runs}):
+        return tuple(runs)
+    return tuple(replace(run, name="/".join(Path(run.place).resolve().parts[-2:])) for run in runs)
