@@ -282,6 +282,11 @@ def _temperature_in_window(subject: Subject) -> _Verdict:
     window = f"{centre:g} +- {reach:g} degC"
     outside, unknown = [], []
     for trace in subject.traces:
+        # The window of the paper's test asks nothing of another motion.
+        if any(
+            found.name == "temperature" and found.severity == "note" for found in trace.findings
+        ):
+            continue
         if trace.temperature is None:
             unknown.append(trace.name)
         elif not abs(trace.temperature - centre) <= reach:

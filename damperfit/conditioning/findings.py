@@ -591,7 +591,7 @@ def examine(
         *_channels(recording, window, driven, period=_period(trace)),
         *examine_motion(log, trace, cycles, options, metadata=recording.metadata),
         *examine_repeatability(recording, trace),
-        *_temperature(recording, window, options.nominal),
+        *_temperature(recording, window, trace, options.nominal),
         *_rig_filter(log, trace, options),
     )
 
@@ -665,8 +665,21 @@ def bridge_spikes(recording: Recording, trace: Trace) -> Recording:
     return replace(recording, **bridged, findings=(*recording.findings, *found))
 
 
-def _temperature(recording: Recording, window: slice, test: NominalTest) -> Iterator[Finding]:
+# K within a log: viscosity falls by about 2 % a kelvin, and one set of parameters is fitted.
+_WARMS = 5.0
+
+
+def _is_other_test(trace: Trace, test: NominalTest) -> bool:
+    """Whether a log has another motion than the nominal test."""
+    pairs = ((trace.frequency, test.frequency), (trace.amplitude, test.amplitude))
+    return any(nominal and abs(found / nominal - 1.0) > _NEAR for found, nominal in pairs)
+
+
+def _temperature(
+    recording: Recording, window: slice, trace: Trace, test: NominalTest
+) -> Iterator[Finding]:
     is_asked = test.temperature is not None and test.temperature_tolerance < math.inf
+    is_asked = is_asked and not (test.is_of_motion and _is_other_test(trace, test))
     wanted = f"{test.temperature:g} +- {test.temperature_tolerance:g} degC" if is_asked else ""
     if recording.temperature is None:
         if is_asked:
@@ -689,7 +702,10 @@ def _temperature(recording: Recording, window: slice, test: NominalTest) -> Iter
     text = f"the temperature moves by {drift:.1f} degC within the run"
     is_wide = is_asked and drift > 2.0 * test.temperature_tolerance
     if is_wide:
-        text += f", more than the window of {wanted}; let the damper settle, or record shorter logs"
+        text += f", more than the window of {wanted}"
+    is_wide = is_wide or drift > _WARMS
+    if is_wide:
+        text += "; let the damper settle, or record shorter logs"
     severity = "warning" if is_wide else "note"
     yield Finding("temperature_drift", severity, text, drift, "degC")
 

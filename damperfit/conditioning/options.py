@@ -27,12 +27,16 @@ class NominalTest:
         Degrees Celsius. None: not said.
     temperature_tolerance : float
         Degrees either way; infinite: no temperature is asked for.
+    is_of_motion : bool
+        The temperature is asked for only of logs with this frequency and amplitude, as that of
+        the paper's test, which is the default.
     """
 
     frequency: float | None = None
     amplitude: float | None = None
     temperature: float | None = None
     temperature_tolerance: float = math.inf
+    is_of_motion: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

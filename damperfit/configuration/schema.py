@@ -214,8 +214,19 @@ class _ConditioningSection(_Section):
                 amplitude=rig.amplitude,
                 temperature=rig.temperature,
                 temperature_tolerance=rig.temperature_tolerance,
+                is_of_motion=(
+                    rig.frequency,
+                    rig.amplitude,
+                    rig.temperature,
+                    rig.temperature_tolerance,
+                )
+                == _PAPERS_TEST,
             ),
         )
+
+
+# Hz, m, degC and K: a window that belongs to this test asks nothing of another one.
+_PAPERS_TEST = (1.5, 0.032, 26.0, 1.0)
 
 
 class _IdentificationSection(_Section):

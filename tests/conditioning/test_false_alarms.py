@@ -43,7 +43,10 @@ def logged(x, law=static, *, steps=(0.0, 0.0), noise=(0.0, 3.0), warm=None):
 
 
 def told(log):
-    return {one.name: one for one in condition(log).findings if one.severity == "warning"}
+    """Warnings by name; that a log warms is true of those that do."""
+    warnings = {one.name: one for one in condition(log).findings if one.severity == "warning"}
+    warnings.pop("temperature_drift", None)
+    return warnings
 
 
 def opening(rebound, bump):

@@ -47,7 +47,11 @@ def test_the_defaults_are_those_of_the_libraries_below() -> None:
     assert settings.simulation.solver == SolverOptions()
     lengths = (PURDY_DAMPER.chamber_1_length, PURDY_DAMPER.chamber_2_length)
     nominal = NominalTest(
-        frequency=1.5, amplitude=0.032, temperature=26.0, temperature_tolerance=1.0
+        frequency=1.5,
+        amplitude=0.032,
+        temperature=26.0,
+        temperature_tolerance=1.0,
+        is_of_motion=True,
     )
     gas = GasFacts(
         rod_area=PURDY_DAMPER.rod_area,
