@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +22,7 @@ from damperfit.report.sheet import (
     with_interval,
 )
 from damperfit.report.tables import BLOCK_LEVELS, sparkline
+from damperfit.statistics import NORMAL_95
 from damperfit.tested.setting import Setting, clicks_between, lines_of
 
 if TYPE_CHECKING:
@@ -164,6 +166,11 @@ def _marks(rows: Iterable[Row]) -> tuple[str, ...]:
     return (_AS_MEASURED,) if any(map(_mark, rows)) else ()
 
 
+def _measured(row: Row) -> str:
+    force, reach = row["measured_N"], NORMAL_95 * (row.get("measured_se_N") or math.nan)
+    return with_interval(force, force - reach, force + reach, digits=4)
+
+
 def measured_force_sheet(rows: Sequence[Row]) -> Sheet:
     """Return the measured force beside the model's on the same cycles, with the difference.
 
@@ -191,13 +198,13 @@ def measured_force_sheet(rows: Sequence[Row]) -> Sheet:
     ]
     for stroke in _BOTH:
         columns += [
-            column(stroke, "measured", lambda r: number(r["measured_N"], digits=4) + _mark(r)),
+            column(stroke, "measured", lambda row: _measured(row) + _mark(row)),
             column(
                 stroke, "model", lambda r: number(r["measured_N"] - r["difference_N"], digits=4)
             ),
             column(stroke, "diff.", lambda row: f"{row['difference_N']:+.1f}"),
         ]
-    note = "force in N, mean of all compared cycles, beside the model's on the same cycles"
+    note = "force in N ±95 %, mean of all compared cycles, beside the model's on the same cycles"
     return laid_out(places, columns, note, *_marks(known))
 
 
