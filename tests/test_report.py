@@ -275,7 +275,7 @@ def test_a_setting_of_several_adjusters_has_a_row_for_each_that_was_turned() -> 
 
 def test_the_measured_force_stands_beside_the_models() -> None:
     sheet = measured_force_sheet(FORCES)
-    assert sheet.rows[1][:5] == ("2", "0.3", "801.0*", "800.0", "+1.0")
+    assert sheet.rows[1][:5] == ("2", "0.3", "801.0 ± 0.4*", "800.0", "+1.0")
 
 
 def test_forces_are_shown_in_other_units() -> None:
