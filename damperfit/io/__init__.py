@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
+import os
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from damperfit.errors import LogError, TimelessError
-from damperfit.io.labels import (
-    Guess,
-    guess_settings,
-    one_of_several,
-    unclear_names,
-)
+from damperfit.io.labels import Guess, guess_settings, one_of_several, unclear_names
 from damperfit.io.options import Profile, ReadOptions
 from damperfit.io.tests_table import TestRow, TestsTable, is_tests_table, read_tests
 
 if TYPE_CHECKING:
-    import os
-
     from damperfit.io.files import Source
     from damperfit.io.force_curves import ForceCurve
     from damperfit.io.formats import Table
@@ -65,7 +60,7 @@ def read_logs(
 
     source, tables, options, notes = _opened(path, options)
     try:
-        return make_recordings(tables, source, options, notes)
+        return make_recordings(source, tables, options, notes)
     except LogError as error:
         if not holds_curves(tables, options):
             raise
@@ -96,8 +91,7 @@ def read_curves(
     """
     from damperfit.io.force_curves import make_curves
 
-    source, tables, options, notes = _opened(path, options)
-    return make_curves(tables, source, options, notes)
+    return make_curves(*_opened(path, options))
 
 
 def _opened(
@@ -129,8 +123,6 @@ def read_log(path: str | os.PathLike[str], options: ReadOptions = _DEFAULTS) -> 
 
 
 def __getattr__(name: str) -> Any:
-    if name == "ForceCurve":
-        from damperfit.io.force_curves import ForceCurve
-
-        return ForceCurve
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    if name != "ForceCurve":  # which takes a module that logs do not need
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return import_module("damperfit.io.force_curves").ForceCurve

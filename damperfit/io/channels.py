@@ -1,23 +1,23 @@
-"""Which column is which channel, and in which unit: from names, units rows and declarations."""
+"""Which column of a log is which channel: declared, or found by words of its name and by its unit.
+
+A name may be any of several languages, with its unit in brackets or behind it, in all the notations
+that rigs write; a column with the channel's unit goes before one without, fewer other words before
+more.
+"""
 
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Sequence
 from difflib import get_close_matches
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import Any, NamedTuple
 
 from damperfit.errors import LogError, did_you_mean
-from damperfit.io.options import CHANNELS, EXTRAS
+from damperfit.io.formats import Column
+from damperfit.io.options import CHANNELS, EXTRAS, ReadOptions
 from damperfit.problem import Option
 from damperfit.units.quantities import QuantityError, Unit, find_unit, is_unit, units_of
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Sequence
-
-    from damperfit.io.formats import Column
-    from damperfit.io.options import ReadOptions
 
 __all__ = [
     "ChannelChoice",
@@ -51,7 +51,7 @@ _WORDS = {
     ),
     "setting": ("setting",),
 }  # fmt: skip
-_OPTIONAL = (*EXTRAS, "setting")
+_ALL_WORDS = frozenset(word for words in _WORDS.values() for word in words)
 _IN_BRACKETS = re.compile(r"(?P<base>.*?)\s*[(\[]\s*(?P<unit>[^()\[\]]*?)\s*[)\]]\s*", re.DOTALL)
 _BEFORE_UNIT = re.compile(r"[_/, ]")
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
@@ -59,26 +59,13 @@ _APART = re.compile(r"[\W_]+")
 _NAMES = 512  # remembered, for the logs of a rig have the same
 
 
-@dataclass(frozen=True, slots=True)
-class ChannelChoice:
-    """Where a channel comes from.
+class ChannelChoice(NamedTuple):
+    """Where a channel comes from; a setting has no unit, nor has what is left out."""
 
-    Attributes
-    ----------
-    index : int
-        Column, from 0.
-    name : str
-        Column as the log names it, or its number.
-    unit : Unit or None
-        None for the setting, which has no unit.
-    note : str
-        What was assumed; empty when the name says it all.
-    """
-
-    index: int
-    name: str
+    column: int  # from 0
+    name: str  # as the log names it, or its number
     unit: Unit | None
-    note: str = ""
+    note: str = ""  # what was assumed
 
 
 def visible(text: str, *, limit: int = 60) -> str:
@@ -101,8 +88,8 @@ def split_name(name: str) -> tuple[str, str | None]:
     >>> split_name("force_N"), split_name("Force (kN)"), split_name("Axial Force")
     (('force', 'N'), ('Force', 'kN'), ('Axial Force', None))
     """
-    if found := _IN_BRACKETS.fullmatch(name):
-        return found["base"], found["unit"] or None
+    if match := _IN_BRACKETS.fullmatch(name):
+        return match["base"], match["unit"] or None
     for mark in _BEFORE_UNIT.finditer(name, 1):  # from the left, as "mm/s" holds "s"
         unit = name[mark.end() :].strip()
         if is_unit(unit):
@@ -124,8 +111,7 @@ def words_of_name(base: str) -> tuple[str, ...]:
 
 def mentions_channel(names: Iterable[str]) -> bool:
     """Say whether any of the names could be a channel's."""
-    known = {word for words in _WORDS.values() for word in words}
-    return any(_hits(words_of_name(split_name(name)[0]), known) for name in names)
+    return any(_hits(words_of_name(split_name(name)[0]), _ALL_WORDS) for name in names)
 
 
 def _hits(words: Sequence[str], known: Collection[str]) -> list[str]:
@@ -167,36 +153,35 @@ def choose_channels(
     lost: list[str] = []
     problems: list[LogError] = []
     for channel in _WORDS:
-        declared = options.columns.get(channel, "")
-        if declared == "" and not _candidates(channel, columns):
-            if channel not in _OPTIONAL and (channel != "time" or needs_time):
-                lost.append(channel)
+        if not has_channel(channel, columns, options):
+            is_needed = channel not in {*EXTRAS, "setting"} and (channel != "time" or needs_time)
+            lost += [channel] if is_needed else []
             continue
         try:
-            index, note = _found_index(channel, declared, columns, where)
-            found = index is not None and _with_unit(channel, index, columns[index], options, where)
+            index, note = _column_of(channel, columns, options, where)
+            notes += [note] if note else []
+            if index is None:
+                continue
+            choice = _with_unit(channel, index, columns[index], options, where)
         except LogError as error:
             problems.append(error)
             continue
-        notes += [note] if note else []
-        if not found:
-            continue
-        notes += [found.note] if found.note else []
-        if not (found.note and found.unit is None and channel in EXTRAS):
-            chosen[channel] = found
+        notes += [choice.note] if choice.note else []
+        if choice.unit is not None or channel not in EXTRAS:
+            chosen[channel] = choice
     if lost:
         problems.insert(0, LogError(_missing(lost, columns, hint), code="no-column"))
     if problems:
         raise joined_problems(problems, where)
     for name in options.adjusters:
-        columns_of = [i for i, column in enumerate(columns) if _is_named(column, name)]
-        if name not in chosen and len(columns_of) == 1:
-            chosen[name] = ChannelChoice(columns_of[0], name, None)
+        named = [i for i, column in enumerate(columns) if _plain_name(column) == name.casefold()]
+        if name not in chosen and len(named) == 1:
+            chosen[name] = ChannelChoice(named[0], name, None)
     return chosen, tuple(notes)
 
 
-def _is_named(column: Column, adjuster: str) -> bool:
-    return "_".join(words_of_name(split_name(column.name)[0])) == adjuster.casefold()
+def _plain_name(column: Column) -> str:
+    return "_".join(words_of_name(split_name(column.name)[0]))
 
 
 def has_channel(channel: str, columns: Sequence[Column], options: ReadOptions) -> bool:
@@ -237,7 +222,7 @@ def joined_problems(problems: Sequence[LogError], subject: str) -> LogError:
     if len(problems) == 1:
         return problems[0].at(subject=subject)
     parts: dict[str, Any] = {
-        f"problem_{i}": one.at(subject="") for i, one in enumerate(problems, start=1)
+        f"problem_{i}": problem.at(subject="") for i, problem in enumerate(problems, start=1)
     }
     listed = "; ".join(f"({i}) {{{name}}}" for i, name in enumerate(parts, start=1))
     text = f"{len(problems)} things are wrong: {listed}"
@@ -253,74 +238,62 @@ def _listed(columns: Sequence[Column]) -> str:
     return ", ".join(shown) + (", ..." if len(columns) > 20 else "")
 
 
-def _declared_index(
-    channel: str, declared: str | int, columns: Sequence[Column], where: str
-) -> int:
-    if isinstance(declared, int):
+def _column_of(
+    channel: str, columns: Sequence[Column], options: ReadOptions, where: str
+) -> tuple[int | None, str]:
+    """Return the column and a note: as declared, or best by unit, then by fewest other words."""
+    declared = options.columns.get(channel, "")
+    if isinstance(declared, int):  # nor is 0 a column
         if not 1 <= declared <= len(columns):
             raise LogError(
                 f"{channel} is declared as column {declared}, but there are {len(columns)} columns",
                 subject=where,
             )
-        return declared - 1
-    found = [i for i, column in enumerate(columns) if column.name == declared.strip()]
-    if not found:
-        hint = did_you_mean(declared, [column.name for column in columns])
+        best = [declared - 1]
+    elif declared:
+        best = [i for i, column in enumerate(columns) if column.name == declared.strip()]
+        if not best:
+            hint = did_you_mean(declared, [column.name for column in columns])
+            raise LogError(
+                f"no column {visible(declared)} for {channel}; there are {_listed(columns)}.{hint}",
+                subject=where,
+            )
+    else:
+        ranked = _candidates(channel, columns)
+        best = [i for *rank, i in ranked if rank == [*min(ranked)[:2]]]
+    first = columns[best[0]]
+    if len(best) > 1 and len({columns[i].name for i in best}) == 1:
+        numbers = " and ".join(str(i + 1) for i in best)
         raise LogError(
-            f"no column {visible(declared)} for {channel}; there are {_listed(columns)}.{hint}",
-            subject=where,
+            f"{where}: columns {numbers} are both named {visible(first.name)}; "
+            f"declare the number of the one that is the {channel} in rig.columns"
         )
-    if len(found) > 1:
-        raise LogError(_duplicate(channel, found, columns, where))
-    return found[0]
-
-
-def _duplicate(channel: str, found: Sequence[int], columns: Sequence[Column], where: str) -> str:
-    numbers = " and ".join(str(i + 1) for i in found)
-    return (
-        f"{where}: columns {numbers} are both named {visible(columns[found[0]].name)}; "
-        f"declare the number of the one that is the {channel} in rig.columns"
-    )
-
-
-def _found_index(
-    channel: str, declared: str | int, columns: Sequence[Column], where: str
-) -> tuple[int | None, str]:
-    """Return the column and a note: best by unit, then by fewest words beside the channel's."""
-    if declared != "":  # nor is 0 a column, which is said there
-        index = _declared_index(channel, declared, columns, where)
-        return index, f"{channel}: column {_label(index, columns[index])}, as declared"
-    ranked = _candidates(channel, columns)
-    best = min(ranked)[:2]
-    found = [i for *rank, i in ranked if tuple(rank) == best]
-    if len(found) == 1:
-        base = split_name(columns[found[0]].name)[0]
-        is_plain = base.lower() == channel or columns[found[0]].is_clock  # the clock has its note
-        note = "" if is_plain else f"{channel}: column {_label(found[0], columns[found[0]])}"
-        return found[0], note
-    if len({columns[i].name for i in found}) == 1:
-        raise LogError(_duplicate(channel, found, columns, where))
-    names = " or ".join(_label(i, columns[i]) for i in found)
-    if channel in EXTRAS:
-        return None, f"{channel}: left out; it could be column {names}: declare which"
-    raise LogError(
-        f"{channel} could be column {names}; declare which in rig.columns", subject=where
-    )
+    if len(best) > 1:
+        names = " or ".join(_label(i, columns[i]) for i in best)
+        if channel in EXTRAS:
+            return None, f"{channel}: left out; it could be column {names}: declare which"
+        raise LogError(
+            f"{channel} could be column {names}; declare which in rig.columns", subject=where
+        )
+    note = f"{channel}: column {_label(best[0], first)}"
+    if declared != "":
+        return best[0], f"{note}, as declared"
+    is_plain = split_name(first.name)[0].lower() == channel or first.is_clock  # has its own note
+    return best[0], "" if is_plain else note
 
 
 def _candidates(channel: str, columns: Sequence[Column]) -> list[tuple[bool, int, int]]:
     """Return (lacks the unit, words beside the channel's own, index) of columns that may be it."""
-    found = []
+    candidates = []
     for i, column in enumerate(columns):
         base, unit = split_name(column.name)
         words = words_of_name(base)
-        hits = _hits(words, _WORDS[channel])
-        if hits:
+        if hits := _hits(words, _WORDS[channel]):
             is_sure = column.is_clock or _is_unit_of(column.unit or unit, channel)
-            found.append((not is_sure, len(words) - len(hits), i))
-    if channel == "time" and not found:  # times of day need no name
+            candidates.append((not is_sure, len(words) - len(hits), i))
+    if channel == "time" and not candidates:  # times of day need no name
         return [(False, 0, i) for i, column in enumerate(columns) if column.is_clock]
-    return found
+    return candidates
 
 
 def _is_unit_of(unit: str | None, channel: str) -> bool:
@@ -361,15 +334,13 @@ def _with_unit(
             )
         note = f"time: wall clock in column {name}"
         return ChannelChoice(index, name, find_unit("s", dimension), note)
-    inside = split_name(column.name)[1]
-    found = column.unit or inside
-    declared = options.units.get(channel)
-    if declared:
+    logged = column.unit or split_name(column.name)[1]
+    if declared := options.units.get(channel):
         unit = find_unit(declared, dimension)
-        is_other = _is_unit_of(found, channel) and find_unit(found or "", dimension) != unit
-        said = f" although the log says {found}" if is_other else ""
-        return ChannelChoice(index, name, unit, f"{channel}: unit {declared}, as declared{said}")
-    if found is None:
+        is_other = _is_unit_of(logged, channel) and find_unit(logged or "", dimension) != unit
+        beside = f" although the log says {logged}" if is_other else ""
+        return ChannelChoice(index, name, unit, f"{channel}: unit {declared}, as declared{beside}")
+    if logged is None:
         if channel in EXTRAS:
             return ChannelChoice(index, name, None, f"{channel}: left out; it has no unit")
         raise LogError(
@@ -380,10 +351,10 @@ def _with_unit(
             subject=where,
         )
     try:
-        return ChannelChoice(index, name, find_unit(found, dimension))
+        return ChannelChoice(index, name, find_unit(logged, dimension))
     except QuantityError as error:
         if channel == "velocity":  # a motor's, in revolutions per minute
             return ChannelChoice(index, name, None, f"velocity: left out; column {name}: {error}")
-        volts = is_unit(found, "voltage")
+        is_volts = is_unit(logged, "voltage")
         advice = f" For volts declare rig.scales and the unit in rig.units of the {channel}."
-        raise LogError(f"column {name}: {error}{advice * volts}", subject=where) from error
+        raise LogError(f"column {name}: {error}{advice * is_volts}", subject=where) from error

@@ -21,54 +21,42 @@ import os
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from pathlib import Path
 from threading import Event, Lock, Timer
-from typing import IO, TYPE_CHECKING, Any
+from typing import Any, NamedTuple
 
 from damperfit.errors import LogError
 from damperfit.io.channels import visible
+from damperfit.io.files import Source
+from damperfit.io.options import ReadOptions
 from damperfit.own_process import child_environment
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from damperfit.io.files import Source
-    from damperfit.io.options import ReadOptions
 
 __all__ = [
     "ChildAnswer",
     "ChildReader",
     "ask_child",
-    "check_library",
     "check_size",
     "load_library",
     "refusing_damage",
     "serve",
 ]
 
-
-# Libraries that read foreign formats: loaded when a log needs them, and kept to one exception.
-
-
-def check_library(module: str, *, extra: str, reads: str, name: str) -> None:
-    """Refuse a log whose library is not installed, without loading it; as `load_library`.
-
-    Raises
-    ------
-    LogError
-        The library is not there; names the command that installs it.
-    """
-    found = None
-    with suppress(ImportError, ValueError):
-        found = importlib.util.find_spec(module)
-    if found is None:
-        raise LogError(_missing(extra, reads, name))
-
-
-def _missing(extra: str, reads: str, name: str) -> str:
-    return f"{name}: {reads} needs one more library: pip install 'damperfit[{extra}]'"
+_TIME_LIMIT = 60  # s for a log, and 1 s for each megabyte; libraries take seconds to load
+_IDLE = 10.0  # s after which a child ends that nobody asks
+_OWN_MEMORY = 320_000_000  # bytes that Python and the library take before they see a log
+_LEAST, _UNPACKED = 100_000_000, 400  # bytes that any log may take, and each of its bytes
+_OUT_OF_MEMORY = "memory"
+# This damperfit, wherever it is: no folder is added to those that modules are looked for in.
+_CHILD = """
+import importlib.util, sys
+spec = importlib.util.spec_from_file_location("damperfit", sys.argv[1])
+sys.modules["damperfit"] = package = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(package)
+from damperfit.io.child_process import serve
+serve()
+"""
 
 
 def load_library(module: str, *, extra: str, reads: str, name: str) -> Any:
@@ -93,12 +81,16 @@ def load_library(module: str, *, extra: str, reads: str, name: str) -> Any:
     try:
         library = importlib.import_module(module)
     except ImportError as error:
-        raise LogError(_missing(extra, reads, name)) from error
+        raise _missing(extra, reads, name) from error
     # It may tell its own story on stderr, with bytes of the log in it.
-    for name_of_logger in (module, *logging.root.manager.loggerDict):
-        if name_of_logger.partition(".")[0] == module:
-            logging.getLogger(name_of_logger).setLevel(logging.CRITICAL + 1)
+    for logger in (module, *logging.root.manager.loggerDict):
+        if logger.partition(".")[0] == module:
+            logging.getLogger(logger).setLevel(logging.CRITICAL + 1)
     return library
+
+
+def _missing(extra: str, reads: str, name: str) -> LogError:
+    return LogError(f"{name}: {reads} needs one more library: pip install 'damperfit[{extra}]'")
 
 
 @contextmanager
@@ -117,8 +109,7 @@ def refusing_damage(reads: str, *, name: str = "") -> Iterator[None]:
     except Exception as error:  # npTDMS alone raises five kinds, from KeyError to struct.error
         first = (str(error).splitlines() or [""])[0]
         reason = visible(first or type(error).__name__, limit=120)
-        where = f"{name}: " if name else ""
-        raise LogError(f"{where}damaged {reads}: {reason}; copy the log again") from error
+        raise LogError(f"damaged {reads}: {reason}; copy the log again", subject=name) from error
 
 
 def check_size(n_bytes: int, *, limit: int, what: str, name: str = "") -> None:
@@ -130,55 +121,35 @@ def check_size(n_bytes: int, *, limit: int, what: str, name: str = "") -> None:
         n_bytes is more than the limit, or negative.
     """
     if not 0 <= n_bytes <= limit:
-        where = f"{name}: " if name else ""
         raise LogError(
-            f"{where}{what} claims {n_bytes} bytes, more than the limit of {limit} "
-            "(rig.max_log_bytes)"
+            f"{what} claims {n_bytes} bytes, more than the limit of {limit} (rig.max_log_bytes)",
+            subject=name,
         )
 
 
-_TIME_LIMIT = 60  # s for a log, and 1 s for each megabyte; libraries take seconds to load
-_IDLE = 10.0  # s after which a child ends that nobody asks
-_OWN_MEMORY = 1 << 30  # bytes that Python and the library take before they see a log
-_OUT_OF_MEMORY = "memory"
-# This damperfit, wherever it is: no folder is added to those that modules are looked for in.
-_CHILD = """
-import importlib.util, sys
-spec = importlib.util.spec_from_file_location("damperfit", sys.argv[1])
-sys.modules["damperfit"] = package = importlib.util.module_from_spec(spec)
-spec.loader.exec_module(package)
-from damperfit.io.child_process import serve
-serve()
-"""
+class ChildReader(NamedTuple):
+    """How a format is read by a library in a child."""
+
+    reads: str  # the format, for messages
+    extra: str  # of the package, that brings the library
+    library: str  # its module
+    answer: str  # ``module:function`` of (data, limit in bytes) -> `ChildAnswer`, in the child
+    is_memory_safe: bool = False  # damaged bytes cannot spoil it: it goes on after a refusal
 
 
-@dataclass(frozen=True, slots=True)
-class ChildReader:
-    """How a format is read by a library in a child.
-
-    Attributes
-    ----------
-    reads, extra, library : str
-        Format for messages; the extra of the package that brings the library; its module.
-    answer : str
-        ``module:function`` of (data, limit in bytes) -> `ChildAnswer`, called in the child.
-    is_memory_safe : bool
-        Damaged bytes cannot spoil the child's memory, so that it goes on after a refusal.
-    """
-
-    reads: str
-    extra: str
-    library: str
-    answer: str
-    is_memory_safe: bool = False
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class ChildAnswer:
+class ChildAnswer(NamedTuple):
     """What a child found in a log: `said`, which JSON can hold, and `parts`, which it cannot."""
 
     said: Any
     parts: Sequence[bytes]
+
+
+class _EndedError(Exception):
+    """A child has no answer to give, and is not to be asked again."""
+
+    def __init__(self, reason: str, *, is_final: bool) -> None:
+        super().__init__(reason)
+        self.is_final = is_final  # another child would not do better
 
 
 def ask_child(reader: ChildReader, source: Source, options: ReadOptions) -> ChildAnswer:
@@ -189,49 +160,28 @@ def ask_child(reader: ChildReader, source: Source, options: ReadOptions) -> Chil
     LogError
         The library is not installed; the child refuses the log, or dies of it.
     """
-    check_library(reader.library, extra=reader.extra, reads=reader.reads, name=source.name)
+    with suppress(ImportError, ValueError):
+        if importlib.util.find_spec(reader.library) is None:
+            raise _missing(reader.extra, reader.reads, source.name)
     while True:
         child = _CHILDREN.take()
-        outcome = child.ask(reader.answer, source.data, options.max_bytes)
-        if isinstance(outcome, ChildAnswer):
-            _CHILDREN.give_back(child)
-            return outcome
-        if reader.is_memory_safe and outcome.is_judged:
-            _CHILDREN.give_back(child)
+        is_kept = False
+        try:
+            answer = child.ask(reader, source.data, options.max_bytes)
+            is_kept = True
+        except LogError as error:
+            is_kept = reader.is_memory_safe
+            raise error.at(subject=source.name) from error
+        except _EndedError as error:
+            if error.is_final:
+                raise LogError(f"{error}", subject=source.name) from error
         else:
-            child.end()
-        if outcome.is_judged or outcome.is_late or not child.is_worn:
-            raise LogError(f"{_reason(outcome, reader.reads, child.seconds)}", subject=source.name)
-
-
-@dataclass(frozen=True, slots=True)
-class _Failure:
-    """Why a log has no answer: the child's sentence, or how the child ended."""
-
-    refusal: str = ""
-    code: int = 0
-    is_late: bool = False
-
-    @property
-    def is_judged(self) -> bool:
-        """Whether the log itself was refused, and not for want of memory."""
-        return self.refusal not in {"", _OUT_OF_MEMORY}
-
-
-def _reason(failure: _Failure, reads: str, seconds: float) -> str:
-    if failure.refusal == _OUT_OF_MEMORY:
-        return f"{reads}: needs more memory than the limit (rig.max_log_bytes) allows"
-    if failure.refusal:
-        return failure.refusal
-    if failure.is_late:
-        return f"damaged {reads} file: not read in {seconds:g} s"
-    ending = f"code {failure.code}"
-    with suppress(ValueError):
-        ending = signal.Signals(-failure.code).name
-    return (
-        f"damaged {reads} file: its reader ended by {ending}; copy the log again, or raise the "
-        "limit of memory (rig.max_log_bytes)"
-    )
+            return answer
+        finally:
+            if is_kept:
+                _CHILDREN.give_back(child)
+            else:
+                child.end()
 
 
 class _Child:
@@ -241,68 +191,77 @@ class _Child:
         package = str(Path(__file__).resolve().parents[1] / "__init__.py")
         self._process = subprocess.Popen(  # noqa: S603  # our own command; the log comes as bytes
             [sys.executable, "-P", "-c", _CHILD, package],
-            env=child_environment(),
+            # Its threads would each take memory from what a log may have.
+            env={**child_environment(), "OPENBLAS_NUM_THREADS": "1"},
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
         )
         self._n_asked = 0
-        self.seconds = 0.0
 
     @property
     def is_alive(self) -> bool:
         return self._process.poll() is None
 
-    def ask(self, answer: str, data: bytes, limit: int) -> ChildAnswer | _Failure:
-        """Return the answer, or why there is none; then the child is not to be asked again."""
+    def ask(self, reader: ChildReader, data: bytes, limit: int) -> ChildAnswer:
+        """Return the answer; raises what the child says against the log, or _EndedError."""
         self._n_asked += 1
-        self.seconds = _TIME_LIMIT + len(data) // 1_000_000
-        head = json.dumps({"answer": answer, "limit": limit, "n_bytes": len(data)})
+        seconds = _TIME_LIMIT + len(data) // 1_000_000
+        head = json.dumps({"answer": reader.answer, "limit": limit, "n_bytes": len(data)})
         is_late = Event()
-        timer = Timer(self.seconds, self._stop, (is_late,))
+        said: dict[str, Any] = {}
+        parts: list[bytes] = []
+        timer = Timer(seconds, self._stop, (is_late,))
         timer.start()
         try:
-            to_child = self._pipe(self._process.stdin)
+            to_child, out = self._process.stdin, self._process.stdout
+            assert to_child is not None
+            assert out is not None
             to_child.write(head.encode() + b"\n")
             to_child.write(data)
             to_child.flush()
-            return self._answer()
-        except (OSError, ValueError):  # it is gone
+            said = json.loads(out.readline())
+            parts = [out.read(n) for n in said.get("lengths", ())]
+            is_whole = [len(part) for part in parts] == said.get("lengths", [])
+        except (OSError, ValueError):
+            is_whole = False
+        finally:
+            timer.cancel()
+        if not is_whole:  # it is gone
             with suppress(subprocess.TimeoutExpired):
                 self._process.wait(1.0)
             self.end()
-            return _Failure(code=self._process.returncode, is_late=is_late.is_set())
-        finally:
-            timer.cancel()
+            reason = f"damaged {reader.reads} file: "
+            if is_late.is_set():
+                reason += f"not read in {seconds:g} s"
+            else:
+                reason += (
+                    f"its reader ended by {_ending(self._process.returncode)}; copy the log "
+                    "again, or raise the limit of memory (rig.max_log_bytes)"
+                )
+            raise _EndedError(reason, is_final=is_late.is_set() or self._n_asked == 1)
+        if said.get("refused") == _OUT_OF_MEMORY:
+            reason = f"{reader.reads}: needs more memory than the limit (rig.max_log_bytes) allows"
+            raise _EndedError(reason, is_final=self._n_asked == 1)
+        if "refused" in said:
+            raise LogError(said["refused"])
+        return ChildAnswer(said["said"], parts)
 
     def _stop(self, is_late: Event) -> None:
         is_late.set()
         self._process.kill()
 
-    def _answer(self) -> ChildAnswer | _Failure:
-        out = self._pipe(self._process.stdout)
-        said = json.loads(out.readline())
-        if "refused" in said:
-            return _Failure(refusal=said["refused"])
-        parts = [out.read(n) for n in said["lengths"]]
-        if [len(part) for part in parts] != said["lengths"]:
-            raise OSError
-        return ChildAnswer(said["said"], parts)
-
-    @staticmethod
-    def _pipe(pipe: IO[bytes] | None) -> IO[bytes]:
-        assert pipe is not None
-        return pipe
-
-    @property
-    def is_worn(self) -> bool:
-        """Whether it has read logs before this one, which may be why it failed."""
-        return self._n_asked > 1
-
     def end(self) -> None:
         self._process.kill()
         with suppress(OSError, ValueError):
             self._process.communicate()
+
+
+def _ending(code: int) -> str:
+    try:
+        return signal.Signals(-code).name
+    except ValueError:
+        return f"code {code}"
 
 
 class _Children:
@@ -357,28 +316,23 @@ def serve() -> None:
         idle.start()
         head = sys.stdin.buffer.readline()
         idle.cancel()
-        if not head:
+        asked = json.loads(head or "{}")
+        data = sys.stdin.buffer.read(asked.get("n_bytes", 0))
+        if not head or len(data) < asked["n_bytes"]:
             os._exit(0)  # what a library does at exit is of no interest
-        asked = json.loads(head)
-        data = sys.stdin.buffer.read(asked["n_bytes"])
-        if len(data) < asked["n_bytes"]:
-            os._exit(0)
-        _limit_memory(_OWN_MEMORY + 3 * asked["limit"])
-        _send(asked["answer"], data, asked["limit"], out)
-
-
-def _send(answer: str, data: bytes, limit: int, out: IO[bytes]) -> None:
-    try:
-        module, _, function = answer.partition(":")
-        found = getattr(importlib.import_module(module), function)(data, limit)
-        said = {"said": found.said, "lengths": [len(part) for part in found.parts]}
-        out.write(json.dumps(said).encode() + b"\n")
-        out.writelines(found.parts)
-    except LogError as error:
-        out.write(json.dumps({"refused": str(error)}).encode() + b"\n")
-    except MemoryError:
-        out.write(json.dumps({"refused": _OUT_OF_MEMORY}).encode() + b"\n")
-    out.flush()
+        limit = asked["limit"]
+        _limit_memory(_OWN_MEMORY + min(3 * limit, max(_LEAST, _UNPACKED * len(data))))
+        try:
+            module, _, function = asked["answer"].partition(":")
+            found = getattr(importlib.import_module(module), function)(data, limit)
+            said = {"said": found.said, "lengths": [len(part) for part in found.parts]}
+            out.write(json.dumps(said).encode() + b"\n")
+            out.writelines(found.parts)
+        except LogError as error:
+            out.write(json.dumps({"refused": str(error)}).encode() + b"\n")
+        except MemoryError:
+            out.write(json.dumps({"refused": _OUT_OF_MEMORY}).encode() + b"\n")
+        out.flush()
 
 
 def _limit_memory(n_bytes: int) -> None:

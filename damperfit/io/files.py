@@ -2,7 +2,9 @@
 
 Traps. Opening a pipe waits for ever; a device never ends; a file may grow or be written over while
 it is read; one that says it is empty may not be. The hash of a large file costs a good part of
-parsing it.
+parsing it. 1.7 MB of gzip may hold 1.2 GB, and the length that it states is one modulo 2^32. Any
+bytes are valid Latin-1, so it is taken last, and said. UTF-16 is known by its mark only; without it
+every second byte is NUL, and so are bytes that a serial line dropped.
 """
 
 from __future__ import annotations
@@ -16,8 +18,8 @@ import os
 import re
 import stat
 import zlib
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from threading import Thread
 from typing import TYPE_CHECKING
@@ -25,7 +27,6 @@ from typing import TYPE_CHECKING
 from damperfit.errors import LogError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
     from io import FileIO
 
 __all__ = [
@@ -42,33 +43,29 @@ __all__ = [
     "unpack",
 ]
 
-
 MAX_TEXT = 100_000_000  # bytes of a file that is no log
 _HASHED_BESIDE = 4_000_000  # bytes; below it, starting a thread costs more than it saves
+_GZIP = b"\x1f\x8b"
+_CHUNK = 1 << 20  # bytes unpacked at a time
+_UTF16 = {codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
+_CONTROL = re.compile(rb"[\x01-\x08\x0e-\x1a\x1c-\x1f\x7f]")  # ESC occurs in terminals' captures
+# "[Data]" begins a text of entries, and no JSON.
+_BEGINS = re.compile(r'\s*(?:\{\s*(?:["}]|$)|\[\s*(?:[\[{"\d\]-]|$))')
+_HEAD = 4096  # bytes looked at for signs of binary data
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Source:
-    """A file in memory.
+    """A file in memory."""
 
-    Attributes
-    ----------
-    name, path : str
-        File name for messages, and the path as given.
-    data : bytes
-        The whole content.
-    hashed : callable
-        () -> SHA-256 of the file's bytes, hexadecimal.
-    """
-
-    name: str
-    path: str
+    name: str  # for messages
+    path: str  # as given
     data: bytes
-    hashed: Callable[[], str]
+    hashed: Callable[[], str]  # waits until it is known
 
     @property
     def sha256(self) -> str:
-        """SHA-256 of the file's bytes, hexadecimal; waits until it is known."""
+        """SHA-256 of the file's bytes, hexadecimal."""
         return self.hashed()
 
 
@@ -134,7 +131,6 @@ def read_source(path: str | os.PathLike[str], *, max_bytes: int) -> Source:
         changes while it is read.
     """
     shown = _one_line(os.fsencode(path).decode("utf-8", "backslashreplace"))
-    name = Path(shown).name or shown
     try:
         with open_regular(path) as file:
             data = _content(file, shown, max_bytes)
@@ -152,7 +148,7 @@ def read_source(path: str | os.PathLike[str], *, max_bytes: int) -> Source:
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise LogError(f"file unreadable: {reason}", subject=shown) from error
-    return Source(name, shown, data, _hashed(data))
+    return Source(Path(shown).name or shown, shown, data, _hashed(data))
 
 
 def _hashed(data: bytes) -> Callable[[], str]:
@@ -163,18 +159,16 @@ def _hashed(data: bytes) -> Callable[[], str]:
         return digest.hexdigest
     thread = Thread(target=digest.update, args=(data,), name="damperfit hash")
     thread.start()
-    return partial(_digest_of, digest, thread)
 
+    def wait() -> str:
+        thread.join()
+        return digest.hexdigest()
 
-def _digest_of(digest: hashlib._Hash, thread: Thread) -> str:
-    thread.join()
-    return digest.hexdigest()
+    return wait
 
 
 def _one_line(text: str) -> str:
     """Return a path as it can stand in a message: control characters escaped."""
-    if text.isprintable():
-        return text
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
@@ -188,10 +182,8 @@ def _content(file: FileIO, shown: str, max_bytes: int) -> bytes:
     # A file that says it is empty may not be (/proc); one byte more shows a file that grows.
     data = _read_up_to(file, min(before.st_size, max_bytes) + 1)
     after = os.fstat(file.fileno())
-    if len(data) != before.st_size or (before.st_size, before.st_mtime_ns) != (
-        after.st_size,
-        after.st_mtime_ns,
-    ):
+    is_same = (before.st_size, before.st_mtime_ns) == (after.st_size, after.st_mtime_ns)
+    if len(data) != before.st_size or not is_same:
         raise LogError("file changed during read; wait until the rig has written it", subject=shown)
     if not data:
         raise LogError("empty file (0 bytes)", subject=shown)
@@ -206,31 +198,30 @@ def _read_up_to(file: FileIO, n_bytes: int) -> bytes:
     return parts[0] if len(parts) == 1 else b"".join(parts)
 
 
-# Logs packed by gzip: unpacked in memory, up to a limit.
-#
-# The format: RFC 1952. A file is one member or several behind each other, each with a checksum.
-#
-# Traps. 1.7 MB may hold 1.2 GB, and the length that a member states is its length modulo 2^32: so
-# it is counted while it is unpacked. Members may be packed again. Tapes and disks fill up the end
-# with zeros.
-
-_MAGIC = b"\x1f\x8b"
-_CHUNK = 1 << 20  # bytes unpacked at a time
-
-
 def unpack(source: Source, *, max_bytes: int) -> tuple[Source, tuple[str, ...]]:
-    """Return the source as it is, or what gzip packed, and a note.
+    """Return the source as it is, or what gzip packed in one member or several, and a note.
 
     Raises
     ------
     LogError
         The archive is damaged or cut, holds more than the limit, or holds another archive.
     """
-    if not source.data.startswith(_MAGIC):
+    if not source.data.startswith(_GZIP):
         return source, ()
     name = source.name
+    parts: list[bytes] = []
+    n_bytes = 0
     try:
-        data = _unpacked(source.data, name, max_bytes)
+        with gzip.GzipFile(fileobj=io.BytesIO(source.data)) as file:
+            while part := file.read(_CHUNK):
+                n_bytes += len(part)
+                if n_bytes > max_bytes:
+                    raise LogError(
+                        f"more than the limit of {max_bytes} bytes when unpacked "
+                        "(rig.max_log_bytes)",
+                        subject=name,
+                    )
+                parts.append(part)
     except EOFError as error:
         raise LogError("truncated gzip; the end of the file is missing", subject=name) from error
     except (gzip.BadGzipFile, zlib.error) as error:
@@ -238,41 +229,12 @@ def unpack(source: Source, *, max_bytes: int) -> tuple[Source, tuple[str, ...]]:
         is_behind = str(error).startswith("Not a gzipped file")
         reason = "odd bytes at its end" if is_behind else str(error)
         raise LogError(f"damaged gzip: {reason}; copy the log again", subject=name) from error
+    data = b"".join(parts)
     if not data:
         raise LogError("empty file inside the gzip", subject=name)
-    if data.startswith(_MAGIC):
+    if data.startswith(_GZIP):
         raise LogError("a gzip inside a gzip; unpack it once", subject=name)
     return replace(source, data=data), ("gzip: unpacked",)
-
-
-def _unpacked(packed: bytes, name: str, max_bytes: int) -> bytes:
-    """Return all members of a gzip file, checked by their checksums."""
-    parts: list[bytes] = []
-    n_bytes = 0
-    with gzip.GzipFile(fileobj=io.BytesIO(packed)) as file:
-        while part := file.read(_CHUNK):
-            n_bytes += len(part)
-            if n_bytes > max_bytes:
-                raise LogError(
-                    f"more than the limit of {max_bytes} bytes when unpacked (rig.max_log_bytes)",
-                    subject=name,
-                )
-            parts.append(part)
-    return b"".join(parts)
-
-
-# Bytes of a text log to UTF-8, or the reason why they are no text.
-#
-# Traps. Any bytes are valid Latin-1, so it is taken last, and said. UTF-16 is known by its mark
-# only; without it every second byte is NUL, and so are bytes that a serial line dropped. Whole
-# files are looked at for NUL, their beginning for other control characters; ESC occurs in
-# terminals' captures.
-
-_UTF16 = {codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
-_CONTROL = re.compile(rb"[\x01-\x08\x0e-\x1a\x1c-\x1f\x7f]")
-# "[Data]" begins a text of entries, and no JSON.
-_BEGINS = re.compile(r'\s*(?:\{\s*(?:["}]|$)|\[\s*(?:[\[{"\d\]-]|$))')
-_HEAD = 4096  # bytes looked at for signs of binary data
 
 
 def is_binary(data: bytes) -> bool:
@@ -284,9 +246,9 @@ def is_binary(data: bytes) -> bool:
 def is_json(data: bytes) -> bool:
     """Say whether a file begins like JSON that may hold a log."""
     head = data[:64]
-    if head[:2] in (b"\xff\xfe", b"\xfe\xff"):
+    if head[:2] in _UTF16:
         return _BEGINS.match(head.decode("utf-16", "ignore")) is not None
-    return _BEGINS.match(head.removeprefix(b"\xef\xbb\xbf").decode("latin-1")) is not None
+    return _BEGINS.match(head.removeprefix(codecs.BOM_UTF8).decode("latin-1")) is not None
 
 
 def to_utf8(
@@ -305,16 +267,20 @@ def to_utf8(
     if encoding:
         data = _decoded(data, encoding, name)
         notes = (f"encoding: {encoding}, as declared",)
-    if data.startswith(codecs.BOM_UTF8):
-        data = data[len(codecs.BOM_UTF8) :]
-    elif data[:2] in _UTF16:
+    if data[:2] in _UTF16:
         encoding = _UTF16[data[:2]]
         data = _decoded(data[2:], encoding, name)
         notes = (f"encoding: {encoding.upper()}",)
-    _refuse_pages(data, name)
+    data = data.removeprefix(codecs.BOM_UTF8)
+    start = data[:200].lstrip().lower()
+    if start.startswith((b"<!doctype html", b"<html", b"<head", b"<body")):
+        raise LogError("this is HTML, a web page, not a log; download the log again", subject=name)
+    if start.startswith(b"<?xml"):
+        raise LogError("this is XML; export the log as delimited text", subject=name)
     if allows_nul:
         data = data.replace(b"\0", b"?")  # no number, so its row is dropped
-    _refuse_nul(data, name)
+    elif (offset := data.find(b"\0")) >= 0:
+        _refuse_nul(data, offset, name)
     if _CONTROL.search(data, 0, _HEAD):
         raise LogError("binary data in no known format", subject=name)
     if not data.isascii():
@@ -333,18 +299,7 @@ def _decoded(data: bytes, encoding: str, name: str) -> bytes:
         raise LogError(f"is not valid {encoding.upper()}", subject=name) from error
 
 
-def _refuse_pages(data: bytes, name: str) -> None:
-    start = data[:200].lstrip().lower()
-    if start.startswith((b"<!doctype html", b"<html", b"<head", b"<body")):
-        raise LogError("this is HTML, a web page, not a log; download the log again", subject=name)
-    if start.startswith(b"<?xml"):
-        raise LogError("this is XML; export the log as delimited text", subject=name)
-
-
-def _refuse_nul(data: bytes, name: str) -> None:
-    offset = data.find(b"\0")
-    if offset < 0:
-        return
+def _refuse_nul(data: bytes, offset: int, name: str) -> None:
     if not data.strip(b"\0"):
         raise LogError(
             f"{len(data)} bytes, all of them NUL; the log was never written to the disk: "

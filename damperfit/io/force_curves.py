@@ -12,10 +12,12 @@ from __future__ import annotations
 
 import re
 from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from damperfit.errors import LogError
 from damperfit.io.channels import (
@@ -26,37 +28,29 @@ from damperfit.io.channels import (
     visible,
     words_of_name,
 )
+from damperfit.io.files import Source
+from damperfit.io.formats import Column, FloatArray, Table
+from damperfit.io.options import ReadOptions
 from damperfit.statistics import median
-from damperfit.units.quantities import is_unit
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from numpy.typing import NDArray
-
-    from damperfit.io.files import Source
-    from damperfit.io.formats import Column, Table
-    from damperfit.io.options import ReadOptions
-    from damperfit.units.quantities import Unit
-
-    FloatArray = NDArray[np.float64]
-    _Part = tuple[str, FloatArray, FloatArray]  # stroke, speeds, forces
+from damperfit.units.quantities import Unit, is_unit
 
 __all__ = ["ForceCurve", "holds_curves", "make_curves"]
+
+_Part = tuple[str, FloatArray, FloatArray]  # stroke, speeds, forces
 
 _REBOUND = {"rebound", "reb", "r", "extension", "ext", "zug", "détente", "estensione"}
 _BUMP = {"bump", "compression", "comp", "c", "jounce", "druck", "kompression", "compressione"}
 _SPEED = {"velocity", "vel", "speed", "v", "geschwindigkeit", "vitesse", "velocità", "velocidad"}
 _FORCE = {"force", "load", "f", "kraft", "effort", "forza", "fuerza", "pvp", "peak"}
+_SETTING = {
+    "setting", "click", "clicks", "detent", "notch", "klick", "klicks", "raste", "stufe", "clic",
+    "clics", "cran", "crans",
+}  # fmt: skip
 _LABEL = re.compile(r"\s*\((?P<label>[^()]{1,40})\)\s*(?P<rest>\S.*)", re.DOTALL)
 _NUMBERED = re.compile(r"\.\d+$")  # "C.1": a name that some tools give to the second "C"
 _WORD = re.compile(r"[^\W\d_]+")
 _LOOP = 50  # points of a stroke; fewer are points in any order
 _MAX_CURVES = 500
-_SETTING = {
-    "setting", "click", "clicks", "detent", "notch", "klick", "klicks", "raste", "stufe", "clic",
-    "clics", "cran", "crans",
-}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -129,8 +123,7 @@ def _between(speeds: FloatArray, forces: FloatArray, speed: float) -> float:
     return float(np.interp(speed, known, means, left=np.nan, right=np.nan))
 
 
-@dataclass(frozen=True, slots=True)
-class _Pair:
+class _Pair(NamedTuple):
     """Columns of speed and force that belong together."""
 
     label: str
@@ -139,8 +132,7 @@ class _Pair:
     force: int
 
 
-@dataclass(frozen=True, slots=True)
-class _Heading:
+class _Heading(NamedTuple):
     """What a column's name says."""
 
     label: str
@@ -159,7 +151,7 @@ def holds_curves(tables: Sequence[Table], options: ReadOptions) -> bool:
 
 
 def make_curves(
-    tables: Sequence[Table], source: Source, options: ReadOptions, notes: tuple[str, ...]
+    source: Source, tables: Sequence[Table], options: ReadOptions, notes: tuple[str, ...]
 ) -> tuple[ForceCurve, ...]:
     """Return the curves in a file's tables, in SI, positive in rebound.
 
@@ -168,19 +160,17 @@ def make_curves(
     LogError
         There is time, a unit is missing, a value is no number, or signs do not tell the strokes.
     """
+    name = source.name
     if any(has_channel("time", table.columns, options) for table in tables):
         raise LogError(
-            f"has a time column, so it is a log, not a curve; fit it by damperfit "
-            f"identify {source.name}",
-            subject=source.name,
+            f"has a time column, so it is a log, not a curve; fit it by damperfit identify {name}",
+            subject=name,
         )
     curves = [curve for table in tables for curve in _table_curves(table, source, options)]
     if len(curves) > _MAX_CURVES:
-        raise LogError(
-            f"{len(curves)} curves, more than the limit of {_MAX_CURVES}", subject=source.name
-        )
+        raise LogError(f"{len(curves)} curves, more than the limit of {_MAX_CURVES}", subject=name)
     if not curves:
-        raise LogError("no speed with a force beside it", subject=source.name)
+        raise LogError("no speed with a force beside it", subject=name)
     return tuple(replace(curve, notes=(*notes, *curve.notes)) for curve in curves)
 
 
@@ -191,14 +181,14 @@ def _headings(columns: Sequence[Column], options: ReadOptions) -> list[_Heading]
         declared = options.columns.get(channel, "")
         for i, column in enumerate(columns):
             if declared != "" and declared in (i + 1, column.name):
-                headings[i] = replace(headings[i], kind=kind)
+                headings[i] = headings[i]._replace(kind=kind)
     return headings
 
 
 def _parted(name: str) -> tuple[str, str]:
     """Return the label in front of a name, and the name."""
-    found = _LABEL.fullmatch(name)
-    label, rest = (found["label"].strip(), found["rest"]) if found else ("", name)
+    match = _LABEL.fullmatch(name)
+    label, rest = (match["label"].strip(), match["rest"]) if match else ("", name)
     return label, _NUMBERED.sub("", rest)
 
 
@@ -224,49 +214,35 @@ def _split(name: str) -> tuple[str, str | None]:
 
 def _pairs(columns: Sequence[Column], options: ReadOptions) -> list[_Pair]:
     """Return which force goes with which speed, from the left to the right."""
-    headings = _headings(columns, options)
     pairs: list[_Pair] = []
     speeds: dict[str, int] = {}  # by stroke
     label = ""
-    for i, heading in enumerate(headings):
+    for i, heading in enumerate(_headings(columns, options)):
         if heading.label and heading.label != label:
             label = heading.label
             speeds = {"": speeds[""]} if "" in speeds else {}
+        speed = speeds.get(heading.stroke, speeds.get(""))
         if heading.kind == "speed":
             speeds[heading.stroke] = i
-        elif heading.kind == "force":
-            speed = speeds.get(heading.stroke, speeds.get(""))
-            if speed is not None:
-                pairs.append(_Pair(label, heading.stroke, speed, i))
-    unnamed = [pair for pair in pairs if not pair.label and not pair.stroke]
-    if len(unnamed) > 1:  # one force a setting beside one speed: the names tell them apart
-        pairs = [
-            replace(pair, label=split_name(columns[pair.force].name)[0])
-            if pair in unnamed
-            else pair
-            for pair in pairs
-        ]
-    return _with_distinct_labels(pairs, columns)
-
-
-def _with_distinct_labels(pairs: Sequence[_Pair], columns: Sequence[Column]) -> list[_Pair]:
-    """Return the pairs with what their names say beside the stroke, where a stroke is there twice.
-
-    Else "0 clicks R" and "4 clicks R" were one curve.
-    """
-    bare = Counter(pair.stroke for pair in pairs if not pair.label and pair.stroke)
-    if max(bare.values(), default=0) < 2:
-        return list(pairs)
+        elif heading.kind == "force" and speed is not None:
+            pairs.append(_Pair(label, heading.stroke, speed, i))
+    # What has no label is told apart by its names: one force a setting beside one speed, or what
+    # they say beside the stroke, where a stroke is there twice; else "0 clicks R" and "4 clicks R"
+    # were one curve.
+    bare = Counter(pair.stroke for pair in pairs if not pair.label)
+    are_strokes_distinct = all(n < 2 for stroke, n in bare.items() if stroke)
     seen: Counter[str] = Counter()
-    told = []
+    labelled = []
     for pair in pairs:
-        label = pair.label
-        if pair.stroke and not label:
+        name, label = columns[pair.force].name, pair.label
+        if not pair.label and not pair.stroke and bare[""] > 1:
+            label = split_name(name)[0]
+        elif not pair.label and pair.stroke and not are_strokes_distinct:
             seen[pair.stroke] += 1
-            name = _split(_parted(columns[pair.force].name)[1])[0]
-            label = _beside_stroke(name) or f"curve {seen[pair.stroke]}"
-        told.append(replace(pair, label=label))
-    return told
+            beside = _beside_stroke(_split(_parted(name)[1])[0])
+            label = beside or f"curve {seen[pair.stroke]}"
+        labelled.append(pair._replace(label=label))
+    return labelled
 
 
 def _beside_stroke(name: str) -> str:
@@ -282,7 +258,7 @@ def _table_curves(table: Table, source: Source, options: ReadOptions) -> list[Fo
     if not used:
         return []
     headings = _headings(columns, options)
-    setting = next((i for i, one in enumerate(headings) if one.kind == "setting"), None)
+    setting = next((i for i, heading in enumerate(headings) if heading.kind == "setting"), None)
     units = _units(pairs, columns, options, where)
     keys = {i: f"column {i + 1}, {visible(columns[i].name)}" for i in used}
     wanted = {key: i for i, key in keys.items()}
@@ -292,7 +268,7 @@ def _table_curves(table: Table, source: Source, options: ReadOptions) -> list[Fo
     if setting is not None:
         settings = samples.channels["setting"]
         rows = {f"{value:.15g}": settings == value for value in dict.fromkeys(settings.tolist())}
-    found: dict[str, list[_Part]] = {}
+    curves: dict[str, list[_Part]] = {}
     for part, is_in in rows.items():
         for pair in pairs:
             speed, force = values[pair.speed][is_in], values[pair.force][is_in]
@@ -303,9 +279,9 @@ def _table_curves(table: Table, source: Source, options: ReadOptions) -> list[Fo
                     f"{where}, {samples.place(at)}: {keys[pair.force]}: a force without a speed"
                 )
             is_there = ~np.isnan(force)
-            label = " ".join(one for one in (pair.label, part) if one)
-            found.setdefault(label, []).append((pair.stroke, speed[is_there], force[is_there]))
-    return [_curve(label, parts, table, source, options) for label, parts in found.items()]
+            label = " ".join(text for text in (pair.label, part) if text)
+            curves.setdefault(label, []).append((pair.stroke, speed[is_there], force[is_there]))
+    return [_curve(label, parts, table, source, options) for label, parts in curves.items()]
 
 
 def _units(
@@ -316,7 +292,7 @@ def _units(
     units: dict[int, Unit] = {}
     problems: dict[str, LogError] = {}
     for i, kind in kinds.items():
-        column = replace(columns[i], name=_parted(columns[i].name)[1])
+        column = columns[i]._replace(name=_parted(columns[i].name)[1])
         try:
             units[i] = unit_of_channel(kind, i, column, options, where)
         except LogError as error:
@@ -327,22 +303,17 @@ def _units(
 
 
 def _curve(
-    label: str,
-    parts: Sequence[_Part],
-    table: Table,
-    source: Source,
-    options: ReadOptions,
+    label: str, parts: Sequence[_Part], table: Table, source: Source, options: ReadOptions
 ) -> ForceCurve:
     signed = [_signed(stroke, v, f, source.name, options) for stroke, v, f in parts]
     velocity = np.concatenate([v for v, _, _ in signed])
     force = np.concatenate([f for _, f, _ in signed])
-    said = dict.fromkeys(note for _, _, note in signed if note)
+    notes = dict.fromkeys(note for _, _, note in signed if note)
     if not np.isfinite(force).all() or not np.isfinite(velocity).all():
         raise LogError(f"a speed or force {label} is infinite", subject=source.name)
     if not len(force):
-        raise LogError(
-            f"no points of {visible(label) if label else 'the curve'}", subject=source.name
-        )
+        what = visible(label) if label else "the curve"
+        raise LogError(f"no points of {what}", subject=source.name)
     return ForceCurve(
         name=source.name,
         path=source.path,
@@ -350,7 +321,7 @@ def _curve(
         label=label or table.metadata.get("setting") or source.name,
         velocity=velocity,
         force=force,
-        notes=(*table.notes, *said),
+        notes=(*table.notes, *notes),
     )
 
 

@@ -6,103 +6,55 @@ of them are channels (`channels`, `recordings`).
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import PurePath
-from typing import TYPE_CHECKING
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from damperfit.errors import LogError
-from damperfit.io.files import is_binary, is_json
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from damperfit.io.files import Source
-    from damperfit.io.options import ReadOptions
-    from damperfit.recording import Finding
-
-    FloatArray = NDArray[np.float64]
+from damperfit.io.files import Source, is_binary, is_json
+from damperfit.io.options import ReadOptions
+from damperfit.recording import Finding
 
 __all__ = ["FORMATS", "LOG_SUFFIXES", "Column", "Format", "Samples", "Table", "find_format"]
 
+FloatArray = NDArray[np.float64]
 
-@dataclass(frozen=True, slots=True)
-class Column:
-    """Name and unit of a column, as the log has them.
 
-    Attributes
-    ----------
-    name : str
-        Name as written, without blanks around it; may be empty.
-    unit : str or None
-        From a units row or a field's metadata; None when there is neither. A unit inside the
-        name is not taken out here.
-    is_clock : bool
-        The values are times of day, as in "04/29/2022 11:56:20.699 AM".
-    """
+class Column(NamedTuple):
+    """Name and unit of a column, as the log has them."""
 
-    name: str
-    unit: str | None = None
-    is_clock: bool = False
+    name: str  # without blanks around it; may be empty
+    unit: str | None = None  # of a units row or a field's metadata, not one inside the name
+    is_clock: bool = False  # times of day, as in "04/29/2022 11:56:20.699 AM"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Samples:
-    """Raw values of the channels asked for.
+    """Raw values of the channels asked for, blanks as NaN, a clock in seconds from its start."""
 
-    Attributes
-    ----------
-    channels : dict of str to numpy.ndarray
-        Shape (n,) each; what is blank is NaN. A clock is in seconds from its first stamp.
-    place : callable
-        Index of a sample -> where it stands, as in "line 17".
-    notes : tuple of str
-        What was left out.
-    findings : tuple of Finding
-        What was left out and makes the log doubtful.
-    """
-
-    channels: dict[str, FloatArray]
-    place: Callable[[int], str]
+    channels: Mapping[str, FloatArray]
+    place: Callable[[int], str]  # where a sample stands, as in "line 17"
     notes: tuple[str, ...] = ()
-    findings: tuple[Finding, ...] = ()
+    findings: tuple[Finding, ...] = ()  # what was left out and makes the log doubtful
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Table:
-    """One test of a log, not yet understood.
-
-    Attributes
-    ----------
-    columns : tuple of Column
-        In the order of the log.
-    load : callable
-        {channel: index of column} -> Samples; raises LogError for text in a number column.
-    metadata : mapping of str to str
-        Keys in lower case.
-    notes : tuple of str
-        What the format's reader assumed.
-    part : str
-        Title of the test in the file (block, sheet, group); may be empty.
-    findings : tuple of Finding
-        What was left out and makes the log doubtful.
-    may_run_on : bool
-        It may be the next piece of one record, where its time runs on from the table before.
-    hint : str
-        Why names may be missing, said where a channel is not found; may be empty.
-    """
+    """One test of a log, not yet understood."""
 
     columns: tuple[Column, ...]
-    load: Callable[[Mapping[str, int]], Samples]
-    metadata: Mapping[str, str] = field(default_factory=dict)
+    load: Callable[[Mapping[str, int]], Samples]  # {channel: index of column}
+    metadata: Mapping[str, str] = field(default_factory=dict)  # keys in lower case
     notes: tuple[str, ...] = ()
-    part: str = ""
+    part: str = ""  # title of the test in the file (block, sheet, group)
     findings: tuple[Finding, ...] = ()
-    may_run_on: bool = False
-    hint: str = ""
+    may_run_on: bool = False  # it may be the next piece of one record
+    hint: str = ""  # why names may be missing, said where a channel is not found
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,10 +85,8 @@ class Format:
     def read(self, source: Source, options: ReadOptions) -> tuple[Table, ...]:
         """Return the tables of a file."""
         module, _, function = self.reader.partition(":")
-        tables: tuple[Table, ...] = getattr(import_module(f"damperfit.io.{module}"), function)(
-            source, options
-        )
-        return tables
+        reader = getattr(import_module(f"damperfit.io.{module}"), function)
+        return tuple(reader(source, options))
 
 
 _MAT73 = (b"MATLAB 7.3 MAT-file", b"\x89HDF")
@@ -144,10 +94,10 @@ _OFFICE = (b"PK\x03\x04", b"\xd0\xcf\x11\xe0")
 _MDF = (b"MDF     ", b"UnFinMF ")
 FORMATS = (
     Format("Parquet", "parquet:read_parquet", (".parquet", ".pq"), (b"PAR1",)),
-    Format("MATLAB", "groups:read_matlab", (".mat",), (b"MATLAB 5.0 MAT-file",), in_child=True),
-    Format("MATLAB 7.3", "groups:read_matlab", (".mat", ".h5"), _MAT73, in_child=True),
-    Format("TDMS", "groups:read_tdms", (".tdms",), (b"TDSm",)),
-    Format("MDF", "groups:read_mdf", (".mf4", ".mdf"), _MDF, in_child=True),
+    Format("MATLAB", "matlab:read_matlab", (".mat",), (b"MATLAB 5.0 MAT-file",), in_child=True),
+    Format("MATLAB 7.3", "matlab:read_matlab", (".mat", ".h5"), _MAT73, in_child=True),
+    Format("TDMS", "tdms:read_tdms", (".tdms",), (b"TDSm",)),
+    Format("MDF", "mdf:read_mdf", (".mf4", ".mdf"), _MDF, in_child=True),
     Format("Excel", "excel:read_excel", (".xlsx", ".xls"), _OFFICE),
     Format("JSON", "json_log:read_json", (".json", ".jsonl", ".ndjson")),
     Format("text", "text:read_delimited", (".csv", ".txt", ".tsv", ".dat", ".asc", ".log")),
@@ -183,11 +133,9 @@ def find_format(source: Source) -> Format:
     for known in FORMATS:
         if known.magic and source.data.startswith(known.magic):
             return known
-    for magic, reason in _REFUSED:
-        if source.data.startswith(magic):
-            raise LogError(f"{reason}", subject=source.name)
-    if source.data.startswith(b"ustar", _TAR):
-        raise LogError(f"{_ARCHIVE}", subject=source.name)
+    refused = next((why for magic, why in _REFUSED if source.data.startswith(magic)), "")
+    if refused or source.data.startswith(b"ustar", _TAR):
+        raise LogError(refused or _ARCHIVE, subject=source.name)
     if is_json(source.data):
         return _JSON
     suffix = PurePath(source.name).suffix.lower()

@@ -4,21 +4,17 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from fnmatch import fnmatch
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from damperfit.errors import ConfigurationError, blamed_on, did_you_mean
 from damperfit.io.tests_table import FACTS
 from damperfit.problem import Key
 from damperfit.tested.identity import IDENTITY_KEYS
-from damperfit.tested.setting import ADJUSTER
+from damperfit.tested.setting import ADJUSTER, Setting
 from damperfit.units.quantities import find_unit
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from damperfit.tested.setting import Setting
 
 __all__ = [
     "CHANNELS",
@@ -46,8 +42,6 @@ EXTRAS = ("temperature", "velocity")
 SETTING_PATTERN = (
     r"(?:setting(?:[ _](?=-\d)|[ _=-]?)|(?<![^\W_])s[ _=-]?(?=\d{1,3}(?!\d)))(-?\d+)(?![.]?\d)"
 )
-
-_SIGNS = ("reverse_force", "reverse_displacement")
 # What the user may call a character that is hard to see in a configuration.
 SEPARATORS = {",": ",", ";": ";", "|": "|", "\t": "\t", "tab": "\t", " ": " ", "blanks": " "}
 _WORDS = {
@@ -134,96 +128,58 @@ class Declarations:
     def __post_init__(self) -> None:
         """Refuse declarations that mean nothing."""
         _check_pattern(self.setting_pattern)
-        _check_encoding(self.encoding)
-        for name in _SIGNS:
-            if getattr(self, name) not in (True, False, "detect"):
-                raise ConfigurationError(
-                    f"found {getattr(self, name)!r}, expected true, false or 'detect'",
-                    where=Key((name,)),
-                )
-        self._check_channels()
-        for name in ("skip_lines", "sample_rate", "pause"):
-            if not 0.0 <= getattr(self, name) < math.inf:
-                raise ConfigurationError(
-                    f"found {getattr(self, name)}, expected 0 or more", where=Key((name,))
-                )
-        for name, words in _WORDS.items():
-            found = getattr(self, name)
-            if found not in words:
-                shown = " or ".join(repr(word) for word in words if word)
-                raise ConfigurationError(
-                    f"found {found!r}, expected {shown}.{did_you_mean(str(found), words)}",
-                    where=Key((name,)),
-                )
-        if self.thousands and self.thousands in {self.decimal, self.separator}:
-            raise ConfigurationError(
-                f"{self.thousands!r} already has another meaning", where=Key(("thousands",))
-            )
+        try:
+            "".encode(self.encoding or "utf-8")
+        except LookupError as error:
+            raise _wrong("encoding", f"{self.encoding!r} is not a text encoding") from error
+        for name in ("reverse_force", "reverse_displacement"):
+            if (value := getattr(self, name)) not in (True, False, "detect"):
+                raise _wrong(name, f"found {value!r}, expected true, false or 'detect'")
+        for name in ("columns", "units", "scales", "offsets", "tested_at"):
+            known = tuple(FACTS) if name == "tested_at" else tuple(CHANNELS)
+            known += ("setting",) if name == "columns" else ()
+            what = "" if name == "tested_at" else "channel "
+            for key in getattr(self, name):
+                if key not in known:
+                    hint = did_you_mean(key, known)
+                    raise _wrong(name, f"no {what}{key!r}; there are {', '.join(known)}.{hint}")
+        self._check_values()
 
-    def _check_channels(self) -> None:
-        for what in ("columns", "units", "scales", "offsets"):
-            known = (*CHANNELS, "setting") if what == "columns" else tuple(CHANNELS)
-            for channel in getattr(self, what):
-                if channel not in known:
-                    raise ConfigurationError(
-                        f"no channel {channel!r}; there are {', '.join(known)}."
-                        f"{did_you_mean(channel, known)}",
-                        where=Key((what,)),
-                    )
-        for fact in self.tested_at:
-            if fact not in FACTS:
-                raise ConfigurationError(
-                    f"no {fact!r}; there are {', '.join(FACTS)}.{did_you_mean(fact, FACTS)}",
-                    where=Key(("tested_at",)),
-                )
+    def _check_values(self) -> None:
         for channel, unit in self.units.items():
             if unit:
                 with blamed_on(Key(("rig", "units"))):
                     find_unit(unit, CHANNELS[channel])
         for channel, scale in self.scales.items():
-            if not (math.isfinite(scale) and scale != 0.0):
-                raise ConfigurationError(
-                    f"{channel} is {scale}, expected other than 0", where=Key(("scales",))
-                )
+            if not math.isfinite(scale) or scale == 0.0:
+                raise _wrong("scales", f"{channel} is {scale}, expected other than 0")
         for channel, offset in self.offsets.items():
             if not math.isfinite(offset):
-                raise ConfigurationError(
-                    f"{channel} is {offset}, expected a number", where=Key(("offsets",))
-                )
+                raise _wrong("offsets", f"{channel} is {offset}, expected a number")
+        for name in ("skip_lines", "sample_rate", "pause"):
+            if not 0.0 <= getattr(self, name) < math.inf:
+                raise _wrong(name, f"found {getattr(self, name)}, expected 0 or more")
+        for name, words in _WORDS.items():
+            if (word := getattr(self, name)) not in words:
+                shown = " or ".join(repr(one) for one in words if one)
+                hint = did_you_mean(str(word), words)
+                raise _wrong(name, f"found {word!r}, expected {shown}.{hint}")
+        if self.thousands and self.thousands in {self.decimal, self.separator}:
+            raise _wrong("thousands", f"{self.thousands!r} already has another meaning")
+
+
+def _wrong(key: str, text: str) -> ConfigurationError:
+    return ConfigurationError(text, where=Key((key,)))
 
 
 def _check_pattern(pattern: str) -> None:
     try:
         groups = re.compile(pattern, re.IGNORECASE).groups
     except re.error as error:
-        raise ConfigurationError(
-            f"{pattern!r} is not a regular expression: {error}", where=Key(("setting_pattern",))
-        ) from error
+        text = f"{pattern!r} is not a regular expression: {error}"
+        raise _wrong("setting_pattern", text) from error
     if groups < 1:
-        raise ConfigurationError(
-            f"{pattern!r} has no group (...) around the number", where=Key(("setting_pattern",))
-        )
-
-
-def _check_groups(pattern: str, adjusters: tuple[str, ...]) -> None:
-    known = (*adjusters, *IDENTITY_KEYS)
-    for name in re.compile(pattern).groupindex:
-        if name not in known:
-            raise ConfigurationError(
-                f"{pattern!r} has a group {name!r}; there are "
-                f"{', '.join(known)}, and adjusters that [adjusters] names."
-                f"{did_you_mean(name, known)}",
-                where=Key(("setting_pattern",)),
-            )
-
-
-def _check_encoding(encoding: str) -> None:
-    try:
-        "".encode(encoding or "utf-8")
-    except LookupError as error:
-        raise ConfigurationError(
-            f"{encoding!r} is not a text encoding", where=Key(("encoding",))
-        ) from error
+        raise _wrong("setting_pattern", f"{pattern!r} has no group (...) around the number")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -299,10 +255,16 @@ class ReadOptions(Declarations):
         """Refuse options that mean nothing."""
         Declarations.__post_init__(self)
         if self.max_bytes <= 0:
-            raise ConfigurationError(
-                f"found {self.max_bytes}, expected more than 0", where=Key(("max_log_bytes",))
-            )
-        _check_groups(self.setting_pattern, self.adjusters)
+            raise _wrong("max_log_bytes", f"found {self.max_bytes}, expected more than 0")
+        known = (*self.adjusters, *IDENTITY_KEYS)
+        for name in re.compile(self.setting_pattern).groupindex:
+            if name not in known:
+                raise _wrong(
+                    "setting_pattern",
+                    f"{self.setting_pattern!r} has a group {name!r}; there are "
+                    f"{', '.join(known)}, and adjusters that [adjusters] names."
+                    f"{did_you_mean(name, known)}",
+                )
         names = [profile.name for profile in self.profiles]
         if self.profile and self.profile not in names:
             raise ConfigurationError(

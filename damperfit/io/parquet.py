@@ -11,31 +11,23 @@ said in a note. The footer has no checksum, so what it says twice is compared. A
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
 from damperfit.errors import LogError
 from damperfit.io.child_process import check_size, refusing_damage
-from damperfit.io.formats import Column, Samples, Table
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from numpy.typing import NDArray
-
-    from damperfit.io.files import Source
-    from damperfit.io.options import ReadOptions
-
-    FloatArray = NDArray[np.float64]
+from damperfit.io.files import Source
+from damperfit.io.formats import Column, FloatArray, Samples, Table
+from damperfit.io.options import ReadOptions
 
 __all__ = ["read_parquet"]
 
 _MAGIC = b"PAR1"
 _NEXT_NUMBER = b"\x15"
 _NO_CHECKSUMS = "Parquet without page checksums: a damaged value could not be seen"
-# Ticks in a second, by Arrow's name of a tick.
-_TICKS = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
+_TICKS = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}  # in a second
 
 
 def read_parquet(source: Source, options: ReadOptions) -> tuple[Table, ...]:
@@ -57,8 +49,7 @@ def read_parquet(source: Source, options: ReadOptions) -> tuple[Table, ...]:
         schema = file.schema_arrow
         metadata = _texts(schema.metadata)
         fields = [schema.field(i) for i in range(len(schema))]
-    groups = (file.metadata.row_group(i) for i in range(file.metadata.num_row_groups))
-    n_rows = max(file.metadata.num_rows, sum(max(group.num_rows, 0) for group in groups))
+    n_rows = max(file.metadata.num_rows, sum(max(n, 0) for n in _rows_of_groups(file)))
     claimed = max(n_rows, 0) * 8 * 4  # four channels of float64 are all that is ever loaded
     check_size(claimed, limit=options.max_bytes, what=f"a table of {n_rows} rows", name=name)
     return (
@@ -69,6 +60,10 @@ def read_parquet(source: Source, options: ReadOptions) -> tuple[Table, ...]:
             notes=() if _has_checksums(source.data) else (_NO_CHECKSUMS,),
         ),
     )
+
+
+def _rows_of_groups(file: Any) -> list[int]:
+    return [file.metadata.row_group(i).num_rows for i in range(file.metadata.num_row_groups)]
 
 
 def _has_checksums(data: bytes) -> bool:
@@ -94,8 +89,7 @@ def _column(field: Any) -> Column:
     if pa.types.is_duration(field.type):
         return Column(field.name.strip(), "s")
     said = _texts(field.metadata)
-    unit = said.get("unit") or said.get("units")
-    return Column(field.name.strip(), unit, is_clock=_is_clock(field.type))
+    return Column(field.name.strip(), said.get("unit") or said.get("units"), _is_clock(field.type))
 
 
 def _is_clock(kind: Any) -> bool:
@@ -106,11 +100,11 @@ def _is_clock(kind: Any) -> bool:
 
 def _texts(metadata: Mapping[bytes, bytes] | None) -> dict[str, str]:
     """Return what is short readable text, keys in lower case."""
-    texts = {}
-    for key, value in (metadata or {}).items():
-        if len(value) <= 1000 and not key.startswith((b"ARROW:", b"PARQUET:", b"pandas")):
-            texts[key.decode("utf-8", "replace").lower()] = value.decode("utf-8", "replace")
-    return texts
+    return {
+        key.decode("utf-8", "replace").lower(): value.decode("utf-8", "replace")
+        for key, value in (metadata or {}).items()
+        if len(value) <= 1000 and not key.startswith((b"ARROW:", b"PARQUET:", b"pandas"))
+    }
 
 
 def _load(file: Any, fields: list[Any], wanted: Mapping[str, int], name: str) -> Samples:
@@ -125,7 +119,14 @@ def _load(file: Any, fields: list[Any], wanted: Mapping[str, int], name: str) ->
     columns = sorted({fields[index].name for index in wanted.values()})
     with refusing_damage("Parquet", name=name):
         table = file.read(columns=columns, use_threads=False)
-        _check_counts(file.metadata, table.num_rows, name)
+        # The counts of the columns are left alone: asking for a damaged one ends the process.
+        n_declared, n_held = file.metadata.num_rows, sum(_rows_of_groups(file))
+        if not n_declared == n_held == table.num_rows:
+            raise LogError(
+                f"damaged Parquet: {n_declared} rows are declared, {n_held} held and "
+                f"{table.num_rows} read; copy the log again",
+                subject=name,
+            )
         table.validate(full=True)
         channels = {
             channel: _floats(table.column(fields[index].name)) for channel, index in wanted.items()
@@ -133,42 +134,18 @@ def _load(file: Any, fields: list[Any], wanted: Mapping[str, int], name: str) ->
     return Samples(channels, lambda index: f"row {index + 1}")
 
 
-def _check_counts(metadata: Any, n_read: int, name: str) -> None:
-    """Compare what is said twice: the footer has no checksum, and a count may be damaged.
-
-    The counts of the columns are left alone: asking pyarrow for a damaged one ends the process.
-    """
-    groups = range(metadata.num_row_groups)
-    n_held = sum(metadata.row_group(i).num_rows for i in groups)
-    if not metadata.num_rows == n_held == n_read:
-        raise LogError(
-            f"damaged Parquet: {metadata.num_rows} rows are declared, {n_held} held and "
-            f"{n_read} read; copy the log again",
-            subject=name,
-        )
-
-
 def _floats(column: Any) -> FloatArray:
-    import pyarrow as pa
-
-    kind = column.type
-    if _is_clock(kind) or pa.types.is_duration(kind):
-        return _seconds(column)
-    values = column.cast(pa.float64()).to_numpy(zero_copy_only=False)
-    return np.asarray(values, dtype=np.float64)
-
-
-def _seconds(column: Any) -> FloatArray:
-    """Return stamps and times of day as seconds from the first, durations as they are.
+    """Return numbers, durations in seconds, stamps and times of day in seconds from the first.
 
     The difference is taken in whole ticks: as floats, stamps are good to 0.2 us only.
     """
     import pyarrow as pa
 
     kind = column.type
-    ticks = (
-        column.cast(pa.int32()).cast(pa.int64()) if kind.bit_width == 32 else column.cast("int64")
-    )
+    if not (_is_clock(kind) or pa.types.is_duration(kind)):
+        values = column.cast(pa.float64()).to_numpy(zero_copy_only=False)
+        return np.asarray(values, dtype=np.float64)
+    ticks = (column.cast(pa.int32()) if kind.bit_width == 32 else column).cast(pa.int64())
     is_known = np.asarray(column.is_valid().to_numpy(zero_copy_only=False), dtype=np.bool_)
     counts = ticks.fill_null(0).to_numpy().astype(np.int64)
     if not pa.types.is_duration(kind) and is_known.any():

@@ -1,29 +1,24 @@
 """A table of tests: which file is which damper, at which setting, and whatever else is known.
 
 One row a log, with the columns ``file``, each adjuster (or ``setting``, a label), those of
-`Identity`, and any others. Written by hand or saved by a spreadsheet: comma, semicolon or tab,
-UTF-8 or Latin-1.
+`Identity`, facts of the test (`FACTS`), and any others. Written by hand or saved by a spreadsheet:
+comma, semicolon or tab, UTF-8 or Latin-1.
 """
 
 from __future__ import annotations
 
 import csv
 import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.io.files import IrregularFileError, open_regular, read_bytes
 from damperfit.problem import FilePlace
 from damperfit.tested.identity import IDENTITY_KEYS, Identity, identity_in
-from damperfit.tested.setting import ADJUSTER, parse_place, parse_setting
+from damperfit.tested.setting import ADJUSTER, Place, parse_place, parse_setting
 from damperfit.units.quantities import parse_quantity, says_absolute_or_gauge
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-    from pathlib import Path
-
-    from damperfit.tested.setting import Place
 
 __all__ = [
     "FACTS",
@@ -35,10 +30,7 @@ __all__ = [
     "read_tests",
 ]
 
-
-# What one log was tested at, where somebody says so: gas pressure, temperature, tare, skew.
-
-# What may stand for each log, and its dimension.
+# What a log was tested at, where somebody says so, and its dimension.
 FACTS = {
     "gas_pressure": "absolute pressure",
     "temperature": "temperature",
@@ -47,6 +39,9 @@ FACTS = {
 }
 # What the test was; a tare or a skew that a log itself names may have been taken off already.
 _OF_PREAMBLES = ("gas_pressure", "temperature")
+_FILE = ("file", "log", "filename", "datei")
+_MAX_BYTES = 10_000_000
+_SHORT = 4  # letters; shorter names lie near too many words
 
 
 def fact_of(key: str, text: str) -> float:
@@ -75,6 +70,10 @@ def fact_of(key: str, text: str) -> float:
     return value
 
 
+def _key(name: str) -> str:
+    return re.sub(r"[\W_]+", "_", name.casefold()).strip("_")
+
+
 def facts_in(preamble: Mapping[str, str]) -> tuple[dict[str, float], tuple[str, ...]]:
     """Return the facts that a log's own preamble tells, and which lines say too little.
 
@@ -90,19 +89,12 @@ def facts_in(preamble: Mapping[str, str]) -> tuple[dict[str, float], tuple[str, 
     """
     facts, notes = {}, []
     for name, text in preamble.items():
-        key = re.sub(r"[\W_]+", "_", name.casefold()).strip("_")
-        if key not in _OF_PREAMBLES:
-            continue
         try:
-            facts[key] = fact_of(key, text)
+            if (key := _key(name)) in _OF_PREAMBLES:
+                facts[key] = fact_of(key, text)
         except ValueError as error:
             notes.append(f"{name}: {text}: not used; {error}")
     return facts, tuple(notes)
-
-
-_FILE = ("file", "log", "filename", "datei")
-_MAX_BYTES = 10_000_000
-_SHORT = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,7 +151,7 @@ def is_tests_table(path: Path) -> bool:
             first = _text(file.read(4096)).splitlines()
     except OSError:
         return False
-    return bool(first) and _column_of(_FILE, _fields(first[0])) is not None
+    return bool(first) and _file_column(_fields(first[0], _separator(first[0]))) is not None
 
 
 def read_tests(path: Path, adjusters: Sequence[str]) -> TestsTable:
@@ -179,57 +171,53 @@ def read_tests(path: Path, adjusters: Sequence[str]) -> TestsTable:
         setting, or tells a file twice in two ways.
     """
     try:
-        text = _text(read_bytes(path, max_bytes=_MAX_BYTES))
+        lines = _text(read_bytes(path, max_bytes=_MAX_BYTES)).splitlines()
     except IrregularFileError as error:
         raise ConfigurationError(
             f"{error.strerror}; this is not a table of tests", subject=path
         ) from error
     except (OSError, ValueError) as error:
-        said = getattr(error, "strerror", None) or error
-        raise ConfigurationError(f"cannot be read: {said}", subject=path) from error
-    lines = text.splitlines()
+        reason = getattr(error, "strerror", None) or error
+        raise ConfigurationError(f"cannot be read: {reason}", subject=path) from error
     heading = next((k for k, line in enumerate(lines) if line.strip()), None)
     if heading is None:
         raise ConfigurationError(
             "is empty; expected a line of names, as in 'file,setting'", subject=path
         )
-    names = [name.strip() for name in _fields(lines[heading])]
-    at = _column_of(_FILE, names)
+    separator = _separator(lines[heading])
+    names = _fields(lines[heading], separator)
+    at = _file_column(names)
+    where = FilePlace(str(path), heading + 1)
     if at is None:
         raise ConfigurationError(
             f"no column 'file'; found {', '.join(names[:10])}; name the one that holds the names "
             "of the logs 'file'",
-            where=FilePlace(str(path), heading + 1),
+            where=where,
         )
     if doubled := [name for name in names if name and names.count(name) > 1]:
-        raise ConfigurationError(
-            f"two columns are named '{doubled[0]}'", where=FilePlace(str(path), heading + 1)
-        )
-    separator = _separator(lines[heading])
+        raise ConfigurationError(f"two columns are named '{doubled[0]}'", where=where)
     rows: dict[str, TestRow] = {}
     for k, line in enumerate(lines[heading + 1 :], start=heading + 2):
-        cells = [cell.strip() for cell in next(csv.reader([line], delimiter=separator), [])]
+        cells, where = _fields(line, separator), FilePlace(str(path), k)
         if not any(cells):
             continue
         if len(cells) > len(names):
             raise ConfigurationError(
                 f"{len(cells)} fields, but {len(names)} names in line {heading + 1}; put a text "
                 "that holds the separator in quotes",
-                where=FilePlace(str(path), k),
+                where=where,
             )
         filled = {name: cell for name, cell in zip(names, cells, strict=False) if name and cell}
         file = filled.pop(names[at], "").replace("\\", "/").removeprefix("./")
         if not file:
-            raise ConfigurationError(
-                f"no file name in column '{names[at]}'", where=FilePlace(str(path), k)
-            )
-        row = _row(filled, adjusters, FilePlace(str(path), k))
+            raise ConfigurationError(f"no file name in column '{names[at]}'", where=where)
+        row = _row(filled, adjusters, where)
         before = rows.setdefault(file, row)
         if (before.places, before.identity, before.facts) != (row.places, row.identity, row.facts):
             raise ConfigurationError(
                 f"'{file}' is in line {before.line} too, with other values; leave one of the two "
                 "out",
-                where=FilePlace(str(path), k),
+                where=where,
             )
     return TestsTable(path, rows, tuple(_misspelt(names, adjusters, path)))
 
@@ -239,7 +227,7 @@ def _row(filled: dict[str, str], adjusters: Sequence[str], where: FilePlace) -> 
     facts: dict[str, float] = {}
     others = {}
     for name, cell in filled.items():
-        key = re.sub(r"[\W_]+", "_", name.casefold()).strip("_")
+        key = _key(name)
         try:
             if key == ADJUSTER:
                 places |= dict(parse_setting(cell, adjusters).places)
@@ -251,33 +239,30 @@ def _row(filled: dict[str, str], adjusters: Sequence[str], where: FilePlace) -> 
                 others[name] = cell
         except ValueError as error:
             raise ConfigurationError(f"{name}: found '{cell}', {error}", where=where) from error
-    known = identity_in(others)
-    used = set(known.describe().values())
-    more = tuple((name, cell) for name, cell in others.items() if cell not in used)
-    return TestRow(where.line, places, Identity(**known.describe(), more=more), facts)
+    known = identity_in(others).describe()
+    more = tuple((name, cell) for name, cell in others.items() if cell not in known.values())
+    return TestRow(where.line, places, Identity(**known, more=more), facts)
 
 
 def _misspelt(names: Sequence[str], adjusters: Sequence[str], path: Path) -> list[str]:
     """Say which columns are nearly those of an adjuster or of the damper, and are not taken so."""
-    # Short names lie near too many words.
     known = (*adjusters, *IDENTITY_KEYS, *(name for name in FACTS if len(name) > _SHORT))
     notes = []
     for name in names:
-        if _column_of(_FILE, [name]) is not None:
-            continue
+        is_known = name.casefold() in known or _file_column([name]) is not None
         hint = did_you_mean(name.casefold(), known)
-        if hint and name.casefold() not in known and not identity_in({name: "x"}).describe():
+        if hint and not is_known and not identity_in({name: "x"}).describe():
             notes.append(f"{path}: column '{name}' is kept as a remark.{hint}")
     return notes
 
 
-def _column_of(words: Sequence[str], names: Sequence[str]) -> int | None:
+def _file_column(names: Sequence[str]) -> int | None:
     plain = [re.sub(r"[\W_]+", "", name.casefold()) for name in names]
-    return next((plain.index(word) for word in words if word in plain), None)
+    return next((plain.index(word) for word in _FILE if word in plain), None)
 
 
-def _fields(line: str) -> list[str]:
-    return next(csv.reader([line], delimiter=_separator(line)), [])
+def _fields(line: str, separator: str) -> list[str]:
+    return [cell.strip() for cell in next(csv.reader([line], delimiter=separator), [])]
 
 
 def _separator(line: str) -> str:
@@ -285,7 +270,8 @@ def _separator(line: str) -> str:
 
 
 def _text(data: bytes) -> str:
-    for encoding in ("utf-8-sig", "utf-16" if data[:2] in {b"\xff\xfe", b"\xfe\xff"} else "utf-8"):
+    is_utf16 = data[:2] in {b"\xff\xfe", b"\xfe\xff"}
+    for encoding in ("utf-8-sig", *(["utf-16"] * is_utf16)):
         try:
             return data.decode(encoding)
         except UnicodeDecodeError:

@@ -8,51 +8,33 @@ decimal mark; Instron's entries have a value and a unit. `dialect` finds how a l
 Traps. A rig that is still writing leaves a last line without an end, and -12 of -1234 is a number
 too. Every row may end in a separator, which shifts the columns of a careless reader by one. A
 column of events may be there in the rows with an event only. Whole numbers of a machine at rest say
-nothing of the decimal mark. One dropped byte joins two rows.
+nothing of the decimal mark. One dropped byte joins two rows. A controller may write one record in
+buffers whose titles alone tell time.
 """
 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from damperfit.errors import LogError
 from damperfit.io.channels import has_channel, visible
 from damperfit.io.dialect import LINE, NUMBER, Dialect, fields_of, find_dialect, metadata_of
-from damperfit.io.files import to_utf8
-from damperfit.io.formats import Column, Samples, Table
-from damperfit.io.options import EXTRAS
+from damperfit.io.files import Source, to_utf8
+from damperfit.io.formats import Column, FloatArray, Samples, Table
+from damperfit.io.options import EXTRAS, Declarations, ReadOptions
 from damperfit.recording import Finding
 from damperfit.statistics import median
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+__all__ = ["clock_seconds", "is_stamp", "joined_samples", "read_delimited", "rows_dropped"]
 
-    FloatArray = NDArray[np.float64]
-    from collections.abc import Iterator, Mapping, Sequence
-
-    from damperfit.io.dialect import Dialect
-    from damperfit.io.files import Source
-    from damperfit.io.options import Declarations, ReadOptions
-
-__all__ = [
-    "TextRows",
-    "clock_seconds",
-    "is_stamp",
-    "load_rows",
-    "read_delimited",
-    "with_time_of_titles",
-]
-
-
-# Wall-clock stamps to seconds from the first one.
-#
-# The date is only compared with the one above, so that day and month need not be told apart; each
-# change of date is one day.
-
+# Wall-clock stamps to seconds from the first one. The date is only compared with the one above, so
+# that day and month need not be told apart; each change of date is one day.
 _DAY = 86_400.0  # s
 # In the common subset of Python's and Arrow's regular expressions.
 _PATTERN = (
@@ -61,6 +43,31 @@ _PATTERN = (
     r"\s*(?P<half>[AaPp]\.?[Mm]\.?)?\s*(?:Z|UTC|[+-]\d{2}:?\d{2})?\s*$"
 )
 _STAMP = re.compile(_PATTERN, re.ASCII)
+
+_BLANK = ["", "nan", "NaN", "NAN"]
+_THREADED = 4_000_000  # bytes; below it, starting threads costs more than it saves
+_GROUPED = re.compile(r"[+-]?\d{1,3}(?P<mark>[ ,.'])\d{3}(?:(?P=mark)\d{3})*(?:[.,]\d+)?", re.ASCII)
+_NOT_FINITE = re.compile(r"[+-]?(?:nan|inf|infinity)", re.IGNORECASE)
+_LINE_END = re.compile(rb"\r\n|\n|\r")
+_PIECE = 1_000_000  # bytes
+
+# A line that begins a block of MTS text. What stands above the first one is the file's preamble.
+_BLOCK = re.compile(rb'(?m)^"?Data Acquisition\b[^\r\n]*(?:\r\n|\n|\r|\Z)')
+# "MTS793|MPT|ENU|1|2|.|/|:|...": language, ..., decimal mark, marks of date and time.
+_MTS793 = re.compile(
+    rb"MTS793\|[^|\r\n]*\|(?P<language>[A-Z]{0,8})\|[^|\r\n]*\|[^|\r\n]*\|(?P<decimal>[.,])\|"
+)
+# What a row of data begins with; stands in no line of names or units.
+_DATA = re.compile(rb'(?m)^[ \t"]*[+-]?[.,]?\d')
+_EVENTS = re.compile(r"events?|markers?|comments?|remarks?|notes?", re.IGNORECASE)
+_MAX_PREAMBLE = 100_000  # bytes; what is longer is no preamble
+_FIRST_LINE = re.compile(rb"[^\r\n]*")
+
+_TITLE_TIME = re.compile(
+    r"\b(?:Time|Zeit):\s*(\d+(?:[.,]\d+)?)\s*(?:s|sec|seconds?|Sek)\b", re.IGNORECASE
+)
+_FEWEST = 3  # blocks: one step between two of them could be anything
+_STEADY = 0.01  # of a step
 
 
 def is_stamp(text: str) -> bool:
@@ -79,474 +86,275 @@ def clock_seconds(stamps: Any) -> FloatArray:
 
     Parameters
     ----------
-    stamps : pyarrow.ChunkedArray or pyarrow.Array
+    stamps : sequence of str or pyarrow.ChunkedArray
         Text, shape (n,).
     """
     import pyarrow as pa
     from pyarrow import compute
 
-    if isinstance(stamps, pa.ChunkedArray):
-        stamps = stamps.combine_chunks()
+    if not isinstance(stamps, pa.ChunkedArray):
+        stamps = pa.chunked_array([pa.array(stamps, pa.string())])
     if not len(stamps):
         return np.zeros(0)
-    parts = compute.call_function(
-        "extract_regex", [stamps], compute.ExtractRegexOptions(pattern=_PATTERN)
-    )
+    parts = compute.extract_regex(stamps, _PATTERN)
 
-    def number(field: str) -> FloatArray:
-        text = compute.call_function("struct_field", [parts], compute.StructFieldOptions([field]))
-        is_blank = compute.call_function("equal", [text, pa.scalar("")])
-        filled = compute.call_function("if_else", [is_blank, pa.scalar("0"), text])
-        return np.asarray(filled.cast(pa.float64()).to_numpy(zero_copy_only=False))
+    def texts(field: str) -> NDArray[np.object_]:
+        return np.asarray(compute.struct_field(parts, field).to_pylist(), dtype=object)
 
-    def text(field: str) -> Any:
-        return compute.call_function("struct_field", [parts], compute.StructFieldOptions([field]))
+    def numbers(field: str) -> FloatArray:
+        text = compute.struct_field(parts, field)
+        filled = compute.if_else(compute.equal(text, ""), "0", text)
+        return _column_floats(filled.cast(pa.float64()))
 
-    digits = compute.call_function("utf8_length", [text("fraction")])
-    fraction = number("fraction") / 10.0 ** np.asarray(
-        digits.to_numpy(zero_copy_only=False), dtype=np.float64
-    )
-    hour = number("hour")
-    half = compute.call_function("utf8_lower", [text("half")])
-    first = compute.call_function("utf8_slice_codeunits", [half], compute.SliceOptions(0, 1))
-    letters = np.asarray(first.to_numpy(zero_copy_only=False), dtype=object)
-    has_half = (letters == "a") | (letters == "p")
-    hour = np.where(has_half, hour % 12.0 + 12.0 * (letters == "p"), hour)
-    whole = hour * 3600.0 + number("minute") * 60.0 + number("second")
-    days = _days(np.asarray(text("date").to_numpy(zero_copy_only=False), dtype=object), whole)
+    fraction = compute.struct_field(parts, "fraction")
+    digits = _column_floats(compute.utf8_length(fraction).cast(pa.float64()))
+    tenths = numbers("fraction") / 10.0**digits
+    hour, dates = numbers("hour"), texts("date")
+    half = np.array([text[:1].lower() if text else "" for text in texts("half")])
+    hour = np.where(half == "", hour, hour % 12.0 + 12.0 * (half == "p"))
+    whole = hour * 3600.0 + numbers("minute") * 60.0 + numbers("second")
+    is_next = dates[1:] != dates[:-1] if dates[0] else np.diff(whole) < -_DAY / 2.0
+    days = np.concatenate(([0.0], np.cumsum(np.asarray(is_next, dtype=np.float64))))
     # Whole seconds first: the difference of large numbers would cost digits of the fraction.
-    return np.asarray((whole + days * _DAY - whole[0]) + (fraction - fraction[0]))
+    return np.asarray((whole + days * _DAY - whole[0]) + (tenths - tenths[0]))
 
 
-def _days(dates: NDArray[np.object_], whole: FloatArray) -> FloatArray:
-    """Return days since the first stamp."""
-    if len(dates) and dates[0]:
-        steps = np.asarray(dates[1:] != dates[:-1], dtype=np.float64)
-    else:
-        steps = np.asarray(np.diff(whole) < -_DAY / 2.0, dtype=np.float64)
-    return np.concatenate(([0.0], np.cumsum(steps)))
+def _column_floats(column: Any) -> FloatArray:
+    """Return a float64 column, nulls as NaN, from its buffers: to_numpy() imports pandas first."""
+    parts = [np.empty(0)]
+    for chunk in column.chunks:
+        validity, data = chunk.buffers()
+        rows = slice(chunk.offset, chunk.offset + len(chunk))
+        values = np.frombuffer(data, dtype=np.float64)[rows]
+        if chunk.null_count:
+            bits = np.unpackbits(np.frombuffer(validity, dtype=np.uint8), bitorder="little")[rows]
+            values = np.where(bits.astype(np.bool_), values, np.nan)
+        parts.append(values)
+    return np.concatenate(parts[1:] if len(parts) > 1 else parts)
 
 
-# Rows to numbers: pyarrow.csv, and a slow twin that explains or drops.
-#
-# pyarrow refuses ragged rows and text in number columns but does not always say where. What it
-# refuses is read again field by field, which ends in the exact line and channel.
-
-_BLANK = ["", "nan", "NaN", "NAN"]
-_THREADED = 4_000_000  # bytes; below it, starting threads costs more than it saves
-_GROUPED = re.compile(r"[+-]?\d{1,3}(?P<mark>[ ,.'])\d{3}(?:(?P=mark)\d{3})*(?:[.,]\d+)?", re.ASCII)
-_NOT_FINITE = {"nan", "+nan", "-nan", "inf", "+inf", "-inf", "infinity", "+infinity", "-infinity"}
-_LINE_END = re.compile(rb"\r\n|\n|\r")
-_PIECE = 1_000_000  # bytes
+def rows_dropped(n_bad: int, first_bad: str) -> tuple[Finding, ...]:
+    """Return the finding that rows were dropped; none where there were none."""
+    if not n_bad:
+        return ()
+    sentence = f"{n_bad} row{'s' * (n_bad != 1)} that cannot be read dropped; {first_bad}"
+    return (Finding("rows_dropped", "warning", sentence, float(n_bad)),)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class TextRows:
-    """Rows of data as UTF-8 bytes, and how to read them.
+class _Rows:
+    """Rows of data as UTF-8 bytes, of which every row ends, and how to read them.
 
-    Attributes
-    ----------
-    name : str
-        Log, for messages.
-    rows : bytes
-        The text; every row ends.
-    start : int
-        Byte of the first row of data; a copy of a large log without its head would cost time.
-    dialect : Dialect
-        Separator and decimal mark.
-    n_names, n_fields : int
-        Named columns; fields in a row (one more when every row ends in a separator).
-    clocks : frozenset of int
-        Columns of wall-clock stamps.
-    declared : Declarations
-        Mark of thousands; whether rows that cannot be read are dropped.
+    pyarrow reads them fast, but refuses ragged rows and text in number columns without always
+    saying where. What it refuses is read again piece by piece, and a piece that it refuses field by
+    field, which ends in the exact line and channel, or drops them.
     """
 
-    name: str
+    name: str  # of the log, for messages
     rows: bytes
-    start: int
+    start: int  # of the first row; a copy of a large log without its head would cost time
     dialect: Dialect
     n_names: int
-    n_fields: int
-    clocks: frozenset[int]
+    n_fields: int  # in a row; one more than names when every row ends in a separator
+    clocks: frozenset[int]  # columns of wall-clock stamps
     declared: Declarations
 
     @property
     def drops_bad_rows(self) -> bool:
-        """Leave out what cannot be read, and count it."""
         return self.declared.bad_rows == "drop"
 
     @property
     def has_quotes(self) -> bool:
-        """Say whether any field may be quoted."""
         return self.rows.find(b'"', self.start) >= 0
 
     def lines(self) -> Iterator[tuple[int, str]]:
         """Yield number and text of each row that is not blank."""
-        number = self.dialect.data_line
-        for found in LINE.finditer(self.rows, self.start):
-            if found[1]:
-                yield number, found[1].decode("utf-8", "replace")
-            number += 1
+        for number, match in enumerate(
+            LINE.finditer(self.rows, self.start), start=self.dialect.data_line
+        ):
+            if match[1]:
+                yield number, match[1].decode("utf-8", "replace")
 
     def place(self, index: int) -> str:
         """Return the line of a sample when no row was dropped."""
-        for i, (number, _) in enumerate(self.lines()):
-            if i == index:
-                return f"line {number}"
-        return f"row {index + 1}"
+        at = (f"line {number}" for i, (number, _) in enumerate(self.lines()) if i == index)
+        return next(at, f"row {index + 1}")
 
+    def load(self, wanted: Mapping[str, int]) -> Samples:
+        """Return columns as floats.
 
-def load_rows(text: TextRows, wanted: Mapping[str, int]) -> Samples:
-    """Return columns as floats; fast, and slow where the fast way refuses.
+        Raises
+        ------
+        LogError
+            A row has too few or too many fields, or text where a number should be.
+        """
+        if (columns := self._fast(wanted)) is not None:
+            return Samples(columns, self.place)
+        pieces = []
+        for rows in [self] if self.clocks else self._cut():
+            columns = None if rows is self else rows._fast(wanted)  # noqa: SLF001  # its own class
+            fast = columns and Samples(columns, rows.place)
+            pieces.append((fast, 0, "") if fast else rows._slow(wanted))  # noqa: SLF001
+        n_bad = sum(n for _, n, _ in pieces)
+        first_bad = next((first for _, _, first in pieces if first), "")
+        samples = joined_samples([samples for samples, _, _ in pieces])
+        if not len(next(iter(samples.channels.values()))):
+            raise LogError(
+                f"no data rows{'; first: ' * bool(first_bad)}{first_bad}", subject=self.name
+            )
+        return replace(samples, findings=rows_dropped(n_bad, first_bad))
 
-    Raises
-    ------
-    LogError
-        A row has too few or too many fields, or text where a number should be.
-    """
-    columns = _load_fast(text, wanted)
-    if columns is not None:
-        return Samples(columns, text.place)
-    return _load_in_pieces(text, wanted)
+    def _cut(self) -> Iterator[_Rows]:
+        """Yield the rows in pieces of whole lines."""
+        start, line, end = self.start, self.dialect.data_line, len(self.rows)
+        while start < end:
+            last = LINE.match(self.rows, min(start + _PIECE, end))
+            stop = last.end() if last else end
+            rows = self.rows[start:stop]
+            yield replace(self, rows=rows, start=0, dialect=replace(self.dialect, data_line=line))
+            line += len(_LINE_END.findall(rows))
+            start = stop
 
+    def _fast(self, wanted: Mapping[str, int]) -> dict[str, FloatArray] | None:
+        """Return columns as pyarrow reads them; None where it refuses, or rows must be dropped."""
+        import pyarrow as pa
+        from pyarrow import csv
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Piece:
-    """Values of some rows; lines is None when they are all the rows of the text."""
+        names = [f"{i}" for i in range(self.n_fields)]
+        extra = names[self.n_names :]  # anything in it is an error
+        chosen = dict.fromkeys(names[i] for i in sorted(wanted.values()))
+        types = {name: pa.string() if int(name) in self.clocks else pa.float64() for name in chosen}
+        try:
+            table = csv.read_csv(
+                pa.BufferReader(pa.py_buffer(self.rows).slice(self.start)),
+                read_options=csv.ReadOptions(
+                    column_names=names, use_threads=len(self.rows) > _THREADED
+                ),
+                parse_options=csv.ParseOptions(
+                    delimiter=self.dialect.separator, quote_char='"' if self.has_quotes else False
+                ),
+                convert_options=csv.ConvertOptions(
+                    column_types={**types, **dict.fromkeys(extra, pa.null())},
+                    include_columns=[*chosen, *extra],
+                    null_values=_BLANK,
+                    decimal_point=self.dialect.decimal,
+                ),
+            )
+            columns = {
+                name: clock_seconds(table.column(name))
+                if int(name) in self.clocks
+                else _column_floats(table.column(name))
+                for name in chosen
+            }
+        except (pa.ArrowException, ValueError):
+            return None
+        read = {channel: columns[names[index]] for channel, index in wanted.items()}
+        if self.drops_bad_rows:
+            needed = [read[channel] for channel in wanted if channel not in EXTRAS]
+            if not all(np.isfinite(values).all() for values in needed):
+                return None
+        clocks = [columns[name] for name in chosen if int(name) in self.clocks]
+        return None if any(np.isnan(values).any() for values in clocks) else read
 
-    text: TextRows
-    columns: Mapping[str, FloatArray]
-    lines: list[int] | None = None
-    n_bad: int = 0
-    first_bad: str = ""
+    def _slow(self, wanted: Mapping[str, int]) -> tuple[Samples, int, str]:
+        """Read field by field: the values, how many rows were dropped, and why the first was."""
+        lines: list[int] = []
+        values: list[list[float | str]] = []
+        n_bad, first_bad = 0, ""
+        for number, line in self.lines():
+            try:
+                row = self._values(line, wanted, f"{self.name}, line {number}")
+            except LogError as error:
+                if not self.drops_bad_rows:
+                    raise
+                n_bad += 1
+                first_bad = first_bad or str(error)
+                continue
+            lines.append(number)
+            values.append(row)
+        columns: dict[str, FloatArray] = {}
+        for k, (channel, index) in enumerate(wanted.items()):
+            column = [row[k] for row in values]
+            is_clock = index in self.clocks
+            columns[channel] = clock_seconds(column) if is_clock else np.array(column, float)
+        return Samples(columns, lambda i: f"line {lines[i]}"), n_bad, first_bad
+
+    def _values(self, line: str, wanted: Mapping[str, int], where: str) -> list[float | str]:
+        if line.count('"') % 2:
+            raise LogError("a quote opens and does not close in the line", subject=where)
+        fields = fields_of(line, self.dialect.separator)
+        if len(fields) != self.n_fields:
+            has_names = self.dialect.names_line and not self.dialect.is_short
+            line_above = self.dialect.names_line if has_names else self.dialect.data_line
+            raise LogError(
+                f"found {len(fields)} field{'s' * (len(fields) != 1)}, expected "
+                f"{self.n_names} fields as in line {line_above}{self._advice}",
+                subject=where,
+            )
+        if self.n_fields > self.n_names and fields[-1]:
+            raise LogError(
+                f"found {visible(fields[-1])} after the last named column; "
+                f"expected {self.n_names} fields",
+                subject=where,
+            )
+        return [
+            self._value(fields[index], channel, where, is_clock=index in self.clocks)
+            for channel, index in wanted.items()
+        ]
 
     @property
-    def n(self) -> int:
-        return len(next(iter(self.columns.values())))
+    def _advice(self) -> str:
+        drop = "; repair the row, or drop such rows by rig.bad_rows = 'drop'"
+        return "" if self.drops_bad_rows else drop
 
-    def place(self, index: int) -> str:
-        return self.text.place(index) if self.lines is None else f"line {self.lines[index]}"
+    def _value(self, field: str, channel: str, where: str, *, is_clock: bool) -> float | str:
+        shown = f"{channel} is {visible(field)}, expected"
+        if is_clock:
+            if not is_stamp(field):
+                raise LogError(f"{shown} a time of day", subject=where)
+            return field
+        plain = field
+        grouped = _GROUPED.fullmatch(field)
+        if self.declared.thousands and grouped and grouped["mark"] == self.declared.thousands:
+            plain = plain.replace(self.declared.thousands, "")
+        if self.dialect.decimal == ",":
+            plain = "?" if "." in plain else plain.replace(",", ".")
+        if not plain or NUMBER.fullmatch(plain) or _NOT_FINITE.fullmatch(plain):
+            value = float(plain or "nan")
+            if self.drops_bad_rows and channel not in EXTRAS and not np.isfinite(value):
+                raise LogError(f"{shown} a finite number", subject=where)
+            return value
+        hint = self._advice
+        if grouped:
+            hint = "; if it has a mark of thousands, declare rig.thousands"
+            if grouped["mark"] == "," != self.dialect.decimal:
+                hint += ", if a decimal comma, rig.decimal"
+        raise LogError(f"{shown} a number{hint}", subject=where)
 
 
-def _load_in_pieces(text: TextRows, wanted: Mapping[str, int]) -> Samples:
-    """Read piece by piece, fast where that goes, so that one bad row costs one slow piece."""
-    pieces: list[_Piece] = []
-    for part in [text] if text.clocks else _cut(text):
-        columns = None if part is text else _load_fast(part, wanted)
-        pieces.append(_load_slow(part, wanted) if columns is None else _Piece(part, columns))
-    n_bad = sum(piece.n_bad for piece in pieces)
-    first_bad = next((piece.first_bad for piece in pieces if piece.first_bad), "")
-    if not any(piece.n for piece in pieces):
-        raise LogError(f"no data rows{'; first: ' * bool(first_bad)}{first_bad}", subject=text.name)
+def joined_samples(parts: Sequence[Samples]) -> Samples:
+    """Return the rows of several tables behind each other."""
+    names = parts[0].channels
+    lengths = [len(part.channels[name]) for part in parts for name in [*names][:1]]
+    ends = np.cumsum(lengths)
 
     def place(index: int) -> str:
-        for piece in pieces:
-            if index < piece.n:
-                return piece.place(index)
-            index -= piece.n
-        return f"row {index + 1} after the last"
+        k = min(int(np.searchsorted(ends, index, side="right")), len(parts) - 1)
+        return parts[k].place(index - int(ends[k]) + lengths[k])
 
-    columns = {
-        channel: np.concatenate([piece.columns[channel] for piece in pieces]) for channel in wanted
-    }
-    text_of_bad = f"{n_bad} row{'s' * (n_bad != 1)} that cannot be read dropped; {first_bad}"
-    found = (Finding("rows_dropped", "warning", text_of_bad, float(n_bad)),) if n_bad else ()
-    return Samples(columns, place, findings=found)
-
-
-def _cut(text: TextRows) -> Iterator[TextRows]:
-    """Yield the rows in pieces of whole lines."""
-    start, line = text.start, text.dialect.data_line
-    while start < len(text.rows):
-        end = start + _PIECE
-        cut = max(text.rows.rfind(b"\n", start, end), text.rows.rfind(b"\r", start, end)) + 1
-        if end >= len(text.rows):
-            cut = len(text.rows)
-        elif cut == 0:  # a line longer than a piece
-            found = LINE.match(text.rows, start)
-            cut = found.end() if found else len(text.rows)
-        elif text.rows[cut - 1 : cut + 1] == b"\r\n":
-            cut += 1
-        rows = text.rows[start:cut]
-        yield replace(text, rows=rows, start=0, dialect=replace(text.dialect, data_line=line))
-        line += sum(1 for _ in _LINE_END.finditer(rows))
-        start = cut
-
-
-def _load_fast(text: TextRows, wanted: Mapping[str, int]) -> dict[str, FloatArray] | None:
-    """Return columns as floats, or None where something is wrong or has to be dropped."""
-    indices = sorted(set(wanted.values()))
-    columns = _parsed(text, indices)
-    if columns is None:
-        return None
-    needed = [columns[i] for channel, i in wanted.items() if channel not in EXTRAS]
-    if text.drops_bad_rows and not all(np.isfinite(values).all() for values in needed):
-        return None
-    if any(np.isnan(columns[i]).any() for i in text.clocks if i in columns):
-        return None
-    return {channel: columns[index] for channel, index in wanted.items()}
-
-
-def _parsed(text: TextRows, indices: list[int]) -> dict[int, FloatArray] | None:
-    """Return columns as pyarrow reads them; None where it refuses."""
-    from pyarrow import ArrowException
-
-    try:
-        return _parse(text, indices)
-    except (ArrowException, ValueError):
-        return None
-
-
-def _parse(text: TextRows, indices: list[int]) -> dict[int, FloatArray]:
-    import pyarrow as pa
-    from pyarrow import csv
-
-    names = [f"{i}" for i in range(text.n_fields)]
-    extra = names[text.n_names :]
-    types: dict[str, pa.DataType] = {
-        names[i]: pa.string() if i in text.clocks else pa.float64() for i in indices
-    }
-    types.update(dict.fromkeys(extra, pa.null()))  # anything in the column is an error
-    table = csv.read_csv(
-        pa.BufferReader(pa.py_buffer(text.rows).slice(text.start)),
-        read_options=csv.ReadOptions(column_names=names, use_threads=len(text.rows) > _THREADED),
-        parse_options=csv.ParseOptions(
-            delimiter=text.dialect.separator,
-            quote_char='"' if text.has_quotes else False,
-        ),
-        convert_options=csv.ConvertOptions(
-            column_types=types,
-            include_columns=[names[i] for i in indices] + extra,
-            null_values=_BLANK,
-            decimal_point=text.dialect.decimal,
-        ),
-    )
-    return {i: _as_floats(table.column(names[i]), is_clock=i in text.clocks) for i in indices}
-
-
-def _as_floats(column: Any, *, is_clock: bool) -> FloatArray:
-    if is_clock:
-        return clock_seconds(column)
-    parts = [_chunk_floats(chunk) for chunk in column.chunks]
-    return np.concatenate(parts) if parts else np.empty(0)
-
-
-def _chunk_floats(chunk: Any) -> FloatArray:
-    """Return a float64 chunk, nulls as NaN, from its buffers: to_numpy() imports pandas first."""
-    validity, data = chunk.buffers()
-    rows = slice(chunk.offset, chunk.offset + len(chunk))
-    values = np.frombuffer(data, dtype=np.float64)[rows]
-    if not chunk.null_count:
-        return values
-    bits = np.unpackbits(np.frombuffer(validity, dtype=np.uint8), bitorder="little")[rows]
-    return np.where(bits.astype(np.bool_), values, np.nan)
-
-
-def _load_slow(text: TextRows, wanted: Mapping[str, int]) -> _Piece:
-    """Read field by field: the values, or the line and channel of the first thing wrong."""
-    lines: list[int] = []
-    values: dict[str, list[float | str]] = {channel: [] for channel in wanted}
-    first_bad = ""
-    n_bad = 0
-    for number, line in text.lines():
-        try:
-            row = _row(text, line, wanted, f"{text.name}, line {number}")
-        except LogError as error:
-            if not text.drops_bad_rows:
-                raise
-            n_bad += 1
-            first_bad = first_bad or str(error)
-            continue
-        lines.append(number)
-        for channel, value in row.items():
-            values[channel].append(value)
-    columns = {
-        channel: _stamps(column) if wanted[channel] in text.clocks else np.array(column, float)
-        for channel, column in values.items()
-    }
-    return _Piece(text, columns, lines, n_bad, first_bad)
-
-
-def _stamps(column: list[float | str]) -> FloatArray:
-    import pyarrow as pa
-
-    return clock_seconds(pa.array(column, pa.string()))
-
-
-def _advice(text: TextRows) -> str:
-    if text.drops_bad_rows:
-        return ""
-    return "; repair the row, or drop such rows by rig.bad_rows = 'drop'"
-
-
-def _row(
-    text: TextRows, line: str, wanted: Mapping[str, int], where: str
-) -> dict[str, float | str]:
-    if line.count('"') % 2:
-        raise LogError("a quote opens and does not close in the line", subject=where)
-    fields = fields_of(line, text.dialect.separator)
-    if len(fields) != text.n_fields:
-        has_names = text.dialect.names_line and not text.dialect.is_short
-        line_above = text.dialect.names_line if has_names else text.dialect.data_line
-        raise LogError(
-            f"found {len(fields)} field{'s' * (len(fields) != 1)}, expected "
-            f"{text.n_names} fields as in line {line_above}{_advice(text)}",
-            subject=where,
-        )
-    if text.n_fields > text.n_names and fields[-1]:
-        raise LogError(
-            f"found {visible(fields[-1])} after the last named column; "
-            f"expected {text.n_names} fields",
-            subject=where,
-        )
-    return {
-        channel: _stamp(fields[index], channel, where)
-        if index in text.clocks
-        else _number(text, fields[index], channel, where)
-        for channel, index in wanted.items()
-    }
-
-
-def _stamp(field: str, channel: str, where: str) -> str:
-    if not is_stamp(field):
-        raise LogError(f"{channel} is {visible(field)}, expected a time of day", subject=where)
-    return field
-
-
-def _number(text: TextRows, field: str, channel: str, where: str) -> float:
-    plain = field
-    is_grouped = _GROUPED.fullmatch(field)
-    if text.declared.thousands and is_grouped and is_grouped["mark"] == text.declared.thousands:
-        plain = plain.replace(text.declared.thousands, "")
-    if text.dialect.decimal == ",":
-        plain = "?" if "." in plain else plain.replace(",", ".")
-    if NUMBER.fullmatch(plain) or not plain or plain.lower() in _NOT_FINITE:
-        value = float(plain or "nan")
-        if text.drops_bad_rows and channel not in EXTRAS and not np.isfinite(value):
-            raise LogError(
-                f"{channel} is {visible(field)}, expected a finite number", subject=where
-            )
-        return value
-    hint = _advice(text)
-    if is_grouped:
-        hint = "; if it has a mark of thousands, declare rig.thousands"
-        if is_grouped["mark"] == "," != text.dialect.decimal:
-            hint += ", if a decimal comma, rig.decimal"
-    raise LogError(f"{channel} is {visible(field)}, expected a number{hint}", subject=where)
-
-
-# Blocks of one file whose titles alone tell time: a record without a column for it.
-#
-# A controller stamps each buffer that it writes. Where whole buffers follow each other at a steady
-# rate they are one record, and its sample rate is their rows by the time between their titles. One
-# title says neither whether it stands for the first row or the last, nor how long the block took.
-
-_TIME = re.compile(
-    r"\b(?:Time|Zeit):\s*(\d+(?:[.,]\d+)?)\s*(?:s|sec|seconds?|Sek)\b", re.IGNORECASE
-)
-_FEWEST = 3  # blocks: one step between two of them could be anything
-_STEADY = 0.01  # of a step
-
-
-def with_time_of_titles(tables: Sequence[Table], options: ReadOptions) -> tuple[Table, ...]:
-    """Return blocks without a column for time as one table, where their titles tell its rate.
-
-    Parameters
-    ----------
-    tables : sequence of Table
-        The blocks of a file in their order; as they are where they have a column for time, or a
-        rate is declared.
-    options : ReadOptions
-        What is declared.
-    """
-    stamps = [_TIME.search(table.part) for table in tables]
-    has_time = any(has_channel("time", table.columns, options) for table in tables)
-    if has_time or options.sample_rate > 0.0 or not all(stamps):
-        return tuple(tables)
-    times = np.array([float(found[1].replace(",", ".")) for found in stamps if found])
-    rate = _rate(tables, times)
-    if rate is None:
-        hint = (
-            "only the titles of its blocks give a time, and no steady rate; if the rate is known: "
-            "--rig sample_rate=HZ"
-        )
-        return tuple(replace(table, hint=table.hint or hint) for table in tables)
-    n = len(tables)
-    note = f"{n} blocks joined; time: {rate:g} Hz, by the times in their titles"
-    return (_joined(tables, rate, note),)
-
-
-def _rate(tables: Sequence[Table], times: np.ndarray) -> float | None:
-    """Return the sample rate, Hz; None where the blocks are not known to be one record."""
-    first = tables[0]
-    is_alike = all(
-        (table.columns, table.metadata) == (first.columns, first.metadata) for table in tables
-    )
-    if len(tables) < _FEWEST or not is_alike:
-        return None
-    try:
-        rows = [len(table.load({"any": 0}).channels["any"]) for table in tables]
-    except LogError:  # said with the place when the channels are read
-        return None
-    # The last buffer may not be full: its step is as long as itself, or as the one before.
-    steps = np.diff(times if rows[-1] == rows[0] else times[:-1])
-    if len(set(rows[:-1])) > 1 or rows[-1] > rows[0] or not len(steps):
-        return None
-    usual = median(steps)
-    if not usual > 0.0 or np.abs(steps / usual - 1.0).max() > _STEADY:
-        return None
-    return rows[0] * len(steps) / float(steps.sum())
-
-
-def _joined(tables: Sequence[Table], rate: float, note: str) -> Table:
-    def load(wanted: Mapping[str, int]) -> Samples:
-        parts = [table.load(wanted) for table in tables]
-        lengths = [len(next(iter(part.channels.values()))) for part in parts]
-        ends = np.cumsum(lengths)
-
-        def place(index: int) -> str:
-            block = min(int(np.searchsorted(ends, index, side="right")), len(parts) - 1)
-            return parts[block].place(index - int(ends[block]) + lengths[block])
-
-        return Samples(
-            {name: np.concatenate([part.channels[name] for part in parts]) for name in wanted},
-            place,
-            tuple(dict.fromkeys(text for part in parts for text in part.notes)),
-            tuple(dict.fromkeys(one for part in parts for one in part.findings)),
-        )
-
-    first = tables[0]
-    return replace(
-        first,
-        load=load,
-        metadata={**first.metadata, "sample rate": repr(rate)},
-        notes=(*first.notes, note),
-        findings=tuple(dict.fromkeys(one for table in tables for one in table.findings)),
-        may_run_on=False,
+    return Samples(
+        {name: np.concatenate([part.channels[name] for part in parts]) for name in names},
+        place,
+        tuple(dict.fromkeys(note for part in parts for note in part.notes)),
+        tuple(dict.fromkeys(finding for part in parts for finding in part.findings)),
     )
 
 
-# A line that begins a block of MTS text. What stands above the first one is the file's preamble.
-_BLOCK = re.compile(rb'(?m)^"?Data Acquisition\b[^\r\n]*(?:\r\n|\n|\r|\Z)')
-# "MTS793|MPT|ENU|1|2|.|/|:|...": language, ..., decimal mark, marks of date and time.
-_MTS793 = re.compile(
-    rb"MTS793\|[^|\r\n]*\|(?P<language>[A-Z]{0,8})\|[^|\r\n]*\|[^|\r\n]*\|(?P<decimal>[.,])\|"
-)
-# What a row of data begins with; stands in no line of names or units.
-_DATA = re.compile(rb'(?m)^[ \t"]*[+-]?[.,]?\d')
-_EVENTS = re.compile(r"events?|markers?|comments?|remarks?|notes?", re.IGNORECASE)
-_MAX_PREAMBLE = 100_000  # bytes; what is longer is no preamble
-_FIRST_LINE = re.compile(rb"[^\r\n]*")
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Block:
+class _Block(NamedTuple):
     """Bytes of one table with its names, and where they stand in the file."""
 
     data: bytes
     first_line: int
-    name: str
     decimal: str = ""
     title: str = ""
     preamble: tuple[str, ...] = ()  # lines above the first block
@@ -560,33 +368,28 @@ def read_delimited(source: Source, options: ReadOptions) -> tuple[Table, ...]:
     LogError
         The file is no text, has no rows of numbers, or its rows do not fit its names.
     """
-    drops = options.bad_rows == "drop"
-    data, notes = to_utf8(
-        source.data, name=source.name, encoding=options.encoding, allows_nul=drops
-    )
-    data, skipped = _without_lines(data, options.skip_lines, source.name)
+    name, drops = source.name, options.bad_rows == "drop"
+    data, notes = to_utf8(source.data, name=name, encoding=options.encoding, allows_nul=drops)
+    skipped = 0
+    for _ in range(options.skip_lines):
+        end = _LINE_END.search(data, skipped)
+        if end is None:
+            n_lines = options.skip_lines
+            raise LogError(f"fewer lines than the {n_lines} to skip (skip_lines)", subject=name)
+        skipped = end.end()
     if skipped:
-        notes = (*notes, f"{skipped} lines skipped, as declared")
+        data = data[skipped:]
+        notes = (*notes, f"{options.skip_lines} lines skipped, as declared")
     if header := _MTS793.match(data):
         notes = (*notes, f"MTS 793 export, language {header['language'].decode()}")
-    blocks = _blocks(data, skipped + 1, source.name)
+    blocks = _blocks(data, options.skip_lines + 1, name)
     empty = [block for block in blocks if block.title and not _DATA.search(block.data)]
     if 0 < len(empty) < len(blocks):
         others = f" and {len(empty) - 1} more" if len(empty) > 1 else ""
         notes = (*notes, f"left out: the block in line {empty[0].first_line}{others}, without rows")
-        blocks = [block for block in blocks if block.title and _DATA.search(block.data)]
-    tables = tuple(_read_block(block, notes, options) for block in blocks)
-    return with_time_of_titles(tables, options)
-
-
-def _without_lines(data: bytes, n_lines: int, name: str) -> tuple[bytes, int]:
-    start = 0
-    for _ in range(n_lines):
-        end = _LINE_END.search(data, start)
-        if end is None:
-            raise LogError(f"fewer lines than the {n_lines} to skip (skip_lines)", subject=name)
-        start = end.end()
-    return data[start:], n_lines
+        blocks = [block for block in blocks if block not in empty]
+    tables = tuple(_read_block(block, name, notes, options) for block in blocks)
+    return _with_time_of_titles(tables, options)
 
 
 def _blocks(data: bytes, first_line: int, name: str) -> list[_Block]:
@@ -596,62 +399,65 @@ def _blocks(data: bytes, first_line: int, name: str) -> list[_Block]:
     header = _MTS793.match(data)
     decimal = header["decimal"].decode() if header else ""
     if not starts:
-        return [_Block(data, first_line, name, decimal)]
+        return [_Block(data, first_line, decimal)]
     blocks = []
     above = data[: starts[0].start()]
     preamble = tuple(above[:_MAX_PREAMBLE].decode("utf-8", "replace").splitlines())
-    line = first_line + _count_lines(above)
-    ends = [found.start() for found in starts[1:]] + [len(data)]
-    for found, end in zip(starts, ends, strict=True):
-        piece = data[found.end() : end]
+    line = first_line + len(_LINE_END.findall(above))
+    ends = [begin.start() for begin in starts[1:]] + [len(data)]
+    for begin, end in zip(starts, ends, strict=True):
+        piece = data[begin.end() : end]
         line += 1
-        title = found[0].decode("utf-8", "replace").strip().replace("\t", " ")
+        title = begin[0].decode("utf-8", "replace").strip().replace("\t", " ")
         if piece.strip():
-            blocks.append(_Block(piece, line, name, decimal, title, preamble))
-        line += _count_lines(piece)
+            blocks.append(_Block(piece, line, decimal, title, preamble))
+        line += len(_LINE_END.findall(piece))
     if not blocks:
         raise LogError(f"no data rows after 'Data Acquisition' in line {line - 1}", subject=name)
     return blocks
 
 
-def _count_lines(data: bytes) -> int:
-    return len(_LINE_END.findall(data))
-
-
-def _read_block(block: _Block, notes: tuple[str, ...], options: ReadOptions) -> Table:
-    name = block.name
+def _read_block(block: _Block, name: str, notes: tuple[str, ...], options: ReadOptions) -> Table:
     dialect = find_dialect(block.data, options, name=name, first_line=block.first_line)
-    if block.decimal and not options.decimal and block.decimal != dialect.decimal:
-        dialect = replace(dialect, decimal=block.decimal)
     start = dialect.data_offset
     rows, cut = _without_cut_row(block.data, start, name)
-    is_open = dialect.separator != "," and not options.decimal and not block.decimal
+    if not options.decimal and block.decimal:
+        dialect = replace(dialect, decimal=block.decimal)
+    is_open = not options.decimal and not block.decimal and dialect.separator != ","
     if is_open and rows.find(b".", start) < 0 <= rows.find(b",", start):
         # The first rows may hold whole numbers only, as of a machine at rest.
         dialect = replace(dialect, decimal=",")
     notes = (*notes, *dialect.notes())
     if dialect.separator == " ":
-        rows, start = _with_tabs(rows[start:]), 0
+        rows, start = re.sub(rb"[ \t]+", b"\t", rows[start:]), 0
+        rows = re.sub(rb"(?m)^\t|\t(?=\r?$)", b"", rows)
         dialect = replace(dialect, separator="\t")
-    if _lacks_events(rows, dialect):
+    if len(dialect.names) >= 2 and _EVENTS.fullmatch(dialect.names[-1]) and b'"' not in rows:
         rows, start = _with_events(rows[start:], dialect), 0
     first = _FIRST_LINE.match(rows, start)
     fields = fields_of(first[0].decode("utf-8", "replace") if first else "", dialect.separator)
-    names, n_fields, extra = _width(fields, dialect, name)
-    dialect = replace(dialect, names=names, units=dialect.units[: len(names)])
+    names, n_fields, odd = _width(fields, dialect, name)
     clocks = frozenset(i for i, field in enumerate(fields[: len(names)]) if is_stamp(field))
-    text = TextRows(name, rows, start, dialect, len(names), n_fields, clocks, options)
-    if not text.drops_bad_rows:
-        _check_quotes(text)
+    text = _Rows(name, rows, start, dialect, len(names), n_fields, clocks, options)
+    if not text.drops_bad_rows and text.has_quotes:
+        for number, line in text.lines():
+            if line.count('"') % 2:
+                raise LogError(
+                    f"{name}, line {number}: a quote opens and does not close in the line"
+                )
+    units = dialect.units[: len(names)] or ("",) * len(names)
     return Table(
-        columns=_columns(names, dialect, clocks),
-        load=lambda wanted: load_rows(text, wanted),
+        columns=tuple(
+            Column(column, unit or None, i in clocks)
+            for i, (column, unit) in enumerate(zip(names, units, strict=True))
+        ),
+        load=text.load,
         metadata=metadata_of([*block.preamble, *dialect.preamble]),
         notes=notes,
         part=block.title,
         may_run_on=bool(block.title),
-        hint=dialect.hint or next((one.sentence for one in extra if one.name == "short_rows"), ""),
-        findings=(*extra, *cut),
+        hint=dialect.hint or next((one.sentence for one in odd if one.name == "short_rows"), ""),
+        findings=(*odd, *cut),
     )
 
 
@@ -668,19 +474,8 @@ def _without_cut_row(text: bytes, start: int, name: str) -> tuple[bytes, tuple[F
     return text[:end], (Finding("cut_row", "warning", words, 1.0),)
 
 
-def _with_tabs(rows: bytes) -> bytes:
-    rows = re.sub(rb"[ \t]+", b"\t", rows)
-    return re.sub(rb"(?m)^\t|\t(?=\r?$)", b"", rows)
-
-
-def _lacks_events(rows: bytes, dialect: Dialect) -> bool:
-    """Say whether the last column may be one that only rows with an event have."""
-    is_named = len(dialect.names) >= 2 and _EVENTS.fullmatch(dialect.names[-1]) is not None
-    return is_named and b'"' not in rows
-
-
 def _with_events(rows: bytes, dialect: Dialect) -> bytes:
-    """Give the last column to every row."""
+    """Give the last column, which only rows with an event may have, to every row."""
     n_before = len(dialect.names) - 2
     separator = dialect.separator.encode()
     lines = _LINE_END.sub(b"\n", rows).split(b"\n")
@@ -705,10 +500,10 @@ def _width(
             f"{len(names)} names in line {dialect.names_line}"
         )
     if is_short:
-        line = (
-            f"line {dialect.names_line} has {len(names)} names and every row {len(fields)} fields"
+        note = (
+            f"line {dialect.names_line} has {len(names)} names and every row {len(fields)} "
+            f"fields: the last, {visible(names[-1])}, was taken to have no values"
         )
-        note = f"{line}: the last, {visible(names[-1])}, was taken to have no values"
         return names[:-1], len(fields), (Finding("short_rows", "warning", note),)
     if len(fields) == len(names) + 1 and not fields[-1]:
         note = "every row ends in a separator; the empty last column was left out"
@@ -716,21 +511,51 @@ def _width(
     return names, len(names), ()
 
 
-def _columns(
-    names: tuple[str, ...], dialect: Dialect, clocks: frozenset[int]
-) -> tuple[Column, ...]:
-    units = dialect.units or ("",) * len(names)
-    return tuple(
-        Column(name, unit or None, is_clock=i in clocks)
-        for i, (name, unit) in enumerate(zip(names, units, strict=True))
+def _with_time_of_titles(tables: tuple[Table, ...], options: ReadOptions) -> tuple[Table, ...]:
+    """Return blocks without a column for time as one table, where their titles tell its rate.
+
+    Where whole buffers follow each other at a steady rate they are one record, and its sample rate
+    is their rows by the time between their titles. One title says neither whether it stands for the
+    first row or the last, nor how long the block took.
+    """
+    stamps = [match for table in tables if (match := _TITLE_TIME.search(table.part))]
+    has_time = any(has_channel("time", table.columns, options) for table in tables)
+    if has_time or options.sample_rate > 0.0 or len(stamps) < len(tables):
+        return tables
+    rate = _rate(tables, np.array([float(stamp[1].replace(",", ".")) for stamp in stamps]))
+    if rate is None:
+        hint = (
+            "only the titles of its blocks give a time, and no steady rate; if the rate is known: "
+            "--rig sample_rate=HZ"
+        )
+        return tuple(replace(table, hint=table.hint or hint) for table in tables)
+    first = tables[0]
+    note = f"{len(tables)} blocks joined; time: {rate:g} Hz, by the times in their titles"
+    whole = replace(
+        first,
+        load=lambda wanted: joined_samples([table.load(wanted) for table in tables]),
+        metadata={**first.metadata, "sample rate": repr(rate)},
+        notes=(*first.notes, note),
+        findings=tuple(dict.fromkeys(one for table in tables for one in table.findings)),
+        may_run_on=False,
     )
+    return (whole,)
 
 
-def _check_quotes(text: TextRows) -> None:
-    if not text.has_quotes:
-        return
-    for number, line in text.lines():
-        if line.count('"') % 2:
-            raise LogError(
-                f"{text.name}, line {number}: a quote opens and does not close in the line"
-            )
+def _rate(tables: Sequence[Table], times: FloatArray) -> float | None:
+    """Return the sample rate, Hz; None where the blocks are not known to be one record."""
+    kinds = [(table.columns, table.metadata) for table in tables]
+    if len(tables) < _FEWEST or kinds.count(kinds[0]) < len(kinds):
+        return None
+    try:
+        rows = [len(table.load({"any": 0}).channels["any"]) for table in tables]
+    except LogError:  # said with the place when the channels are read
+        return None
+    # The last buffer may not be full: its step is as long as itself, or as the one before.
+    steps = np.diff(times if rows[-1] == rows[0] else times[:-1])
+    if len(set(rows[:-1])) > 1 or rows[-1] > rows[0] or not len(steps):
+        return None
+    usual = median(steps)
+    if not usual > 0.0 or np.abs(steps / usual - 1.0).max() > _STEADY:
+        return None
+    return rows[0] * len(steps) / float(steps.sum())

@@ -27,7 +27,7 @@ def answer(data: bytes, limit: int) -> ChildAnswer:
     if word == b"sleep":
         time.sleep(60.0)
     if word == b"allocate" or (word == b"leak" and len(_SEEN) > 1):
-        bytes(int(rest) + 3 * limit)  # counts, and is never touched
+        bytes(int(rest))  # counts, and is never touched
     if word == b"print":
         sys.stdout.write("to the answer?")
         sys.stdout.flush()

@@ -1,0 +1,251 @@
+"""NI TDMS logs, through npTDMS, after a look at the skeleton of the file.
+
+The format:
+https://www.ni.com/en/support/documentation/supplemental/07/tdms-file-format-internal-structure.html.
+Each segment starts with 28 bytes: "TDSm", contents, version, bytes to the next segment, bytes to
+its values. Then it says what its channels are, then come their values.
+
+Traps. There are no checksums: a flipped bit in a value is a value, which a note says. A damaged
+length moves the values by some bytes, and npTDMS reads on: so what a segment says of its channels
+is walked here, and must end where the values begin, but for zeros that fill up a disk's sector. A
+rig that stops while writing leaves a segment whose length is 2^64 - 1. A file cut between two
+segments is whole and cannot be told from one. npTDMS reads what is left of a cut file without a
+word, so the bytes of the values read are counted against the segments. A kind of number that is
+misread, as 8-byte floats for 8-byte integers, gives integers that no measurement has: beyond 2^53
+they are refused. Lengths may be anything up to 2^64.
+"""
+
+from __future__ import annotations
+
+import io
+import struct
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from damperfit.errors import LogError
+from damperfit.io.channels import visible
+from damperfit.io.child_process import check_size, load_library, refusing_damage
+from damperfit.io.files import Source
+from damperfit.io.formats import FloatArray, Table
+from damperfit.io.groups import Group, GroupChannel, group_tables
+from damperfit.io.options import ReadOptions
+from damperfit.problem import Option
+from damperfit.recording import Finding
+
+__all__ = ["read_tdms"]
+
+_LEAD_IN = 28
+# Bits of the contents.
+_HAS_METADATA, _HAS_VALUES, _IS_BIG_ENDIAN, _IS_DAQMX = 1 << 1, 1 << 3, 1 << 6, 1 << 7
+_OPEN = 0xFFFF_FFFF_FFFF_FFFF  # length of a segment that was never closed
+_NO_VALUES, _AS_BEFORE = 0xFFFF_FFFF, 0  # length of what is said of a channel's values
+_TEXT = 0x20
+# Kind of a property -> bytes: integers, floats (with a unit), bool, time stamp, complex.
+_SIZES = {
+    0: 0, 1: 1, 2: 2, 3: 4, 4: 8, 5: 1, 6: 2, 7: 4, 8: 8, 9: 4, 10: 8, 11: 16, 0x19: 4, 0x1A: 8,
+    0x1B: 16, 0x21: 1, 0x44: 16, 0x08000C: 8, 0x10000D: 16,
+}  # fmt: skip
+_MAX_WHOLE = 1 << 53  # the last up to which a float is exact
+_UNITS = ("unit_string", "unit", "NI_UnitDescription", "Unit")
+_NO_CHECKSUMS = "TDMS has no checksums: a damaged value could not be seen"
+
+
+class _Extent(NamedTuple):
+    """How much of a file is there, in bytes."""
+
+    n_stored: int  # of values in the file
+    cut_at: int = -1  # where the segment starts that is not whole; -1: all are
+    n_missing: int = 0  # of that segment; -1: nothing tells how many
+
+
+def _extent(data: bytes, name: str) -> _Extent:
+    """Return how many bytes of values the segments hold, and whether the last one is whole."""
+    at = total = 0
+    while at < len(data):
+        if at and at + _LEAD_IN > len(data) and b"TDSm".startswith(data[at : at + 4]):
+            return _Extent(total, at, -1)
+        if at + _LEAD_IN > len(data) or data[at : at + 4] != b"TDSm":
+            raise LogError(f"truncated or damaged TDMS file: no segment at byte {at}", subject=name)
+        (contents,) = struct.unpack_from("<I", data, at + 4)
+        order = ">" if contents & _IS_BIG_ENDIAN else "<"
+        _, n_bytes, n_before_values = struct.unpack_from(f"{order}IQQ", data, at + 8)
+        if contents & _IS_DAQMX:
+            raise LogError(
+                "raw DAQmx values in TDMS are not supported; export as CSV", subject=name
+            )
+        values_at, end = at + _LEAD_IN + n_before_values, at + _LEAD_IN + n_bytes
+        is_sound = values_at <= end if contents & _HAS_VALUES else values_at == end
+        if is_sound and values_at <= len(data):
+            said_to = _end_of_metadata(data[:values_at], at + _LEAD_IN, order, contents)
+            is_sound = 0 <= said_to <= values_at and not any(data[said_to:values_at])
+        if n_bytes != _OPEN and not is_sound:
+            raise LogError(
+                f"damaged TDMS file: the segment at byte {at} is inconsistent", subject=name
+            )
+        if n_bytes == _OPEN or end > len(data):
+            has_values = contents & _HAS_VALUES and values_at <= len(data)
+            held = len(data) - values_at if has_values else 0
+            is_known = n_bytes != _OPEN and values_at <= len(data)
+            return _Extent(total + held, at, end - len(data) if is_known else -1)
+        total += end - values_at
+        at = end
+    return _Extent(total)
+
+
+def _end_of_metadata(data: bytes, at: int, order: str, contents: int) -> int:
+    """Return the byte after what a segment says of its channels; -1: the data end before."""
+
+    def number() -> int:
+        nonlocal at
+        at += 4
+        return int(struct.unpack_from(f"{order}I", data, at - 4)[0])
+
+    def skip_text() -> None:
+        nonlocal at
+        n_bytes = number()
+        at += n_bytes
+
+    if not contents & _HAS_METADATA:
+        return at if at == len(data) else -1
+    try:
+        for _ in range(number()):
+            skip_text()
+            n_index = number()  # the length counts itself
+            at += n_index - 4 if n_index not in {_NO_VALUES, _AS_BEFORE} else 0
+            for _ in range(number()):
+                skip_text()
+                kind = number()
+                if kind == _TEXT:
+                    skip_text()
+                else:
+                    at += _SIZES[kind]
+    except (struct.error, KeyError):
+        return -1
+    return at
+
+
+def read_tdms(source: Source, options: ReadOptions) -> tuple[Table, ...]:
+    """Return a table for each group that is a test.
+
+    Raises
+    ------
+    LogError
+        The file is cut (and that is not allowed) or damaged, or claims more than it holds; or
+        npTDMS is not installed.
+    """
+    name = source.name
+    extent = _extent(source.data, name)
+    nptdms = load_library("nptdms", extra="tdms", reads="TDMS", name=name)
+    with refusing_damage("TDMS file", name=name):
+        lengths = _lengths(nptdms, source.data)
+        n_values = sum(lengths.values())
+        check_size(n_values, limit=options.max_bytes, what="the file", name=name)
+        if n_values > 8 * extent.n_stored:
+            raise LogError(
+                f"damaged TDMS file: {n_values} values are declared, but only "
+                f"{extent.n_stored} bytes are there; copy the log again",
+                subject=name,
+            )
+        lost = _lost(nptdms, source.data, extent, lengths, limit=options.max_bytes)
+        if lost and not options.allow_truncated:
+            raise LogError(
+                f"truncated TDMS file: {lost}; copy the log again, or keep what all "
+                "channels have by {allow_truncated}",
+                allow_truncated=Option("allow_truncated"),
+                subject=name,
+            )
+        file = nptdms.TdmsFile.read(io.BytesIO(source.data))
+        groups = [_group(group, file, name, is_cut=bool(lost)) for group in file.groups()]
+        n_read = sum(_n_bytes(channel) for group in file.groups() for channel in group.channels())
+    if n_read > extent.n_stored or (n_read < extent.n_stored and not lost):
+        raise LogError(
+            f"truncated or damaged TDMS file: {extent.n_stored} bytes of values are "
+            f"declared but {n_read} can be read; copy the log again",
+            subject=name,
+        )
+    tables = group_tables(groups, options, name=name, notes=(_NO_CHECKSUMS,))
+    if not lost:
+        return tables
+    cut = Finding("truncated", "warning", f"the end of the file is missing: {lost}")
+    return tuple(replace(table, findings=(cut,)) for table in tables)
+
+
+def _lengths(nptdms: Any, data: bytes) -> dict[tuple[str, str], int]:
+    """Return how many values each channel has, by names of group and channel."""
+    metadata = nptdms.TdmsFile.read_metadata(io.BytesIO(data))
+    return {
+        (str(group.name), str(channel.name)): len(channel)
+        for group in metadata.groups()
+        for channel in group.channels()
+    }
+
+
+def _lost(
+    nptdms: Any, data: bytes, extent: _Extent, held: Mapping[tuple[str, str], int], *, limit: int
+) -> str:
+    """Return what a cut file has lost, in words; empty when it is whole.
+
+    npTDMS says how long channels were meant to be when the missing bytes are put back as zeros.
+    """
+    if extent.cut_at < 0:
+        return ""
+    where = f"the segment at byte {extent.cut_at} is not whole"
+    if extent.n_missing < 0:
+        found = ", ".join(f"{visible(name)} has {n}" for (_, name), n in [*held.items()][:10])
+        return f"{where} and how much is missing is not known; values left: {found or 'none'}"
+    if len(data) + extent.n_missing > limit:
+        return f"{where}; {extent.n_missing} bytes are missing"
+    whole = _lengths(nptdms, data + bytes(extent.n_missing))
+    counts = {name: (n - held.get(name, 0), n) for name, n in whole.items()}
+    shown = [f"{visible(name)} lost {k} of {n}" for (_, name), (k, n) in counts.items() if k]
+    return f"{where}; values: {', '.join(shown[:10]) or 'none lost'}"
+
+
+def _n_bytes(channel: Any) -> int:
+    """Return how many bytes the values of a channel take in the file."""
+    values = channel[:]
+    size = getattr(channel.data_type, "size", None)
+    if size is not None:
+        return int(size) * len(values)
+    return sum(4 + len(str(text).encode("utf-8")) for text in values)  # an offset and the text
+
+
+def _group(group: Any, file: Any, name: str, *, is_cut: bool) -> Group:
+    properties = {**file.properties, **group.properties}
+    metadata = {str(key).lower(): str(text)[:1000] for key, text in properties.items()}
+    channels = tuple(
+        _channel(channel, name)
+        for channel in group.channels()
+        if channel.dtype.kind in "fiuM" and len(channel)
+    )
+    return Group(str(group.name), channels, metadata, is_cut=is_cut)
+
+
+def _channel(channel: Any, name: str) -> GroupChannel:
+    properties = channel.properties
+    units = [str(properties[key]) for key in _UNITS if properties.get(key)]
+    interval = properties.get("wf_increment")
+    return GroupChannel(
+        name=str(channel.name),
+        unit="s" if channel.dtype.kind == "M" else next(iter(units), None),
+        length=len(channel),
+        load=lambda: _floats(channel[:], f"{name}: {visible(str(channel.name))}"),
+        start=float(properties.get("wf_start_offset", 0.0)),
+        interval=None if interval is None else float(interval),
+    )
+
+
+def _floats(values: NDArray[Any], where: str) -> FloatArray:
+    is_whole = values.dtype.kind in "iu" and values.dtype.itemsize == 8
+    if is_whole and len(values) and max(-int(values.min()), int(values.max())) > _MAX_WHOLE:
+        raise LogError(
+            f"{where} holds whole numbers beyond {_MAX_WHOLE}, which no measurement has; its data "
+            "type may be damaged: copy the log again"
+        )
+    if values.dtype.kind == "M":
+        return np.asarray((values - values[0]) / np.timedelta64(1, "ns") * 1e-9, dtype=np.float64)
+    return np.asarray(values, dtype=np.float64)
