@@ -110,7 +110,7 @@ class Subject:
 
 
 def _mse_below_1_percent(subject: Subject) -> _Verdict:
-    from damperfit.identification.setting import EXCELLENT
+    from damperfit.identification.fit_setting import EXCELLENT
 
     above = [fit for fit in subject.fits if not fit.mse_percent < EXCELLENT]
     worst = max(above or subject.fits, key=lambda fit: _or_infinite(fit.mse_percent))

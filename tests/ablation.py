@@ -65,24 +65,9 @@ PIECES: dict[str, tuple[str, str, Callable[..., Any]]] = {
     "joint bare": ("laws.together", "_Course.bare", lambda _, __, tried: tried),
     "joint put in": ("laws.thinning", "Thinning.put_in", lambda *given: given[3:5]),
     # Fits.
-    "restarts": ("identification.multistart", "reconsidered", lambda _, first, __: first),
-    "neighbours": ("identification.campaign", "beside_neighbours", _first),
-    "idle parts": ("identification.campaign", "without_idle_parts", _first),
-    "one friction": ("identification.campaign", "with_one_friction", _first),
-    "coarse looks": ("identification.looks", "Looks._rougher", lambda _, __: None),
-    "joint restarts": (
-        "identification.joint_procedure",
-        "unstrained",
-        lambda _, solution, *__: solution,
-    ),
-    "known step": ("identification.descent", "known_step", lambda *_, **__: None),
-    "last step": ("identification.descent", "last_step", lambda *_, **__: None),
-    "kinks step": ("identification.descent", "step_among_kinks", lambda *_: None),
-    "beside earlier": (
-        "identification.paper.procedure",
-        "beside_earlier",
-        lambda _, start: start,
-    ),
+    "idle parts": ("identification.procedures", "without_idle_parts", _first),
+    "last step": ("identification.fit_setting", "_last_step", lambda *_: None),
+    "detours": ("damper.purdy.parameters", "Damper.detours", lambda *_: ()),
 }
 
 

@@ -23,7 +23,6 @@ from damperfit.damper.signals import PRESSURES
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
 from damperfit.errors import ConfigurationError
 from damperfit.identification import Campaign, FitOptions, Status, compare, identify
-from damperfit.identification.signatures import signatures
 from damperfit.recording import Recording
 from damperfit.report.markdown import markdown_report
 from damperfit.report.page import html_report
@@ -35,7 +34,7 @@ from damperfit.tables.files import write_table
 from damperfit.tables.reading import table_quantities
 from damperfit.tables.rows import make_tables
 from damperfit.uncertainty import Assessment, assess
-from damperfit.uncertainty.flaws import seek_flaws
+from damperfit.uncertainty.flaws import seek_flaws, signatures
 from damperfit.uncertainty.linearisation import linearise_at_fit
 from tests.damper.test_rivals import NUMBERS
 from tests.damper.test_valve_dampers import VALVES

@@ -16,8 +16,8 @@ from damperfit.conditioning import ConditionOptions, apply_filter, condition, de
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, identify
-from damperfit.identification.descent import Misfit, linearise
-from damperfit.identification.settled import between_samples
+from damperfit.identification.fit_problem import FitProblem, linearise
+from damperfit.identification.mean_cycle import between_samples
 from damperfit.recording import Recording
 from damperfit.samples.steady import steady_cycle
 from damperfit.simulation import (
@@ -109,12 +109,11 @@ def test_what_a_millimetre_of_mid_stroke_costs_on_a_road() -> None:
     log = logged("road", 10, force_noise=0.0, displacement_noise=0.0)
     seen = []
     for centre in (0.0, 1e-3):
-        misfit = Misfit(
-            (condition(log, ConditionOptions(centre=centre)),), PURDY_DAMPER,
-            ("r_m1", "r_m2", "r_m3", "k_e", "f_f"), SolverOptions(tolerance=1e-3), 1,
-            lambda: False,
+        problem = FitProblem(
+            PURDY_DAMPER, (condition(log, ConditionOptions(centre=centre)),),
+            ("r_m1", "r_m2", "r_m3", "k_e", "f_f"), SolverOptions(tolerance=1e-3),
         )  # fmt: skip
-        residuals, slopes = linearise(misfit, reference_parameters(10))
+        residuals, slopes = linearise(problem, reference_parameters(10))
         seen.append(np.linalg.lstsq(slopes, -residuals, rcond=None)[0][2])
     assert 100.0 * abs(seen[1] - seen[0]) == pytest.approx(2.0, abs=0.5)
 

@@ -51,7 +51,7 @@ __all__ = [
 ]
 
 
-# Signatures of `damperfit.identification.signatures`: of any force, and of what holds oil and gas.
+# Signatures of `damperfit.uncertainty.flaws`: of any force, and of what holds oil and gas.
 FLAWS_OF_FORCE = (
     "delay", "offset", "friction_with_speed", "valve_law_rebound", "valve_law_bump",
 )  # fmt: skip

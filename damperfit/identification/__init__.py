@@ -1,4 +1,4 @@
-"""From traces to parameters: residuals, starting values, one setting's fit, the campaign.
+"""From traces to parameters: the problem of one setting or of several, its fit, the campaign.
 
 A name is looked up when it is first used.
 """
@@ -8,17 +8,37 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from damperfit.identification.campaign import PROCEDURES, Campaign, identify
-    from damperfit.identification.failures import SettingFailure
-    from damperfit.identification.given_start import GivenStart, check_start
-    from damperfit.identification.log_fit import LogFit
-    from damperfit.identification.model_versus_log import SimulatedLog, compare, normalised_mse
-    from damperfit.identification.multistart import Search, Valley, describe_searches
-    from damperfit.identification.options import DETECT, FitOptions, check_options, shared_names
+    from damperfit.identification.campaign import Campaign, SettingFailure
+    from damperfit.identification.fit_problem import FitProblem
+    from damperfit.identification.fit_setting import Fit
+    from damperfit.identification.options import (
+        DETECT,
+        FitOptions,
+        GivenStart,
+        check_options,
+        check_start,
+        shared_names,
+    )
     from damperfit.identification.outcome import Outcome, Status
-    from damperfit.identification.setting import Fit
-    from damperfit.identification.sharing import Sharing
-    from damperfit.identification.unseen import unlimited_in, values_from_others
+    from damperfit.identification.procedures import PROCEDURES, identify
+    from damperfit.identification.sharing import Sharing, unlimited_in, values_from_others
+    from damperfit.identification.simulated_log import LogFit, SimulatedLog, compare, normalised_mse
+    from damperfit.identification.starts import LocalMinimum, Search, describe_searches
+
+_LATE = {
+    "campaign": ("Campaign", "SettingFailure"),
+    "fit_problem": ("FitProblem",),
+    "fit_setting": ("Fit",),
+    "options": (
+        "DETECT", "FitOptions", "GivenStart", "check_options", "check_start", "shared_names",
+    ),
+    "outcome": ("Outcome", "Status"),
+    "procedures": ("PROCEDURES", "identify"),
+    "sharing": ("Sharing", "unlimited_in", "values_from_others"),
+    "simulated_log": ("LogFit", "SimulatedLog", "compare", "normalised_mse"),
+    "starts": ("LocalMinimum", "Search", "describe_searches"),
+}  # fmt: skip
+_MODULES = {name: module for module, names in _LATE.items() for name in names}
 
 __all__ = [
     "DETECT",
@@ -26,7 +46,9 @@ __all__ = [
     "Campaign",
     "Fit",
     "FitOptions",
+    "FitProblem",
     "GivenStart",
+    "LocalMinimum",
     "LogFit",
     "Outcome",
     "Search",
@@ -34,7 +56,6 @@ __all__ = [
     "Sharing",
     "SimulatedLog",
     "Status",
-    "Valley",
     "check_options",
     "check_start",
     "compare",
@@ -46,36 +67,10 @@ __all__ = [
     "values_from_others",
 ]
 
-_LATE = {
-    "Campaign": "campaign",
-    "SimulatedLog": "model_versus_log",
-    "DETECT": "options",
-    "Fit": "setting",
-    "FitOptions": "options",
-    "GivenStart": "given_start",
-    "LogFit": "log_fit",
-    "Outcome": "outcome",
-    "PROCEDURES": "campaign",
-    "Search": "multistart",
-    "SettingFailure": "failures",
-    "Sharing": "sharing",
-    "Status": "outcome",
-    "Valley": "multistart",
-    "check_options": "options",
-    "check_start": "given_start",
-    "compare": "model_versus_log",
-    "describe_searches": "multistart",
-    "identify": "campaign",
-    "normalised_mse": "model_versus_log",
-    "unlimited_in": "unseen",
-    "values_from_others": "unseen",
-    "shared_names": "options",
-}
-
 
 def __getattr__(name: str) -> Any:
-    if name not in _LATE:
+    if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from importlib import import_module
 
-    return getattr(import_module(f"{__name__}.{_LATE[name]}"), name)
+    return getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)

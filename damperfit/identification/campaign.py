@@ -1,265 +1,276 @@
-"""Fits over the settings of a damper: the procedures `plain`, `paper` and `joint`.
-
-The paper's procedure, automated: all five parameters at the lowest setting give R_m3; the mean of
-the friction over a first pass of all settings gives f_f; then R_m1, R_m2 and K_e at every setting.
-`joint` starts from there and fits all settings at once, with R_m3 and f_f in common.
-"""
+"""The settings of a campaign fitted side by side; one that cannot be fitted costs itself alone."""
 
 from __future__ import annotations
 
-from collections import defaultdict
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from types import MappingProxyType
+from typing import TYPE_CHECKING, TypeVar
 
-from damperfit.damper.warmed import BETA
-from damperfit.errors import ConfigurationError, FitCancelledError, LogError
-from damperfit.identification.blas_threads import one_blas_thread
-from damperfit.identification.every_setting import Campaign, fit_every_setting, with_status
-from damperfit.identification.failures import SettingFailure, attempted, attempted_for_all
-from damperfit.identification.first_beta import with_first_beta
-from damperfit.identification.following import Way, declared_way
-from damperfit.identification.joint_procedure import fit_settings_jointly
-from damperfit.identification.left_out import without_idle_parts
-from damperfit.identification.multistart import Search, fit_from
-from damperfit.identification.neighbours import beside_neighbours
-from damperfit.identification.one_friction import with_one_friction
-from damperfit.identification.options import FitOptions, check_options, shared_names
-from damperfit.identification.paper.procedure import as_in_the_paper
-from damperfit.identification.paper.shared_values import MEAN, TAKEN
-from damperfit.identification.procedure_input import ProcedureInput
-from damperfit.identification.setting import Fit, describe_fit
-from damperfit.identification.settled import SettledLogs, settled
-from damperfit.problem import Failure, Option
-from damperfit.recording import Trace, natural_order
+from damperfit.errors import (
+    ConfigurationError,
+    FitCancelledError,
+    InstallationError,
+    SimulationError,
+    mishap_of,
+)
+from damperfit.identification.fit_problem import FitProblem, kept_within
+from damperfit.identification.fit_setting import Fit
+from damperfit.identification.sharing import Sharing
+from damperfit.identification.starts import Search, best_fitting, best_of_starts
+from damperfit.problem import Failure
 from damperfit.tested.setting import Setting
 from damperfit.workers import apart
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
-    from damperfit.damper.model import Model
-    from damperfit.identification.descent import Misfit
+    from damperfit.damper.model import Model, Values
+    from damperfit.damper.quantity import Quantity
+    from damperfit.identification.mean_cycle import SettledLogs
+    from damperfit.identification.options import FitOptions
+    from damperfit.recording import Trace
 
-__all__ = ["PROCEDURES", "Campaign", "identify"]
+__all__ = [
+    "Campaign",
+    "ProcedureInput",
+    "SettingError",
+    "SettingFailure",
+    "attempted",
+    "attempted_for_all",
+    "fit_every_setting",
+]
 
-_NOT_JOINT = (
-    "the joint fit needs two settings at a sound minimum and a shared parameter: these are the "
-    "results of procedure {}."
-)
-_NOT_FITTED_JOINTLY = "the joint fit met an error: these are the results of procedure {}."
+Found = TypeVar("Found")
+SettingFailure = Failure  # of a setting that has no fit
 
 
-def identify(
-    traces: Sequence[Trace],
-    damper: Model,
-    options: FitOptions = FitOptions(),
-    *,
-    jobs: int = 1,
-    on_fit: Callable[[Fit], None] | None = None,
-    cancelled: Callable[[], bool] | None = None,
-) -> Campaign:
-    """Fit the parameters of every setting that the traces hold.
+class SettingError(SimulationError):
+    """One of the settings that are fitted together has failed."""
 
-    Traces of one setting are fitted together. The result does not depend on `jobs` or on the
-    order of the traces.
+    def __init__(self, failure: SettingFailure) -> None:
+        super().__init__(failure.message, subject=f"setting {failure.setting}")
+        self.failure = failure
 
-    Parameters
-    ----------
-    traces : sequence of Trace
-        Conditioned logs; each must know its setting.
-    damper : Model
-        The damper's model.
-    options : FitOptions
-        Procedure, free and fixed parameters.
-    jobs : int
-        Threads; the compiled core runs outside the interpreter's lock.
-    on_fit : callable, optional
-        Called with each finished `Fit`, from any thread.
-    cancelled : callable, optional
-        Asked often; when it returns True the finished settings are returned.
 
-    Returns
-    -------
-    Campaign
-        Fits by setting, failures and warnings.
+def attempted(setting: Setting, fit: Callable[[], Found]) -> Found | SettingFailure:
+    """Return what a fit of one setting finds, or why it finds nothing.
 
     Raises
     ------
-    ConfigurationError
-        An unknown procedure or parameter, or one both free and fixed.
-    LogError
-        No trace, or one without a setting.
+    FitCancelledError
+        When the caller asked to stop.
+    ConfigurationError, InstallationError
+        What is wrong is wrong at every setting.
     """
-    for one in traces:
-        if not isinstance(one, Trace):
-            raise ConfigurationError(
-                f"identify: found {type(one).__name__} among the traces; expected what "
-                "damperfit.conditioning.condition(read_log(path)) returns; "
-                "damperfit.identify(paths) takes paths"
-            )
-    check_options(options, damper)
-    if not traces:
-        raise LogError("identify: found no log to fit; give one trace or more")
-    settings = _by_setting(traces)
-    given = ProcedureInput(
-        settings,
-        damper,
-        options,
-        max(1, jobs),
-        on_fit or (lambda _fit: None),
-        cancelled or (lambda: False),
-        _cycles(settings, damper, jobs=max(1, jobs)),
-    )
-    # BLAS threads spin between the small products of a fit and take the core that the next
-    # setting's thread needs.
-    with one_blas_thread():
-        campaign = PROCEDURES[options.procedure](given)
-    said = [f"setting {one.setting}: {one.warning}" for one in campaign.searches if one.warning]
-    return replace(campaign, warnings=(*campaign.warnings, *said), named=damper.quantities)
-
-
-def _cycles(
-    settings: Mapping[Setting, tuple[Trace, ...]], damper: Model, *, jobs: int
-) -> dict[Setting, SettledLogs | None]:
-    """The mean cycles of each setting whose logs repeat; kinks need every sample."""
-    if damper.kinks:
-        return {}
-
-    def of(setting: Setting) -> SettledLogs | None:
-        found = attempted(setting, lambda: settled(settings[setting], is_thinned=False))
-        return None if isinstance(found, SettingFailure) else found
-
-    return dict(zip(settings, apart(of, settings, jobs=jobs), strict=True))
-
-
-def _plain(given: ProcedureInput) -> Campaign:
-    """Fit at every setting what is free, from the closed form."""
-    quantities = given.damper.quantities
-    wanted = [one.name for one in quantities if one.default is None]
-    free = given.options.free
-    if free is None:
-        free = tuple(name for name in wanted if name not in given.options.fixed)
-    held = {one.name: one.default for one in quantities if one.default is not None}
-    fixed = {**{k: v for k, v in held.items() if k not in free}, **given.options.fixed}
-    for name in wanted:
-        if name not in free and name not in fixed:
-            raise ConfigurationError(
-                f"procedure plain: {name} is neither free nor fixed; "
-                f"add it to {{free}} or give {{fix}}.",
-                free=Option("free"),
-                fix=Option("fix", "VALUE", name),
-            )
-
-    def misfit_of(setting: Setting) -> Misfit:
-        return given.misfit(setting, given.ordered(free))
-
-    def fit(setting: Setting) -> tuple[Fit, Search | None]:
-        misfit = misfit_of(setting)
-        start = given.start(setting, misfit, fixed)
-        judged, found = fit_from(given, setting, misfit, start)
-        return describe_fit(setting, judged, misfit), found
-
-    found = fit_every_setting(given, fit)
-    if not given.options.start.is_of_one_model:  # neighbours have told each other what they can
-        found = beside_neighbours(found, misfit_of, jobs=given.jobs)
-    if not given.options.is_leaving_out:
-        return found
-    found = without_idle_parts(found, lambda one: misfit_of(one.setting), jobs=given.jobs)
-    return with_one_friction(found, lambda one: misfit_of(one.setting), jobs=given.jobs)
-
-
-def _joint(given: ProcedureInput) -> Campaign:
-    """One fit over the settings, from the model's own procedure; unsound ones follow it."""
-    way, moving = _way_of(given)
-    name = "paper" if "paper" in given.damper.procedures else "plain"
-    by_paper = {TAKEN, MEAN} if name == "paper" and (way is None or not way.follows) else set()
-    shared = {*shared_names(given.options, given.damper)} if way is None else {*way.shared}
-    free = tuple(one for one in moving if one not in by_paper & shared)
-    options = replace(given.options, free=free, starts=1, is_leaving_out=False)
-    if BETA.name in free and len(given.settings) > 1:
-        options = with_first_beta(given, options, PROCEDURES[name])
-    before = PROCEDURES[name](replace(given, options=options, on_fit=lambda _fit: None))
-    failed = {one.setting: one for one in before.failures}
     try:
-        found = attempted_for_all(lambda: fit_settings_jointly(given, before.fits, way, moving))
-    except FitCancelledError:
-        return Campaign("joint", (), is_complete=False)
-    if isinstance(found, Failure):
-        warnings = (*before.warnings, _NOT_FITTED_JOINTLY.format(name))
-        return replace(before, procedure="joint", warnings=warnings, mishap=found)
-    together, broken = found
-    failed.update(broken)
-    if not before.is_complete or together is None:
-        # The logs of one setting tell beta by themselves: nothing was to be shared.
-        is_alone = BETA.name in free and len(given.settings) == 1
-        is_told = before.is_complete and not is_alone
-        said = (_NOT_JOINT.format(name),) if is_told else ()
-        return replace(
-            before,
-            procedure="joint",
-            fits=tuple(fit for fit in before.fits if fit.setting not in failed),
-            failures=tuple(failed[setting] for setting in sorted(failed)),
-            warnings=(*before.warnings, *said),
+        return fit()
+    except (FitCancelledError, ConfigurationError, InstallationError):
+        raise
+    except Exception as error:  # noqa: BLE001 - a bug that one setting meets leaves the others
+        return replace(mishap_of(error, "fitting"), setting=setting)
+
+
+def attempted_for_all(fit: Callable[[], Found]) -> Found | Failure:
+    """Return what a fit of all settings together finds, or what went wrong in it.
+
+    Raises
+    ------
+    FitCancelledError
+        When the caller asked to stop.
+    ConfigurationError, InstallationError
+        What is wrong is wrong without this fit too.
+    """
+    try:
+        return fit()
+    except (FitCancelledError, ConfigurationError, InstallationError):
+        raise
+    except Exception as error:  # noqa: BLE001 - each setting has a fit of its own already
+        return mishap_of(error, "fitting the settings together")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Campaign:
+    """The fits of a damper over its settings.
+
+    Attributes
+    ----------
+    procedure : str
+        How they were made.
+    fits : tuple of Fit
+        By rising setting.
+    failures : tuple of SettingFailure
+        Settings without a fit and why.
+    warnings : tuple of str
+        One plain sentence each.
+    is_complete : bool
+        False when the caller asked to stop before every setting was done.
+    sharing : Sharing
+        How the shared parameters were estimated.
+    searches : tuple of Search
+        What fits from many starts found, where they were asked for.
+    mishap : Failure or None
+        What damperfit got wrong in a step over all settings, done without.
+    named : tuple of Quantity
+        Quantities of the model, where there may be no fit to tell them.
+    """
+
+    procedure: str
+    fits: tuple[Fit, ...]
+    failures: tuple[SettingFailure, ...] = ()
+    warnings: tuple[str, ...] = ()
+    is_complete: bool = True
+    sharing: Sharing = Sharing()
+    searches: tuple[Search, ...] = ()
+    mishap: Failure | None = None
+    named: tuple[Quantity, ...] = ()
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """What the model has; nothing where neither it nor a fit is known."""
+        return self.named or (self.fits[0].parameters.quantities if self.fits else ())
+
+    @property
+    def without_responses(self) -> Campaign:
+        """The same without what was kept of the last simulations: whoever needs one makes it."""
+        fits = (
+            replace(fit, logs=tuple(replace(log, seen=None) for log in fit.logs))
+            for fit in self.fits
         )
-    fits = {fit.setting: fit for fit in before.fits}
+        return replace(self, fits=tuple(fits))
 
-    def fit(setting: Setting) -> tuple[Fit, Search | None]:
-        misfit = given.misfit(setting, given.ordered(together.own_at(setting)))
-        start = together.start(fits[setting], misfit)
-        spent = fits[setting].evaluations + together.evaluations
-        judged, found = fit_from(given, setting, misfit, start, spent=spent)
-        return describe_fit(
-            setting, with_status(judged, together.status_at(setting)), misfit
-        ), found
+    @property
+    def gaps(self) -> tuple[tuple[int, int], ...]:
+        """Runs of settings without a fit within a run of clicks: first and last of each.
 
-    collected = fit_every_setting(given, fit, (*before.warnings, *together.warnings), known=failed)
-    sharing = together.sharing
-    if any(given.damper.quantity(one).is_friction for one in shared):
-        sharing = replace(
-            sharing,
-            spread=before.sharing.spread,
-            is_spread_certain=before.sharing.is_spread_certain,
+        Where every other click or none but 1, 5, 10 was tested, those between are no gaps.
+        """
+        cells = [Setting.of(fit.setting).cell for fit in self.fits]
+        done = [cell for cell in cells if isinstance(cell, int)]
+        if len(done) < len(cells):
+            return ()
+        steps = sorted(later - earlier for earlier, later in pairwise(done))
+        if not steps or steps[len(steps) // 2] != 1:
+            return ()
+        return tuple((a + 1, b - 1) for a, b in pairwise(done) if b - a > 1)
+
+
+def fit_every_setting(
+    given: ProcedureInput,
+    fit: Callable[[Setting], tuple[Fit, Search | None]],
+    warnings: Iterable[str] = (),
+    *,
+    known: Mapping[Setting, SettingFailure] = MappingProxyType({}),
+) -> Campaign:
+    """Run the fit at every setting, side by side; one setting's failure leaves the others.
+
+    Settings that are known to have failed are not tried again.
+    """
+
+    def one(setting: Setting) -> tuple[Fit, Search | None] | SettingFailure | None:
+        if setting in known:
+            return known[setting]
+        try:
+            return attempted(setting, lambda: fit(setting))
+        except FitCancelledError:
+            return None
+
+    results: list[Fit | SettingFailure | None] = []
+    searches: list[Search] = []
+    for found in apart(
+        one,
+        sorted(given.settings),
+        jobs=given.jobs,
+        known=given.known,
+        cancelled=given.cancelled,
+    ):
+        result, search = found if isinstance(found, tuple) else (found, None)
+        if search is not None:
+            searches.append(search)
+        if isinstance(result, Fit):
+            given.on_fit(result)
+        results.append(result)
+    return Campaign(
+        procedure=given.options.procedure,
+        fits=tuple(result for result in results if isinstance(result, Fit)),
+        searches=tuple(searches),
+        failures=tuple(result for result in results if isinstance(result, SettingFailure)),
+        warnings=tuple(warnings),
+        is_complete=all(result is not None for result in results),
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ProcedureInput:
+    """Everything a procedure needs; `cycles` are those of the settings whose logs repeat."""
+
+    settings: Mapping[Setting, tuple[Trace, ...]]
+    damper: Model
+    options: FitOptions
+    jobs: int
+    on_fit: Callable[[Fit], None]
+    cancelled: Callable[[], bool]
+    cycles: Mapping[Setting, SettledLogs | None] = field(default_factory=dict)
+
+    @property
+    def softest_first(self) -> list[Setting]:
+        """Settings by rising stiffness, as far as it is declared how clicks count."""
+        return sorted(self.settings, key=lambda one: one.softness(self.options.from_closed))
+
+    @property
+    def known(self) -> tuple[object, ...]:
+        """What fits may hold that is not their own: logs, cycles, damper, solver."""
+        traces = (one for few in self.settings.values() for one in few)
+        cycles = (one for few in self.cycles.values() if few is not None for one in few.cycles)
+        return (*traces, *cycles, self.damper, self.options.solver)
+
+    def ordered(self, names: Iterable[str]) -> tuple[str, ...]:
+        """Return the names in the order of the model."""
+        wanted = set(names)
+        return tuple(name for name in self.damper.names if name in wanted)
+
+    def problem(self, setting: Setting, free: tuple[str, ...]) -> FitProblem:
+        """Return what is fitted at a setting."""
+        return FitProblem(
+            self.damper,
+            self.settings[setting],
+            free,
+            self.options.solver,
+            self.cycles.get(setting),
+            self.cancelled,
+            self.options.max_evaluations,
         )
-    return replace(collected, sharing=sharing)
+
+    def start(self, setting: Setting, problem: FitProblem, fixed: Mapping[str, float]) -> Values:
+        """Return where the fit of a setting starts: as somebody has said, else the model's start.
+
+        Of several starts it is the one that fits the first log best. A law with kinks makes a
+        descent long: there it is where the best lead, followed on settled cycles as far as the
+        motions repeat. What is fixed stays fixed.
+        """
+        starts = problem.model.start(problem.traces, fixed)
+        return _best(
+            problem, tuple({self.with_given_start(setting, one, fixed): None for one in starts})
+        )
+
+    def with_given_start(
+        self, setting: Setting, start: Values, fixed: Mapping[str, float]
+    ) -> Values:
+        """Return a start with what somebody has said that the fit of a setting starts at."""
+        said = self.options.start.of(setting)
+        said = {name: said[name] for name in self.ordered(said) if name not in fixed}
+        return kept_within(start.replace(said), said)
 
 
-def _way_of(given: ProcedureInput) -> tuple[Way | None, tuple[str, ...]]:
-    """Return the way of sharing, None where the logs are to tell it, and what moves."""
-    options, damper = given.options, given.damper
-    wanted = [
-        q.name for q in damper.quantities if q.default is None and q.name not in options.fixed
-    ]
-    if not options.is_detecting and not options.follows:
-        shared = given.ordered(shared_names(options, damper))
-        # What is neither shared nor fixed is the settings' own: R_m3 or f_f too.
-        own = given.ordered(options.free or [name for name in wanted if name not in shared])
-        return Way(own, shared, {}), given.ordered({*own, *shared})
-    moving = given.ordered({*(options.free or wanted), *options.follows})
-    if not options.follows:
-        return None, moving
-    return declared_way(damper, moving, options.follows, min(given.settings).adjusters), moving
-
-
-PROCEDURES: dict[str, Callable[[ProcedureInput], Campaign]] = {
-    "paper": as_in_the_paper,
-    "joint": _joint,
-    "plain": _plain,
-}
-
-
-def _by_name(trace: Trace) -> tuple[object, ...]:
-    return natural_order(trace.name), trace.name, trace.start_time
-
-
-def _by_setting(traces: Sequence[Trace]) -> dict[Setting, tuple[Trace, ...]]:
-    groups: dict[Setting, list[Trace]] = defaultdict(list)
-    for trace in traces:
-        if trace.setting is None:
-            raise LogError(
-                "the setting is not known; write '# setting: N' into the log, "
-                "name it setting_N, or give {setting}.",
-                setting=Option("setting", "N"),
-                subject=trace.name,
-            )
-        groups[Setting.of(trace.setting)].append(trace)
-    return {setting: tuple(sorted(groups[setting], key=_by_name)) for setting in sorted(groups)}
+def _best(problem: FitProblem, starts: Sequence[Values]) -> Values:
+    if len(starts) == 1:
+        return starts[0]
+    try:
+        coarse = replace(problem, cycles=None)
+        coarse = coarse.on_cycles() if problem.model.kinks else coarse
+        if coarse.cycles is not None:
+            return best_of_starts(coarse, starts, is_thorough=True).extra
+    except SimulationError:
+        return starts[0]
+    ranked = best_fitting(replace(coarse, traces=problem.traces[:1]), starts)
+    return ranked[0] if ranked else starts[0]

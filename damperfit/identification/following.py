@@ -1,12 +1,12 @@
 r"""Which quantities follow which adjuster, as the logs tell it; the others are shared.
 
-With the settings fitted apart, residuals r_s and their derivatives J_s make the misfit of any way
+With the settings fitted apart, residuals r_s and their derivatives J_s make the problem of any way
 of sharing a linear least squares in its unknowns theta (A_s picks those of a setting)::
 
     X(way) = min over theta of  sum_s w_s |r_s + J_s (A_s theta - u_s)|^2  +  n_theta ln n_eff
 
 Each w_s, one for each stroke, makes the term n_eff of the setting where that is fitted apart; but
-a misfit of less than `ENOUGH_PERCENT` of what the stroke's force is counts as that, for what it
+a problem of less than `ENOUGH_PERCENT` of what the stroke's force is counts as that, for what it
 could tell nobody would use. Of all ways that differ in
 what one quantity follows the best is taken until none is better, from everything shared and from
 nothing shared. A joint fit with that way is then the point from which the sum is drawn up anew, for
@@ -24,12 +24,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.damper.quantity import DAMPER, LOG, RIG, SETTING
-from damperfit.identification.descent import common_variables, linearise
-from damperfit.identification.effective_samples import effective_samples
-from damperfit.identification.joint_fit import JointProblem, fit_jointly
-from damperfit.identification.plausible import kept_within
-from damperfit.identification.step_solvers import reduced
-from damperfit.identification.unknowns import unknown_at
+from damperfit.identification.fit_problem import common_variables, kept_within, linearise
+from damperfit.identification.least_squares import reduced
+from damperfit.identification.log_facts import effective_samples
+from damperfit.identification.sharing import unknown_at
+from damperfit.identification.tied_problem import TiedProblem, fit_jointly
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -37,8 +36,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from damperfit.damper.model import Model, Values
-    from damperfit.identification.descent import Misfit
-    from damperfit.identification.unknowns import Follows, Unknown
+    from damperfit.identification.fit_problem import FitProblem
+    from damperfit.identification.sharing import Follows, Unknown
     from damperfit.tested.setting import Setting
 
     FloatArray = NDArray[np.float64]
@@ -143,7 +142,7 @@ class Detected:
 
 
 def detected_way(
-    misfits: Mapping[Setting, Misfit],
+    problems: Mapping[Setting, FitProblem],
     apart: Mapping[Setting, Values],
     declared: Way | None = None,
     *,
@@ -153,7 +152,7 @@ def detected_way(
 
     Parameters
     ----------
-    misfits : mapping of Setting to Misfit
+    problems : mapping of Setting to FitProblem
         Two settings or more, with the same quantities free.
     apart : mapping of Setting to Values
         Each setting fitted by itself.
@@ -167,11 +166,11 @@ def detected_way(
     SettingError, FitCancelledError
         As `fit_jointly`.
     """
-    adjusters = min(misfits).adjusters
-    moving = misfits[min(misfits)].free
-    known = _known(misfits[min(misfits)].damper, moving, adjusters)
+    adjusters = min(problems).adjusters
+    moving = problems[min(problems)].free
+    known = _known(problems[min(problems)].model, moving, adjusters)
     at, spent = dict(apart), 1
-    search = _Search(misfits, at, None)
+    search = _Search(problems, at, None)
     if declared is not None:
         whole: dict[str, tuple[str, ...]] = dict.fromkeys(moving, ())
         whole |= {**declared.follows, **dict.fromkeys(declared.own, adjusters)}
@@ -190,15 +189,15 @@ def detected_way(
         way = _way(moving, follows, own, is_detected=True)
         if not way.shared:
             return Detected(way, dict(apart), spent)
-        problem = JointProblem(misfits, way.shared, way.follows, weights=search.weights, jobs=jobs)
+        problem = TiedProblem(problems, way.shared, way.follows, weights=search.weights, jobs=jobs)
         solution = fit_jointly(problem, search.starts(follows))
         at, spent = dict(solution.parameters), spent + solution.evaluations + 1
         seen = search.mean_squares
         if any(solution.mean_squares[s] < _CLEARLY_BETTER * seen[s] for s in seen):
             found, tried = [], []
-            search = _Search(misfits, at, None)
+            search = _Search(problems, at, None)
         else:
-            search = _Search(misfits, at, search)
+            search = _Search(problems, at, search)
         found.append((search.cost + search.price(follows), Detected(way, at, spent)))
     return replace(min(found, key=lambda one: one[0])[1], evaluations=spent)
 
@@ -224,22 +223,22 @@ class _Search:
 
     def __init__(
         self,
-        misfits: Mapping[Setting, Misfit],
+        problems: Mapping[Setting, FitProblem],
         at: Mapping[Setting, Values],
         before: _Search | None,
     ) -> None:
-        self.settings = sorted(misfits)
-        self.at, self.misfits = at, misfits
-        self.names = misfits[self.settings[0]].free
+        self.settings = sorted(problems)
+        self.at, self.problems = at, problems
+        self.names = problems[self.settings[0]].free
         self.mean_squares: dict[Setting, float] = {}
         self.weights: dict[Setting, float] = {}
         self.rows: dict[Setting, FloatArray] = {}
         self.n_eff = 0.0
         self._curvatures, self._slopes, self._costs, self._u = [], [], [], []
         for setting in self.settings:
-            misfit = misfits[setting]
-            residuals, jacobian = linearise(misfit.whole, at[setting])
-            self._weigh(setting, misfit, residuals)
+            problem = problems[setting]
+            residuals, jacobian = linearise(problem.whole, at[setting])
+            self._weigh(setting, problem, residuals)
             if before is not None:
                 self.weights[setting] = before.weights[setting]
                 self.rows[setting] = before.rows[setting]
@@ -251,22 +250,22 @@ class _Search:
             self._slopes.append(rows.T @ right)
             self._costs.append(float(right @ right))
             numbers = np.array([getattr(at[setting], name) for name in self.names])
-            self._u.append(common_variables(misfit).pack(numbers))
+            self._u.append(common_variables(problem).pack(numbers))
         if before is not None:
             self.n_eff = before.n_eff
         self._middle = np.mean(self._u, axis=0)
         self._worths: dict[tuple[tuple[str, ...], ...], float] = {}
 
-    def _weigh(self, setting: Setting, misfit: Misfit, residuals: FloatArray) -> None:
+    def _weigh(self, setting: Setting, problem: FitProblem, residuals: FloatArray) -> None:
         n_eff, first = 0.0, 0
-        for trace in misfit.traces:
+        for trace in problem.traces:
             for stretch, place in zip(trace.stretches, trace.places, strict=True):
                 rest = residuals[first : first + trace.n_samples][place]
                 n_eff += effective_samples(rest, max(stretch.n_cycles, 1))
             first += trace.n_samples
         # Each stroke by what it carries: a weak one is not to be hidden by a strong one.
         variances = np.empty(len(residuals))
-        force, is_rebound = _forces(misfit)
+        force, is_rebound = _forces(problem)
         for stroke in (is_rebound, ~is_rebound):
             if np.any(stroke):
                 least = ENOUGH_PERCENT / 100.0 * float(np.mean(force[stroke] ** 2))
@@ -319,7 +318,7 @@ class _Search:
         variables, _, _ = self._solved(follows)
         found = {}
         for setting, u in zip(self.settings, variables, strict=True):
-            numbers = common_variables(self.misfits[setting]).unpack(u).tolist()
+            numbers = common_variables(self.problems[setting]).unpack(u).tolist()
             values = self.at[setting].replace(dict(zip(self.names, numbers, strict=True)))
             found[setting] = kept_within(values, self.names)
         return found
@@ -352,11 +351,11 @@ class _Search:
         return self._middle + theta[places], cost + float(right @ theta), n
 
 
-def _forces(misfit: Misfit) -> tuple[FloatArray, NDArray[np.bool_]]:
+def _forces(problem: FitProblem) -> tuple[FloatArray, NDArray[np.bool_]]:
     """What is compared: force above that at rest, and whether the rod goes out."""
     forces, strokes = [], []
-    for trace in misfit.traces:
-        rest = misfit.damper.filled_to(trace.gas_pressure).rest_force(trace.displacement)
+    for trace in problem.traces:
+        rest = problem.model.filled_to(trace.gas_pressure).rest_force(trace.displacement)
         force = trace.force if rest is None else trace.force - rest
         forces.append(force[trace.compared])
         strokes.append(trace.velocity[trace.compared] > 0.0)

@@ -39,7 +39,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.identification.effective_samples import effective_samples as samples_of_stretch
+from damperfit.identification.log_facts import effective_samples as samples_of_stretch
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from damperfit.damper.model import Model
     from damperfit.damper.valve_dampers import ValveDamper
-    from damperfit.identification.unknowns import Follows
+    from damperfit.identification.sharing import Follows
     from damperfit.laws.choosing import Tried
     from damperfit.laws.common_parts import CommonPart
     from damperfit.laws.law_fit import LawFit, SettingLogs
@@ -89,7 +89,7 @@ class JointDescents:
                 continue
         if not ends:
             raise SimulationError(f"{damper.name} cannot be simulated with more parts.")
-        return LawOfAll(damper, freed, one, min(ends, key=lambda end: end.point.cost))
+        return LawOfAll(damper, freed, one, min(ends, key=lambda end: end.cost))
 
     def with_more(self, core: ValveDamper, law: LawOfAll, parts: Sequence[CommonPart]) -> LawOfAll:
         """The law with some parts, from where it is."""
@@ -111,7 +111,7 @@ class JointDescents:
             if damper == made_of(core, law.freed, beside)[0]:
                 continue
             try:
-                found.append((self.begun(damper, freed, law).minimum.point.cost, place))
+                found.append((self.begun(damper, freed, law).minimum.cost, place))
             except SimulationError:
                 continue
         return [rivals[min(found)[1]]] if found else []
@@ -130,7 +130,7 @@ class JointDescents:
             other = replace(self.first(self.apart(begun.damper, law)), parts=parts)
         except SimulationError:
             return begun
-        return other if begun.one.cost(other.values) < begun.minimum.point.cost else begun
+        return other if begun.one.cost(other.values) < begun.minimum.cost else begun
 
     def without(
         self, core: ValveDamper, law: LawOfAll, rich: LawOfAll, part: CommonPart
@@ -154,9 +154,9 @@ class JointDescents:
         at = {s: values_of_less(damper, free, values) for s, values in rich.values.items()}
         try:
             end = one.descend(one.with_common(at))
-            if end.point.cost > GAIN * rich.minimum.point.cost and law is not rich:
+            if end.cost > GAIN * rich.minimum.cost and law is not rich:
                 other = one.descend(self.begun(damper, freed, law).values)
-                end = min(end, other, key=lambda end: end.point.cost)
+                end = min(end, other, key=lambda end: end.cost)
             small = LawOfAll(damper, freed, one, end, left)
             return small, self.tried(small)
         except SimulationError:

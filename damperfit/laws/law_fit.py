@@ -16,8 +16,8 @@ import numpy as np
 
 from damperfit.conditioning import TRANSIENTS, transients
 from damperfit.errors import SimulationError
-from damperfit.identification.effective_samples import FEWEST_SAMPLES
 from damperfit.identification.law_misfit import COMPARING, LawMisfit, best_of_starts
+from damperfit.identification.log_facts import FEWEST_SAMPLES
 from damperfit.laws.friction_at_rest import with_whole_friction
 from damperfit.laws.missed import misses
 from damperfit.simulation import SolverOptions
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from damperfit.damper.model import Model, Values
-    from damperfit.identification.minimiser import DescentPoint, Minimum
+    from damperfit.identification.least_squares import Minimum
     from damperfit.recording import Trace
     from damperfit.tested.setting import Setting
 
@@ -181,15 +181,15 @@ def fit_law(  # noqa: PLR0913 - what a search may ask of it
     free, coarse = misfit.free, misfit.on_cycles()
     ended, spent = _descended(coarse, near, held, evidence.more_start, hopeless_percent / 100.0)
     if is_whole:
-        ended = misfit.descend(ended.point.extra, COMPARING)
+        ended = misfit.descend(ended.extra, COMPARING)
         spent += ended.evaluations
     return fit_at(
         misfit,
         evidence,
-        ended.point.extra,
+        ended.extra,
         evaluations=spent,
         undetermined=_undetermined(
-            ended.point, model, free, sum(len(one.stretches) for one in evidence.fitted)
+            ended, model, free, sum(len(one.stretches) for one in evidence.fitted)
         ),
     )
 
@@ -290,13 +290,13 @@ def glimpsed(
     shared, absent = _beside(misfit, near.values)
     without = misfit.cost(start.replace(shared | absent))
     short = misfit.glimpse(start.replace(shared))
-    if short.point.cost > without:  # too much of the part for a few steps from there
+    if short.cost > without:  # too much of the part for a few steps from there
         other = misfit.glimpse(start.replace(shared | _little(start, absent)))
-        short = min(short, other, key=lambda one: one.point.cost)
-    gain = without / max(short.point.cost, 1e-300)
+        short = min(short, other, key=lambda one: one.cost)
+    gain = without / max(short.cost, 1e-300)
     if gain > _HARDLY:
         return None
-    values = short.point.extra
+    values = short.extra
     return replace(
         near,
         model=model,
@@ -365,11 +365,11 @@ def _descended(
     try:
         least = misfit.cost(inside) if absent else -math.inf
         for other in (*others, inside):
-            if ended.point.cost <= least:
+            if ended.cost <= least:
                 break
             again = misfit.descend(other, COMPARING)
             spent += again.evaluations
-            ended = min(ended, again, key=lambda one: one.point.cost)
+            ended = min(ended, again, key=lambda one: one.cost)
     except SimulationError:
         pass
     return ended, spent
@@ -381,18 +381,18 @@ def _little(start: Values, absent: Mapping[str, float]) -> dict[str, float]:
 
 
 def _undetermined(
-    point: DescentPoint[Values], model: Model, free: Sequence[str], n_stretches: int
+    ended: Minimum[Values], model: Model, free: Sequence[str], n_stretches: int
 ) -> tuple[str, ...]:
     """Return the quantities whose logarithm has too large a standard error, to first order.
 
     What a law leaves over is not white: a stretch counts as `FEWEST_SAMPLES`, not as thousands.
     """
-    lengths = np.sqrt(np.sum(point.jacobian**2, axis=0))
-    columns = point.jacobian / np.maximum(lengths, 1e-300)
+    lengths = np.sqrt(np.sum(ended.jacobian**2, axis=0))
+    columns = ended.jacobian / np.maximum(lengths, 1e-300)
     # Of quantities that do the same an inverse may be negative by rounding; this is never below 0.
     sizes, ways = np.linalg.eigh(columns.T @ columns)
     spread = np.sum(ways**2 / (np.maximum(sizes, 0.0) + 1e-12), axis=1)
-    variance = spread * point.cost / (FEWEST_SAMPLES * n_stretches)
+    variance = spread * ended.cost / (FEWEST_SAMPLES * n_stretches)
     errors = np.sqrt(variance) / np.maximum(lengths, 1e-300)
     return tuple(
         name

@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
     from damperfit.damper.model import Model, Values
     from damperfit.damper.valve_dampers import ValveDamper
-    from damperfit.identification.minimiser import Minimum
-    from damperfit.identification.unknowns import Follows
+    from damperfit.identification.least_squares import Minimum
+    from damperfit.identification.sharing import Follows
     from damperfit.laws.common_parts import CommonPart
     from damperfit.laws.law_fit import LawFit, SettingLogs
     from damperfit.simulation import SolverOptions
@@ -79,7 +79,7 @@ class LawOfAll:
     @property
     def values(self) -> dict[Setting, Values]:
         """Of each setting; what is common is equal."""
-        return self.minimum.point.extra
+        return self.minimum.extra
 
     @property
     def own_freed(self) -> tuple[str, ...]:
@@ -189,7 +189,7 @@ def as_one_model(
     one = OneModel(misfits, follows(own.model, own.free), {}, jobs)
     one = one.weighed_at(apart, least=_ENOUGH)
     found = one.best_of(list(one.starts(apart)))
-    values = found.point.extra
+    values = found.extra
     strained = [
         100.0 * misfits[fit.setting].cost(values[fit.setting])
         > _STRAINED * max(fit.mse_percent, ENOUGH_PERCENT)
@@ -199,11 +199,11 @@ def as_one_model(
         one = one.weighed_at(values)
         found = one.descend(values)
     damper = cast("ValveDamper", own.model)
-    both = {setting: with_both_ways(damper, at) for setting, at in found.point.extra.items()}
-    if both != found.point.extra:
+    both = {setting: with_both_ways(damper, at) for setting, at in found.extra.items()}
+    if both != found.extra:
         with suppress(SimulationError):  # what was found stays
             other = one.descend(one.with_common(both))
-            found = min(found, other, key=lambda end: end.point.cost)
+            found = min(found, other, key=lambda end: end.cost)
     return LawOfAll(damper, freed, one, found)
 
 
@@ -303,7 +303,7 @@ def led_back(law: LawOfAll, larger: LawOfAll) -> LawOfAll:
         for setting, values in law.values.items()
     }
     end = law.one.descend(law.one.with_common(at))
-    return replace(law, minimum=end) if end.point.cost < law.minimum.point.cost else law
+    return replace(law, minimum=end) if end.cost < law.minimum.cost else law
 
 
 def lost_with(less: Tried, more: Tried) -> str:

@@ -14,12 +14,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.errors import SimulationError
-from damperfit.identification.effective_samples import FEWEST_SAMPLES
+from damperfit.identification.fit_problem import kept_within
 from damperfit.identification.law_misfit import LawMisfit
-from damperfit.identification.minimiser import Minimum, Transformation, minimise
-from damperfit.identification.plausible import kept_within
-from damperfit.identification.trust_region import Stopping
-from damperfit.identification.unknowns import Unknown, unknown_at, unknowns_of
+from damperfit.identification.least_squares import Minimum, Stopping, Transformation, minimise
+from damperfit.identification.log_facts import FEWEST_SAMPLES
+from damperfit.identification.sharing import Unknown, unknown_at, unknowns_of
 from damperfit.workers import executor
 
 if TYPE_CHECKING:
@@ -28,7 +27,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from damperfit.damper.model import Model, Values
-    from damperfit.identification.unknowns import Follows
+    from damperfit.identification.sharing import Follows
     from damperfit.tested.setting import Setting
     from damperfit.workers import InTurn, Threads
 
@@ -179,16 +178,16 @@ class OneModel:
                 continue
         if not seen:
             raise SimulationError(f"{self.model.name} cannot be simulated at all settings at once.")
-        seen.sort(key=lambda one: one.point.cost)
-        ends = [self.descend(one.point.extra) for one in seen[:_FOLLOWED]]
-        return min(ends, key=lambda one: one.point.cost)
+        seen.sort(key=lambda one: one.cost)
+        ends = [self.descend(one.extra) for one in seen[:_FOLLOWED]]
+        return min(ends, key=lambda one: one.cost)
 
     def errors(self, ended: Minimum[dict[Setting, Values]]) -> dict[Unknown, float]:
         """Return the standard errors of the logarithms, to first order; 0 of what has no logarithm.
 
         What a law leaves over is not white: a stretch counts as `FEWEST_SAMPLES`, not as thousands.
         """
-        jacobian, cost = ended.point.jacobian, ended.point.cost
+        jacobian, cost = ended.jacobian, ended.cost
         lengths = np.maximum(np.sqrt(np.sum(jacobian**2, axis=0)), 1e-300)
         columns = jacobian / lengths
         spread = np.linalg.inv(columns.T @ columns + 1e-12 * np.eye(len(lengths)))
@@ -299,5 +298,4 @@ class OneModel:
     def _rows(self, setting: Setting, values: Values) -> FloatArray:
         one = self.misfits[setting]
         scale = one.scale * math.sqrt(self.weights[setting])
-        rows: FloatArray = np.hstack(one.rows(values, self.free)) * scale
-        return rows
+        return one.rows(values, self.free) * scale

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     from damperfit.damper.model import Model
     from damperfit.damper.valve_dampers import ValveDamper
-    from damperfit.identification.unknowns import Follows
+    from damperfit.identification.sharing import Follows
     from damperfit.laws.common_parts import CommonPart
     from damperfit.laws.law_fit import SettingLogs
     from damperfit.laws.law_of_all import LawOfAll

@@ -61,7 +61,7 @@ if TYPE_CHECKING:
 
     from damperfit.damper.model import Model
     from damperfit.damper.valve_dampers import ValveDamper
-    from damperfit.identification.unknowns import Follows
+    from damperfit.identification.sharing import Follows
     from damperfit.laws.law_fit import LawFit, SettingLogs
     from damperfit.simulation import SolverOptions
 
@@ -215,7 +215,7 @@ class _Course(Thinning):
         """
         try:
             again = led_back(law, rich)
-            if again.minimum.point.cost * SOMETHING > law.minimum.point.cost:
+            if again.minimum.cost * SOMETHING > law.minimum.cost:
                 return law, tried
             one = self.tried(again)
         except SimulationError:

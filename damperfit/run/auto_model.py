@@ -16,8 +16,8 @@ from damperfit.damper.purdy.parameters import Damper
 from damperfit.damper.valve_dampers import Monotube, ValveDamper
 from damperfit.errors import ConfigurationError, SimulationError
 from damperfit.identification import DETECT, GivenStart, shared_names
-from damperfit.identification.descent import Misfit
-from damperfit.identification.failures import SettingError
+from damperfit.identification.campaign import SettingError
+from damperfit.identification.fit_problem import FitProblem
 from damperfit.identification.following import Way, declared_way, detected_way
 from damperfit.laws import (
     SettingLogs,
@@ -50,7 +50,7 @@ if TYPE_CHECKING:
     from damperfit.configuration.options import Configuration
     from damperfit.damper.model import Model
     from damperfit.identification import FitOptions
-    from damperfit.identification.unknowns import Follows
+    from damperfit.identification.sharing import Follows
     from damperfit.laws import JudgedLaw, LawFit, LawSearch, Tried
     from damperfit.problem import Failure, Problem
     from damperfit.run.hold_out import Parted
@@ -386,8 +386,12 @@ def _told(
 ) -> Way:
     options = configuration.identification
     misfits = {
-        fit.setting: Misfit(
-            one.fitted, fit.model, fit.free, options.solver, options.max_evaluations, lambda: False
+        fit.setting: FitProblem(
+            fit.model,
+            one.fitted,
+            fit.free,
+            options.solver,
+            max_evaluations=options.max_evaluations,
         )
         for fit, one in zip(fits, logs, strict=True)
     }

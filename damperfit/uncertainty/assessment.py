@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from damperfit.errors import FitCancelledError, SimulationError, sparing
 from damperfit.identification.blas_threads import one_blas_thread
 from damperfit.identification.outcome import Status
-from damperfit.identification.paper.shared_values import TAKEN
+from damperfit.identification.paper import TAKEN
 from damperfit.identification.sharing import of_settings
 from damperfit.simulation import SolverOptions
 from damperfit.statistics import percentiles

@@ -33,7 +33,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.compiled_core import compiled_core
-from damperfit.identification.settled import fast_length
+from damperfit.identification.mean_cycle import fast_length
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.identification.paper.gas_content import GAS_NAMES
+from damperfit.identification.gas_content import GAS_NAMES
 from damperfit.uncertainty.intervals import Interval, make_interval, shared_covariance
 
 if TYPE_CHECKING:

@@ -6,9 +6,9 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from damperfit.identification.left_out import is_nothing
+from damperfit.identification.fit_setting import NOT_FIT_TO_SHARE, NOT_FOUND, is_loose
+from damperfit.identification.inactive_parts import is_nothing
 from damperfit.identification.outcome import Outcome, Status
-from damperfit.identification.setting import NOT_FIT_TO_SHARE, NOT_FOUND, is_loose
 from damperfit.statistics import NORMAL_95
 
 if TYPE_CHECKING:

@@ -22,9 +22,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from damperfit.conditioning import apply_filter
-from damperfit.identification.model_versus_log import compare
+from damperfit.identification.log_facts import all_alike, weights
 from damperfit.identification.outcome import Status
-from damperfit.identification.weights import all_alike, weights
+from damperfit.identification.simulated_log import compare
 from damperfit.simulation import SolverOptions, simulate
 from damperfit.uncertainty.correlated_noise import cycle_covariance
 from damperfit.uncertainty.few_samples import (
@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 
     from damperfit.damper.model import Model, Values
     from damperfit.identification import Fit, LogFit, SimulatedLog
-    from damperfit.identification.settled import SettledCycle
+    from damperfit.identification.mean_cycle import SettledCycle
     from damperfit.recording import Trace
 
     FloatArray = NDArray[np.float64]

@@ -2,8 +2,8 @@
 
 sqrt(rise) runs nearly straight, so that few points do and a limit is interpolated in it. A point
 of one setting costs one or two simulations: the others follow their tangent, the loop of every fit
-(`damperfit.identification.trust_region`) corrects them until another step promises next to nothing,
-and the next point starts there. A parameter of a joint fit is walked with all settings refitted.
+(`identification.least_squares`) corrects them until another step promises next to nothing, and the
+next point starts there. A parameter of a joint fit is walked with all settings refitted.
 """
 
 from __future__ import annotations
@@ -15,12 +15,10 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from damperfit.errors import SimulationError
-from damperfit.identification.descent import common_variables, linearise
-from damperfit.identification.joint_fit import JointProblem, JointSolution, fit_jointly
+from damperfit.identification.fit_problem import common_variables, is_at_edge, linearise
+from damperfit.identification.least_squares import NO_LENGTH, DenseSystem, Stopping, iterate
 from damperfit.identification.outcome import Outcome
-from damperfit.identification.plausible import is_at_edge
-from damperfit.identification.step_solvers import NO_LENGTH, DenseSystem
-from damperfit.identification.trust_region import Stopping, iterate
+from damperfit.identification.tied_problem import JointSolution, TiedProblem, fit_jointly
 from damperfit.statistics import NORMAL_95
 from damperfit.uncertainty.intervals import shared_curvature
 from damperfit.uncertainty.profiles import (
@@ -47,8 +45,8 @@ if TYPE_CHECKING:
     from damperfit.damper.model import Values
     from damperfit.damper.quantity import Quantity
     from damperfit.identification import Sharing
-    from damperfit.identification.step_solvers import LinearSystem, Step
-    from damperfit.identification.unknowns import Unknown
+    from damperfit.identification.least_squares import LinearSystem, Step
+    from damperfit.identification.sharing import Unknown
     from damperfit.tested.setting import Setting
     from damperfit.uncertainty.intervals import Uncertainty
     from damperfit.uncertainty.linearisation import Linearisation
@@ -235,7 +233,7 @@ def doubtful_profiles(
 class _JointWalk:
     """The walker over all settings of a joint fit."""
 
-    problem: JointProblem
+    problem: TiedProblem
     unknown: Unknown
     best: JointSolution
     scale: float
@@ -308,7 +306,7 @@ def profile_jointly(
         if one.fit.setting in sharing.settings and one.fit.outcome is Outcome.CONVERGED
     ]
     start = {fit.setting: fit.parameters for fit in fits}
-    whole = JointProblem(
+    whole = TiedProblem(
         {fit.setting: bench.misfit(fit, sharing.free) for fit in fits},
         sharing.jointly,
         sharing.follows,

@@ -25,8 +25,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.identification.descent import Misfit
-from damperfit.identification.left_out import does_nothing
+from damperfit.identification.fit_problem import FitProblem
+from damperfit.identification.inactive_parts import does_nothing
 from damperfit.identification.outcome import Status
 from damperfit.simulation import SolverOptions
 from damperfit.statistics import NORMAL_95
@@ -194,11 +194,18 @@ class Bench:
     cancelled: Callable[[], bool] = lambda: False
     jobs: int = 1
 
-    def misfit(self, fit: Fit, free: Sequence[str]) -> Misfit:
+    def misfit(self, fit: Fit, free: Sequence[str]) -> FitProblem:
         """What a setting's logs say of some parameters."""
         ordered = tuple(name for name in fit.parameters.names if name in free)
         traces = tuple(log.trace for log in fit.logs)
-        return Misfit(traces, self.damper, ordered, self.solver, 1, self.cancelled)
+        return FitProblem(
+            self.damper,
+            traces,
+            ordered,
+            self.solver,
+            cancelled=self.cancelled,
+            max_evaluations=1,
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -211,7 +218,7 @@ class ProfileLine:
         Setting.
     name : str
         Parameter; one of the misfit's free ones.
-    misfit : Misfit
+    misfit : FitProblem
         Logs, damper, and what is free, the parameter among it.
     start : Values
         The best fit.
@@ -223,7 +230,7 @@ class ProfileLine:
 
     setting: Setting
     name: str
-    misfit: Misfit
+    misfit: FitProblem
     start: Values
     scale: float
     error: float

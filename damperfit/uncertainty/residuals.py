@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.conditioning.gas_force import YIELDS, held_shares
-from damperfit.identification.setting import EXCELLENT
+from damperfit.identification.fit_setting import EXCELLENT
 from damperfit.identification.sharing import listed_settings
 from damperfit.statistics import median, variance_of
 from damperfit.uncertainty.flaws import Hint, seek_flaws

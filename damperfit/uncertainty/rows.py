@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.conditioning.filters import gain_at
-from damperfit.identification.settled import between_samples, fast_length
+from damperfit.identification.mean_cycle import between_samples, fast_length
 from damperfit.recording import FilterDesign
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from damperfit.identification.settled import SettledCycle
+    from damperfit.identification.mean_cycle import SettledCycle
     from damperfit.recording import Stretch, Trace
 
     FloatArray = NDArray[np.float64]

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from damperfit.identification.gas_content import GAS_FOLLOWER, GAS_NAMES
 from damperfit.identification.outcome import Status
-from damperfit.identification.paper.gas_content import GAS_FOLLOWER, GAS_NAMES
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

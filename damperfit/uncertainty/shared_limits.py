@@ -13,7 +13,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from damperfit.errors import FitCancelledError, SimulationError
-from damperfit.identification.setting import NOT_FIT_TO_SHARE
+from damperfit.identification.fit_setting import NOT_FIT_TO_SHARE
 from damperfit.statistics import NORMAL_95
 from damperfit.uncertainty.profile_walk import profile_jointly
 from damperfit.uncertainty.profiles import Stride, squared_error

@@ -12,8 +12,8 @@ import numpy as np
 
 from damperfit.damper.pressing import with_pressed_seal
 from damperfit.damper.turning import other_turns
-from damperfit.identification.model_versus_log import compare
 from damperfit.identification.outcome import Status
+from damperfit.identification.simulated_log import compare
 from damperfit.simulation import simulate
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from damperfit.damper.model import Model, Values
     from damperfit.identification import Fit, LogFit
-    from damperfit.identification.settled import SettledCycle
+    from damperfit.identification.mean_cycle import SettledCycle
     from damperfit.recording import Trace
     from damperfit.simulation import SolverOptions
     from damperfit.uncertainty.rows import EverySample, Phases

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from damperfit.damper.valve_dampers import ValveDamper
 from damperfit.damper.warmed import Warmed
-from damperfit.identification.unknowns import unknown_at
+from damperfit.identification.sharing import unknown_at
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

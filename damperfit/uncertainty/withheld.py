@@ -16,8 +16,8 @@ from damperfit.conditioning import apply_filter
 from damperfit.conditioning.gas_force import force_level
 from damperfit.conditioning.polarity import CONTRADICTED
 from damperfit.damper.force_channel import behind_lag
+from damperfit.identification.fit_problem import edge_of
 from damperfit.identification.outcome import Status
-from damperfit.identification.plausible import edge_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence

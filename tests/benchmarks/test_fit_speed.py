@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, compare
-from damperfit.identification.descent import Misfit, descend
-from damperfit.identification.evaluation import n_independent
-from damperfit.identification.settled import settled
+from damperfit.identification.fit_problem import FitProblem, n_independent
+from damperfit.identification.fit_setting import minimised
+from damperfit.identification.mean_cycle import settled
 from damperfit.recording import Trace
 from damperfit.simulation import SolverOptions, simulate, sine_motion
 from tests.benchmarks.peers import FREE, PEERS
@@ -40,9 +40,9 @@ def log() -> Trace:
 
 
 def _ours(log: Trace, start: dict[str, float]) -> dict[str, float]:
-    misfit = Misfit((log,), PURDY_DAMPER, FREE, FitOptions().solver, 100, lambda: False)
-    misfit = replace(misfit, cycles=settled(misfit.traces, is_thinned=False))
-    found = descend(misfit, replace(reference_parameters(SETTING), **start)).parameters
+    problem = FitProblem(PURDY_DAMPER, (log,), FREE, FitOptions().solver)
+    problem = replace(problem, cycles=settled(problem.traces, is_thinned=False))
+    found = minimised(problem, replace(reference_parameters(SETTING), **start)).values
     return {name: getattr(found, name) for name in FREE}
 
 
@@ -112,9 +112,9 @@ def test_one_fit_beside_a_peer(log: Trace, peer: str, factor: float) -> None:
 def test_tolerance_of_the_fit_is_enough(log: Trace) -> None:
     """The fit's integrator tolerance moves no parameter by a hundredth of its error."""
     loose = _ours(log, _start(1.2))
-    misfit = Misfit((log,), PURDY_DAMPER, FREE, SolverOptions(1e-5), 100, lambda: False)
+    problem = FitProblem(PURDY_DAMPER, (log,), FREE, SolverOptions(1e-5))
     start = replace(reference_parameters(SETTING), **_start(1.2))
-    tight = descend(misfit, start).parameters
+    tight = minimised(problem, start).values
     assert loose["r_m1"] == pytest.approx(tight.r_m1, rel=1e-5)
     assert loose["r_m2"] == pytest.approx(tight.r_m2, rel=5e-5)
     assert loose["k_e"] == pytest.approx(tight.k_e, rel=2e-4)

@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from damperfit.identification.minimiser import (
+from damperfit.identification.least_squares import (
+    Stopping,
     Transformation,
     inverse_information,
     minimise,
 )
-from damperfit.identification.trust_region import Stopping
 from tests.certificate.problems import Array, Problem
 
 # The equal settings of the table. Digits are asked for that no rig log holds, and the models are
@@ -82,12 +82,12 @@ def by_damperfit(
         return problem.residuals(b) / unit, problem.jacobian(b) / unit, None
 
     found = minimise(model, start, transformation, stopping)
-    variance = found.point.cost / problem.freedom
-    errors = np.sqrt(np.diag(inverse_information(found.point.jacobian)) * variance)
+    variance = found.cost / problem.freedom
+    errors = np.sqrt(np.diag(inverse_information(found.jacobian)) * variance)
     return Result(
-        values=found.point.values,
-        deviations=errors * transformation.slopes(found.point.values),
-        sum_of_squares=found.point.cost * unit**2,
+        values=transformation.unpack(found.variables),
+        deviations=errors * transformation.slopes(transformation.unpack(found.variables)),
+        sum_of_squares=found.cost * unit**2,
         evaluations=found.evaluations,
     )
 

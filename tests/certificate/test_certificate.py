@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from damperfit.identification import FitOptions
-from damperfit.identification.trust_region import Stopping
+from damperfit.identification.least_squares import Stopping
 from tests.certificate.fits import (
     EQUAL_ROWS,
     OWN_ROWS,

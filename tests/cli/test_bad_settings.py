@@ -15,7 +15,7 @@ from damperfit.damper.purdy.closed_forms import incompressible_force
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import SimulationError
-from damperfit.identification import evaluation
+from damperfit.identification import fit_problem
 from damperfit.simulation import Motion, simulate, sine_motion
 
 
@@ -63,7 +63,7 @@ def break_short_strokes(
                 raise error
             return simulate(parameters, damper, motion, **kwargs)  # type: ignore[arg-type]
 
-        monkeypatch.setattr(evaluation, "simulate", broken)
+        monkeypatch.setattr(fit_problem, "simulate", broken)
 
     return arrange
 

@@ -10,7 +10,7 @@ from damperfit.asked import starts_of
 from damperfit.cli import main
 from damperfit.configuration.loading import load_configuration
 from damperfit.errors import ConfigurationError
-from damperfit.identification import campaign
+from damperfit.identification import procedures
 from damperfit.run.given_starts import start_of_laws, with_given_start
 from tests.fakes import values_in
 
@@ -29,12 +29,12 @@ def began(monkeypatch, fitted_anew):
     """Where the fits of a run begin, by setting."""
     found = {}
 
-    def fit_from(given, setting, misfit, start, **more):
+    def fit_from(setting, problem, start, **more):
         found[setting] = start
-        return campaign_fit(given, setting, misfit, start, **more)
+        return real_fit(setting, problem, start, **more)
 
-    campaign_fit = campaign.fit_from
-    monkeypatch.setattr(campaign, "fit_from", fit_from)
+    real_fit = procedures.fit_from
+    monkeypatch.setattr(procedures, "fit_from", fit_from)
     return found
 
 

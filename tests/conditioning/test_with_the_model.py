@@ -12,7 +12,7 @@ from damperfit.conditioning import ConditionOptions, condition
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, compare, identify
-from damperfit.identification.model_versus_log import normalised_mse
+from damperfit.identification.simulated_log import normalised_mse
 from damperfit.samples.steady import steady_cycle
 from tests.conditioning.logs import recording
 

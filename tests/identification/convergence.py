@@ -24,17 +24,13 @@ from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
 from damperfit.errors import DamperfitError
 from damperfit.identification import FitOptions, identify
-from damperfit.identification.descent import Misfit
-from damperfit.identification.evaluation import evaluate
-from damperfit.identification.plausible import kept_within
-from damperfit.identification.restarts import reconsidered
-from damperfit.identification.setting import attempt, fit_setting
+from damperfit.identification.fit_problem import FitProblem, kept_within
+from damperfit.identification.fit_setting import fit_setting, minimised
 from damperfit.recording import Recording
 from damperfit.simulation import Motion, SolverOptions, simulate
 
 if TYPE_CHECKING:
     from damperfit.damper.model import Values
-    from damperfit.identification.solution import Solution
 
 __all__ = ["Outcome", "log_of", "made_up", "run_damper"]
 
@@ -121,10 +117,11 @@ def run_damper(kind: str, seed: int, n_starts: int, *, has_play: bool = False) -
     model, truth = made_up(kind, seed, has_play=has_play)
     trace = log_of(model, truth, seed)
     free = tuple(one.name for one in model.quantities if one.default is None)
-    misfit = Misfit((trace,), model, free, SOLVER, 100, lambda: False)
+    problem = FitProblem(model, (trace,), free, SOLVER)
     (fit,) = identify([trace], model, FitOptions("plain", free=free, solver=SOLVER)).fits
-    end = attempt(misfit, truth, 0).solution
-    own, ends = _mse_at(misfit, fit.parameters, end), [end.mse_percent]
+    # With the weights of the stretches that the fits have, not those of the report.
+    own = 100.0 * problem.cost(fit.parameters)
+    ends = [minimised(problem, truth).mse_percent]
     noise = np.random.default_rng([seed, 2])
     for _ in range(n_starts):
         away = {
@@ -133,7 +130,7 @@ def run_damper(kind: str, seed: int, n_starts: int, *, has_play: bool = False) -
             if model.quantity(name).is_logarithmic
         }
         start = kept_within(truth.replace(away, f_0=0.0), free)
-        ends.append(_ended(misfit, start))
+        ends.append(_ended(problem, start))
     errors, told = {}, {}
     for name in free:
         bar = next((part for part in NAMED if name.endswith(part)), "")
@@ -144,16 +141,10 @@ def run_damper(kind: str, seed: int, n_starts: int, *, has_play: bool = False) -
     return Outcome(min(own, *ends), own, tuple(ends[1:]), errors, told)
 
 
-def _mse_at(misfit: Misfit, values: Values, end: Solution) -> float:
-    """MSE with the weights of the stretches that the descents have, not that of the report."""
-    here, there = (evaluate(misfit, at, 1.0)[0] for at in (values, end.parameters))
-    return end.mse_percent * float(here @ here) / float(there @ there)
-
-
-def _ended(misfit: Misfit, start: Values) -> float:
-    """MSE where a fit from a start ends that starts again where it is in doubt."""
+def _ended(problem: FitProblem, start: Values) -> float:
+    """MSE where a fit from a start ends."""
     try:
-        return reconsidered(misfit, fit_setting(misfit, start), start).solution.mse_percent
+        return fit_setting(problem, start).mse_percent
     except DamperfitError:
         return math.inf
 

@@ -18,8 +18,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from damperfit.conditioning import ConditionOptions, apply_filter, condition
-from damperfit.identification.descent import Misfit, linearise
-from damperfit.identification.weights import weights
+from damperfit.identification.fit_problem import FitProblem, linearise
+from damperfit.identification.log_facts import weights
 from damperfit.recording import Recording
 from damperfit.simulation import SolverOptions
 from tests.identification.accuracy_of_motions import BARS, DAMPERS, RATE, made, truth_of
@@ -80,7 +80,7 @@ def _behind_filter(trace, slopes):
 
 
 def _off(trace, damper, truth):
-    misfit = Misfit((trace,), damper, NAMES, SolverOptions(tolerance=1e-2), 1, lambda: False)
+    misfit = FitProblem(damper, (trace,), NAMES, SolverOptions(tolerance=1e-2))
     at = truth
     for _ in range(2):
         residuals, slopes = linearise(misfit, at)

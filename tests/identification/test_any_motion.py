@@ -12,8 +12,8 @@ from damperfit.conditioning import ConditionOptions, condition, design_filter, t
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, Outcome, identify
-from damperfit.identification.descent import Misfit, linearise
-from damperfit.identification.weights import weights
+from damperfit.identification.fit_problem import FitProblem, linearise
+from damperfit.identification.log_facts import weights
 from damperfit.recording import Drive
 from damperfit.simulation import SolverOptions
 from damperfit.uncertainty import assess, predict
@@ -102,10 +102,9 @@ def test_corners_bias_nothing(name):
     """Without noise: whether a rig turns within 4 ms, or the speed jumps between two samples."""
     log = logged(name, 10, force_noise=0.0, displacement_noise=0.0)
     trace = condition(log, ConditionOptions(centre=0.0))
-    misfit = Misfit(
-        (trace,), PURDY_DAMPER, tuple(WITHIN), SolverOptions(tolerance=1e-3), 1, lambda: False
-    )
-    residuals, slopes = linearise(misfit, reference_parameters(10))
+    solver = SolverOptions(tolerance=1e-3)
+    problem = FitProblem(PURDY_DAMPER, (trace,), tuple(WITHIN), solver)
+    residuals, slopes = linearise(problem, reference_parameters(10))
     step = np.linalg.lstsq(slopes, -residuals, rcond=None)[0]
     assert np.max(np.abs(step)) < 1e-4, step
 

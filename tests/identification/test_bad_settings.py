@@ -11,11 +11,11 @@ import pytest
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import InstallationError, SimulationError
-from damperfit.identification import Campaign, FitOptions, Outcome, evaluation, identify
-from damperfit.identification import setting as one_setting
-from damperfit.identification.descent import Misfit, descend, linearise
-from damperfit.identification.setting import fit_setting
-from damperfit.identification.settled import settled
+from damperfit.identification import Campaign, FitOptions, Outcome, fit_problem, identify
+from damperfit.identification import fit_setting as one_setting
+from damperfit.identification.fit_problem import FitProblem, linearise
+from damperfit.identification.fit_setting import fit_setting, minimised
+from damperfit.identification.mean_cycle import settled
 from damperfit.recording import Trace
 from damperfit.simulation import Motion, SolverOptions, simulate
 from tests.identification.rig import trace, traces
@@ -49,7 +49,7 @@ def break_at(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Callable[[], int]
                     raise error
             return simulate(parameters, damper, motion, **kwargs)  # type: ignore[arg-type]
 
-        monkeypatch.setattr(evaluation, "simulate", broken)
+        monkeypatch.setattr(fit_problem, "simulate", broken)
         return lambda: seen
 
     return arrange
@@ -114,7 +114,7 @@ def test_a_bug_that_one_setting_meets_is_told_and_leaves_the_others(
     assert failure.is_internal
     assert failure.kind == "InternalError"
     said = failure.message
-    where = "(damperfit/identification/evaluation.py, line "
+    where = "(damperfit/identification/fit_problem.py, line "
     assert said.startswith(f"internal error while fitting, LinAlgError: Singular matrix {where}")
     assert "please report this line, with the log if it may be shown" in said
     assert "Traceback" in failure.trace
@@ -138,7 +138,7 @@ def test_where_none_can_be_fitted_each_says_why(logs, monkeypatch, procedure: st
     def broken(*_: object, **__: object) -> None:
         raise SimulationError("simulation failed: no reason.")
 
-    monkeypatch.setattr(evaluation, "simulate", broken)
+    monkeypatch.setattr(fit_problem, "simulate", broken)
     campaign = identify(logs[:2], PURDY_DAMPER, FitOptions(procedure))
     assert campaign.fits == ()
     assert [one.setting for one in campaign.failures] == [2, 6]
@@ -154,19 +154,19 @@ def test_a_core_that_does_not_load_is_no_fault_of_a_setting(logs, break_at, proc
         identify(logs, PURDY_DAMPER, FitOptions(procedure))
 
 
-def test_a_setting_that_fails_in_the_joint_fit_alone_follows_the_others(
+def test_a_setting_that_fails_in_the_tied_problem_alone_follows_the_others(
     logs, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from damperfit.identification import joint_fit
+    from damperfit.identification import tied_problem
 
-    true_linearise, bad = joint_fit.linearise, logs[2]
+    true_linearise, bad = tied_problem.linearise, logs[2]
 
-    def broken(misfit: Misfit, parameters: Parameters) -> object:
-        if misfit.traces[0] is bad:
+    def broken(problem: FitProblem, parameters: Parameters) -> object:
+        if problem.traces[0] is bad:
             raise SimulationError("simulation failed: no reason.")
-        return true_linearise(misfit, parameters)
+        return true_linearise(problem, parameters)
 
-    monkeypatch.setattr(joint_fit, "linearise", broken)
+    monkeypatch.setattr(tied_problem, "linearise", broken)
     campaign = identify(logs, PURDY_DAMPER, FitOptions("joint"))
     assert campaign.failures == ()
     assert [fit.setting for fit in campaign.fits] == [2, 6, 12]
@@ -177,19 +177,19 @@ def test_a_setting_that_fails_in_the_joint_fit_alone_follows_the_others(
 
 
 @pytest.mark.parametrize("bulk_modulus", ["free", "appendix1"])
-def test_a_bug_in_the_joint_fit_of_two_leaves_the_papers_result(
+def test_a_bug_in_the_tied_problem_of_two_leaves_the_papers_result(
     logs, monkeypatch: pytest.MonkeyPatch, bulk_modulus: str
 ) -> None:
-    from damperfit.identification import joint_fit
+    from damperfit.identification import tied_problem
 
-    true_linearise, bad = joint_fit.linearise, logs[1]
+    true_linearise, bad = tied_problem.linearise, logs[1]
 
-    def broken(misfit: Misfit, parameters: Parameters) -> object:
-        if misfit.traces[0] is bad:
+    def broken(problem: FitProblem, parameters: Parameters) -> object:
+        if problem.traces[0] is bad:
             raise ValueError("shapes")
-        return true_linearise(misfit, parameters)
+        return true_linearise(problem, parameters)
 
-    monkeypatch.setattr(joint_fit, "linearise", broken)
+    monkeypatch.setattr(tied_problem, "linearise", broken)
     options = FitOptions("joint", bulk_modulus=bulk_modulus)
     campaign = identify(logs[:2], PURDY_DAMPER, options)
     assert [fit.setting for fit in campaign.fits] == [2]
@@ -197,16 +197,16 @@ def test_a_bug_in_the_joint_fit_of_two_leaves_the_papers_result(
     assert any("needs two settings" in text for text in campaign.warnings)
 
 
-def test_a_bug_in_the_algebra_of_the_joint_fit_leaves_the_papers_results(
+def test_a_bug_in_the_algebra_of_the_tied_problem_leaves_the_papers_results(
     logs, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It belongs to no setting, and used to end the run with code 70."""
-    from damperfit.identification import joint_procedure
+    from damperfit.identification import joint
 
     def broken(*_: object) -> object:
         raise np.linalg.LinAlgError("Singular matrix")
 
-    monkeypatch.setattr(joint_procedure, "fit_jointly", broken)
+    monkeypatch.setattr(joint, "fit_jointly", broken)
     campaign = identify(logs, PURDY_DAMPER, FitOptions("joint"))
     alone = identify(logs, PURDY_DAMPER, FitOptions("paper", free=("r_m1", "r_m2", "k_e")))
     assert [fit.setting for fit in campaign.fits] == [fit.setting for fit in alone.fits]
@@ -234,15 +234,15 @@ def test_a_refining_descent_that_fails_leaves_what_was_found(
         return simulate(*args, options=options, **kwargs)  # type: ignore[arg-type]
 
     free = ("r_m1", "r_m2", "k_e")
-    misfit = Misfit((log,), PURDY_DAMPER, free, SolverOptions(tolerance=1e-2), 100, lambda: False)
+    problem = FitProblem(PURDY_DAMPER, (log,), free, SolverOptions(tolerance=1e-2))
     start = replace(truth, r_m1=0.9 * truth.r_m1)
-    refined = descend(misfit, start)
-    monkeypatch.setattr(evaluation, "simulate", broken)
-    solution = descend(misfit, start)
+    refined = minimised(problem, start)
+    monkeypatch.setattr(fit_problem, "simulate", broken)
+    solution = minimised(problem, start)
     assert tight == 1
     assert solution.failed_trials == refined.failed_trials + 1
-    assert solution.parameters.r_m1 == pytest.approx(truth.r_m1, rel=1e-3)
-    assert refined.parameters.r_m1 == pytest.approx(truth.r_m1, rel=1e-5)
+    assert solution.values.r_m1 == pytest.approx(truth.r_m1, rel=1e-3)
+    assert refined.values.r_m1 == pytest.approx(truth.r_m1, rel=1e-5)
 
 
 def test_a_second_start_that_fails_leaves_the_first_result(
@@ -253,13 +253,13 @@ def test_a_second_start_that_fails_leaves_the_first_result(
     def broken(*_: object) -> None:
         raise SimulationError("simulation failed: no reason.")
 
-    monkeypatch.setattr(one_setting, "approach", broken)
+    monkeypatch.setattr(one_setting, "_approached", broken)
     free = ("r_m1", "r_m2", "r_m3", "k_e")
     log = trace(6, truth, duration=4.0)
-    misfit = Misfit((log,), PURDY_DAMPER, free, SolverOptions(tolerance=1e-2), 100, lambda: False)
-    judged = fit_setting(misfit, truth)
+    problem = FitProblem(PURDY_DAMPER, (log,), free, SolverOptions(tolerance=1e-2))
+    judged = fit_setting(problem, truth)
     assert judged.outcome is Outcome.CAVITATING
-    assert judged.solution.parameters.r_m3 == pytest.approx(4.2e6, rel=1e-3)
+    assert judged.values.r_m3 == pytest.approx(4.2e6, rel=1e-3)
 
 
 def test_a_derivative_that_is_no_number_is_a_failed_trial(
@@ -272,8 +272,8 @@ def test_a_derivative_that_is_no_number_is_a_failed_trial(
         last[len(last) // 2] = np.nan
         return response
 
-    monkeypatch.setattr(evaluation, "simulate", spoilt)
+    monkeypatch.setattr(fit_problem, "simulate", spoilt)
     log, solver = trace(9, duration=4.0), SolverOptions(tolerance=1e-2)
-    misfit = Misfit((log,), PURDY_DAMPER, ("r_m1", "k_e"), solver, 100, lambda: False)
+    problem = FitProblem(PURDY_DAMPER, (log,), ("r_m1", "k_e"), solver)
     with pytest.raises(SimulationError, match="beyond any"):
-        linearise(misfit, reference_parameters(9))
+        linearise(problem, reference_parameters(9))

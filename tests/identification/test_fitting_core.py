@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from damperfit.compiled_core import compiled_core
-from damperfit.identification.step_solvers import reduced
+from damperfit.identification.least_squares import reduced
 
 FloatArray = NDArray[np.float64]
 RANDOM = np.random.default_rng(20261126)

@@ -15,10 +15,10 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.rivals.linear import Bilinear
 from damperfit.damper.valve_dampers import Monotube
 from damperfit.identification import DETECT, Campaign, FitOptions, Outcome, compare, identify
+from damperfit.identification.campaign import ProcedureInput
 from damperfit.identification.following import _known
-from damperfit.identification.joint_fit import JointProblem, fit_jointly
-from damperfit.identification.procedure_input import ProcedureInput
-from damperfit.identification.unknowns import Unknown
+from damperfit.identification.sharing import Unknown
+from damperfit.identification.tied_problem import TiedProblem, fit_jointly
 from damperfit.simulation import SolverOptions
 from damperfit.uncertainty import assess, profile_campaign
 from damperfit.uncertainty.profiles import Bench
@@ -217,7 +217,7 @@ def test_an_unknown_that_is_held_stays_where_it_starts(found: Campaign) -> None:
         {one.setting: (one,) for one in adjusted.logs()}, DAMPER, FOUND, 1, print, lambda: False
     )
     sharing = found.sharing
-    misfits = {one: given.misfit(one, sharing.free) for one in SETTINGS}
+    problems = {one: given.problem(one, sharing.free) for one in SETTINGS}
     held = Unknown("rebound_opening", ((HIGH, 3),))
     starts = {
         fit.setting: fit.parameters.replace(rebound_opening=7e5)
@@ -225,7 +225,7 @@ def test_an_unknown_that_is_held_stays_where_it_starts(found: Campaign) -> None:
         else fit.parameters
         for fit in found.fits
     }
-    problem = JointProblem(misfits, sharing.jointly, sharing.follows, frozenset({held}))
+    problem = TiedProblem(problems, sharing.jointly, sharing.follows, frozenset({held}))
     ended = fit_jointly(problem, starts)
     assert [ended.parameters[one].rebound_opening for one in SETTINGS[1::2]] == pytest.approx(
         [7e5, 7e5]

@@ -12,9 +12,9 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import ConfigurationError
 from damperfit.identification import Campaign, FitOptions, Outcome, identify
-from damperfit.identification.descent import Misfit
-from damperfit.identification.joint_fit import JointProblem, fit_jointly
-from damperfit.identification.paper.gas_content import GasLaw, first_law, working_pressure
+from damperfit.identification.fit_problem import FitProblem
+from damperfit.identification.gas_content import GasLaw, first_law, working_pressure
+from damperfit.identification.tied_problem import TiedProblem, fit_jointly
 from damperfit.simulation import SolverOptions
 from damperfit.uncertainty import assess, linearise_settings, uncertainties
 from damperfit.uncertainty.intervals import shared_covariance
@@ -31,9 +31,9 @@ def gassy(setting: int) -> Parameters:
     truth = reference_parameters(setting)
     for _ in range(4):
         log = trace(setting, truth, duration=4.0)
-        misfit = Misfit((log,), PURDY_DAMPER, (), SOLVER, 1, lambda: False)
+        problem = FitProblem(PURDY_DAMPER, (log,), (), SOLVER, max_evaluations=1)
         k_e = modulus_at_pressure(
-            working_pressure(misfit, truth), volume_ratio=VOLUME_RATIO, compliance=1.1
+            working_pressure(problem, truth), volume_ratio=VOLUME_RATIO, compliance=1.1
         )
         truth = replace(truth, k_e=float(k_e))
     return truth
@@ -131,10 +131,12 @@ def test_an_erratic_bulk_modulus_is_said_not_to_follow() -> None:
 def test_the_joint_fit_ends_in_a_minimum_of_the_law() -> None:
     logs = traces([2, 11], noise=4.0, duration=4.0)
     free = ("r_m1", "r_m2", "r_m3", "k_e", "f_f")
-    misfits = {t.setting: Misfit((t,), PURDY_DAMPER, free, SOLVER, 1, lambda: False) for t in logs}
+    problems = {
+        t.setting: FitProblem(PURDY_DAMPER, (t,), free, SOLVER, max_evaluations=1) for t in logs
+    }
     starts = {s: reference_parameters(s) for s in (2, 11)}
     gas = GasLaw(0.003, 1.4e9, 1.4, {2: 8.2e5, 11: 16.4e5})
-    problem = JointProblem(misfits, ("r_m3", "f_f"), gas=gas)
+    problem = TiedProblem(problems, ("r_m3", "f_f"), gas=gas)
     best = fit_jointly(problem, starts)
     assert best.is_converged
     assert best.gas is not None
@@ -145,8 +147,8 @@ def test_the_joint_fit_ends_in_a_minimum_of_the_law() -> None:
         beside = replace(problem, gas=moved, weights=best.weights)
         fixed = replace(
             beside,
-            misfits={
-                s: replace(m, free=("r_m1", "r_m2", "r_m3", "f_f")) for s, m in misfits.items()
+            problems={
+                s: replace(m, free=("r_m1", "r_m2", "r_m3", "f_f")) for s, m in problems.items()
             },
             gas=None,
         )

@@ -1,8 +1,7 @@
-"""Fits start where somebody says, and from the neighbour where they have ended far worse."""
+"""Fits start where somebody says."""
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cache
 
 import pytest
@@ -12,15 +11,10 @@ from damperfit.errors import ConfigurationError
 from damperfit.identification import (
     FitOptions,
     GivenStart,
-    Outcome,
     check_options,
-    identify,
-    neighbours,
 )
-from damperfit.identification.neighbours import _is_in_doubt, beside_neighbours
-from damperfit.identification.procedure_input import ProcedureInput
+from damperfit.identification.campaign import ProcedureInput
 from damperfit.tested.setting import Setting, nearest_setting
-from tests import fakes
 from tests.identification.rig import trace
 
 KNOWN = {"r_m3": 2.597e6, "f_f": 50.0}
@@ -40,8 +34,8 @@ def given(start: GivenStart, settings=(5,)) -> ProcedureInput:
 
 def started(start: GivenStart):
     one = given(start)
-    misfit = one.misfit(Setting.of(5), ("r_m1", "r_m2", "k_e"))
-    return one.start(Setting.of(5), misfit, one.options.fixed)
+    problem = one.problem(Setting.of(5), ("r_m1", "r_m2", "k_e"))
+    return one.start(Setting.of(5), problem, one.options.fixed)
 
 
 def test_what_is_told_is_where_a_fit_starts_and_the_rest_is_the_models_start() -> None:
@@ -92,70 +86,3 @@ def test_what_cannot_act_is_refused(options, said) -> None:
 def test_what_is_freed_may_be_given_a_start() -> None:
     free = (*OWN, "f_0")
     check_options(FitOptions("plain", free=free, start=GivenStart({"f_0": 5.0})), PURDY_DAMPER)
-
-
-def fit(setting: int, mse: float, outcome: Outcome = Outcome.CONVERGED):
-    return replace(fakes.fit(setting), mse_percent=mse, noise_floor_percent=0.01, outcome=outcome)
-
-
-@pytest.mark.parametrize(("mse", "is_doubted"), [(0.199, False), (0.201, True)])
-def test_a_fit_is_doubted_at_twice_its_neighbours_misfit(mse, is_doubted) -> None:
-    assert _is_in_doubt(fit(2, mse), fit(1, 0.1)) is is_doubted
-
-
-@pytest.mark.parametrize(("mse", "is_doubted"), [(0.0399, False), (0.0401, True)])
-def test_noise_is_no_reason_to_doubt(mse, is_doubted) -> None:
-    assert _is_in_doubt(fit(2, mse), fit(1, 1e-6)) is is_doubted
-
-
-def test_a_wrong_valley_is_left_from_the_neighbours_values() -> None:
-    """R_m3 ten times too large beside a small K_e: half the cycle is empty, MSE 2 %."""
-    both = given(GivenStart(), (5, 6))
-    names = ("r_m1", "r_m2", "k_e")
-    campaign = identify([log(5), log(6)], PURDY_DAMPER, both.options)
-    sound = campaign.fits
-    lost = replace(
-        sound[1],
-        parameters=sound[1].parameters.replace(r_m1=3e3, k_e=5e6),
-        mse_percent=40.0,
-        outcome=Outcome.CAVITATING,
-    )
-    wrong = replace(campaign, fits=(sound[0], lost))
-    found = beside_neighbours(wrong, lambda one: both.misfit(one, names), jobs=1)
-    assert found.fits[0] is sound[0]
-    assert found.fits[1].parameters.r_m1 == pytest.approx(sound[1].parameters.r_m1, rel=1e-4)
-    assert "from the values of setting 5" in found.fits[1].warnings[-1]
-    kept = beside_neighbours(campaign, lambda one: both.misfit(one, names), jobs=1)
-    assert kept.fits == sound
-
-
-def test_a_minimum_within_the_ranges_is_preferred_to_one_at_an_edge() -> None:
-    """As good to the noise: a blow-off without resistance stood beside neighbours that had one."""
-    both = given(GivenStart(), (5, 6))
-    names = ("r_m1", "r_m2", "k_e")
-    campaign = identify([log(5), log(6)], PURDY_DAMPER, both.options)
-    edge = replace(campaign.fits[1], outcome=Outcome.AT_BOUND)
-    strained = replace(campaign, fits=(campaign.fits[0], edge))
-    found = beside_neighbours(strained, lambda one: both.misfit(one, names), jobs=1)
-    assert found.fits[1].outcome is Outcome.CONVERGED
-    assert "within them that fits as well" in found.fits[1].warnings[-1]
-    better = replace(edge, mse_percent=0.5 * edge.mse_percent)
-    kept = beside_neighbours(
-        replace(campaign, fits=(campaign.fits[0], better)),
-        lambda one: both.misfit(one, names),
-        jobs=1,
-    )
-    assert kept.fits[1].outcome is Outcome.AT_BOUND
-
-
-def test_a_worse_end_from_the_neighbour_is_not_taken(monkeypatch) -> None:
-    monkeypatch.setattr(neighbours, "LEAST", 0.0)
-    both = given(GivenStart(), (5, 6))
-    campaign = identify([log(5), log(6)], PURDY_DAMPER, both.options)
-    good = replace(campaign.fits[1], noise_floor_percent=1e-9)
-    better = replace(campaign.fits[0], mse_percent=1e-6)
-    found = beside_neighbours(
-        replace(campaign, fits=(better, good)), lambda one: both.misfit(one, ("k_e",)), jobs=1
-    )
-    assert found.fits[1].parameters == good.parameters
-    assert found.fits[1].evaluations > good.evaluations

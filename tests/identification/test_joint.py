@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,19 +13,12 @@ from damperfit.conditioning import condition
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import ConfigurationError
-from damperfit.identification import (
-    PROCEDURES,
-    Campaign,
-    FitOptions,
-    Outcome,
-    compare,
-    identify,
-    joint_procedure,
-)
+from damperfit.identification import PROCEDURES, Campaign, FitOptions, Outcome, compare, identify
+from damperfit.identification import joint as joint_procedure
 from damperfit.identification.following import Way
-from damperfit.identification.joint_fit import JointSolution, fit_jointly
 from damperfit.identification.options import PROCEDURE_NAMES
-from damperfit.identification.unknowns import Unknown
+from damperfit.identification.sharing import Unknown
+from damperfit.identification.tied_problem import JointSolution, fit_jointly
 from damperfit.io import read_log
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty import assess, linearise_settings
@@ -238,27 +230,3 @@ def test_weights_that_do_not_settle_are_said(monkeypatch) -> None:
     monkeypatch.setattr(joint_procedure, "_is_fairly_weighed", lambda _: False)
     warned = identify(logs, PURDY_DAMPER, FitOptions("joint")).warnings
     assert joint_procedure._WEIGHTS_MOVE in warned
-
-
-def test_what_finding_the_way_and_the_joint_fit_took_is_counted_together(monkeypatch) -> None:
-    one, two = Setting.of(1), Setting.of(2)
-    way = Way(("r_m1",), ("r_m3",), {}, is_detected=True, is_general=True)
-    solution = JointSolution(
-        parameters={}, evaluations=11, is_converged=True, cost=1.0,
-        weights={one: 1.0, two: 1.0}, mean_squares={one: 1.0, two: 1.0},
-        n_independent={}, errors={}, gas=None,
-    )  # fmt: skip
-    found = SimpleNamespace(way=way, starts={}, evaluations=7)
-    for name, answer in (
-        ("_helped", ({}, 5)), ("detected_way", found), ("JointProblem", None),
-        ("fit_jointly", solution), ("unstrained", replace(solution, evaluations=13)),
-        ("_statuses", {}),
-    ):  # fmt: skip
-        monkeypatch.setattr(joint_procedure, name, lambda *_, answer=answer, **__: answer)
-    given = SimpleNamespace(
-        options=FitOptions(), ordered=tuple, misfit=lambda *_: None, jobs=1
-    )  # fmt: skip
-    sound = dict.fromkeys((one, two), SimpleNamespace(parameters=None, mse_percent=0.01))
-    joint = joint_procedure._fit_sound(given, sound, None, ("r_m1", "r_m3"))
-    assert joint.evaluations == 5 + 7 + 13
-    assert joint.sharing.jointly == ("r_m3",)

@@ -10,8 +10,9 @@ from damperfit.damper.friction import Friction
 from damperfit.damper.mounting import FIT, NONE, Mounting
 from damperfit.damper.network import Valve
 from damperfit.damper.rivals import BoucWen
-from damperfit.identification import Campaign, Fit, FitOptions, identify, left_out
-from damperfit.identification.left_out import does_nothing, is_nothing
+from damperfit.identification import Campaign, Fit, FitOptions, identify
+from damperfit.identification import inactive_parts as left_out
+from damperfit.identification.inactive_parts import does_nothing, is_nothing
 from damperfit.identification.outcome import Outcome, Status
 from damperfit.recording import Trace
 from damperfit.uncertainty import assess

@@ -14,15 +14,14 @@ from damperfit.configuration.loading import load_configuration
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, identify
-from damperfit.identification.descent import Misfit, descend
-from damperfit.identification.evaluation import evaluate, transformation, values_of
-from damperfit.identification.model_versus_log import normalised_mse
-from damperfit.identification.setting import relative_errors
+from damperfit.identification.fit_problem import FitProblem, linearise
+from damperfit.identification.fit_setting import minimised
+from damperfit.identification.simulated_log import normalised_mse
 from damperfit.run.identify import written
 from damperfit.samples import SampleOptions, make_samples
 from damperfit.uncertainty import assess, assessment
 from tests.identification.rig import trace
-from tests.identification.test_mean_cycle import misfit, on_cycles
+from tests.identification.test_mean_cycle import on_cycles, problem
 
 N_ROWS = 10_000  # 10 s at 1 kHz
 BAR = 0.5e6  # bytes a log of so many rows
@@ -93,16 +92,14 @@ def test_what_a_run_returns_holds_no_response(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("way", [on_cycles, lambda whole: whole], ids=["cycles", "logs"])
-def test_a_descent_keeps_a_triangle_that_gives_the_errors_of_the_whole(
-    way: Callable[[Misfit], Misfit],
+def test_a_fit_keeps_a_triangle_that_gives_the_errors_of_the_whole(
+    way: Callable[[FitProblem], FitProblem],
 ) -> None:
     """A Jacobian as long as the log would stay through the first pass of all settings."""
-    whole = misfit([trace(10, noise=4.0)])
-    found = descend(way(whole), reference_parameters(10))
+    whole = problem([trace(10, noise=4.0)])
+    found = minimised(way(whole), reference_parameters(10))
     assert found.jacobian.shape == (len(whole.free), len(whole.free))
-    _, slopes, _ = evaluate(whole, found.parameters, whole.scale)
-    values = values_of(whole.free, found.parameters)
-    long = slopes * transformation(whole, whole.free).slopes(values)
-    variance = found.mse_percent / 100.0 / found.n_independent
-    errors = np.sqrt(np.diag(np.linalg.inv(long.T @ long)) * variance)
-    assert relative_errors(found) == pytest.approx(errors, rel=1e-3)
+    residuals, slopes = linearise(whole, found.values)
+    variance = residuals @ residuals / found.n_independent
+    errors = np.sqrt(np.diag(np.linalg.inv(slopes.T @ slopes)) * variance)
+    assert list(found.errors.values()) == pytest.approx(errors, rel=1e-2)

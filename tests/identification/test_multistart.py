@@ -10,11 +10,11 @@ import pytest
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import SimulationError
-from damperfit.identification import FitOptions, Outcome, Status, identify, multistart
-from damperfit.identification.descent import Misfit
-from damperfit.identification.multistart import SPREAD, describe_searches, search, spread_starts
-from damperfit.identification.setting import Judged
-from damperfit.identification.solution import Solution
+from damperfit.identification import FitOptions, Outcome, Status, identify
+from damperfit.identification import starts as multistart
+from damperfit.identification.fit_problem import FitProblem
+from damperfit.identification.fit_setting import FitResult
+from damperfit.identification.starts import SPREAD, describe_searches, search, spread_starts
 from damperfit.simulation import SolverOptions
 from tests.identification.rig import errors, trace, traces
 
@@ -22,48 +22,52 @@ FREE = ("r_m1", "r_m2", "k_e")
 KNOWN = {"r_m3": 2.597e6, "f_f": 50.0}
 
 
-def misfit(free: tuple[str, ...] = FREE, setting: int = 9) -> Misfit:
+def problem(free: tuple[str, ...] = FREE, setting: int = 9) -> FitProblem:
     log = trace(setting, noise=4.0, duration=4.0)
-    return Misfit((log,), PURDY_DAMPER, free, SolverOptions(tolerance=1e-2), 100, lambda: False)
+    return FitProblem(PURDY_DAMPER, (log,), free, SolverOptions(tolerance=1e-2))
 
 
 def ended(
     parameters: Parameters, mse: float, outcome: Outcome = Outcome.CONVERGED, **status: str
-) -> Judged:
-    solution = Solution(
-        parameters=parameters,
+) -> FitResult:
+    named = dict.fromkeys(FREE, "fitted") | status
+    return FitResult(
+        free=FREE,
+        values=parameters,
         mse_percent=mse,
-        jacobian=np.eye(50, 3),
+        jacobian=np.eye(3),
+        gradient=np.zeros(3),
         evaluations=10,
         failed_trials=0,
-        status=1,
+        ending=1,
         gradient_cosine=0.0,
         n_independent=400.0,
         is_cavitating=outcome is Outcome.CAVITATING,
+        status={name: Status(word) for name, word in named.items()},
+        outcome=outcome,
+        errors=dict.fromkeys(FREE, 1e-3),
     )
-    named = dict.fromkeys(FREE, "fitted") | status
-    return Judged(solution, {name: Status(word) for name, word in named.items()}, outcome)
 
 
-def searched(monkeypatch: pytest.MonkeyPatch, first: Judged, *others: Judged | None):
+def searched(monkeypatch: pytest.MonkeyPatch, first: FitResult, *others: FitResult | None):
     """A search whose further starts end as told; None stands for a start that cannot be."""
     ends = iter(others)
 
-    def fit(*_args: object, **_kwargs: object) -> Judged:
+    def fit(*_args: object, **_kwargs: object) -> FitResult:
         end = next(ends)
         if end is None:
             raise SimulationError("simulation failed at the start.")
         return end
 
     monkeypatch.setattr(multistart, "fit_setting", fit)
-    return search(9, misfit(), first, n_starts=1 + len(others))
+    return search(9, problem(), first, n_starts=1 + len(others))
 
 
 def test_starts_are_spread_over_the_whole_range_and_always_the_same() -> None:
     centre = reference_parameters(9)
-    found = spread_starts(misfit((*FREE, "f_0")), centre, 9, 8)
-    assert found == spread_starts(misfit((*FREE, "f_0")), centre, 9, 8)
-    assert found != spread_starts(misfit((*FREE, "f_0")), centre, 10, 8)
+    found = spread_starts(problem((*FREE, "f_0")), centre, 9, 8)
+    assert found == spread_starts(problem((*FREE, "f_0")), centre, 9, 8)
+    assert found != spread_starts(problem((*FREE, "f_0")), centre, 10, 8)
     for name in FREE:
         away = np.log([getattr(y, name) / getattr(centre, name) for y in found]) / np.log(SPREAD)
         # One start in each eighth of the range from a tenth to ten times.
@@ -90,15 +94,15 @@ def test_a_sound_setting_has_one_minimum(setting: int) -> None:
     )
 
 
-def test_the_way_out_of_the_cavitating_valley_is_found_and_used() -> None:
+def test_the_way_out_of_the_cavitating_minimum_is_found_and_used() -> None:
     truth = reference_parameters(18)
-    everything = misfit(("r_m1", "r_m2", "r_m3", "k_e", "f_f"), 18)
-    valley = replace(truth, r_m3=4.4e6, f_f=1.0)
-    first = ended(valley, 1.0, Outcome.CAVITATING, r_m3="fitted", f_f="fitted")
+    everything = problem(("r_m1", "r_m2", "r_m3", "k_e", "f_f"), 18)
+    local = replace(truth, r_m3=4.4e6, f_f=1.0)
+    first = ended(local, 1.0, Outcome.CAVITATING, r_m3="fitted", f_f="fitted")
     best, found = search(18, everything, first, n_starts=6)
     assert found.is_improved
     assert best.outcome is Outcome.CONVERGED
-    assert abs(errors(best.solution.parameters, truth)["r_m3"]) < 0.05
+    assert abs(errors(best.values, truth)["r_m3"]) < 0.05
     assert "a better minimum" in found.warning
     assert len(found.minima) >= 2
 
@@ -107,8 +111,8 @@ def test_minima_that_fit_equally_well_are_told(monkeypatch: pytest.MonkeyPatch) 
     here = reference_parameters(9)
     there = replace(here, k_e=2.0 * here.k_e)
     best, found = searched(monkeypatch, ended(here, 0.0100), None, ended(there, 0.01001))
-    assert best.solution.parameters == here
-    assert best.solution.evaluations == 20
+    assert best.values == here
+    assert best.evaluations == 20
     assert found.is_ambiguous
     assert not found.is_improved
     assert found.n_failed == 1
@@ -122,12 +126,12 @@ def test_a_worse_minimum_is_listed_without_alarm(monkeypatch: pytest.MonkeyPatch
     here = reference_parameters(9)
     worse = ended(replace(here, r_m1=0.1 * here.r_m1), 3.0)
     best, found = searched(monkeypatch, ended(here, 0.01), worse)
-    assert best.solution.parameters == here
+    assert best.values == here
     assert [one.mse_percent for one in found.minima] == [0.01, 3.0]
     assert found.warning == ""
 
 
-def test_a_flat_valley_is_one_minimum(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_flat_minimum_is_one_minimum(monkeypatch: pytest.MonkeyPatch) -> None:
     here = reference_parameters(9)
     flat = {"k_e": "not_identifiable"}
     _, found = searched(

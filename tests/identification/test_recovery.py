@@ -12,7 +12,8 @@ from damperfit.conditioning import ConditionOptions, condition
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper, Parameters
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, Outcome, identify
-from damperfit.identification.descent import Misfit, approach, descend
+from damperfit.identification.fit_problem import FitProblem
+from damperfit.identification.fit_setting import minimised
 from damperfit.simulation import SolverOptions
 from tests.identification.rig import errors, recording
 from tests.identification.rig import short_trace as trace
@@ -23,15 +24,9 @@ EVERYTHING = ("r_m1", "r_m2", "r_m3", "k_e", "f_f")
 KNOWN = {"r_m3": 2.597e6, "f_f": 50.0}
 
 
-def _misfit(setting: int) -> Misfit:
-    return Misfit(
-        (trace(setting, duration=4.0),),
-        PURDY_DAMPER,
-        FREE,
-        SolverOptions(tolerance=1e-2),
-        max_evaluations=100,
-        cancelled=lambda: False,
-    )
+def _problem(setting: int) -> FitProblem:
+    log = trace(setting, duration=4.0)
+    return FitProblem(PURDY_DAMPER, (log,), FREE, SolverOptions(tolerance=1e-2))
 
 
 @pytest.mark.parametrize("setting", [1, 10, 20])
@@ -39,7 +34,7 @@ def _misfit(setting: int) -> Misfit:
 def test_noise_free_recovery_from_far_starts(setting: int, factor: float) -> None:
     truth = reference_parameters(setting)
     start = replace(truth, **{name: factor * getattr(truth, name) for name in FREE})
-    found = errors(descend(_misfit(setting), start).parameters, truth)
+    found = errors(minimised(_problem(setting), start).values, truth)
     assert abs(found["r_m1"]) < 1e-6
     assert abs(found["r_m2"]) < 1e-6
     assert abs(found["k_e"]) < 1e-4
@@ -101,17 +96,6 @@ def test_logs_that_the_rig_has_filtered(kind: str) -> None:
         assert abs(found["k_e"]) < 1e-2
         assert abs(found["r_m3"]) < 1e-2
         assert abs(found["f_f"]) < 2e-2
-
-
-def test_the_start_for_several_logs_costs_as_much_as_for_the_strongest() -> None:
-    weak, strong = trace(9, amplitude=0.016, noise=4.0), trace(9, noise=4.0)
-    start = replace(reference_parameters(9), r_m1=3e4, k_e=3e8)
-    many, one = (
-        approach(Misfit(logs, PURDY_DAMPER, FREE, SolverOptions(), 100, lambda: False), start)
-        for logs in ((weak, strong, weak), (strong,))
-    )
-    assert many.parameters == one.parameters
-    assert len(many.jacobian) == len(one.jacobian)
 
 
 def test_the_stiff_settings_come_back_from_the_cavitating_valley() -> None:

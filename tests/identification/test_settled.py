@@ -10,7 +10,7 @@ import pytest
 from damperfit.conditioning import ConditionOptions, condition
 from damperfit.errors import SimulationError
 from damperfit.identification.law_misfit import LawMisfit, best_fitting, best_of_starts
-from damperfit.identification.settled import settled
+from damperfit.identification.mean_cycle import settled
 from damperfit.recording import Recording, Trace
 from damperfit.simulation import Motion, SolverOptions, simulate, sine_motion
 from damperfit.tested.setting import Setting
@@ -55,7 +55,7 @@ def test_the_minimum_lies_where_that_of_the_whole_logs_lies(options: ConditionOp
     assert cycles.cycles is not None
     assert len(cycles.cycles.cycles) == 2
     assert cycles.cost(TRUE) == pytest.approx(whole.cost(TRUE), rel=0.3)
-    rows, few = (np.hstack(one.rows(TRUE, FREE)) for one in (whole, cycles))
+    rows, few = (one.rows(TRUE, FREE) for one in (whole, cycles))
     slopes = rows[1:] @ rows[1:].T
     # How far apart both minima are, by one step of Gauss and Newton, in errors of what is fitted.
     apart = np.linalg.solve(slopes, few[1:] @ few[0] - rows[1:] @ rows[0])
@@ -90,7 +90,7 @@ def test_a_log_as_short_as_its_cycles_is_simulated_whole(
     assert found is not None
     simulated = sum(len(one.motion.displacement) for one in found.cycles)
     limit = factor * len(trace.force) / simulated
-    monkeypatch.setattr("damperfit.identification.settled._WORTH", limit)
+    monkeypatch.setattr("damperfit.identification.mean_cycle._WORTH", limit)
     assert (settled([trace]) is not None) is is_worth
 
 
@@ -105,6 +105,6 @@ def test_starts_that_cannot_be_simulated_are_left_out() -> None:
 def test_a_descent_from_afar_comes_to_the_true_values() -> None:
     one = misfit(logged(MOTION)).on_cycles()
     start = TRUE.replace({"rebound_opening": 5e5, "compression_bleed": 4e4, "lag": 4e-3})
-    found = best_of_starts(one, [start]).point.extra
+    found = best_of_starts(one, [start]).extra
     for name in ("rebound_opening", "compression_opening", "compression_bleed"):
         assert getattr(found, name) == pytest.approx(getattr(TRUE, name), rel=0.03), name

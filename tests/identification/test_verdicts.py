@@ -17,12 +17,12 @@ from damperfit.identification import (
     Outcome,
     Status,
     compare,
-    evaluation,
+    fit_problem,
     identify,
     normalised_mse,
 )
-from damperfit.identification.descent import Misfit
-from damperfit.identification.setting import describe_fit, fit_setting
+from damperfit.identification.fit_problem import FitProblem
+from damperfit.identification.fit_setting import describe_fit, fit_setting
 from damperfit.simulation import SolverOptions, simulate
 from damperfit.uncertainty import assess
 from tests.identification.rig import short_trace as trace
@@ -98,14 +98,14 @@ def test_a_fit_that_stops_at_a_wall_of_failed_trials_has_not_converged(
             raise SimulationError("simulation failed: behind the wall.")
         return simulate(parameters, *args, **kwargs)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(evaluation, "simulate", walled)
+    monkeypatch.setattr(fit_problem, "simulate", walled)
     log = trace(9, noise=4.0, duration=4.0)
-    misfit = Misfit((log,), PURDY_DAMPER, FREE, SolverOptions(tolerance=1e-2), 100, lambda: False)
+    problem = FitProblem(PURDY_DAMPER, (log,), FREE, SolverOptions(tolerance=1e-2))
     start = replace(truth, r_m1=0.6 * truth.r_m1)
-    judged = fit_setting(misfit, start)
-    assert judged.solution.failed_trials > 0
+    judged = fit_setting(problem, start)
+    assert judged.failed_trials > 0
     assert judged.outcome is Outcome.NOT_FINITE
-    fit = describe_fit(9, judged, misfit)
+    fit = describe_fit(9, judged, problem)
     assert any("could not be simulated" in text for text in fit.warnings)
     assert fit.parameters.r_m1 <= 0.9 * truth.r_m1
 

@@ -27,7 +27,7 @@ import numpy as np
 from damperfit.configuration.loading import load_configuration
 from damperfit.damper.friction import Friction
 from damperfit.damper.mounting import FIT
-from damperfit.identification.unknowns import unknowns_of
+from damperfit.identification.sharing import unknowns_of
 from damperfit.laws import SettingLogs, fit_law, judged, search_laws
 from damperfit.laws.choosing import OfOneModel
 from damperfit.laws.elsewhere import freed_of, had_by

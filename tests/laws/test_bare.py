@@ -79,11 +79,11 @@ def test_what_is_there_stays(more, numbers) -> None:
 def test_from_afar_is_from_another_law(monkeypatch, is_itself, descents) -> None:
     """A law that is made of itself alone has no other place to begin at."""
     steps, done = together._Course([], follows, SOLVER, 1, lambda _: None), []
-    end = SimpleNamespace(point=SimpleNamespace(cost=9.0, extra={}))
+    end = SimpleNamespace(cost=9.0, extra={})
     one = SimpleNamespace(with_common=dict, descend=lambda at: done.append(at) or end)
     one.of = lambda *_: one
     core, parts = without_kinds(PORT)
-    first = SimpleNamespace(point=SimpleNamespace(cost=1.0, extra={}))
+    first = SimpleNamespace(cost=1.0, extra={})
     rich = LawOfAll(PORT, (), one, first, parts)
     monkeypatch.setattr(steps, "begun", lambda *_: LawOfAll(PLAIN, (), one, first))
     monkeypatch.setattr(steps, "tried", lambda _: "tried")

@@ -14,7 +14,6 @@ from damperfit.damper.model import Model
 from damperfit.damper.mounting import FIT, NONE, Mounting
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.valve_dampers import TwinTube
-from damperfit.identification.signatures import gain, signatures
 from damperfit.laws import LawFit, Tried
 from damperfit.laws.search import _Search, search_laws
 from damperfit.laws.variants import BLEED, everything, without
@@ -22,6 +21,7 @@ from damperfit.recording import Trace
 from damperfit.run.auto_model import _layouts, assumed_gas, open_dimensions, with_chosen_law
 from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting
+from damperfit.uncertainty.flaws import gain, signatures
 from tests import fakes
 from tests.laws.test_choosing import tried
 

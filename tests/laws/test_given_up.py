@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from damperfit.identification.law_misfit import best_of_starts
-from damperfit.identification.minimiser import Minimum
+from damperfit.identification.least_squares import Minimum
 from damperfit.laws.search import _Search
 from damperfit.simulation import SolverOptions
 
@@ -25,19 +26,14 @@ class Descending:
     def descend(self, start, stopping):
         is_short = stopping.max_evaluations < 60
         self.n_long += not is_short
-        point = SimpleNamespace(cost=0.5 if is_short else 0.1, extra=start)
-        return _end(point)
-
-
-def _end(point):
-    names = [one for one in Minimum.__dataclass_fields__ if one not in {"point", "evaluations"}]
-    return Minimum(point=point, evaluations=5, **dict.fromkeys(names, 0))
+        system = SimpleNamespace(cost=0.5 if is_short else 0.1)
+        return Minimum(np.ones(1), system, start, 5, 0, 2, np.zeros(1, dtype=bool))
 
 
 @pytest.mark.parametrize(("hopeless", "cost", "n_long"), [(0.49, 0.5, 0), (0.51, 0.1, 1)])
 def test_a_hopeless_descent_ends_after_its_short_ones(hopeless, cost, n_long) -> None:
     misfit = Descending()
-    assert best_of_starts(misfit, ["start"], known=1, hopeless=hopeless).point.cost == cost
+    assert best_of_starts(misfit, ["start"], known=1, hopeless=hopeless).cost == cost
     assert misfit.n_long == n_long
 
 

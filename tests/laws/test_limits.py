@@ -72,7 +72,7 @@ def test_a_part_is_worth_a_fit_that_gains_a_tenth_in_a_few_steps(
     monkeypatch, gain, is_worth_a_fit
 ) -> None:
     values = reference_parameters(5)
-    short = SimpleNamespace(point=SimpleNamespace(cost=2.0, extra=values), evaluations=4)
+    short = SimpleNamespace(cost=2.0, extra=values, evaluations=4)
     misfit = SimpleNamespace(
         model=SimpleNamespace(start=lambda *_: [values]), traces=(), free=("r_m1",),
         glimpse=lambda _: short, cost=lambda _: gain * 2.0, is_at_edge=lambda *_: False,

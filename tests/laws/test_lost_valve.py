@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import pytest
 
 from damperfit.errors import SimulationError
-from damperfit.identification import procedure_input
+from damperfit.identification import campaign as procedure_input
 from damperfit.identification.law_misfit import COMPARING, best_of_starts
 
 
@@ -63,13 +63,13 @@ LOST = Valleys({"a": 0.4, "b": 0.5, "e": 0.45, "c": 0.04, "d": 0.9})
 
 def test_the_next_best_start_is_followed_where_a_bleed_ran_out_of_its_range():
     ended = best_of_starts(LOST, ["a", "d", "c", "e", "b"])
-    assert (ended.point.extra, ended.point.cost) == ("c", 0.04)
+    assert (ended.extra, ended.cost) == ("c", 0.04)
 
 
 @pytest.mark.parametrize("edge", ["rebound_opening", "compression_slope"])
 def test_a_blow_off_counts_as_well(edge):
     misfit = replace(LOST, free=(edge,), edge=edge)
-    assert best_of_starts(misfit, list("abecd")).point.extra == "c"
+    assert best_of_starts(misfit, list("abecd")).extra == "c"
 
 
 @pytest.mark.parametrize("misfit", [
@@ -80,15 +80,15 @@ def test_a_blow_off_counts_as_well(edge):
     replace(LOST, failing="c"),
 ])  # fmt: skip
 def test_it_stays_where_nothing_is_lost_or_nothing_better_is_found(misfit):
-    assert best_of_starts(misfit, list("abecd")).point.extra == "a"
+    assert best_of_starts(misfit, list("abecd")).extra == "a"
 
 
 def test_what_is_hopeless_is_not_followed_to_its_end():
-    assert best_of_starts(LOST, list("abecd"), hopeless=0.1).point.extra == "a"
+    assert best_of_starts(LOST, list("abecd"), hopeless=0.1).extra == "a"
 
 
 def test_two_starts_leave_no_other():
-    assert best_of_starts(LOST, ["a", "b"]).point.extra == "a"
+    assert best_of_starts(LOST, ["a", "b"]).extra == "a"
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,7 @@ class ByOffset(Valleys):
 def test_the_best_start_with_another_offset_is_followed_too(other, ends_at):
     starts = [Offset(one) for one in (199.0, 199.5, other, 200.0)]
     ended = best_of_starts(ByOffset({}), starts)
-    assert ended.point.extra == Offset(ends_at)
+    assert ended.extra == Offset(ends_at)
 
 
 @dataclass(frozen=True)
@@ -134,9 +134,9 @@ class Deceptive(Valleys):
 
 
 def test_a_start_that_looks_worse_is_followed_to_its_end_on_request():
-    assert best_of_starts(Deceptive({}), list("abe")).point.extra == "a"
+    assert best_of_starts(Deceptive({}), list("abe")).extra == "a"
     ended = best_of_starts(Deceptive({}), list("abe"), is_thorough=True)
-    assert (ended.point.extra, ended.point.cost, ended.evaluations) == ("b", 0.1, 3 + 3)
+    assert (ended.extra, ended.cost, ended.evaluations) == ("b", 0.1, 3 + 3)
 
 
 @pytest.mark.parametrize(("at_its_end", "descents"), [(0.019, 1), (0.021, 3)])
@@ -144,7 +144,7 @@ def test_none_is_followed_beside_an_end_that_leaves_what_differs_by_cycle(at_its
     """Twice 0.01."""
     misfit = Deceptive({}, at_its_end=at_its_end)
     ended = best_of_starts(misfit, list("abe"), is_thorough=True)
-    assert (ended.point.extra, ended.evaluations) == ("a", 3 + descents)
+    assert (ended.extra, ended.evaluations) == ("a", 3 + descents)
 
 
 def test_a_declared_law_has_its_other_starts_followed(monkeypatch):

@@ -11,7 +11,7 @@ import pytest
 from damperfit.damper.friction import Friction
 from damperfit.damper.mounting import FIT, Mounting
 from damperfit.errors import SimulationError
-from damperfit.identification.unknowns import Unknown
+from damperfit.identification.sharing import Unknown
 from damperfit.laws import law_fit, thinning, together
 from damperfit.laws.choosing import OfOneModel, judged
 from damperfit.laws.common_parts import (
@@ -143,12 +143,12 @@ def test_friction_at_rest_is_whole_where_a_law_starts_from_another() -> None:
     led = []
     one = SimpleNamespace(
         free=("f_f",), with_common=lambda at: led.append(at[AT[0]].f_f),
-        descend=lambda _: SimpleNamespace(point=SimpleNamespace(cost=2.0)),
+        descend=lambda _: SimpleNamespace(cost=2.0),
     )  # fmt: skip
-    small = LawOfAll(PLAIN, (), one, SimpleNamespace(point=SimpleNamespace(
+    small = LawOfAll(PLAIN, (), one, SimpleNamespace(
         cost=1.0, extra={AT[0]: values_at(PLAIN, AT[0], f_f=12.0)}
-    )))  # fmt: skip
-    large = LawOfAll(RUBBING, (), one, SimpleNamespace(point=SimpleNamespace(extra={AT[0]: near})))
+    ))  # fmt: skip
+    large = LawOfAll(RUBBING, (), one, SimpleNamespace(extra={AT[0]: near}))
     assert led_back(small, large) is small
     assert led == [pytest.approx(20.001)]
 

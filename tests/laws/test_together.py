@@ -16,7 +16,7 @@ from damperfit.damper.network import Valve
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
 from damperfit.errors import SimulationError
 from damperfit.identification.law_misfit import LawMisfit
-from damperfit.identification.unknowns import Unknown
+from damperfit.identification.sharing import Unknown
 from damperfit.laws import LawFit, SettingLogs, Tried, judged, law_of_all, together
 from damperfit.laws.choosing import OfOneModel
 from damperfit.laws.common_parts import (
@@ -236,7 +236,7 @@ def test_whole_valves_are_tried_from_starts_of_their_own_where_parts_lack(
     """What costs less is gone on from; a start that cannot be simulated is none."""
     steps = together._Course([], follows, SOLVER, 1, lambda _: None)
     ends = {
-        name: SimpleNamespace(point=SimpleNamespace(cost=cost, extra={AT[0]: cost}))
+        name: SimpleNamespace(cost=cost, extra={AT[0]: cost})
         for name, cost in (("begun", 1.0), ("own", own))
     }
     one = SimpleNamespace(cost=lambda values: values[AT[0]])
@@ -574,8 +574,7 @@ def test_a_law_is_gone_on_with_from_where_a_larger_one_has_led(
     """By a tenth of what it leaves, of the squares and of the whole logs, and no force is worse."""
     steps = together._Course([], follows, SOLVER, 1, lambda _: None)
     before, again = (
-        law_of_all.LawOfAll(PLAIN, (), None, SimpleNamespace(point=SimpleNamespace(cost=left)))
-        for left in (1.0, cost)
+        law_of_all.LawOfAll(PLAIN, (), None, SimpleNamespace(cost=left)) for left in (1.0, cost)
     )
     tried, one = law(0.1, force=10.0), law(mse, force=force)
     monkeypatch.setattr(together, "led_back", lambda *_: again)
@@ -606,7 +605,7 @@ def test_a_law_is_led_by_what_both_have_free() -> None:
         for s, values in begun.values.items()
     }
     far = replace(begun, minimum=begun.one.look(begun.one.with_common(wrong)))
-    stuck = replace(far, minimum=replace(far.minimum, point=replace(far.minimum.point, cost=1e9)))
+    stuck = replace(far, minimum=SimpleNamespace(cost=1e9, extra=far.minimum.extra))
     found = led_back(stuck, begun)
     assert found.values[AT[0]].f_f == pytest.approx(20.0, rel=0.05)
     best = replace(begun, minimum=replace(far.minimum, point=replace(far.minimum.point, cost=0.0)))
@@ -829,7 +828,7 @@ def test_a_setting_in_another_valley_keeps_its_weight(monkeypatch, own, times, n
             return [apart]
 
         def best_of(self, starts):
-            return SimpleNamespace(point=SimpleNamespace(extra=starts[0]))
+            return SimpleNamespace(extra=starts[0])
 
         def descend(self, at):
             return self.best_of([at])

@@ -13,7 +13,7 @@ from damperfit.damper.valve_dampers import Monotube, TwinTube
 from damperfit.errors import SimulationError
 from damperfit.identification import GivenStart
 from damperfit.identification.following import Way
-from damperfit.identification.joint_procedure import _as_one_model
+from damperfit.identification.joint import _as_one_model
 from damperfit.laws import LawSearch, Tried
 from damperfit.run import auto_model as one_law
 from damperfit.run.auto_model import told_as_one

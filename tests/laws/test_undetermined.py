@@ -12,12 +12,10 @@ import pytest
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.valve_dampers import TwinTube
 from damperfit.identification import Status
-from damperfit.identification.descent import Misfit
-from damperfit.identification.effective_samples import FEWEST_SAMPLES
-from damperfit.identification.minimiser import DescentPoint
-from damperfit.identification.setting import _statuses, relative_errors
-from damperfit.identification.solution import Solution
-from damperfit.identification.step_solvers import DenseSystem
+from damperfit.identification.fit_problem import FitProblem
+from damperfit.identification.fit_setting import _statuses
+from damperfit.identification.least_squares import DenseSystem, Minimum
+from damperfit.identification.log_facts import FEWEST_SAMPLES
 from damperfit.laws import LawFit, Tried, physics_seen, seen_again
 from damperfit.laws.law_fit import _undetermined
 from damperfit.laws.search import _Search
@@ -30,15 +28,18 @@ MODEL = TwinTube()
 NAMES = MODEL.names
 
 
-def point(error: float) -> DescentPoint[None]:
+def point(error: float) -> Minimum[None]:
     """Two quantities, the first of which has this standard error of its logarithm."""
     cost = 1e-4
     length = math.sqrt(cost / (FEWEST_SAMPLES * 3)) / error
     jacobian = np.zeros((100, 2))
     jacobian[0, 0], jacobian[1, 1] = length, 1.0
     residuals = np.full(100, 1e-3)
-    system = DenseSystem(residuals, jacobian)
-    return DescentPoint(np.ones(2), residuals, jacobian, cost, system, None)
+    return ended(DenseSystem(residuals, jacobian))
+
+
+def ended(system: DenseSystem) -> Minimum[None]:
+    return Minimum(np.ones(2), system, None, 1, 0, 2, np.zeros(2, dtype=bool))
 
 
 @pytest.mark.parametrize(("factor", "is_undetermined"), [(0.99, False), (1.01, True)])
@@ -49,7 +50,7 @@ def test_an_error_beyond_the_limit_is_undetermined(factor: float, *, is_undeterm
 
 
 def test_a_column_of_zeros_is_undetermined_and_an_offset_never() -> None:
-    flat = replace(point(0.1), jacobian=np.zeros((100, 2)))
+    flat = ended(DenseSystem(np.full(100, 1e-3), np.zeros((100, 2))))
     assert _undetermined(flat, MODEL, ("rebound_opening", "f_0"), 3) == ("rebound_opening",)
 
 
@@ -57,7 +58,7 @@ def test_of_quantities_that_do_the_same_none_is_determined_and_another_is() -> N
     chance = np.random.default_rng(3)
     one = chance.normal(size=200)
     jacobian = np.stack([one, 2.0 * one, one + chance.normal(size=200)], axis=1)
-    known = replace(point(0.1), jacobian=jacobian)
+    known = ended(DenseSystem(np.full(200, 1e-3), jacobian))
     names = ("rebound_opening", "rebound_slope", "rebound_bleed")
     assert _undetermined(known, MODEL, names, 3) == names[:2]
 
@@ -137,13 +138,10 @@ def test_a_fit_tells_nothing_of_a_blow_off_whose_opening_it_does_not_tell(
     flat: str, *, are_told: bool
 ) -> None:
     free = tuple(one.name for one in MODEL.quantities if one.default is None)
-    jacobian = np.eye(100)[:, : len(free)]
-    jacobian[:, free.index(f"compression_{flat}")] = 0.0
     values = MODEL.values({one.name: one.default or 1e5 for one in MODEL.quantities})
-    solution = Solution(values, 0.01, jacobian, 1, 0, 2, 0.0, 100.0, is_cavitating=False)
-    misfit = Misfit((fakes.trace(1),), MODEL, free, SolverOptions(), 100, lambda: False)
-    errors = dict(zip(free, relative_errors(solution).tolist(), strict=True))
-    found = _statuses(misfit, solution, errors)
+    errors = dict.fromkeys(free, 1e-3) | {f"compression_{flat}": math.inf}
+    problem = FitProblem(MODEL, (fakes.trace(1),), free, SolverOptions())
+    found = _statuses(problem, SimpleNamespace(values=values), errors)
     assert found[f"compression_{flat}"] is Status.NOT_IDENTIFIABLE
     assert (found["compression_slope"] is Status.FITTED) is are_told
     assert found["rebound_slope"] is Status.FITTED

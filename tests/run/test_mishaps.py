@@ -377,7 +377,7 @@ def test_a_dwell_in_the_only_cycle_is_no_bug(call, samples, tmp_path) -> None:
 def test_a_bug_of_the_joint_fit_is_told_and_leaves_the_results(
     call, samples, tmp_path, monkeypatch
 ):
-    from damperfit.identification import joint_procedure
+    from damperfit.identification import joint as joint_procedure
 
     def broken(*_):
         raise np.linalg.LinAlgError("Singular matrix")

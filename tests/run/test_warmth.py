@@ -23,9 +23,9 @@ from damperfit.damper.warmed import Warmed
 from damperfit.errors import ConfigurationError
 from damperfit.exporting import exported_run
 from damperfit.identification import FitOptions, Outcome, Status, identify
-from damperfit.identification.first_beta import with_first_beta
-from damperfit.identification.procedure_input import ProcedureInput
-from damperfit.identification.setting import NOT_FIT_TO_SHARE, is_loose
+from damperfit.identification.campaign import ProcedureInput
+from damperfit.identification.fit_setting import NOT_FIT_TO_SHARE, is_loose
+from damperfit.identification.procedures import with_first_beta
 from damperfit.queries.settings import read_adjuster_results
 from damperfit.queries.simulations import (
     choose_parameters,

@@ -21,7 +21,7 @@ from damperfit.damper.friction import Friction
 from damperfit.damper.mounting import Mounting
 from damperfit.damper.valve_dampers import TwinTube
 from damperfit.identification import FitOptions, identify
-from damperfit.identification.given_start import GivenStart
+from damperfit.identification.options import GivenStart
 from damperfit.recording import Recording
 from damperfit.simulation import Motion, SolverOptions, simulate
 from damperfit.tested.setting import Setting

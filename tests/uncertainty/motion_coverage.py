@@ -30,7 +30,7 @@ from damperfit.conditioning import ConditionOptions, condition
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, LogFit, Sharing, identify
-from damperfit.identification.descent import Misfit, linearise
+from damperfit.identification.fit_problem import FitProblem, linearise
 from damperfit.recording import Recording
 from damperfit.simulation import Motion, SolverOptions, simulate
 from damperfit.uncertainty import assess, uncertainties
@@ -89,10 +89,8 @@ def quickly_covered(campaigns, *, setting=10, duration=6.0):
             force=force + 4.0 * random.standard_normal(len(x)),
         )
         trace = condition(log, ConditionOptions(centre=0.0))
-        misfit = Misfit(
-            (trace,), PURDY_DAMPER, NAMES, SolverOptions(tolerance=1e-2), 1, lambda: False
-        )
-        residuals, slopes = linearise(misfit, truth)
+        problem = FitProblem(PURDY_DAMPER, (trace,), NAMES, SolverOptions(tolerance=1e-2))
+        residuals, slopes = linearise(problem, truth)
         step = np.linalg.lstsq(slopes, -residuals, rcond=None)[0]
         found = {n: getattr(truth, n) * np.exp(d) for n, d in zip(NAMES, step, strict=True)}
         fit = replace(
@@ -110,9 +108,9 @@ def stepped(motion, seed, *, setting=10):
     trace = condition(logged(motion, setting, seed=seed), ConditionOptions(centre=0.0))
     truth = found = reference_parameters(setting)
     solver = SolverOptions(tolerance=1e-2)
-    misfit = Misfit((trace,), PURDY_DAMPER, NAMES, solver, 1, lambda: False)
+    problem = FitProblem(PURDY_DAMPER, (trace,), NAMES, solver)
     for _ in range(2):
-        residuals, slopes = linearise(misfit, found)
+        residuals, slopes = linearise(problem, found)
         step = np.linalg.lstsq(slopes, -residuals, rcond=None)[0]
         moved = {n: getattr(found, n) * np.exp(d) for n, d in zip(NAMES, step, strict=True)}
         found = replace(found, **moved)

@@ -12,7 +12,8 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import ConfigurationError
 from damperfit.identification import Campaign, FitOptions, Outcome, identify
-from damperfit.identification.descent import Misfit, descend
+from damperfit.identification.fit_problem import FitProblem
+from damperfit.identification.fit_setting import minimised
 from damperfit.recording import Trace
 from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting
@@ -78,17 +79,17 @@ def test_a_point_is_the_minimum_that_a_descent_finds_with_the_parameter_held() -
     options = FitOptions("plain", FREE, KNOWN)
     campaign, judged = profiled([log], "k_e", options=options)
     solver = SolverOptions(tolerance=1e-2)
-    everything = Misfit((log,), PURDY_DAMPER, FREE, solver, 100, lambda: False)
-    least = descend(everything, campaign.fits[0].parameters).mse_percent
+    everything = FitProblem(PURDY_DAMPER, (log,), FREE, solver)
+    least = minimised(everything, campaign.fits[0].parameters).mse_percent
     points = judged.profiles[-1].points
     rises, found = [], []
     for point in points[:: len(points) - 1]:
         start = replace(campaign.fits[0].parameters, k_e=point.value)
-        held = descend(replace(everything, free=("r_m1", "r_m2")), start)
+        held = minimised(replace(everything, free=("r_m1", "r_m2")), start)
         found.append(held.mse_percent - least)
         rises.append(point.rise)
-        assert point.parameters.r_m1 == pytest.approx(held.parameters.r_m1, rel=2e-4)
-        assert point.parameters.r_m2 == pytest.approx(held.parameters.r_m2, rel=2e-3)
+        assert point.parameters.r_m1 == pytest.approx(held.values.r_m1, rel=2e-4)
+        assert point.parameters.r_m2 == pytest.approx(held.values.r_m2, rel=2e-3)
     # The scale is that of the intervals: several times less than white noise would make of it.
     assert rises[0] / rises[1] == pytest.approx(found[0] / found[1], rel=0.01)
     white = campaign.fits[0].n_samples / least

@@ -14,7 +14,6 @@ from damperfit.conditioning.gas_force import YIELDS, _shares, held_share
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, identify
-from damperfit.identification.signatures import signatures
 from damperfit.recording import Finding, Recording
 from damperfit.uncertainty import Assessment, assess, objections
 from damperfit.uncertainty.flaws import (
@@ -25,6 +24,7 @@ from damperfit.uncertainty.flaws import (
     _is_reasonable,
     _without_amount,
     seek_flaws,
+    signatures,
 )
 from damperfit.uncertainty.intervals import linearise_settings
 from damperfit.uncertainty.residuals import Diagnosis, _fits_skew, _sentence, _warned, reconciled

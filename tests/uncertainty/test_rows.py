@@ -16,7 +16,7 @@ from damperfit.conditioning import apply_filter, condition, design_filter
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, identify
-from damperfit.identification.settled import settled
+from damperfit.identification.mean_cycle import settled
 from damperfit.simulation import simulate
 from damperfit.uncertainty import assess, linearisation
 from damperfit.uncertainty.correlated_noise import (

@@ -16,7 +16,7 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.damper.quasi_static import quasi_static
 from damperfit.identification import FitOptions, identify
-from damperfit.identification.given_start import GivenStart
+from damperfit.identification.options import GivenStart
 from damperfit.passed_speeds import at_speeds
 from damperfit.recording import Recording
 from damperfit.simulation import simulate, sine_motion

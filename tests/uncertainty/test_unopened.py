@@ -16,7 +16,7 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.valve_dampers import ThroughFlow, TwinTube
 from damperfit.damper.warmed import Warmed
 from damperfit.identification import FitOptions, Sharing, identify
-from damperfit.identification.given_start import GivenStart
+from damperfit.identification.options import GivenStart
 from damperfit.identification.outcome import Status
 from damperfit.recording import Recording
 from damperfit.simulation import simulate

@@ -14,7 +14,7 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.quantity import Quantity
 from damperfit.damper.rivals import Biviscous, RestoringForceSurface
 from damperfit.identification import Fit, Status
-from damperfit.identification.plausible import edge_of
+from damperfit.identification.fit_problem import edge_of
 from damperfit.laws import ENOUGH_PERCENT
 from damperfit.recording import Finding
 from damperfit.uncertainty import Assessment, Diagnosis, objections

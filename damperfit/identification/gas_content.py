@@ -1,4 +1,4 @@
-r"""The bulk modulus of every setting from one gas content: Appendix 1 of the paper, eq. (28).
+"""The bulk modulus of every setting from one gas content: Appendix 1 of the paper, eq. (28).
 
     1/K_e = V_r/(gamma P) + C/K_B
 
@@ -18,17 +18,23 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from damperfit.damper.purdy.bulk_modulus import modulus_at_pressure
-from damperfit.identification.model_versus_log import compare
+from damperfit.identification.simulated_log import compare
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from damperfit.damper.model import Values
     from damperfit.damper.purdy.parameters import Damper
-    from damperfit.identification.descent import Misfit
+    from damperfit.identification.fit_problem import FitProblem
     from damperfit.tested.setting import Setting
 
-__all__ = ["GAS_FOLLOWER", "GAS_NAMES", "GasLaw", "first_law", "working_pressure"]
+__all__ = [
+    "GAS_FOLLOWER",
+    "GAS_NAMES",
+    "GasLaw",
+    "first_law",
+    "working_pressure",
+]
 
 # What follows from the gas content.
 GAS_FOLLOWER = "k_e"
@@ -78,7 +84,7 @@ class GasLaw:
         return self.modulus(setting) * self.volume_ratio / gas
 
 
-def working_pressure(misfit: Misfit, parameters: Values) -> float:
+def working_pressure(problem: FitProblem, parameters: Values) -> float:
     """Return the mean pressure in chambers 1 and 2 over the compared time, by volume, Pa.
 
     Raises
@@ -86,10 +92,10 @@ def working_pressure(misfit: Misfit, parameters: Values) -> float:
     SimulationError
         When the model cannot be integrated.
     """
-    damper = cast("Damper", misfit.damper)
+    damper = cast("Damper", problem.model)
     work, volume = 0.0, 0.0
-    for trace in misfit.traces:
-        seen = compare(parameters, trace, damper, solver=misfit.solver).response
+    for trace in problem.traces:
+        seen = compare(parameters, trace, damper, solver=problem.solver).response
         x = trace.displacement[trace.compared]
         volumes = np.stack(
             [

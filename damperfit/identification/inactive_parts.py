@@ -12,22 +12,25 @@ from typing import TYPE_CHECKING
 
 from damperfit.damper.quantity import GAS_AMOUNT, STIFFNESS
 from damperfit.errors import FitCancelledError, SimulationError
-from damperfit.identification.every_setting import with_status
+from damperfit.identification.fit_problem import edge_of, kept_within
+from damperfit.identification.fit_setting import describe_fit, minimised
 from damperfit.identification.law_misfit import vanishes_below
 from damperfit.identification.outcome import Status
-from damperfit.identification.plausible import edge_of, kept_within
-from damperfit.identification.setting import attempt, describe_fit
 from damperfit.workers import executor
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from damperfit.damper.model import Values
-    from damperfit.identification.descent import Misfit
-    from damperfit.identification.every_setting import Campaign
-    from damperfit.identification.setting import Fit
+    from damperfit.identification.campaign import Campaign
+    from damperfit.identification.fit_problem import FitProblem
+    from damperfit.identification.fit_setting import Fit
 
-__all__ = ["does_nothing", "is_nothing", "without_idle_parts"]
+__all__ = [
+    "does_nothing",
+    "is_nothing",
+    "without_idle_parts",
+]
 
 # A valve that lets nothing through, a mounting that does not give.
 _CLOSED = ("_bleed", "_opening", "_slope")
@@ -96,7 +99,7 @@ def is_nothing(values: Values, name: str) -> bool:
 
 
 def without_idle_parts(
-    campaign: Campaign, misfit_of: Callable[[Fit], Misfit], *, jobs: int
+    campaign: Campaign, problem_of: Callable[[Fit], FitProblem], *, jobs: int
 ) -> Campaign:
     """Return the fits with what does nothing at a setting left out of the law there.
 
@@ -104,7 +107,7 @@ def without_idle_parts(
     ----------
     campaign : Campaign
         Fits of settings by themselves.
-    misfit_of : callable
+    problem_of : callable
         What is fitted at the setting of a fit.
     jobs : int
         Threads; the result does not depend on them.
@@ -112,7 +115,7 @@ def without_idle_parts(
 
     def lean(fit: Fit) -> Fit:
         try:
-            return _lean(fit, misfit_of(fit))
+            return _lean(fit, problem_of(fit))
         except (SimulationError, FitCancelledError):
             return fit
 
@@ -120,7 +123,7 @@ def without_idle_parts(
         return replace(campaign, fits=tuple(pool.map(lean, campaign.fits)))
 
 
-def _lean(fit: Fit, misfit: Misfit) -> Fit:
+def _lean(fit: Fit, problem: FitProblem) -> Fit:
     lost: dict[str, None] = {}
     said: list[str] = []
     first = fit.warnings
@@ -128,10 +131,10 @@ def _lean(fit: Fit, misfit: Misfit) -> Fit:
         said += [_sentence(fit.parameters, name) for name in idle]
         lost |= dict.fromkeys(one for name in idle for one in _part(fit, name))
         start = kept_within(fit.parameters, lost)
-        rest = replace(misfit, free=tuple(one for one in misfit.free if one not in lost))
+        rest = replace(problem, free=tuple(one for one in problem.free if one not in lost))
         left = {name: _left(fit.parameters, name) for name in lost}
-        judged = with_status(attempt(rest, start, fit.evaluations), left)
-        fit = describe_fit(fit.setting, judged, rest)
+        result = minimised(rest, start, spent=fit.evaluations).with_status(left)
+        fit = describe_fit(fit.setting, result, rest)
     return replace(fit, warnings=(*first, *said)) if said else fit
 
 

@@ -9,30 +9,36 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from damperfit.damper.model import Values
-from damperfit.identification.descent import descend
-from damperfit.identification.failures import SettingError, SettingFailure, attempted
+from damperfit.identification.campaign import (
+    ProcedureInput,
+    SettingError,
+    SettingFailure,
+    attempted,
+)
+from damperfit.identification.fit_problem import kept_within
+from damperfit.identification.fit_setting import NOT_FIT_TO_SHARE, is_loose
 from damperfit.identification.following import Way, detected_way
-from damperfit.identification.joint_fit import JointProblem, JointSolution, fit_jointly
-from damperfit.identification.joint_restarts import unstrained
+from damperfit.identification.gas_content import GAS_FOLLOWER, first_law, working_pressure
 from damperfit.identification.outcome import Outcome, Status
-from damperfit.identification.paper.gas_content import GAS_FOLLOWER, first_law, working_pressure
-from damperfit.identification.plausible import kept_within
-from damperfit.identification.procedure_input import ProcedureInput
-from damperfit.identification.setting import NOT_FIT_TO_SHARE, is_loose
-from damperfit.identification.sharing import Sharing
-from damperfit.identification.unknowns import Unknown, unknown_at, unknowns_of
+from damperfit.identification.sharing import Sharing, Unknown, unknown_at, unknowns_of
+from damperfit.identification.tied_problem import JointSolution, TiedProblem, fit_jointly
 from damperfit.statistics import chi_squared_quantile
-from damperfit.workers import executor
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from damperfit.damper.purdy.parameters import Damper
-    from damperfit.identification.descent import Misfit
-    from damperfit.identification.setting import Fit
+    from damperfit.identification.fit_problem import FitProblem
+    from damperfit.identification.fit_setting import Fit
     from damperfit.tested.setting import Setting
 
-__all__ = ["JointResult", "fit_settings_jointly"]
+__all__ = [
+    "JointResult",
+    "fit_settings_jointly",
+]
+
+
+# The joint fit of a campaign: who takes part, from where, and what came out for each setting.
 
 _NO_MINIMUM = "the joint fit stopped before its minimum: the shared values are the best found."
 _WEIGHTS_MOVE = "the weights of the settings had not settled when the joint fit stopped."
@@ -45,8 +51,6 @@ _SAME_WEIGHT = 1.5
 _LAW_UNKNOWNS = 2
 # A misfit that chance makes so large once in a thousand sets; the noise is known roughly only.
 _CHANCE = 0.001
-# Neighbours from which a setting that ended unsound starts again: one along each of two adjusters.
-_NEIGHBOURS = 2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,7 +80,7 @@ class JointResult:
     evaluations: int
     warnings: tuple[str, ...]
 
-    def start(self, fit: Fit, misfit: Misfit) -> Values:
+    def start(self, fit: Fit, problem: FitProblem) -> Values:
         """Where a setting's own fit starts: the joint result, or its own with what is shared."""
         known = self.solution.parameters.get(fit.setting)
         if known is not None:
@@ -90,7 +94,7 @@ class JointResult:
         parameters = fit.parameters.replace(held)
         if self.solution.gas is None:
             return parameters
-        pressure = working_pressure(misfit, parameters)
+        pressure = working_pressure(problem, parameters)
         law = replace(self.solution.gas, pressures={fit.setting: pressure})
         return parameters.replace({GAS_FOLLOWER: law.modulus(fit.setting)})
 
@@ -161,14 +165,14 @@ def _fit_sound(
     if len(sound) < 2 or not (way is None or way.shared or is_gas):
         return None
     free = given.ordered({*moving, *((GAS_FOLLOWER,) if is_gas else ())})
-    misfits = {setting: given.misfit(setting, free) for setting in sound}
+    problems = {setting: given.problem(setting, free) for setting in sound}
     spent = 0
     starts: Mapping[Setting, Values] = {}
     if way is not None and way.is_general:
         starts = _as_one_model(given, sound, way, free)
     if not starts and (way is None or way.is_general):
-        apart, spent = _helped(misfits, sound, jobs=given.jobs)
-        found = detected_way(misfits, apart, way, jobs=given.jobs)
+        apart = {setting: fit.parameters for setting, fit in sound.items()}
+        found = detected_way(problems, apart, way, jobs=given.jobs)
         way, spent = found.way, spent + found.evaluations
         starts = _as_one_model(given, sound, way, free) or found.starts
         if not way.shared:
@@ -177,12 +181,8 @@ def _fit_sound(
         assert way is not None
         starts = _common_starts(given, sound, way)
     assert way is not None
-    problem = JointProblem(misfits, way.shared, way.follows, jobs=given.jobs)
+    problem = TiedProblem(problems, way.shared, way.follows, jobs=given.jobs)
     solution = fit_jointly(problem, starts)
-    if way.is_general:
-        own = {setting: fit.parameters for setting, fit in sound.items()}
-        percent = {setting: fit.mse_percent for setting, fit in sound.items()}
-        solution = unstrained(problem, solution, own, percent)
     solution = _fairly_weighed(problem, solution)
     spent, rises = spent + solution.evaluations, {}
     warnings = [] if solution.is_converged else [_NO_MINIMUM]
@@ -231,7 +231,7 @@ def _as_one_model(
     return starts
 
 
-def _fairly_weighed(problem: JointProblem, solution: JointSolution) -> JointSolution:
+def _fairly_weighed(problem: TiedProblem, solution: JointSolution) -> JointSolution:
     """The joint fit with the weights that its own end gives the settings.
 
     Weights are of the start. Where shared values meet a setting badly there, what they miss is not
@@ -248,42 +248,6 @@ def _fairly_weighed(problem: JointProblem, solution: JointSolution) -> JointSolu
 def _is_fairly_weighed(solution: JointSolution) -> bool:
     shifts = [s * solution.weights[k] for k, s in solution.mean_squares.items()]
     return max(shifts) <= _SAME_WEIGHT * min(shifts)
-
-
-def _helped(
-    misfits: Mapping[Setting, Misfit], fits: Mapping[Setting, Fit], *, jobs: int
-) -> tuple[dict[Setting, Values], int]:
-    """Each setting's values; one that ended at a bound starts again from its sound neighbours'.
-
-    A weak stroke may be read as a blow-off that is always open where its bleed is all that acts.
-    """
-    sound = [setting for setting, fit in fits.items() if fit.outcome is Outcome.CONVERGED]
-    spent = dict.fromkeys(fits, 0)
-
-    def helped(setting: Setting) -> Values:
-        best, least = fits[setting].parameters, fits[setting].mse_percent
-        nearest = sorted(sound, key=lambda other: (_steps(setting, other), other))
-        is_lost = fits[setting].outcome is Outcome.AT_BOUND
-        for other in nearest[:_NEIGHBOURS] if is_lost else ():
-            start = best.replace(
-                {n: getattr(fits[other].parameters, n) for n in misfits[other].free}
-            )
-            found = attempted(setting, partial(descend, misfits[setting], start))
-            if isinstance(found, SettingFailure):
-                continue
-            spent[setting] += found.evaluations
-            if found.mse_percent < least:
-                best, least = found.parameters, found.mse_percent
-        return best
-
-    with executor(jobs) as pool:
-        found = dict(zip(fits, pool.map(helped, fits), strict=True))
-    return found, max(spent.values())
-
-
-def _steps(one: Setting, other: Setting) -> int:
-    """How many adjusters stand elsewhere."""
-    return sum(one.place(adjuster) != other.place(adjuster) for adjuster in one.adjusters)
 
 
 def _common_starts(
@@ -312,7 +276,7 @@ def _common(name: str, given: ProcedureInput, fits: Sequence[Fit]) -> float:
 
 
 def _with_gas(
-    given: ProcedureInput, problem: JointProblem, starts: Mapping[Setting, Values]
+    given: ProcedureInput, problem: TiedProblem, starts: Mapping[Setting, Values]
 ) -> tuple[JointSolution, int]:
     """Fit with K_e from a gas content; the working pressures are those of the fit itself."""
     moduli = {setting: getattr(start, GAS_FOLLOWER) for setting, start in starts.items()}
@@ -333,11 +297,11 @@ def _with_gas(
     return solution, spent
 
 
-def _pressures(problem: JointProblem, at: Mapping[Setting, Values]) -> dict[Setting, float]:
+def _pressures(problem: TiedProblem, at: Mapping[Setting, Values]) -> dict[Setting, float]:
     found = {}
     for setting in problem.settings:
-        misfit, parameters = problem.misfits[setting], at[setting]
-        pressure = attempted(setting, partial(working_pressure, misfit, parameters))
+        one = problem.problems[setting]
+        pressure = attempted(setting, partial(working_pressure, one, at[setting]))
         if isinstance(pressure, SettingFailure):
             raise SettingError(pressure)
         found[setting] = pressure

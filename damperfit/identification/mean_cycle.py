@@ -19,14 +19,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from damperfit.compiled_core import compiled_core
-from damperfit.identification.model_versus_log import SETTLING
-from damperfit.identification.weights import weights
+from damperfit.identification.log_facts import weights
+from damperfit.identification.simulated_log import SETTLING
 from damperfit.simulation import Motion
 from damperfit.statistics import mean_of
 
@@ -40,14 +40,18 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["SettledCycle", "SettledLogs", "between_samples", "fast_length", "settled"]
+__all__ = [
+    "SettledCycle",
+    "SettledLogs",
+    "between_samples",
+    "fast_length",
+    "settled",
+]
+
 
 # Samples of a cycle: at least these, and so many for each harmonic that the filter passes by half.
 _FEWEST = 256
 _PER_HARMONIC = 10
-# Looked at from afar, of every fourth or second sample, a cycle has at least so many.
-_FEWEST_FROM_AFAR = 128
-_SKIPPED = (4, 2)
 # A log that is not this much longer than its cycles is as well simulated whole.
 _WORTH = 2.0
 # Samples by which cycles may be out of step and still be those of one period; by which the last
@@ -94,25 +98,6 @@ class SettledCycle:
         """Return how to integrate it: cut in parts, each settles as the first one does."""
         lead = len(self.motion.displacement) - len(self.force)
         return _settling(options, self.dead_band, (lead - 0.5) * self.motion.interval)
-
-    def every(self, nth: int) -> SettledCycle:
-        """Return the same of every nth sample, for looks from afar; n is a multiple of it."""
-        n, whole = len(self.force), self.motion
-        first = (len(whole.displacement) - n) % nth  # the compared ones stay what they are
-        fewer = replace(
-            whole,
-            interval=nth * whole.interval,
-            displacement=whole.displacement[first::nth],
-            velocity=whole.velocity[first::nth],
-        )
-        return replace(
-            self,
-            motion=fewer,
-            force=self.force[::nth],
-            gain=self.gain[: n // nth // 2 + 1],
-            factor=math.sqrt(nth) * self.factor[::nth],
-            dead_band=nth * self.dead_band,
-        )
 
     def rows(self, response: Response) -> FloatArray:
         """Return residuals and derivatives, behind the filter, weighed: (1 + k, n)."""
@@ -181,15 +166,6 @@ class SettledLogs:
 
     cycles: tuple[SettledCycle, ...]
     scatter: float
-
-    @cached_property
-    def from_afar(self) -> SettledLogs | None:
-        """The same of every fourth or second sample; None where those are too few for a cycle."""
-        for nth in _SKIPPED:
-            lengths = [len(one.force) for one in self.cycles]
-            if all(n % (2 * nth) == 0 and n >= _FEWEST_FROM_AFAR * nth for n in lengths):
-                return SettledLogs(tuple(one.every(nth) for one in self.cycles), self.scatter)
-        return None
 
 
 @lru_cache(maxsize=64)  # a descent asks for it at every step

@@ -1,3 +1,0 @@
-"""What only the paper's own damper and its procedure need of the identification."""
-
-__all__: list[str] = []

@@ -1,0 +1,306 @@
+"""Fits over the settings of a damper: the procedures `plain`, `paper` and `joint`.
+
+The paper's procedure, automated: all five parameters at the lowest setting give R_m3; the mean of
+the friction over a first pass of all settings gives f_f; then R_m1, R_m2 and K_e at every setting.
+`joint` starts from there and fits all settings at once, with R_m3 and f_f in common.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from damperfit.damper.warmed import BETA
+from damperfit.errors import ConfigurationError, FitCancelledError, LogError
+from damperfit.identification.blas_threads import one_blas_thread
+from damperfit.identification.campaign import (
+    Campaign,
+    ProcedureInput,
+    SettingFailure,
+    attempted,
+    attempted_for_all,
+    fit_every_setting,
+)
+from damperfit.identification.fit_setting import Fit, describe_fit
+from damperfit.identification.following import Way, declared_way
+from damperfit.identification.inactive_parts import without_idle_parts
+from damperfit.identification.joint import fit_settings_jointly
+from damperfit.identification.mean_cycle import SettledLogs, settled
+from damperfit.identification.options import FitOptions, check_options, shared_names
+from damperfit.identification.paper import MEAN, TAKEN, as_in_the_paper
+from damperfit.identification.starts import Search, fit_from
+from damperfit.problem import Failure, Option
+from damperfit.recording import Trace, natural_order
+from damperfit.tested.setting import Setting
+from damperfit.workers import apart
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from damperfit.damper.model import Model
+    from damperfit.identification.fit_problem import FitProblem
+
+__all__ = ["PROCEDURES", "identify"]
+
+_NOT_JOINT = (
+    "the joint fit needs two settings at a sound minimum and a shared parameter: these are the "
+    "results of procedure {}."
+)
+_NOT_FITTED_JOINTLY = "the joint fit met an error: these are the results of procedure {}."
+
+
+def identify(
+    traces: Sequence[Trace],
+    damper: Model,
+    options: FitOptions = FitOptions(),
+    *,
+    jobs: int = 1,
+    on_fit: Callable[[Fit], None] | None = None,
+    cancelled: Callable[[], bool] | None = None,
+) -> Campaign:
+    """Fit the parameters of every setting that the traces hold.
+
+    Traces of one setting are fitted together. The result does not depend on `jobs` or on the
+    order of the traces.
+
+    Parameters
+    ----------
+    traces : sequence of Trace
+        Conditioned logs; each must know its setting.
+    damper : Model
+        The damper's model.
+    options : FitOptions
+        Procedure, free and fixed parameters.
+    jobs : int
+        Threads; the compiled core runs outside the interpreter's lock.
+    on_fit : callable, optional
+        Called with each finished `Fit`, from any thread.
+    cancelled : callable, optional
+        Asked often; when it returns True the finished settings are returned.
+
+    Returns
+    -------
+    Campaign
+        Fits by setting, failures and warnings.
+
+    Raises
+    ------
+    ConfigurationError
+        An unknown procedure or parameter, or one both free and fixed.
+    LogError
+        No trace, or one without a setting.
+    """
+    for one in traces:
+        if not isinstance(one, Trace):
+            raise ConfigurationError(
+                f"identify: found {type(one).__name__} among the traces; expected what "
+                "damperfit.conditioning.condition(read_log(path)) returns; "
+                "damperfit.identify(paths) takes paths"
+            )
+    check_options(options, damper)
+    if not traces:
+        raise LogError("identify: found no log to fit; give one trace or more")
+    settings = _by_setting(traces)
+    given = ProcedureInput(
+        settings,
+        damper,
+        options,
+        max(1, jobs),
+        on_fit or (lambda _fit: None),
+        cancelled or (lambda: False),
+        _cycles(settings, damper, jobs=max(1, jobs)),
+    )
+    # BLAS threads spin between the small products of a fit and take the core that the next
+    # setting's thread needs.
+    with one_blas_thread():
+        campaign = PROCEDURES[options.procedure](given)
+    said = [f"setting {one.setting}: {one.warning}" for one in campaign.searches if one.warning]
+    return replace(campaign, warnings=(*campaign.warnings, *said), named=damper.quantities)
+
+
+def _cycles(
+    settings: Mapping[Setting, tuple[Trace, ...]], damper: Model, *, jobs: int
+) -> dict[Setting, SettledLogs | None]:
+    """The mean cycles of each setting whose logs repeat; kinks need every sample."""
+    if damper.kinks:
+        return {}
+
+    def of(setting: Setting) -> SettledLogs | None:
+        found = attempted(setting, lambda: settled(settings[setting], is_thinned=False))
+        return None if isinstance(found, SettingFailure) else found
+
+    return dict(zip(settings, apart(of, settings, jobs=jobs), strict=True))
+
+
+def _plain(given: ProcedureInput) -> Campaign:
+    """Fit at every setting what is free, from the closed form."""
+    quantities = given.damper.quantities
+    wanted = [one.name for one in quantities if one.default is None]
+    free = given.options.free
+    if free is None:
+        free = tuple(name for name in wanted if name not in given.options.fixed)
+    held = {one.name: one.default for one in quantities if one.default is not None}
+    fixed = {**{k: v for k, v in held.items() if k not in free}, **given.options.fixed}
+    for name in wanted:
+        if name not in free and name not in fixed:
+            raise ConfigurationError(
+                f"procedure plain: {name} is neither free nor fixed; "
+                f"add it to {{free}} or give {{fix}}.",
+                free=Option("free"),
+                fix=Option("fix", "VALUE", name),
+            )
+
+    def problem_of(setting: Setting) -> FitProblem:
+        return given.problem(setting, given.ordered(free))
+
+    def fit(setting: Setting) -> tuple[Fit, Search | None]:
+        problem = problem_of(setting)
+        start = given.start(setting, problem, fixed)
+        result, search = fit_from(setting, problem, start, starts=given.options.starts)
+        return describe_fit(setting, result, problem), search
+
+    found = fit_every_setting(given, fit)
+    if not given.options.is_leaving_out:
+        return found
+    return without_idle_parts(found, lambda one: problem_of(one.setting), jobs=given.jobs)
+
+
+def _joint(given: ProcedureInput) -> Campaign:
+    """One fit over the settings, from the model's own procedure; unsound ones follow it."""
+    way, moving = _way_of(given)
+    name = "paper" if "paper" in given.damper.procedures else "plain"
+    by_paper = {TAKEN, MEAN} if name == "paper" and (way is None or not way.follows) else set()
+    shared = {*shared_names(given.options, given.damper)} if way is None else {*way.shared}
+    free = tuple(one for one in moving if one not in by_paper & shared)
+    options = replace(given.options, free=free, starts=1, is_leaving_out=False)
+    if BETA.name in free and len(given.settings) > 1:
+        options = with_first_beta(given, options, PROCEDURES[name])
+    before = PROCEDURES[name](replace(given, options=options, on_fit=lambda _fit: None))
+    failed = {one.setting: one for one in before.failures}
+    try:
+        found = attempted_for_all(lambda: fit_settings_jointly(given, before.fits, way, moving))
+    except FitCancelledError:
+        return Campaign("joint", (), is_complete=False)
+    if isinstance(found, Failure):
+        warnings = (*before.warnings, _NOT_FITTED_JOINTLY.format(name))
+        return replace(before, procedure="joint", warnings=warnings, mishap=found)
+    together, broken = found
+    failed.update(broken)
+    if not before.is_complete or together is None:
+        # The logs of one setting tell beta by themselves: nothing was to be shared.
+        is_alone = BETA.name in free and len(given.settings) == 1
+        is_told = before.is_complete and not is_alone
+        said = (_NOT_JOINT.format(name),) if is_told else ()
+        return replace(
+            before,
+            procedure="joint",
+            fits=tuple(fit for fit in before.fits if fit.setting not in failed),
+            failures=tuple(failed[setting] for setting in sorted(failed)),
+            warnings=(*before.warnings, *said),
+        )
+    fits = {fit.setting: fit for fit in before.fits}
+
+    def fit(setting: Setting) -> tuple[Fit, Search | None]:
+        problem = given.problem(setting, given.ordered(together.own_at(setting)))
+        start = together.start(fits[setting], problem)
+        spent = fits[setting].evaluations + together.evaluations
+        result, search = fit_from(setting, problem, start, starts=given.options.starts, spent=spent)
+        result = result.with_status(together.status_at(setting))
+        return describe_fit(setting, result, problem), search
+
+    collected = fit_every_setting(given, fit, (*before.warnings, *together.warnings), known=failed)
+    sharing = together.sharing
+    if any(given.damper.quantity(one).is_friction for one in shared):
+        sharing = replace(
+            sharing,
+            spread=before.sharing.spread,
+            is_spread_certain=before.sharing.is_spread_certain,
+        )
+    return replace(collected, sharing=sharing)
+
+
+def _way_of(given: ProcedureInput) -> tuple[Way | None, tuple[str, ...]]:
+    """Return the way of sharing, None where the logs are to tell it, and what moves."""
+    options, damper = given.options, given.damper
+    wanted = [
+        q.name for q in damper.quantities if q.default is None and q.name not in options.fixed
+    ]
+    if not options.is_detecting and not options.follows:
+        shared = given.ordered(shared_names(options, damper))
+        # What is neither shared nor fixed is the settings' own: R_m3 or f_f too.
+        own = given.ordered(options.free or [name for name in wanted if name not in shared])
+        return Way(own, shared, {}), given.ordered({*own, *shared})
+    moving = given.ordered({*(options.free or wanted), *options.follows})
+    if not options.follows:
+        return None, moving
+    return declared_way(damper, moving, options.follows, min(given.settings).adjusters), moving
+
+
+PROCEDURES: dict[str, Callable[[ProcedureInput], Campaign]] = {
+    "paper": as_in_the_paper,
+    "joint": _joint,
+    "plain": _plain,
+}
+
+
+def _by_name(trace: Trace) -> tuple[object, ...]:
+    return natural_order(trace.name), trace.name, trace.start_time
+
+
+def _by_setting(traces: Sequence[Trace]) -> dict[Setting, tuple[Trace, ...]]:
+    groups: dict[Setting, list[Trace]] = defaultdict(list)
+    for trace in traces:
+        if trace.setting is None:
+            raise LogError(
+                "the setting is not known; write '# setting: N' into the log, "
+                "name it setting_N, or give {setting}.",
+                setting=Option("setting", "N"),
+                subject=trace.name,
+            )
+        groups[Setting.of(trace.setting)].append(trace)
+    return {setting: tuple(sorted(groups[setting], key=_by_name)) for setting in sorted(groups)}
+
+
+# Settings whose logs are all equally warm do not determine what temperature does, and one whose
+# logs are not is missed by a fit that knows nothing of it: the widest ranges are fitted first.
+_ASKED = 3  # settings; their mean only has to be near
+_WIDE = 3.0  # K within a setting that tell it anything
+
+
+def with_first_beta(
+    given: ProcedureInput, options: FitOptions, fit: Callable[[ProcedureInput], Campaign]
+) -> FitOptions:
+    """Return the options of a fit of single settings that hold beta at what some of them tell.
+
+    Parameters
+    ----------
+    given : ProcedureInput
+        All settings.
+    options : FitOptions
+        With beta among what is free.
+    fit : callable
+        The procedure that fits settings one by one.
+
+    Raises
+    ------
+    FitCancelledError
+        When the caller asked to stop.
+    """
+    beta = options.start.named.get(BETA.name, 0.0)
+    reach = {setting: _range(traces) for setting, traces in given.settings.items()}
+    telling = [one for one in sorted(reach, key=lambda s: -reach[s]) if reach[one] >= _WIDE]
+    if telling:
+        asked = {setting: given.settings[setting] for setting in sorted(telling[:_ASKED])}
+        told = fit(replace(given, settings=asked, options=options, on_fit=lambda _: None))
+        found = [one.parameters.beta for one in told.fits if one.outcome.is_minimum]
+        beta = float(np.median(found)) if found else beta
+    left = tuple(name for name in options.free or () if name != BETA.name)
+    return replace(options, free=left, fixed={**options.fixed, BETA.name: beta})
+
+
+def _range(traces: Sequence[Trace]) -> float:
+    known = [trace.temperature for trace in traces if trace.temperature is not None]
+    return max(known) - min(known) if known else 0.0
