@@ -18,7 +18,7 @@ from damperfit.conditioning import apply_filter
 from damperfit.errors import FitCancelledError, SimulationError
 from damperfit.identification.least_squares import Minimum, Stopping, Transformation, minimise
 from damperfit.identification.log_facts import LogFacts
-from damperfit.identification.mean_cycle import SettledLogs, settled
+from damperfit.identification.mean_cycle import SettledCycle, SettledLogs, settled
 from damperfit.identification.simulated_log import SETTLING
 from damperfit.simulation import motion_of, simulate
 from damperfit.statistics import largest_of
@@ -163,6 +163,10 @@ class FitProblem:
         tolerance = _POLISH_FACTOR * max(self.solver.tolerance, left)
         return replace(self, solver=replace(self.solver, tolerance=tolerance))
 
+    def solver_of(self, cycle: SettledCycle) -> SolverOptions:
+        """Return how to integrate a mean cycle."""
+        return cycle.solver(self.solver)
+
     def variables(self, names: Sequence[str]) -> Transformation:
         """Return logarithms; an offset in units of the force's deviation, others of their size."""
         quantities = [self.model.quantity(name) for name in names]
@@ -263,8 +267,10 @@ class FitProblem:
     ) -> Iterable[tuple[FloatArray, bool]]:
         """The mean cycles; what differs between cycles is the last residual."""
         for one in cycles.cycles:
-            solver = one.solver(self.solver)
-            response = simulate(values, self.model, one.motion, sensitivities=names, options=solver)
+            options = self.solver_of(one)
+            response = simulate(
+                values, self.model, one.motion, sensitivities=names, options=options
+            )
             yield one.rows(response), _is_empty(response, slice(-len(one.force), None), one.factor)
         rest = np.zeros((1 + len(names), 1))
         rest[0] = math.sqrt(cycles.scatter)
