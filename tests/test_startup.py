@@ -83,7 +83,7 @@ def test_inspect_loads_nothing_that_fits_judges_or_writes_tables():
     assert loaded.isdisjoint({"scipy", "pandas", "matplotlib", "plotly", "jinja2"})
     assert "pyarrow.compute" not in loaded  # 0.1 s, for wall clocks alone
     assert "numpy.ma" not in loaded  # NumPy's medians and percentiles ask for masked arrays
-    judging = ("identification.descent", "uncertainty.residuals", "laws.search", "checks")
+    judging = ("identification.fit_setting", "uncertainty.residuals", "laws.search", "checks")
     judging += (
         "damper.rivals",
         "damper.valve_dampers",
