@@ -16,13 +16,14 @@ from damperfit.identification.campaign import (
     attempted,
 )
 from damperfit.identification.fit_problem import kept_within
-from damperfit.identification.fit_setting import NOT_FIT_TO_SHARE, is_loose
+from damperfit.identification.fit_setting import NOT_FIT_TO_SHARE, is_loose, minimised
 from damperfit.identification.following import Way, detected_way
 from damperfit.identification.gas_content import GAS_FOLLOWER, first_law, working_pressure
 from damperfit.identification.outcome import Outcome, Status
 from damperfit.identification.sharing import Sharing, Unknown, unknown_at, unknowns_of
 from damperfit.identification.tied_problem import JointSolution, TiedProblem, fit_jointly
 from damperfit.statistics import chi_squared_quantile
+from damperfit.workers import executor
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -47,6 +48,8 @@ _SAME_PRESSURE = 1e-4
 _MAX_ROUNDS = 5
 # Weights of settings beside each other that are this near those of the end move nothing.
 _SAME_WEIGHT = 1.5
+# Neighbours from which a setting at a bound starts again: one along each of two adjusters.
+_NEIGHBOURS = 2
 # Two unknowns of the law; a third setting is the first that can contradict it.
 _LAW_UNKNOWNS = 2
 # A misfit that chance makes so large once in a thousand sets; the noise is known roughly only.
@@ -171,7 +174,7 @@ def _fit_sound(
     if way is not None and way.is_general:
         starts = _as_one_model(given, sound, way, free)
     if not starts and (way is None or way.is_general):
-        apart = {setting: fit.parameters for setting, fit in sound.items()}
+        apart, spent = _helped(problems, sound, jobs=given.jobs)
         found = detected_way(problems, apart, way, jobs=given.jobs)
         way, spent = found.way, spent + found.evaluations
         starts = _as_one_model(given, sound, way, free) or found.starts
@@ -248,6 +251,42 @@ def _fairly_weighed(problem: TiedProblem, solution: JointSolution) -> JointSolut
 def _is_fairly_weighed(solution: JointSolution) -> bool:
     shifts = [s * solution.weights[k] for k, s in solution.mean_squares.items()]
     return max(shifts) <= _SAME_WEIGHT * min(shifts)
+
+
+def _helped(
+    problems: Mapping[Setting, FitProblem], fits: Mapping[Setting, Fit], *, jobs: int
+) -> tuple[dict[Setting, Values], int]:
+    """Each setting's values; one that ended at a bound starts again from its sound neighbours'.
+
+    A weak stroke may be read as a blow-off that is always open where its bleed is all that acts.
+    """
+    sound = [setting for setting, fit in fits.items() if fit.outcome is Outcome.CONVERGED]
+    spent = dict.fromkeys(fits, 0)
+
+    def helped(setting: Setting) -> Values:
+        best, least = fits[setting].parameters, fits[setting].mse_percent
+        nearest = sorted(sound, key=lambda other: (_steps(setting, other), other))
+        is_lost = fits[setting].outcome is Outcome.AT_BOUND
+        for other in nearest[:_NEIGHBOURS] if is_lost else ():
+            start = best.replace(
+                {n: getattr(fits[other].parameters, n) for n in problems[other].free}
+            )
+            found = attempted(setting, partial(minimised, problems[setting], start))
+            if isinstance(found, SettingFailure):
+                continue
+            spent[setting] += found.evaluations
+            if found.mse_percent < least:
+                best, least = found.values, found.mse_percent
+        return best
+
+    with executor(jobs) as pool:
+        found = dict(zip(fits, pool.map(helped, fits), strict=True))
+    return found, max(spent.values())
+
+
+def _steps(one: Setting, other: Setting) -> int:
+    """How many adjusters stand elsewhere."""
+    return sum(one.place(adjuster) != other.place(adjuster) for adjuster in one.adjusters)
 
 
 def _common_starts(

@@ -16,8 +16,8 @@ from damperfit.conditioning.measured_characteristics import (
     mean_energy,
     mean_extremes,
 )
-from damperfit.identification.outcome import Status
 from damperfit.identification.fit_setting import EXCELLENT
+from damperfit.identification.outcome import Status
 from damperfit.simulation import NAMED_SPEEDS
 from damperfit.statistics import mean_of
 from damperfit.tables.columns import PAPER_QUANTITIES

@@ -8,7 +8,8 @@ from types import SimpleNamespace
 import pytest
 
 from damperfit.errors import SimulationError
-from damperfit.identification import campaign as procedure_input
+from damperfit.identification import campaign
+from damperfit.identification.fit_problem import FitProblem
 from damperfit.identification.law_misfit import COMPARING, best_of_starts
 
 
@@ -154,10 +155,8 @@ def test_a_declared_law_has_its_other_starts_followed(monkeypatch):
         asked.append((starts, how))
         return Ended("b", 0.1)
 
-    law = SimpleNamespace(cycles=object())
-    monkeypatch.setattr(procedure_input, "LawMisfit", lambda *_, **__: law)
-    monkeypatch.setattr(procedure_input, "best_of_starts", best)
-    damper = SimpleNamespace(kinks=0)
-    misfit = SimpleNamespace(damper=damper, traces=(), free=(), solver=None, cancelled=None)
-    assert procedure_input._best(misfit, ["a", "b"]) == "b"
+    monkeypatch.setattr(campaign, "best_of_starts", best)
+    monkeypatch.setattr(FitProblem, "on_cycles", lambda one: replace(one, cycles=object()))
+    problem = FitProblem(SimpleNamespace(kinks=1), (), (), None)
+    assert campaign._best(problem, ["a", "b"]) == "b"
     assert asked == [(["a", "b"], {"is_thorough": True})]

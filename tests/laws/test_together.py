@@ -608,7 +608,7 @@ def test_a_law_is_led_by_what_both_have_free() -> None:
     stuck = replace(far, minimum=SimpleNamespace(cost=1e9, extra=far.minimum.extra))
     found = led_back(stuck, begun)
     assert found.values[AT[0]].f_f == pytest.approx(20.0, rel=0.05)
-    best = replace(begun, minimum=replace(far.minimum, point=replace(far.minimum.point, cost=0.0)))
+    best = replace(begun, minimum=SimpleNamespace(cost=0.0, extra=far.minimum.extra))
     assert led_back(best, far) is best
 
 
