@@ -18,8 +18,7 @@ from damperfit.conditioning import apply_filter
 from damperfit.errors import FitCancelledError, SimulationError
 from damperfit.identification.least_squares import Minimum, Stopping, Transformation, minimise
 from damperfit.identification.log_facts import LogFacts
-from damperfit.identification.mean_cycle import SettledCycle, SettledLogs, settled
-from damperfit.identification.simulated_log import SETTLING
+from damperfit.identification.mean_cycle import SettledLogs, settled
 from damperfit.simulation import motion_of, simulate
 from damperfit.statistics import largest_of
 
@@ -163,10 +162,6 @@ class FitProblem:
         tolerance = _POLISH_FACTOR * max(self.solver.tolerance, left)
         return replace(self, solver=replace(self.solver, tolerance=tolerance))
 
-    def solver_of(self, cycle: SettledCycle) -> SolverOptions:
-        """Return how to integrate a mean cycle."""
-        return cycle.solver(self.solver)
-
     def variables(self, names: Sequence[str]) -> Transformation:
         """Return logarithms; an offset in units of the force's deviation, others of their size."""
         quantities = [self.model.quantity(name) for name in names]
@@ -252,10 +247,11 @@ class FitProblem:
         return rows, any(empty)
 
     def _of_logs(self, values: Values, names: Sequence[str]) -> Iterable[tuple[FloatArray, bool]]:
-        solver = replace(self.solver, settling=SETTLING)
         for trace, weight in zip(self.traces, self.facts.weights, strict=True):
             motion = motion_of(trace)
-            response = simulate(values, self.model, motion, sensitivities=names, options=solver)
+            response = simulate(
+                values, self.model, motion, sensitivities=names, options=self.solver
+            )
             rows = np.stack([response.force, *response.sensitivities.values()])
             rows = apply_filter(trace.model_filter, rows)[:, trace.compared]
             rows[0] -= trace.force[trace.compared]
@@ -267,7 +263,7 @@ class FitProblem:
     ) -> Iterable[tuple[FloatArray, bool]]:
         """The mean cycles; what differs between cycles is the last residual."""
         for one in cycles.cycles:
-            options = self.solver_of(one)
+            options = one.solver(self.solver)
             response = simulate(
                 values, self.model, one.motion, sensitivities=names, options=options
             )

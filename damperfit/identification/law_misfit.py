@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 
     from damperfit.damper.model import Values
     from damperfit.damper.quantity import Quantity
-    from damperfit.identification.mean_cycle import SettledCycle
-    from damperfit.simulation import SolverOptions
 
     FloatArray = NDArray[np.float64]
 
@@ -56,10 +54,6 @@ class LawMisfit(FitProblem):
     """
 
     __slots__ = ()
-
-    def solver_of(self, cycle: SettledCycle) -> SolverOptions:  # noqa: ARG002
-        """Return how to integrate a mean cycle: as one, from its first sample."""
-        return self.solver
 
     def descend(self, start: Values, stopping: Stopping) -> Minimum[Values]:
         """Minimise from a start.

@@ -26,7 +26,6 @@ import numpy as np
 
 from damperfit.compiled_core import compiled_core
 from damperfit.identification.log_facts import weights
-from damperfit.identification.simulated_log import SETTLING
 from damperfit.simulation import Motion
 from damperfit.statistics import mean_of
 
@@ -49,6 +48,8 @@ __all__ = [
 ]
 
 
+# s; the slowest of a damper's pressures, at 80 1/s, has settled by then to 1e-8.
+_SETTLING = 0.25
 # Samples of a cycle: at least these, and so many for each harmonic that the filter passes by half.
 _FEWEST = 256
 _PER_HARMONIC = 10
@@ -95,9 +96,10 @@ class SettledCycle:
     turn: int = 0
 
     def solver(self, options: SolverOptions) -> SolverOptions:
-        """Return how to integrate it: cut in parts, each settles as the first one does."""
-        lead = len(self.motion.displacement) - len(self.force)
-        return _settling(options, self.dead_band, (lead - 0.5) * self.motion.interval)
+        """Return how to integrate it: with the friction's dead band that its samples have."""
+        if options.dead_band >= self.dead_band:
+            return options
+        return replace(options, dead_band=self.dead_band)
 
     def rows(self, response: Response) -> FloatArray:
         """Return residuals and derivatives, behind the filter, weighed: (1 + k, n)."""
@@ -168,16 +170,6 @@ class SettledLogs:
     scatter: float
 
 
-@lru_cache(maxsize=64)  # a descent asks for it at every step
-def _settling(options: SolverOptions, dead_band: float, settling: float) -> SolverOptions:
-    return replace(
-        options,
-        dead_band=max(options.dead_band, dead_band),
-        settling=settling,
-        settles_unseen=True,
-    )
-
-
 def settled(traces: Sequence[Trace], *, is_thinned: bool = True) -> SettledLogs | None:
     """Return the settled cycles of logs; None where motions do not repeat, or little is saved.
 
@@ -221,7 +213,7 @@ def _settled(
     turn = -int(np.abs(x - mean_of(x)).argmax())
     force, power = (np.concatenate([one[-turn:], one[:-turn]]) for one in (force, power))
     interval = trace.interval * period / n
-    lead = (n // 2) * math.ceil(SETTLING / (0.5 * n * interval))
+    lead = (n // 2) * math.ceil(_SETTLING / (0.5 * n * interval))
     before = np.arange(-turn - lead, n - turn) % n
     cycle = SettledCycle(
         Motion(

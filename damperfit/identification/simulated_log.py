@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from damperfit.identification.mean_cycle import SettledCycle
 
 __all__ = [
-    "SETTLING",
     "LogFit",
     "SeenLog",
     "SimulatedLog",
@@ -33,9 +32,6 @@ __all__ = [
 
 
 # The model beside the measurement: simulate, filter alike, subtract.
-
-# s; the slowest of a damper's pressures, at 80 1/s, has settled by then to 1e-8.
-SETTLING = 0.25
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,9 +71,8 @@ def compare(
     SimulationError
         When the model cannot be integrated.
     """
-    options = replace(solver, settling=SETTLING)
     response = simulate(
-        parameters, damper, motion_of(trace), sensitivities=sensitivities, options=options
+        parameters, damper, motion_of(trace), sensitivities=sensitivities, options=solver
     )
     rows = np.stack([response.force, *response.sensitivities.values()])
     rows = apply_filter(trace.model_filter, rows)

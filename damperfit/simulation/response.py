@@ -36,21 +36,12 @@ class SolverOptions:
     rounding : float
         Of a network only: pressure below which the root of an orifice is rounded, Pa. 100 Pa cost
         less than 0.03 N (`tests/damper/test_rounded_root.py`) and make its sensitivities smoother.
-    settling : float
-        Of the paper's damper only: time in which a start is forgotten, s. A motion of twice that or
-        more is then simulated as four parts side by side, each of which begins so much before the
-        last ends; where two have not met it is done as one. 0: as one.
-    settles_unseen : bool
-        Whether nobody asks for the time in which the start is forgotten: it is then run through in
-        long steps, and what the response has there may be NaN.
     """
 
     tolerance: float = 3e-3
     dead_band: float = 1e-4
     max_steps_per_sample: int = 10_000
     rounding: float = 100.0
-    settling: float = 0.0
-    settles_unseen: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,7 +3,6 @@
  * Each buffer is allocated to its exact size, so that one double too far is seen. Prints a line a
  * failure and returns their number (at most 100).
  */
-#include "network_lanes.h"
 #include "paper.h"
 #include "seen.h"
 
@@ -88,10 +87,6 @@ static int simulate(run *r, df_network *q, const df_options *o)
     memcpy(which, r->which, bytes);
     const df_motion motion = {r->n, r->interval, r->x, r->v, 0, NULL};
     const df_result result = {r->pressures, r->masses, r->force, r->sensitivities, which, r->n_which};
-    /* In parts first, where that is possible: what it leaves is written over. */
-    df_work beside;
-    for (int is_unseen = 0; is_unseen < 2; is_unseen++)
-        (void)df_simulate_in_parts(q, o, &motion, r->n / 8 + 1, is_unseen, &result, &beside);
     const int code = df_simulate_network(q, o, &motion, &result, &r->work);
     free(which);
     return code;

@@ -6,7 +6,6 @@
 #include "fitting_module.h"
 #include "hysteresis.h"
 #include "network.h"
-#include "network_lanes.h"
 #include "repeats_module.h"
 #include "signals_module.h"
 
@@ -45,7 +44,7 @@ static int network_sizes_fit(const Py_buffer *b)
 }
 
 static PyObject *run_network(const Py_buffer *b, double interval, double rounding, int floating,
-                             const df_options *options, Py_ssize_t lead, int is_unseen)
+                             const df_options *options)
 {
     const double *body = b[BODY].buf, *numbers = b[NUMBERS].buf;
     const int *rows = b[PASSAGES].buf;
@@ -66,10 +65,7 @@ static PyObject *run_network(const Py_buffer *b, double interval, double roundin
     df_work work;
     int code;
     Py_BEGIN_ALLOW_THREADS
-    code = lead > 0 ? df_simulate_in_parts(&q, options, &motion, (size_t)lead, is_unseen, &result, &work)
-                    : DF_NOT_IN_PARTS;
-    if (code == DF_NOT_IN_PARTS)
-        code = df_simulate_network(&q, options, &motion, &result, &work);
+    code = df_simulate_network(&q, options, &motion, &result, &work);
     Py_END_ALLOW_THREADS
     return Py_BuildValue("(illln)", code, work.steps, work.rejected, work.newton,
                          (Py_ssize_t)work.failed_sample);
@@ -80,13 +76,12 @@ static PyObject *simulate_network(PyObject *self, PyObject *args)
     (void)self;
     PyObject *o[N_NETWORK_BUFFERS];
     double interval, rounding;
-    int floating, is_unseen = 0;
+    int floating;
     df_options options;
-    Py_ssize_t lead;
-    if (!PyArg_ParseTuple(args, "OOOOOOOOOOOddpddln|p:simulate_network", &o[0], &o[1], &o[2], &o[3], &o[4],
+    Py_ssize_t unused = 0; /* in its place a core before this one had the samples that a part settles in */
+    if (!PyArg_ParseTuple(args, "OOOOOOOOOOOddpddl|n:simulate_network", &o[0], &o[1], &o[2], &o[3], &o[4],
                           &o[5], &o[6], &o[7], &o[8], &o[9], &o[10], &interval, &rounding, &floating,
-                          &options.tolerance, &options.dead_band, &options.max_steps_per_sample, &lead,
-                          &is_unseen))
+                          &options.tolerance, &options.dead_band, &options.max_steps_per_sample, &unused))
         return NULL;
     Py_buffer buffers[N_NETWORK_BUFFERS];
     PyObject *answer = NULL;
@@ -98,7 +93,7 @@ static PyObject *simulate_network(PyObject *self, PyObject *args)
             break;
     }
     if (got == N_NETWORK_BUFFERS && network_sizes_fit(buffers))
-        answer = run_network(buffers, interval, rounding, floating, &options, lead, is_unseen);
+        answer = run_network(buffers, interval, rounding, floating, &options);
     while (got-- > 0)
         PyBuffer_Release(&buffers[got]);
     return answer;

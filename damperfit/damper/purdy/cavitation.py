@@ -68,11 +68,10 @@ def examine_cavitation(
     response = next(one for of, one in seen if of is trace)
     line = _nearness(parameters, trace, response, damper)
     motion, n = _shortest(trace, moment)
-    in_parts = replace(solver, settling=_SETTLING)
 
     def lowest(trial: Values, gas: float) -> float:
         at = damper if gas == damper.gas_pressure else replace(damper, gas_pressure=gas)
-        filled = simulate(trial, at, motion, options=in_parts).pressures[:2, -n:]
+        filled = simulate(trial, at, motion, options=solver).pressures[:2, -n:]
         # The pressure is clamped at zero; the share of time spent there gives the root a slope.
         least = float(filled.min())
         return least if least > 0.0 else -gas * float(np.mean((filled <= 0.0).any(axis=0)))

@@ -16,7 +16,6 @@ signed, because P_1 falls below P_3 for a fraction of a per cent of a cycle.
 
 from __future__ import annotations
 
-import math
 from array import array
 from functools import lru_cache
 from typing import TYPE_CHECKING
@@ -104,8 +103,7 @@ def integrate(
     code, steps, rejected, newton, sample = compiled_core().simulate_network(
         _body(damper), numbers, _PASSAGES, x, v, jumps, which, pressures, masses, force,
         rows, motion.interval, _ROUNDING, False, options.tolerance, options.dead_band,
-        options.max_steps_per_sample, math.ceil(options.settling / motion.interval),
-        options.settles_unseen,
+        options.max_steps_per_sample, 0,
     )  # fmt: skip
     if code:
         raise SimulationError(describe_ending(code, sample, motion, options))
