@@ -31,7 +31,7 @@ def results(logs, tmp_path_factory) -> Path:
 
 
 def hostile(folder: Path, logs: Path, spared: set[str]) -> Path:
-    """Two logs, and modules that leave a mark when they are executed."""
+    """Two logs, and modules that leave a mark when they are executed; return the mark."""
     from openpyxl import Workbook
 
     folder.mkdir()
@@ -61,38 +61,94 @@ def loaded_first(folder: Path, *how: str, **variables: str) -> set[str]:
     return set(shown.stdout.split())
 
 
-@pytest.mark.parametrize(
-    "start", ["script", *(pytest.param(one, marks=pytest.mark.slow) for one in ("module", "path"))]
+# Every command; what starts processes of its own does so: copies, spawned workers, child readers.
+COMMANDS = (
+    "identify setting_0*.csv --jobs 2 --out ../out --report --figures png",
+    "inspect .",
+    "fleet . --jobs 1 --out ../fleet --collect",
+    "models setting_01.csv",
+    "simulate --setting 5 --out ../a.csv --plot ../a.png",
+    "sweep --setting 5 --vary r_m1=0.5,2",
+    "report {results} --out ../page",
+    "settings {results}",
+    "compare {results} {results} --out ../compared",
+    "compare setting_01.csv setting_01.csv --measured",
+    "export {results} --to fmu2 --out ../x.fmu --check",
+    "samples ../made --settings 1",
+    "config",
+    "init setting_01.csv --out ../damper.toml",
+    "doctor",
+    "help adjusters",
 )
-def test_no_process_of_ours_executes_what_lies_beside_the_logs(
-    logs, results, tmp_path, start
-) -> None:
+
+
+@pytest.fixture(
+    scope="module",
+    params=["script", *(pytest.param(one, marks=pytest.mark.slow) for one in ("module", "path"))],
+)
+def among_hostile(request, logs, tmp_path_factory) -> tuple[Path, Path, list[str], dict]:
+    """Return a folder with hostile modules, their mark, a command and its environment."""
+    root = tmp_path_factory.mktemp("hostile")
     command, variables, spared = [*COMMAND], {}, set()
-    if start == "module":  # without -P Python's own runpy looks in the folder first
+    if request.param == "module":  # without -P Python's own runpy looks in the folder first
         command = [sys.executable, "-m", "damperfit"]
-        spared = loaded_first(tmp_path / "probe", "-m", "probe") | {"damperfit"}
-    if start == "path":
+        spared = loaded_first(root / "probe", "-m", "probe") | {"damperfit"}
+    if request.param == "path":
         variables = {"PYTHONPATH": f".{os.pathsep}"}
-        spared = loaded_first(tmp_path / "probe", "-P", "-c", FIRST, **variables)
+        spared = loaded_first(root / "probe", "-P", "-c", FIRST, **variables)
         spared |= {"damperfit", "sitecustomize"}
-    mark = hostile(tmp_path / "logs", logs, spared)
-    commands = (
-        "identify setting_0*.csv --jobs 2 --out ../out --report --figures png",
-        "fleet . --jobs 1 --out ../fleet",
-        "inspect .",
-        f"export {results} --to fmu2 --out ../x.fmu",
-        "doctor",
+    return root / "logs", hostile(root / "logs", logs, spared), command, variables
+
+
+@pytest.mark.parametrize("words", COMMANDS, ids=lambda words: words.split()[0])
+def test_no_process_of_ours_executes_what_lies_beside_the_logs(
+    among_hostile, results, words
+) -> None:
+    folder, mark, command, variables = among_hostile
+    ended = subprocess.run(  # noqa: PLW1510
+        [*command, *shlex.split(words.format(results=results))],
+        cwd=folder,
+        env=os.environ | variables,
+        capture_output=True,
+        text=True,
     )
-    for words in commands:
-        ended = subprocess.run(  # noqa: PLW1510
-            [*command, *shlex.split(words)],
+    assert not mark.exists(), mark.read_text()
+    assert ended.returncode in {0, 1}, ended.stderr  # the book is too short
+
+
+def test_every_command_is_started_beside_hostile_modules() -> None:
+    from damperfit.cli.main import app
+
+    names = {one.name or one.callback.__name__ for one in app.registered_commands}
+    assert names == {words.split()[0] for words in COMMANDS}
+
+
+@pytest.mark.slow
+def test_a_dask_worker_executes_nothing_of_the_folder_that_it_is_started_in(logs, tmp_path) -> None:
+    distributed = pytest.importorskip("distributed")
+    mark = hostile(tmp_path / "logs", logs, set())
+    (tmp_path / "logs" / "short_s3.xlsx").unlink()
+    with distributed.LocalCluster(n_workers=0, dashboard_address=None) as cluster:
+        address = cluster.scheduler_address
+        worker = subprocess.Popen(
+            [sys.executable, "-P", "-m", "distributed.cli.dask_worker", address, "--no-dashboard"],
             cwd=tmp_path / "logs",
-            env=os.environ | variables,
-            capture_output=True,
-            text=True,
+            env=os.environ
+            | {"PYTHONSAFEPATH": "1"},  # what starts it is Dask's, as the manual says
+            stderr=subprocess.DEVNULL,
         )
-        assert not mark.exists(), (words, mark.read_text())
-        assert ended.returncode in {0, 1}, (words, ended.stderr)  # the book is too short
+        try:
+            words = f"fleet . --out ../fleet --scheduler {address}"
+            command = [*COMMAND, *shlex.split(words)]
+            ended = subprocess.run(  # noqa: PLW1510
+                command, cwd=tmp_path / "logs", capture_output=True, text=True, timeout=120.0
+            )
+        finally:
+            worker.terminate()
+            worker.wait(30.0)
+    assert ended.returncode == 0, ended.stderr
+    assert list((tmp_path / "fleet").glob("serial=*/part-*.parquet"))
+    assert not mark.exists(), mark.read_text()
 
 
 def ended(shell: str, folder: Path) -> tuple[int, str, str]:
