@@ -26,7 +26,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from damperfit.compiled_core import compiled_core
 from damperfit.recording import Finding
 from damperfit.statistics import mean_of, median, percentiles
 
@@ -225,8 +224,7 @@ def examine_channel(channel: Channel) -> Iterator[Finding]:
     """Yield what is remarkable in one channel."""
     if len(channel.values) < 8:
         return
-    order = np.array(channel.values, np.float64)
-    compiled_core().sort(order, np.empty(len(order)))
+    order = np.sort(np.asarray(channel.values, np.float64))
     span = float(order[-1] - order[0])
     if span <= 0.0:
         return
@@ -245,15 +243,18 @@ def examine_channel(channel: Channel) -> Iterator[Finding]:
 def _step(order: FloatArray, span: float) -> float:
     """Return the step of a channel from its sorted values; nearly 0 where it has none."""
     # The least, but for a few values that stand between the steps.
-    return float(compiled_core().step(order, np.empty(len(order)), 1e-9 * span))
+    steps = np.diff(order)
+    steps = steps[steps > 1e-9 * span]
+    rank = len(steps) // 50
+    return float(np.partition(steps, rank)[rank]) if len(steps) else 0.0
 
 
 def _runs(values: FloatArray) -> _Runs:
     """Return the runs of at least three equal samples."""
     samples = np.ascontiguousarray(values, np.float64)
-    begins, ends = np.empty((2, len(samples) // _RUN + 1), np.int64)
-    n = compiled_core().equal_runs(samples, begins, ends, _RUN)
-    start, stop = begins[:n], ends[:n]
+    edges = np.concatenate([[0], np.flatnonzero(np.diff(samples)) + 1, [len(samples)]])
+    is_run = np.diff(edges) >= _RUN
+    start, stop = edges[:-1][is_run], edges[1:][is_run]
     reach = np.maximum((stop - start) // 2, 1)
     before, behind = start - reach, stop - 1 + reach
     level = values[start]
@@ -386,8 +387,7 @@ def noise_of(values: FloatArray) -> float:
     """Return the standard deviation of white noise in a smooth signal, robustly."""
     # Fifth differences of white noise are sqrt(252) larger; of a motion with 40 samples a cycle,
     # 1e-4 of it.
-    samples = np.ascontiguousarray(values, np.float64)
-    middle = float(compiled_core().rough(samples, np.empty(len(samples))))
+    middle = median(np.abs(np.diff(np.asarray(values, np.float64), 5)))
     return middle / (0.6745 * math.sqrt(252.0))
 
 
@@ -486,7 +486,12 @@ def _repeats(size: FloatArray, row: int, period: float) -> bool:
 
 def _beside(values: FloatArray) -> FloatArray:
     """Return each sample less the median of the five around it; 0 at the ends."""
-    samples = np.ascontiguousarray(values, np.float64)
-    result = np.empty(len(samples))
-    compiled_core().outstanding(samples, result)
+    result = np.zeros(len(values))
+    if len(values) < 5:
+        return result
+    a, b, e, c, d = (values[k : len(values) - 4 + k] for k in range(5))
+    low = np.maximum(np.minimum(a, b), np.minimum(c, d))
+    high = np.minimum(np.maximum(a, b), np.maximum(c, d))
+    middle = np.maximum(np.minimum(low, high), np.minimum(np.maximum(low, high), e))
+    result[2:-2] = e - middle
     return result

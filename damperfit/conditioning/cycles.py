@@ -557,10 +557,8 @@ def cycles_of(x: FloatArray) -> Turns:
         Displacement, shape (n,), m.
     """
     turns = turning_points(x, TURN * float(np.ptp(x)))
-    passages = np.empty(max(len(turns) - 1, 0))
-    if len(turns):
-        compiled_core().passages(np.ascontiguousarray(x, np.float64), turns, passages)
     at_turns = x[turns]
+    passages = _passages(x, turns)
     strokes = np.abs(np.diff(at_turns))
     return Turns(
         at_turns,
@@ -569,6 +567,21 @@ def cycles_of(x: FloatArray) -> Turns:
         0.25 * (strokes[:-2] + strokes[1:-1]),
         0.25 * (at_turns[:-3] + 2.0 * at_turns[1:-2] + at_turns[2:-1]),
     )
+
+
+def _passages(x: FloatArray, turns: IntArray) -> FloatArray:
+    """Return where the motion first passes the middle between its turns, fractional samples."""
+    begin, end = turns[:-1], turns[1:]
+    if not len(begin):
+        return np.empty(0)
+    sign = np.where(x[end] > x[begin], 1.0, -1.0)
+    middle = 0.5 * (x[begin] + x[end])
+    own = np.repeat(np.arange(len(begin)), end - begin)  # of each sample behind a turn
+    beyond = sign[own] * (x[turns[0] + 1 : turns[-1] + 1] - middle[own])
+    passed = np.flatnonzero(beyond >= 0.0)
+    at = turns[0] + 1 + passed[np.searchsorted(passed, begin - turns[0])]
+    here, before = sign * (x[at] - middle), sign * (x[at - 1] - middle)
+    return np.asarray(at - here / (here - before))
 
 
 def turning_points(x: FloatArray, reach: float) -> IntArray:

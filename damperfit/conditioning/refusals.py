@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.compiled_core import compiled_core
 from damperfit.conditioning.cycles import clean_cycles
 from damperfit.conditioning.filters import fitting_corner
 from damperfit.errors import ConditioningError
@@ -59,10 +58,12 @@ def harmonic_powers(values: FloatArray, turns: float, n_powers: int) -> FloatArr
     >>> harmonic_powers(2.0 * np.sin(angle) + 0.2 * np.sin(3.0 * angle), 0.01, 3).round(6)
     array([1.  , 0.  , 0.01])
     """
+    turned = values - mean_of(values) + 0j
+    turn = np.exp(-2j * np.pi * turns * np.arange(len(values)))
     powers = np.empty(n_powers)
-    samples = np.ascontiguousarray(values, np.float64)
-    mean = mean_of(samples)
-    compiled_core().harmonics(samples, powers, mean, 2.0 * np.pi * turns)
+    for k in range(n_powers):
+        turned *= turn
+        powers[k] = abs(complex(turned.sum())) ** 2 / len(values) ** 2
     return powers
 
 

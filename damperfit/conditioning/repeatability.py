@@ -381,9 +381,11 @@ def _extremes(values: FloatArray, trace: Trace) -> tuple[FloatArray, FloatArray]
 
 def _cycle_means(values: FloatArray, starts: FloatArray) -> FloatArray:
     """Return the mean of each cycle between its fractional boundaries."""
-    means = np.empty(len(starts) - 1)
-    compiled_core().cycle_means(np.ascontiguousarray(values), starts, means)
-    return means
+    total = np.concatenate([[0.0], np.cumsum(0.5 * (values[:-1] + values[1:]))])
+    at = np.clip(np.floor(starts).astype(np.int64), 0, len(values) - 2)
+    u = starts - at
+    area = total[at] + u * values[at] + 0.5 * u * u * (values[at + 1] - values[at])
+    return np.asarray(np.diff(area) / np.diff(starts))
 
 
 def _trend(values: FloatArray) -> tuple[float, float]:

@@ -32,7 +32,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.compiled_core import compiled_core
 from damperfit.identification.mean_cycle import fast_length
 
 if TYPE_CHECKING:
@@ -61,9 +60,6 @@ __all__ = [
 _NO_CORRELATION = 2.5
 # Known lags on each side that a value between them is made of.
 _SINC = 6
-# Lags up to which sums one by one are quicker than a transform of all scores: of slow cycles there
-# are many times as many.
-_FAR = 128
 # Directions of less variance than this share of the largest are nothing but rounding.
 _NOTHING = 1e-14
 
@@ -147,19 +143,13 @@ def repeated_covariance(
     numpy.ndarray
         Shape (k, k), positive semi-definite.
     """
-    rows, columns = np.ascontiguousarray(residuals), np.ascontiguousarray(slopes)
+    scores = (residuals[:, :, None] * slopes).reshape(residuals.size, -1)
 
     def products(window: FloatArray) -> FloatArray:
-        kernel = _thinned(window.tobytes(), _rounded(spacing))[: rows.size]
-        if len(kernel) > _FAR:
-            scores = (rows[:, :, None] * columns).reshape(rows.size, -1)
-            return spacing * lagged_products(scores, kernel)
-        found = np.empty((columns.shape[1],) * 2)
-        room = np.empty(len(kernel) * len(columns) + len(found))
-        compiled_core().cycle_products(rows, columns, kernel, found, room, len(rows))
-        return spacing * found
+        kernel = _thinned(window.tobytes(), _rounded(spacing))[: residuals.size]
+        return spacing * lagged_products(scores, kernel)
 
-    return _covariance(products, lag, round(spacing * rows.size))
+    return _covariance(products, lag, round(spacing * residuals.size))
 
 
 def _covariance(

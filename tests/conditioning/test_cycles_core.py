@@ -7,12 +7,11 @@ import pytest
 
 from damperfit.compiled_core import compiled_core
 from damperfit.conditioning import apply_filter, design_filter
-from damperfit.conditioning.channels import Channel, find_spikes, noise_of
+from damperfit.conditioning.channels import Channel, find_spikes
 from damperfit.conditioning.cycles import _tops, crossings, cycles_of, turning_points
 from damperfit.conditioning.delay import _REACH, _in_order, _scan, _without_smooth
 from damperfit.conditioning.drive import _errors, _Spectrum
 from damperfit.conditioning.gas_force import _branches, _inverse
-from damperfit.conditioning.refusals import harmonic_powers
 from damperfit.conditioning.repeatability import _cycle_means, _scatter
 from damperfit.passed_speeds import at_speeds, in_both_strokes
 from tests.oracles import cycles as slow
@@ -56,7 +55,8 @@ def test_turns_and_passages_are_those_of_the_slow_twin(of, reach: float) -> None
     turns = turning_points(x, reach)
     assert np.array_equal(turns, slow.turning_points(x, reach))
     seen = cycles_of(x)
-    assert np.array_equal(seen.passages, slow.passages(x, slow.turning_points(x, 0.02 * np.ptp(x))))
+    expected = slow.passages(x, slow.turning_points(x, 0.02 * np.ptp(x)))
+    assert np.allclose(seen.passages, expected, rtol=1e-12)
 
 
 def test_a_motion_without_a_turn_has_no_passage() -> None:
@@ -92,87 +92,6 @@ def test_means_of_cycles_are_those_of_the_slow_twin(starts) -> None:
     values, starts = motion(99, 20.0, 0.1)[0] + 3.0, np.array(starts)
     expected = slow.cycle_means(values, starts)
     assert _cycle_means(values, starts) == pytest.approx(expected, rel=1e-11)
-
-
-@pytest.mark.parametrize("values", [[1.0], [1.0, 1.0], [0.0] * 5, [1, 1, 2, 2, 2, 1, 1, 1, 1, 5]])
-@pytest.mark.parametrize("fewest", [2, 3])
-def test_equal_samples_in_a_row_are_those_of_the_slow_twin(values, fewest: int) -> None:
-    values = np.array(values, np.float64)
-    begins, ends = np.zeros((2, len(values) // fewest + 1), np.int64)
-    n = compiled_core().equal_runs(values, begins, ends, fewest)
-    assert list(zip(begins[:n], ends[:n], strict=True)) == slow.equal_runs(values, fewest)
-
-
-@pytest.mark.parametrize(
-    "values",
-    [
-        np.round(RANDOM.standard_normal(3000), 1),
-        RANDOM.standard_normal(2999) * 10.0 ** RANDOM.integers(-300, 300, 2999),
-        np.array([0.0, -0.0, 5e-324, -5e-324, 1.7e308, -1.7e308, 1.0, -1.0]),
-        np.zeros(9),
-        np.array([2.0]),
-        np.empty(0),
-    ],
-)
-def test_values_are_sorted(values) -> None:
-    found = values.copy()
-    compiled_core().sort(found, np.empty(len(values)))
-    assert np.array_equal(found, np.sort(values))
-
-
-@pytest.mark.parametrize("bar", [0.0, 0.01, 9.0])
-def test_a_step_is_that_of_the_gaps_in_order(bar: float) -> None:
-    order = np.sort(np.round(RANDOM.standard_normal(700), 3))
-    gaps = np.sort(np.diff(order)[np.diff(order) > bar])
-    expected = gaps[len(gaps) // 50] if len(gaps) else 0.0
-    assert compiled_core().step(order, np.empty(700), bar) == expected
-
-
-@pytest.mark.parametrize("n", [1, 4, 5, 300])
-def test_what_stands_out_is_so_beside_the_median_of_five(n: int) -> None:
-    values = np.round(RANDOM.standard_normal(n), 1)
-    found = np.empty(n)
-    compiled_core().outstanding(values, found)
-    assert np.array_equal(found, slow.outstanding(values))
-
-
-@pytest.mark.parametrize("n", [1, 7, 64, 65, 3000])
-def test_harmonics_are_those_of_the_slow_twin(n: int) -> None:
-    values = motion(n, 40.0, 0.2)[0] + 5.0
-    found = harmonic_powers(values, 1.0 / 40.0, 7)
-    expected = slow.harmonic_powers(values, values.mean(), 2.0 * np.pi / 40.0, 7)
-    assert np.allclose(found, expected, rtol=1e-10, atol=1e-20)
-
-
-@pytest.mark.parametrize(
-    "values",
-    [
-        RANDOM.standard_normal(1001),
-        np.round(RANDOM.standard_normal(1000), 1),
-        np.zeros(50),
-        np.arange(200.0),
-        np.arange(200.0)[::-1],
-        np.tile([1.0, 0.0], 90),
-        np.array([3.0]),
-        np.array([2.0, 1.0]),
-    ],
-)
-def test_a_rank_is_that_of_the_sorted_values(values) -> None:
-    order = np.sort(values)
-    for rank in {0, len(values) // 50, len(values) // 2, len(values) - 1}:
-        parted = values.copy()
-        assert compiled_core().rank(parted, rank) == order[rank]
-        assert np.array_equal(np.sort(parted), order)
-        assert not rank or parted[:rank].max() <= order[rank]
-
-
-@pytest.mark.parametrize("n", [5, 6, 7, 500, 501])
-def test_noise_is_the_median_of_fifth_differences(n: int) -> None:
-    values = RANDOM.standard_normal(n)
-    expected = (
-        np.median(np.abs(np.diff(values, 5))) / (0.6745 * np.sqrt(252.0)) if n > 5 else np.nan
-    )
-    assert noise_of(values) == pytest.approx(expected, rel=1e-15, nan_ok=True)
 
 
 def test_a_spike_is_found_in_values_that_lie_apart_in_memory() -> None:
@@ -292,11 +211,6 @@ def test_signals_at_speeds_are_those_of_the_slow_twin(of, sign: float) -> None:
         ("tops", (np.ones(9), np.ones(8), np.ones(2), np.ones(1), 0.0, 1.0)),
         ("tops", (np.ones(9), np.ones(9), np.ones(2), np.ones(2), 0.0, 1.0)),
         ("turns", (np.ones(9), np.ones(8, np.int64), 0.1)),
-        ("passages", (np.ones(9), np.array([1, 9]), np.ones(1))),
-        ("passages", (np.ones(9), np.array([-1, 3]), np.ones(1))),
-        ("passages", (np.ones(9), np.array([3, 3]), np.ones(1))),
-        ("passages", (np.ones(9), np.array([1, 3]), np.ones(2))),
-        ("passages", (np.ones(9), np.empty(0, np.int64), np.empty(0))),
         ("scatter", (np.ones(3), np.ones(3), np.ones(2), np.ones(4), np.ones(4))),
         ("scatter", (np.ones(9), np.ones(2), np.ones(2), np.ones(2), np.ones(4))),
         ("scatter", (np.ones(9), np.ones(3), np.ones(0), np.ones(0), np.ones(4))),
@@ -309,19 +223,11 @@ def test_signals_at_speeds_are_those_of_the_slow_twin(of, sign: float) -> None:
         ("beside", (*[np.ones(9)] * 3, np.ones(2), np.ones(15), np.ones(40), 9)),
         ("beside", (*[np.ones(9)] * 3, np.ones(2), np.ones(16), np.ones(39), 9)),
         ("beside", (*[np.ones(9)] * 3, np.ones(2), np.ones(16), np.ones(40), -1)),
-        ("cycle_means", (np.ones(1), np.ones(2), np.ones(1))),
-        ("cycle_means", (np.ones(9), np.ones(2), np.ones(2))),
         ("strokes", (np.ones(9), np.ones(8), np.ones(9), *map(np.ones, (7, 49, 7)), 1.0, 1.0)),
         ("strokes", (np.ones(9), np.ones(9), np.ones(8), *map(np.ones, (7, 49, 7)), 1.0, 1.0)),
         ("strokes", (*[np.ones(9)] * 3, *map(np.ones, (6, 49, 7)), 1.0, 1.0)),
         ("strokes", (*[np.ones(9)] * 3, *map(np.ones, (7, 48, 7)), 1.0, 1.0)),
         ("strokes", (*[np.ones(9)] * 3, *map(np.ones, (7, 49, 6)), 1.0, 1.0)),
-        ("rough", (np.ones(9), np.ones(8))),
-        ("sort", (np.ones(9), np.ones(8))),
-        ("step", (np.ones(9), np.ones(8), 0.1)),
-        ("equal_runs", (np.ones(9), np.ones(9, np.int64), np.ones(9, np.int64), 1)),
-        ("equal_runs", (np.ones(9), np.ones(4, np.int64), np.ones(4, np.int64), 2)),
-        ("equal_runs", (np.ones(9), np.ones(5, np.int64), np.ones(4, np.int64), 2)),
         ("without_smooth", (np.ones(9), np.ones(8), np.ones(45), np.ones(50), 1.0, 0.0)),
         ("without_smooth", (np.ones(9), np.ones(9), np.ones(54), np.ones(60), 1.0, 0.0)),
         ("without_smooth", (np.ones(9), np.ones(9), np.ones(46), np.ones(50), 1.0, 0.0)),
@@ -338,11 +244,6 @@ def test_signals_at_speeds_are_those_of_the_slow_twin(of, sign: float) -> None:
         ("at_speeds", (*map(np.ones, (9, 1, 18, 3, 4, 4)), 1.0)),
         ("at_speeds", (*map(np.ones, (9, 1, 18, 2, 3, 4)), 1.0)),
         ("at_speeds", (*map(np.ones, (9, 1, 18, 2, 4, 5)), 1.0)),
-        ("outstanding", (np.ones(9), np.ones(8))),
-        ("rank", (np.ones(9), 9)),
-        ("rank", (np.ones(9), -1)),
-        ("harmonics", (np.ones(0), np.ones(2), 0.0, 0.1)),
-        ("harmonics", (np.ones(9), np.ones(17), 0.0, 0.1)),
     ],
 )
 def test_buffers_of_another_size_are_refused(name: str, arguments: tuple[object, ...]) -> None:

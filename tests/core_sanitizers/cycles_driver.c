@@ -27,12 +27,6 @@ static void marks(size_t n, int odd)
     const size_t n_turns = df_turns(n, x, 0.1, turns);
     if (n_turns > n)
         abort();
-    double *passed = malloc(n * sizeof *passed + 1);
-    for (size_t k = 0; k < n_turns; k++)
-        turns[k] = (int64_t)k;
-    if (n_turns)
-        df_passages(x, n_turns, turns, passed);
-    free(passed);
     if (n >= 2) {
         const double boundaries[] = {-3.0, 0.5, 0.5, (double)n - 1.0, (double)n + 9.0, NAN, INFINITY};
         double tops[sizeof boundaries / sizeof *boundaries - 1];
@@ -42,23 +36,6 @@ static void marks(size_t n, int odd)
     free(v);
     free(at);
     free(turns);
-}
-
-static void others(size_t n)
-{
-    double *y = wave(n, 0), *out = malloc(n * sizeof *out), powers[DF_MOST_HARMONICS];
-    df_outstanding(n, y, out);
-    df_harmonics(n, y, 0.1, 0.3, DF_MOST_HARMONICS, powers);
-    for (size_t rank = 0; rank < n; rank++) {
-        size_t below = 0;
-        const double found = df_rank(n, y, rank);
-        for (size_t k = 0; k < n; k++)
-            below += y[k] < found;
-        if (below > rank)
-            abort();
-    }
-    free(y);
-    free(out);
 }
 
 static void two_filtered(size_t n, size_t pad)
@@ -82,11 +59,8 @@ static void two_filtered(size_t n, size_t pad)
 int main(void)
 {
     for (int odd = 0; odd < 2; odd++)
-        for (size_t n = 0; n < MOST; n++) {
+        for (size_t n = 0; n < MOST; n++)
             marks(n, odd);
-            if (n)
-                others(n);
-        }
     for (size_t n = 2; n < MOST; n++)
         for (size_t pad = 0; pad < n; pad++)
             two_filtered(n, pad);

@@ -7,7 +7,7 @@
 #include "repeats.h"
 #include "speeds.h"
 
-enum { MOST = 40, ODD = 4 };
+enum { MOST = 40, ODD = 4, PHASES_OF_MEAN = 7 };
 
 static const double ODDITIES[ODD] = {NAN, INFINITY, -INFINITY, 1e300};
 
@@ -24,38 +24,21 @@ static void folds(size_t n, int odd)
     const double starts[] = {-9.0, 1.5, (double)n - 2.0, (double)n + 20.0, NAN, INFINITY, 0.5};
     const double phases[] = {0.0, 0.4, 0.999, NAN};
     enum { CYCLES = sizeof starts / sizeof *starts - 1, PHASES = sizeof phases / sizeof *phases };
-    double *y = wave(n, odd), folded[CYCLES * PHASES], lags[DF_LAGS], means[CYCLES];
+    double *y = wave(n, odd), folded[CYCLES * PHASES], lags[DF_LAGS];
     double products[DF_BESIDE * DF_BESIDE], *room = malloc(DF_BESIDE * (CYCLES + n) * sizeof *room);
     df_scatter(n, y, CYCLES, starts, PHASES, phases, folded, lags);
     df_beside(n, y, y, y, CYCLES, starts, PHASES, products, room);
-    df_cycle_means(n, y, CYCLES, starts, means);
     free(y);
     free(room);
 }
 
 static void channels(size_t n, int odd)
 {
-    double *y = wave(n, odd), *room = malloc((n ? n : 1) * sizeof *room);
+    double *y = wave(n, odd);
     double found[DF_STROKE_COLUMNS] = {0.0}, along[DF_STROKE_COLUMNS];
     double products[DF_STROKE_COLUMNS * DF_STROKE_COLUMNS];
-    int64_t *begins = malloc((n / 2 + 1) * sizeof *begins), *ends = malloc((n / 2 + 1) * sizeof *ends);
     df_strokes(n, y, y, y, 1.0, 1.0, found, products, along);
-    if (!odd) { /* nothing is ranked that is no number */
-        df_rough(n, y, room);
-        df_sort(n, y, room);
-        for (size_t k = 1; k < n; k++)
-            if (y[k] < y[k - 1])
-                abort();
-        df_step(n, y, 0.0, room);
-    }
-    for (size_t k = 0; k < n; k++)
-        y[k] = (double)(k / 2);
-    if (df_equal_runs(n, y, 2, begins, ends) != n / 2)
-        abort();
     free(y);
-    free(room);
-    free(begins);
-    free(ends);
 }
 
 static void jumps(size_t n, int odd)
@@ -95,8 +78,25 @@ static void passed(size_t n, int odd)
     free(v);
 }
 
+static void fold(size_t n)
+{
+    static const double starts[] = {-1e300, -0.5, 3.0, 7.25, 1e300, NAN, INFINITY, -INFINITY};
+    enum { CYCLES = sizeof starts / sizeof *starts - 1 };
+    double *x = malloc(n * sizeof *x), means[DF_FOLDED * PHASES_OF_MEAN], beside[PHASES_OF_MEAN], room[CYCLES];
+    for (size_t k = 0; k < n; k++)
+        x[k] = (double)(k * k);
+    const double *const y[DF_FOLDED] = {x, x, x};
+    df_fold(n, y, CYCLES, starts, PHASES_OF_MEAN, means, beside, room);
+    df_fold(n, y, 1, starts + 2, PHASES_OF_MEAN, means, beside, room);
+    if (fabs(means[0] - 9.0) > 1e-9 || beside[0] != 0.0)
+        abort();
+    free(x);
+}
+
 int main(void)
 {
+    for (size_t n = 8; n < MOST; n++)
+        fold(n);
     for (int odd = 0; odd < 2; odd++)
         for (size_t n = 0; n < MOST; n++) {
             channels(n, odd);

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from damperfit.compiled_core import compiled_core
 from damperfit.conditioning import apply_filter, condition, design_filter
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
@@ -21,7 +20,6 @@ from damperfit.simulation import simulate
 from damperfit.uncertainty import assess, linearisation
 from damperfit.uncertainty.correlated_noise import (
     correlation_length,
-    lagged_products,
     repeated_covariance,
     score_covariance,
 )
@@ -259,32 +257,6 @@ def test_long_correlation_of_slow_cycles_takes_little_memory() -> None:
     assert lag == 25_000
     assert found > 0.0
     assert peak < 1e8
-
-
-@pytest.mark.parametrize("n_lags", [1, 2, 7, 30, 60])
-@pytest.mark.parametrize(("n_cycles", "n_phases", "width"), [(1, 60, 1), (3, 20, 4), (5, 13, 2)])
-def test_products_over_cycles_are_those_of_the_definition(
-    n_cycles: int, n_phases: int, width: int, n_lags: int
-) -> None:
-    random = np.random.default_rng(5)
-    residuals = random.standard_normal((n_cycles, n_phases))
-    slopes, kernel = random.standard_normal((n_phases, width)), random.standard_normal(n_lags)
-    found, room = np.empty((width, width)), np.empty(n_lags * n_phases + width)
-    compiled_core().cycle_products(residuals, slopes, kernel, found, room, n_cycles)
-    scores = np.tile(slopes, (n_cycles, 1)) * residuals.ravel()[:, None]
-    assert found == pytest.approx(lagged_products(scores, kernel), abs=1e-10)
-
-
-def test_products_over_cycles_want_room_for_what_they_are_given() -> None:
-    rows, slopes, kernel = np.zeros((3, 20)), np.zeros((20, 2)), np.zeros(4)
-    for found, room, n_cycles in (
-        (np.zeros((2, 2)), np.zeros(81), 3),
-        (np.zeros((2, 3)), np.zeros(82), 3),
-        (np.zeros((2, 2)), np.zeros(82), 7),
-        (np.zeros((2, 2)), np.zeros(82), 0),
-    ):
-        with pytest.raises(ValueError, match="cycle_products: residuals of whole cycles"):
-            compiled_core().cycle_products(rows, slopes, kernel, found, room, n_cycles)
 
 
 @pytest.mark.parametrize("spacing", [3.0, 10.0 / 3.0])

@@ -1,9 +1,9 @@
-/* Passages, turns and harmonics. No allocation, no globals, re-entrant. */
+/* Crossings, tops and turns. No allocation, no globals, re-entrant. */
 #include "cycles.h"
 
 #include <math.h>
 
-enum { NEWTON = 4, TRUED = 64, THREES = 3 };
+enum { NEWTON = 4 };
 
 static double within(double value, double low, double high)
 {
@@ -116,93 +116,3 @@ size_t df_turns(size_t n, const double *x, double reach, int64_t *turns)
     return found;
 }
 
-void df_passages(const double *x, size_t n_turns, const int64_t *turns, double *at)
-{
-    for (size_t way = 0; way + 1 < n_turns; way++) {
-        const size_t begin = (size_t)turns[way], end = (size_t)turns[way + 1];
-        const double sign = x[end] > x[begin] ? 1.0 : -1.0, middle = 0.5 * (x[begin] + x[end]);
-        size_t k = begin + 1;
-        while (k < end && !(sign * (x[k] - middle) >= 0.0))
-            k++;
-        const double here = sign * (x[k] - middle), before = sign * (x[k - 1] - middle);
-        at[way] = (double)k - here / (here - before);
-    }
-}
-
-void df_outstanding(size_t n, const double *y, double *outstanding)
-{
-    for (size_t k = 0; k < n; k++)
-        outstanding[k] = 0.0;
-    for (size_t k = 2; k + 2 < n; k++) {
-        const double a = y[k - 2], b = y[k - 1], e = y[k], c = y[k + 1], d = y[k + 2];
-        const double low = larger(smaller(a, b), smaller(c, d));
-        const double high = smaller(larger(a, b), larger(c, d));
-        outstanding[k] = e - larger(smaller(low, high), smaller(larger(low, high), e));
-    }
-}
-
-/* Brings values below a bar, or those not above it, ahead of the others; no branch hangs on them. */
-static size_t parted(double *values, size_t first, size_t stop, double bar, int with_equal)
-{
-    size_t ahead = first;
-    for (size_t k = first; k < stop; k++) {
-        const double value = values[k];
-        values[k] = values[ahead];
-        values[ahead] = value;
-        ahead += (size_t)(with_equal ? value <= bar : value < bar);
-    }
-    return ahead;
-}
-
-static double middle_of_three(double a, double b, double c)
-{
-    return larger(smaller(a, b), smaller(larger(a, b), c));
-}
-
-double df_rank(size_t n, double *values, size_t rank)
-{
-    size_t first = 0, stop = n;
-    while (stop - first > 1) {
-        double of[THREES];
-        for (size_t k = 0; k < THREES; k++) {
-            const size_t at = first + (stop - first - 1) * k / THREES, apart = (stop - first) / 12;
-            of[k] = middle_of_three(values[at], values[at + apart], values[at + 2 * apart]);
-        }
-        const double bar = middle_of_three(of[0], of[1], of[2]);
-        const size_t below = parted(values, first, stop, bar, 0);
-        if (rank < below) {
-            stop = below;
-            continue;
-        }
-        first = parted(values, below, stop, bar, 1);
-        if (rank < first)
-            return bar;
-    }
-    return values[rank];
-}
-
-void df_harmonics(size_t n, const double *y, double mean, double angle, int n_powers,
-                  double *powers)
-{
-    const double step[2] = {cos(angle), sin(angle)};
-    double re[DF_MOST_HARMONICS] = {0.0}, im[DF_MOST_HARMONICS] = {0.0}, c = 1.0, s = 0.0;
-    for (size_t k = 0; k < n; k++) {
-        if (k % TRUED == 0) { /* or rounding would add up from product to product */
-            c = cos(angle * (double)k);
-            s = sin(angle * (double)k);
-        }
-        double a = y[k] - mean, b = 0.0;
-        for (int one = 0; one < n_powers; one++) {
-            const double turned = a * c - b * s;
-            b = a * s + b * c;
-            a = turned;
-            re[one] += a;
-            im[one] += b;
-        }
-        const double next = c * step[0] - s * step[1];
-        s = c * step[1] + s * step[0];
-        c = next;
-    }
-    for (int one = 0; one < n_powers; one++)
-        powers[one] = (re[one] * re[one] + im[one] * im[one]) / ((double)n * (double)n);
-}

@@ -3,7 +3,6 @@
 #define Py_LIMITED_API 0x030B0000
 #include <Python.h>
 
-#include "fitting_module.h"
 #include "hysteresis.h"
 #include "network.h"
 #include "repeats_module.h"
@@ -229,14 +228,6 @@ static PyMethodDef METHODS[] = {
      "Fills the top of sign (x - level) in each cycle between boundaries."},
     {"turns", df_py_turns, METH_VARARGS,
      "turns(x, turns, reach) -> n. Fills the samples (64-bit integers) at which x turns."},
-    {"passages", df_py_passages, METH_VARARGS,
-     "passages(x, turns, at)\nFills where the way between two turns passes its middle."},
-    {"outstanding", df_py_outstanding, METH_VARARGS,
-     "outstanding(y, result)\nFills each sample less the median of five around it."},
-    {"rank", df_py_rank, METH_VARARGS,
-     "rank(values, rank) -> value. Reorders values; those before the rank are not above it."},
-    {"harmonics", df_py_harmonics, METH_VARARGS,
-     "harmonics(y, powers, mean, angle)\nFills the squares of the means of y turned k angles."},
     {"without_smooth", df_py_without_smooth, METH_VARARGS,
      "without_smooth(lag, force, columns, sums, reach, kink) -> power\n"
      "Fills smooth columns square to each other, what they leave of the force, and their sums."},
@@ -251,26 +242,12 @@ static PyMethodDef METHODS[] = {
     {"beside", df_py_beside, METH_VARARGS,
      "beside(x, v, f, starts, products, room, n_phases)\n"
      "Fills products of what x, v, v |v| and f of each cycle differ by from their means."},
-    {"cycle_means", df_py_cycle_means, METH_VARARGS,
-     "cycle_means(y, boundaries, means)\nFills the mean of y between each two boundaries."},
     {"strokes", df_py_strokes, METH_VARARGS,
      "strokes(x, v, f, found, products, along, span, fastest)\n"
      "Fills the products of seven columns, and what they are along the force less `found`."},
-    {"rough", df_py_rough, METH_VARARGS,
-     "rough(y, scratch) -> median size of the fifth differences."},
-    {"sort", df_py_sort, METH_VARARGS, "sort(values, room)\nSorts finite values."},
-    {"step", df_py_step, METH_VARARGS,
-     "step(order, scratch, bar) -> the step between sorted values that a fiftieth is not above."},
     {"fold", df_py_fold, METH_VARARGS,
      "fold(x, v, f, starts, means, beside, room)\n"
      "Fills the mean cycle of three channels, and squares of the force beside it."},
-    {"triangle", df_py_triangle, METH_VARARGS,
-     "triangle(columns, triangle, width)\nFills R of the columns, which are written over."},
-    {"cycle_products", df_py_cycle_products, METH_VARARGS,
-     "cycle_products(residuals, slopes, kernel, products, room, n_cycles)\n"
-     "Fills weighed sums of products of residual times slopes, some phases apart."},
-    {"equal_runs", df_py_equal_runs, METH_VARARGS,
-     "equal_runs(y, begins, ends, fewest) -> n. Fills runs of equal samples (64-bit integers)."},
     {NULL, NULL, 0, NULL}};
 
 /* Two phases, so that every interpreter of a process has a module of its own. From 3.12 on one with

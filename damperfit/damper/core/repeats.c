@@ -1,10 +1,11 @@
 /* Scatter of cycles, sums over strokes, steps and runs of a channel. No allocation, re-entrant. */
 #include "repeats.h"
 
+#include "cycles.h"
+#include "taps.h"
+
 #include <math.h>
 #include <string.h>
-
-#include "cycles.h"
 
 enum { TAPS = 4 };
 
@@ -106,27 +107,6 @@ void df_beside(size_t n, const double *x, const double *v, const double *f, size
     memcpy(products, sums, sizeof sums);
 }
 
-void df_cycle_means(size_t n, const double *y, size_t n_means, const double *boundaries,
-                    double *means)
-{
-    double total = 0.0, before = 0.0;
-    size_t reached = 0;
-    for (size_t k = 0; k <= n_means; k++) {
-        const size_t at = within(boundaries[k], 0, n - 2);
-        const double u = boundaries[k] - (double)at;
-        if (at < reached) { /* boundaries that do not rise begin anew */
-            total = 0.0;
-            reached = 0;
-        }
-        for (; reached < at; reached++)
-            total += 0.5 * (y[reached] + y[reached + 1]);
-        const double here = total + u * y[at] + 0.5 * u * u * (y[at + 1] - y[at]);
-        if (k)
-            means[k - 1] = (here - before) / (boundaries[k] - boundaries[k - 1]);
-        before = here;
-    }
-}
-
 enum { N_OF, N_X, N_XX, N_U, N_UU, N_UUU, N_UUUU, N_XU, N_XUU, N_R, N_RX, N_RU, N_RUU, N_SUMS };
 
 static int side_of(double v)
@@ -199,92 +179,24 @@ void df_strokes(size_t n, const double *x, const double *v, const double *f, dou
             products[DF_STROKE_COLUMNS * a + b] = a < b ? p[a][b] : p[b][a];
 }
 
-double df_rough(size_t n, const double *y, double *scratch)
-{
-    enum { ORDER = 5 };
-    if (n <= ORDER)
-        return NAN;
-    size_t left = n - 1;
-    for (size_t k = 0; k < left; k++)
-        scratch[k] = y[k + 1] - y[k];
-    for (int order = 1; order < ORDER; order++) {
-        left--;
-        for (size_t k = 0; k < left; k++)
-            scratch[k] = scratch[k + 1] - scratch[k];
-    }
-    for (size_t k = 0; k < left; k++)
-        scratch[k] = fabs(scratch[k]);
-    const double above = df_rank(left, scratch, left / 2);
-    if (left % 2)
-        return above;
-    double below = scratch[0];
-    for (size_t k = 1; k < left / 2; k++)
-        below = scratch[k] > below ? scratch[k] : below;
-    return 0.5 * (above + below);
-}
-
 enum { DIGIT = 11, DIGITS = 6, PLACES = 1 << DIGIT };
 
-/* Bits that sort as the doubles do: of negative ones all are turned, of others the sign. */
-static uint64_t key_of(double value)
+void df_fold(size_t n, const double *const y[DF_FOLDED], size_t n_cycles, const double *starts, size_t n_phases,
+             double *means, double *beside, double *room)
 {
-    uint64_t bits;
-    memcpy(&bits, &value, sizeof bits);
-    return bits >> 63 ? ~bits : bits | (uint64_t)1 << 63;
-}
-
-void df_sort(size_t n, double *values, double *room)
-{
-    size_t counts[DIGITS][PLACES];
-    memset(counts, 0, sizeof counts);
-    for (size_t k = 0; k < n; k++) {
-        const uint64_t key = key_of(values[k]);
-        for (int digit = 0; digit < DIGITS; digit++)
-            counts[digit][key >> (DIGIT * digit) & (PLACES - 1)]++;
-    }
-    double *from = values, *to = room;
-    for (int digit = 0; digit < DIGITS; digit++) {
-        size_t before = 0, *count = counts[digit];
-        if (n && count[key_of(from[0]) >> (DIGIT * digit) & (PLACES - 1)] == n)
-            continue; /* the same in all */
-        for (int place = 0; place < PLACES; place++) {
-            const size_t here = count[place];
-            count[place] = before;
-            before += here;
+    for (size_t phase = 0; phase < n_phases; phase++) {
+        const double share = (double)phase / (double)n_phases;
+        double sums[DF_FOLDED] = {0.0}, squares = 0.0, weight[DF_TAPS];
+        for (size_t cycle = 0; cycle < n_cycles; cycle++) {
+            const size_t first = df_weigh_taps(n, starts[cycle] + (starts[cycle + 1] - starts[cycle]) * share, weight);
+            for (size_t row = 0; row < DF_FOLDED; row++)
+                sums[row] += room[cycle] = df_weighed(weight, y[row] + first); /* the last row's, the force, stays */
         }
-        for (size_t k = 0; k < n; k++)
-            to[count[key_of(from[k]) >> (DIGIT * digit) & (PLACES - 1)]++] = from[k];
-        double *other = from;
-        from = to;
-        to = other;
+        for (size_t row = 0; row < DF_FOLDED; row++)
+            means[row * n_phases + phase] = sums[row] / (double)n_cycles;
+        const double force = means[(DF_FOLDED - 1) * n_phases + phase];
+        for (size_t cycle = 0; cycle < n_cycles; cycle++)
+            squares += (room[cycle] - force) * (room[cycle] - force);
+        beside[phase] = squares;
     }
-    if (from != values)
-        memcpy(values, from, n * sizeof *values);
-}
-
-double df_step(size_t n, const double *order, double bar, double *scratch)
-{
-    enum { SHARE = 50 };
-    size_t found = 0;
-    for (size_t k = 1; k < n; k++) {
-        const double step = order[k] - order[k - 1];
-        scratch[found] = step;
-        found += step > bar;
-    }
-    return found ? df_rank(found, scratch, found / SHARE) : 0.0;
-}
-
-size_t df_equal_runs(size_t n, const double *y, size_t fewest, int64_t *begins, int64_t *ends)
-{
-    size_t found = 0, first = 0;
-    for (size_t k = 1; k <= n; k++) {
-        if (k < n && y[k] == y[first])
-            continue;
-        if (k - first >= fewest) {
-            begins[found] = (int64_t)first;
-            ends[found++] = (int64_t)k;
-        }
-        first = k;
-    }
-    return found;
 }

@@ -24,28 +24,18 @@ double df_scatter(size_t n, const double *y, size_t n_cycles, const double *star
 void df_beside(size_t n, const double *x, const double *v, const double *f, size_t n_cycles,
                const double *starts, size_t n_phases, double *products, double *room);
 
-/* Mean of the straight lines through samples, n >= 2, between each two of n_means + 1 boundaries. */
-void df_cycle_means(size_t n, const double *y, size_t n_means, const double *boundaries,
-                    double *means);
-
 /* Products of the columns 1, x/span, sign of v, and v/fastest and its square in rebound and in bump
    apart; and what they are along the force less `found` of each. products: 7 x 7. */
 void df_strokes(size_t n, const double *x, const double *v, const double *f, double span,
                 double fastest, const double *found, double *products, double *along);
 
-/* Median of the fifth differences' sizes; NaN of five samples and less. scratch: n. */
-double df_rough(size_t n, const double *y, double *scratch);
+enum { DF_FOLDED = 3 };
 
-/* Sorts finite values by their bits, eleven at a time: what is compared makes a processor guess.
-   room: n. */
-void df_sort(size_t n, double *values, double *room);
-
-/* Of the steps above a bar between sorted values the one that a fiftieth of them is not above; 0
-   where there is none. scratch: n. */
-double df_step(size_t n, const double *order, double bar, double *scratch);
-
-/* Equal samples in a row, `fewest` (2 or more) at least: begins and ends, n/fewest + 1 of each. */
-size_t df_equal_runs(size_t n, const double *y, size_t fewest, int64_t *begins, int64_t *ends);
+/* The mean cycle of displacement, velocity and force, n >= 8 samples each, at n_phases places of a cycle, by
+   the polynomial through the eight samples around each place. starts: n_cycles + 1, fractional samples.
+   means: 3 x n_phases; beside: squares of the force less its mean, summed over the cycles; room: n_cycles. */
+void df_fold(size_t n, const double *const y[DF_FOLDED], size_t n_cycles, const double *starts, size_t n_phases,
+             double *means, double *beside, double *room);
 
 #ifdef __cplusplus
 }

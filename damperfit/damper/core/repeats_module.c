@@ -8,6 +8,7 @@
 #include "repeats.h"
 #include "repeats_module.h"
 #include "speeds.h"
+#include "taps.h"
 
 PyObject *df_py_without_smooth(PyObject *self, PyObject *args)
 {
@@ -135,27 +136,6 @@ PyObject *df_py_beside(PyObject *self, PyObject *args)
     return df_done(&b);
 }
 
-PyObject *df_py_cycle_means(PyObject *self, PyObject *args)
-{
-    (void)self;
-    enum { Y, BOUNDARIES, MEANS, N };
-    PyObject *o[N];
-    if (!PyArg_ParseTuple(args, "OOO:cycle_means", &o[Y], &o[BOUNDARIES], &o[MEANS]))
-        return NULL;
-    df_buffers b;
-    if (!df_borrow(&b, o, N, MEANS))
-        return NULL;
-    const Py_buffer *v = b.view;
-    const Py_ssize_t n_means = df_count(&v[MEANS]);
-    if (df_count(&v[Y]) < 2 || df_count(&v[BOUNDARIES]) != n_means + 1)
-        return df_refused(&b, "cycle_means: two samples or more, and boundaries of each mean");
-    Py_BEGIN_ALLOW_THREADS
-    df_cycle_means((size_t)df_count(&v[Y]), v[Y].buf, (size_t)n_means, v[BOUNDARIES].buf,
-                   v[MEANS].buf);
-    Py_END_ALLOW_THREADS
-    return df_done(&b);
-}
-
 PyObject *df_py_strokes(PyObject *self, PyObject *args)
 {
     (void)self;
@@ -180,87 +160,25 @@ PyObject *df_py_strokes(PyObject *self, PyObject *args)
     return df_done(&b);
 }
 
-PyObject *df_py_rough(PyObject *self, PyObject *args)
+PyObject *df_py_fold(PyObject *self, PyObject *args)
 {
     (void)self;
-    enum { Y, SCRATCH, N };
+    enum { X, V, F, STARTS, MEANS, BESIDE, ROOM, N };
     PyObject *o[N];
-    if (!PyArg_ParseTuple(args, "OO:rough", &o[Y], &o[SCRATCH]))
+    if (!PyArg_ParseTuple(args, "OOOOOOO:fold", &o[X], &o[V], &o[F], &o[STARTS], &o[MEANS], &o[BESIDE], &o[ROOM]))
         return NULL;
     df_buffers b;
-    if (!df_borrow(&b, o, N, SCRATCH))
+    if (!df_borrow(&b, o, N, MEANS))
         return NULL;
     const Py_buffer *v = b.view;
-    double found;
-    if (v[SCRATCH].len != v[Y].len)
-        return df_refused(&b, "rough: as much room as samples");
+    const Py_ssize_t n = df_count(&v[X]), n_cycles = df_count(&v[STARTS]) - 1, n_phases = df_count(&v[BESIDE]);
+    if (n < DF_TAPS || v[V].len != v[X].len || v[F].len != v[X].len || n_cycles < 1 ||
+        df_count(&v[MEANS]) != DF_FOLDED * n_phases || df_count(&v[ROOM]) != n_cycles)
+        return df_refused(&b, "fold: channels of one length, where cycles begin, and room for all of them");
+    const double *const y[DF_FOLDED] = {v[X].buf, v[V].buf, v[F].buf};
     Py_BEGIN_ALLOW_THREADS
-    found = df_rough((size_t)df_count(&v[Y]), v[Y].buf, v[SCRATCH].buf);
-    Py_END_ALLOW_THREADS
-    df_release(&b);
-    return PyFloat_FromDouble(found);
-}
-
-PyObject *df_py_sort(PyObject *self, PyObject *args)
-{
-    (void)self;
-    enum { VALUES, ROOM, N };
-    PyObject *o[N];
-    if (!PyArg_ParseTuple(args, "OO:sort", &o[VALUES], &o[ROOM]))
-        return NULL;
-    df_buffers b;
-    if (!df_borrow(&b, o, N, VALUES))
-        return NULL;
-    const Py_buffer *v = b.view;
-    if (v[ROOM].len != v[VALUES].len)
-        return df_refused(&b, "sort: as much room as values");
-    Py_BEGIN_ALLOW_THREADS
-    df_sort((size_t)df_count(&v[VALUES]), v[VALUES].buf, v[ROOM].buf);
+    df_fold((size_t)n, y, (size_t)n_cycles, v[STARTS].buf, (size_t)n_phases, v[MEANS].buf, v[BESIDE].buf,
+            v[ROOM].buf);
     Py_END_ALLOW_THREADS
     return df_done(&b);
-}
-
-PyObject *df_py_step(PyObject *self, PyObject *args)
-{
-    (void)self;
-    enum { ORDER, SCRATCH, N };
-    PyObject *o[N];
-    double bar;
-    if (!PyArg_ParseTuple(args, "OOd:step", &o[ORDER], &o[SCRATCH], &bar))
-        return NULL;
-    df_buffers b;
-    if (!df_borrow(&b, o, N, SCRATCH))
-        return NULL;
-    const Py_buffer *v = b.view;
-    double found;
-    if (v[SCRATCH].len != v[ORDER].len)
-        return df_refused(&b, "step: as much room as values");
-    Py_BEGIN_ALLOW_THREADS
-    found = df_step((size_t)df_count(&v[ORDER]), v[ORDER].buf, bar, v[SCRATCH].buf);
-    Py_END_ALLOW_THREADS
-    df_release(&b);
-    return PyFloat_FromDouble(found);
-}
-
-PyObject *df_py_equal_runs(PyObject *self, PyObject *args)
-{
-    (void)self;
-    enum { Y, BEGINS, ENDS, N };
-    PyObject *o[N];
-    Py_ssize_t fewest;
-    if (!PyArg_ParseTuple(args, "OOOn:equal_runs", &o[Y], &o[BEGINS], &o[ENDS], &fewest))
-        return NULL;
-    df_buffers b;
-    if (!df_borrow(&b, o, N, BEGINS))
-        return NULL;
-    const Py_buffer *v = b.view;
-    const Py_ssize_t n = df_count(&v[Y]);
-    if (fewest < 2 || df_count(&v[BEGINS]) < n / fewest + 1 || v[ENDS].len != v[BEGINS].len)
-        return df_refused(&b, "equal_runs: runs of two or more, and room for the most there can be");
-    size_t found;
-    Py_BEGIN_ALLOW_THREADS
-    found = df_equal_runs((size_t)n, v[Y].buf, (size_t)fewest, v[BEGINS].buf, v[ENDS].buf);
-    Py_END_ALLOW_THREADS
-    df_release(&b);
-    return PyLong_FromSize_t(found);
 }

@@ -9,11 +9,7 @@ PyObject *df_py_steps(PyObject *self, PyObject *args);
 PyObject *df_py_at_speeds(PyObject *self, PyObject *args);
 PyObject *df_py_scatter(PyObject *self, PyObject *args);
 PyObject *df_py_beside(PyObject *self, PyObject *args);
-PyObject *df_py_cycle_means(PyObject *self, PyObject *args);
 PyObject *df_py_strokes(PyObject *self, PyObject *args);
-PyObject *df_py_rough(PyObject *self, PyObject *args);
-PyObject *df_py_sort(PyObject *self, PyObject *args);
-PyObject *df_py_step(PyObject *self, PyObject *args);
-PyObject *df_py_equal_runs(PyObject *self, PyObject *args);
+PyObject *df_py_fold(PyObject *self, PyObject *args);
 
 #endif

@@ -12,9 +12,5 @@ PyObject *df_py_between(PyObject *self, PyObject *args);
 PyObject *df_py_crossings(PyObject *self, PyObject *args);
 PyObject *df_py_tops(PyObject *self, PyObject *args);
 PyObject *df_py_turns(PyObject *self, PyObject *args);
-PyObject *df_py_passages(PyObject *self, PyObject *args);
-PyObject *df_py_outstanding(PyObject *self, PyObject *args);
-PyObject *df_py_rank(PyObject *self, PyObject *args);
-PyObject *df_py_harmonics(PyObject *self, PyObject *args);
 
 #endif
