@@ -56,7 +56,7 @@ __all__ = [
     "examine_motion",
     "examine_raw",
     "falls_off",
-    "looks_filtered",
+    "noise_ratio",
 ]
 
 
@@ -422,14 +422,14 @@ def check_velocity(trace: Trace, recording: Recording) -> tuple[Finding, ...]:
 
 # Whether a log looks as if the rig had filtered it.
 #
-# Sensor noise is about as strong just above the motion's harmonics as near half the sample rate.
-# A low-pass in the rig takes it away up there by several powers of ten, in both channels. The
-# ratio of the two levels, as medians over the lines of the spectrum so that harmonics do not
-# count, was measured on synthetic logs (`python -m tests.conditioning.limits --filters`): without a
-# filter 0.5 to 1.7 for displacement and 0.2 to 1.9 for force; behind 30 or 60 Hz up to 1500 and
-# 41 000, but 3.5 and 34 where the noise that is left is below the last digit of the log. Such a
-# filter is not seen. Lines beside a harmonic are left out: in a short cut of a fast motion none
-# may be left to tell.
+# Sensor noise is about as strong just above the motion as near half the sample rate; a low-pass in
+# the rig takes it away up there. Of steady cycles noise is what differs from cycle to cycle. The
+# ratio of its two levels, as medians over the lines of the spectrum, is 0.1 to 9 in logs that
+# nobody filtered, of real rigs too, where the lower band also has the motion's own unrest. A 30 or
+# 60 Hz filter makes it 80 to 25 000 in the force and 4 to 1700 in the displacement, by the last
+# digit of the log (`python -m tests.conditioning.limits --filters`); a running mean over 50 ms 50.
+# A force that is smoothed beside a displacement that is not is told alone; a displacement is not,
+# for a heavy actuator is smooth by itself.
 #
 # Where nothing repeats, motion and force have content just above the motion. There the noise is
 # looked at by itself: two bands far above the motion, the upper one twice as high, of which a
@@ -437,13 +437,15 @@ def check_velocity(trace: Trace, recording: Recording) -> tuple[Finding, ...]:
 # sweep the force has up to 5 times as much in the lower one (its friction jumps), the
 # displacement 1.4 times; where speeds jump, or turn within 20 ms, the force has up to 34 times.
 
-_NEAR_RIG_FILTER = (15.0, 25.0)  # Hz, below any low-pass that a damper rig uses
+_NEAR_RIG_FILTER = (10.0, 25.0)  # Hz, below any low-pass that a damper rig uses
+_BEYOND_MOTION = 3.0  # times its frequency
 _FAR = (0.3, 0.45)  # of the sample rate
 _LEAST_FAR = 60.0  # Hz
-_FEWEST_LINES = 8
-_LOBE = 4.0  # lines beside a harmonic that Blackman's window smears it over
-_DISPLACEMENT_RATIO = 100.0
-_FORCE_RATIO = 1000.0
+_FEWEST_LINES = 5
+_FILTERED = 100.0
+_SMOOTHED, _NOT_SMOOTHED = 30.0, 10.0
+# Hz, and by how much less noise there is: an amplifier's filter of 60 Hz or more does no harm.
+_HARMFUL_BAND, _HARMFUL = (50.0, 80.0), 3.0
 # Of the sample rate, and by how much more the lower band has of each channel.
 _LOWER = (0.15, 0.2)
 _UPPER = (0.4, 0.45)
@@ -451,29 +453,51 @@ _MORE_DISPLACEMENT, _MORE_FORCE = 4.0, 40.0
 _FEWEST_OF_NOISE = 50  # lines of each band
 
 
-def looks_filtered(
-    displacement: FloatArray, force: FloatArray, interval: float, frequency: float
-) -> bool:
-    """Whether both channels lack the noise far above the motion that they have just above it.
+def noise_ratio(
+    signal: FloatArray,
+    starts: FloatArray,
+    interval: float,
+    *,
+    beyond: tuple[float, float] | None = None,
+) -> float:
+    """Return the noise just above the motion over that far above it; NaN where none can tell.
 
     Parameters
     ----------
-    displacement, force : numpy.ndarray
+    signal : numpy.ndarray
         Shape (n,), as logged.
+    starts : numpy.ndarray
+        Where its cycles begin, samples; two cycles at least.
     interval : float
         Sample interval, s.
-    frequency : float
-        Of the motion, Hz: its harmonics are no noise.
-
-    Returns
-    -------
-    bool
-        False also where the log is too short or too slow to tell.
+    beyond : tuple of float, optional
+        The upper band, Hz; 0.3 to 0.45 of the sample rate.
     """
-    return (
-        _fall(displacement, interval, frequency) > _DISPLACEMENT_RATIO
-        and _fall(force, interval, frequency) > _FORCE_RATIO
-    )
+    if len(starts) < 3:
+        return math.nan
+    period = float(starts[-1] - starts[0]) / (len(starts) - 1)
+    at = np.arange(math.ceil(starts[0]), math.floor(starts[-1] - period))
+    unlike = np.interp(at + period, np.arange(len(signal)), signal) - signal[at]
+    _without_scatter(unlike, signal[at], round(period / 2.0))
+    low = max(_NEAR_RIG_FILTER[0], _BEYOND_MOTION / (period * interval))
+    high = low + _NEAR_RIG_FILTER[1] - _NEAR_RIG_FILTER[0]
+    length = len(at) * interval
+    far = beyond or (max(_LEAST_FAR, _FAR[0] / interval), _FAR[1] / interval)
+    bands = [(low, high), far]
+    near_lines, far_lines = (_lines(*band, length, len(at)) for band in bands)
+    if high >= far[0] or min(len(near_lines), len(far_lines)) < _FEWEST_LINES:
+        return math.nan
+    spectrum = np.fft.rfft((unlike - mean_of(unlike)) * _window(len(at)))
+    level = median(np.abs(spectrum[far_lines]) ** 2)
+    return median(np.abs(spectrum[near_lines]) ** 2) / level if level > 0.0 else math.nan
+
+
+def _without_scatter(unlike: FloatArray, signal: FloatArray, size: int) -> None:
+    """Take off what is another level or size of each half cycle, in place: it is no noise."""
+    for first in range(0, len(unlike), size):
+        part = slice(first, first + size)
+        form = np.stack([np.ones_like(signal[part]), signal[part]], axis=1)
+        unlike[part] -= form @ np.linalg.lstsq(form, unlike[part], rcond=None)[0]
 
 
 def falls_off(displacement: FloatArray, force: FloatArray, interval: float) -> bool:
@@ -513,20 +537,6 @@ def _more_below(signal: FloatArray, interval: float) -> float:
     return median(np.abs(spectrum[lower]) ** 2) / level if level > 0.0 else 0.0
 
 
-def _fall(signal: FloatArray, interval: float, motion: float) -> float:
-    """Ratio of the spectrum's level near the motion to that far above it; 0 when not known."""
-    length = len(signal) * interval
-    near = _lines(*_NEAR_RIG_FILTER, length, len(signal))
-    order = np.rint(near / (motion * length))
-    near = near[np.abs(near - order * motion * length) > _LOBE]
-    far = _lines(max(_LEAST_FAR, _FAR[0] / interval), _FAR[1] / interval, length, len(signal))
-    if min(len(near), len(far)) < _FEWEST_LINES:
-        return 0.0
-    spectrum = np.fft.rfft((signal - mean_of(signal)) * _window(len(signal)))
-    level = median(np.abs(spectrum[far]) ** 2)
-    return median(np.abs(spectrum[near]) ** 2) / level if level > 0.0 else 0.0
-
-
 def _lines(above: float, below: float, length: float, n: int) -> IntArray:
     """Return the lines of the spectrum of a log between two frequencies."""
     some = np.arange(int(above * length), min(math.ceil(below * length), n // 2) + 1)
@@ -556,7 +566,7 @@ def _window(n: int) -> FloatArray:
 # stroke_drift
 # continued                                              `damperfit.conditioning.segments`
 # temperature, temperature_drift, temperature_missing    here
-# rig_filter                                             `damperfit.conditioning.findings`
+# rig_filter, force_smoothed                             here
 # =====================================================  ==========================================
 
 
@@ -714,19 +724,33 @@ def _rig_filter(log: UniformLog, trace: Trace, options: ConditionOptions) -> Ite
     if options.rig_filter != "none":
         return
     steady = [stretch for stretch in trace.stretches if stretch.n_cycles]
-    longest = max(steady or trace.stretches, key=lambda stretch: stretch.n_samples)
-    rows = slice(0, len(log.force))
-    if len(trace.stretches) > 1 or not steady:
-        first = round((trace.start_time - log.start_time) / log.interval)
-        rows = slice(max(first + longest.first, 0), first + longest.stop)
-    channels = log.displacement[rows], log.force[rows]
     # python -m tests.identification.scatter --in-the-rig causal --declared none
     text = (
         "both channels look as if the rig had filtered them: if so, set rig.filter = "
         "'causal' or 'zero_phase' in the configuration, or parameters are off by up to 3 %"
     )
-    if steady and looks_filtered(*channels, log.interval, longest.frequency):
-        yield Finding("rig_filter", "warning", text)
-    if not steady and falls_off(*channels, log.interval):
-        text += ", and errors are too small: noise is read where that filter takes it away"
-        yield Finding("rig_filter", "warning", text)
+    if not steady:
+        if falls_off(log.displacement, log.force, log.interval):
+            text += ", and errors are too small: noise is read where that filter takes it away"
+            yield Finding("rig_filter", "warning", text)
+        return
+    longest = max(steady, key=lambda stretch: stretch.n_samples)
+    starts = longest.cycle_starts + round((trace.start_time - log.start_time) / log.interval)
+    motion, force = (
+        noise_ratio(channel, starts, log.interval) for channel in (log.displacement, log.force)
+    )
+    if math.isnan(motion) or math.isnan(force):
+        text = "whether the rig has filtered a channel cannot be judged: "
+        text += "too few cycles, or no noise above the motion"
+        yield Finding("rig_filter", "note", text)
+    elif motion > _SMOOTHED and force > _FILTERED:
+        yield Finding("rig_filter", "warning", text, force)
+    elif force > _SMOOTHED and motion < _NOT_SMOOTHED:
+        if not noise_ratio(log.force, starts, log.interval, beyond=_HARMFUL_BAND) > _HARMFUL:
+            return
+        text = (
+            f"the force is smoothed and the displacement is not: its noise is {force:.0f} times "
+            "stronger below 25 Hz than far above, as behind a running mean or an amplifier's "
+            "filter; friction, stiffness and forces at low speed are wrong: log it unfiltered"
+        )
+        yield Finding("force_smoothed", "warning", text, force)

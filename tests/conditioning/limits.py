@@ -19,7 +19,7 @@ import numpy as np
 from scipy.signal import butter, sosfilt
 
 from damperfit.conditioning import condition
-from damperfit.conditioning.findings import _fall
+from damperfit.conditioning.findings import noise_ratio
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import DamperfitError
@@ -196,7 +196,8 @@ def filter_rows() -> Iterator[str]:
                         if corner:
                             values = sosfilt(butter(4, corner, fs=rate, output="sos"), values)
                         values = STEPS[name] * np.round(values / STEPS[name])
-                        found.append(_fall(values, 1.0 / rate, FREQUENCY))
+                        starts = np.arange(0.0, len(values), rate / FREQUENCY)
+                        found.append(noise_ratio(values, starts, 1.0 / rate))
         ranges = (f"{name} {min(found):.3g} to {max(found):.3g}" for name, found in falls.items())
         yield f"{f'{corner:g} Hz' if corner else 'no filter':10s} {', '.join(ranges)}"
 

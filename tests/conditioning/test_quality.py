@@ -207,6 +207,7 @@ def test_a_fault_raises_no_other_alarm(fault):
         "coarse displacement": {"displacement_noise"},
         "stamps of the computer": {"displacement_noise"},
         "spikes in force": {"cycle_scatter"},
+        "stuck force": {"force_smoothed"},
         "slow displacement": {"displacement_noise", "displacement_steps"},
     }
     assert set(warned(recording)) <= {name} | shadows.get(fault, set())

@@ -67,3 +67,32 @@ def test_a_filtered_motion_that_does_not_repeat_is_suspected(corner: float) -> N
 def test_a_raw_motion_that_does_not_repeat_is_not_suspected(force_noise: float) -> None:
     log = wandering(force_noise=force_noise)
     assert not [one for one in condition(log).findings if one.name == "rig_filter"]
+
+
+@pytest.mark.parametrize(
+    ("order", "corner", "is_told"),
+    [(1, 10.0, True), (1, 20.0, True), (4, 30.0, True), (2, 100.0, False), (4, 120.0, False)],
+)
+def test_a_force_that_is_smoothed_alone_is_told_where_it_does_harm(order, corner, is_told) -> None:
+    raw = recording(10, noise=4.0)
+    sections = butter(order, corner, fs=1000.0, output="sos")
+    names = [
+        one.name for one in condition(replace(raw, force=sosfilt(sections, raw.force))).findings
+    ]
+    assert ("force_smoothed" in names) is is_told
+    assert "rig_filter" not in names
+
+
+def test_a_running_mean_of_the_force_is_told() -> None:
+    raw = recording(10, noise=4.0)
+    mean = np.convolve(raw.force, np.full(25, 1.0 / 25.0))[: len(raw.force)]
+    names = [one.name for one in condition(replace(raw, force=mean)).findings]
+    assert "force_smoothed" in names
+
+
+def test_a_fast_motion_cannot_be_judged() -> None:
+    """Its harmonics reach to where noise is looked for."""
+    fast = logs.sine_log(frequency=26.0, amplitude=0.003, rate=300.0, cycles=80)
+    (finding,) = (one for one in condition(fast).findings if one.name == "rig_filter")
+    assert finding.severity == "note"
+    assert "cannot be judged" in finding.sentence
