@@ -194,6 +194,7 @@ def identify(  # noqa: PLR0913 - one keyword an option of the command line
     out: str | Path | None = None,
     report: bool = False,
     figures: str | None = None,
+    velocity: Sequence[str] | str | None = None,
     units: Mapping[str, str] | str | None = None,
     jobs: int | None = None,
     config: str | Path | None = None,

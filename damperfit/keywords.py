@@ -280,6 +280,13 @@ _KEYWORDS: dict[str, Keyword] = {
     "velocity": Keyword(
         "text", "SPEED", "At this speed, as in 0.2m/s; minus: bump.", "Motion"
     ),
+    "identify.velocity": Keyword(
+        "texts",
+        "SPEED",
+        "Show forces at these speeds, as in 0.05m/s.  [default: the named test speeds]",
+        "Output",
+        "output.speeds",
+    ),
     "compare.velocity": Keyword(
         "texts", "SPEED", "Speeds to compare at.  [default: the named test speeds]", "Motion"
     ),

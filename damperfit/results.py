@@ -68,7 +68,7 @@ from damperfit.tables.reading import (
     title_of,
 )
 from damperfit.tested.setting import Setting
-from damperfit.units.quantities import parse_quantity
+from damperfit.units.quantities import QuantityError, parse_quantity
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -669,6 +669,17 @@ class Run:
                 "the damper of the run is not known: the paper's is assumed; give --config"
             )
         return warmed_to(given, self._temperature)
+
+    @property
+    def shown_speeds(self) -> tuple[float, ...]:
+        """The speeds at which forces are shown, m/s: ``output.speeds`` of the run."""
+        document: Any = self.record.get("configuration")
+        for key in ("output", "speeds"):
+            document = document.get(key) if isinstance(document, dict) else None
+        try:
+            return tuple(sorted(parse_quantity(one, "velocity") for one in document or ()))
+        except (QuantityError, TypeError):
+            return ()
 
     @property
     def damper(self) -> Model:

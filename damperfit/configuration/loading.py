@@ -363,6 +363,8 @@ def _explained(error: ValidationError, layers: Sequence[_Layer]) -> Configuratio
     # pydantic ends with the branch of a union that it tried, which is no key.
     source = max(reversed(layers), key=lambda layer: _depth(layer.values, keys))
     keys = keys[: max(_depth(source.values, keys), 1)]
+    if keys[-1].isdigit():  # of a list: what was found says which
+        keys.pop()
     found = "" if isinstance(first["input"], dict) else f", found {first['input']!r}"
     return source.blame(ConfigurationError(f"{reason}{found}"), *keys)
 

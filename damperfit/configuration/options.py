@@ -10,6 +10,7 @@ from damperfit.conditioning import GasFacts, OffsetFacts
 from damperfit.configuration.damper_section import damper_record
 from damperfit.damper.warmed import BETA, Warmed
 from damperfit.errors import ConfigurationError
+from damperfit.simulation import NAMED_SPEEDS
 from damperfit.units.quantities import parse_quantity, says_absolute_or_gauge
 from damperfit.units.shown_units import SI, ShownUnits
 
@@ -164,12 +165,15 @@ class OutputOptions:
         Gates: names of `damperfit.checks.CHECKS` that must be passed.
     units : ShownUnits
         In which forces, speeds and lengths are shown.
+    speeds : tuple of float
+        At which forces are shown, m/s, rising.
     """
 
     folder: Path
     max_mse_percent: float
     checks: tuple[str, ...] = ()
     units: ShownUnits = SI
+    speeds: tuple[float, ...] = NAMED_SPEEDS
 
 
 @dataclass(frozen=True, slots=True)

@@ -304,6 +304,7 @@ class _OutputSection(_Section):
     folder: Annotated[str, Field(min_length=1)]
     max_mse_percent: Annotated[float, _NotNegative]
     checks: list[str]
+    speeds: Annotated[list[Annotated[float, quantity("velocity"), _Positive]], Field(min_length=1)]
     units: str
 
     def build(self, rig: _RigSection) -> OutputOptions:
@@ -315,7 +316,8 @@ class _OutputSection(_Section):
             checks = expand_checks((name.strip() for name in self.checks), pointless=pointless)
         units = parse_units(self.units, Key(("output", "units")))
         folder = Path(os.path.expanduser(self.folder))  # noqa: PTH111 - a Path raises on ~nobody
-        return OutputOptions(folder, self.max_mse_percent, checks, units)
+        speeds = tuple(sorted(set(self.speeds)))
+        return OutputOptions(folder, self.max_mse_percent, checks, units, speeds)
 
 
 class _Document(_Section):

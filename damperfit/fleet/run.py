@@ -45,7 +45,6 @@ from damperfit.problem import Failure, Option, Problem
 from damperfit.queries.compared_runs import compared_record
 from damperfit.recording import natural_order
 from damperfit.run.labelling import labels_for
-from damperfit.simulation.characteristics import NAMED_SPEEDS
 from damperfit.tested.identity import identity_in
 from damperfit.tested.setting import ADJUSTER
 from damperfit.workers import Died, executor
@@ -525,7 +524,7 @@ def _part_rows(result: Run, damper: str) -> Iterator[dict[str, Any]]:
 
 
 def _force_column(stroke: str, speed: float) -> str:
-    return f"force_{stroke}_{1000.0 * speed:.0f}_mm_per_s_N"
+    return f"force_{stroke}_{1000.0 * speed:g}_mm_per_s_N"
 
 
 def _schema(configuration: Configuration) -> pa.Schema:
@@ -543,7 +542,7 @@ def _schema(configuration: Configuration) -> pa.Schema:
     forces = [
         pa.field(_force_column(stroke, speed), pa.float64())
         for stroke in ("rebound", "bump")
-        for speed in NAMED_SPEEDS
+        for speed in configuration.output.speeds
     ]
     texts = [pa.field(name, pa.string()) for name in ("log", "error_kind", "error")]
     first = [pa.field(name, pa.string()) for name in ("damper", "date", "setting")]

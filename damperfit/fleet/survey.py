@@ -49,7 +49,7 @@ LEAST_DAMPERS = 8  # in a setting, before one of them is called far off
 FAR_OFF = 8.0  # median absolute deviations: 5.4 standard deviations of a normal distribution
 # No rig repeats better than this share of the median: closer than that, all are alike.
 LEAST_SPREAD = 1e-3
-_FORCE = re.compile(r"force_(rebound|bump)_(\d+)_mm_per_s_N")
+_FORCE = re.compile(r"force_(rebound|bump)_([\d.]+)_mm_per_s_N")
 _EDGES = (5.0, 95.0)  # per cent
 _GRADES = ("excellent", "good", "poor", "withheld")  # the last is the worst
 
@@ -518,7 +518,7 @@ def _nominal(
     for name, setting in zip(found.names, found.settings, strict=True):
         fitted.setdefault(str(setting), set()).add(str(name))
     for wanted in tolerance.bands:
-        _refuse_speed(wanted.speed, tolerance.source)
+        _refuse_speed(wanted.speed, tolerance.source, {*NAMED_SPEEDS, *(s.speed for s in forces)})
         places = {k: own for k, own in fitted.items() if wanted.setting in {"", k}}
         reached: set[tuple[str, str]] = set()
         for one in forces:
@@ -549,10 +549,10 @@ def _unseen(name: str, setting: str, wanted: Nominal, reason: str) -> Point:
     )
 
 
-def _refuse_speed(speed: float, source: str) -> None:
-    if not any(abs(one - speed) <= _NEAR for one in NAMED_SPEEDS):
+def _refuse_speed(speed: float, source: str, known: set[float]) -> None:
+    if not any(abs(one - speed) <= _NEAR for one in known):
         raise ConfigurationError(
             f"a fleet has no forces at {speed:g} m/s; expected its named "
-            f"speeds, {', '.join(f'{one:g}' for one in NAMED_SPEEDS)} m/s",
+            f"speeds, {', '.join(f'{one:g}' for one in sorted(known))} m/s",
             where=Option("tolerance", source),
         )

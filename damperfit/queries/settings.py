@@ -24,7 +24,7 @@ from damperfit.errors import ConfigurationError, mishap_of
 from damperfit.identification.sharing import of_settings
 from damperfit.problem import Failure, Option
 from damperfit.results import Run
-from damperfit.simulation import refuse_amplitude
+from damperfit.simulation import NAMED_SPEEDS, refuse_amplitude
 from damperfit.tested.setting import Setting, lines_of
 from damperfit.units.quantities import parse_quantity
 
@@ -75,6 +75,8 @@ class AdjusterResults:
         As measured, at the motion of the tests.
     notes : tuple of str
         What is so, and nothing to mend in the folder.
+    speeds : tuple of float
+        At which forces are shown where none is asked for, m/s.
     """
 
     stages: tuple[Stage, ...]
@@ -85,6 +87,7 @@ class AdjusterResults:
     remarks: tuple[str, ...]
     forces: tuple[SpeedForces, ...] = ()
     notes: tuple[str, ...] = ()
+    speeds: tuple[float, ...] = NAMED_SPEEDS
 
 
 def read_adjuster_results(
@@ -156,6 +159,7 @@ def adjuster_of(
         (*run.remarks, *run.remarks_on_errors),
         run.speed_forces,
         tuple(notes),
+        run.shown_speeds or NAMED_SPEEDS,
     )
 
 
@@ -321,7 +325,11 @@ def tabulate_forces(adjuster: AdjusterResults, question: Question) -> ForcesBySe
     ConfigurationError
         No named speed is reached, or there are not two settings to look between.
     """
-    speeds = named_speeds(adjuster.sine.peak_speed) if question.speed is None else (question.speed,)
+    speeds = (
+        named_speeds(adjuster.sine.peak_speed, adjuster.speeds)
+        if question.speed is None
+        else (question.speed,)
+    )
     if not speeds:
         raise ConfigurationError(
             f"none is reached by {adjuster.sine.peak_speed:.3g} m/s; give {{velocity}}, or a "

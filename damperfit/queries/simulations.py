@@ -246,7 +246,7 @@ def simulate_test(
         response = simulate(choice.parameters, configuration.damper, motion, options=solver)
         frequency, steady = trace.frequency, _part(response, trace.fastest.window)
         words = f"displacement of {trace.name}, last of {trace.fastest.n_cycles} steady cycles"
-    figures = characterise(steady, frequency)
+    figures = characterise(steady, frequency, speeds=configuration.output.speeds)
     if log is None and configuration.simulation.wave == "triangle":
         # It holds one speed a stroke: what lies below is passed in the jump, between two samples.
         figures = replace(

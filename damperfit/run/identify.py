@@ -396,7 +396,8 @@ def _read_off(
             unseen(log.trace, error)
             return None
         try:
-            return list(characteristic_rows(fit.setting, log.trace, seen, damper))
+            speeds = configuration.output.speeds
+            return list(characteristic_rows(fit.setting, log.trace, seen, damper, speeds))
         except Exception as error:  # noqa: BLE001 - the other logs have theirs
             unread(log.trace, error)
             return []

@@ -120,7 +120,13 @@ def judge(
     judged = reconsider(campaign, assessment)
     adjustment = mishaps.spared(
         "comparing the settings",
-        lambda: compare_settings(judged, assessment, damper, on_error=mishaps.at_setting(_TASK)),
+        lambda: compare_settings(
+            judged,
+            assessment,
+            damper,
+            speeds=configuration.output.speeds,
+            on_error=mishaps.at_setting(_TASK),
+        ),
         Adjustment(),
     )
     predictions = _predicted(configuration, parted, judged, assessment, mishaps, jobs=jobs)

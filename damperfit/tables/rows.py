@@ -301,7 +301,11 @@ _UNREPEATED = ((math.nan, math.nan),) * len(_STROKES)
 
 
 def characteristic_rows(
-    setting: Setting, trace: Trace, seen: SimulatedLog, damper: Model
+    setting: Setting,
+    trace: Trace,
+    seen: SimulatedLog,
+    damper: Model,
+    speeds: Sequence[float] = NAMED_SPEEDS,
 ) -> Iterator[dict[str, Any]]:
     """Yield the rows of a log: of each stretch the peaks, then the named speeds.
 
@@ -315,6 +319,8 @@ def characteristic_rows(
         The model's force as compared.
     damper : Model
         Whose gas force is taken off.
+    speeds : sequence of float
+        At which forces are read, m/s.
     """
     for place, stretch in enumerate(trace.stretches, start=1):
         facts = {
@@ -328,7 +334,7 @@ def characteristic_rows(
             "amplitude_m": stretch.amplitude,
             "temperature_degC": trace.temperature,
         }
-        for row in _stretch_rows(trace, stretch, seen.force, damper):
+        for row in _stretch_rows(trace, stretch, seen.force, damper, speeds):
             cells = facts | row
             yield {
                 name: None if isinstance(cell, float) and not math.isfinite(cell) else cell
@@ -337,7 +343,11 @@ def characteristic_rows(
 
 
 def _stretch_rows(
-    trace: Trace, stretch: Stretch, simulated: FloatArray, damper: Model
+    trace: Trace,
+    stretch: Stretch,
+    simulated: FloatArray,
+    damper: Model,
+    speeds: Sequence[float],
 ) -> Iterator[dict[str, Any]]:
     edges = counted_edges(stretch)
     part = slice(int(edges[0]), int(edges[-1]))
@@ -356,7 +366,7 @@ def _stretch_rows(
     measured = figures_in(trace, stretch)
     top = min(measured.peak_speed_rebound, measured.peak_speed_bump)
     half = measured.hysteresis_speed
-    speeds = [speed for speed in NAMED_SPEEDS if speed < top] if stretch.n_cycles else []
+    speeds = [speed for speed in speeds if speed < top] if stretch.n_cycles else []
     passed = sorted({*speeds, half}) if stretch.n_cycles else []
     # By speed and force: of each stroke the opening and the closing branch.
     both = [branch_forces(velocity, stacked, passed, sign=sign) for _, sign in _STROKES]
