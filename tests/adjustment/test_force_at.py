@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+import damperfit
 from damperfit.adjustment.clicks import Adjustment, clicks
 from damperfit.adjustment.force_at import (
     Sine,
@@ -22,6 +23,7 @@ from damperfit.adjustment.force_at import (
     stage_of,
 )
 from damperfit.adjustment.wanted import which_setting
+from damperfit.configuration.loading import load_configuration
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.damper.quasi_static import quasi_static
@@ -29,7 +31,7 @@ from damperfit.damper.rivals.linear import Bilinear
 from damperfit.identification import Status
 from damperfit.queries.settings import AdjusterResults, Question, tabulate_forces
 from damperfit.results import Tested
-from damperfit.simulation import SolverOptions
+from damperfit.simulation import NAMED_SPEEDS, SolverOptions
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty import Assessment, SpeedForces, Uncertainty
 from tests import fakes
@@ -369,3 +371,16 @@ def test_one_line_says_that_a_tare_is_left_out(tares, said) -> None:
     sentences = Adjustment(forces=forces(*stages)).sentences
     assert [note.startswith(said or "") for note in notes] == [True] * (said is not None)
     assert [said in one for one in sentences] == [True] * (said is not None)
+
+
+def test_forces_are_shown_at_the_speeds_that_are_asked_for(tmp_path) -> None:
+    assert load_configuration().output.speeds == NAMED_SPEEDS
+    run = damperfit.identify(
+        ["sample_runs/setting_10.csv"], velocity=["0.1m/s", "10mm/s"], out=tmp_path
+    )
+    answered = damperfit.settings(tmp_path).forces.forces
+    assert [one.speed for one in answered] == [0.01, 0.01, 0.1, 0.1]
+    for rows in (run.forces, damperfit.load(tmp_path).forces):
+        assert rows["speed_m_per_s"].tolist() == [0.01, 0.01, 0.1, 0.1]
+    loops = run.characteristics
+    assert set(loops["speed_rebound_m_per_s"][loops["point"] == "speed"]) == {0.01, 0.1}
