@@ -57,7 +57,6 @@ _RESULTS = ("run.json", "parameters.csv", "parameters.parquet")
 _PATIENCE = 30.0  # s; an exchange takes some milliseconds
 _RUN_PATIENCE = 1.0  # s; `settle` of another command may hold the lock of a run for a moment
 _PAUSE = 0.02  # s
-_ABANDONED = 24.0 * 3600.0  # s; where there are no locks, what is older has no writer
 _HELD = {errno.EAGAIN, errno.EACCES, errno.EDEADLK}
 
 
@@ -229,40 +228,34 @@ def check_writable(folder: Path) -> None:
     OutputError
         The nearest existing folder is write-protected.
     """
-    if re.match(r"[a-z][a-z0-9+.-]+:/", folder.as_posix()):
-        address = re.sub(r":/+", "://", folder.as_posix(), count=1)
-        raise ConfigurationError(
-            "cannot be written: results go to a folder of this machine, not to an address; "
-            "give a folder, and copy it there when all is done",
-            code="no-address",
-            subject=address,
-        )
-    if "\0" in str(folder):
-        raise ConfigurationError(
-            "cannot be written: a NUL cannot stand in a path",
-            code="no-path",
-            subject=repr(str(folder)),
-        )
-    if not (folder.is_absolute() or _has_working_folder()):
-        raise ConfigurationError(
-            "cannot be written: the folder that this was started in is gone; go to one that is "
-            "there (cd)",
-            code="no-working-folder",
-            subject=folder,
-        )
+    text = str(folder)
     nearest = folder
-    while not os.path.lexists(nearest) and nearest != nearest.parent:
-        nearest = nearest.parent
-    if not nearest.is_dir():
-        raise ConfigurationError(
-            f"cannot be written: {nearest} is not a folder", code="not-a-folder", subject=folder
+    if re.match(r"[a-z][a-z0-9+.-]+:/", folder.as_posix()):
+        text = re.sub(r":/+", "://", folder.as_posix(), count=1)
+        code, why = (
+            "no-address",
+            (
+                "results go to a folder of this machine, not to an address; give a folder, and "
+                "copy it there when all is done"
+            ),
         )
-    if not os.access(nearest, os.W_OK | os.X_OK):
-        raise OutputError(
-            f"cannot be written: {nearest} is write-protected",
-            code="write-protected",
-            subject=folder,
+    elif "\0" in text:
+        text, code, why = repr(text), "no-path", "a NUL cannot stand in a path"
+    elif not (folder.is_absolute() or _has_working_folder()):
+        code, why = (
+            "no-working-folder",
+            ("the folder that this was started in is gone; go to one that is there (cd)"),
         )
+    else:
+        while not os.path.lexists(nearest) and nearest != nearest.parent:
+            nearest = nearest.parent
+        if nearest.is_dir() and os.access(nearest, os.W_OK | os.X_OK):
+            return
+        if nearest.is_dir():
+            why = f"cannot be written: {nearest} is write-protected"
+            raise OutputError(why, code="write-protected", subject=folder)
+        code, why = "not-a-folder", f"{nearest} is not a folder"
+    raise ConfigurationError(f"cannot be written: {why}", code=code, subject=text)
 
 
 @contextmanager
@@ -296,10 +289,7 @@ def reserved(folder: Path) -> Iterator[None]:
 def settle(folder: Path) -> None:
     """End what a killed run left half done in a results folder; call it before reading there.
 
-    Parameters
-    ----------
-    folder : pathlib.Path
-        May be missing or read-only, as long as nothing is left to do.
+    The folder may be missing or read-only, as long as nothing is left to do.
 
     Raises
     ------
@@ -376,8 +366,7 @@ def _is_abandoned(path: Path) -> bool:
     except FileNotFoundError:
         return time.time() - path.parent.stat().st_mtime > 1.0  # locked right after it is made
     try:
-        is_locked = _try_lock(number)
-        return is_locked or time.time() - os.fstat(number).st_mtime > _ABANDONED
+        return _try_lock(number)
     except BlockingIOError:
         return False
     finally:
@@ -510,40 +499,23 @@ def _is_ours(name: str) -> bool:
 
 # A file is our own where it begins as the new one does and says "damperfit" near its beginning or
 # its end (pictures, archives and Parquet say it there), or where it is a CSV with the same columns,
-# in whichever units of force, speed and length; those of signals over time have one unit each.
-# Tables beside a run.json are results, which only `identify` replaces.
+# in whichever units. Tables beside a run.json are results, which only `identify` replaces.
 _MARK = b"damperfit"
 _HEAD, _TAIL = 16384, 65536  # bytes; the columns of a table of parameters take thousands
 _COLUMN = re.compile(rb"\"?[A-Za-z]\w*( \[[^\]]*\])?\"?")
 _ALIKE = 4  # bytes: enough to tell kinds of files from each other
-_ACCOUNT = "run.json"
 _PARQUET = b"PAR1"
 _FEWEST = 3  # columns of a table
-_SHOWN = {
-    unit.replace("/", "_per_").encode(): dimension.encode()
+_UNITS = b"|".join(
+    re.escape(unit.replace("/", "_per_").encode())
     for dimension in ("force", "velocity", "length")
-    for unit in units_of(dimension)
-}
-_IN_A_UNIT = re.compile(  # the shortest name, hence the longest unit: of m_per_s not s
-    rb"(.+?)(?:_| \[)(" + b"|".join(map(re.escape, _SHOWN)) + rb")\]?"
+    for unit in sorted(units_of(dimension), key=len, reverse=True)
 )
+_UNIT = re.compile(rb"(?:_| \[)(?:" + _UNITS + rb")\]?$")
 
 
 def _refuse_others(target: Path, draft: Path) -> None:
-    """Refuse to write over a file of another origin.
-
-    Parameters
-    ----------
-    target : pathlib.Path
-        What would be written over; it need not be there.
-    draft : pathlib.Path
-        What is to be written, under its temporary name.
-
-    Raises
-    ------
-    ConfigurationError
-        The file that is there is not our own.
-    """
+    """Refuse to write a draft over a file of another origin."""
     if target.is_file() and not _is_own_file(target, draft):
         raise ConfigurationError(
             "is there already, and damperfit did not write it as this kind of file; "
@@ -556,40 +528,22 @@ def _refuse_others(target: Path, draft: Path) -> None:
 
 def _is_own_file(target: Path, draft: Path) -> bool:
     """Whether a file was written by damperfit, of the kind of another one."""
-    new = _head_of(draft, _HEAD)
-    old = _head_of(target, _HEAD)
+    with target.open("rb") as file, draft.open("rb") as other:
+        old, new = file.read(_HEAD), other.read(_HEAD)
+        file.seek(max(0, file.seek(0, 2) - _TAIL))
+        ends = file.read()
     columns = _columns(new)
-    if (columns or new.startswith(_PARQUET)) and (target.parent / _ACCOUNT).exists():
+    if (columns or new.startswith(_PARQUET)) and (target.parent / "run.json").exists():
         return False
     if columns:
         return columns == _columns(old)
-    return old[:_ALIKE] == new[:_ALIKE] and _says(target, _MARK)
-
-
-def _says(path: Path, mark: bytes) -> bool:
-    """Whether a file holds some bytes near its beginning or its end."""
-    with path.open("rb") as file:
-        if mark in file.read(_HEAD):
-            return True
-        size = file.seek(0, 2)
-        file.seek(max(0, size - _TAIL))
-        return mark in file.read()
-
-
-def _head_of(path: Path, n: int) -> bytes:
-    with path.open("rb") as file:
-        return file.read(n)
+    return old[:_ALIKE] == new[:_ALIKE] and (_MARK in old or _MARK in ends)
 
 
 def _columns(head: bytes) -> tuple[bytes, ...]:
-    """Names of a CSV's columns, a unit that may be chosen as its dimension; else nothing."""
+    """Names of a CSV's columns without units that may be chosen; else nothing."""
     line = head.removeprefix(b"\xef\xbb\xbf").split(b"\n")[0].strip()
     cells = re.split(rb"[,;]", line)
     if len(cells) < _FEWEST or not all(map(_COLUMN.fullmatch, cells)):
         return ()
-    return tuple(cells if cells[0] == b"time_s" else map(_in_any_unit, cells))
-
-
-def _in_any_unit(name: bytes) -> bytes:
-    found = _IN_A_UNIT.fullmatch(name.replace(b"/", b"_per_"))
-    return name if found is None else found[1] + b" " + _SHOWN[found[2]]
+    return tuple(_UNIT.sub(b"", cell.replace(b"/", b"_per_")) for cell in cells)

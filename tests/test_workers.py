@@ -11,7 +11,7 @@ from damperfit.configuration.loading import load_configuration
 from damperfit.damper.models import MODELS
 from damperfit.fleet.run import DamperTask, Done, Job
 from damperfit.fleet.sources import FleetLog
-from damperfit.workers import InTurn, Processes, Threads, executor
+from damperfit.workers import InTurn, Threads, executor
 
 
 @pytest.mark.parametrize(("jobs", "kind"), [(0, InTurn), (1, InTurn), (2, Threads)])
@@ -69,13 +69,6 @@ class TestInThisProcess:
             for item, _ in pool.each(lambda k: k, range(100), cancelled=lambda: len(done) >= 2):
                 done.append(item)
         assert len(done) <= 2 * jobs + 1
-
-
-def test_all_who_work_on_many_things_can_each_be_asked_alike():
-    from damperfit.workers import Cluster
-
-    for kind in (InTurn, Threads, Processes, Cluster):
-        assert callable(kind.each)
 
 
 @pytest.mark.parametrize("model", sorted(MODELS))
