@@ -63,7 +63,7 @@ def loaded_first(folder: Path, *how: str, **variables: str) -> set[str]:
 
 # Every command; what starts processes of its own does so: copies, spawned workers, child readers.
 COMMANDS = (
-    "identify setting_0*.csv --jobs 2 --out ../out --report --figures png",
+    "identify setting_0*.csv --jobs 2 --out ../out",
     "inspect .",
     "fleet . --jobs 1 --out ../fleet --collect",
     "models setting_01.csv",
@@ -73,8 +73,8 @@ COMMANDS = (
     "settings {results}",
     "compare {results} {results} --out ../compared",
     "compare setting_01.csv setting_01.csv --measured",
-    "export {results} --to fmu2 --out ../x.fmu --check",
-    "samples ../made --settings 1",
+    "export {results} --to fmu2 --out ../x.fmu",
+    "samples ../made --settings 1 --cycles 4",
     "config",
     "init setting_01.csv --out ../damper.toml",
     "doctor",

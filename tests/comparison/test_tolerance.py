@@ -33,18 +33,12 @@ def _table(text: str) -> str:
 
 @pytest.mark.parametrize(
     ("text", "share", "newtons"),
-    [("5%", 0.05, 0.0), ("20N", 0.0, 20.0), (" 2.5 % , 0.1kN", 0.025, 100.0), ("7", 0.0, 7.0)],
+    [
+        *(("5%", 0.05, 0.0), ("20N", 0.0, 20.0), (" 2.5 % , 0.1kN", 0.025, 100.0)),
+        *(("0.5%,12.5N", 0.005, 12.5), ("0.1kN", 0.0, 100.0), ("7.5", 0.0, 7.5)),
+    ],
 )
-def test_a_tolerance_is_per_cent_or_newtons_or_both(text, share, newtons) -> None:
-    found = parse_tolerance(text)
-    assert (found.share, found.newtons) == (pytest.approx(share), newtons)
-
-
-@pytest.mark.parametrize(
-    ("text", "share", "newtons"),
-    [("2.5%", 0.025, 0.0), ("0.5%,12.5N", 0.005, 12.5), ("0.1kN", 0.0, 100.0), ("7.5", 0.0, 7.5)],
-)
-def test_a_decimal_point_makes_no_file_of_a_tolerance(text, share, newtons) -> None:
+def test_a_tolerance_is_per_cent_or_newtons_or_both_and_no_file(text, share, newtons) -> None:
     found = parse_bands(text)
     assert (found.share, found.newtons) == (pytest.approx(share), newtons)
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import pytest
 
 from damperfit.comparison import ComparisonOptions, compare_runs, verdict_of
-from damperfit.comparison.comparing import _on_repeats
 from damperfit.comparison.reading import (
     Reading,
     Topic,
@@ -76,9 +75,3 @@ def test_a_terminal_shows_of_many_lines_the_fastest(factor, n_shown) -> None:
     assert len(comparison_force_sheet(found).rows) == 50
     assert n_shown <= len(sheet.rows) <= 40
     assert ("different" in sheet.notes[-1]) == (factor > 1.0)
-
-
-@pytest.mark.parametrize(("n", "said"), [(0, []), (1, ["of 2 runs"]), (2, ["of 3 runs"]), (3, [])])
-def test_few_runs_of_one_damper_tell_little_of_its_scatter(n, said) -> None:
-    notes = [" ".join(note.split()[6:9]).rstrip(",") for note in _on_repeats([None] * n)]
-    assert notes == said

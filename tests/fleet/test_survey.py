@@ -154,11 +154,6 @@ def test_of_many_far_off_six_have_a_name():
     assert len({line.colour for line in lines if line.style == "triangles"}) == 6
 
 
-@pytest.mark.parametrize(("n", "n_lines"), [(6, 6), (7, 1)])
-def test_six_dampers_of_a_small_fleet_have_a_colour_each(n, n_lines):
-    assert len(series_plots(survey(fleet_table(n)))[1].panels[0].lines) == n_lines
-
-
 def test_change_over_the_date_is_beside_the_median_of_the_setting():
     dates = ["2026-03-01"] * 10 + ["2026-03-11"] * 10
     later = {
@@ -175,17 +170,6 @@ def test_change_over_the_date_is_beside_the_median_of_the_setting():
     assert plots[1].panels[0].x_label == "days since 2026-03-01"
     assert trend_plots(survey(fleet_table(20))) == ()
     assert trend_plots(survey(fleet_table(20, dates=["2026-03-01"] * 20))) == ()
-
-
-@pytest.mark.parametrize(("n", "n_points"), [(60, 60), (61, 61), (140, 60)])
-def test_many_days_are_put_together(n, n_points):
-    days = pd.date_range("2026-01-01", periods=n).strftime("%Y-%m-%d").tolist()
-    (line,) = trend_plots(survey(fleet_table(n, dates=days, n_settings=1)))[0].panels[0].lines
-    assert len(line.x) == n
-    days = [day for day in days for _ in range(8)]
-    (line,) = trend_plots(survey(fleet_table(8 * n, dates=days, n_settings=1)))[0].panels[0].lines
-    assert len(line.x) == min(n_points, 60)
-    assert line.low is not None
 
 
 def test_the_page_is_small_however_many_dampers_there_are():
