@@ -7,44 +7,32 @@ told where to, but for `export` and `report`, whose job it is.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any
 
-from damperfit.asked import (
+from damperfit.arguments import (
     configured,
     covaried,
     declared_setting,
+    folder_of,
     known_as_setting,
+    path_of,
+    public,
+    reading_as,
     refuse_beside,
     refuse_idle,
     starts_of,
-    values_given,
     workers,
 )
 from damperfit.errors import ConfigurationError, DamperfitError, LogError
-from damperfit.keywords import with_keywords
 from damperfit.problem import Option, Words
-from damperfit.wrong_calls import (
-    answers_wrong_calls,
-    is_typed,
-    path_of,
-    spelled,
-)
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
-    from damperfit.configuration.options import Configuration
-    from damperfit.damper.model import Model
-    from damperfit.fleet.run import DamperTask, Done
-    from damperfit.recording import Recording
-    from damperfit.results import Run
-    from damperfit.run.auto_model import LawChoice
-    from damperfit.run.identify import Identified, Watch
-    from damperfit.shown import (
+    from damperfit.answers import (
         Comparison,
         Files,
         FirstConfiguration,
@@ -54,10 +42,14 @@ if TYPE_CHECKING:
         Simulation,
         Sweep,
     )
+    from damperfit.configuration.options import Configuration
+    from damperfit.damper.model import Model
+    from damperfit.fleet.run import DamperTask, Done
+    from damperfit.recording import Recording
+    from damperfit.results import Run
+    from damperfit.run.auto_model import LawChoice
+    from damperfit.run.identify import Identified, Watch
     from damperfit.tested.setting import Setting
-
-    P = ParamSpec("P")
-    R = TypeVar("R")
 
 __all__ = [
     "compare",
@@ -78,19 +70,13 @@ __all__ = [
 ]
 
 
-def _function(function: Callable[P, R]) -> Callable[P, R]:
-    """Return a function that documents its keywords, and answers wrong calls in a sentence."""
-    function.__doc__ = with_keywords(function)
-    return answers_wrong_calls(f"damperfit.{function.__name__}")(function)
-
-
 FIGURE_KINDS = ("png", "svg", "pdf")
 _FEW = 3
 _AUTO = "auto"
 _RESULTS = Path("results")
 
 
-@_function
+@public
 def read(
     log: object,
     *,
@@ -118,11 +104,11 @@ def read(
     configuration = configured("read", {"units": units, "rig": rig, "config": config})
     with as_files(log, call="damperfit.read") as paths:
         if len(paths) > 1:
-            raise ConfigurationError("damperfit.read: found several logs; give one")
+            raise ConfigurationError("found several logs; give one", subject="damperfit.read")
         return read_log(paths[0], configuration.reading)
 
 
-@_function
+@public
 def inspect(  # noqa: PLR0913 - one keyword an option of the command line
     logs: object,
     *,
@@ -147,10 +133,10 @@ def inspect(  # noqa: PLR0913 - one keyword an option of the command line
         Units of columns that do not say theirs.
     """
     given = dict(locals())
+    from damperfit.answers import Inspection
     from damperfit.run.given_logs import as_files
     from damperfit.run.log_paths import expand
     from damperfit.run.logs import Purpose, read_batch
-    from damperfit.shown import Inspection
 
     # No model is asked for; the file may be one for `model="auto"`.
     configuration = configured("inspect", given, is_law_open=True)
@@ -158,14 +144,14 @@ def inspect(  # noqa: PLR0913 - one keyword an option of the command line
         batch = read_batch(
             expand(paths),
             configuration,
-            jobs=workers(jobs, "damperfit.inspect"),
+            jobs=workers(jobs),
             setting=declared_setting(setting, configuration),
             purpose=Purpose.INSPECT,
         )
     return Inspection(batch)
 
 
-@_function
+@public
 def identify(  # noqa: PLR0913 - one keyword an option of the command line
     logs: object,
     *,
@@ -237,9 +223,7 @@ def identify(  # noqa: PLR0913 - one keyword an option of the command line
     """
     given = dict(locals())
     if out is None and (report or figures):
-        raise ConfigurationError("damperfit.identify: a report is written; give out=FOLDER")
-    if out is not None:
-        given["out"] = path_of(out, "damperfit.identify(out=...)", "the path of a folder")
+        raise ConfigurationError("a report is written; give {out}", out=Option("out", "FOLDER"))
     (one,) = identify_each(**given, is_one=True, is_written=out is not None)
     if one.error is not None:
         raise one.error
@@ -251,6 +235,7 @@ def identify(  # noqa: PLR0913 - one keyword an option of the command line
     return one.run
 
 
+@reading_as("identify")
 def identify_each(
     logs: Any,
     *,
@@ -275,7 +260,7 @@ def identify_each(
 
     watch = watch or Watch()
     configuration = _identification(given)
-    jobs = workers(given.get("jobs"), "damperfit.identify")
+    jobs = workers(given.get("jobs"))
     declared = declared_setting(given.get("setting"), configuration)
     unread, traces = in_memory(logs, configuration.conditioning)
     with ExitStack() as stack:
@@ -321,14 +306,13 @@ def _identification(given: Mapping[str, Any]) -> Configuration:
         is_law_open=is_open,
     )
     procedure = configuration.identification.procedure
-    advice = "add --procedure joint" if is_typed() else "give procedure='joint'"
     if given.get("share") is not None and procedure != "joint":
-        name = spelled("damperfit.identify", "share")
-        if is_typed():
-            name = f"{name} {','.join(given['share'])} has no effect"
         raise ConfigurationError(
-            f"only procedure joint fits shared parameters, found procedure {procedure}; {advice}",
-            subject=name,
+            "{where} has no effect: only procedure joint fits shared parameters, found procedure "
+            f"{procedure}; add {{joint}}",
+            code="no-effect",
+            joint=Option("procedure", "joint"),
+            where=Option("share", ",".join(given["share"])),
         )
     if is_open and configuration.identification.free:
         raise ConfigurationError(
@@ -382,7 +366,7 @@ def _check_kind(kind: str | None) -> None:
         )
 
 
-@_function
+@public
 def models(  # noqa: PLR0913 - one keyword an option of the command line
     logs: object,
     *,
@@ -433,7 +417,7 @@ def models(  # noqa: PLR0913 - one keyword an option of the command line
             configuration,
             paths,
             layout=layout,
-            jobs=workers(jobs, "damperfit.models"),
+            jobs=workers(jobs),
             setting=declared_setting(setting, configuration),
             start=start_of_laws(configuration, start_values),
             on_law=lambda law: on_law(law.tried.title),
@@ -441,7 +425,7 @@ def models(  # noqa: PLR0913 - one keyword an option of the command line
         )
 
 
-@_function
+@public
 def load(folder: str | Path) -> Run:
     """Return the run in a folder, as `damperfit identify` wrote it.
 
@@ -463,7 +447,7 @@ def load(folder: str | Path) -> Run:
     return Run.load(place, parts=("parameters", "mse"))
 
 
-@_function
+@public
 def simulate(  # noqa: PLR0913 - one keyword an option of the command line
     setting: Setting | Run | int | str | None = None,
     *,
@@ -497,21 +481,21 @@ def simulate(  # noqa: PLR0913 - one keyword an option of the command line
         As of `identify`.
     """
     given = dict(locals())
+    from damperfit.answers import Simulation
     from damperfit.damper.warmed import Warmed
     from damperfit.queries.settings import notes_on_simulation
     from damperfit.queries.simulations import simulate_test
     from damperfit.results import warmed_to
-    from damperfit.shown import Simulation
 
     if displacement is not None:
         names = ("amplitude", "frequency", "cycles", "sample_rate", "wave", "max_steps")
-        of_a_wave = {f"--{name.replace('_', '-')}": given[name] for name in names}
-        refuse_beside("--displacement", of_a_wave, why="the log is the motion")
+        of_a_wave = {name: given[name] for name in names}
+        refuse_beside(Option("displacement"), of_a_wave, why="the log is the motion")
     own = configured("simulate", {**given, "displacement": None, "out": None, "plot": None})
-    log = _path(displacement, "simulate", "displacement", "the path of a log")
+    log: Any = displacement
     files = {
-        "out": _suffixed(out, "simulate", "out", (".csv", ".parquet")),
-        "plot": _suffixed(plot, "simulate", "plot", (".png", ".svg", ".pdf")),
+        "out": _suffixed(out, "out", (".csv", ".parquet")),
+        "plot": _suffixed(plot, "plot", (".png", ".svg", ".pdf")),
     }
     _check_places(*(path.parent for path in files.values() if path is not None))
     choice, configuration, sentence = _parameters("simulate", given, own)
@@ -541,31 +525,23 @@ def _parameters(
             "result.setting(10).simulate()",
             subject=call,
         )
-    table = table.folder if isinstance(table, Run) else table
-    known = "a result, or the path of results or of a parameters table"
     choice = choose_parameters(
-        known_as_setting(setting, f"{call}(setting=...)"),
-        table=_path(table, command, "parameters", known),
-        replaced=values_given(given["set"], call, "set"),
+        known_as_setting(setting),
+        table=table,
+        replaced=given["set"] or {},
         folder=configuration.output.folder,
         damper=configuration.damper,
     )
-    config = _path(given["config"], command, "config", "the path of a TOML file")
-    return (choice, *damper_of(choice, configuration, config=config))
+    return (choice, *damper_of(choice, configuration, config=given["config"]))
 
 
-def _path(value: object, command: str, keyword: str, expected: str) -> Path | None:
-    call = f"damperfit.{command}({keyword}=...)"
-    return None if value is None else path_of(value, call, expected)
-
-
-def _suffixed(value: object, command: str, keyword: str, known: tuple[str, ...]) -> Path | None:
-    path = _path(value, command, keyword, "the path of a file")
+def _suffixed(path: Any, keyword: str, known: tuple[str, ...]) -> Path | None:
     if path is not None and path.suffix.lower() not in known:
         raise ConfigurationError(
             f"expected a name that ends in {', '.join(known)}", where=Option(keyword, path)
         )
-    return path
+    found: Path | None = path
+    return found
 
 
 def _check_places(*folders: Path | None) -> None:
@@ -577,7 +553,7 @@ def _check_places(*folders: Path | None) -> None:
             check_writable(folder)
 
 
-@_function
+@public
 def sweep(  # noqa: PLR0913 - one keyword an option of the command line
     setting: Setting | int | str | None = None,
     *,
@@ -603,8 +579,8 @@ def sweep(  # noqa: PLR0913 - one keyword an option of the command line
         Folder for the table and the figures; without it none is written.
     """
     given = dict(locals())
+    from damperfit.answers import Sweep
     from damperfit.queries.simulations import PAPER_SWEEPS, parse_variation
-    from damperfit.shown import Sweep
 
     _check_kind(figures)
     texts: Any = [vary] if isinstance(vary, str) else vary or []
@@ -616,7 +592,7 @@ def sweep(  # noqa: PLR0913 - one keyword an option of the command line
             vary=Option("vary"),
             paper=Option("paper"),
         )
-    folder = _path(out, "sweep", "out", "the path of a folder")
+    folder: Any = out
     _check_places(folder)
     own = configured("sweep", {"config": config, "max_steps": max_steps})
     given["setting"] = "10" if paper and setting is None else setting
@@ -640,7 +616,7 @@ def sweep(  # noqa: PLR0913 - one keyword an option of the command line
     return done
 
 
-@_function
+@public
 def settings(  # noqa: PLR0913 - one keyword an option of the command line
     results: Run | str | Path | Sequence[str | Path] = _RESULTS,
     *,
@@ -668,21 +644,15 @@ def settings(  # noqa: PLR0913 - one keyword an option of the command line
         As of `identify`.
     """
     given = dict(locals())
+    from damperfit.answers import SettingForces
     from damperfit.queries.settings import parse_question, read_adjuster_results, tabulate_forces
-    from damperfit.results import Run
-    from damperfit.shown import SettingForces
     from damperfit.units.shown_units import SI, parse_units
 
     shown = SI if units is None else parse_units(units)
     said = {name: _text(given[name]) for name in ("force", "velocity", "stroke")}
     question = parse_question(**said)
     places = results if isinstance(results, list | tuple) else [results]
-    paths = [
-        one.folder
-        if isinstance(one, Run)
-        else path_of(one, "damperfit.settings", "a result, or the path of a results folder")
-        for one in places
-    ] or [_RESULTS]
+    paths = [folder_of(one, "damperfit.settings") for one in places] or [_RESULTS]
     reading = {name: given[name] for name in ("rig", "rig_profile", "config")}
     if all(path.is_file() for path in paths):
         from damperfit.queries.compared import measured_forces
@@ -703,12 +673,11 @@ def settings(  # noqa: PLR0913 - one keyword an option of the command line
     refuse_idle(given, ("rig", "rig_profile"), f"{paths[0]} holds results, and no log is read")
     adjuster = read_adjuster_results(
         paths[0],
-        config=_path(config, "settings", "config", "the path of a TOML file"),
+        config=given["config"],
         amplitude=_text(amplitude),
         frequency=_text(frequency),
         temperature=_text(temperature),
     )
-    workers(jobs, "damperfit.settings")  # refused where it is no number; none is needed
     forces = tabulate_forces(adjuster, question)
     return SettingForces(paths, question, shown, adjuster=adjuster, forces=forces)
 
@@ -717,7 +686,7 @@ def _text(value: object) -> str | None:
     return None if value is None else str(value)
 
 
-@_function
+@public
 def compare(  # noqa: PLR0913 - one keyword an option of the command line
     *runs: Run | str | Path,
     repeats: Sequence[str | Path] | None = None,
@@ -747,12 +716,12 @@ def compare(  # noqa: PLR0913 - one keyword an option of the command line
         Folder for page, Markdown, JSON and tables; the reference as a baseline; JUnit XML.
     """
     given = dict(locals())
+    from damperfit.answers import Comparison
     from damperfit.comparison import parse_bands
     from damperfit.queries.compared import Compared, compare_all, comparison_options
     from damperfit.results import Run
-    from damperfit.shown import Comparison
 
-    places, names = [_folder_of(one, "damperfit.compare") for one in runs], _names_of_unsaved(runs)
+    places, names = [folder_of(one, "damperfit.compare") for one in runs], _names_of_unsaved(runs)
     is_alone = len(runs) == 1 and not (tolerance or save)
     if not places or (is_alone and isinstance(runs[0], Run)):
         raise ConfigurationError(
@@ -761,22 +730,10 @@ def compare(  # noqa: PLR0913 - one keyword an option of the command line
         )
     if tolerance is not None and not isinstance(tolerance, str | Path):
         raise ConfigurationError(
-            f"damperfit.compare(tolerance=...): found {tolerance!r}; expected '5%', '20N' or the "
-            "path of a table of bands"
+            f"found {tolerance!r}; expected '5%', '20N' or the path of a table of bands",
+            where=Option("tolerance"),
         )
-    if not isinstance(measured, bool):
-        raise ConfigurationError(
-            f"damperfit.compare(measured=...): found {measured!r}; expected True or False"
-        )
-    speeds = [velocity] if isinstance(velocity, str | float | int) else velocity or ()
-    if not isinstance(speeds, Iterable):
-        raise ConfigurationError(
-            f"damperfit.compare(velocity=...): found {velocity!r}; expected speeds such as "
-            "['0.1m/s', '0.3m/s']"
-        )
-    expected = "the path of a file or folder"
-    paths = {name: _path(given[name], "compare", name, expected)
-             for name in ("out", "save", "junit")}  # fmt: skip
+    paths: dict[str, Any] = {name: given[name] for name in ("out", "save", "junit")}
     kept = [paths[name] for name in ("save", "junit")]
     _check_places(paths["out"], *(path.parent for path in kept if path is not None))
     reading = None
@@ -784,7 +741,12 @@ def compare(  # noqa: PLR0913 - one keyword an option of the command line
         asked = {name: given[name] for name in ("rig", "rig_profile", "config")}
         reading = configured("compare", asked, is_law_open=True)
     else:
-        refuse_idle(given, ("rig", "rig_profile"), "no log is read without --measured")
+        refuse_idle(
+            given,
+            ("rig", "rig_profile"),
+            "no log is read without {measured}",
+            measured=Option("measured"),
+        )
     bands = parse_bands(_text(tolerance))
     if junit is not None and bands is None:
         raise ConfigurationError(
@@ -793,15 +755,15 @@ def compare(  # noqa: PLR0913 - one keyword an option of the command line
             where=Option("junit"),
         )
     options = comparison_options(
-        velocities=list(speeds),
+        velocities=given["velocity"] or (),
         amplitude=amplitude,
         frequency=frequency,
         is_measured=measured,
-        jobs=workers(jobs, "damperfit.compare"),
+        jobs=workers(jobs),
         units=units,
     )
     options = replace(options, names=names)
-    file = _path(config, "compare", "config", "the path of a TOML file")
+    file: Any = config
     if paths["save"] is not None:
         from damperfit.queries.compared import one_run
         from damperfit.queries.compared_runs import baseline_text
@@ -820,7 +782,7 @@ def compare(  # noqa: PLR0913 - one keyword an option of the command line
     return done
 
 
-@_function
+@public
 def export(  # noqa: PLR0913 - one keyword an option of the command line
     results: Run | str | Path = _RESULTS,
     to: str | None = None,
@@ -848,25 +810,20 @@ def export(  # noqa: PLR0913 - one keyword an option of the command line
     Files
         A tuple of the paths that were written, with `Files.remarks` and `Files.notes`.
     """
+    from damperfit.answers import Files
     from damperfit.exporting import TARGETS, ExportOptions, exported_run, find_target
     from damperfit.exporting.check import check_export
-    from damperfit.shown import Files
     from damperfit.store import file_set
     from damperfit.tables.reading import is_part, written_of
     from damperfit.units.quantities import parse_quantity
     from damperfit.units.shown_units import SI, parse_units
 
-    if to is None and is_typed():
-        raise ConfigurationError(
-            f"export: to what? Give {{to}}, one of {', '.join(TARGETS)}; {{list}} shows "
-            "what they are",
-            to=Option("to"),
-            list=Option("list"),
-        )
     if to is None:
         raise ConfigurationError(
-            "damperfit.export: no target given; give one, as in damperfit.export(results, 'fmu2'); "
-            "damperfit export --list names them all"
+            f"no target: give {{to}}, one of {', '.join(TARGETS)}; damperfit export --list shows "
+            "what they are",
+            to=Option("to"),
+            subject="export",
         )
     target = find_target(str(to))
     for option, value, default in (("units", units, None), ("decimal", decimal, ".")):
@@ -879,7 +836,7 @@ def export(  # noqa: PLR0913 - one keyword an option of the command line
         raise ConfigurationError("expected . or ,", where=Option("decimal", decimal))
     shown = SI if units is None else parse_units(units)
     speed = None if extend is None else parse_quantity(extend, "velocity", option="--extend")
-    folder = _folder_of(results, "damperfit.export")
+    folder = folder_of(results, "damperfit.export")
     if out is None and getattr(results, "is_temporary", False):
         raise ConfigurationError(
             "damperfit.export: these results are in no folder of yours; give out=FOLDER"
@@ -887,10 +844,10 @@ def export(  # noqa: PLR0913 - one keyword an option of the command line
     where, stem = written_of(folder, "export"), "damper"
     where = where if is_part(folder) else where / "export"
     if out is not None:
-        asked = path_of(out, "damperfit.export(out=...)", "the path of a file or folder")
-        where, stem = target.place_of(asked)
+        place: Any = out
+        where, stem = target.place_of(place)
     _check_places(where)
-    file = _path(config, "export", "config", "the path of a TOML file")
+    file: Any = config
     run = exported_run(folder, config=file, temperature=_text(temperature))
     made = target.export(run, ExportOptions(stem, speed, shown, decimal))
     checked = check_export(run, made) if check else ()
@@ -906,7 +863,7 @@ def export(  # noqa: PLR0913 - one keyword an option of the command line
     )
 
 
-@_function
+@public
 def report(
     results: Run | str | Path,
     *,
@@ -928,12 +885,12 @@ def report(
     configured("report", {"config": config})
     from damperfit.tables.reading import written_of
 
-    folder = _folder_of(results, "damperfit.report")
+    folder = folder_of(results, "damperfit.report")
     if out is None and getattr(results, "is_temporary", False):
         raise ConfigurationError(
             "damperfit.report: these results are in no folder of yours; give out=FOLDER"
         )
-    where = _path(out, "report", "out", "the path of a folder")
+    where: Any = out
     _check_places(where)
     where = where or written_of(folder, "reports")
     return _write_report(folder, where, page=True, figures=figures, units=units)
@@ -943,10 +900,10 @@ def _write_report(
     results: Path, folder: Path, *, page: bool, figures: str | None, units: str | None = None
 ) -> Files:
     """Write the page and the figures of a results folder."""
+    from damperfit.answers import Files
     from damperfit.report.page import html_report
     from damperfit.report.run_figures import report_plots
     from damperfit.results import Run
-    from damperfit.shown import Files
     from damperfit.store import file_set
     from damperfit.units.shown_units import parse_units
 
@@ -968,7 +925,7 @@ def _write_report(
     return Files(written, remarks=run.remarks)
 
 
-@_function
+@public
 def fleet(  # noqa: PLR0913 - one keyword an option of the command line
     logs: Sequence[str] | str | None = None,
     *,
@@ -999,16 +956,16 @@ def fleet(  # noqa: PLR0913 - one keyword an option of the command line
         Who looks on: progress by damper, and the wish to stop.
     """
     given = dict(locals())
+    from damperfit.answers import FleetDone
     from damperfit.comparison import parse_bands
     from damperfit.fleet.run import planned, share_of
     from damperfit.run.identify import Watch
-    from damperfit.shown import FleetDone
 
     watch = watch or Watch()
 
-    folder = path_of(out, "damperfit.fleet(out=...)", "the path of a folder")
+    folder: Any = out
     logs = [logs] if isinstance(logs, str) else logs
-    asked = [f"--{name}" for name in ("collect", "report", "tolerance") if given[name]]
+    asked = [name for name in ("collect", "report", "tolerance") if given[name]]
     if not logs and not asked:
         raise ConfigurationError(
             "fleet: expected LOGS, or {collect} or {report} for the parts that are there",
@@ -1024,12 +981,14 @@ def fleet(  # noqa: PLR0913 - one keyword an option of the command line
         )
     if part is not None and asked:
         raise ConfigurationError(
-            f"{asked[0]} cannot be combined with {{part}}: other parts may not be done yet; "
-            f"collect with damperfit fleet --out {out} {asked[0]} when all are",
+            "{where} cannot be combined with {part}: other parts may not be done yet; collect with "
+            f"damperfit fleet --out {out} --{asked[0]} when all are",
             part=Option("part"),
+            where=Option(asked[0]),
+            code="not-together",
         )
     bands = parse_bands(_text(tolerance))
-    table = _path(tests, "fleet", "tests", "the path of a table of tests")
+    table: Any = tests
     configuration = configured(
         "fleet",
         {**given, "tests": None if table is None else table.resolve()},
@@ -1041,7 +1000,7 @@ def fleet(  # noqa: PLR0913 - one keyword an option of the command line
         _check_places(folder)
         tasks = planned(configuration, logs, folder, share)
         done.n_tasks = len(tasks)
-        cores = workers(jobs, "damperfit.fleet")
+        cores = workers(jobs)
         with watch.during_work():
             watch.on_start(done.n_tasks)
             for one in _worked_through(
@@ -1055,9 +1014,8 @@ def fleet(  # noqa: PLR0913 - one keyword an option of the command line
         try:
             done.collect(bands, is_reported=report)
         except DamperfitError as error:
-            if not is_typed():
-                raise
-            done.error = error  # what was done is told first
+            error.done = done  # type: ignore[attr-defined] # it is told first
+            raise
     return done
 
 
@@ -1086,7 +1044,7 @@ def _worked_through(
         cluster.close()
 
 
-@_function
+@public
 def samples(  # noqa: PLR0913 - one keyword an option of the command line
     folder: str | Path,
     *,
@@ -1111,10 +1069,10 @@ def samples(  # noqa: PLR0913 - one keyword an option of the command line
     watch : Watch, optional
         Who looks on: progress by log.
     """
+    from damperfit.answers import Files
     from damperfit.queries.simulations import as_options, numbers_in, truth_of
     from damperfit.run.identify import Watch
     from damperfit.samples import SampleOptions, make_samples
-    from damperfit.shown import Files
     from damperfit.units.quantities import parse_quantity
 
     where = path_of(folder, "damperfit.samples", "the path of a folder")
@@ -1122,8 +1080,8 @@ def samples(  # noqa: PLR0913 - one keyword an option of the command line
     loaded = configured("samples", {"config": config, "model": model})
     truth, sentence = None, loaded.damper_sentence
     if parameters is not None:
-        given = path_of(parameters, "damperfit.samples(parameters=...)", "the path of parameters")
-        file = _path(config, "samples", "config", "the path of a TOML file")
+        given: Any = parameters
+        file: Any = config
         truth, loaded, sentence = truth_of(given, loaded, file)
     try:
         options = SampleOptions(
@@ -1149,7 +1107,7 @@ def samples(  # noqa: PLR0913 - one keyword an option of the command line
     return Files((*logs, where / "truth.csv", where / "README.md"), notes=(sentence,))
 
 
-@_function
+@public
 def init(
     logs: Sequence[str] | str | None = None,
     *,
@@ -1169,6 +1127,7 @@ def init(
     out : path, optional
         The file to write.
     """
+    from damperfit.answers import FirstConfiguration
     from damperfit.queries.first_configuration import (
         Guessed,
         check_damper,
@@ -1176,10 +1135,9 @@ def init(
         guess_from_logs,
     )
     from damperfit.run.log_paths import expand
-    from damperfit.shown import FirstConfiguration
     from damperfit.store import write_text
 
-    path = _path(out, "init", "out", "the path of a file")
+    path: Any = out
     _check_places(None if path is None else path.parent)
     if path is not None and path.exists() and not overwrite:
         raise ConfigurationError(
@@ -1188,7 +1146,7 @@ def init(
             out=Option("out"),
             subject=str(path),
         )
-    keys = {name: str(value) for name, value in (set or {}).items()}
+    keys: dict[str, str] = dict(set or {})
     kind = model or "purdy"
     check_damper(kind, keys)
     paths = expand([logs] if isinstance(logs, str) else list(logs)) if logs else ()
@@ -1197,20 +1155,6 @@ def init(
     if path is not None:
         write_text(path, text)
     return FirstConfiguration(text, guessed.why, guessed.open)
-
-
-def _folder_of(given: object, call: str) -> Path:
-    """Return the folder of results, or of the path to them."""
-    from damperfit.results import Run
-
-    if isinstance(given, Run):
-        return given.folder
-    if isinstance(given, str | Path):
-        return path_of(given, call, "a result, or the path of a results folder")
-    raise ConfigurationError(
-        f"found {type(given).__name__}; expected a result, or the path of a results folder",
-        subject=call,
-    )
 
 
 def _names_of_unsaved(runs: Iterable[object]) -> dict[Path, str]:

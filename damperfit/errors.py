@@ -87,7 +87,10 @@ class DamperfitError(Exception):
         )
 
     def __str__(self) -> str:
-        return self.problem.sentence(self.words)
+        problem, call = self.problem, self.words.call
+        is_placed = problem.subject or problem.where or not isinstance(self, ConfigurationError)
+        sentence = problem.sentence(self.words)
+        return sentence if is_placed or not call else f"{call}: {sentence}"
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _of_problem, (type(self), self.problem), {**self.__dict__, "words": Words()}

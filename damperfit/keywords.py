@@ -151,14 +151,14 @@ _KEYWORDS: dict[str, Keyword] = {
         "Damper",
     ),
     "parameters": Keyword(
-        "path",
+        "results",
         "FILE",
         "Parameters table (.parquet, .csv) or results folder.  [default: results, if it is there, "
         "else the shipped reference set]",
         "Damper",
     ),
     "samples.parameters": Keyword(
-        "path",
+        "results",
         "FILE",
         "True values, with damper and motion: parameters table (.parquet, .csv) or results "
         "folder.  [default: the shipped reference set]",
@@ -478,15 +478,15 @@ _KEYWORDS: dict[str, Keyword] = {
 PANELS = ("Logs", "Damper", "Rig", "Fit", "Motion", "Trust", "Gates", "Work", "Output", "Options")
 
 
-def keyword_of(command: str, name: str) -> Keyword:
-    """Return what a keyword of a command is.
+def keyword_of(command: str, name: str) -> Keyword | None:
+    """Return what a keyword of a command is; None of what takes objects of Python alone.
 
     Examples
     --------
     >>> keyword_of("identify", "skew").key
     'rig.skew'
     """
-    return _KEYWORDS.get(f"{command}.{name}") or _KEYWORDS[name]
+    return _KEYWORDS.get(f"{command}.{name}") or _KEYWORDS.get(name)
 
 
 def option_of(name: str) -> str:
@@ -512,6 +512,7 @@ _TYPES = {
     "count": "int",
     "workers": "int",
     "path": "path",
+    "results": "Run or path",
     "paths": "list of path",
     "flag": "bool",
 }

@@ -9,7 +9,7 @@ configuration file the line of a key. Lists group them by code (`listing`).
 from __future__ import annotations
 
 import shlex
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ _SHOWN = 3  # sentences of one code that are shown one by one where there are ma
 _LONG = 200  # characters; a page of one paragraph again and again is not read
 _NAMES = 5  # names that are listed
 _MANY = 5  # tests of one file that fail alike and are listed one by one
-_OF_SHELLS = frozenset("()<>|;&$`\\")  # what is advised is to be pasted
+_OF_SHELLS = frozenset("()<>`\\")  # what is advised is to be pasted
 _SEVERITIES = ("error", "refusal", "warning", "note")
 # Codes that only name the class of an error: problems of such a code are alike in their text too.
 _GENERAL = frozenset({
@@ -160,7 +160,7 @@ def _keyword(name: str, key: str, value: str) -> str:
 
 def _in_python(value: str) -> str:
     """Return a value as Python has it; numbers, and words such as N that stand for one, bare."""
-    if not value or value == "..." or value.isupper() or value[0] in "'\"[{(":
+    if value in {"", "...", "True", "False"} or value.isupper() or value[0] in "'\"[{(":
         return value
     try:
         float(value)
@@ -178,7 +178,8 @@ class Problem:
     code : str
         What kind of problem, the same in every release, as in "no-such-file".
     text : str
-        What was found and expected, and what to do; with ``{name}`` in place of its values.
+        What was found and expected, and what to do; with ``{name}`` in place of its values. Where
+        it begins with ``{where}``, the option is named there and not before it.
     severity : str
         "error", "warning" or "note".
     subject : str
@@ -219,10 +220,12 @@ class Problem:
 
     def record(self) -> dict[str, Any]:
         """Return the problem as JSON values; `of_record` reads them back."""
-        values = {}
-        for name, value in self.values.items():
-            option = asdict(value) | {"value": str(value.value)} if isinstance(value, Option) else 0
-            values[name] = {"option": option} if option else _worded(value, Words())
+        values = {
+            name: [value.name, str(value.value), value.key, value.is_aside]
+            if isinstance(value, Option)
+            else _worded(value, Words())
+            for name, value in self.values.items()
+        }
         return {
             "code": self.code,
             "severity": self.severity,
@@ -237,7 +240,7 @@ class Problem:
         """Return the problem that a record tells; of a damaged one what is there."""
         known = record.get("values")
         values = {
-            name: Option(**value["option"]) if isinstance(value, dict) else value
+            name: Option(*value) if isinstance(value, list) else value
             for name, value in (known if isinstance(known, dict) else {}).items()
         }
         text = record.get("text", record.get("message", ""))
@@ -261,6 +264,8 @@ class Problem:
     def message(self, words: Words = Words()) -> str:
         """Return the sentence without its place."""
         text = self.text
+        if text.startswith("{where}") and isinstance(self.where, Option):
+            text = text.replace("{where}", words.asked(self.where), 1)
         for name, value in self.values.items():
             text = text.replace(f"{{{name}}}", _worded(value, words))
         return text
@@ -268,6 +273,8 @@ class Problem:
     def _lead(self, words: Words) -> str:
         where, subject = self.where, self.subject
         if isinstance(where, Option):
+            if self.text.startswith("{where}"):
+                return subject
             if subject and not str(where.value):
                 where, subject = replace(where, value=subject), ""
             return ": ".join(filter(None, (words.asked(where), subject)))

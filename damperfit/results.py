@@ -76,12 +76,12 @@ if TYPE_CHECKING:
     import pandas as pd
     import pyarrow as pa
 
+    from damperfit.answers import SettingForces
     from damperfit.configuration.options import Configuration
     from damperfit.damper.model import Model, Values
     from damperfit.damper.quantity import Quantity
     from damperfit.recording import Recording
     from damperfit.report.sheet import Sheet
-    from damperfit.shown import SettingForces
     from damperfit.simulation import SolverOptions
     from damperfit.tables.reading import LogSignals
     from damperfit.uncertainty import SpeedForces

@@ -8,14 +8,12 @@ from __future__ import annotations
 from contextlib import contextmanager
 from functools import wraps
 from inspect import Parameter, Signature, signature, unwrap
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
 from damperfit import __version__
 from damperfit.keywords import PYTHON_ONLY, Keyword, keyword_of, option_of
-from damperfit.wrong_calls import as_typed
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -35,19 +33,8 @@ class Shown(NamedTuple):
     list: bool = False
 
 
-_KINDS: dict[str, Any] = {
-    "text": str,
-    "path": Path,
-    "number": float,
-    "count": int,
-    "workers": int,
-    "texts": list[str],
-    "names": list[str],
-    "quantities": list[str],
-    "values": list[str],
-    "pairs": list[str],
-    "paths": list[Path],
-}
+# What may be given several times; all else is one text, for `damperfit.arguments` to read.
+_SEVERAL = {"texts", "names", "quantities", "values", "pairs", "paths", "arguments"}
 _COMMON = ("json", "quiet", "debug", "version")
 
 
@@ -86,8 +73,7 @@ def command(
             given.update(zip((one.name for one in keywords), arguments, strict=False))
             given.pop("version", None)
             how = Shown(**{one: given.pop(one) for one in Shown._fields if one in given})
-            with as_typed():
-                return run(how, **given)
+            return run(how, **given)
 
         parameters = [
             _parameter(called, one)
@@ -105,14 +91,18 @@ def command(
 def _parameter(command: str, one: Parameter) -> Parameter:
     """The option, or argument, of a keyword; its default is the keyword's."""
     known = keyword_of(command, one.name)
+    assert known is not None, one.name
     default = None if one.default in (Parameter.empty, ()) else one.default
     if known.kind in {"argument", "arguments"}:
         return _argument(one, known)
-    kind = bool if known.kind == "flag" else _KINDS[known.kind]
+    several: Any = list[str] if known.kind in _SEVERAL else str
+    kind: Any = bool if known.kind == "flag" else several
     info = typer.Option(
         option_of(one.name), *known.names, metavar=known.metavar or None, help=known.help,
-        rich_help_panel=known.panel, min=1 if known.kind == "workers" else None,
+        rich_help_panel=known.panel,
     )  # fmt: skip
+    if kind is str and default is not None:
+        default = str(default)
     annotation = kind if known.kind == "flag" or default is not None else kind | None
     return Parameter(
         one.name, Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[annotation, info]
@@ -120,11 +110,9 @@ def _parameter(command: str, one: Parameter) -> Parameter:
 
 
 def _argument(one: Parameter, known: Keyword) -> Parameter:
-    is_path = one.name in {"results", "runs", "folder"}
-    kind: Any = Path if is_path else str
-    kind = list[kind] if known.kind == "arguments" else kind
+    kind: Any = list[str] if known.kind in _SEVERAL else str
     is_needed = one.default is Parameter.empty
-    default = Parameter.empty if is_needed else one.default
+    default: Any = Parameter.empty if is_needed else one.default
     if not is_needed and (known.kind == "arguments" or default is None):
         kind, default = kind | None, None
     info = typer.Argument(metavar=known.metavar, help=known.help)
@@ -143,6 +131,7 @@ def with_options(run: Callable[..., Any], parameters: Sequence[Parameter]) -> Ca
 def of_presentation(name: str) -> Parameter:
     """Return an option that says how a command talks."""
     known = keyword_of("", name)
+    assert known is not None, name
     eager: dict[str, Any] = (
         {"callback": _print_version, "is_eager": True} if name == "version" else {}
     )
@@ -150,7 +139,7 @@ def of_presentation(name: str) -> Parameter:
         option_of(name), *known.names, metavar=known.metavar or None, help=known.help,
         rich_help_panel=known.panel, **eager,
     )  # fmt: skip
-    kind: Any = bool if known.kind == "flag" else Path | None
+    kind: Any = bool if known.kind == "flag" else str | None
     default = False if known.kind == "flag" else None
     return Parameter(
         name, Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[kind, info]

@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Any
 from damperfit import api
 from damperfit.cli.command import Shown, command
 from damperfit.cli.console import print_json, print_lines, say
+from damperfit.errors import DamperfitError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from damperfit.answers import FleetDone
     from damperfit.fleet.survey import HeldFleet
     from damperfit.run.identify import Watch
-    from damperfit.shown import FleetDone
 
 __all__ = ["fleet"]
 
@@ -27,15 +28,21 @@ def fleet(how: Shown, **given: Any) -> int:
 
     Example: damperfit fleet runs --out fleet --collect
     """
-    found = api.fleet(**given, watch=_looking_on(is_quiet=how.quiet))
+    fault = None
+    try:
+        found = api.fleet(**given, watch=_looking_on(is_quiet=how.quiet))
+    except DamperfitError as error:
+        if not hasattr(error, "done"):
+            raise
+        fault, found = error, error.done  # parts are done, and could not be collected
     _say(found, is_quiet=how.quiet)
     if not how.quiet and found.n_rows is not None:
         table = found.folder / "fleet.parquet"
         say(f"damperfit: {found.n_rows} rows of the fleet in {table} and .csv")
         if found.page is not None:
             say(f"damperfit: {found.page} written, with tables of dampers and outliers")
-    if found.error is not None:
-        raise found.error
+    if fault is not None:
+        raise fault
     if how.json:
         print_json(found.document())
     else:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from damperfit import api
-from damperfit.asked import assignments
+from damperfit.arguments import assignments
 from damperfit.cli.command import Shown, command
 from damperfit.cli.console import print_lines, say
 from damperfit.errors import ConfigurationError
@@ -36,10 +36,10 @@ def init(how: Shown, logs: list[str] | None, **given: Any) -> int:
 
     Example: damperfit init runs/*.csv --model monotube --set rod_diameter=12mm
     """
-    out = given["out"] or _FILE
+    out = Path(given["out"] or _FILE)
     path = None if str(out) == _STDOUT else out
-    asked = {**given, "out": path, "set": assignments(given["set"] or [], option="--set",
-             example="rod_diameter=12mm")}  # fmt: skip
+    keys = assignments(given["set"] or [], option=Option("set"), example="rod_diameter=12mm")
+    asked = {**given, "out": path, "set": keys}
     is_refused = path is not None and path.exists() and not given["overwrite"]
     if _is_terminal() and not how.quiet and not is_refused:
         asked["model"] = given["model"] or _asked_model()

@@ -6,15 +6,11 @@ import errno
 import gc
 import logging
 import os
-import re
 import sys
 import traceback
-from contextlib import suppress
 from copy import copy
-from dataclasses import replace
 from functools import cache, wraps
 from inspect import signature
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -32,16 +28,14 @@ from damperfit.cli.init import init
 from damperfit.cli.inspect import inspect
 from damperfit.cli.log_file import LogFile, log_file_of, record
 from damperfit.cli.models import models
-from damperfit.cli.option_values import giver_of
 from damperfit.cli.panels import PanelledCommand, UncutCommands
 from damperfit.cli.report import report
 from damperfit.cli.samples import samples
 from damperfit.cli.settings import settings
 from damperfit.cli.simulate import simulate
 from damperfit.cli.sweep import sweep
-from damperfit.errors import UNWRITTEN, ConfigurationError, DamperfitError
+from damperfit.errors import ConfigurationError, DamperfitError
 from damperfit.own_process import CLOSED_STREAMS, begin
-from damperfit.problem import FilePlace
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -52,9 +46,6 @@ _INTERRUPTED = 130
 # Imports make many objects and little garbage: `inspect` of a log some 120 000, among which to look
 # for any takes a fifteenth of its time.
 _NEW_OBJECTS = 200_000
-# What stands for a file or folder in the help of an option.
-_TAKES_A_FILE = {"FILE", "DIR", "PATH", "LOG", "RESULTS"}
-_MAY_BE_OTHER = {"--start", "--tolerance"}  # than a file; they say themselves what they take
 _TELLS_OF_ALL = "help"
 _WRITERS = {
     "identify",
@@ -167,7 +158,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # Products here are small; another BLAS thread spins for 25 ms as often as it is made.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     os.environ["MPLBACKEND"] = "agg"  # figures are files; a notebook's backend is not for us
-    argv = _with_home(argv)
     try:
         kept = LogFile(log_file_of(argv), argv)
     except ConfigurationError as error:
@@ -183,7 +173,6 @@ def _ended_with(argv: list[str], *, is_program: bool) -> int:
     usual = gc.get_threshold()
     gc.set_threshold(_NEW_OBJECTS, *usual[1:])
     try:
-        _refuse_empty_names(argv)
         code = int(app(argv, standalone_mode=False, prog_name="damperfit") or 0)
     except KeyboardInterrupt:
         say("damperfit: interrupted", logging.ERROR)
@@ -195,7 +184,7 @@ def _ended_with(argv: list[str], *, is_program: bool) -> int:
         unprinted(gone)
         return 0
     except Exception as error:  # noqa: BLE001 - the one place that catches everything
-        message, exit_code = _explain(error, argv)
+        message, exit_code = _explain(error)
         if "--debug" in argv:
             say_lines(traceback.format_exc())
         elif not hasattr(error, "format_message"):  # where an option was mistyped tells nobody
@@ -221,14 +210,12 @@ def _unless_unprinted(code: int, argv: Sequence[str]) -> int:
     return code or 1
 
 
-def _explain(error: Exception, argv: Sequence[str]) -> tuple[str, int]:
+def _explain(error: Exception) -> tuple[str, int]:
     """Return what to tell the user, and the exit code."""
     if isinstance(error, DamperfitError):
-        if any(one.startswith("--") for one in argv):
-            error = _with_giver(error, argv)
-        return str(error), error.exit_code
+        return error.problem.sentence(), error.exit_code
     if hasattr(error, "format_message"):  # every usage error of typer
-        return _wrong_number(error, argv) or _usage_message(error), 2
+        return _usage_message(error), 2
     if isinstance(error, typer.Abort):
         return "interrupted", _INTERRUPTED
     return _of_the_machine(error) or (
@@ -242,60 +229,6 @@ def _keeps_its_results(argv: Sequence[str]) -> bool:
     is_asked = {"--json", "--list", "--help", "-h", "--version", "-V"} & set(argv)
     has_out = any(word.partition("=")[0] == "--out" for word in argv)
     return not is_asked and (has_out or bool(_WRITERS & set(argv)))
-
-
-def _refuse_empty_names(argv: Sequence[str]) -> None:
-    """Refuse a file or folder without a name: a variable of the shell that is not set.
-
-    As a path it would be the folder that one is in, read or written to.
-    """
-    places = [k for k, word in enumerate(argv) if word == "" or re.fullmatch(r"--[\w-]+=", word)]
-    if not places:
-        return
-    files = _file_options(argv) - _MAY_BE_OTHER
-    for k in places:
-        before = argv[k].rstrip("=") or argv[k - 1]
-        if before in files or not before.startswith("-"):
-            where = f"{before} " if before in files else ""
-            raise ConfigurationError(
-                f"{where}'': expected a file or folder; is a variable of the shell not set? "
-                "'.' is this folder"
-            )
-
-
-def _with_home(argv: list[str]) -> list[str]:
-    """Return the words with ``~`` in place, where a shell leaves it: ``--out=~/x``, quotes."""
-    if not any(word.startswith("~") or "=~" in word for word in argv):
-        return argv
-    files = _file_options(argv)
-    others = {name for one in _parameters(argv) if not one.is_flag for name in one.opts} - files
-    expanded = []
-    for before, word in zip(("", *argv), argv, strict=False):
-        option, equals, value = word.partition("=")
-        if option in files and equals:
-            expanded.append(f"{option}={os.path.expanduser(value)}")  # noqa: PTH111
-        elif before in others:
-            expanded.append(word)
-        else:
-            expanded.append(os.path.expanduser(word))  # noqa: PTH111 - a Path raises on ~nobody
-    return expanded
-
-
-def _file_options(argv: Sequence[str]) -> frozenset[str]:
-    """Return the options of the command that was typed that take a file or folder."""
-    return frozenset(
-        name
-        for one in _parameters(argv)
-        if _TAKES_A_FILE & set(re.split(r"\W", one.metavar or ""))
-        for name in one.opts
-    )
-
-
-def _parameters(argv: Sequence[str]) -> list[Any]:
-    """Return the options of the command that was typed, as typer has them."""
-    commands = typer.main.get_command(app).commands  # type: ignore[attr-defined]
-    named = next((commands[word] for word in argv if word in commands), None)
-    return [one for one in (named.params if named is not None else ()) if hasattr(one, "is_flag")]
 
 
 def _of_the_machine(error: Exception) -> tuple[str, int] | None:
@@ -318,46 +251,6 @@ def _has_working_folder() -> bool:
         return bool(os.getcwd())  # noqa: PTH109
     except OSError:
         return False
-
-
-def _with_giver(error: DamperfitError, argv: Sequence[str]) -> DamperfitError:
-    """Return an error that is about a file with the option that gave the file."""
-    files, where, subject = _file_options(argv), error.problem.where, error.problem.subject
-    if isinstance(where, FilePlace) and where.option is None:
-        giver = giver_of(where.file, argv, files)
-        if giver is not None:
-            file = str(giver.value) or where.file
-            return error.at(replace(where, file=file, option=replace(giver, value="")))
-    if where is None and subject:
-        is_of_folder = error.problem.code in UNWRITTEN
-        giver = giver_of(subject, argv, files, has_folders=is_of_folder)
-        if giver is not None:
-            return error.at(giver, subject="" if giver.value else subject)
-    return error
-
-
-_NUMBERS = {int: "a whole number", float: "a number"}
-
-
-def _wrong_number(error: Any, argv: Sequence[str]) -> str:
-    """Return what number an option expected and found; empty where it takes none.
-
-    Typer leaves out what was found.
-    """
-    parameter = getattr(error, "param", None)
-    kind: Any = getattr(getattr(parameter, "type_descriptor", None), "annotation", None)
-    wanted = _NUMBERS.get(kind)
-    if parameter is None or wanted is None or not parameter.opts[0].startswith("--"):
-        return ""
-    options = set(parameter.opts)
-    typed = [word.partition("=")[2] for word in argv if word.partition("=")[0] in options]
-    typed += [after for word, after in pairwise(argv) if word in options]
-    found = next(filter(None, reversed(typed)), "")
-    least = getattr(parameter, "min", None)
-    with suppress(ValueError):
-        if least is not None and int(found) < least:
-            wanted = f"{least} or more"
-    return f"{parameter.opts[0]} {found}: expected {wanted}"
 
 
 def _usage_message(error: Any) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,9 +13,8 @@ from damperfit.keywords import PANELS
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-__all__ = ["PanelledCommand", "UncutCommands", "without_range"]
+__all__ = ["PanelledCommand", "UncutCommands"]
 
-_RANGE = re.compile(r"\s*\[x[<>]=\d+\]")
 _WHOLE = 1000  # characters of a summary: none is that long
 
 
@@ -73,7 +71,7 @@ class PanelledCommand(TyperCommand):
             record = None if param.param_type_name == "argument" else param.get_help_record(ctx)
             if record is not None:
                 panel = getattr(param, "rich_help_panel", None) or PANELS[-1]
-                rows.setdefault(panel, []).append((record[0], without_range(record[1])))
+                rows.setdefault(panel, []).append(record)
         for panel in PANELS:
             if panel in rows:
                 with formatter.section(panel):
@@ -81,17 +79,6 @@ class PanelledCommand(TyperCommand):
 
     def _arguments(self, ctx: Any) -> Iterator[Any]:
         return (one for one in self.get_params(ctx) if one.param_type_name == "argument")
-
-
-def without_range(text: str) -> str:
-    """Return the help of an option without what Click adds for a least value; the text has words.
-
-    Examples
-    --------
-    >>> without_range("Workers, 1 or more.  [x>=1]")
-    'Workers, 1 or more.'
-    """
-    return _RANGE.sub("", text)
 
 
 def _word(param: Any) -> str:

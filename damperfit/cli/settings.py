@@ -17,9 +17,9 @@ from damperfit.cli.console import (
 )
 
 if TYPE_CHECKING:
+    from damperfit.answers import SettingForces
     from damperfit.queries.settings import AdjusterResults, ForcesBySetting
     from damperfit.report.sheet import Sheet
-    from damperfit.shown import SettingForces
 
 __all__ = ["settings"]
 

@@ -17,7 +17,7 @@ from damperfit.cli.console import (
 )
 
 if TYPE_CHECKING:
-    from damperfit.shown import Simulation
+    from damperfit.answers import Simulation
 
 __all__ = ["simulate"]
 

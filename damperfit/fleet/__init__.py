@@ -6,7 +6,7 @@ LOGS --sources--> files --tasks--> DamperTask (one damper) --engine--> one_dampe
 
 import sys
 
-from damperfit.wrong_calls import FunctionPackage
+from damperfit.arguments import FunctionPackage
 
 __all__: list[str] = []
 

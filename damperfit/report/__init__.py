@@ -2,7 +2,7 @@
 
 import sys
 
-from damperfit.wrong_calls import FunctionPackage
+from damperfit.arguments import FunctionPackage
 
 __all__: list[str] = []
 

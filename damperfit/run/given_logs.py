@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 
 from damperfit.errors import ConfigurationError, LogError
 from damperfit.recording import Recording, Trace
-from damperfit.wrong_calls import is_typed
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -50,29 +49,25 @@ def as_files(logs: object, *, call: str) -> Iterator[list[str]]:
     LogError
         A frame has columns of different lengths, or none.
     """
-    if is_typed():
-        yield list(logs)  # type: ignore[call-overload]
-        return
     several = logs if isinstance(logs, list | tuple) else (logs,)
     if any(isinstance(one, str) and not one for one in several):  # it would be this folder
-        raise ConfigurationError(f"found ''; {_EXPECTED}", subject=call)
+        raise ConfigurationError(f"found ''; {_EXPECTED}")
     if isinstance(logs, str | os.PathLike):
         yield [os.fspath(logs)]
         return
     if isinstance(logs, Trace | Recording):
-        raise ConfigurationError(f"found a {type(logs).__name__}; {_EXPECTED}", subject=call)
+        raise ConfigurationError(f"found a {type(logs).__name__}; {_EXPECTED}")
     if _is_frame(logs):
         raise ConfigurationError(
             "found a data frame without a label; give {'10': frame}, where '10' is the "
             "setting of the adjuster",
-            subject=call,
         )
     if isinstance(logs, Mapping):
         with TemporaryDirectory(prefix="damperfit-frames-") as folder:
             yield _written(logs, Path(folder), call)
         return
     if not isinstance(logs, Iterable):
-        raise ConfigurationError(f"found {type(logs).__name__}; {_EXPECTED}", subject=call)
+        raise ConfigurationError(f"found {type(logs).__name__}; {_EXPECTED}")
     paths = list(logs)
     for one in paths:
         if not isinstance(one, str | os.PathLike):
@@ -80,7 +75,7 @@ def as_files(logs: object, *, call: str) -> Iterator[list[str]]:
                 f"found {type(one).__name__} in a list; {_EXPECTED}", subject=call
             )
     if not paths:
-        raise ConfigurationError(f"found no log; {_EXPECTED}", subject=call)
+        raise ConfigurationError(f"found no log; {_EXPECTED}")
     yield [os.fspath(one) for one in paths]
 
 

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import sys
 
+from damperfit.arguments import FunctionPackage
 from damperfit.samples.any_model import SimulatedCycle, simulated_cycle
 from damperfit.samples.logs import SampleOptions, make_samples
 from damperfit.samples.steady import SteadyCycle, steady_cycle
-from damperfit.wrong_calls import FunctionPackage
 
 __all__ = [
     "SampleOptions",

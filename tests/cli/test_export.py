@@ -7,7 +7,7 @@ import json
 import pytest
 
 import damperfit
-from damperfit.shown import Files
+from damperfit.answers import Files
 from tests.report_folder import make_results
 
 
@@ -45,7 +45,7 @@ def test_remarks_end_with_one_and_are_told(run, results) -> None:
     ("arguments", "said"),
     [
         (("--to", "csw"), "--to csw: expected one of"),
-        ((), "to what? Give --to"),
+        ((), "no target: give --to"),
         (("--to", "csv", "--out", "front.dpr"), "csv writes .csv files"),
     ],
 )

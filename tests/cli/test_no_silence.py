@@ -35,11 +35,11 @@ GIVEN = [
             ["identify", "LOG", "--model", "auto", "--free", "r_m1,r_m2"],
             "--free has no effect: with --model auto the logs choose what is fitted",
         ),
-        (["identify", ""], "'': expected a file or folder; is a variable of the shell not set?"),
-        (["identify", "--quiet", ""], "'': expected a file or folder"),
-        (["identify", "LOG", "--out", ""], "--out '': expected a file or folder"),
-        (["identify", "LOG", "--out="], "--out '': expected a file or folder"),
-        (["compare", "LOG", ""], "'': expected a file or folder"),
+        (["identify", ""], "found ''; "),
+        (["identify", "--quiet", ""], "found ''; "),
+        (["identify", "LOG", "--out", ""], "--out: found ''; expected the path of a folder"),
+        (["identify", "LOG", "--out="], "--out: found ''; expected the path of a folder"),
+        (["compare", "LOG", ""], "found ''; "),
         (["identify", "LOG", "--max-mse", "0"], "--max-mse 0: expected more than 0"),
         (["identify", "LOG", "--setting=?"], "--setting ?: expected clicks"),
         (["identify", "LOG", "--setting", "0"], "--setting 0: setting_01.csv says setting 1"),
@@ -83,7 +83,7 @@ GIVEN = [
         *(
             (
                 ["simulate", *GIVEN, "--displacement", "LOG", option, value],
-                f"{option} cannot be combined with --displacement",
+                " cannot be combined with --displacement",
             )
             for option, value in (
                 ("--amplitude", "3mm"),

@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from damperfit.asked import starts_of
+from damperfit.arguments import starts_of
 from damperfit.cli import main
 from damperfit.configuration.loading import load_configuration
 from damperfit.errors import ConfigurationError

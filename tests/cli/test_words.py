@@ -9,11 +9,11 @@ from types import SimpleNamespace
 import pytest
 from rich.text import Text
 
+from damperfit.answers import Files, Sweep
 from damperfit.cli import github, main
 from damperfit.cli.console import print_renderable, screen_columns
 from damperfit.damper.purdy.figures import FAMILIES
 from damperfit.errors import ConfigurationError
-from damperfit.shown import Files, Sweep
 from tests.fakes import campaign, fit
 
 identify = sys.modules["damperfit.cli.identify"]

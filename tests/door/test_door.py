@@ -278,11 +278,11 @@ identify(result) -> found Run; expected paths
 identify(LOG, free=3) -> (free=...): found 3; expected a list of names
 identify(LOG, free=['r_m9']) -> (free=...): no parameter 'r_m9'
 identify(LOG, fix='f_f=50N') -> expected a mapping of names
-identify(LOG, fix=['k_e']) -> damperfit.identify(fix=...): found
+identify(LOG, fix=['k_e']) -> damperfit.identify(fix='k_e'): expected NAME=VALUE
 identify(LOG, fix={'f_f': 'x'}) -> (fix=...): f_f = x: expected
 identify(LOG, fixed={'k_e': 1e9}) -> no keyword 'fixed'
 identify(LOG, share=3) -> (share=...): found 3
-identify(LOG, share=['r_m3']) -> (share=...): only procedure joint fits shared
+identify(LOG, share=['r_m3']) -> (share='r_m3') has no effect: only procedure joint
 identify(LOG, hold_out=3) -> (hold_out=...): found 3
 identify(LOG, hold_out='no.csv') -> as in hold_out='*_16mm.csv'
 identify(LOG, profile=True) -> (profile=...): found True
@@ -300,15 +300,15 @@ identify(LOG, damper=damperfit.Motion(1.0, [1], [0])) -> (damper=...): found Mot
 identify(LOG, config=3) -> (config=...): found int; expected the path of a TOML file
 identify(LOG, out=3) -> (out=...): found int; expected the path of a folder
 identify(LOG, out='') -> (out=...): found ''; expected the path of a folder, '.' for this
-identify(LOG, tests=3) -> (tests=...): found int; expected the path of a table
-identify(LOG, jobs=0) -> (jobs=...): found 0; expected a whole
-identify(LOG, jobs=True) -> (jobs=...): found True; expected a whole number
-identify(LOG, setting='') -> setting=''
-identify(LOG, setting=3j) -> setting=...: found complex; expected a setting
+identify(LOG, tests=3) -> (tests=...): found int; expected the path of a file
+identify(LOG, jobs=0) -> (jobs=0): expected 1 or more
+identify(LOG, jobs=True) -> (jobs=True): expected a whole number
+identify(LOG, setting='') -> (setting=...): expected clicks
+identify(LOG, setting=3j) -> (setting=...): found complex; expected a setting
 inspect('') -> damperfit.inspect: found ''; expected paths or patterns
-inspect(LOG, jobs=1.5) -> (jobs=...): found 1.5
+inspect(LOG, jobs=1.5) -> (jobs=1.5): expected a whole
 inspect(LOG, test='t.csv') -> no keyword 'test'
-inspect(LOG, setting=object()) -> setting=...: found object; expected a setting
+inspect(LOG, setting=object()) -> (setting=...): found object; expected a setting
 inspect(LOG, setting=9) -> (setting=9): setting_10.csv says setting 10; leave the option out
 read() -> damperfit.read: log missing
 read([LOG, LOG]) -> found several logs
@@ -329,12 +329,12 @@ compare(result, '') -> damperfit.compare: found ''; expected a result, or the pa
 compare(result, result, tolerance=5) -> (tolerance=...): found 5; expected '5%'
 compare(result, result, tolerance='x') -> (tolerance='x'): expected per cent, newtons
 compare(result, result, toleranz=3) -> Did you mean 'tolerance'?
-compare(result, result, velocity=3j) -> (velocity=...): found 3j; expected speeds
-compare(result, result, jobs='x') -> (jobs=...): found 'x'
+compare(result, result, velocity=3j) -> (velocity=...): found 3j; expected a list
+compare(result, result, jobs='x') -> (jobs='x'): expected a whole number
 compare(result, result, measured='x') -> (measured=...): found 'x'; expected True
 compare(result, result, amplitude='5mm') -> amplitude= and frequency= make the sine
 export(7, 'csv') -> damperfit.export: found int; expected a result
-export(result) -> damperfit.export: no target given
+export(result) -> export: no target: give to=
 export(result, 'csv') -> give out=FOLDER
 export(result, to='fmu9') -> (to='fmu9'): expected one of csv, xlsx
 export(result, to='fmu22', out='x') -> Did you mean 'fmu2'

@@ -7,7 +7,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from damperfit.asked import covaried
+from damperfit.arguments import covaried
 from damperfit.cli.main import main
 from damperfit.errors import ConfigurationError
 from damperfit.queries.settings import read_adjuster_results

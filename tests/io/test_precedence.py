@@ -8,7 +8,7 @@ from dataclasses import fields
 
 import pytest
 
-from damperfit.asked import configured
+from damperfit.arguments import configured
 from damperfit.configuration.loading import configuration_toml, load_configuration
 from damperfit.errors import ConfigurationError
 from damperfit.io import ReadOptions, read_log

@@ -11,7 +11,6 @@ import typer
 
 import damperfit
 from damperfit.cli.main import app
-from damperfit.cli.panels import without_range
 from damperfit.damper.models import MODELS
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.exporting.targets import TARGETS
@@ -62,7 +61,7 @@ def _option_rows(command: str, *, is_common: bool) -> Iterator[list[str]]:
             value = "" if one.is_flag or not one.metavar else f" {one.metavar}"
             spelled = ", ".join(f"`{word}{value}`" for word in sorted(one.opts, key=len))
             _, said = one.get_help_record(_context(command))
-            yield [spelled, " ".join(without_range(said).split())]
+            yield [spelled, " ".join(said.split())]
 
 
 def _first_line(text: str | None) -> str:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from damperfit.asked import configured
+from damperfit.arguments import configured
 from damperfit.errors import ConfigurationError
 from damperfit.io import TestRow
 from damperfit.run.logs import read_batch

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from damperfit.asked import configured, covaried
+from damperfit.arguments import configured, covaried
 from damperfit.cli.main import main
 from damperfit.conditioning import ConditionOptions, condition
 from damperfit.conditioning.duplicates import are_unlike

@@ -631,8 +631,6 @@ class FleetDone:
         Rows of the table of all parts, where it was written.
     page : pathlib.Path or None
         The page, where it was written.
-    error : Exception or None
-        Why the parts could not be collected.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -642,7 +640,6 @@ class FleetDone:
         self.held: HeldFleet | None = None
         self.n_rows: int | None = None
         self.page: Path | None = None
-        self.error: Exception | None = None
 
     @property
     def counts(self) -> dict[str, int]:

@@ -1,0 +1,617 @@
+"""Arguments of the functions: read by their kind, as values or texts, and put into a configuration.
+
+A command hands texts over and a call in Python values; both are read here, by the kinds that
+`damperfit.keywords` gives them, and refused in the words of whoever gave them.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import asdict, replace
+from functools import wraps
+from importlib import import_module
+from inspect import Parameter, signature
+from numbers import Integral, Real
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
+
+from damperfit.errors import (
+    UNWRITTEN,
+    ConfigurationError,
+    DamperfitError,
+    refuse_wrong_arguments,
+)
+from damperfit.keywords import PYTHON_ONLY, keyword_of, with_keywords
+from damperfit.problem import FilePlace, Option, Words
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from damperfit.configuration.options import Configuration
+    from damperfit.tested.setting import Setting
+
+    P = ParamSpec("P")
+    R = TypeVar("R")
+
+__all__ = [
+    "FunctionPackage",
+    "assignments",
+    "configured",
+    "covaried",
+    "declared_setting",
+    "folder_of",
+    "known_as_setting",
+    "path_of",
+    "public",
+    "reading_as",
+    "refuse_beside",
+    "refuse_idle",
+    "rig_keys",
+    "starts_of",
+    "workers",
+]
+
+_ASSIGNMENT = re.compile(r"\s*[A-Za-z_]\w*\s*=")
+_NEXT_ASSIGNMENT = re.compile(r",(?=\s*[A-Za-z_]\w*\s*=)")
+# What a path is of, by the word that stands for it in the help.
+_PLACES = {
+    "DIR": "a folder",
+    "FILE.toml": "a TOML file",
+    "FILE": "a file",
+    "LOG": "a log",
+    "PATH": "a file or folder",
+}
+_RESULT = "a result, or the path of a results folder"
+
+
+class FunctionPackage(ModuleType):
+    """A package of the name of a function: called, it is the function of `damperfit.api`."""
+
+    def __call__(self, *arguments: Any, **given: Any) -> Any:
+        """Do what the function does."""
+        function = getattr(import_module("damperfit.api"), self.__name__.rpartition(".")[2])
+        return function(*arguments, **given)
+
+
+def public(function: Callable[P, R]) -> Callable[P, R]:
+    """Return a function that reads its arguments and documents them.
+
+    What is refused is said in the words of its call; the command line words it again.
+    """
+    call = f"damperfit.{function.__name__}"
+    function.__doc__ = with_keywords(function)
+    reading = refuse_wrong_arguments(call)(reading_as(function.__name__)(function))
+
+    @wraps(function)
+    def called(*args: P.args, **kwargs: P.kwargs) -> R:
+        try:
+            return reading(*args, **kwargs)
+        except DamperfitError as error:
+            error.words = Words(call)
+            raise
+
+    return called
+
+
+def reading_as(command: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Return a decorator: a function is given its arguments as values of their kinds.
+
+    Parameters
+    ----------
+    command : str
+        Whose keywords these are.
+    """
+
+    def decorated(function: Callable[P, R]) -> Callable[P, R]:
+        own = signature(function)
+
+        @wraps(function)
+        def reading(*args: P.args, **kwargs: P.kwargs) -> R:
+            bound = own.bind(*args, **kwargs)
+            paths: dict[str, Any] = {}
+            for name, value in list(bound.arguments.items()):
+                kind = own.parameters[name].kind
+                if kind is Parameter.VAR_KEYWORD:
+                    read = {k: _read_as(command, k, one, paths) for k, one in value.items()}
+                    bound.arguments[name] = read
+                elif kind is not Parameter.VAR_POSITIONAL:
+                    bound.arguments[name] = _read_as(command, name, value, paths)
+            try:
+                return function(*bound.args, **bound.kwargs)
+            except DamperfitError as error:
+                raise _given_by(error, paths) from error.__cause__
+
+        return reading
+
+    return decorated
+
+
+def _read_as(command: str, name: str, value: Any, paths: dict[str, Any]) -> Any:
+    keyword = keyword_of(command, name)
+    if value is None or keyword is None or {name, f"{command}.{name}"} & {*PYTHON_ONLY}:
+        return value
+    read = _read(keyword.kind, value, Option(name), keyword.metavar)
+    if keyword.kind in {"path", "paths", "results"}:
+        paths[name] = value if isinstance(value, str | list) else read
+    return read
+
+
+def _given_by(error: DamperfitError, paths: Mapping[str, Any]) -> DamperfitError:
+    """Return an error that is about a file with the argument that gave the file."""
+    where, place = error.problem.where, error.problem.subject
+    if isinstance(where, FilePlace) and where.option is None:
+        place = where.file
+    elif where is not None or not place:
+        return error
+    has_folders = error.problem.code in UNWRITTEN
+    for name, value in paths.items():
+        for path in value if isinstance(value, list) else [value]:
+            itself = {os.path.normpath(path), _real(path)}
+            if has_folders:
+                itself.add(os.path.dirname(path))  # noqa: PTH120 - as it was given
+            if not itself.isdisjoint({place, os.path.normpath(place)}):
+                giver = Option(name, path)
+            elif not itself.isdisjoint(map(str, Path(place).parents)):
+                giver = Option(name)
+            else:
+                continue
+            if isinstance(where, FilePlace):
+                file = str(giver.value) or where.file
+                return error.at(replace(where, file=file, option=Option(name)))
+            return error.at(giver, subject="" if giver.value else place)
+    return error
+
+
+def _real(path: object) -> str:
+    try:
+        return os.path.realpath(str(path))
+    except (OSError, ValueError):  # the working folder is gone
+        return str(path)
+
+
+def _read(  # noqa: PLR0911 - one a kind
+    kind: str, value: Any, option: Option, metavar: str
+) -> Any:
+    """Return an argument as its kind has it."""
+    if kind == "path":
+        return path_of(value, option, f"the path of {_PLACES.get(metavar, 'a file')}")
+    if kind == "results":
+        return _results(value, option)
+    if (
+        kind == "arguments"
+        and isinstance(value, list)
+        and any(isinstance(one, str) and not one for one in value)
+    ):
+        raise ConfigurationError(
+            "found ''; expected paths; is a variable of the shell not set? '.' is this folder"
+        )
+    if kind == "paths":
+        return [path_of(one, option, "the path of a folder") for one in _listed(value, option)]
+    if kind == "texts":
+        return value if isinstance(value, Mapping) else _listed(value, option)
+    if kind in {"names", "quantities"}:
+        names = [n.strip() for one in _listed(value, option) for n in str(one).split(",")]
+        return [name.lower() for name in names] if kind == "quantities" else names
+    if kind == "values":
+        return _values(value, option)
+    if kind == "pairs":
+        return rig_keys(value) if option.name == "rig" else _pairs(value, option)
+    if kind in {"count", "workers"}:
+        return _whole(value, option, least=1 if kind == "workers" else None)
+    if kind == "number":
+        return _number(value, option)
+    if kind == "flag" and not isinstance(value, bool):
+        raise ConfigurationError(f"found {value!r}; expected True or False", where=option)
+    return value
+
+
+def path_of(value: object, where: Option | str, expected: str) -> Path:
+    """Return a path that was given as text or as a path.
+
+    Parameters
+    ----------
+    value : object
+        What was given.
+    where : Option or str
+        What gave it.
+    expected : str
+        What the path is of, as in "the path of a folder".
+
+    Raises
+    ------
+    ConfigurationError
+        It is neither, or empty.
+    """
+    place: dict[str, Any] = {"subject": where} if isinstance(where, str) else {"where": where}
+    if "\0" in str(value):
+        raise ConfigurationError(f"found {value!r}; a NUL cannot stand in a path", **place)
+    if isinstance(value, str | os.PathLike) and os.fspath(value) != "":
+        return Path(os.path.expanduser(os.fspath(value)))  # noqa: PTH111 - of ~nobody it raises
+    found = "''" if isinstance(value, str) else type(value).__name__
+    more = ", '.' for this folder" if isinstance(value, str) else ""  # it would be this one
+    raise ConfigurationError(f"found {found}; expected {expected}{more}", **place)
+
+
+def folder_of(given: object, call: str) -> Path:
+    """Return the folder of results, or of the path to them."""
+    from damperfit.results import Run
+
+    if isinstance(given, Run):
+        return given.folder
+    if isinstance(given, str | Path):
+        return path_of(given, call, _RESULT)
+    raise ConfigurationError(f"found {type(given).__name__}; expected {_RESULT}", subject=call)
+
+
+def _results(value: Any, option: Option) -> Path:
+    from damperfit.results import Run
+
+    expected = "a result, or the path of results or of a parameters table"
+    return value.folder if isinstance(value, Run) else path_of(value, option, expected)
+
+
+def _whole(value: Any, option: Option, *, least: int | None) -> int:
+    where = replace(option, value=str(value))
+    if isinstance(value, str):
+        with suppress(ValueError):
+            value = int(value)
+    if type(value) is bool or not isinstance(value, Integral):
+        raise ConfigurationError("expected a whole number", where=where)
+    if least is not None and int(value) < least:
+        raise ConfigurationError(f"expected {least} or more", where=where)
+    return int(value)
+
+
+def _number(value: Any, option: Option) -> float:
+    try:
+        return math.nan if isinstance(value, bool) else float(value)
+    except (TypeError, ValueError) as error:
+        raise ConfigurationError(
+            "expected a number", where=replace(option, value=str(value))
+        ) from error
+
+
+def workers(jobs: int | None) -> int:
+    """Return how many workers are asked for; None: as many as there are cores."""
+    from damperfit.workers import available_cores
+
+    return jobs or available_cores()
+
+
+def _listed(values: object, option: Option) -> list[Any]:
+    if isinstance(values, str | os.PathLike):
+        return [values]
+    if isinstance(values, Real) and option.name == "velocity":
+        return [values]
+    if not isinstance(values, Iterable):
+        raise ConfigurationError(f"found {values!r}; expected a list of names", where=option)
+    return list(values)
+
+
+def _mapping(value: object, option: Option) -> Mapping[Any, Any]:
+    if not isinstance(value, Mapping):
+        found = repr(value) if isinstance(value, str | float | list) else type(value).__name__
+        raise ConfigurationError(
+            f"found {found}; expected a mapping of names to values", where=option
+        )
+    for name in value:
+        if not isinstance(name, str):
+            raise ConfigurationError(
+                f"found {name!r} in place of a name; expected a mapping of names to values",
+                where=option,
+            )
+    return value
+
+
+def _values(value: Any, option: Option) -> dict[str, str]:
+    """Return values by quantity: of a mapping, or of NAME=VALUE texts and lists; K_e is k_e."""
+    if isinstance(value, Mapping) or not isinstance(value, list):
+        return {name: str(one) for name, one in _mapping(value, option).items()}
+    parts = (one.partition("=") for text in value for one in _NEXT_ASSIGNMENT.split(str(text)))
+    return assignments((f"{name.lower()}{mark}{one}" for name, mark, one in parts), option=option)
+
+
+def _pairs(value: Any, option: Option) -> dict[str, str]:
+    if not isinstance(value, list):
+        return {name: str(one) for name, one in _mapping(value, option).items()}
+    return assignments(value, option=option, example="rod_diameter=12mm")
+
+
+def assignments(
+    texts: Iterable[str], *, option: Option, example: str = "k_e=5e8", may_be_empty: bool = False
+) -> dict[str, str]:
+    """Return NAME=VALUE texts as a dictionary.
+
+    Raises
+    ------
+    ConfigurationError
+        A text has no name, no ``=`` or no value (unless it may be empty), or a name is given twice.
+    """
+    values: dict[str, str] = {}
+    for text in texts:
+        name, equals, value = (part.strip() for part in text.partition("="))
+        where = replace(option, value=text)
+        if not (name and equals and (value or may_be_empty)):
+            raise ConfigurationError(f"expected NAME=VALUE, such as {example}", where=where)
+        if name in values:
+            raise ConfigurationError(f"{name} is given twice", where=where)
+        values[name] = value
+    return values
+
+
+def rig_keys(given: Any) -> dict[str, Any]:
+    """Return keys of [rig]: of a mapping, or of KEY=VALUE texts, whose KEY may be dotted.
+
+    A value is what it would be in TOML; what is no TOML (kN, or nothing) is text.
+
+    Raises
+    ------
+    ConfigurationError
+        A text has no key or no ``=``, or a key is given twice.
+    """
+    option = Option("rig")
+    if not isinstance(given, list | tuple):
+        return dict(_mapping(given, option))
+    import json
+    import tomllib
+
+    keys: dict[str, Any] = {}
+    texts = assignments(given, option=option, example="units.force=kN", may_be_empty=True)
+    for key, value in texts.items():
+        for text in (value, json.dumps(value)):
+            with suppress(tomllib.TOMLDecodeError):
+                found = tomllib.loads(f"{key} = {text}")
+                break
+        else:
+            raise ConfigurationError(f"{key!r} is not a key", where=Option("rig", value, key))
+        for name, entry in found.items():
+            is_table = isinstance(entry, dict) and isinstance(keys.get(name), dict)
+            keys[name] = keys[name] | entry if is_table else entry
+    return keys
+
+
+def starts_of(given: Any) -> tuple[str | None, dict[str, str]]:
+    """Return the file and the values that ``start`` gives, values one by one or in lists.
+
+    Examples
+    --------
+    >>> starts_of(["results", "f_f=30,k_e=2e9"])
+    ('results', {'f_f': '30', 'k_e': '2e9'})
+    >>> starts_of({"f_f": 30})
+    (None, {'f_f': '30'})
+
+    Raises
+    ------
+    ConfigurationError
+        Two files are given, a value is missing, or a name is given twice.
+    """
+    if isinstance(given, Mapping):
+        return None, {str(name): str(value) for name, value in given.items()}
+    texts = [str(given)] if isinstance(given, str | Path) else [str(one) for one in given or []]
+    parts = [part for text in texts for part in _parted(text)]
+    values = [part for part in parts if _ASSIGNMENT.match(part) and not _is_there(part)]
+    files = [part for part in parts if part not in values]
+    if len(files) > 1:
+        raise ConfigurationError(
+            f"{files[0]} is given already; a fit starts from one earlier run",
+            where=Option("start", files[1]),
+        )
+    if "" in files:
+        raise ConfigurationError(
+            "expected a file or NAME=VALUE, such as k_e=5e8", where=Option("start", "''")
+        )
+    return (files[0] if files else None), _values(values, Option("start"))
+
+
+def _parted(text: str) -> list[str]:
+    return [text] if _is_there(text) else _NEXT_ASSIGNMENT.split(text)
+
+
+def _is_there(text: str) -> bool:
+    """Whether a text names a file; a list of values may be longer than any name."""
+    with suppress(OSError, ValueError):
+        return Path(text).exists()
+    return False
+
+
+def configured(
+    command: str,
+    given: Mapping[str, Any],
+    *more: tuple[str, str, Any],
+    is_law_open: bool = False,
+) -> Configuration:
+    """Return the configuration that arguments ask for.
+
+    Parameters
+    ----------
+    command : str
+        Whose arguments these are.
+    given : mapping of str to any
+        By keyword; what is None, or a flag that is not set, is not given.
+    *more : tuple of str, str and any
+        A keyword, the key that it sets, as in "identification.start", and the value, where the
+        keyword's own value is not what the key has.
+    is_law_open : bool
+        The logs choose the law.
+
+    Raises
+    ------
+    ConfigurationError
+        A key or value is wrong; the argument is named.
+    """
+    from damperfit.configuration.loading import load_configuration
+
+    sections: dict[str, dict[str, Any]] = {}
+    options: dict[str, Option] = {}
+
+    def put(place: str, value: Any, name: Option) -> None:
+        section, _, key = place.partition(".")
+        sections.setdefault(section, {})[key] = value
+        options[place] = name
+
+    if given.get("damper") is not None:
+        sections["damper"] = _declared(given["damper"])
+    units, rig = given.get("units"), given.get("rig")
+    for keyword, value in given.items():
+        if value is None or value is False or keyword in PYTHON_ONLY:
+            continue
+        known = keyword_of(command, keyword)
+        is_nothing = isinstance(value, dict) and not value
+        if known is not None and known.key and not is_nothing:
+            put(known.key, str(value) if isinstance(value, Path) else value, Option(keyword))
+    for keyword, place, value in more:
+        if value is not None:
+            put(place, value, Option(keyword))
+    for key, value in ({} if rig is None else rig_keys(rig)).items():
+        put(f"rig.{key}", value, Option("rig", key=key))
+    if isinstance(units, str):
+        from damperfit.units.shown_units import parse_units
+
+        parse_units(units)
+        put("output.units", units, Option("units"))
+    elif units is not None:
+        known_units = sections.get("rig", {}).get("units", {})
+        put("rig.units", {**known_units, **_mapping(units, Option("units"))}, Option("units"))
+    return load_configuration(
+        given.get("config"), overlay=sections, options=options, is_law_open=is_law_open
+    )
+
+
+def _declared(damper: Any) -> dict[str, Any]:
+    from damperfit.damper.model import Model
+
+    if isinstance(damper, Model):
+        model: Any = damper
+        return {"model": model.name, **asdict(model)}
+    if isinstance(damper, Mapping):
+        return dict(_mapping(damper, Option("damper")))
+    found = f"the class {damper.__name__}" if isinstance(damper, type) else type(damper).__name__
+    raise ConfigurationError(
+        f"found {found}; expected a damper such as damperfit.Damper(rod_diameter=0.012), or keys "
+        "of [damper]",
+        where=Option("damper"),
+    )
+
+
+def covaried(command: str, given: Mapping[str, Any], *, of_fleet: bool = False) -> Any:
+    """Return the reference temperature that ``covariate="temperature"`` asks for.
+
+    One that the configuration file names stays. Otherwise it is the mean of the logs, and of a
+    fleet, whose dampers are held beside each other, the nominal temperature of the test.
+
+    Raises
+    ------
+    ConfigurationError
+        Another word, a law is to be chosen too, or the file cannot be read.
+    """
+    word, model = given.get("covariate"), given.get("model")
+    if word is None:
+        return None
+    if word != "temperature":
+        raise ConfigurationError(
+            "expected temperature, the only one there is", where=Option("covariate", word)
+        )
+    if model == "auto":
+        raise ConfigurationError(
+            "choose the law first, from logs of one temperature (damperfit models), then name it: "
+            "{model}",
+            model=Option("model", "NAME"),
+            where=Option("covariate", "temperature"),
+        )
+    asked = {name: given.get(name) for name in ("config", "damper", "model")}
+    configuration = configured(command, asked)
+    named: str | float = configuration.document["damper"]["reference_temperature"]
+    if named != "none":
+        return named
+    return configuration.rig.temperature if of_fleet else "mean"
+
+
+def declared_setting(setting: Any, configuration: Configuration) -> Setting | None:
+    """Return the setting that is meant, by its label or number.
+
+    Raises
+    ------
+    ConfigurationError
+        It is none.
+    """
+    from damperfit.tested.setting import Setting, parse_setting
+
+    setting = known_as_setting(setting)
+    if setting is None or isinstance(setting, Setting):
+        return setting
+    try:
+        return parse_setting(str(setting), configuration.reading.adjusters)
+    except ValueError as error:
+        raise ConfigurationError(f"{error}", where=Option("setting", setting)) from error
+
+
+def known_as_setting(setting: Any) -> Setting | int | str | None:
+    """Return a setting as it was given: its number, its label, or itself.
+
+    Raises
+    ------
+    ConfigurationError
+        It is nothing of the kind.
+    """
+    from damperfit.tested.setting import Setting
+
+    if setting is None or isinstance(setting, Setting | str):
+        return setting
+    is_truth = type(setting) is bool
+    if isinstance(setting, Real) and not is_truth:
+        number = float(setting)
+        return int(number) if number.is_integer() else str(number)
+    raise ConfigurationError(
+        f"found {type(setting).__name__}; expected a setting such as 10 or 'R12 C8'",
+        where=Option("setting"),
+    )
+
+
+def refuse_beside(option: Option, others: Mapping[str, Any], *, why: str) -> None:
+    """Refuse what cannot be combined with another option.
+
+    Raises
+    ------
+    ConfigurationError
+        One of the others was given.
+    """
+    for name, value in others.items():
+        if value is not None:
+            raise ConfigurationError(
+                f"{{where}} cannot be combined with {{other}}: {why}; leave one of the two out",
+                code="not-together",
+                where=Option(name, value),
+                other=option,
+            )
+
+
+def refuse_idle(given: Mapping[str, Any], names: Sequence[str], why: str, **options: Any) -> None:
+    """Refuse what would have no effect.
+
+    Raises
+    ------
+    ConfigurationError
+        One of the names was given.
+    """
+    for name in names:
+        if given.get(name) is not None:
+            raise ConfigurationError(
+                f"{{where}} has no effect: {why}; leave it out",
+                code="no-effect",
+                where=Option(name, _told(given[name])),
+                **options,
+            )
+
+
+def _told(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return ", ".join(
+            f"{name}={one}" if not isinstance(one, Mapping) else f"{name}.{_told(one)}"
+            for name, one in value.items()
+        )
+    return ", ".join(map(str, value)) if isinstance(value, list) else str(value)
