@@ -13,11 +13,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, replace
 from functools import wraps
-from importlib import import_module
 from inspect import Parameter, signature
 from numbers import Integral, Real
 from pathlib import Path
-from types import ModuleType
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 from damperfit.errors import (
@@ -39,7 +37,6 @@ if TYPE_CHECKING:
     R = TypeVar("R")
 
 __all__ = [
-    "FunctionPackage",
     "assignments",
     "configured",
     "covaried",
@@ -67,15 +64,6 @@ _PLACES = {
     "PATH": "a file or folder",
 }
 _RESULT = "a result, or the path of a results folder"
-
-
-class FunctionPackage(ModuleType):
-    """A package of the name of a function: called, it is the function of `damperfit.api`."""
-
-    def __call__(self, *arguments: Any, **given: Any) -> Any:
-        """Do what the function does."""
-        function = getattr(import_module("damperfit.api"), self.__name__.rpartition(".")[2])
-        return function(*arguments, **given)
 
 
 def public(function: Callable[P, R]) -> Callable[P, R]:

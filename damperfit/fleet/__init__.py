@@ -6,7 +6,7 @@ LOGS --sources--> files --tasks--> DamperTask (one damper) --engine--> one_dampe
 
 import sys
 
-from damperfit.arguments import FunctionPackage
+from damperfit.keywords import FunctionPackage
 
 __all__: list[str] = []
 

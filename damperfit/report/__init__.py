@@ -2,7 +2,7 @@
 
 import sys
 
-from damperfit.arguments import FunctionPackage
+from damperfit.keywords import FunctionPackage
 
 __all__: list[str] = []
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import sys
 
-from damperfit.arguments import FunctionPackage
+from damperfit.keywords import FunctionPackage
 from damperfit.samples.any_model import SimulatedCycle, simulated_cycle
 from damperfit.samples.logs import SampleOptions, make_samples
 from damperfit.samples.steady import SteadyCycle, steady_cycle
