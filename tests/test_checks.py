@@ -251,26 +251,6 @@ def test_steps_over_several_clicks_are_not_called_clicks() -> None:
     assert apart.reason.startswith("every step from one tested setting to the next changes")
 
 
-def test_a_trend_that_is_not_told_is_named_beside_the_others() -> None:
-    seen = subject(trends=[trend(), trend(parameter="k_e", direction=None, monotone=None)])
-    check = result("trend_monotone", seen)
-    assert check.passed is True
-    assert check.reason == (
-        "with the setting r_m1 rises, within errors and scatter; k_e is not determined"
-    )
-
-
-def test_the_run_of_each_parameter_is_told() -> None:
-    ways = (("r_m1", "rising"), ("r_m2", "falling"), ("k_e", "flat"))
-    seen = subject(trends=[trend(parameter=name, direction=way) for name, way in ways])
-    assert result("trend_monotone", seen).reason == (
-        "with the setting r_m1 rises, r_m2 falls, k_e stays constant, within errors and scatter"
-    )
-    assert result("no_outlier_setting", seen).reason == (
-        "no setting is off the trend of r_m1, r_m2, k_e"
-    )
-
-
 def test_one_force_without_an_error_leaves_the_clicks_unseen() -> None:
     seen = subject(clicks=[click(), click(low=math.nan)])
     check = result("every_click_counts", seen)
@@ -300,18 +280,6 @@ def test_noise_must_explain_half_of_a_structured_mse(noise, passed) -> None:
     assert result("noise_floor_explained", seen).passed is passed
 
 
-def test_that_setting_is_named_of_whose_mse_noise_explains_the_least_share() -> None:
-    told = [
-        diagnosis(1, mse=0.1, noise=0.01, is_structured=True),
-        diagnosis(2, mse=0.62, noise=0.04, is_structured=True),
-    ]
-    check = result("noise_floor_explained", subject(diagnoses=told))
-    assert "at settings 1, 2, least at setting 2: 6.5 % of 0.62 %" in check.reason
-    assert (
-        "settings 1, 2: sentence of 2" in result("residuals_white", subject(diagnoses=told)).reason
-    )
-
-
 @pytest.mark.parametrize(
     ("off", "passed"), [(0.95, True), (1.05, False), (-0.95, True), (-1.05, False)]
 )
@@ -323,12 +291,6 @@ def test_a_temperature_is_in_its_window_or_not(off, passed) -> None:
 def test_a_fault_counts_before_a_log_that_tells_nothing() -> None:
     seen = subject(with_trace(1, temperature=None), with_trace(2, temperature=30.0))
     assert result("temperature_in_window", seen).passed is False
-
-
-def test_a_small_misfit_that_noise_covers_is_explained() -> None:
-    seen = subject(fit(1), diagnoses=[diagnosis(1, mse=0.01, noise=0.007, is_structured=True)])
-    assert result("residuals_white", seen).passed is False
-    assert result("noise_floor_explained", seen).passed is True
 
 
 @pytest.mark.parametrize(
@@ -393,38 +355,6 @@ def test_a_check_can_be_left_out_of_a_list() -> None:
         expand_checks(["no_cavitation", "-temperature_in_window"])
     with pytest.raises(ConfigurationError, match="Did you mean 'no_cavitation'"):
         expand_checks(["purdy2000", "-no_cavitatoin"])
-
-
-@pytest.mark.parametrize(
-    ("margins", "more"),
-    [
-        ((0.30, 0.16), "; R_m3 may rise by 16 % at setting 2, elsewhere by more"),
-        ((0.30, math.nan), "; R_m3 may rise by 30 % at setting 1, elsewhere by more"),
-        ((math.nan, math.nan), ""),
-    ],
-)
-def test_how_far_all_are_from_cavitation_is_told_where_it_is_known(margins, more) -> None:
-    full = [
-        replace(one, cavitation=replace(one.cavitation, fraction=0.0, r_m3_margin=margin))
-        for one, margin in zip((fit(1), fit(2)), margins, strict=True)
-    ]
-    (check,) = (one for one in run_checks(subject(*full)) if one.name == "no_cavitation")
-    assert (check.passed, check.reason) == (True, f"no chamber reaches zero pressure{more}")
-
-
-def test_a_list_goes_without_what_the_test_declares_pointless() -> None:
-    pointless = ("temperature_in_window",)
-    assert expand_checks(["purdy2000"], pointless=pointless) == CHECK_LISTS["purdy2000"][:-1]
-    assert expand_checks(pointless, pointless=pointless) == pointless  # asked for by its own name
-    both = ["purdy2000", "-temperature_in_window"]
-    assert expand_checks(both, pointless=pointless) == CHECK_LISTS["purdy2000"][:-1]
-
-
-@pytest.mark.parametrize(("count", "words"), [(1, "setting 1"), (2, "settings 1, 2")])
-def test_grades_that_stand_are_told_by_setting(count: int, words: str) -> None:
-    fits = [fit(n + 1) for n in range(count)]
-    subject = Subject(campaign(*fits), Assessment(), Adjustment())
-    assert CHECKS["every_grade_stands"](subject) == (True, f"no objection to the grade of {words}")
 
 
 @pytest.mark.parametrize(("n", "ending"), [(20, "log 20 failed"), (21, "log 5 failed and 16 more")])

@@ -5,13 +5,12 @@ from __future__ import annotations
 import base64
 import json
 import re
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from damperfit.comparison import ComparisonOptions, compare_runs, parse_tolerance, tolerated
-from damperfit.report.compared import _aligned, comparison_markdown, difference_plots, loop_plots
+from damperfit.report.compared import comparison_markdown, difference_plots, loop_plots
 from damperfit.report.page import comparison_page
 from damperfit.tested.setting import Setting
 from tests.comparison.runs import DAMPING, GAS, measured, run
@@ -88,17 +87,3 @@ def test_several_references_have_plots_of_their_own(comparison) -> None:
     names = re.findall(r'data-name="([^"]+)"', page)
     assert len(names) == len(set(names))
     assert "Setting 1 (other)" in page
-
-
-@pytest.mark.parametrize("begun", [0.0, 3.3, 17.9, 39.5])
-def test_loops_begin_where_the_displacement_passes_its_middle(begun) -> None:
-    angle = 2.0 * np.pi * (np.arange(40) - begun) / 40
-    test = SimpleNamespace(
-        displacement=0.3 + np.sin(angle), velocity=np.cos(angle), force=np.sin(2.0 * angle)
-    )
-    x, v, force = _aligned(test)
-    assert x[0] == pytest.approx(0.0, abs=4e-3)  # its middle lies between two samples
-    assert v[0] == pytest.approx(1.0, abs=4e-3)
-    expected = np.sin(2.0 * np.pi * np.arange(40) / 40)
-    np.testing.assert_allclose(x, expected, atol=8e-3)
-    np.testing.assert_allclose(force, np.sin(4.0 * np.pi * np.arange(40) / 40), atol=0.03)

@@ -96,36 +96,6 @@ def test_a_figure_is_as_agreed(plots, name, tmp_path):
     assert difference(plots[name], GOLDEN / f"{name}.png", tmp_path) < TOLERANCE
 
 
-def _scaled(line: Line, factor: float) -> Line:
-    return replace(line, y=factor * line.y)
-
-
-@pytest.mark.skipif(IS_WRITING, reason="it would write them")
-@pytest.mark.parametrize(
-    "name",
-    ["setting_02_force_velocity", "setting_02_force_displacement", "setting_03_pressures"],
-)
-def test_a_curve_that_is_a_little_off_is_seen(plots, name, tmp_path):
-    plot = plots[name]
-    (panel,) = plot.panels
-    wrong = replace(panel, lines=(_scaled(panel.lines[0], 0.97), *panel.lines[1:]))
-    changed = replace(plot, panels=(wrong,))
-    assert difference(changed, GOLDEN / f"{name}.png", tmp_path) > 2.0 * TOLERANCE
-
-
-@pytest.mark.skipif(IS_WRITING, reason="it would write them")
-@pytest.mark.parametrize(
-    ("name", "missing"), [("mse", -1), ("parameter_k_e", -1), ("fan", 0), ("named_speeds", -1)]
-)
-def test_a_trace_that_is_missing_is_seen(plots, name, missing, tmp_path):
-    plot = plots[name]
-    (panel,) = plot.panels
-    # In the fan the measured loops of the made-up logs are all alike: the first is a simulated one.
-    lines = [line for line in panel.lines if line is not panel.lines[missing]]
-    changed = replace(plot, panels=(replace(panel, lines=tuple(lines)),))
-    assert difference(changed, GOLDEN / f"{name}.png", tmp_path) > TOLERANCE
-
-
 def test_every_style_is_drawn_as_agreed(tmp_path):
     """What the folder of the tests lacks: a trend with a band, rings, values off the scale."""
     x = np.arange(1.0, 7.0)

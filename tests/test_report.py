@@ -39,11 +39,9 @@ from damperfit.report.sheet import (
     with_interval,
 )
 from damperfit.report.tables import (
-    ASCII_LEVELS,
     held_out_sheet,
     parameter_line,
     parameter_sheet,
-    sparkline,
 )
 from damperfit.tables.columns import PAPER_QUANTITIES
 from damperfit.tables.documents import json_values
@@ -75,15 +73,6 @@ def test_all_texts_are_as_agreed(told) -> None:
     assert written(told).splitlines() == SNAPSHOT.read_text(encoding="utf-8").splitlines()
 
 
-def test_people_read_of_compression_and_of_95_percent(told) -> None:
-    for name, text in told.items():
-        assert "bump" not in text.replace("valve 2 (bump)", ""), name  # the paper's own word
-        for line in text.splitlines():
-            assert "standard error" not in line, line
-    assert "±95 %" in told["terminal, forces by speed"]
-    assert "MPa ±95 %" in told["report.html"]
-
-
 # A table
 
 
@@ -95,11 +84,6 @@ def test_no_word_is_cut_at_any_width(width) -> None:
     for part in (*SHEET.headings, *SHEET.notes, *(cell for row in SHEET.rows for cell in row)):
         assert words >= set(part.split()), part
     assert "+51.1 ± 0.4" in text  # a number with its error stays on one line
-
-
-def test_columns_that_do_not_fit_go_below_with_the_first_again() -> None:
-    assert text_table(SHEET, 52).count("setting_01.csv") == 1
-    assert text_table(SHEET, 32).count("setting_01.csv") == 3
 
 
 def test_a_name_longer_than_the_screen_is_folded_and_wide_letters_count_twice() -> None:
@@ -169,12 +153,6 @@ def test_small_and_large_numbers_read_well() -> None:
     assert (stroke_ratio(100.0, -50.0), stroke_ratio(-5.0, -50.0)) == ("2.00", "-")
 
 
-def test_a_sparkline_shows_the_course() -> None:
-    assert sparkline([0.0, None, float("nan"), 7.0]) == "▁  █"
-    assert sparkline([]) == ""
-    assert sparkline([3.0, 1.0], levels=ASCII_LEVELS).isascii()
-
-
 # Parameters
 
 
@@ -230,11 +208,6 @@ def test_a_setting_of_one_log_has_one_row_of_mse() -> None:
     lines = text[text.index("## MSE by") :].splitlines()
     cells = [line.split(" | ")[:2] for line in lines if line.startswith("| ") and "csv" in line]
     assert cells == [["| 1", "setting_01.csv"], ["| ", "a.csv"], ["| ", "b.csv"]]
-
-
-def test_several_settings_without_a_result_are_told_in_the_plural() -> None:
-    text = markdown_report(run_of(campaign(fit(4)), {"gaps": [{"first": 1, "last": 3}]}))
-    assert "- no result for settings 1-3\n" in text
 
 
 def test_what_was_held_out_stands_beside_what_was_fitted() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from damperfit.problem import Failure, Problem, failure_lines, listed_names, listing, short_listing
+from damperfit.problem import Failure, Problem, failure_lines, short_listing
 from damperfit.report.inspection import MANY_ROWS, finding_lines, inspection_sheet, stretch_sheet
 from tests.fakes import failed
 
@@ -52,23 +52,11 @@ def test_the_tests_of_one_file_that_fail_alike_are_one_line() -> None:
     ]
 
 
-def test_long_sentences_of_one_code_are_said_once() -> None:
-    told = listing(Problem("a", "x" * 200, subject=f"{k}.csv") for k in range(4))
-    assert len(told) == 1
-    assert told[0].endswith("x (and 3 alike: 1.csv, 2.csv, 3.csv)")
-    assert len(listing(Problem("a", "short", subject=f"{k}.csv") for k in range(4))) == 4
-
-
 @pytest.mark.parametrize(("n", "last"), [(20, "19"), (21, "and 1 more"), (800, "and 780 more")])
 def test_of_many_sentences_twenty_are_told_each_once(n, last) -> None:
     told = short_listing([*map(str, range(n)), "0"])
     assert len(told) == min(n, 20) + (n > 20)
     assert told[-1].startswith(last)
-
-
-def test_six_names_are_listed_and_of_seven_five() -> None:
-    assert listed_names(list("abcdef")) == "a, b, c, d, e, f"
-    assert listed_names(list("abcdefg")) == "a, b, c, d, e and 2 more"
 
 
 def test_inspect_tells_each_kind_of_refusal() -> None:
@@ -89,13 +77,6 @@ def test_a_note_of_many_logs_is_one_line_with_the_range_of_its_value() -> None:
     assert len(told) < 10
     (alone,) = [line for line in finding_lines([log(7, "no-number", "note")]) if "OVR" in line]
     assert "logs" not in alone
-
-
-@pytest.mark.parametrize(("n", "lines"), [(20, 20), (21, 21), (300, 21)])
-def test_what_was_assumed_in_reading_is_told_twenty_times_at_most(n, lines) -> None:
-    logs = [{"name": f"{k}.csv", "verdict": "good", "notes": [f"note {k}"]} for k in range(n)]
-    told = list(finding_lines(logs))
-    assert len(told[told.index("Read as") + 1 :]) == lines
 
 
 @pytest.mark.parametrize(("n", "n_rows"), [(MANY_ROWS, 60), (61, 48), (500, 60)])

@@ -20,8 +20,8 @@ from hypothesis.extra.numpy import arrays
 
 import damperfit
 from damperfit.errors import ConfigurationError
-from damperfit.report.drawing import FIXED_METADATA, draw_plot
-from damperfit.report.figures import setting_axis, setting_colours, thin
+from damperfit.report.drawing import draw_plot
+from damperfit.report.figures import thin
 from damperfit.report.page import PlotData, html_report
 from damperfit.report.run_figures import LOG_FIGURES, report_plots
 from damperfit.results import Run
@@ -53,14 +53,6 @@ def document(page):
     return json.loads(text)
 
 
-def test_a_whole_folder_is_read_without_remarks(folder):
-    results = Run.load(folder)
-    assert results.remarks == ()
-    assert [row["setting"] for row in results.rows("parameters")] == [1, 2, 3, 4, 5]
-    assert [log.setting for log in results.signals] == [1, 2, 3, 5]
-    assert results.signals[0].pressures.shape == (3, len(results.signals[0].time))
-
-
 def test_every_text_is_escaped(page):
     assert "<img" not in page[: page.index('id="data"')]
     assert "<b>my run" not in page
@@ -78,15 +70,6 @@ def test_labels_of_plots_are_escaped(shown):
         line["label"] for line in json.loads(data.script({}))["plots"][0]["panels"][0]["lines"]
     )
     assert label == "&lt;/script&gt;&lt;img src=x onerror=alert(1)&gt;$x_1$.csv"
-
-
-def test_nothing_in_a_plot_ends_the_script_that_holds_it(shown):
-    """Labels are escaped before; names are not, and are ours today."""
-    data = PlotData()
-    data.add(replace(shown.overall[0], name=EVIL))
-    text = data.script({1: "#000000"})
-    assert "<" not in text
-    assert json.loads(text)["plots"][0]["name"] == EVIL
 
 
 def test_the_page_asks_for_nothing_from_outside(page):
@@ -143,18 +126,6 @@ def test_the_summary_says_what_is_poor_and_missing(page):
     assert "setting 3: excellent, MSE 0.0123 %; cavitates 5 % of the time" in page
 
 
-@pytest.mark.parametrize(
-    ("gaps", "said"),
-    [([(4, 4)], "setting 4"), ([(4, 5)], "settings 4, 5"), ([(2, 2), (4, 4)], "settings 2, 4")],
-)
-def test_gaps_are_told_in_the_plural(copy, gaps, said):
-    path = copy / "run.json"
-    record = json.loads(path.read_text())
-    record["gaps"] = [{"first": a, "last": b} for a, b in gaps]
-    path.write_text(json.dumps(record))
-    assert f"no result for {said}<" in html_report(report_plots(Run.load(copy)), title="x")
-
-
 @given(
     arrays(np.float64, st.integers(300, 2000), elements=st.floats(-1e6, 1e6)), st.integers(1, 40)
 )
@@ -168,32 +139,6 @@ def test_thinning_keeps_the_extremes_and_the_ends(signal, n_buckets):
     assert (np.diff(kept) > 0).all()
 
 
-def test_a_setting_has_its_own_colour():
-    colours = setting_colours(range(1, 21))
-    assert len(set(colours.values())) == 20
-    assert setting_colours([7])[7].startswith("#")
-
-
-@pytest.mark.parametrize("kind", ["png", "svg", "pdf"])
-def test_figures_are_the_same_bytes_each_time(shown, tmp_path, kind):
-    paths = tmp_path / f"a.{kind}", tmp_path / f"b.{kind}"
-    for path in paths:
-        draw_plot(path, shown.by_log[-1][1][1], kind=kind)
-    first, second = (path.read_bytes() for path in paths)
-    assert first == second
-    assert len(first) > 2000
-
-
-@pytest.mark.parametrize("kind", ["svg", "pdf"])
-def test_no_figure_has_a_date(tmp_path, kind):
-    """Two figures of one second would be alike with a date too."""
-    from matplotlib.figure import Figure
-
-    path = tmp_path / f"a.{kind}"
-    Figure(figsize=(1.0, 1.0)).savefig(path, format=kind, metadata=FIXED_METADATA[kind])
-    assert not re.search(rb"CreationDate|<dc:date>", path.read_bytes())
-
-
 def test_figures_do_not_heed_the_readers_own_style(shown, tmp_path):
     import matplotlib as mpl
 
@@ -202,14 +147,6 @@ def test_figures_do_not_heed_the_readers_own_style(shown, tmp_path):
         draw_plot(tmp_path / "b.svg", shown.overall[0], kind="svg")
         assert mpl.rcParams["font.size"] == 20.0
     assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
-
-
-def test_svg_shows_the_axes_with_units(shown, tmp_path):
-    (plot,) = (plot for plot in shown.plots if plot.name == "setting_01_force_velocity")
-    draw_plot(tmp_path / "a.svg", plot, kind="svg")
-    text = (tmp_path / "a.svg").read_text(encoding="utf-8")
-    assert "velocity, m/s" in text
-    assert "force, N" in text
 
 
 def test_what_the_run_told_is_shown(copy):
@@ -296,13 +233,6 @@ def test_a_value_at_a_bound_does_not_flatten_the_others(copy):
     assert low < far.y[0] < high
     assert far.label == "setting 2, off the scale at 3e+09"
     assert "off the scale" in plot.caption
-
-
-def test_settings_are_numbered_where_they_are_and_do_not_touch():
-    assert setting_axis(range(1, 21))[0] == tuple(range(1, 21))
-    assert setting_axis([0, 25, 50, 75, 100]) == ((0.0, 25.0, 50.0, 75.0, 100.0), (-4.0, 104.0))
-    assert len(setting_axis(range(1000))[0]) <= 21
-    assert setting_axis([]) == ((), None)
 
 
 def test_the_mean_residual_is_that_of_all_samples(folder):
@@ -412,14 +342,6 @@ def test_a_setting_told_twice_is_shown_once(copy):
     results = Run.load(copy)
     assert [row["setting"] for row in results.rows("parameters")] == [1, 2, 3, 4, 5]
     assert "more than once" in results.remarks[0]
-
-
-def test_a_table_of_another_kind_is_named_in_short(copy):
-    shutil.copy(copy / "mse.parquet", copy / "parameters.parquet")
-    (remark, *_) = Run.load(copy).remarks
-    assert "parameters.parquet has no column r_m1, r_m2" in remark
-    assert "more" in remark
-    assert len(remark) < 120
 
 
 def test_numbers_that_cannot_be_drawn_are_left_out(copy, tmp_path):

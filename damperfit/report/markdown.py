@@ -30,6 +30,7 @@ from damperfit.report.tables import (
     mse_sheet,
     parameter_sheet,
 )
+from damperfit.tested.identity import identity_in
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -48,9 +49,9 @@ def lead(run: Run) -> str:
     checks = checks_in(run.record)
     said = f"; {check_summary(checks)}" if checks else ""
     return (
-        f"{len(known)} setting{'s' * (len(known) > 1)} fitted, {grade_counts(rows)} (excellent "
-        f"below 1 %, good below 5 %); MSE median {percent(median(known.values()))} %, worst "
-        f"{percent(known[worst])} % at setting {worst}{said}."
+        f"{len(known)} setting{'s' * (len(known) > 1)} fitted, {grade_counts(rows)}; MSE median "
+        f"{percent(median(known.values()))} %, worst {percent(known[worst])} % at setting "
+        f"{worst}{said}."
     )
 
 
@@ -130,11 +131,11 @@ def markdown_report(run: Run) -> str:
         ("Cavitation", ()),
         ("How it was done", ()),
     )
-    identity = "; ".join(f"{key} {value}" for key, value in run.identity.items())
+    identity = identity_in(run.identity).sentence
     lines = ["# MSE report", "", *([f"Tested: {escape(identity)}.", ""] if identity else [])]
     if record.get("ending") == "interrupted":
         lines += ["**Interrupted: these are the settings that were finished.**", ""]
-    lines.append(escape(lead(run)))
+    lines.append(f"{escape(lead(run))} Excellent is an MSE below 1 %, good below 5 %.")
     for title, sheets in sections:
         parts = [[f"- {escape(one)}" for one in known.get(title, ())], *map(markdown_table, sheets)]
         text = [line for part in parts if part for line in ("", *part)]

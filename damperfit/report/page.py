@@ -79,6 +79,7 @@ _WORDS = (
     "f_f: friction of seals and guides",
     "f_0: constant force that the rig adds, as by a tare",
     "MSE: mean square of measured less simulated force, in % of the variance of the measured one",
+    "grades: excellent is an MSE below 1 %, good below 5 %, poor above",
     "noise floor: the MSE that the scatter of the force between cycles gives by itself",
     "hysteresis: force on the opening branch (speed rising) less force on the closing branch",
     "ratio: rebound force over compression force, without signs",

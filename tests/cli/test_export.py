@@ -6,8 +6,6 @@ import json
 
 import pytest
 
-import damperfit
-from damperfit.answers import Files
 from tests.report_folder import make_results
 
 
@@ -21,11 +19,6 @@ def test_the_list_needs_no_results(run) -> None:
     assert ended.code == 0
     assert "csv: table of force" in ended.out
     assert "sign   rebound is positive" in ended.out
-
-
-def test_the_list_as_json(run) -> None:
-    told = json.loads(run("export", "--list", "--json").out)["targets"]
-    assert {"target": "csv", "file": "damper.csv", "units": "m/s, N"}.items() <= told[0].items()
 
 
 def test_a_folder_is_made_and_a_file_keeps_its_name(run, results, tmp_path) -> None:
@@ -62,7 +55,7 @@ def test_misuse_is_one_line_and_writes_nothing(run, results, tmp_path, arguments
     [
         (("--to", "adams", "--units", "lbf"), "--units lbf: adams has units and marks of its own"),
         (("--to", "xlsx", "--decimal", ","), "--decimal ,: xlsx has units and marks of its own"),
-        (("--to", "csv", "--decimal", ";"), "--decimal ;: expected . or ,"),
+        (("--to", "csv", "--decimal", ";"), "expected . or ,"),
         (("--to", "csv", "--units", "ell"), "--units ell: no unit 'ell'"),
         (("--to", "modelica", "--extend", "0.5m/s"), "modelica holds no table here"),
         (("--to", "carsim", "--extend", "0.1m/s"), "expected a speed above the tested"),
@@ -82,14 +75,3 @@ def test_what_a_table_loses_is_told(run, results, tmp_path) -> None:
     assert "note: on a class B road the damper's dynamics" in ended.err
     assert "the tables are untested" in ended.err
     assert ended.err.splitlines()[-1].startswith("note: force determined by the logs")
-
-
-def test_files_and_units_that_were_written_are_named(run, results, tmp_path, monkeypatch) -> None:
-    path = tmp_path / "damper.csv"
-    made = damperfit.export(results, to="csv", out=tmp_path).made
-    for number, more in ((1, ""), (2, " and 1 more"), (4, " and 3 more")):
-        files = Files([path] * number, made=made)
-        monkeypatch.setattr("damperfit.api.export", lambda *_, files=files, **__: files)
-        assert f"{path} written{more}; m/s, N; " in run("export", results, "--to", "csv").err
-    said = run("export", results, "--to", "csv", "--units", "in/s,lbf").err
-    assert " written and 3 more; in/s, lbf; " in said

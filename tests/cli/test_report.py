@@ -8,9 +8,6 @@ from pathlib import Path
 import pytest
 
 from damperfit.report import drawing
-from damperfit.report.records import checks_in, findings_in, to_record, trends_in
-from damperfit.report.tables import cavitation_sheet
-from damperfit.results import Run
 from tests.report_folder import make_results
 
 
@@ -88,21 +85,3 @@ def test_a_summary_outside_actions_is_refused_before_any_work(run, logs, monkeyp
     assert ended.code == 2
     assert "GITHUB_STEP_SUMMARY is not set" in ended.err
     assert not Path("results").exists()
-
-
-def test_what_identify_tells_is_understood(run, logs):
-    """The page reads run.json loosely, so it would not notice if a key were renamed."""
-    assert run("identify", *(logs / f"setting_0{n}.csv" for n in (1, 2, 3))).code == 0
-    record = json.loads(Path("results/run.json").read_text(encoding="utf-8"))
-    assert {check.name for check in checks_in(record)} == {c["name"] for c in record["checks"]}
-    assert [trend.parameter for trend in trends_in(record)] == ["r_m1", "r_m2", "k_e"]
-    for key, read in (("checks", checks_in), ("trends", trends_in)):
-        units = [entry.pop("unit", None) for entry in record[key]]
-        assert (units[0] is not None) == (key == "trends")
-        # NaN is null in the file.
-        again = json.dumps([to_record(one) for one in read(record)]).replace("NaN", "null")
-        assert json.loads(again) == record[key]
-    assert all(findings_in(entry) for entry in record["inputs"] if entry["findings"])
-    (row, *_) = cavitation_sheet(Run.load(Path("results")).rows("parameters")).rows
-    assert row[0] == "1"
-    assert float(row[4]) > 5.0  # by how much R_m3 may rise, %

@@ -15,7 +15,7 @@ from damperfit.damper.rivals.linear import Linear
 from damperfit.errors import ConfigurationError
 from damperfit.exporting import TARGETS
 from damperfit.exporting import fmu as libraries
-from damperfit.exporting.fmu import exported_damper, missing_platforms
+from damperfit.exporting.fmu import exported_damper
 from damperfit.simulation import Motion, SolverOptions, simulate
 from damperfit.tested.setting import Setting
 from tests.exporting.clients import ERROR, OK, Unit, Unit3, unzip
@@ -89,16 +89,6 @@ def test_the_page_says_forces_with_intervals_and_what_the_rig_s_part_was(handed)
     assert "tare of the rig -12.5 to 0 N" in page
     assert "± 0.98" in page  # 1.96 times 1 % of 50 N
     assert "force determined by the logs" in page
-
-
-def test_only_missing_libraries_are_told_with_their_command(monkeypatch) -> None:
-    monkeypatch.setattr(libraries, "built", lambda: dict.fromkeys(libraries.PLATFORMS))
-    assert missing_platforms(2) == ()
-    some = {one: b"" for one in libraries.PLATFORMS if one.name != "x86_64-windows"}
-    monkeypatch.setattr(libraries, "built", lambda: some)
-    (note,) = missing_platforms(2)
-    assert "for x86_64-windows, only" in note
-    assert "python -m damperfit.exporting.fmu_build" in note
 
 
 def test_a_library_of_other_sources_is_none(tmp_path, monkeypatch) -> None:

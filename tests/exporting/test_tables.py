@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 
 import numpy as np
@@ -224,17 +223,3 @@ def test_a_damper_without_storage_loses_hardly_anything(handed) -> None:
     run = replace(handed, damper=linear, settings=(one,))
     (table,) = force_tables(run)
     assert max(miss.percent for miss in road_misses(run, table)) < 0.5  # friction at rest
-
-
-def test_all_targets_of_twenty_settings_take_seconds(handed) -> None:
-    settings = tuple(
-        replace(
-            handed.settings[k % 3],
-            setting=Setting.of(k),
-            parameters=handed.settings[k % 3].values.replace(f_f=40.0 + k),
-        )
-        for k in range(1, 21)
-    )
-    begin = time.process_time()
-    TARGETS["carsim"].export(replace(handed, settings=settings))
-    assert time.process_time() - begin < 10.0

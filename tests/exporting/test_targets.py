@@ -14,7 +14,7 @@ from damperfit import __version__
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import ConfigurationError
-from damperfit.exporting import TARGETS, ExportOptions, exported_run, find_target
+from damperfit.exporting import TARGETS, ExportOptions, exported_run
 from damperfit.exporting.tables import force_tables
 from damperfit.results import SettingResult
 from damperfit.tables.files import write_table
@@ -29,11 +29,6 @@ TABLES = sorted(READERS)
 
 def written(name, run, **options):
     return TARGETS[name].export(run, ExportOptions(**options)).files
-
-
-def test_every_table_target_has_a_reader_and_a_row_of_signs() -> None:
-    tables = {name for name, one in TARGETS.items() if one.has_table and not one.physics_of}
-    assert tables - {"xlsx"} == set(READERS) == set(SIGNS)  # xlsx: test_spreadsheets.py
 
 
 @pytest.mark.parametrize("name", sorted(TARGETS))
@@ -182,11 +177,6 @@ def test_values_of_a_template_that_are_not_this_damper_s_are_left_out(handed) ->
     text = next(iter(written("adams-xml", handed).values())).decode()
     assert 'upperDiameter="' not in text
     assert "upperDiameter, upperLength" in text
-
-
-def test_an_unknown_target_is_refused_with_a_hint() -> None:
-    with pytest.raises(ConfigurationError, match=r"csw: expected one of .*csv"):
-        find_target("csw")
 
 
 # What is exported of a results folder.
