@@ -38,7 +38,7 @@ _LONG = 200  # characters; a page of one paragraph again and again is not read
 _NAMES = 5  # names that are listed
 _MANY = 5  # tests of one file that fail alike and are listed one by one
 _OF_SHELLS = frozenset("()<>`\\")  # what is advised is to be pasted
-_SEVERITIES = ("error", "refusal", "warning", "note")
+SEVERITIES = ("error", "refusal", "warning", "note")
 # Codes that only name the class of an error: problems of such a code are alike in their text too.
 _GENERAL = frozenset({
     *("failed", "usage", "installation", "log", "contradiction", "no-time", "unusable", "strict"),
@@ -431,7 +431,7 @@ def listing(problems: Iterable[Problem], words: Words = Words(), *, few: int = F
     few : int
         Sentences in all that are shown one by one, and codes.
     """
-    everything = sorted(problems, key=lambda one: _SEVERITIES.index(one.severity))
+    everything = sorted(problems, key=lambda one: SEVERITIES.index(one.severity))
     groups: dict[str, list[Problem]] = {}
     for problem in everything:
         groups.setdefault(problem.likeness, []).append(problem)

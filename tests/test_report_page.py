@@ -210,6 +210,7 @@ def test_what_the_run_told_is_shown(copy):
         {"clicks": [{"from": 1, "to": 2, "speed_m_per_s": 0.3, "stroke": 5, "change_N": "a"}]},
         {"trends": [{"parameter": "r_m1", "outliers": [{"setting": 1}, 5], "points": [[1, 2]]}]},
         {"held_out": [{}, {"mse_percent": "a", "log": {}}], "gates_missed": [{"a": 1}, None]},
+        {"problems": [1, {"severity": "loud"}, {"values": {"a": {"b": 1}}}], "warnings": ["w"]},
         {"sentences": {"cavitation": {"a": 1}, "identifiability": [None, 2]}, "version": ["x"]},
     ],
 )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from damperfit.adjustment.trends import in_few_words
 from damperfit.identification import Outcome
 from damperfit.identification.sharing import of_runs
-from damperfit.problem import failure_lines, short_listing
+from damperfit.problem import failure_lines, listing
 from damperfit.report.forces import force_sheets, measured_force_sheet, measured_segment_sheet
 from damperfit.report.laws import law_sentences, rival_sheet, tried_laws_sheet
 from damperfit.report.records import (
@@ -18,6 +18,7 @@ from damperfit.report.records import (
     law_in,
     listed_in,
     predictions_in,
+    problems_in,
     sentences_in,
     trends_in,
 )
@@ -30,7 +31,6 @@ from damperfit.report.tables import (
     mse_sheet,
     parameter_sheet,
 )
-from damperfit.tested.identity import identity_in
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -70,7 +70,7 @@ def listings(run: Run) -> dict[str, list[str]]:
             for row in rows
             if row.get("grade_reason")
         ],
-        "Warnings": short_listing(listed_in(record, "warnings")),
+        "Warnings": listing(problems_in(record)),
         "Model structure that the logs support": law_sentences(law_in(record)),
         "Held out: predicted, not fitted": [*map(_prediction, predictions_in(record))],
         "Across the settings": [*trends, *sentences_in(record, "force_offset")],
@@ -131,7 +131,9 @@ def markdown_report(run: Run) -> str:
         ("Cavitation", ()),
         ("How it was done", ()),
     )
-    identity = identity_in(run.identity).sentence
+    test = run.identity
+    whose = ", ".join(f"{key} {test.pop(key)}" for key in ("damper", "serial") if key in test)
+    identity = "; ".join(([whose] if whose else []) + [f"{k}: {v}" for k, v in test.items()])
     lines = ["# MSE report", "", *([f"Tested: {escape(identity)}.", ""] if identity else [])]
     if record.get("ending") == "interrupted":
         lines += ["**Interrupted: these are the settings that were finished.**", ""]

@@ -7,6 +7,7 @@ that is another thing is left out.
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cache
 from types import NoneType, UnionType
@@ -15,7 +16,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_origin, get_type_h
 from damperfit.adjustment.clicks import Click
 from damperfit.adjustment.trends import Trend
 from damperfit.checks import Check
-from damperfit.problem import Failure, Problem
+from damperfit.problem import SEVERITIES, Failure, Problem
 from damperfit.recording import Finding
 from damperfit.tested.setting import Setting, parse_place
 from damperfit.units.quantities import QuantityError
@@ -165,6 +166,16 @@ def failures_in(record: Mapping[str, Any]) -> tuple[Failure, ...]:
         problem = replace(problem, severity="error")
         failures.append(Failure(problem, place.kind, place.log, place.path, place.setting))
     return tuple(failures)
+
+
+def problems_in(record: Mapping[str, Any]) -> list[Problem]:
+    """Return what to know before believing the numbers; older runs told sentences without codes."""
+    problems = []
+    for entry in listed_in(record, "problems"):
+        with suppress(TypeError, KeyError, AttributeError):
+            problems.append(Problem.of_record(entry))
+    said = [Problem(str(one), str(one), "warning") for one in listed_in(record, "warnings")]
+    return [one for one in problems if one.severity in SEVERITIES] or said
 
 
 def gaps_in(record: Mapping[str, Any]) -> tuple[tuple[int, int], ...]:
