@@ -248,13 +248,7 @@ class _Unpickler(pickle.Unpickler):
 
 
 def _bytes(pipe: int, n_bytes: int) -> bytearray:
-    """Return so many bytes of a pipe.
-
-    Raises
-    ------
-    EOFError
-        The copy has ended.
-    """
+    """Return so many bytes of a pipe."""
     taken = bytearray(n_bytes)
     left = memoryview(taken)
     while left:

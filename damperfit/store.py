@@ -375,13 +375,7 @@ def _is_abandoned(path: Path) -> bool:
 
 @contextmanager
 def _locked(path: Path, *, patience: float, refusal: str) -> Iterator[None]:
-    """Hold the lock of a file that is made for it and removed with it.
-
-    Raises
-    ------
-    OutputError
-        Another process holds it for longer than ``patience`` in s; `refusal` is the sentence.
-    """
+    """Hold the lock of a file that is made for it and removed with it."""
     until = time.monotonic() + patience
     while True:
         try:
@@ -422,13 +416,7 @@ def _lock_held(path: Path) -> Iterator[int]:
 
 
 def _try_lock(number: int) -> bool:
-    """Lock an open file; False where the file system has no locks.
-
-    Raises
-    ------
-    BlockingIOError
-        Somebody else holds it.
-    """
+    """Lock an open file; False where the file system has no locks."""
     try:
         if os.name == "nt":
             import msvcrt

@@ -705,13 +705,6 @@ def _parameter_readings(
     """Return the parameters of each run that was fitted in at least one of them.
 
     What all settings share is one number, and stands once.
-
-    Parameters
-    ----------
-    runs : sequence of Run
-        To be compared.
-    settings : sequence of Setting
-        That all have.
     """
     found: tuple[dict[Topic, Reading], ...] = tuple({} for _ in runs)
     for one in _comparable_quantities(runs):
@@ -803,15 +796,7 @@ def _in_words(subject: Topic, a: float, b: float, *, words: Sequence[str]) -> Di
 def _by_repeats(
     reference: Sequence[Mapping[Topic, Reading]], other: Mapping[Topic, Reading]
 ) -> tuple[dict[Topic, Reading], dict[Topic, Reading]]:
-    """Return the reference's mean with its scatter as error, and the other run without errors.
-
-    Parameters
-    ----------
-    reference : sequence of mapping
-        Readings of the reference and of its repeats, at least two.
-    other : mapping
-        Readings of the run that is compared.
-    """
+    """Return the reference's mean with its scatter as error, and the other run without errors."""
     means, bare = {}, {}
     for subject, second in other.items():
         if not all(subject in table for table in reference):
@@ -852,19 +837,7 @@ def _missed_notes(
     lines: Sequence[Difference],
     units: ShownUnits = SI,
 ) -> Iterator[str]:
-    """Yield why forces of fitted runs are compared as measured; nothing where none is.
-
-    Parameters
-    ----------
-    runs : sequence of ComparedRun
-        All that were compared.
-    tables : sequence of mapping
-        The forces of each.
-    lines : sequence of Difference
-        What came of it.
-    units : ShownUnits
-        In which it is told.
-    """
+    """Yield why forces of fitted runs are compared as measured; nothing where none is."""
     measured = [line.subject for line in lines if line.subject.kind == "force" and line.is_measured]
     if not measured:
         return

@@ -195,11 +195,6 @@ def _read_bands(path: Path) -> Tolerance:
     Columns: speed, stroke, and force with tolerance (5% or 20N), or low and high; setting may be
     missing or empty, the row is then of every setting. Makers write bump as positive numbers: such
     a force is taken as negative.
-
-    Raises
-    ------
-    ConfigurationError
-        It cannot be read as such a table.
     """
     try:
         lines = StringIO(read_text(path), newline="")

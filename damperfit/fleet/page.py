@@ -6,12 +6,13 @@ Its size does not grow with the fleet: tables show the worst, the rest stands in
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from datetime import date, timedelta
 from itertools import cycle
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 import pyarrow as pa
 
 from damperfit import __version__
@@ -220,10 +221,9 @@ def trend_plots(found: Survey) -> tuple[Plot, ...]:
     if len(np.unique(known)) < 2:
         return ()
     first = date(1970, 1, 1) + timedelta(days=float(known.min()))
-    tests = _tests(found)
     plots = []
     for series in found.series:
-        groups = _groups(*_changes(series, tests))
+        groups = _groups(found, series, found.days - known.min())
         if len(groups) < 2:
             continue
         panel = Panel(
@@ -239,48 +239,23 @@ def trend_plots(found: Survey) -> tuple[Plot, ...]:
     return tuple(plots)
 
 
-def _changes(series: Series, tests: _Tests) -> tuple[FloatArray, FloatArray]:
-    """Return day and difference in per cent of each damper on each day, by rising day."""
+def _groups(found: Survey, series: Series, days: FloatArray) -> list[tuple[float, FloatArray]]:
+    """Return days, or equal spans of them where there are many, and the change of each damper.
+
+    In per cent of the median of its setting; of several settings of a day the median.
+    """
     shares = np.full(len(series.values), np.nan)
     for band in series.bands:
         if band.median and band.n_dampers > 1:
             mine = series.values[band.rows]
             shares[band.rows] = 100.0 * (mine - band.median) / abs(band.median)
-    rows = np.flatnonzero(np.isfinite(shares) & (tests.of >= 0))
-    # By test, then by size: the median is in the middle of each run.
-    rows = rows[np.lexsort((shares[rows], tests.of[rows]))]
-    known, first, number = np.unique(tests.of[rows], return_index=True, return_counts=True)
-    shares = shares[rows]
-    median = 0.5 * (shares[first + (number - 1) // 2] + shares[first + number // 2])
-    return tests.days[known], median
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Tests:
-    """The dated tests: a damper on a day. `of` is the test of each row, -1 where it has no date."""
-
-    days: FloatArray
-    of: NDArray[np.intp]
-
-
-def _tests(found: Survey) -> _Tests:
-    rows = np.flatnonzero(np.isfinite(found.days))
-    days = found.days[rows] - found.days[rows].min()
-    keys = list(zip(days.tolist(), found.names[rows], strict=True))
-    known = {key: k for k, key in enumerate(sorted(set(keys)))}
-    of = np.full(len(found.days), -1, dtype=np.intp)
-    of[rows] = [known[key] for key in keys]
-    return _Tests(np.array([day for day, _ in known]), of)
-
-
-def _groups(x: FloatArray, y: FloatArray) -> list[tuple[float, FloatArray]]:
-    """Return the days, or equal spans of them where there are many, and the values of each."""
-    days = np.unique(x)
-    if len(days) <= _MOST_GROUPS:
-        return [(float(day), y[x == day]) for day in days]
-    edges = np.linspace(0.0, np.nextafter(days[-1], np.inf), _MOST_GROUPS + 1)
-    where = np.digitize(x, edges)
-    return [(float(np.mean(x[where == k])), y[where == k]) for k in np.unique(where)]
+    rows = pd.DataFrame({"day": days, "damper": found.names, "share": shares}).dropna()
+    tests = rows.groupby(["day", "damper"])["share"].median().reset_index()
+    span: Any = tests["day"]
+    if span.nunique() > _MOST_GROUPS:
+        edges = np.linspace(0.0, np.nextafter(span.max(), np.inf), _MOST_GROUPS + 1)
+        span = np.digitize(span, edges)
+    return [(float(own["day"].mean()), own["share"].to_numpy()) for _, own in tests.groupby(span)]
 
 
 def _over_time(groups: Sequence[tuple[float, FloatArray]]) -> Iterator[Line]:

@@ -141,13 +141,7 @@ def _file_system(root: str) -> Any:
 
 
 def _opened(address: str) -> tuple[Any, str, str]:
-    """Return the store, the path inside, and the form of an address there.
-
-    Raises
-    ------
-    ConfigurationError
-        There is no such store; or the address holds a secret, which tables would then show.
-    """
+    """Return the store, the path inside, and the form of an address there."""
     scheme, rest = address.split("://", 1)
     path, mark, query = rest.partition("?")
     user, at, bucket = path.split("/", 1)[0].rpartition("@")

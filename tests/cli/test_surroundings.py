@@ -291,7 +291,10 @@ def test_a_terminal_that_hangs_up_leaves_what_is_finished(logs, repeated, tmp_pa
         text=True,
         start_new_session=True,
     )
-    time.sleep(3.0)
+    until = time.monotonic() + 60.0
+    while not (tmp_path / "results").exists() and time.monotonic() < until:
+        time.sleep(0.05)  # it takes its signals from before that on
+    time.sleep(1.0)
     os.killpg(process.pid, signal.SIGHUP)  # as a terminal does: to its copies too
     said = process.communicate(timeout=120)[1]
     assert process.returncode == 130, said
