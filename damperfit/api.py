@@ -227,9 +227,9 @@ def identify(  # noqa: PLR0913 - one keyword an option of the command line
     (one,) = identify_each(**given, is_one=True, is_written=out is not None)
     if one.error is not None:
         raise one.error
-    if not one.campaign.fits:
+    if not one.run.settings:
         words = Words("damperfit.identify")
-        said = [failure.placed.sentence(words) for failure in one.facts.failures]
+        said = [failure.placed.sentence(words) for failure in one.failures]
         more = f" (and {len(said) - _FEW} more)" if len(said) > _FEW else ""
         raise LogError(f"no setting could be fitted: {'; '.join(said[:_FEW])}{more}")
     return one.run
@@ -278,7 +278,7 @@ def identify_each(
         )  # fmt: skip
     page, figures = given.get("report", False), given.get("figures")
     for one in found:
-        if one.campaign.fits and (page or figures) and one.is_written:
+        if one.run.settings and (page or figures) and one.is_written:
             try:
                 _write_report(one.folder, one.folder, page=page, figures=figures)
             except DamperfitError as error:

@@ -40,7 +40,7 @@ from damperfit.identification.sharing import of_settings
 from damperfit.io.files import read_bytes, read_text, sha256_of
 from damperfit.problem import Option, Problem, Words
 from damperfit.recording import natural_order
-from damperfit.report.records import units_in
+from damperfit.report.records import checks_in, failures_in, units_in
 from damperfit.store import file_set, settle
 from damperfit.tables.columns import PAPER_QUANTITIES, unknown_schema, values_from
 from damperfit.tables.documents import json_pieces
@@ -1020,46 +1020,34 @@ class Run:
         return table
 
     @property
-    def problems(self) -> pd.DataFrame:
-        """What failed, what to know before believing the numbers, and checks that did not pass."""
-        import pandas as pd
-
-        checks = [one for one in _listed(self.record, "checks") if isinstance(one, dict)]
-        unmet = [
-            Problem(str(one.get("name")), str(one.get("reason")), "failed check")
-            for one in checks
-            if one.get("passed") is False
-        ]
-        rows = [
-            *(("failure", one.code, one.subject, one.message(_WORDS)) for one in self._failed),
-            *((one.severity, one.code, one.subject, one.message(_WORDS)) for one in self._warned),
-            *((one.severity, one.code, one.code, one.text) for one in unmet),
-        ]
-        return pd.DataFrame(rows, columns=["severity", "code", "subject", "message"])
-
-    @property
-    def _failed(self) -> tuple[Problem, ...]:
-        from damperfit.report.records import failures_in
-
+    def failed(self) -> tuple[Problem, ...]:
+        """Logs and settings without a result."""
         return tuple(one.placed for one in failures_in(self.record))
 
     @property
-    def _warned(self) -> tuple[Problem, ...]:
-        """As recorded; of a run that tells no records the sentences."""
+    def warned(self) -> tuple[Problem, ...]:
+        """What to know before believing the numbers; of older runs their sentences."""
         known = [one for one in _listed(self.record, "problems") if isinstance(one, dict)]
         told = known or [{"text": one} for one in _listed(self.record, "warnings")]
         texts = ({"text": one} for one in self.remarks)
         return tuple(map(Problem.of_record, (*texts, *told)))
 
     @property
+    def problems(self) -> tuple[Problem, ...]:
+        """What failed, what to know before believing the numbers, and checks that did not pass."""
+        unmet = (one for one in checks_in(self.record) if one.passed is False)
+        checks = (Problem("failed-check", one.reason, subject=one.name) for one in unmet)
+        return (*self.failed, *self.warned, *checks)
+
+    @property
     def failures(self) -> tuple[str, ...]:
         """Logs and settings without a result, a sentence each."""
-        return tuple(one.sentence(_WORDS) for one in self._failed)
+        return tuple(one.sentence(_WORDS) for one in self.failed)
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """What to know before believing the numbers, a sentence each."""
-        return tuple(one.sentence(_WORDS) for one in self._warned)
+        return tuple(one.sentence(_WORDS) for one in self.warned)
 
     @property
     def checks(self) -> pd.DataFrame:

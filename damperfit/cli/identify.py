@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import chain
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
@@ -58,11 +59,11 @@ def identify(how: Shown, **given: Any) -> int:
     )
     found = api.identify_each(**given, watch=watch)
     for one in found:
-        say_failures(one.facts.failures, is_debug=how.debug)
+        say_failures(one.failures, is_debug=how.debug)
         _tell_people(one, is_quiet=how.quiet)
         if summary is not None:
             append_summary(summary, one.run.report_text, instead=_TOO_LONG)
-        if not how.json and one.campaign.fits:
+        if not how.json and one.run.settings:
             _show(one)
     if how.json:
         print_json(_document(found))
@@ -90,11 +91,11 @@ def _worst(codes: set[int]) -> int:
 
 def _show(one: Identified) -> None:
     from damperfit.report.forces import force_sheets
-    from damperfit.report.records import predictions_in
+    from damperfit.report.records import checks_in, predictions_in
     from damperfit.report.sheet import parameters_in_units, rows_in_units, sheet_in_units
     from damperfit.report.tables import check_lines, held_out_sheet, parameter_sheet
 
-    result, facts, configuration = one.run, one.facts, one.configuration
+    result, configuration = one.run, one.configuration
     if one.beside:
         print_lines([f"damper {one.owner}", ""])
     tables, units = result.tables, configuration.output.units
@@ -111,30 +112,32 @@ def _show(one: Identified) -> None:
         print_table(held_out_sheet(held_out, is_narrow=True))
     told = result.record.get("procedure") or [configuration.damper_sentence]  # as it was fitted
     damper = wrap(told[0], screen_columns())
-    lines = map(one_line, check_lines(facts.checks))
+    lines = map(one_line, check_lines(checks_in(result.record)))
     checks = (part for line in lines for part in wrap(line, screen_columns()))
     print_lines(["", *damper, "", *checks, *([""] if one.beside else [])])
 
 
 def _tell_people(one: Identified, *, is_quiet: bool) -> None:
     from damperfit.problem import listing, short_listing
-    from damperfit.run.remarks import corrections
+    from damperfit.report.markdown import listings
+    from damperfit.report.records import law_in, sentences_in
 
-    facts, configuration = one.facts, one.configuration
-    for gate in facts.gates:
+    record, configuration = one.run.record, one.configuration
+    for gate in record["gates_missed"]:
         say(f"damperfit: {gate}")
     if is_quiet:
         return
-    physics = " ".join(facts.law_choice.get("sentences", ()))
+    physics = " ".join(law_in(record).get("sentences", ()))
     if physics:
         say(f"damperfit: {physics}")
-    for line in (*configuration.notes, *facts.taken, *corrections(one.campaign)):
+    told = (sentences_in(record, about) for about in ("tables_of_tests", "corrections"))
+    for line in chain(configuration.notes, *told):
         say(f"note: {line}")
-    for warning in listing(facts.warnings):
+    for warning in listing(one.run.warned):
         say(f"warning: {warning}")
-    for sentence in short_listing(facts.withheld):
+    for sentence in short_listing(listings(one.run)["Grades withheld"]):
         say(f"warning: grade withheld: {sentence}")
-    for sentence in facts.undetermined:
+    for sentence in sentences_in(record, "undetermined"):
         say(f"note: {sentence}")
     if one.error is not None and not one.is_written:
         return
@@ -143,17 +146,16 @@ def _tell_people(one: Identified, *, is_quiet: bool) -> None:
 
 
 def _summary(one: Identified) -> str:
-    facts, n_fits = one.facts, len(one.campaign.fits)
-    n_all = len(facts.failures)
-    n_failed = sum(not failure.is_left_out for failure in facts.failures)
+    n_fits, n_all = len(one.run.settings), len(one.failures)
+    n_failed = sum(not failure.is_left_out for failure in one.failures)
     done = f"{n_fits} setting{'' if n_fits == 1 else 's'} fitted"
     failed = f", {n_failed} failed" if n_failed else ""
     failed += f", {n_all - n_failed} left out" if n_all > n_failed else ""
-    if facts.is_interrupted and not n_fits:
+    if one.is_interrupted and not n_fits:
         return "interrupted before a setting was finished; nothing was written"
     if one.keeps_earlier:
         return f"{done}{failed}; nothing was written: the earlier results in {one.folder} stay"
-    interrupted = "interrupted; " if facts.is_interrupted else ""
+    interrupted = "interrupted; " if one.is_interrupted else ""
     return f"{interrupted}{done}{failed}; results in {one.folder}"
 
 

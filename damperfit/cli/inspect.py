@@ -31,7 +31,7 @@ def inspect(how: Shown, **given: Any) -> int:
     Example: damperfit inspect runs/*.csv
     """
     batch = api.inspect(**given).batch
-    from damperfit.run.remarks import skipped_files
+    from damperfit.run.problems import skipped_files
 
     say_failures(batch.failures, is_debug=how.debug)
     if not how.quiet:

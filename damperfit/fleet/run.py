@@ -416,11 +416,11 @@ def _done(job: Job, here: Mapping[FleetLog, Path], stamps: Mapping[FleetLog, str
         for found in _results(configuration, living):
             owner = found.owner or task.owner
             rows += list(_part_rows(found.run, owner))
-            gates += map(str, found.facts.gates)
+            gates += found.run.record["gates_missed"]
             records.append(compared_record(found.run.record))
             failed += [
                 _failure(one, names, log=one.log, damper=owner, setting=one.setting)
-                for one in found.facts.failures
+                for one in found.failures
             ]
     except (MemoryError, OSError):
         raise  # of the machine, not of the logs: tried again another time

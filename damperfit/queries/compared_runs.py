@@ -23,7 +23,7 @@ from damperfit.results import Run, segments_in
 from damperfit.run.dampers import by_damper, folder_name
 from damperfit.run.log_paths import expand
 from damperfit.run.logs import Purpose, read_batch
-from damperfit.run.remarks import log_warnings, skipped_files
+from damperfit.run.problems import log_warnings, skipped_files
 from damperfit.tables.columns import (
     adjusters_in,
     column_names,

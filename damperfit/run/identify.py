@@ -36,12 +36,12 @@ if TYPE_CHECKING:
 
     from damperfit.configuration.options import Configuration
     from damperfit.identification import Campaign, Fit, LogFit
+    from damperfit.problem import Failure
     from damperfit.recording import Trace
     from damperfit.results import Run
     from damperfit.run.auto_model import LawChoice
+    from damperfit.run.judging import Mishaps
     from damperfit.run.logs import LogBatch
-    from damperfit.run.mishaps import Mishaps
-    from damperfit.run.run_json import ReportFacts
     from damperfit.tables.reading import LogSignals
     from damperfit.tested.setting import Setting
 
@@ -115,10 +115,8 @@ class Identified:
         With what it was fitted.
     run : Run
         What was found.
-    campaign : Campaign
-        The fits.
-    facts : ReportFacts
-        What the report tells besides the tables.
+    failures : tuple of Failure
+        Logs and settings without a result, and where internal errors happened.
     beside : tuple of str
         Folders of all dampers of the command; empty where there is one.
     error : Exception or None
@@ -131,11 +129,15 @@ class Identified:
     folder: Path
     configuration: Configuration
     run: Run
-    campaign: Campaign
-    facts: ReportFacts
+    failures: tuple[Failure, ...] = ()
     beside: tuple[str, ...] = ()
     error: Exception | None = None
     keeps_earlier: bool = False
+
+    @property
+    def is_interrupted(self) -> bool:
+        """Whether the user has stopped it."""
+        return bool(self.run.record["ending"] == "interrupted")
 
     @property
     def is_written(self) -> bool:
@@ -146,9 +148,9 @@ class Identified:
         """Write it to its folder; without a fit only where no earlier results are lost."""
         from damperfit.results import holds_fits
 
-        if not self.campaign.fits:
-            self.keeps_earlier = not self.facts.is_interrupted and holds_fits(self.folder)
-            if self.facts.is_interrupted or self.keeps_earlier:
+        if not self.run.settings:
+            self.keeps_earlier = not self.is_interrupted and holds_fits(self.folder)
+            if self.is_interrupted or self.keeps_earlier:
                 return
         try:
             self.run.save(self.folder)
@@ -176,7 +178,7 @@ def written(configuration: Configuration, logs: Sequence[str], **how: Any) -> It
         for one in identified(configuration, logs, **how):
             check_writable(one.folder)
             one.save()
-            if one.campaign.fits and one.error is None:
+            if one.run.settings and one.error is None:
                 forget_others(folder, one.beside or ("",))
             yield one
 
@@ -265,13 +267,13 @@ def identified(  # noqa: PLR0913 - what is asked of it
             own = replace(own, output=replace(own.output, folder=folder / folder_name(owner)))
         prepared.append((owner, own, parted))
     for owner, own, parted in prepared:
-        run, campaign, facts = _fitted(own, parted, clock=clock, jobs=workers, watch=watch)
+        run, failures = _fitted(own, parted, clock=clock, jobs=workers, watch=watch)
         if beside:
             run.record["folders_of_this_run"] = list(beside)
-        yield Identified(owner, own.output.folder, own, run, campaign, facts, beside)
+        yield Identified(owner, own.output.folder, own, run, failures, beside)
 
 
-_AFTER_READING = ("judging", "duplicate_tests", "run_json")
+_AFTER_READING = ("judging", "duplicate_tests", "document")
 
 
 def _prepared(
@@ -303,12 +305,11 @@ def _prepared(
 
 def _fitted(
     configuration: Configuration, parted: Parted, *, clock: _Clock, jobs: int, watch: Watch
-) -> tuple[Run, Campaign, ReportFacts]:
+) -> tuple[Run, tuple[Failure, ...]]:
     """Fit and judge the logs of one damper."""
+    from damperfit.run.document import run_of
     from damperfit.run.hold_out import note_unpredicted
-    from damperfit.run.judging import assessed, judge, with_profiles
-    from damperfit.run.mishaps import Mishaps
-    from damperfit.run.run_json import run_of
+    from damperfit.run.judging import Mishaps, assessed, judge, with_profiles
     from damperfit.uncertainty import Bench
 
     batch = parted.batch
@@ -333,7 +334,7 @@ def _fitted(
     is_interrupted = watch.cancelled()
     with clock.lap("characteristics_s"):
         rows = _read_off(configuration, campaign, mishaps, jobs=jobs)
-    run, facts = run_of(
+    run, failures = run_of(
         configuration,
         batch,
         campaign,
@@ -344,7 +345,7 @@ def _fitted(
     )
     run.keep_signals(lambda: _signals(configuration, campaign, rows))
     run.record["timings"] = clock.read()
-    return run, campaign.without_responses, facts
+    return run, failures
 
 
 def _fits(configuration: Configuration, batch: LogBatch, *, jobs: int, watch: Watch) -> Campaign:
@@ -385,8 +386,8 @@ def _read_off(
     from damperfit.tables.rows import characteristic_rows
 
     damper, solver = configuration.damper, configuration.identification.solver
-    unseen = told_here(mishaps.at_log("simulating the response of"))
-    unread = told_here(mishaps.at_log("reading the characteristics of"))
+    unseen = told_here(mishaps.at("simulating the response of"))
+    unread = told_here(mishaps.at("reading the characteristics of"))
 
     def rows_of(pair: tuple[Fit, LogFit]) -> list[dict[str, Any]] | None:
         fit, log = pair

@@ -1,25 +1,29 @@
 """A campaign judged: intervals, verdicts, trends, checks, predictions; profiles where asked for.
 
-What fails at one setting or log costs that one its judgement, and no other.
+What fails at one setting or log costs that one its judgement, and no other: the steps are told what
+to do without, leave the log or the setting out, and it becomes a failure.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, TypeVar
 
 from damperfit.adjustment.clicks import Adjustment, compare_settings
-from damperfit.checks import Subject, run_checks, unchecked
+from damperfit.checks import Check, Subject, run_checks, unchecked
 from damperfit.damper.valve_dampers import ValveDamper
+from damperfit.errors import ConfigurationError, InstallationError, OutputError, mishap_of
 from damperfit.laws.other_layouts import times_in
 from damperfit.problem import Failure, Option, Problem
-from damperfit.run.remarks import MANY
-from damperfit.run.run_json import Judgement, failures_of
+from damperfit.recording import Trace
+from damperfit.run.logs import failure_of
+from damperfit.run.problems import MANY, failures_of
 from damperfit.uncertainty import (
     Assessment,
     Bench,
     Objection,
+    Prediction,
     assess,
     missed_predictions,
     objections,
@@ -31,19 +35,17 @@ from damperfit.uncertainty.air import air_objections
 from damperfit.workers import executor
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
-    from damperfit.checks import Check
     from damperfit.configuration.options import Configuration
     from damperfit.damper.model import Model
     from damperfit.identification import Campaign
-    from damperfit.recording import Trace
     from damperfit.run.hold_out import Parted
-    from damperfit.run.mishaps import Mishaps
+    from damperfit.run.logs import LogBatch
     from damperfit.tested.setting import Setting
-    from damperfit.uncertainty import Interval, Prediction
+    from damperfit.uncertainty import Interval
 
-__all__ = ["assessed", "judge", "with_other_layouts", "with_profiles"]
+_Result = TypeVar("_Result")
 
 _TASK = "judging"
 # What checks of another layout take of a valve's numbers: up to 5 % were seen beside the areas.
@@ -51,6 +53,81 @@ _RETURNS = 1.06
 # MSE over that of the choice beyond which another fit was delivered; below a thousandth of the
 # force, rms, nobody sees a difference.
 _DELIVERED, _OF_NO_USE = 1.5, 1e-4
+
+
+@dataclass(frozen=True, slots=True)
+class Judgement:
+    """What was found of the fits once they were done.
+
+    Attributes
+    ----------
+    assessment : Assessment
+        How far the numbers may be trusted.
+    adjustment : Adjustment
+        What shows across settings.
+    checks : tuple of Check
+        The checklist.
+    predictions : tuple of Prediction
+        How well what was held out is predicted.
+    """
+
+    assessment: Assessment = Assessment()
+    adjustment: Adjustment = Adjustment()
+    checks: tuple[Check, ...] = ()
+    predictions: tuple[Prediction, ...] = ()
+
+
+@dataclass(slots=True)
+class Mishaps:
+    """What damperfit itself got wrong so far, from any thread.
+
+    Attributes
+    ----------
+    batch : LogBatch
+        The logs of the run.
+    """
+
+    batch: LogBatch
+    _found: list[Failure] = field(default_factory=list)
+
+    @property
+    def failures(self) -> tuple[Failure, ...]:
+        """By setting, those of the whole run last."""
+        key = lambda one: (one.setting is None, one.setting or 0, one.message)  # noqa: E731
+        return tuple(sorted(self._found, key=key))
+
+    def at(self, task: str) -> Callable[[Trace | Setting, Exception], None]:
+        """Return what takes a log or a setting and the error that a task, as "judging", has met."""
+
+        def take(whose: Trace | Setting, error: Exception) -> None:
+            if isinstance(whose, Trace):
+                path = next((log.path for log in self.batch.logs if log.log == whose.name), "")
+                mishap = mishap_of(error, f"{task} {whose.name}")
+                self._found.append(failure_of(mishap, whose.name, path, whose.setting))
+            else:
+                self.add(mishap_of(error, f"{task} setting {whose}"), whose)
+
+        return take
+
+    def add(self, mishap: Failure, setting: Setting | None = None) -> None:
+        """Take what a step over all settings, or one of them, has met, and went on."""
+        self._found.append(failure_of(mishap, setting=setting))
+
+    def spared(self, task: str, step: Callable[[], _Result], instead: _Result) -> _Result:
+        """Return what a step finds, or what the run goes on with where the step has an error.
+
+        Raises
+        ------
+        ConfigurationError, InstallationError, OutputError
+            What is wrong with the command as a whole, and no mishap.
+        """
+        try:
+            return step()
+        except (ConfigurationError, InstallationError, OutputError):
+            raise
+        except Exception as error:  # noqa: BLE001 - what the run has done so far is written
+            self.add(mishap_of(error, task))
+            return instead
 
 
 def assessed(campaign: Campaign, bench: Bench, mishaps: Mishaps) -> Assessment:
@@ -63,7 +140,7 @@ def assessed(campaign: Campaign, bench: Bench, mishaps: Mishaps) -> Assessment:
             solver=bench.solver,
             jobs=bench.jobs,
             cancelled=bench.cancelled,
-            on_error=mishaps.at_setting(_TASK),
+            on_error=mishaps.at(_TASK),
         ),
         Assessment(),
     )
@@ -84,7 +161,7 @@ def with_profiles(
     return mishaps.spared(
         "following profiles",
         lambda: profile_campaign(
-            campaign, assessment, bench, names=names, on_error=mishaps.at_setting(_TASK)
+            campaign, assessment, bench, names=names, on_error=mishaps.at(_TASK)
         ),
         assessment,
     )
@@ -125,7 +202,7 @@ def judge(
             assessment,
             damper,
             speeds=configuration.output.speeds,
-            on_error=mishaps.at_setting(_TASK),
+            on_error=mishaps.at(_TASK),
         ),
         Adjustment(),
     )
@@ -206,7 +283,7 @@ def _predicted(
 ) -> tuple[Prediction, ...]:
     """Return what was held out as the fits predict it; a log that fails costs that log."""
     damper, solver = configuration.damper, configuration.identification.solver
-    take = mishaps.at_log("predicting")
+    take = mishaps.at("predicting")
 
     def predicted(trace: Trace) -> tuple[Prediction, ...]:
         try:

@@ -140,9 +140,9 @@ def _tell_judging(pattern: str, results: Path, rounds: int) -> None:
         laps = found.run.record["timings"]
         written = time.process_time() - begin
         times = (laps["judge_s"], laps["characteristics_s"], written)
-        spent.append([1e3 * one / len(found.campaign.fits) for one in times])
-        if found.facts.failures:
-            raise SystemExit(f"a setting was not judged: {found.facts.failures[0].message}")
+        spent.append([1e3 * one / len(found.run.settings) for one in times])
+        if found.failures:
+            raise SystemExit(f"a setting was not judged: {found.failures[0].message}")
     judge_ms, read_ms, write_ms = np.median(spent[1:], axis=0)
     print(
         f"ms a log, medians of {rounds}: judging {judge_ms:.2f} and characteristics {read_ms:.2f} "

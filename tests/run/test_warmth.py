@@ -288,7 +288,7 @@ def results(tmp_path_factory):
         "identify", {"out": out}, ("covariate", "damper.reference_temperature", "mean")
     )
     (found,) = written(configuration, [str(folder / "*.csv")], jobs=1)
-    assert found.campaign.fits
+    assert found.run.settings
     return out
 
 

@@ -13,7 +13,7 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, identify
 from damperfit.recording import Finding
-from damperfit.run.trust import unconfirmed_tares
+from damperfit.run.problems import unconfirmed_tares
 from damperfit.uncertainty import assess
 from tests.identification.rig import recording
 from tests.identification.rig import short_trace as trace
@@ -219,7 +219,7 @@ def test_a_tare_that_the_fit_has_no_room_for_is_not_confirmed() -> None:
         seen = condition(log)
         seen = replace(seen, findings=(*seen.findings, told))
         campaign = identify([seen], damper)
-        return list(unconfirmed_tares(campaign, assess(campaign, damper)))
+        return list(map(str, unconfirmed_tares(campaign, assess(campaign, damper))))
 
     (one,) = said(0.0)
     assert one.startswith("setting 5: the warning tare is not confirmed")

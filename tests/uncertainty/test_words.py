@@ -13,7 +13,9 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.identification import FitOptions, Outcome, Sharing
 from damperfit.identification.outcome import Status
 from damperfit.recording import Finding
-from damperfit.run.trust import _profile, uncertainty_record, unconfirmed_tares, unlike_frictions
+from damperfit.run.document import _judged, profile_record
+from damperfit.run.judging import Judgement
+from damperfit.run.problems import unconfirmed_tares, unlike_frictions
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty import (
     Assessment,
@@ -358,12 +360,13 @@ def test_ties_at_several_settings_are_one_sentence_with_their_range() -> None:
 
 
 def test_the_record_of_a_profile_has_both_limits_beside_those_of_the_errors() -> None:
-    told = _profile(profile(1.5, 3.5), Assessment(uncertainties=(known(),)))
+    told = profile_record(profile(1.5, 3.5), Assessment(uncertainties=(known(),)))
     interval = known().intervals["r_m3"]
     assert (told["ci_low"], told["ci_high"]) == (1.5, 3.5)
     assert (told["sandwich_ci_low"], told["sandwich_ci_high"]) == (interval.low, interval.high)
     assert (told["shape"], told["points"], told["evaluations"]) == ("closed", 3, 17)
-    partial = _profile(profile(1.5, 3.5, is_partial=True), Assessment(uncertainties=(known(),)))
+    held = profile(1.5, 3.5, is_partial=True)
+    partial = profile_record(held, Assessment(uncertainties=(known(),)))
     assert partial["sandwich_ci_low"] is partial["sandwich_ci_high"] is None
 
 
@@ -371,7 +374,7 @@ def test_the_record_of_trust_has_a_place_for_everything() -> None:
     judged = Assessment(
         uncertainties=(known(),), diagnoses=(diagnosis(1),), profiles=(profile(1.5, 3.5),)
     )
-    told = uncertainty_record(fakes.campaign(fakes.fit(1)), judged)
+    told = _judged(fakes.campaign(fakes.fit(1)), Judgement(judged))
     (trust,) = told["uncertainty"]
     assert (trust["setting"], trust["shared"]) == (1, ["r_m3"])
     assert trust["parameters"] == ["r_m1", "r_m2", "k_e", "r_m3"]
@@ -393,7 +396,7 @@ def test_a_tare_that_the_fit_does_not_need_is_told_of_its_settings() -> None:
             log = replace(fit.logs[0], trace=replace(fit.logs[0].trace, findings=findings))
             fits.append(replace(fit, logs=(log,)))
         judged = Assessment(diagnoses=tuple(diagnosis(n, **more) for n in settings))
-        return list(unconfirmed_tares(fakes.campaign(*fits), judged))
+        return list(map(str, unconfirmed_tares(fakes.campaign(*fits), judged)))
 
     assert said(note) == said(replace(tare, severity="note")) == []
     assert said(note, tare, is_structured=True) == said(tare, noise=math.nan) == []
@@ -516,7 +519,7 @@ def test_a_friction_that_follows_the_clicks_is_none(found, is_said) -> None:
 
 def test_the_frictions_that_are_farthest_apart_are_named() -> None:
     (said,) = frictions((30.0, 1.0, 1.0), (24.2, 0.4, 1.0), (145.0, 0.7, 4.5))
-    assert said == (
+    assert str(said) == (
         "f_f is 24.2 N at setting 2 and 145 N at setting 3, but friction belongs to the damper and "
         "not to its clicks: a preloaded valve may be taken for friction; fit the settings "
         "together: --procedure joint"

@@ -1,0 +1,369 @@
+"""What a run tells of itself: warnings, failures, gates, procedure, how it ended; as JSON."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from damperfit.configuration.loading import load_configuration
+from damperfit.damper.model import values_type
+from damperfit.identification import Outcome, Sharing, Status
+from damperfit.problem import Failure, Problem, failure_lines
+from damperfit.recording import Finding
+from damperfit.report.records import gaps_in
+from damperfit.run.document import ending_of, procedure_sentences, profile_record, run_of
+from damperfit.run.judging import Judgement, Mishaps
+from damperfit.run.logs import Ending, LogBatch, LogFacts
+from damperfit.run.problems import (
+    MANY,
+    corrections,
+    gates_not_met,
+    missing_logs,
+    skipped_files,
+    unconfirmed_tares,
+    warnings_of,
+)
+from damperfit.tables.documents import json_pieces, json_values
+from damperfit.tested.setting import Setting, parse_setting
+from damperfit.uncertainty import Assessment, Objection, Uncertainty
+from damperfit.uncertainty.intervals import make_interval
+from tests.fakes import campaign, fit
+
+PLAIN = load_configuration()
+EMPTY = LogBatch((), (), (), (), 0)
+CLIPPED = Finding("force_clipping", "warning", "the force is clipped")
+TURNED = Finding("direction", "note", "force reversed", is_correction=True)
+TARE = Finding("tare", "warning", "the force has an offset of 120 N")
+FAILED = Failure(Problem("log", "broken", subject="a.csv"), "LogError", "a.csv", "a.csv", 1)
+LEFT_OUT = Failure(Problem("strict", "clipped"), "QualityError", "b.csv", "b.csv", 2)
+SETTING = Failure(Problem("simulation", "rigid"), "SimulationError", setting=3)
+
+
+def with_findings(setting, *findings):
+    one = fit(setting)
+    log = one.logs[0]
+    return replace(one, logs=(replace(log, trace=replace(log.trace, findings=findings)),))
+
+
+def warned(done, batch=EMPTY, judgement=None):
+    return [str(one) for one in warnings_of(PLAIN, batch, done, judgement or Judgement())]
+
+
+# Warnings
+
+
+def test_a_warning_of_many_logs_is_one_line_with_the_first_one_s_numbers() -> None:
+    note = Finding("skew", "note", "not late")
+    logs = [
+        with_findings(1, note, CLIPPED),
+        with_findings(2, CLIPPED),
+        with_findings(3, CLIPPED, TURNED),
+    ]
+    for n, others in ((1, ""), (2, " and 1 other log"), (3, " and 2 other logs")):
+        assert warned(campaign(*logs[:n])) == [f"setting_01.csv{others}: the force is clipped"]
+    assert [str(one) for one in corrections(campaign(*logs))] == ["setting_03.csv: force reversed"]
+
+
+def test_what_was_skipped_and_what_the_fits_say_is_told() -> None:
+    done = campaign(replace(fit(4), warnings=("trial points failed",)), warnings=("rough",))
+    assert warned(done, replace(EMPTY, skipped=("truth.csv",))) == [
+        "truth.csv: written by damperfit, not a log; skipped",
+        "rough",
+        "setting 4: trial points failed",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("high", "certain", "jointly", "said"),
+    [
+        (73.0, True, (), ""),  # 20 % of the sum: 50 and 75
+        (77.0, True, (), "friction goes from 50 to 77 N over the settings"),
+        (77.0, True, (), "does not hold; free it (--free r_m1,r_m2,k_e,f_f)"),
+        (77.0, True, ("r_m3", "f_f"), "does not hold; free it (--share r_m3)"),
+        (77.0, False, (), ""),
+    ],
+)
+def test_friction_varies_from_a_fifth_of_its_middle_on(high, certain, jointly, said) -> None:
+    sharing = Sharing(jointly=jointly, spread=(50.0, high), is_spread_certain=certain)
+    done = campaign(fit(1), sharing=sharing)
+    told = warned(done)
+    assert len(told) == bool(said)
+    assert said in "".join(told)
+    (line,) = (one for one in procedure_sentences(PLAIN, done) if one.startswith("f_f"))
+    word = "it varies" if said else "it hardly varies"
+    assert line.endswith(f"; {word}: fitted individually, the settings have 50 to {high:.3g} N.")
+
+
+def test_what_contradicts_across_settings_and_what_is_doubted_reach_the_record() -> None:
+    """Frictions of one damper that are not one; an empty chamber in a model that misses."""
+    fits, known = [], []
+    for n, friction in ((1, 20.0), (2, 80.0)):
+        one = fit(n, outcome=Outcome.CAVITATING, status={"f_f": "fitted"})
+        fits.append(replace(one, parameters=one.parameters.replace({"f_f": friction})))
+        intervals = {"f_f": make_interval(friction, 0.01)}
+        known.append(Uncertainty(n, intervals, ("f_f",), np.array([[1e-4]])))
+    doubt = {2: (Objection("cavitation", "", "chamber 2 cavitates"),)}
+    judged = Judgement(Assessment(uncertainties=tuple(known), objections=doubt))
+    told = warned(campaign(*fits), judgement=judged)
+    assert any("f_f is 20 N at setting 1 and 80 N at setting 2" in one for one in told)
+    assert any("model purdy does not describe setting 2" in one for one in told)
+
+
+def _sound(setting=1, *, is_structured=False, noise_percent=0.1):
+    return SimpleNamespace(
+        setting=setting, is_structured=is_structured, noise_percent=noise_percent
+    )
+
+
+def _bare():
+    """A fit of a model without an offset."""
+    one = with_findings(1, TARE)
+    (friction,) = (quantity for quantity in one.parameters.quantities if quantity.name == "f_f")
+    values = values_type((friction,))(50.0)
+    return replace(one, parameters=values, status={"f_f": Status.FITTED})
+
+
+_FREE = replace(
+    with_findings(1, TARE), status={**with_findings(1, TARE).status, "f_0": Status.FITTED}
+)
+
+
+@pytest.mark.parametrize(
+    ("fits", "diagnoses", "where"),
+    [
+        ([with_findings(1, TARE)], [_sound()], "setting 1"),
+        ([with_findings(1, TARE), with_findings(2, TARE)], [_sound(), _sound(2)], "settings 1, 2"),
+        ([_bare()], [_sound()], "setting 1"),
+        ([with_findings(1, TARE)], [_sound(is_structured=True)], None),
+        ([with_findings(1, TARE)], [_sound(noise_percent=float("nan"))], None),
+        ([with_findings(1, TARE)], [], None),
+        ([with_findings(1, replace(TARE, severity="note"))], [_sound()], None),
+        ([with_findings(1, CLIPPED)], [_sound()], None),
+        ([_FREE], [_sound()], None),
+    ],
+)
+def test_a_tare_is_unconfirmed_where_the_fit_meets_the_force_to_its_noise(
+    fits, diagnoses, where
+) -> None:
+    judged = SimpleNamespace(diagnoses=tuple(diagnoses))
+    said = [str(one) for one in unconfirmed_tares(campaign(*fits), judged)]
+    assert [one.split(": the warning tare is not confirmed")[0] for one in said] == (
+        [where] if where else []
+    )
+
+
+# Of many the first
+
+
+@pytest.mark.parametrize("n", [MANY, MANY + 1])
+def test_what_many_settings_or_files_have_in_common_is_one_line(n) -> None:
+    fits = [replace(fit(k), warnings=(f"{k} trials failed.",)) for k in range(1, n + 1)]
+    limited = load_configuration(overlay={"output": {"max_mse_percent": 0.001}})
+    expected = load_configuration(overlay={"rig": {"settings": list(range(1, n + 1))}})
+    unsound = (fit(k, outcome=Outcome.EVALUATION_LIMIT) for k in range(1, n + 1))
+    skipped = replace(EMPTY, skipped=tuple(f"truth_{k}.csv" for k in range(n)))
+    kinds = {
+        "setting 1: 1 trials failed.": warned(campaign(*fits)),
+        "setting 1: MSE 0.0123 % is above": gates_not_met(limited, EMPTY, campaign(*fits)),
+        "setting 1: the fit did not": gates_not_met(PLAIN, EMPTY, campaign(*unsound)),
+        "setting": (one.line for one in missing_logs(expected, EMPTY)),
+        "truth_0.csv": skipped_files(skipped),
+    }
+    for begin, lines in kinds.items():
+        said = [str(one) for one in lines]
+        assert len(said) == (n if n == MANY else 1)
+        assert said[0].startswith(begin)
+        if n > MANY and begin.startswith("setting 1"):
+            assert said[0].endswith(f"(with other numbers at 2-{n})")
+
+
+@pytest.mark.parametrize(("n", "lines"), [(5, 5), (6, 1), (300, 1)])
+def test_the_tests_of_one_file_that_fail_alike_are_one_line(n, lines) -> None:
+    def failure(k: int) -> Failure:
+        name = f"long.dat part {k}"
+        problem = Problem("log", "the log does not say its adjuster setting", subject=name)
+        return Failure(problem, "LogError", name, "runs/long.dat")
+
+    said = failure_lines([*(failure(k) for k in range(1, n + 1)), FAILED])
+    assert len(said) == lines + 1
+    assert said[-1] == "a.csv: broken"
+    if lines == 1:
+        assert said[0].endswith(f"(and {n - 1} other tests of this file alike)")
+    files = [
+        Failure(Problem("log", "empty", subject=f"{k}.csv"), "LogError", f"{k}.csv", f"{k}.csv")
+        for k in range(9)
+    ]
+    assert failure_lines(files) == [f"{k}.csv: empty" for k in range(9)]
+
+
+# Gates and endings
+
+
+def gates(*fits, failures=(), limit=0.0) -> list[str]:
+    asked = replace(PLAIN, output=replace(PLAIN.output, max_mse_percent=limit))
+    batch = LogBatch((), (), tuple(failures), (), 1)
+    return [str(one) for one in gates_not_met(asked, batch, campaign(*fits))]
+
+
+@pytest.mark.parametrize(
+    ("mse", "said"), [(0.99, None), (1.0, None), (1.01, "1.01"), (float("nan"), "nan")]
+)
+def test_the_gate_of_the_mse_is_met_up_to_its_limit(mse, said) -> None:
+    told = [] if said is None else [f"setting 3: MSE {said} % is above 1 %"]
+    assert gates(fit(3, mse=mse), limit=1.0) == told
+    assert gates(fit(3, mse=mse)) == []  # nobody asked
+
+
+@pytest.mark.parametrize("outcome", Outcome)
+def test_a_fit_without_a_minimum_is_a_gate_that_nobody_must_ask_for(outcome) -> None:
+    missed = {Outcome.EVALUATION_LIMIT, Outcome.NO_DESCENT, Outcome.NOT_FINITE}
+    told = [f"setting 4: the fit did not converge ({outcome.value})"]
+    assert gates(fit(1), fit(4, outcome=outcome)) == (told if outcome in missed else [])
+
+
+def test_no_setting_is_told_to_have_missed_the_gate_of_another() -> None:
+    for n in (MANY, MANY + 1):
+        fits = [fit(k, mse=2.0) for k in range(2, n + 1, 2)]
+        fits += [fit(k, mse=0.5, outcome=Outcome.NO_DESCENT) for k in range(1, n + 1, 2)]
+        said = gates(*sorted(fits, key=lambda one: one.setting), limit=1.0)
+        assert len(said) == n
+        for line in said:
+            is_even = int(line.split(":")[0].split()[1]) % 2 == 0
+            assert ("MSE 2 % is above 1 %" in line) is is_even
+
+
+@pytest.mark.parametrize(
+    ("n", "others"), [(1, ""), (2, " and 1 other log"), (3, " and 2 other logs")]
+)
+def test_logs_that_strict_quality_left_out_are_counted(n, others) -> None:
+    refused = [replace(LEFT_OUT, log=f"{k}.csv") for k in range(n)]
+    said = [f"strict quality: 0.csv{others} left out for warnings"]
+    assert gates(failures=(FAILED, *refused)) == said
+    assert gates(failures=(FAILED,)) == []
+
+
+@pytest.mark.parametrize(
+    ("fits", "failures", "gates", "stopped", "ending", "code"),
+    [
+        (2, (), (), False, "COMPLETE", 0),
+        (2, (), ("gate",), False, "GATE_MISSED", 4),
+        (2, (FAILED,), (), False, "SOME_FAILED", 1),
+        (2, (SETTING,), (), False, "SOME_FAILED", 1),
+        (2, (FAILED,), ("gate",), False, "SOME_FAILED", 1),
+        (2, (FAILED,), ("gate",), True, "INTERRUPTED", 130),
+        (2, (LEFT_OUT,), ("strict",), False, "GATE_MISSED", 4),
+        (2, (LEFT_OUT, FAILED), ("strict",), False, "SOME_FAILED", 1),
+        (0, (FAILED,), (), False, "ALL_FAILED", 3),
+        (0, (LEFT_OUT,), ("strict",), False, "GATE_MISSED", 4),
+        (0, (LEFT_OUT, FAILED), ("strict",), False, "ALL_FAILED", 3),
+        (0, (), (), False, "ALL_FAILED", 3),
+        (0, (), (), True, "INTERRUPTED", 130),
+    ],
+)
+def test_a_failure_counts_before_a_gate_and_an_interruption_before_both(
+    fits, failures, gates, stopped, ending, code
+) -> None:
+    found = ending_of(fits, failures, gates, is_interrupted=stopped)
+    assert (found.name, found.value) == (ending, code)
+    if not gates and not stopped and failures != (SETTING,):  # reading alone ends alike
+        alone = LogBatch((), (), failures, (), fits).ending
+        assert alone is (found if fits or failures else Ending.COMPLETE)
+
+
+def test_mishaps_are_told_by_setting_and_those_of_the_whole_run_last() -> None:
+    mishaps = Mishaps(EMPTY)
+    mishaps.spared("comparing", lambda: 1 / 0, None)
+    for setting in (12, 3, 7):
+        mishaps.at("judging")(setting, ValueError("x"))
+    mishaps.at("profiling")(3, ValueError("x"))
+    told = [(one.setting, one.message.split(":")[0]) for one in mishaps.failures]
+    assert [setting for setting, _ in told] == [3, 3, 7, 12, None]
+    assert told[0] < told[1]
+
+
+# The record
+
+
+def test_settings_that_are_expected_and_missing_are_failures_of_their_own() -> None:
+    wanted = replace(PLAIN, rig=replace(PLAIN.rig, settings=(1, 2, 5)))
+    batch = replace(EMPTY, logs=(LogFacts("a.csv", "a.csv", "", {"setting": 2}),))
+    lost = list(missing_logs(wanted, batch))
+    assert [(one.setting, one.code, one.kind) for one in lost] == [
+        (1, "missing-log", "MissingLogError"),
+        (5, "missing-log", "MissingLogError"),
+    ]
+
+
+def test_the_procedure_is_told_with_every_value_that_holds_for_all() -> None:
+    done = campaign(fit(1, status={"r_m3": "fixed"}), with_findings(2, TURNED))
+    damper, *told = procedure_sentences(PLAIN, done)
+    assert damper.startswith("Damper: rod 19 mm, piston 28.5 mm, gas piston 40 mm, chambers 133")
+    assert told == [
+        "Filter: no filter",
+        "Procedure: paper.",
+        "Corrected: setting_02.csv: force reversed.",
+        "r_m3 = 2.5970e6 N s/(m2 kg) is fixed.",
+        "f_f = 50.000 N is shared by all settings, found from the logs.",
+    ]
+    assert len(list(procedure_sentences(PLAIN, campaign()))) == 1
+    offset = list(procedure_sentences(PLAIN, campaign(fit(1, f_0=-12.5))))[-1]
+    assert offset == "f_0 = -12.500 N is fixed."
+    # What --free leaves out is neither given nor one value: each setting has its own.
+    options = replace(PLAIN.identification, free=("r_m1",), fixed={"r_m2": 2.2e6})
+    done = campaign(fit(1, status={"r_m2": "fixed", "k_e": "fixed"}))
+    told = list(procedure_sentences(replace(PLAIN, identification=options), done))
+    assert "r_m2 = 2.2000e6 N s/(m2 kg) is fixed." in told
+    (line,) = (one for one in told if one.startswith("k_e"))
+    assert line.startswith("k_e of each setting is held at what a first fit of its logs gave")
+
+
+def test_a_gap_of_900_000_settings_is_one_range_everywhere() -> None:
+    found = campaign(*(fit(k) for k in (1, 2, 3, 4, 6)), replace(fit(20), setting=900_000))
+    run, _ = run_of(
+        PLAIN, EMPTY, found, Judgement(), Mishaps(EMPTY), characteristics=[], is_interrupted=False
+    )
+    assert run.record["gaps"] == [{"first": 5, "last": 5}, {"first": 7, "last": 899_999}]
+    assert len(json.dumps(run.record)) < 100_000
+    assert len(run.parameters) == 6
+    assert gaps_in({"gaps": [{"first": 6, "last": 899_999}]}) == ((6, 899_999),)
+    assert gaps_in({"gaps": [4, 7]}) == ((4, 4), (7, 7))  # an earlier version
+    assert gaps_in({"gaps": [{"first": 7, "last": 6}, {"first": 1}, "x", None, True]}) == ()
+
+
+@pytest.mark.parametrize("is_partial", [False, True])
+def test_a_profile_stands_beside_the_interval_of_errors_unless_others_were_held(is_partial) -> None:
+    profile = SimpleNamespace(
+        setting=3, name="k_e", shape="closed", low=1.0, high=4.0, points=(0, 0), evaluations=9,
+        is_shared=False, is_partial=is_partial,
+    )  # fmt: skip
+    others = SimpleNamespace(setting=2, intervals={"k_e": SimpleNamespace(low=7.0, high=8.0)})
+    own = SimpleNamespace(setting=3, intervals={"k_e": SimpleNamespace(low=1.5, high=3.5)})
+    told = profile_record(profile, SimpleNamespace(uncertainties=(others, own)))
+    sandwich = (None, None) if is_partial else (1.5, 3.5)
+    assert (told["sandwich_ci_low"], told["sandwich_ci_high"]) == sandwich
+    assert (told["ci_low"], told["ci_high"], told["points"]) == (1.0, 4.0, 2)
+
+
+def test_a_document_is_laid_out_a_line_an_entry_and_reads_back() -> None:
+    document = {
+        "empty": {},
+        "none": [],
+        "one": [{}],
+        "deep": {"inside": {"rows": [{"a": [1.5, None]}, {"b": '\u00e9, "quoted"\n'}]}},
+        "numbers": [1, 2.5e-300, True],
+        "mixed": [1, {"c": {"d": [{}]}}],
+    }
+    text = "".join(json_pieces(document))
+    assert json.loads(text) == document
+    lines = [line.strip() for line in text.splitlines()]
+    assert '{"a": [1.5, null]},' in lines
+    assert '"numbers": [1, 2.5e-300, true],' in lines
+    with pytest.raises(ValueError, match="JSON"):
+        list(json_pieces({"not": [{"a": "number", "b": float("nan")}]}))
+    two = parse_setting("R12 C8", ["rebound", "compression"])
+    told = json_values({"a": [1.5, float("nan"), (float("inf"), Setting.of(2))], 3: two})
+    assert told == {"a": [1.5, None, [None, 2]], "3": "R12 C8"}
