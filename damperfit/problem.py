@@ -9,7 +9,7 @@ configuration file the line of a key. Lists group them by code (`listing`).
 from __future__ import annotations
 
 import shlex
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -230,6 +230,7 @@ class Problem:
             "code": self.code,
             "severity": self.severity,
             "subject": self.subject,
+            "where": None if self.where is None else _told_place(self.where),
             "message": self.message(),
             "text": self.text,
             "values": values,
@@ -289,6 +290,10 @@ class Problem:
         if isinstance(where, Key):
             return ": ".join(filter(None, (subject, ".".join(where.path))))
         return subject
+
+
+def _told_place(where: Where) -> dict[str, str]:
+    return {one.name: str(getattr(where, one.name)) for one in fields(where)}
 
 
 def _worded(value: object, words: Words) -> str:

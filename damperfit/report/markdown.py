@@ -31,6 +31,7 @@ from damperfit.report.tables import (
     mse_sheet,
     parameter_sheet,
 )
+from damperfit.tested.identity import identity_sentence
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -131,9 +132,7 @@ def markdown_report(run: Run) -> str:
         ("Cavitation", ()),
         ("How it was done", ()),
     )
-    test = run.identity
-    whose = ", ".join(f"{key} {test.pop(key)}" for key in ("damper", "serial") if key in test)
-    identity = "; ".join(([whose] if whose else []) + [f"{k}: {v}" for k, v in test.items()])
+    identity = identity_sentence(run.identity)
     lines = ["# MSE report", "", *([f"Tested: {escape(identity)}.", ""] if identity else [])]
     if record.get("ending") == "interrupted":
         lines += ["**Interrupted: these are the settings that were finished.**", ""]

@@ -68,11 +68,7 @@ class Identity:
     @property
     def sentence(self) -> str:
         """For people: "damper D7, serial 1234; rig: hall 2"; empty where nothing is known."""
-        stated = self.describe()
-        whose = ", ".join(
-            f"{key} {stated.pop(key)}" for key in ("damper", "serial") if key in stated
-        )
-        return "; ".join(([whose] if whose else []) + [f"{k}: {v}" for k, v in stated.items()])
+        return identity_sentence(self.describe())
 
 
 IDENTITY_KEYS = tuple(one.name for one in fields(Identity) if one.name != "more")
@@ -81,6 +77,13 @@ IDENTITY_KEYS = tuple(one.name for one in fields(Identity) if one.name != "more"
 def _identity(named: Mapping[str, str], more: Mapping[str, str] | None = None) -> Identity:
     known: dict[str, Any] = dict(named)
     return Identity(**known, more=tuple((more or {}).items()))
+
+
+def identity_sentence(stated: Mapping[str, str]) -> str:
+    """Return what is known of a test, by its names, for people."""
+    whose = ", ".join(f"{key} {stated[key]}" for key in ("damper", "serial") if key in stated)
+    rest = [f"{k}: {v}" for k, v in stated.items() if k not in {"damper", "serial"}]
+    return "; ".join(([whose] if whose else []) + rest)
 
 
 def identity_in(metadata: Mapping[str, str]) -> Identity:
