@@ -18,9 +18,13 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
+    from numpy.typing import NDArray
+
     from damperfit.damper.model import Model
     from damperfit.recording import Stretch, Trace
     from damperfit.tested.setting import Setting
+
+    FloatArray = NDArray[np.float64]
 
 __all__ = [
     "REPEATS",
@@ -36,8 +40,11 @@ __all__ = [
 ]
 
 # Of the range: text of four digits stands 1e-4 beside the binary file, and noise of 4 N in 1300 N
-# makes two tests differ by 4e-3.
+# makes two tests differ by 4e-3. Two tests of an adjuster that does nothing differ by their noise
+# alone, a copy by a small share of it.
 _SAME = 5e-4
+_OF_NOISE = 0.3
+_DIGITS = 2e-5
 _ROUNDING = 1e-9  # of sums
 _ALIKE = 0.05  # motions nearer than this are one: rigs repeat speed and stroke to 1 %
 _SAME_TEMPERATURE = 0.5  # K beyond which forces may differ, where the damper follows temperature
@@ -90,8 +97,18 @@ def is_same_test(one: Trace, other: Trace) -> bool:
         return False
     if not math.isclose(one.interval, other.interval, rel_tol=1e-6):
         return False
-    pairs = ((one.force, other.force), (one.displacement, other.displacement))
-    return all(np.sqrt(np.mean((a - b) ** 2)) <= _SAME * (np.ptp(a) or 1.0) for a, b in pairs)
+    span = float(np.ptp(one.force)) or 1.0
+    noise = min(trace.fastest.noise for trace in (one, other))
+    limit = _SAME * span
+    if noise > 0.0:
+        limit = min(limit, max(_OF_NOISE * noise, _DIGITS * span))
+    is_near = _rms(one.force - other.force) <= limit
+    reach = _SAME * (float(np.ptp(one.displacement)) or 1.0)
+    return is_near and _rms(one.displacement - other.displacement) <= reach
+
+
+def _rms(values: FloatArray) -> float:
+    return math.sqrt(float(np.mean(values**2)))
 
 
 def share_a_motion(first: Trace, second: Trace) -> bool:
