@@ -104,7 +104,9 @@ def read(
     configuration = configured("read", {"units": units, "rig": rig, "config": config})
     with as_files(log, call="damperfit.read") as paths:
         if len(paths) > 1:
-            raise ConfigurationError("found several logs; give one", subject="damperfit.read")
+            raise ConfigurationError(
+                "found several logs; give one", subject="damperfit.read", code="several-logs"
+            )
         return read_log(paths[0], configuration.reading)
 
 
@@ -223,7 +225,9 @@ def identify(  # noqa: PLR0913 - one keyword an option of the command line
     """
     given = dict(locals())
     if out is None and (report or figures):
-        raise ConfigurationError("a report is written; give {out}", out=Option("out", "FOLDER"))
+        raise ConfigurationError(
+            "a report is written; give {out}", out=Option("out", "FOLDER"), code="no-folder"
+        )
     (one,) = identify_each(**given, is_one=True, is_written=out is not None)
     if one.error is not None:
         raise one.error
@@ -294,6 +298,7 @@ def _identification(given: Mapping[str, Any]) -> Configuration:
             "expected more than 0, as every fit leaves some misfit; for no gate leave the option "
             "out (output.max_mse_percent = 0)",
             where=Option("max_mse", "0"),
+            code="out-of-range",
         )
     is_open = given.get("model") == _AUTO
     start_file, start_values = starts_of(given.get("start"))
@@ -329,6 +334,7 @@ def _identification(given: Mapping[str, Any]) -> Configuration:
             model=Option("model", "auto"),
             rivals=Option("rivals"),
             where=Option("rivals"),
+            code="not-together",
         )
     return configuration
 
@@ -362,7 +368,9 @@ def _chosen(
 def _check_kind(kind: str | None) -> None:
     if kind is not None and kind not in FIGURE_KINDS:
         raise ConfigurationError(
-            f"expected one of {', '.join(FIGURE_KINDS)}", where=Option("figures", kind)
+            f"expected one of {', '.join(FIGURE_KINDS)}",
+            where=Option("figures", kind),
+            code="unknown-figure-kind",
         )
 
 
@@ -407,6 +415,7 @@ def models(  # noqa: PLR0913 - one keyword an option of the command line
         raise ConfigurationError(
             f"no layout {layout!r}; there are {', '.join(LAYOUTS)}.{did_you_mean(layout, LAYOUTS)}",
             where=Option("layout"),
+            code="unknown-layout",
         )
     start_file, start_values = starts_of(start)
     configuration = configured(
@@ -443,6 +452,7 @@ def load(folder: str | Path) -> Run:
             f"{place} is a part of a fleet, which keeps no more than a table; expected a folder "
             "that damperfit identify wrote; pandas reads parts",
             subject="damperfit.load",
+            code="part-of-a-fleet",
         )
     return Run.load(place, parts=("parameters", "mse"))
 
@@ -503,7 +513,9 @@ def simulate(  # noqa: PLR0913 - one keyword an option of the command line
     if temperature is not None and isinstance(configuration.damper, Warmed):
         sentence += f" Simulated at {configuration.damper.oil_temperature:g} degC."
     if log is not None and not log.exists():
-        raise ConfigurationError("no such file", where=Option("displacement", log))
+        raise ConfigurationError(
+            "no such file", where=Option("displacement", log), code="no-such-file"
+        )
     test = simulate_test(choice, configuration, log=log)
     notes = tuple(notes_on_simulation(configuration.damper, choice.parameters))
     done = Simulation(test, sentence, configuration.notes, notes)
@@ -524,6 +536,7 @@ def _parameters(
             f"found a result in place of a setting; give {call}(10, parameters=result), or "
             "result.setting(10).simulate()",
             subject=call,
+            code="not-a-setting",
         )
     choice = choose_parameters(
         known_as_setting(setting),
@@ -538,7 +551,9 @@ def _parameters(
 def _suffixed(path: Any, keyword: str, known: tuple[str, ...]) -> Path | None:
     if path is not None and path.suffix.lower() not in known:
         raise ConfigurationError(
-            f"expected a name that ends in {', '.join(known)}", where=Option(keyword, path)
+            f"expected a name that ends in {', '.join(known)}",
+            where=Option(keyword, path),
+            code="wrong-suffix",
         )
     found: Path | None = path
     return found
@@ -591,6 +606,7 @@ def sweep(  # noqa: PLR0913 - one keyword an option of the command line
             "nothing to vary: give {vary} NAME=F1,F2,... or {paper}",
             vary=Option("vary"),
             paper=Option("paper"),
+            code="nothing-to-do",
         )
     folder: Any = out
     _check_places(folder)
@@ -600,7 +616,9 @@ def sweep(  # noqa: PLR0913 - one keyword an option of the command line
     variations = [parse_variation(text, configuration.damper) for text in texts]
     if len({variation.name for variation in variations}) < len(variations):
         raise ConfigurationError(
-            "a name is given twice; put its factors into one list", where=Option("vary")
+            "a name is given twice; put its factors into one list",
+            where=Option("vary"),
+            code="given-twice",
         )
     if paper and configuration.damper.name != "purdy":
         raise ConfigurationError(
@@ -608,6 +626,7 @@ def sweep(  # noqa: PLR0913 - one keyword an option of the command line
             f"{configuration.damper.name!r}: give {{vary}} NAME=F1,F2,...",
             vary=Option("vary"),
             where=Option("paper"),
+            code="other-model",
         )
     wanted = [(v, False) for v in variations] + [(v, True) for v in PAPER_SWEEPS if paper]
     done = Sweep(choice, configuration, sentence, wanted)
@@ -629,7 +648,6 @@ def settings(  # noqa: PLR0913 - one keyword an option of the command line
     rig: Mapping[str, Any] | None = None,
     rig_profile: str | None = None,
     units: str | None = None,
-    jobs: int | None = None,
     config: str | Path | None = None,
 ) -> SettingForces:
     """Show force by setting and what a click changes; find the setting for a force.
@@ -668,7 +686,8 @@ def settings(  # noqa: PLR0913 - one keyword an option of the command line
     if len(paths) > 1:
         raise ConfigurationError(
             f"found {', '.join(map(str, paths[:3]))}; expected one results folder, or files of "
-            "measured curves alone"
+            "measured curves alone",
+            code="several-results",
         )
     refuse_idle(given, ("rig", "rig_profile"), f"{paths[0]} holds results, and no log is read")
     adjuster = read_adjuster_results(
@@ -732,6 +751,7 @@ def compare(  # noqa: PLR0913 - one keyword an option of the command line
         raise ConfigurationError(
             f"found {tolerance!r}; expected '5%', '20N' or the path of a table of bands",
             where=Option("tolerance"),
+            code="not-a-tolerance",
         )
     paths: dict[str, Any] = {name: given[name] for name in ("out", "save", "junit")}
     kept = [paths[name] for name in ("save", "junit")]
@@ -753,6 +773,7 @@ def compare(  # noqa: PLR0913 - one keyword an option of the command line
             "holds the points of {tolerance}, which was not given",
             tolerance=Option("tolerance"),
             where=Option("junit"),
+            code="nothing-to-do",
         )
     options = comparison_options(
         velocities=given["velocity"] or (),
@@ -824,6 +845,7 @@ def export(  # noqa: PLR0913 - one keyword an option of the command line
             "what they are",
             to=Option("to"),
             subject="export",
+            code="no-target",
         )
     target = find_target(str(to))
     for option, value, default in (("units", units, None), ("decimal", decimal, ".")):
@@ -831,15 +853,19 @@ def export(  # noqa: PLR0913 - one keyword an option of the command line
             raise ConfigurationError(
                 f"{target.name} has units and marks of its own ({target.units}); leave it out",
                 where=Option(option, value),
+                code="no-effect",
             )
     if decimal not in {".", ","}:
-        raise ConfigurationError("expected . or ,", where=Option("decimal", decimal))
+        raise ConfigurationError(
+            "expected . or ,", where=Option("decimal", decimal), code="unknown-mark"
+        )
     shown = SI if units is None else parse_units(units)
     speed = None if extend is None else parse_quantity(extend, "velocity", option="--extend")
     folder = folder_of(results, "damperfit.export")
     if out is None and getattr(results, "is_temporary", False):
         raise ConfigurationError(
-            "damperfit.export: these results are in no folder of yours; give out=FOLDER"
+            "damperfit.export: these results are in no folder of yours; give out=FOLDER",
+            code="no-folder",
         )
     where, stem = written_of(folder, "export"), "damper"
     where = where if is_part(folder) else where / "export"
@@ -971,6 +997,7 @@ def fleet(  # noqa: PLR0913 - one keyword an option of the command line
             "fleet: expected LOGS, or {collect} or {report} for the parts that are there",
             collect=Option("collect"),
             report=Option("report"),
+            code="nothing-to-do",
         )
     if scheduler is not None and jobs is not None:
         raise ConfigurationError(
@@ -978,6 +1005,7 @@ def fleet(  # noqa: PLR0913 - one keyword an option of the command line
             "one out",
             jobs=Option("jobs"),
             scheduler=Option("scheduler"),
+            code="not-together",
         )
     if part is not None and asked:
         raise ConfigurationError(
@@ -1070,7 +1098,7 @@ def samples(  # noqa: PLR0913 - one keyword an option of the command line
         Who looks on: progress by log.
     """
     from damperfit.answers import Files
-    from damperfit.queries.simulations import as_options, numbers_in, truth_of
+    from damperfit.queries.simulations import numbers_in, truth_of
     from damperfit.run.identify import Watch
     from damperfit.samples import SampleOptions, make_samples
     from damperfit.units.quantities import parse_quantity
@@ -1083,23 +1111,20 @@ def samples(  # noqa: PLR0913 - one keyword an option of the command line
         given: Any = parameters
         file: Any = config
         truth, loaded, sentence = truth_of(given, loaded, file)
-    try:
-        options = SampleOptions(
-            settings=numbers_in(settings),
-            cycles=cycles,
-            sample_rate=parse_quantity(sample_rate, "frequency", option="--sample-rate"),
-            amplitude=loaded.rig.amplitude,
-            frequency=loaded.rig.frequency,
-            force_noise=parse_quantity(force_noise, "force", option="--force-noise"),
-            displacement_noise=parse_quantity(
-                displacement_noise, "length", option="--displacement-noise"
-            ),
-            rig_filter=parse_quantity(rig_filter, "frequency", option="--rig-filter"),
-            seed=seed,
-            damper=loaded.damper,
-        )
-    except ConfigurationError as error:
-        raise ConfigurationError(as_options(str(error))) from error
+    options = SampleOptions(
+        settings=numbers_in(settings),
+        cycles=cycles,
+        sample_rate=parse_quantity(sample_rate, "frequency", option="--sample-rate"),
+        amplitude=loaded.rig.amplitude,
+        frequency=loaded.rig.frequency,
+        force_noise=parse_quantity(force_noise, "force", option="--force-noise"),
+        displacement_noise=parse_quantity(
+            displacement_noise, "length", option="--displacement-noise"
+        ),
+        rig_filter=parse_quantity(rig_filter, "frequency", option="--rig-filter"),
+        seed=seed,
+        damper=loaded.damper,
+    )
     watch = watch or Watch()
     with watch.during_work():
         watch.on_start(len(options.settings))
@@ -1145,6 +1170,7 @@ def init(
             overwrite=Option("overwrite"),
             out=Option("out"),
             subject=str(path),
+            code="is-there",
         )
     keys: dict[str, str] = dict(set or {})
     kind = model or "purdy"

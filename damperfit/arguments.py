@@ -176,7 +176,8 @@ def _read(  # noqa: PLR0911 - one a kind
         and any(isinstance(one, str) and not one for one in value)
     ):
         raise ConfigurationError(
-            "found ''; expected paths; is a variable of the shell not set? '.' is this folder"
+            "found ''; expected paths; is a variable of the shell not set? '.' is this folder",
+            code="empty-name",
         )
     if kind == "paths":
         return [path_of(one, option, "the path of a folder") for one in _listed(value, option)]
@@ -217,12 +218,16 @@ def path_of(value: object, where: Option | str, expected: str) -> Path:
     """
     place: dict[str, Any] = {"subject": where} if isinstance(where, str) else {"where": where}
     if "\0" in str(value):
-        raise ConfigurationError(f"found {value!r}; a NUL cannot stand in a path", **place)
+        raise ConfigurationError(
+            f"found {value!r}; a NUL cannot stand in a path", **place, code="not-a-path"
+        )
     if isinstance(value, str | os.PathLike) and os.fspath(value) != "":
         return Path(os.path.expanduser(os.fspath(value)))  # noqa: PTH111 - of ~nobody it raises
     found = "''" if isinstance(value, str) else type(value).__name__
     more = ", '.' for this folder" if isinstance(value, str) else ""  # it would be this one
-    raise ConfigurationError(f"found {found}; expected {expected}{more}", **place)
+    raise ConfigurationError(
+        f"found {found}; expected {expected}{more}", **place, code="not-a-path"
+    )
 
 
 def folder_of(given: object, call: str) -> Path:
@@ -233,7 +238,9 @@ def folder_of(given: object, call: str) -> Path:
         return given.folder
     if isinstance(given, str | Path):
         return path_of(given, call, _RESULT)
-    raise ConfigurationError(f"found {type(given).__name__}; expected {_RESULT}", subject=call)
+    raise ConfigurationError(
+        f"found {type(given).__name__}; expected {_RESULT}", subject=call, code="not-a-result"
+    )
 
 
 def _results(value: Any, option: Option) -> Path:
@@ -249,9 +256,9 @@ def _whole(value: Any, option: Option, *, least: int | None) -> int:
         with suppress(ValueError):
             value = int(value)
     if type(value) is bool or not isinstance(value, Integral):
-        raise ConfigurationError("expected a whole number", where=where)
+        raise ConfigurationError("expected a whole number", where=where, code="not-a-number")
     if least is not None and int(value) < least:
-        raise ConfigurationError(f"expected {least} or more", where=where)
+        raise ConfigurationError(f"expected {least} or more", where=where, code="out-of-range")
     return int(value)
 
 
@@ -260,7 +267,7 @@ def _number(value: Any, option: Option) -> float:
         return math.nan if isinstance(value, bool) else float(value)
     except (TypeError, ValueError) as error:
         raise ConfigurationError(
-            "expected a number", where=replace(option, value=str(value))
+            "expected a number", where=replace(option, value=str(value)), code="not-a-number"
         ) from error
 
 
@@ -277,7 +284,9 @@ def _listed(values: object, option: Option) -> list[Any]:
     if isinstance(values, Real) and option.name == "velocity":
         return [values]
     if not isinstance(values, Iterable):
-        raise ConfigurationError(f"found {values!r}; expected a list of names", where=option)
+        raise ConfigurationError(
+            f"found {values!r}; expected a list of names", where=option, code="not-a-list"
+        )
     return list(values)
 
 
@@ -285,13 +294,16 @@ def _mapping(value: object, option: Option) -> Mapping[Any, Any]:
     if not isinstance(value, Mapping):
         found = repr(value) if isinstance(value, str | float | list) else type(value).__name__
         raise ConfigurationError(
-            f"found {found}; expected a mapping of names to values", where=option
+            f"found {found}; expected a mapping of names to values",
+            where=option,
+            code="not-a-mapping",
         )
     for name in value:
         if not isinstance(name, str):
             raise ConfigurationError(
                 f"found {name!r} in place of a name; expected a mapping of names to values",
                 where=option,
+                code="not-a-mapping",
             )
     return value
 
@@ -325,9 +337,11 @@ def assignments(
         name, equals, value = (part.strip() for part in text.partition("="))
         where = replace(option, value=text)
         if not (name and equals and (value or may_be_empty)):
-            raise ConfigurationError(f"expected NAME=VALUE, such as {example}", where=where)
+            raise ConfigurationError(
+                f"expected NAME=VALUE, such as {example}", where=where, code="not-an-assignment"
+            )
         if name in values:
-            raise ConfigurationError(f"{name} is given twice", where=where)
+            raise ConfigurationError(f"{name} is given twice", where=where, code="given-twice")
         values[name] = value
     return values
 
@@ -356,7 +370,9 @@ def rig_keys(given: Any) -> dict[str, Any]:
                 found = tomllib.loads(f"{key} = {text}")
                 break
         else:
-            raise ConfigurationError(f"{key!r} is not a key", where=Option("rig", value, key))
+            raise ConfigurationError(
+                f"{key!r} is not a key", where=Option("rig", value, key), code="not-a-key"
+            )
         for name, entry in found.items():
             is_table = isinstance(entry, dict) and isinstance(keys.get(name), dict)
             keys[name] = keys[name] | entry if is_table else entry
@@ -388,10 +404,13 @@ def starts_of(given: Any) -> tuple[str | None, dict[str, str]]:
         raise ConfigurationError(
             f"{files[0]} is given already; a fit starts from one earlier run",
             where=Option("start", files[1]),
+            code="given-twice",
         )
     if "" in files:
         raise ConfigurationError(
-            "expected a file or NAME=VALUE, such as k_e=5e8", where=Option("start", "''")
+            "expected a file or NAME=VALUE, such as k_e=5e8",
+            where=Option("start", "''"),
+            code="not-an-assignment",
         )
     return (files[0] if files else None), _values(values, Option("start"))
 
@@ -483,6 +502,7 @@ def _declared(damper: Any) -> dict[str, Any]:
         f"found {found}; expected a damper such as damperfit.Damper(rod_diameter=0.012), or keys "
         "of [damper]",
         where=Option("damper"),
+        code="not-a-damper",
     )
 
 
@@ -502,7 +522,9 @@ def covaried(command: str, given: Mapping[str, Any], *, of_fleet: bool = False) 
         return None
     if word != "temperature":
         raise ConfigurationError(
-            "expected temperature, the only one there is", where=Option("covariate", word)
+            "expected temperature, the only one there is",
+            where=Option("covariate", word),
+            code="unknown-covariate",
         )
     if model == "auto":
         raise ConfigurationError(
@@ -510,6 +532,7 @@ def covaried(command: str, given: Mapping[str, Any], *, of_fleet: bool = False) 
             "{model}",
             model=Option("model", "NAME"),
             where=Option("covariate", "temperature"),
+            code="not-together",
         )
     asked = {name: given.get(name) for name in ("config", "damper", "model")}
     configuration = configured(command, asked)
@@ -535,7 +558,9 @@ def declared_setting(setting: Any, configuration: Configuration) -> Setting | No
     try:
         return parse_setting(str(setting), configuration.reading.adjusters)
     except ValueError as error:
-        raise ConfigurationError(f"{error}", where=Option("setting", setting)) from error
+        raise ConfigurationError(
+            f"{error}", where=Option("setting", setting), code="unknown-setting"
+        ) from error
 
 
 def known_as_setting(setting: Any) -> Setting | int | str | None:
@@ -557,6 +582,7 @@ def known_as_setting(setting: Any) -> Setting | int | str | None:
     raise ConfigurationError(
         f"found {type(setting).__name__}; expected a setting such as 10 or 'R12 C8'",
         where=Option("setting"),
+        code="not-a-setting",
     )
 
 

@@ -19,16 +19,16 @@ from damperfit.samples import SampleOptions, make_samples
 
 # The command; its exit status, the code of the problem, and what its sentence begins with.
 COMMANDS = [
-    ("identify nothing.csv", 2, "usage", "nothing.csv"),
-    ("inspect --config nothing.toml LOG", 2, "usage", "--config nothing.toml"),
+    ("identify nothing.csv", 2, "no-such-file", "nothing.csv"),
+    ("inspect --config nothing.toml LOG", 2, "unreadable", "--config nothing.toml"),
     ("identify LOG --config bad.toml", 2, "usage", "--config bad.toml:2: rig.skew"),
-    ("identify LOG --config unknown.toml", 2, "usage", "--config unknown.toml:2"),
-    ("identify LOG --procedure x", 2, "usage", "--procedure"),
+    ("identify LOG --config unknown.toml", 2, "unknown-key", "--config unknown.toml:2"),
+    ("identify LOG --procedure x", 2, "unknown-procedure", "--procedure"),
     ("identify LOG --free x", 2, "usage", "--free"),
     ("identify LOG --fix k_e=x", 2, "usage", "--fix"),
     ("identify LOG --start k_e=1", 2, "usage", "--start"),
     ("identify LOG --check x", 2, "usage", "--check"),
-    ("identify LOG --rig skip_lines=a", 2, "usage", "--rig skip_lines"),
+    ("identify LOG --rig skip_lines=a", 2, "wrong-value", "--rig skip_lines"),
     ("identify LOG --hold-out x*", 2, "usage", "--hold-out x*"),
     ("identify LOG --setting 9", 2, "usage", "--setting 9"),
     ("identify LOG --tests nothing.csv", 2, "usage", "--tests nothing.csv"),
@@ -41,7 +41,7 @@ COMMANDS = [
     ("export nothing --to csv", 2, "usage", "nothing"),
     ("config surplus", 2, "unexpected-argument", "config: unexpected argument surplus"),
     ("samples runs --force-noise -1N", 2, "usage", "--force-noise -1"),
-    ("sweep --setting 5 --vary x=1", 2, "usage", "--vary x=1"),
+    ("sweep --setting 5 --vary x=1", 2, "unknown-name", "--vary x=1"),
 ]
 # The log; the exit status of `identify`, and the code in run.json beside a good log.
 LOGS = [

@@ -153,7 +153,9 @@ def _model_of(layers: Sequence[_Layer], *, is_law_open: bool = False) -> str:
         damper = layer.values.get("damper")
         found = damper.get("model", name) if isinstance(damper, dict) else name
         if not isinstance(found, str):
-            wrong = ConfigurationError(f"expected the name of a model, found {found!r}")
+            wrong = ConfigurationError(
+                f"expected the name of a model, found {found!r}", code="unknown-model"
+            )
             raise layer.blame(wrong, "damper", "model")
         try:
             name = model_named(found).name
@@ -221,15 +223,21 @@ def _read(path: Path) -> str:
         return read_text(path, max_bytes=_MAX_BYTES)
     except IrregularFileError as error:
         raise ConfigurationError(
-            f"{error.strerror}; this is not a configuration file", subject=path
+            f"{error.strerror}; this is not a configuration file",
+            subject=path,
+            code="not-a-configuration",
         ) from error
     except OSError as error:
         raise ConfigurationError(
-            f"cannot be read: {error.strerror}", where=FilePlace(str(path), 0, _OF_FILE)
+            f"cannot be read: {error.strerror}",
+            where=FilePlace(str(path), 0, _OF_FILE),
+            code="unreadable",
         ) from error
     except UnicodeDecodeError as error:
         raise ConfigurationError(
-            f"not UTF-8 text, at byte {error.start}", where=FilePlace(str(path), 0, _OF_FILE)
+            f"not UTF-8 text, at byte {error.start}",
+            where=FilePlace(str(path), 0, _OF_FILE),
+            code="not-utf8",
         ) from error
 
 
@@ -237,7 +245,9 @@ def _parse(layer: _Layer) -> dict[str, Any]:
     try:
         return tomllib.loads(layer.text)
     except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise ConfigurationError(f"not valid TOML: {error}", where=layer.place()) from error
+        raise ConfigurationError(
+            f"not valid TOML: {error}", where=layer.place(), code="not-toml"
+        ) from error
 
 
 def _check_keys(layer: _Layer, *, known: Mapping[str, Any]) -> None:
@@ -248,10 +258,13 @@ def _check_keys(layer: _Layer, *, known: Mapping[str, Any]) -> None:
                 f"unknown section [{section}]; "
                 f"there are {_listed(known)}.{did_you_mean(section, known)}",
                 where=layer.place(section),
+                code="unknown-section",
             )
         if not isinstance(values, dict):
             raise ConfigurationError(
-                f"{section} is a section: write [{section}]", where=layer.place()
+                f"{section} is a section: write [{section}]",
+                where=layer.place(),
+                code="not-a-section",
             )
         if section not in _WHOLE:
             _check_section(layer, values, known[section], section)
@@ -272,6 +285,7 @@ def _check_section(
             raise ConfigurationError(
                 f"unknown key '{key}' in [{name}].{did_you_mean(key, known) or there}",
                 where=layer.place(*section, key),
+                code="unknown-key",
             )
         if section[0] != "damper" or not isinstance(known[key], dict):
             continue
@@ -279,6 +293,7 @@ def _check_section(
             raise ConfigurationError(
                 f"{name}.{key} is a section: write [{name}.{key}]",
                 where=layer.place(*section, key),
+                code="not-a-section",
             )
         _check_section(layer, value, known[key], *section, key)
 
@@ -366,7 +381,7 @@ def _explained(error: ValidationError, layers: Sequence[_Layer]) -> Configuratio
     if keys[-1].isdigit():  # of a list: what was found says which
         keys.pop()
     found = "" if isinstance(first["input"], dict) else f", found {first['input']!r}"
-    return source.blame(ConfigurationError(f"{reason}{found}"), *keys)
+    return source.blame(ConfigurationError(f"{reason}{found}", code="wrong-value"), *keys)
 
 
 def _expected(first: ErrorDetails) -> str:

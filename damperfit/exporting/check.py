@@ -365,7 +365,7 @@ def _compiled(equations: str) -> Any:
         )
         name = re.sub(r"der\((\w+)\)", r"rate_of_\1", left)
         lines.append(f"{name} = {places.replace('^', '**')}")
-    return compile("\n".join(lines), "damper.mo", "exec")
+    return compile("\n".join(lines), "<equations>", "exec")
 
 
 # FMUs

@@ -168,7 +168,9 @@ def check_options(options: FitOptions, damper: Model) -> None:
         hint = did_you_mean(options.procedure, PROCEDURE_NAMES)
         known = ", ".join(PROCEDURE_NAMES)
         raise ConfigurationError(
-            f"no procedure {options.procedure!r}; there are {known}.{hint}", where=_PROCEDURE
+            f"no procedure {options.procedure!r}; there are {known}.{hint}",
+            where=_PROCEDURE,
+            code="unknown-procedure",
         )
     if options.procedure not in damper.procedures:
         raise ConfigurationError(
@@ -189,6 +191,7 @@ def check_options(options: FitOptions, damper: Model) -> None:
             raise ConfigurationError(
                 f"{name} is both free and fixed; choose one.",
                 where=Key(("identification", "free"), ("fix",)),
+                code="free-and-fixed",
             )
     _check_sharing(options, share)
     _check_bulk_modulus(options, damper)

@@ -93,12 +93,15 @@ def comparison_options(
     read = partial(parse_quantity, option="--velocity")
     speeds = sorted({abs(read(text, "velocity")) for text in velocities})
     if speeds and speeds[0] == 0.0:
-        raise ConfigurationError("expected a speed other than zero", where=Option("velocity", "0"))
+        raise ConfigurationError(
+            "expected a speed other than zero", where=Option("velocity", "0"), code="out-of-range"
+        )
     if (amplitude is None) != (frequency is None):
         raise ConfigurationError(
             "{amplitude} and {frequency} make the sine together; give both or neither",
             amplitude=Option("amplitude"),
             frequency=Option("frequency"),
+            code="not-together",
         )
     sine = None
     if amplitude is not None and frequency is not None:
@@ -108,6 +111,7 @@ def comparison_options(
                 "of the motions that were run; leave one of the two out",
                 amplitude=Option("amplitude", amplitude),
                 measured=Option("measured"),
+                code="not-together",
             )
         sine = Sine(
             parse_quantity(amplitude, "length", option="--amplitude"),
@@ -162,6 +166,7 @@ def compare_all(
         raise ConfigurationError(
             "{repeats} are of one reference, and there are several; compare one damper at a time",
             repeats=Option("repeats"),
+            code="several-results",
         )
     _refuse_repeats(repeats, pairs)
     places = list(dict.fromkeys(chain.from_iterable(pairs))) or list(paths)
@@ -229,6 +234,7 @@ def one_run(
             f"logs of {len(named)} dampers ({', '.join(named[:3])}"
             f"{', ...' * (len(named) > 3)}); a baseline is of one: give its folder",
             subject=place,
+            code="several-dampers",
         )
     if place in logs.by_place:
         return logs.by_place[place]
@@ -244,6 +250,7 @@ def _refuse_repeats(repeats: Sequence[Path], pairs: Sequence[tuple[Path, Path]])
             raise ConfigurationError(
                 f"is {word}; give further runs of the reference, each once",
                 where=Option("repeats", place),
+                code="given-twice",
             )
         taken[place.resolve()] = "given twice"
 
@@ -315,7 +322,7 @@ def _pairs_of(
     """
     for path in paths:
         if not path.exists() and path not in logs.groups:
-            raise ConfigurationError("no such file or folder", subject=path)
+            raise ConfigurationError("no such file or folder", subject=path, code="no-such-file")
     groups = [_inside(path, logs) for path in paths]
     if len(paths) == 1:
         if len(groups[0]) < 2:
@@ -323,6 +330,7 @@ def _pairs_of(
                 f"{paths[0]}: one run alone has nothing to be compared with; give a second one, "
                 "or a folder that holds several, or {tolerance} with nominal forces",
                 tolerance=Option("tolerance", "FILE"),
+                code="one-run",
             )
         first, *others = groups[0].values()
         return [(first, other) for other in others], ()
@@ -334,6 +342,7 @@ def _pairs_of(
                 "is one run, and others that were given hold several; give folders of "
                 "several dampers, or single runs, not both",
                 subject=path,
+                code="several-results",
             )
     pairs, alone = [], []
     for path, group in zip(paths[1:], groups[1:], strict=True):
@@ -345,7 +354,7 @@ def _pairs_of(
         held = "; ".join(
             f"{path} holds {', '.join(group)}" for path, group in zip(paths, groups, strict=True)
         )
-        raise ConfigurationError(f"no damper is in both: {held}")
+        raise ConfigurationError(f"no damper is in both: {held}", code="no-pair")
     return pairs, tuple(dict.fromkeys(alone))
 
 

@@ -130,6 +130,7 @@ def adjuster_of(
         raise ConfigurationError(
             f"no setting has all parameters{why}; run damperfit identify LOGS first",
             subject=run.place,
+            code="no-parameters",
         )
     damper = run.damper
     own = run.motion_of_tests if amplitude and frequency else run.motion
@@ -293,20 +294,27 @@ def parse_question(
     'bump'
     """
     if stroke is not None and stroke not in STROKES:
-        raise ConfigurationError(f"expected {' or '.join(STROKES)}", where=Option("stroke", stroke))
+        raise ConfigurationError(
+            f"expected {' or '.join(STROKES)}",
+            where=Option("stroke", stroke),
+            code="unknown-stroke",
+        )
     if force is not None and velocity is None:
         raise ConfigurationError(
             "at which speed? Give {velocity} too, as in {example}",
             velocity=Option("velocity"),
             example=Option("velocity", "0.2m/s"),
             where=Option("force", force),
+            code="no-speed",
         )
     if velocity is None:
         return Question(stroke=stroke)
     speed = parse_quantity(velocity, "velocity", option="--velocity")
     if speed == 0.0:
         raise ConfigurationError(
-            "expected a speed other than zero", where=Option("velocity", velocity)
+            "expected a speed other than zero",
+            where=Option("velocity", velocity),
+            code="out-of-range",
         )
     if force is None:
         side = "bump" if speed < 0.0 and stroke is None else stroke
@@ -338,6 +346,7 @@ def tabulate_forces(adjuster: AdjusterResults, question: Question) -> ForcesBySe
             amplitude=Option("amplitude"),
             frequency=Option("frequency"),
             subject="the named test speeds",
+            code="no-speed",
         )
     mishaps: dict[Setting, Failure] = {}
 
@@ -360,7 +369,8 @@ def tabulate_forces(adjuster: AdjusterResults, question: Question) -> ForcesBySe
     if question.force is not None:
         if len(done) < 2:
             raise ConfigurationError(
-                "one setting is not enough to find which gives a force; fit more logs"
+                "one setting is not enough to find which gives a force; fit more logs",
+                code="one-setting",
             )
         mine = [one for one in told if one.stroke == question.stroke]
         lines = [line for line in lines_of(done) if len(line.settings) > 1]
@@ -370,6 +380,7 @@ def tabulate_forces(adjuster: AdjusterResults, question: Question) -> ForcesBySe
                 "{force} shows the forces of all",
                 velocity=Option("velocity"),
                 force=Option("force"),
+                code="one-setting",
             )
         wanted = tuple(which_setting(mine, question.force, line=line) for line in lines)
     notes = (

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -60,7 +59,6 @@ __all__ = [
     "Member",
     "SimulatedTest",
     "Variation",
-    "as_options",
     "choose_parameters",
     "damper_of",
     "damper_of_table",
@@ -303,6 +301,7 @@ def _refuse_work(parameters: Values, configuration: Configuration) -> None:
             cycles=Option("cycles"),
             sample_rate=Option("sample_rate"),
             max_steps=Option("max_steps", math.ceil(1.1 * n_steps)),
+            code="too-much-work",
         )
 
 
@@ -394,22 +393,29 @@ def parse_variation(text: str, damper: Model = PURDY_DAMPER) -> Variation:
         raise ConfigurationError(
             f"expected NAME=F1,F2,..., as in {damper.names[0]}=0.8,1,1.2",
             where=Option("vary", text),
+            code="not-a-variation",
         )
     units = swept_units(damper)
     if name not in units:
         known = ", ".join(units)
         hint = did_you_mean(name, units)
         raise ConfigurationError(
-            f"no {name!r}; there are {known}.{hint}", where=Option("vary", text)
+            f"no {name!r}; there are {known}.{hint}",
+            where=Option("vary", text),
+            code="unknown-name",
         )
     values = tuple(_factor(part, text) for part in factors.split(","))
     may_be_zero = [one.name for one in damper.quantities if one.may_vanish or one.is_offset]
     if min(values) == 0.0 and name not in may_be_zero:
         raise ConfigurationError(
-            f"{name} times 0 is not a damper; give factors above 0", where=Option("vary", text)
+            f"{name} times 0 is not a damper; give factors above 0",
+            where=Option("vary", text),
+            code="not-a-damper",
         )
     if len(set(values)) < len(values):
-        raise ConfigurationError("a factor is given twice", where=Option("vary", text))
+        raise ConfigurationError(
+            "a factor is given twice", where=Option("vary", text), code="given-twice"
+        )
     return Variation(name, values)
 
 
@@ -418,11 +424,13 @@ def _factor(text: str, whole: str) -> float:
         value = float(text)
     except ValueError as error:
         raise ConfigurationError(
-            f"{text!r} is not a number", where=Option("vary", whole)
+            f"{text!r} is not a number", where=Option("vary", whole), code="not-a-number"
         ) from error
     if not (math.isfinite(value) and value >= 0.0):
         raise ConfigurationError(
-            f"{text}: expected a factor of 0 or more", where=Option("vary", whole)
+            f"{text}: expected a factor of 0 or more",
+            where=Option("vary", whole),
+            code="out-of-range",
         )
     return value
 
@@ -612,6 +620,7 @@ def choose_parameters(
             f"no parameters for {missing}: give {{setting}} or {{set_option}} them all",
             setting=Option("setting", "N"),
             set_option=Option("set"),
+            code="no-parameters",
         )
     if path is None and damper.name != PURDY_DAMPER.name:
         raise ConfigurationError(
@@ -619,6 +628,7 @@ def choose_parameters(
             "all of them by {set_option}",
             parameters=Option("parameters", "FILE"),
             set_option=Option("set"),
+            code="no-parameters",
         )
     if path is None:
         chosen = _meant(setting)
@@ -626,6 +636,7 @@ def choose_parameters(
             raise ConfigurationError(
                 "not in the reference set; expected a whole number, 1 to 20",
                 where=Option("setting", setting),
+                code="unknown-setting",
             )
         found = ChosenParameters(reference_parameters(chosen.cell), chosen, "")
         source = f"setting {chosen} of the {REFERENCE_SOURCE}"
@@ -637,7 +648,9 @@ def choose_parameters(
         if chosen not in known and together is None:
             there = ", ".join(str(number) for number in sorted(known)) or "none"
             raise ConfigurationError(
-                f"no parameters of setting {chosen}; there are {there}", subject=path
+                f"no parameters of setting {chosen}; there are {there}",
+                subject=path,
+                code="unknown-setting",
             )
         unlimited = {one.setting: frozenset(one.unlimited) for one in run.settings}
         parameters = known[chosen] if together is None else together
@@ -663,7 +676,8 @@ def _replaced(quantities: Sequence[Quantity], texts: Mapping[str, str]) -> dict[
     for name in texts:
         if name not in known:
             raise ConfigurationError(
-                f"no parameter {name!r}; there are {', '.join(known)}.{did_you_mean(name, known)}"
+                f"no parameter {name!r}; there are {', '.join(known)}.{did_you_mean(name, known)}",
+                code="unknown-parameter",
             )
     return {name: parameter_value(known[name], text) for name, text in texts.items()}
 
@@ -703,7 +717,9 @@ def table_meant(given: Path) -> Path:
     settle(given)  # what an interrupted run put there may be none of the results
     found = _table_in(given)
     if found is None:
-        raise ConfigurationError(f"no {_TABLES[0]} in this folder", subject=given)
+        raise ConfigurationError(
+            f"no {_TABLES[0]} in this folder", subject=given, code="no-results"
+        )
     return found
 
 
@@ -727,22 +743,6 @@ def truth_of(
     return truth, meant, damper
 
 
-def as_options(said: str) -> str:
-    """Return what options make no log, by the options of the command line.
-
-    Examples
-    --------
-    >>> as_options("samples: force_noise is -1.0; expected 0 or more")
-    '--force-noise -1.0: expected 0 or more'
-    """
-    told = re.fullmatch(r"samples: (\w+) is (.+); (expected .+)", said)
-    if told is None:
-        return said
-    name = told[1].replace("_", "-")
-    is_of_rig = told[1] in {"amplitude", "frequency"}
-    return f"{f'rig.{name} =' if is_of_rig else f'--{name}'} {told[2]}: {told[3]}"
-
-
 def numbers_in(text: str | Sequence[int]) -> tuple[int, ...]:
     """Return the settings that a list such as ``1,5,10-12`` names.
 
@@ -761,6 +761,6 @@ def numbers_in(text: str | Sequence[int]) -> tuple[int, ...]:
         numbers = []
     if not 0 < len(numbers) <= _MOST:
         raise ConfigurationError(
-            "expected a list such as 1,5,10-12", where=Option("settings", text)
+            "expected a list such as 1,5,10-12", where=Option("settings", text), code="not-a-list"
         )
     return tuple(dict.fromkeys(numbers))

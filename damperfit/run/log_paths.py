@@ -100,7 +100,7 @@ def matches(pattern: str, *, keeps_missing: bool = False) -> list[Path]:
         return [path]
     if pattern == "-":
         raise ConfigurationError("-: logs are not read from a pipe; give files, or write one first")
-    raise ConfigurationError("no such file", subject=pattern)
+    raise ConfigurationError("no such file", subject=pattern, code="no-such-file")
 
 
 def _logs_in(folder: Path, *, keeps_missing: bool) -> list[Path]:

@@ -9,10 +9,8 @@ import tomllib
 from pathlib import Path
 
 import pytest
-import typer
 
 from damperfit import __version__
-from damperfit.cli.main import app, main
 from damperfit.configuration.loading import load_configuration
 
 ROOT = Path(__file__).parents[2]
@@ -58,81 +56,10 @@ def test_help_lists_every_command_and_loads_no_numerics(arguments) -> None:
         assert f"  {command} " in done.stdout
 
 
-def test_exactly_these_commands_exist() -> None:
-    names = {info.name or info.callback.__name__ for info in app.registered_commands}
-    assert names == {*COMMANDS, *FIRST}
-
-
-@pytest.mark.parametrize(
-    ("words", "code", "n_made"),
-    [
-        (["config", "--help"], 0, 1),
-        (["help", "config"], 0, None),
-        (["--help"], 0, None),
-        (["confg"], 2, None),
-        (["config", "--no-such-option"], 2, 1),
-    ],
-)
-def test_no_command_is_made_but_the_one_that_is_typed(words, code, n_made, monkeypatch) -> None:
-    made: list[object] = []
-    real = typer.main.get_command_from_info
-
-    def counted(*info, **how):
-        made.append((*info, how))
-        return real(*info, **how)
-
-    n_all = len(app.registered_commands)
-    kept = typer.main.get_command  # by all tests of a process
-    monkeypatch.setattr(typer.main, "get_command", getattr(kept, "__wrapped__", kept))
-    monkeypatch.setattr(typer.main, "get_command_from_info", counted)
-    for _ in range(2):  # the others are there as before
-        made.clear()
-        assert main(words) == code
-        assert len(made) == (n_made or n_all)
-    assert len(app.registered_commands) == n_all == len({*COMMANDS, *FIRST})
-
-
-@pytest.mark.parametrize("command", COMMANDS)
-def test_every_command_has_help_with_an_example_and_the_common_options(run, command) -> None:
-    ended = run(command, "--help")
-    assert ended.code == 0
-    assert f"Example: damperfit {command}" in " ".join(ended.out.split())
-    assert f"Usage: damperfit {command} " in ended.out
-    for option in ("--config", "--json", "--quiet", "--debug", "--version"):
-        assert option in ended.out
-
-
 @pytest.mark.parametrize("command", ["identify", "simulate", "inspect", "samples", "config"])
 def test_the_version_is_told_everywhere(run, command) -> None:
     assert run("--version").out == f"damperfit {__version__}\n"
     assert run(command, "--version").out == f"damperfit {__version__}\n"
-
-
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        (["idntify"], "Did you mean 'identify'"),
-        (["--frobnicate"], "No such option: --frobnicate"),
-        (["config", "extra"], "config: unexpected argument extra; see damperfit config --help"),
-        (["simulate", "7"], "simulate: unexpected argument 7; for setting 7 give --setting 7; see"),
-        (["sweep", "a", "b"], "sweep: unexpected arguments a b; see damperfit sweep --help"),
-        (["samples"], "Missing argument 'DIR'"),
-        (["samples", "x", "--settings", "a"], "--settings a: expected a list"),
-        (["samples", "x", "--settings", "1-99999999"], "--settings"),
-        (["samples", "x", "--settings", "33"], "33"),
-        (["samples", "x", "--sample-rate", "5kg"], "kg"),
-        (["samples", "x", "--seed", "-1"], "seed"),
-        (["inspect", "none.csv"], "none.csv: no such file"),
-        (["config", "--config", "none.toml"], "none.toml: cannot be read"),
-    ],
-)
-def test_wrong_usage_is_code_2_and_one_line(run, tmp_path, arguments, says) -> None:
-    ended = run(*arguments)
-    assert ended.code == 2
-    assert says in ended.err
-    assert len(ended.err.splitlines()) == 1
-    assert ended.out == ""
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_config_prints_toml_that_loads_back(run, tmp_path) -> None:
@@ -195,20 +122,6 @@ def test_python_dash_m_does_the_same(spawn) -> None:
     assert (ended.code, ended.out) == (0, f"damperfit {__version__}\n")
 
 
-def test_a_reader_that_leaves_early_is_no_error(tmp_path) -> None:
-    command = f"{sys.executable} -m damperfit config | head -1"
-    done = subprocess.run(
-        ["bash", "-c", f"set -o pipefail; {command}"],
-        capture_output=True,
-        text=True,
-        check=False,
-        cwd=ROOT,
-    )
-    assert done.stderr == ""
-    assert done.returncode == 0
-    assert len(done.stdout.splitlines()) == 1
-
-
 def test_a_full_standard_output_is_one_line(tmp_path) -> None:
     if not Path("/dev/full").exists():
         pytest.skip("no /dev/full here")
@@ -234,25 +147,6 @@ def test_what_goes_into_a_file_is_utf_8_whatever_the_locale(tmp_path) -> None:
         env={"PYTHONPATH": str(ROOT), "PYTHONIOENCODING": "ascii"},
     )
     assert tomllib.loads(done.stdout.decode("utf-8"))["output"]["folder"] == "Größe"
-
-
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        (("--rig", "unit.force=kN"), "Did you mean 'units'?"),
-        (("--rig", "units.forse=kN"), "no channel 'forse'"),
-        (("--rig", "skip_lines=a"), "--rig skip_lines: expected a whole number, found 'a'"),
-        (("--rig", "a b=1"), "'a b' is not a key"),
-        (("--rig", "decimal"), "expected NAME=VALUE, such as units.force=kN"),
-        (("--rig", "decimal=,", "--rig", "decimal=."), "given twice"),
-        (("--rig-profile", "mine"), "no profile 'mine'; there are none"),
-    ],
-)
-def test_a_wrong_declaration_is_code_2_and_one_line(run, logs, arguments, says) -> None:
-    ended = run("inspect", logs / "setting_01.csv", *arguments)
-    assert ended.code == 2
-    assert says in ended.err
-    assert len(ended.err.splitlines()) == 1
 
 
 def test_nothing_behind_the_equals_sign_gives_the_default_back(run, logs, tmp_path) -> None:

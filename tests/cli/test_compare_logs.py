@@ -219,19 +219,6 @@ def test_rig_keys_and_the_configuration_say_how_logs_are_read(run, raw) -> None:
     assert "--rig units.force=kN has no effect: no log is read without --measured" in refused.err
 
 
-def test_a_person_reads_of_measured_force(run, raw) -> None:
-    ended = run("compare", raw / "before", raw / "after", "--measured")
-    assert "% of A's measured force, gas included" in " ".join(ended.out.split())
-    assert "(measured)" not in ended.out
-    assert max(map(len, ended.out.splitlines())) <= 80
-
-
-def test_the_same_logs_in_both_are_named(run, raw) -> None:
-    shutil.copytree(raw / "before", "copy")
-    found = _document(run, raw / "before", "copy")["comparisons"][0]
-    assert "both are based on the same logs" in found["circumstances"][0]["sentence"]
-
-
 def test_a_setting_tested_with_other_motions_is_named(run, raw) -> None:
     shutil.copytree(raw / "again", "again")
     lines = []

@@ -100,15 +100,6 @@ def test_the_mse_is_that_of_the_responses(results) -> None:
         assert mse[setting] == pytest.approx(expected, rel=1e-9)
 
 
-def test_the_table_on_stdout_fits_a_terminal_and_has_no_colour_codes(run, logs) -> None:
-    ended = run("identify", logs / "setting_*.csv")
-    assert ended.code == 0
-    assert "\x1b" not in ended.out + ended.err
-    assert max(len(line) for line in ended.out.splitlines()) <= 80
-    assert [line.split()[0] for line in ended.out.splitlines()[2:5]] == ["1", "2", "3"]
-    assert "3 settings fitted; results in results" in ended.err
-
-
 def test_json_is_one_document_and_nothing_else(run, logs) -> None:
     ended = run("identify", logs / "setting_01.csv", "--json", "--quiet")
     document = json.loads(ended.out)
@@ -177,15 +168,6 @@ def test_a_missing_file_among_logs_costs_itself_alone(run, logs, tmp_path) -> No
     assert document["exit_code"] == 1
     assert [one["log"] for one in document["failures"]] == ["nope_02.csv"]
     assert [line.split(",")[0] for line in _rows(tmp_path / "results")] == ["1"]
-
-
-def test_a_missing_file_of_a_list_costs_itself_alone(run, logs, tmp_path) -> None:
-    (tmp_path / "list.txt").write_text(f"{logs / 'setting_01.csv'}\nnope.csv\n")
-    ended = run("inspect", "@list.txt", "--json")
-    assert ended.code == 1
-    assert "nope.csv: no such file" in ended.err
-    read = [Path(one["path"]).name for one in json.loads(ended.out)["logs"]]
-    assert read == ["nope.csv", "setting_01.csv"]
 
 
 def _rows(folder: Path) -> list[str]:
@@ -270,13 +252,6 @@ def test_several_logs_of_one_setting_are_fitted_together(run, logs, repeated, tm
         assert [r["log"] for r in csv.DictReader(file)] == ["", "a/x.csv", "b/x.csv"]
 
 
-def test_the_same_path_twice_counts_once(run, logs, tmp_path) -> None:
-    log = logs / "setting_01.csv"
-    assert run("identify", log, logs / "*_01.csv").code == 0
-    row = pq.read_table(tmp_path / "results" / "parameters.parquet").to_pylist()[0]
-    assert row["n_logs"] == 1
-
-
 def test_a_log_without_a_setting_takes_the_one_given_or_fails(run, logs, tmp_path) -> None:
     text = (logs / "setting_02.csv").read_text().replace("# setting: 2\n", "")
     (tmp_path / "run.csv").write_text(text)
@@ -355,14 +330,6 @@ def test_hostile_names_are_shown_and_never_obeyed(run, logs, tmp_path) -> None:
     assert "\x1b" not in report
     assert "<b>" not in report.replace("\\<b\\>", "")
     assert "'=[red]" in (tmp_path / "results" / "mse.csv").read_text()
-
-
-def test_a_pattern_is_expanded_in_natural_order(run, logs, tmp_path) -> None:
-    for name in ("run_10_s2.csv", "run_9_s1.csv"):
-        shutil.copy(logs / "setting_01.csv", tmp_path / name)
-    run("identify", "run_*.csv", "--quiet")
-    inputs = _record(tmp_path / "results")["inputs"]
-    assert [i["log"] for i in inputs] == ["run_9_s1.csv", "run_10_s2.csv"]
 
 
 def test_no_traceback_without_debug_and_one_with_it(run) -> None:

@@ -10,9 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from damperfit.cli.init import _shown
 from damperfit.cli.main import main
-from damperfit.configuration.drawings import DRAWINGS, MEASURED
 from damperfit.configuration.loading import load_configuration
 from damperfit.damper.models import MODELS
 from damperfit.queries.first_configuration import (
@@ -61,15 +59,6 @@ def test_what_is_written_is_read_with_and_without_its_marks(model, folder):
     declared = load_configuration(path)
     assert declared.damper == found.damper
     assert {f"damper.{key}" for key in damper_keys(model)} <= declared.declared
-
-
-def test_every_key_that_is_measured_is_explained_and_drawn():
-    for model, drawing in DRAWINGS.items():
-        for key in damper_keys(model):
-            assert MEASURED[key], key
-            if key.endswith(("_diameter", "_length", "_volume")):
-                assert key in drawing, (model, key)
-        assert model in MODELS
 
 
 def test_settings_units_and_serials_are_seen_in_logs(folder, text, capsys):
@@ -289,15 +278,6 @@ def test_the_dialogue_shows_defaults_and_asks_again_after_a_wrong_answer(answere
     assert load_configuration(folder / "my_damper.toml").damper.rod_diameter == 0.032
 
 
-def test_a_value_typed_as_it_stands_in_brackets_was_measured(answered, folder):
-    """It stood behind a #, as if nobody had said it, and `identify` took it for assumed."""
-    lines = ["", "19mm", *[""] * (len(damper_keys("purdy")) - 1)]
-    assert answered(*lines) == 0
-    text = (folder / "my_damper.toml").read_text()
-    assert tomllib.loads(text)["damper"] == {"model": "purdy", "rod_diameter": "19mm"}
-    assert "\n# piston_diameter = " in text
-
-
 def test_a_rod_wider_than_the_piston_is_asked_for_once_more(answered, folder, capsys):
     keys = len(damper_keys("purdy"))
     first, second = ["32mm", *[""] * (keys - 1)], ["", "45mm", *[""] * (keys - 2)]
@@ -325,35 +305,3 @@ def test_every_key_of_every_model_may_be_given_as_it_stands(folder):
             str(one) for one in found.values() if isinstance(one, bool)
         }
         assert [key for key in keys if fault_of(model, key, keys[key])] == []
-
-
-@pytest.mark.parametrize("text", [".012", "12e-3", "0.012", "12mm"])
-def test_numbers_as_people_write_them_are_toml(text, folder):
-    assert main(["init", "--set", f"rod_diameter={text}", "-q"]) == 0
-    assert load_configuration(folder / "my_damper.toml").damper.rod_diameter == 0.012
-
-
-@pytest.mark.parametrize(
-    ("logs", "others", "shown"),
-    [
-        (["a b/k 1.csv", "a b/k 2.csv"], [], "'a b/k *.csv'"),
-        (["k1.csv", "k2.csv"], ["k3.csv"], "k1.csv k2.csv"),  # a pattern would name a third
-        (["k1.csv", "k2.tsv"], [], "k1.csv k2.tsv"),
-        (["a b.csv"], [], "'a b.csv'"),
-        (["k1"], [], "k1"),  # its name is no pattern
-    ],
-)
-def test_a_command_to_copy_is_quoted_for_the_shell(logs, others, shown, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    for name in (*logs, *others):
-        Path(name).parent.mkdir(exist_ok=True)
-        Path(name).touch()
-    assert _shown(logs) == shown
-
-
-def test_what_is_no_file_or_no_option_names_what_is_meant(run, tmp_path):
-    (tmp_path / "results").mkdir()
-    assert "-: logs are not read from a pipe; give files" in run("inspect", "-").err
-    said = run("simulate", "results").err
-    assert "unexpected argument results; for the results there give --parameters results" in said
-    assert "--parameters" not in run("simulate", "nothing").err

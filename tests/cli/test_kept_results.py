@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import pytest
 
-from damperfit.run.own_tables import is_own_table
-
 TWO = '[adjusters]\nrebound = ""\ncompression = ""\n'
 
 
@@ -99,49 +97,6 @@ def test_clicks_with_their_letters_behind_are_understood(run, one_log, repeated,
     ended = run("identify", "12r_8c.csv", "--config", "two.toml", "--out", "out")
     assert ended.code == 0
     assert (tmp_path / "out" / "parameters.csv").read_text().splitlines()[1].startswith("R12 C8,")
-
-
-def test_a_table_with_columns_that_nobody_declared(run, one_log, tmp_path):
-    (tmp_path / "a.csv").write_text(one_log)
-    table = tmp_path / "t2.csv"
-    table.write_text("file,Rebound,compression,car\na.csv,12,8,GT3\n")
-    ended = run("identify", "a.csv", "--tests", "t2.csv", "--out", "out")
-    assert ended.code == 3
-    assert (
-        "a.csv: line 2 of the table of tests does not say its setting; it has rebound, "
-        "compression: where these are adjusters, declare them in the configuration, [adjusters] "
-        'rebound = "", compression = ""; else name'
-    ) in ended.err
-    # A table that is used is no reason to warn.
-    assert "note: t2.csv: taken as the table of tests, 1 row" in ended.err
-    (tmp_path / "two.toml").write_text(TWO)
-    good = run("identify", "a.csv", "--tests", "t2.csv", "--config", "two.toml", "--out", "out")
-    assert good.code == 0
-    assert "warning" not in good.err
-    assert "t2.csv: taken as the table of tests" in (tmp_path / "out" / "report.md").read_text()
-
-
-@pytest.mark.parametrize(
-    ("line", "is_own"),
-    [
-        ("setting,rebound_bleed,rebound_opening,rebound_slope", True),
-        ("setting,c,f_0", True),
-        ("setting,gas_pressure,time", False),
-        ("setting,time,force", False),
-        ("time,c,f_0", False),
-        ("setting,r_m1 [s sqrt(N)/(m kg)],r_m2 [N s/(m2 kg)]", True),
-        ("setting;rebound_bleed [s sqrt(N)/(m kg)];rebound_opening [Pa]", True),
-        ("setting;speed_in_per_s;force_lbf;range", True),
-        ("damperfit 0.1.0: results, setting 1, 2", True),
-        ("#1\n# damperfit 0.1.0: results, setting 1, 2", True),
-        ("# damperfit rig log\n# setting: 1\ntime_s,displacement_mm,force_N", False),
-        ("setting,speed_m_per_s,reading", False),
-    ],
-)
-def test_tables_of_any_model_are_known_as_our_own(tmp_path, line: str, *, is_own: bool) -> None:
-    path = tmp_path / "truth.csv"
-    path.write_text(f"{line}\n1,2,3\n", encoding="utf-8")
-    assert is_own_table(path) is is_own
 
 
 def test_made_up_logs_of_valves_are_fitted_by_their_folder(run, tmp_path) -> None:

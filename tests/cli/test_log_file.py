@@ -114,13 +114,6 @@ def test_a_file_that_holds_anything_else_is_left_alone(run, logs, tmp_path, text
     assert kept.read_bytes() == before
 
 
-def test_an_empty_file_is_written_to(run, tmp_path) -> None:
-    kept = tmp_path / "run.log"
-    kept.touch()
-    assert run("config", "--quiet", "--log-file", kept).code == 0
-    assert records(kept)
-
-
 def test_among_the_logs_it_is_no_log(run, logs, tmp_path) -> None:
     folder = tmp_path / "lf"
     folder.mkdir()
@@ -149,16 +142,6 @@ def test_a_pipe_that_nobody_reads_is_refused(run, tmp_path) -> None:
     assert f"--log-file {pipe}: cannot be written: expected a regular file" in ended.err
 
 
-@pytest.mark.skipif(not Path("/dev/null").exists(), reason="there are no devices")
-def test_devices_and_given_streams_are_written_to(run, tmp_path) -> None:
-    reader, writer = os.pipe()
-    for name in ("/dev/null", f"/dev/fd/{writer}"):
-        assert run("config", "--quiet", "--log-file", name).code == 0
-    os.close(writer)
-    with os.fdopen(reader) as told:
-        assert "ended with code 0" in told.read()
-
-
 @pytest.mark.skipif(os.name == "nt", reason="the working folder cannot be deleted")
 def test_a_working_folder_that_is_gone_is_said(run, tmp_path, monkeypatch) -> None:
     gone = tmp_path / "gone"
@@ -168,9 +151,3 @@ def test_a_working_folder_that_is_gone_is_said(run, tmp_path, monkeypatch) -> No
     kept = tmp_path / "run.log"
     assert run("models", "--quiet", "--log-file", kept).code in (0, 2)
     assert any("in a folder that is gone" in text for _, text in records(kept))
-
-
-def test_every_command_has_it(run) -> None:
-    for command in ("identify", "doctor", "help", "fleet", "export", "samples", "init"):
-        assert "--log-file FILE" in run(command, "--help").out
-    assert "--log-file FILE" in run("--help").out

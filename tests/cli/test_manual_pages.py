@@ -29,18 +29,6 @@ def test_every_page_is_shown_on_80_columns(run, topic) -> None:
     assert not re.search(r"<!--|\]\(\w+\.md|```|^## ", ended.out, flags=re.MULTILINE)
 
 
-def test_a_page_as_json_is_markdown(run) -> None:
-    told = json.loads(run("help", "glossary", "--json").out)
-    assert (told["topic"], told["title"]) == ("glossary", "Glossary")
-    assert told["text"].startswith("# Glossary\n")
-
-
-def test_a_command_without_a_page_tells_its_options(run) -> None:
-    ended = run("help", "identify")
-    assert ended.code == 0
-    assert ended.out.strip() == run("identify", "--help").out.strip()
-
-
 @pytest.mark.parametrize(
     ("topic", "near"), [("glosary", "glossary"), ("identfy", "identify"), ("trusts", "trust")]
 )
@@ -49,10 +37,3 @@ def test_an_unknown_topic_is_one_sentence_with_the_nearest(run, topic, near) -> 
     assert (ended.code, ended.out) == (2, "")
     assert len(ended.err.splitlines()) == 1
     assert f"no such topic. Did you mean '{near}'?" in ended.err
-
-
-def test_what_is_near_to_nothing_is_told_where_topics_are(run) -> None:
-    ended = run("help", "zzzz")
-    assert ended.err == (
-        "damperfit: help zzzz: there is no such topic. damperfit help lists them\n"
-    )

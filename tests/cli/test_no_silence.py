@@ -204,15 +204,6 @@ def test_a_folder_holds_one_run_only(run, logs, drawn) -> None:
     assert not (drawn / "figures").exists()
 
 
-def test_every_figure_that_is_drawn_would_go(undrawn, run, logs, tmp_path) -> None:
-    """A figure with a new name must be known to `damperfit.results`."""
-    assert run("identify", logs / "setting_*.csv", "--plots", "svg", "--quiet").code == 0
-    figures = tmp_path / "results" / "figures"
-    assert len(list(figures.iterdir())) > 10
-    assert run("identify", logs / "setting_01.csv", "--quiet").code == 0
-    assert not figures.exists()
-
-
 @pytest.mark.skipif(not hasattr(os, "geteuid"), reason="no links to devices there")
 def test_results_that_cannot_be_written_are_still_shown(run, logs, monkeypatch, tmp_path) -> None:
     def full(*_args, **_how):
@@ -240,19 +231,6 @@ def test_samples_leave_no_log_that_truth_does_not_know(run, tmp_path) -> None:
     assert run("samples", "s", "--settings", "2", *few).code == 0
     names = sorted(path.name for path in (tmp_path / "s").iterdir())
     assert names == ["README.md", "setting_02.csv", "setting_09.csv", "truth.csv"]
-
-
-def test_logs_stand_in_the_order_of_their_numbers(undrawn, run, logs, repeated, tmp_path) -> None:
-    one, two = ((logs / f"setting_0{n}.csv").read_text() for n in (1, 2))
-    for number in (10, 2):
-        (tmp_path / f"run_{number}").mkdir()
-        (tmp_path / f"run_{number}" / "one.csv").write_text(repeated(one, number))
-        (tmp_path / f"b_{number}.csv").write_text(repeated(two, number))
-    ended = run("identify", "run_*/*.csv", "b_*.csv", "--json", "--quiet", "--plots", "svg")
-    names = [row["log"] for row in json.loads(ended.out)["mse"] if row["log"]]
-    assert names == ["run_2/one.csv", "run_10/one.csv", "b_2.csv", "b_10.csv"]
-    figures = {path.name for path in (tmp_path / "results" / "figures").iterdir()}
-    assert any("setting_02" in name for name in figures)
 
 
 def test_a_rig_without_temperature_is_not_failed_by_a_list(logs, tmp_path, capsys) -> None:

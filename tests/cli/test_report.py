@@ -41,21 +41,6 @@ def test_figures_are_files(undrawn, run, results, tmp_path):
     assert all(path.is_file() for path in files)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (("results", "--figures", "gif"), "expected one of png, svg, pdf"),
-        (("nowhere",), "no such folder"),
-        ((), "Missing argument"),
-    ],
-)
-def test_wrong_usage_is_one_line(run, results, arguments, words):
-    ended = run("report", *arguments)
-    assert ended.code == 2
-    assert words in ended.err
-    assert len(ended.err.splitlines()) == 1
-
-
 def test_identify_does_it_in_one_go(run, logs, monkeypatch):
     draw = drawing.draw_plot  # one figure is looked at; the others are those of test_figures.py
 

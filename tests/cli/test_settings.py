@@ -3,20 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
-import re
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
 
 from damperfit.cli import main
-from damperfit.units.quantities import find_unit
-
-ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture(scope="module")
@@ -72,12 +65,6 @@ def test_the_sample_runs_get_what_the_paper_found_by_hand(samples) -> None:
     assert "## Across the settings" in report
 
 
-@pytest.mark.slow  # by the clock, which other tests disturb
-def test_judging_costs_less_than_fitting(samples) -> None:
-    timings = record(samples)["timings"]
-    assert timings["judge_s"] < timings["fit_s"]
-
-
 def test_the_table_of_forces_is_that_of_run_json(samples) -> None:
     rows = pq.read_table(samples / "adjustment.parquet").to_pylist()
     assert len(rows) == 20 * 5 * 2
@@ -122,35 +109,6 @@ def test_the_force_is_that_of_the_table_of_identify(run, results) -> None:
             )
 
 
-def test_people_get_the_answer_first_and_the_table(run, results) -> None:
-    ended = run("settings", results, "--force", "500N", "--velocity", "0.26m/s")
-    assert ended.code == 0
-    answer, table = ended.out.split("\n\n", 1)
-    assert answer.startswith("500 N in rebound at 0.26 m/s: setting 1.")
-    assert any(line.startswith("set") for line in table.splitlines())
-    assert max(map(len, ended.out.splitlines())) <= 80
-    quiet = run("settings", results, "--force", "500N", "--velocity", "0.26m/s", "--quiet")
-    assert quiet.out.splitlines() == [" ".join(answer.split())]
-
-
-def test_the_answer_is_in_the_units_of_its_table(run, results) -> None:
-    asked = ("settings", results, "--force", "500N", "--velocity", "0.26m/s")
-    ended = run(*asked, "--units", "lbf,in/s")
-    answer, table = ended.out.split("\n\n", 1)
-    assert answer.startswith("112.4 lbf in rebound at 10.24 in/s: setting 1.")
-    assert not re.search(r"\bN\b|m/s", answer)
-    assert "lbf" in table
-    plain = re.findall(r"([-+]?[\d.]+) N\b", " ".join(run(*asked, "--quiet").out.split()))
-    shown = re.findall(r"([-+]?[\d.]+) lbf\b", " ".join(answer.split()))
-    pounds = [float(one) / find_unit("lbf", "force").factor for one in plain]
-    assert list(map(float, shown)) == pytest.approx(pounds, rel=0.02)
-    far = run(
-        "settings", results, *("--force", "9kN", "--velocity", "0.2m/s", "-q", "--units", "lbf")
-    )
-    assert "2023.3 lbf in rebound at 0.2 m/s: no setting gives it" in far.out
-    assert " N" not in far.out
-
-
 def test_without_a_question_both_strokes_are_shown(run, results, monkeypatch) -> None:
     monkeypatch.chdir(results.parent)
     assert main(["settings"]) == 0
@@ -160,19 +118,6 @@ def test_without_a_question_both_strokes_are_shown(run, results, monkeypatch) ->
     ]  # fmt: skip
     only = run("settings", results, "--stroke", "bump").out
     assert [line.split()[0] for line in only.splitlines() if " click" in line] == ["compression"]
-
-
-def test_a_stroke_that_is_asked_for_is_shown_alone(run, results) -> None:
-    """A sign of the speed and --stroke had no effect without a force."""
-    for words, other in (
-        (("--velocity", "0.2m/s", "--stroke", "rebound"), "compression"),
-        (("--velocity=-0.2m/s",), "rebound"),
-    ):
-        heading = run("settings", results, *words).out.splitlines()[2]
-        assert other not in heading
-        assert {"rebound", "compression"} & set(heading.split())
-    both = run("settings", results, "--velocity", "0.2m/s").out.splitlines()[2]
-    assert {"rebound", "compression"} <= set(both.split())
 
 
 def test_out_of_reach_is_an_answer_too(run, results) -> None:
@@ -219,12 +164,6 @@ def test_another_motion_shows_other_speeds_and_what_was_never_tested(run, result
         assert part in ended.err
 
 
-def test_a_missing_folder_is_code_2(run, tmp_path) -> None:
-    ended = run("settings", tmp_path / "nowhere")
-    assert ended.code == 2
-    assert "no such folder" in ended.err
-
-
 def test_a_folder_of_an_older_version_has_forces_without_intervals(run, folder) -> None:
     rewrite(folder, uncertainty=None, trends=None, clicks=None)
     (folder / "adjustment.parquet").unlink()
@@ -252,36 +191,6 @@ def test_a_damaged_run_json_is_said(run, folder, damage) -> None:
     assert "the damper of the run is not known" in ended.err
     assert "the motion of the test is not known" in ended.err
     assert "Traceback" not in ended.err
-
-
-@pytest.mark.parametrize(
-    "entry",
-    [
-        {"setting": 2, "parameters": ["r_m1"], "correlation": [[1.0, 0.0]]},
-        {"setting": 2, "parameters": ["r_m9"], "correlation": [[1.0]]},
-        {"setting": 2, "parameters": ["r_m1"], "correlation": [[None]]},
-        {"setting": 2},
-        "nonsense",
-    ],
-)
-def test_nonsense_in_run_json_costs_the_intervals_alone(run, folder, entry) -> None:
-    rewrite(folder, uncertainty=[entry])
-    ended = run("settings", folder, "--velocity", "0.2", "--json")
-    assert ended.code == 1
-    assert len(json.loads(ended.out)["forces"]) == 6
-
-
-def test_one_setting_without_errors_costs_its_own_intervals_alone(run, folder) -> None:
-    """Used to end in a broadcasting error, as the shared errors of its neighbours are known."""
-    known = [entry for entry in record(folder)["uncertainty"] if entry["setting"] != 2]
-    assert all(entry["shared"] == ["r_m3", "f_f"] for entry in known)
-    rewrite(folder, uncertainty=known)
-    ended = run("settings", folder, "--velocity", "0.2", "--json")
-    assert ended.code == 1
-    assert "errors and correlations of setting 2 are missing" in ended.err
-    document = json.loads(ended.out)
-    missing = {row["setting"] for row in document["forces"] if row["force_se_N"] is None}
-    assert missing == {2}
 
 
 def test_a_setting_without_a_minimum_has_no_interval_of_shared_values(run, folder) -> None:
@@ -333,13 +242,6 @@ def test_a_check_asked_for_is_a_gate(run, logs, gates, code) -> None:
     assert bool(record(Path("r"))["gates_missed"]) is (code == 4)
 
 
-def test_an_unknown_check_touches_nothing(run, logs) -> None:
-    ended = run("identify", logs / "setting_*.csv", "--out", "r", "--check", "no_cavitatoin")
-    assert ended.code == 2
-    assert "Did you mean 'no_cavitation'?" in ended.err
-    assert not Path("r").exists()
-
-
 def test_gates_stand_in_the_configuration_too(run, logs, tmp_path) -> None:
     (tmp_path / "c.toml").write_text('[output]\nchecks = ["no_outlier_setting"]\n')
     ended = run("identify", logs / "setting_*.csv", "--out", "r", "--config", "c.toml")
@@ -348,34 +250,9 @@ def test_gates_stand_in_the_configuration_too(run, logs, tmp_path) -> None:
     assert run("identify", logs / "setting_*.csv", "--config", "c.toml").code == 2
 
 
-def test_a_table_in_a_closed_pipe_ends_quietly() -> None:
-    program = (
-        "from rich.table import Table\n"
-        "from damperfit.cli.console import print_lines, print_renderable\n"
-        "print_renderable(Table('a'))\n"
-        "print_lines(['more'])\n"
-    )
-    process = subprocess.Popen(
-        [sys.executable, "-c", program],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-    )
-    assert process.stdout is not None
-    process.stdout.close()
-    _, told = process.communicate(timeout=60)
-    assert (process.returncode, told) == (0, b"")
-
-
 def test_a_motion_that_cavitates_is_noted_and_changes_no_code(run, results) -> None:
     quiet = asked(run, results)
     assert quiet["notes"] == []
     ended = run("settings", results, "--amplitude", "40mm", "--frequency", "3Hz")
     assert ended.code == 0
     assert "note: a chamber cavitates from 0.52 m/s on at settings 1-3" in ended.err
-
-
-def test_tables_have_no_trailing_blanks(run, results) -> None:
-    lines = run("settings", results).out.splitlines()
-    assert lines == [line.rstrip() for line in lines]
-    assert len(lines) > 8

@@ -39,33 +39,6 @@ def test_golden_values_come_out_of_the_written_file(run, tmp_path, parameters, r
             assert pressure == pytest.approx(expected[chamber], abs=2e-3)
 
 
-def test_the_table_is_read_at_a_glance(run) -> None:
-    ended = run("simulate", "--setting", "10")
-    assert ended.code == 0
-    text = " ".join(ended.out.split())
-    for words in (
-        "setting 10: sine of 32 mm at 1.5 Hz, last of 4 cycles",
-        "rebound compression",
-        "peak force N",
-        "energy per cycle J",
-        "hysteresis at 0.151 m/s N",
-        "lowest pressure bar",
-        "highest pressure bar",
-        "cavitation % of cycle 0.0 0.0 0.0",
-        "displacement ▄▅▆",
-        "-1349 to 1556 N",
-    ):
-        assert words in text
-    assert max(len(line) for line in ended.out.splitlines()) <= 80
-    assert "reference set shipped with damperfit (made up, not measured)" in ended.err
-
-
-def test_an_output_of_ascii_gets_ascii(run, monkeypatch) -> None:
-    monkeypatch.setenv("PYTHONIOENCODING", "ascii")
-    assert run("simulate", "--setting", "10").out.isascii()
-    assert run("simulate", "--setting", "10", "--set", "r_m3=5e6").out.isascii()
-
-
 def test_the_figures_of_json_are_si_and_signed(run) -> None:
     document = json.loads(run("simulate", *_sets(*SET_M), "--json").out)
     figures = document["characteristics"]
@@ -210,15 +183,6 @@ def test_a_triangle_has_no_force_at_speeds_that_it_does_not_hold(run) -> None:
 
 def test_one_cycle_can_be_simulated(run) -> None:
     assert run("simulate", "--setting", "10", "--cycles", "1").code == 0
-
-
-@pytest.mark.parametrize("columns", [60, 80])
-def test_the_last_cycle_fits_a_terminal(run, monkeypatch, columns) -> None:
-    monkeypatch.setattr("damperfit.cli.simulate.screen_columns", lambda: columns)
-    _, _, cycle = run("simulate", "--setting", "10").out.partition("last cycle")
-    lines = cycle.strip().splitlines()
-    assert len(lines) == 5
-    assert columns - 12 < max(map(len, lines)) <= columns
 
 
 def test_an_offset_of_the_rig_is_told(run) -> None:

@@ -6,8 +6,6 @@ import csv
 import json
 from pathlib import Path
 
-import pytest
-
 from damperfit.queries.simulations import ChosenParameters
 
 
@@ -29,22 +27,6 @@ def test_the_papers_figures_at_once(run, undrawn):
     assert len(json.loads(ended.out)["rows"]) == 15
     figures = sorted(path.name[:8] for path in Path("paper").glob("*.png"))
     assert figures == [f"figure_{number}" for number in range(4, 10)]
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (("--setting", "10"), "nothing to vary"),
-        (("--setting", "10", "--vary", "r_m1=1", "--vary", "r_m1=2"), "given twice"),
-        (("--vary", "r_m1=1,2"), "give --setting N"),
-        (("--setting", "10", "--vary", "r_m1=1", "--figures", "bmp"), "expected one of"),
-    ],
-)
-def test_wrong_usage_is_one_line(run, arguments, words):
-    ended = run("sweep", *arguments)
-    assert ended.code == 2
-    assert words in ended.err
-    assert not Path("sweep").exists()
 
 
 def test_what_was_tested_is_held_against_the_fastest_member(run, undrawn, monkeypatch):

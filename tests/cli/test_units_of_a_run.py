@@ -70,18 +70,3 @@ def test_forces_of_the_terminal_are_converted(run, logs) -> None:
         return float(re.search(r"f_f = ([0-9.]+)", ended.out)[1])
 
     assert friction("--units", "lbf") == pytest.approx(friction() / POUND, rel=0.02)
-
-
-def test_a_unit_that_is_none_is_refused_before_any_work(run, logs) -> None:
-    ended = run("identify", logs / "setting_02.csv", "--units", "lbf,stone")
-    assert ended.code == 2
-    assert "no unit 'stone'" in ended.err
-    assert "--units" in ended.err
-
-
-def test_the_motion_is_told_in_the_lengths_that_are_shown(both, run) -> None:
-    si = both / "si"
-    run("report", si, "--units", "in", "--out", "in_inches")
-    page = next(path for path in both.parent.rglob("in_inches/report.html")).read_text("utf-8")
-    assert page.count("amplitude 1.26 in") == 2  # of the test, of its log
-    assert "amplitude 32 mm," not in page  # the log's own finding is as it was

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-import tomllib
 from pathlib import Path
 
 import pyarrow.parquet as pq
@@ -13,8 +12,6 @@ import pytest
 from damperfit.cli import main
 from damperfit.configuration.loading import load_configuration
 from damperfit.configuration.options import parameter_value
-from damperfit.damper.models import MODELS
-from damperfit.damper.purdy.parameters import DAMPER_RANGES
 from damperfit.damper.valve_dampers import Monotube
 from damperfit.errors import ConfigurationError
 from damperfit.problem import Option
@@ -147,27 +144,6 @@ def test_a_folder_without_parameters_is_no_results_folder(run, logs) -> None:
     assert "no parameters.parquet in this folder" in ended.err
 
 
-def test_the_damper_stands_under_the_table(run, logs, tmp_path) -> None:
-    said = " ".join(run("identify", logs / "setting_01.csv").out.split())
-    assert "Damper: rod 19 mm, piston 28.5 mm" in said
-    assert "(the paper's: [damper] is not declared, and resistances, K_e and pressures" in said
-    keys = tomllib.loads((CONFIGS / "purdy2000.toml").read_text())["damper"]
-    keys.pop("piston_diameter")
-    lines = [f"{key} = {json.dumps(value)}" for key, value in keys.items()]
-    (tmp_path / "part.toml").write_text("\n".join(["[damper]", *lines]))
-    ended = run("identify", logs / "setting_01.csv", "--config", "part.toml")
-    assert "note: [damper] leaves piston_diameter to the paper's damper" in ended.err
-    assert "FAILED damper_declared" in ended.out
-    assert "not declared" not in ended.out
-    record = json.loads((tmp_path / "results" / "run.json").read_text())
-    assert any("leaves piston_diameter" in line for line in record["procedure"])
-    ended = run("identify", logs / "setting_01.csv", "--config", CONFIGS / "purdy2000.toml")
-    assert "note: [damper]" not in ended.err
-    record = json.loads((tmp_path / "results" / "run.json").read_text())
-    (check,) = (one for one in record["checks"] if one["name"] == "damper_declared")
-    assert check["passed"] is True
-
-
 # Pa of each; a standard atmosphere is 101325 Pa.
 PRESSURES = [
     ("12bara", 12e5),
@@ -225,24 +201,10 @@ def test_a_gas_pressure_that_is_held_takes_the_same_units(text, pascal) -> None:
     assert loaded.identification.fixed["gas_pressure"] == pytest.approx(pascal, rel=1e-14)
 
 
-def test_only_the_gas_pressure_of_a_damper_counts_from_vacuum() -> None:
-    told = {
-        one.name for kind in MODELS.values() for one in kind().quantities if one.is_absolute
-    }  # fmt: skip
-    assert told == {"gas_pressure"}
-
-
 def test_no_modulus_counts_from_the_atmosphere(run) -> None:
     ended = run("simulate", "--setting", "1", "--set", "k_e=500barg")
     assert ended.code == 2
     assert "k_e = 500barg: expected a number in Pa" in ended.err
-
-
-def test_every_damper_key_is_in_the_sentence_of_what_is_left() -> None:
-    loaded = load_configuration(overlay={"damper": {"rod_diameter": "12mm"}})
-    assert loaded.undeclared == tuple(name for name in DAMPER_RANGES if name != "rod_diameter")
-    assert load_configuration().undeclared == tuple(DAMPER_RANGES)
-    assert load_configuration(SLIM).undeclared == ()
 
 
 def test_settings_know_the_damper_without_run_json(run, slim, tmp_path) -> None:
