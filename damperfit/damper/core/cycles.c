@@ -15,11 +15,6 @@ static double larger(double a, double b)
     return a > b ? a : b;
 }
 
-static double smaller(double a, double b)
-{
-    return a < b ? a : b;
-}
-
 /* Part of the sample in which the Hermite piece from y0 < 0 to y1 >= 0 is zero. */
 static double root(double y0, double y1, double v0, double v1)
 {
