@@ -21,29 +21,29 @@ _QUANTITIES = (
     Quantity(
         "presliding", "s_f", "presliding", "distance over which friction builds up", "m",
         (1e-7, 1e-2), scope=DAMPER, power=-6, shown_unit="µm", believable=(0.0, 1e-3),
-        belief="seals slide after 5 to 500 µm", ideal=0.0,
+        belief="seals slide after 5 to 500 µm", ideal=0.0, idle="below",
     ),
     Quantity(
         "breakaway", "f_b", "breakaway", "friction at rest above that of sliding", "N",
         (1e-3, 1e4), scope=DAMPER, may_vanish=True, shown_unit="N", believable=(0.0, 200.0),
-        belief="seals of car dampers stick with less than 200 N",
+        belief="seals of car dampers stick with less than 200 N", idle="below",
     ),
     Quantity(
         # Below 5 mm/s a sine passes within a few samples, and any height fits beside a low speed.
         "stribeck_speed", "v_s", "Stribeck speed", "speed at which a third of it is left", "m/s",
         (5e-3, 0.2), scope=DAMPER, power=-3, shown_unit="mm/s", believable=(0.0, 0.2),
-        belief="seals slide freely above 5 to 100 mm/s",
+        belief="seals slide freely above 5 to 100 mm/s", idle="above below",
     ),
     Quantity(
         "seal_area", "a_s", "pressed friction", "friction by the pressure on the rod's seal", "m2",
         (1e-9, 1e-2), scope=DAMPER, may_vanish=True, power=-6, shown_unit="mm²",
         believable=(0.0, 5e-5),
-        belief="rod seals have less than 50 mm²",
+        belief="rod seals have less than 50 mm²", idle="below",
     ),
     Quantity(
         "turning_speed", "v_t", "turning speed", "speed up to which friction turns", "m/s",
         (1e-5, 0.1), scope=DAMPER, power=-3, shown_unit="mm/s", believable=(0.0, 0.02),
-        belief="seals slide with all their friction from 0.1 to 20 mm/s on",
+        belief="seals slide with all their friction from 0.1 to 20 mm/s on", idle="below",
     ),
 )  # fmt: skip
 

@@ -29,21 +29,22 @@ _QUANTITIES = (
         "k_s", "k_s", "series stiffness", "stiffness of rod ends, frame and load cell", "N/m",
         (1e3, 1e10), scope=RIG, power=3, shown_unit="N/mm", believable=(2e4, math.inf),
         belief="rigs have 125 to 1900 N/mm", ideal=0.0,  # the core's rigid one
+        idle="above",
     ),
     Quantity(
         "play", "play", "play", "whole gap of the joints", "m", (1e-6, 1e-2), scope=RIG,
         power=-3, shown_unit="mm", believable=(0.0, 5e-3), belief="joints have 0.3 to 2 mm",
-        ideal=0.0,
+        ideal=0.0, idle="below",
     ),
     Quantity(
         "lag", "T", "lag of the force", "lag of the force channel, first order", "s",
         (1e-5, 5e-2), scope=RIG, power=-3, shown_unit="ms", believable=(0.0, 0.025),
-        belief="force channels have 8 to 14 ms", ideal=0.0,
+        belief="force channels have 8 to 14 ms", ideal=0.0, idle="below",
     ),
     Quantity(
         "moving_mass", "m", "moving mass", "mass of what moves between load cell and damper", "kg",
         (1e-4, 1e3), scope=RIG, shown_unit="kg", believable=(0.0, 30.0),
-        belief="rods, bodies and fixtures have 0.1 to 20 kg", ideal=0.0,
+        belief="rods, bodies and fixtures have 0.1 to 20 kg", ideal=0.0, idle="below",
     ),
 )  # fmt: skip
 

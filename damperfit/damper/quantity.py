@@ -92,6 +92,12 @@ class Quantity:
         moving mass; None: as it is. `damperfit.damper.quasi_static` puts it there.
     role : str
         `OFFSET`, `FRICTION`, `STIFFNESS`, `GAS_AMOUNT` or `VISCOUS`; "": none of these.
+    stroke, part : str
+        Of a valve: whose it is ("rebound", "compression", "return") and which part of its law
+        ("bleed", "leak", "opening", "slope", "port", "width", "lift").
+    idle : str
+        Edges of its range at which its part does nothing, as in "above below"; the first is where a
+        structure without the part lies. Empty: as its role has it.
     """
 
     name: str
@@ -117,6 +123,29 @@ class Quantity:
     is_absolute: bool = False
     ideal: float | None = None
     role: str = ""
+    stroke: str = ""
+    part: str = ""
+    idle: str = ""
+
+    @property
+    def idle_edges(self) -> tuple[str, ...]:
+        """Edges at which its part does nothing: as declared, or as its role has it."""
+        if self.has_own_edges:
+            return ("below", "above")
+        if self.idle:
+            return tuple(self.idle.split())
+        by_role = {FRICTION: ("below",), STIFFNESS: ("above",), GAS_AMOUNT: ("above",)}
+        return by_role.get(self.role, ())
+
+    @property
+    def vanishes_at(self) -> float:
+        """The edge of its range at which a structure has it that does without its part."""
+        return self.plausible[0 if self.idle_edges[:1] == ("below",) else 1]
+
+    def edge_at(self, value: float) -> str:
+        """Return the edge that a value has reached: "below", "above", or "" within the range."""
+        low, high = self.plausible
+        return "below" if value <= low else "above" if value >= high else ""
 
     @property
     def is_offset(self) -> bool:

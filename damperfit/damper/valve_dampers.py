@@ -32,7 +32,7 @@ from damperfit.damper.purdy.quantities import OF_OIL, OIL
 from damperfit.damper.quantity import DAMPER, LOG, Quantity
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Collection, Mapping, Sequence
 
     from numpy.typing import ArrayLike, NDArray
 
@@ -278,28 +278,34 @@ class ThroughFlow(ValveDamper):
 
 _BLOW_OFF = ("opening", "slope", "port", "width", "lift")
 _VALVE_PARTS = {"bleed": ("bleed", "leak"), "blow_off": _BLOW_OFF}
-# part: symbol, in a table's row, meaning, unit, range, power of ten and unit for people
-_PARTS: dict[str, tuple[str, str, str, str, tuple[float, float], int, str]] = {
+# part: symbol, in a table's row, meaning, unit, range, power of ten and unit for people, idle edges
+_PARTS: dict[str, tuple[str, str, str, str, tuple[float, float], int, str, str]] = {
     "bleed": (
         "S", "bleed", "orifice of the bleed, 1/(C_d A sqrt(2 rho))", _ROOT,
-        (1e2, 1e8), 3, "10³ s √N / (m kg)",
+        (1e2, 1e8), 3, "10³ s √N / (m kg)", "above",
     ),
     "leak": (
         "L", "leak", "laminar resistance of the bleed", _LINEAR, (1e3, 1e11), 6,
-        "10⁶ N s / (m² kg)",
+        "10⁶ N s / (m² kg)", "below",
     ),
-    "opening": ("p", "opening", "pressure at which the blow-off opens", "Pa", (1e3, 1e8), 5, "bar"),
+    "opening": (
+        "p", "opening", "pressure at which the blow-off opens", "Pa", (1e3, 1e8), 5, "bar",
+        "above below",
+    ),
     "slope": (
         "R", "slope", "resistance of the blow-off beyond its opening", _LINEAR, (1e3, 1e11), 6,
-        "10⁶ N s / (m² kg)",
+        "10⁶ N s / (m² kg)", "above below",
     ),
     "port": (
         "S_p", "port", "orifice behind the blow-off", _ROOT, (1e1, 1e8), 3, "10³ s √N / (m kg)",
+        "below above",
     ),
-    "width": ("d", "rounding", "how gradually the blow-off lifts", "Pa", (1e1, 1e7), 5, "bar"),
+    "width": (
+        "d", "rounding", "how gradually the blow-off lifts", "Pa", (1e1, 1e7), 5, "bar", "below",
+    ),
     "lift": (
         "b", "lift", "how much further the blow-off lifts, the harder it is pressed", "1/Pa",
-        (1e-9, 1e-3), -5, "1/bar",
+        (1e-9, 1e-3), -5, "1/bar", "below above",
     ),
 }  # fmt: skip
 
@@ -314,13 +320,15 @@ def _network(damper: ValveDamper) -> Network:
 @lru_cache(maxsize=64)
 def _quantities(damper: ValveDamper) -> tuple[Quantity, ...]:
     network = damper.network
-    found = [_of_valve(name) for name in network.passage_numbers if name != "return_slope"]
-    if "return_slope" in network.passage_numbers:
+    names = network.passage_numbers
+    found = [_of_valve(name, names) for name in names if name != "return_slope"]
+    if "return_slope" in names:
         found.append(
             Quantity(
                 "return_slope", "R_k", "return checks", "resistance of the return checks", _LINEAR,
                 (1e2, 1e10), scope=DAMPER, default=_RETURN, power=6, shown_unit="10⁶ N s / (m² kg)",
-                ignorance=_RETURN_IGNORANCE, role=roles.VISCOUS,
+                ignorance=_RETURN_IGNORANCE, role=roles.VISCOUS, stroke="return", part="slope",
+                idle="below",
             )
         )  # fmt: skip
     found += [
@@ -353,7 +361,7 @@ def _quantities(damper: ValveDamper) -> tuple[Quantity, ...]:
             "free_gas", "phi", "free gas", "share of the oil's volume that is gas at rest", "1",
             (1e-6, 0.3), scope=DAMPER, default=0.0, may_vanish=True, power=-2, shown_unit="%",
             believable=(0.0, 0.05), belief="oil that was filled with care holds less than 5 %",
-            ideal=0.0,
+            ideal=0.0, idle="below",
         ),
         Quantity(
             "f_f", "f_f", "friction", "Coulomb friction of seals and bearings", "N", (1e-3, 1e4),
@@ -362,7 +370,7 @@ def _quantities(damper: ValveDamper) -> tuple[Quantity, ...]:
         Quantity(
             "drag", "c", "drag of the seals", "force of the seals by the speed", "N s/m",
             (1e-2, 1e5), scope=DAMPER, default=0.0, may_vanish=True, shown_unit="N s/m",
-            ignorance=_DRAG_IGNORANCE, role=roles.VISCOUS,
+            ignorance=_DRAG_IGNORANCE, role=roles.VISCOUS, idle="below",
         ),
         *damper.friction.quantities,
         *damper.mounting.quantities,
@@ -375,9 +383,13 @@ def _quantities(damper: ValveDamper) -> tuple[Quantity, ...]:
     return tuple(found)
 
 
-def _of_valve(name: str) -> Quantity:
+def _of_valve(name: str, names: Collection[str]) -> Quantity:
     stroke, part = name.rsplit("_", 1)
-    symbol, label, meaning, unit, plausible, power, shown = _PARTS[part]
+    symbol, label, meaning, unit, plausible, power, shown, idle = _PARTS[part]
+    if part == "bleed" and f"{stroke}_leak" in names:
+        idle = "above below"  # wide open, all of its pressure is the laminar share's
+    if part == "leak" and f"{stroke}_bleed" not in names:  # all that the bleed has
+        idle = "above"
     return Quantity(
         name,
         f"{symbol}_{stroke[0]}",
@@ -388,4 +400,7 @@ def _of_valve(name: str) -> Quantity:
         power=power,
         shown_unit=shown,
         role=roles.VISCOUS if unit == _LINEAR else "",
+        stroke=stroke,
+        part=part,
+        idle=idle,
     )

@@ -59,10 +59,18 @@ __all__ = [
 
 # A relative change of the sum of squares below 1e-8 moves no parameter by 1 % of its error; a
 # start for another descent needs no more than a per cent.
-_FINE = Stopping(cost_tolerance=1e-8)
-_ROUGH = Stopping(cost_tolerance=1e-2, rest=math.inf)
+# No step changes a value by more than a factor of ten: beyond lie bounds and plateaus.
+_LONGEST = math.log(10.0)
+_FINE = Stopping(cost_tolerance=1e-8, longest_step=_LONGEST)
+_ROUGH = Stopping(cost_tolerance=1e-2, rest=math.inf, longest_step=_LONGEST)
 # On mean cycles a tenth of an error is near enough: the last step is taken on the logs.
-_NEAR = Stopping(cost_tolerance=1e-5, step_tolerance=1e-6, rest=math.inf, least_share=1e-5)
+_NEAR = Stopping(
+    cost_tolerance=1e-5,
+    step_tolerance=1e-6,
+    rest=math.inf,
+    least_share=1e-5,
+    longest_step=_LONGEST,
+)
 _LIMIT, _MET_COST = 0, 2  # endings, as `Minimum.status` has them
 # The largest relative change of a value in a step that is not evaluated, and the most errors that
 # it may be on the logs: what it leaves out is its square, 4e-4, a twentieth of an error of 1 %. On

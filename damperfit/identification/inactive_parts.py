@@ -14,7 +14,6 @@ from damperfit.damper.quantity import GAS_AMOUNT, STIFFNESS
 from damperfit.errors import FitCancelledError, SimulationError
 from damperfit.identification.fit_problem import edge_of, kept_within
 from damperfit.identification.fit_setting import describe_fit, minimised
-from damperfit.identification.law_misfit import vanishes_below
 from damperfit.identification.outcome import Status
 from damperfit.workers import executor
 
@@ -32,16 +31,7 @@ __all__ = [
     "without_idle_parts",
 ]
 
-# A valve that lets nothing through, a mounting that does not give.
-_CLOSED = ("_bleed", "_opening", "_slope")
-_RIGID = ("k_s",)
-# A blow-off without preload, or without resistance once it is open.
-_NEGLIGIBLE = ("_opening", "_slope")
-_RETURN = "return_"  # a check valve that never opens is no smaller law
 _BLOW_OFF = ("opening", "slope", "width", "lift", "port")
-# At its upper edge a port lets nothing through, and a blow-off that lifts further has no straight
-# part left: from there on only its slope over its lift says anything.
-_IDLE_ABOVE = ("port", "lift")
 # Friction at rest and the speed at which it has gone: two numbers of one part, but for a speed that
 # is lower than logs tell.
 _AT_REST = ("breakaway", "stribeck_speed")
@@ -54,48 +44,19 @@ _AS_IF = {
 
 
 def does_nothing(values: Values, name: str) -> bool:
-    """Whether a quantity is at the edge of its range where its part of the law does nothing.
-
-    Parameters
-    ----------
-    values : Values
-        Of a fit.
-    name : str
-        One of its quantities.
-    """
+    """Whether a quantity is at an edge of its range where its part of the model does nothing."""
     one = values.quantity(name)
-    low, high = one.plausible
-    value = getattr(values, name)
-    is_below, is_above = value <= low, value >= high
-    if one.has_own_edges:
-        return bool(is_below or is_above)
-    stroke, _, part = name.rpartition("_")
-    if part == "leak" and f"{stroke}_bleed" not in values.names:  # all that the bleed has
-        return bool(is_above)
-    if vanishes_below(one):
-        return bool(is_below or (is_above and part in _IDLE_ABOVE))
-    if name.startswith(_RETURN):
-        return bool(is_below)
-    if is_below:
-        is_laminar = part == "bleed" and f"{stroke}_leak" in values.names
-        return name.endswith(_NEGLIGIBLE) or name == _AT_REST[1] or is_laminar
-    return bool(is_above) and (
-        name.endswith(_CLOSED) or name in (*_RIGID, _AT_REST[1]) or one.role in _AS_IF
-    )
+    return one.edge_at(getattr(values, name)) in one.idle_edges
 
 
 def is_nothing(values: Values, name: str) -> bool:
     """Whether a quantity that ran to an edge is none, rather than what a fit strains for.
 
-    Parameters
-    ----------
-    values : Values
-        Of a fit.
-    name : str
-        One of its quantities, at a bound; a friction also where it is nothing beside the noise.
+    A friction is also where it is nothing beside the noise.
     """
     is_low = edge_of(values, name)[0] == "below"
-    return does_nothing(values, name) or (is_low and vanishes_below(values.quantity(name)))
+    is_from_below = values.quantity(name).idle_edges[:1] == ("below",)
+    return does_nothing(values, name) or (is_low and is_from_below)
 
 
 def without_idle_parts(
@@ -148,14 +109,14 @@ def _at_edge(fit: Fit) -> list[str]:
 
 def _part(fit: Fit, name: str) -> list[str]:
     """A quantity with those that mean nothing without it: a closed blow-off has no slope."""
+    one = fit.parameters.quantity(name)
+    edge = one.edge_at(getattr(fit.parameters, name))
     if name in _AT_REST:
-        is_low = name == _AT_REST[1] and not _is_above(fit.parameters, name)
-        return [name] if is_low else [one for one in _AT_REST if one in fit.status]
-    stroke, _, part = name.rpartition("_")
-    is_closed = getattr(fit.parameters, name) >= fit.parameters.quantity(name).plausible[1]
-    if part not in {"opening", "slope", "port"} or not is_closed:
+        is_speed_alone = name == _AT_REST[1] and edge != "above"
+        return [name] if is_speed_alone else [two for two in _AT_REST if two in fit.status]
+    if one.part not in {"opening", "slope", "port"} or edge != "above" or one.stroke == "return":
         return [name]
-    return [one for one in (f"{stroke}_{other}" for other in _BLOW_OFF) if one in fit.status]
+    return [two for two in (f"{one.stroke}_{part}" for part in _BLOW_OFF) if two in fit.status]
 
 
 def _is_above(values: Values, name: str) -> bool:
@@ -176,7 +137,7 @@ def _sentence(values: Values, name: str) -> str:
             f"{one.label} ({one.symbol}): the logs do not determine one below "
             f"{1e3 * one.plausible[0]:g} mm/s, at which it is held here."
         )
-    if name.endswith("_lift") and _is_above(values, name):
+    if one.part == "lift" and _is_above(values, name):
         return (
             f"{one.label} ({one.symbol}): the logs do not determine one above "
             f"{1e5 * one.plausible[1]:g} 1/bar, at which it is held here."

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from damperfit.damper.model import Values
-    from damperfit.damper.quantity import Quantity
 
     FloatArray = NDArray[np.float64]
 
@@ -32,17 +31,7 @@ __all__ = [
     "best_fitting",
     "best_of_starts",
     "is_as_expected",
-    "vanishes_below",
 ]
-
-# Quantities that, beside friction, do nothing when they are small; stiffnesses and resistances do
-# when large.
-_VANISHING = (
-    "play", "lag", "moving_mass", "drag", "_width", "_lift", "_port", "_leak", "free_gas",
-    "presliding", "breakaway", "seal_area", "turning_speed",
-)  # fmt: skip
-# Shares of a bleed's pressure: through an orifice, and through a laminar bleed.
-_BLEED, _LEAK = "bleed", "leak"
 
 
 class LawMisfit(FitProblem):
@@ -78,11 +67,7 @@ class LawMisfit(FitProblem):
 
     def absent(self, name: str) -> float:
         """Return the value at which a part does next to nothing, of a part that may be absent."""
-        one = self.model.quantity(name)
-        low, high = one.plausible
-        stroke, _, part = name.rpartition("_")
-        is_all = part == _LEAK and f"{stroke}_{_BLEED}" not in self.model.names
-        return low if vanishes_below(one) and not is_all else high
+        return self.model.quantity(name).vanishes_at
 
     def absent_beside(self, known: Collection[str]) -> dict[str, float]:
         """Return values of what a law has beside some quantities at which it does nothing to them.
@@ -97,9 +82,9 @@ class LawMisfit(FitProblem):
         """
         found = {name: self.absent(name) for name in self.free if name not in known}
         for name in found:
-            stroke, _, part = name.rpartition("_")
-            if part == _BLEED and f"{stroke}_{_LEAK}" in known:
-                found[name] = self.model.quantity(name).plausible[0]
+            one = self.model.quantity(name)
+            if one.part == "bleed" and f"{one.stroke}_leak" in known:
+                found[name] = one.plausible[0]
         return found
 
     def glimpse(self, start: Values) -> Minimum[Values]:
@@ -111,14 +96,3 @@ class LawMisfit(FitProblem):
             The law cannot be simulated at the start.
         """
         return self.descend(start, SHORT)
-
-
-def vanishes_below(one: Quantity) -> bool:
-    """Whether a quantity does nothing when it is small; others do when they are large.
-
-    Parameters
-    ----------
-    one : Quantity
-        Of a damper of valves, a part that may be absent.
-    """
-    return one.is_friction or one.name.endswith(_VANISHING)

@@ -56,7 +56,7 @@ SHORT = Stopping(cost_tolerance=1e-2, step_tolerance=1e-3, max_evaluations=8, re
 _APART = 0.1
 # Times the scatter between cycles: a minimum that is there needs no other start.
 _AS_EXPECTED = 2.0
-_OF_VALVES = ("_bleed", "_opening", "_slope")
+_OF_VALVES = ("bleed", "opening", "slope")
 
 # Factor to both sides that the starts are spread over; of a linear quantity, in units of its size.
 SPREAD = 10.0
@@ -395,7 +395,8 @@ def _lost_a_valve(problem: FitProblem, ended: Minimum[Values]) -> bool:
     if is_as_expected(problem, ended):
         return False
     return any(
-        name.endswith(_OF_VALVES) and problem.is_at_edge(ended.extra, name) for name in problem.free
+        problem.model.quantity(name).part in _OF_VALVES and problem.is_at_edge(ended.extra, name)
+        for name in problem.free
     )
 
 

@@ -43,7 +43,9 @@ class Valleys:
     failing: str = ""
     model: SimpleNamespace = field(
         default_factory=lambda: SimpleNamespace(
-            quantity=lambda name: SimpleNamespace(is_offset=name == "f_0", is_friction=False)
+            quantity=lambda name: SimpleNamespace(
+                is_offset=name == "f_0", is_friction=False, part=name.rpartition("_")[2]
+            )
         )
     )
 
