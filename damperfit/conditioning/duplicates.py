@@ -43,7 +43,7 @@ __all__ = [
 # makes two tests differ by 4e-3. Two tests of an adjuster that does nothing differ by their noise
 # alone, a copy by a small share of it.
 _SAME = 5e-4
-_OF_NOISE = 0.3
+_OF_NOISE = 0.1
 _DIGITS = 2e-5
 _ROUNDING = 1e-9  # of sums
 _ALIKE = 0.05  # motions nearer than this are one: rigs repeat speed and stroke to 1 %
