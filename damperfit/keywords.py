@@ -57,425 +57,317 @@ class Keyword(NamedTuple):
     names: tuple[str, ...] = ()
 
 
-_FLAG = ""
-_LOGS = Keyword(
-    "arguments", "LOGS...", "Log files, patterns such as 'runs/*.csv', folders, @list.txt."
-)
-_RESULTS = Keyword("argument", "RESULTS", "Folder that identify wrote, or fleet/serial=D003.")
-_REPLACE = "Replace files of another origin that are in the way."
-
-_KEYWORDS: dict[str, Keyword] = {
-    # Logs
-    "logs": _LOGS,
-    "fleet.logs": Keyword(
-        "arguments",
-        "[LOGS...]",
-        "Folders, files, patterns, or addresses such as s3://bucket/runs.",
-    ),
-    "init.logs": Keyword(
-        "arguments", "[LOGS...]", "Logs of the damper: units, setting and signs are guessed."
-    ),
-    "setting": Keyword("text", "N", "Setting of logs that do not give one.", "Logs"),
-    "simulate.setting": Keyword("text", "N", "Setting whose parameters are used.", "Damper"),
-    "sweep.setting": Keyword("text", "N", "Setting whose parameters are used.", "Damper"),
-    "tests": Keyword(
-        "path",
-        "FILE",
-        "Table of tests: file, adjusters, damper.  [default: tests.csv beside the logs]",
-        "Logs",
-        "test.table",
-    ),
-    "rig": Keyword(
-        "pairs",
-        "KEY=VALUE",
-        "A key of [rig], such as units.force=kN; may be given several times.",
-        "Logs",
-    ),
-    "rig_profile": Keyword(
-        "text", "NAME", "Profile of the rig for every log.", "Logs", "rig.profile"
-    ),
-    "skew": Keyword(
-        "text",
-        "TIME|auto",
-        "Delay of the force, as in 2ms, or auto to estimate it.  [default: 0s]",
-        "Logs",
-        "rig.skew",
-    ),
-    "allow_truncated": Keyword(
-        "flag",
-        _FLAG,
-        "Keep the part of a truncated TDMS log that all channels have.",
-        "Logs",
-        "rig.allow_truncated",
-    ),
-    "measured": Keyword(
-        "flag",
-        _FLAG,
-        "Compare measured curves only; takes folders of raw logs, logs and curve files.",
-        "Logs",
-    ),
-    # Damper
-    "config": Keyword(
-        "path",
-        "FILE.toml",
-        "Damper, rig and identification.  [default: the paper's damper and test]",
-        "Damper",
-    ),
-    "model": Keyword(
-        "text",
-        "NAME",
-        "Model of the damper; with identify also auto, the one that the logs support.  "
-        "[default: purdy]",
-        "Damper",
-        "damper.model",
-    ),
-    "samples.model": Keyword(
-        "text", "NAME", "Model of the damper.  [default: purdy]", "Damper", "damper.model"
-    ),
-    "init.model": Keyword(
-        "text", "NAME", "purdy, twin_tube, monotube, through_flow ...  [default: purdy]", "Damper"
-    ),
-    "set": Keyword(
-        "values",
-        "NAME=VALUE",
-        "Replace a parameter; may be given several times. With all five, --setting is not needed.",
-        "Damper",
-    ),
-    "init.set": Keyword(
-        "pairs",
-        "KEY=VALUE",
-        "A key of [damper], as in rod_diameter=12mm; may be given several times.",
-        "Damper",
-    ),
-    "layout": Keyword(
-        "text",
-        "NAME",
-        "Layout of the damper, if known: twin_tube, monotube, through_flow.",
-        "Damper",
-    ),
-    "parameters": Keyword(
-        "results",
-        "FILE",
-        "Parameters table (.parquet, .csv) or results folder.  [default: results, if it is there, "
-        "else the shipped reference set]",
-        "Damper",
-    ),
-    "samples.parameters": Keyword(
-        "results",
-        "FILE",
-        "True values, with damper and motion: parameters table (.parquet, .csv) or results "
-        "folder.  [default: the shipped reference set]",
-        "Damper",
-    ),
-    "settings": Keyword("text", "LIST", "Settings to make, as in 1,5,10-12.", "Damper"),
-    # Rig
-    "force_noise": Keyword("text", "FORCE", "Sensor noise of the force, rms.", "Rig"),
-    "displacement_noise": Keyword(
-        "text", "LENGTH", "Sensor noise of the displacement, rms.", "Rig"
-    ),
-    "rig_filter": Keyword("text", "FREQ", "Corner of a filter in the rig; 0: no filter.", "Rig"),
-    "seed": Keyword("count", "N", "Of the noise; same seed, same logs.", "Rig"),
-    # Fit
-    "free": Keyword(
-        "quantities",
-        "NAME,NAME",
-        "Parameters to fit; in the paper's model r_m1 r_m2 r_m3 k_e f_f f_0.  [default: those of "
-        "the procedure]",
-        "Fit",
-        "identification.free",
-    ),
-    "fix": Keyword(
-        "values",
-        "NAME=VALUE",
-        "Hold a parameter at a value; may be given several times.",
-        "Fit",
-        "identification.fix",
-    ),
-    "procedure": Keyword(
-        "text",
-        "NAME",
-        "How to fit: paper, joint, plain.  [default: paper; of other models plain]",
-        "Fit",
-        "identification.procedure",
-    ),
-    "share": Keyword(
-        "quantities",
-        "NAME,NAME",
-        "Parameters shared by all settings in a joint fit.",
-        "Fit",
-        "identification.share",
-    ),
-    "bulk_modulus": Keyword(
-        "text",
-        "NAME",
-        "K_e: free, or appendix1, from one gas content.  [default: free]",
-        "Fit",
-        "identification.bulk_modulus",
-    ),
-    "start": Keyword(
-        "texts",
-        "FILE|NAME=VALUE",
-        "Where the fits start: parameters of an earlier run, or values, as in f_f=30,k_e=2e9.",
-        "Fit",
-    ),
-    "starts": Keyword(
-        "count",
-        "N",
-        "Fit each setting from N starts.  [default: 1]",
-        "Fit",
-        "identification.starts",
-    ),
-    "rivals": Keyword(
-        "flag",
-        _FLAG,
-        "Where the logs choose the model, also rank fourteen from the literature.",
-        "Fit",
-    ),
-    "covariate": Keyword(
-        "text",
-        "temperature",
-        "Let viscous resistances follow the temperature of each log; one beta for all.",
-        "Fit",
-    ),
-    # Motion
-    "wave": Keyword(
-        "text", "NAME", "sine or triangle.  [default: sine]", "Motion", "simulation.wave"
-    ),
-    "amplitude": Keyword(
-        "text",
-        "LENGTH",
-        "Amplitude of the simulated motion, as in 32mm.  [default: that of the test]",
-        "Motion",
-        "rig.amplitude",
-    ),
-    "frequency": Keyword(
-        "text",
-        "FREQ",
-        "Frequency of the simulated motion, as in 1.5Hz.  [default: that of the test]",
-        "Motion",
-        "rig.frequency",
-    ),
-    "cycles": Keyword(
-        "number",
-        "N",
-        "Number of cycles, 1 or more.  [default: 4]",
-        "Motion",
-        "simulation.cycles",
-    ),
-    "samples.cycles": Keyword("number", "N", "Cycles in a log.", "Motion"),
-    "sample_rate": Keyword(
-        "text",
-        "RATE",
-        "As in 1000Hz; a bare number is Hz.  [default: 1000Hz]",
-        "Motion",
-        "simulation.sample_rate",
-    ),
-    "samples.sample_rate": Keyword(
-        "text", "RATE", "Samples per second, as in 1000Hz.", "Motion"
-    ),
-    "max_steps": Keyword(
-        "workers",
-        "N",
-        "Limit on samples and integrator steps, 1 or more.  [default: 5000000]",
-        "Motion",
-        "simulation.max_steps",
-    ),
-    "velocity": Keyword(
-        "text", "SPEED", "At this speed, as in 0.2m/s; minus: bump.", "Motion"
-    ),
-    "identify.velocity": Keyword(
-        "texts",
-        "SPEED",
-        "Show forces at these speeds, as in 0.05m/s.  [default: the named test speeds]",
-        "Output",
-        "output.speeds",
-    ),
-    "compare.velocity": Keyword(
-        "texts", "SPEED", "Speeds to compare at.  [default: the named test speeds]", "Motion"
-    ),
-    "stroke": Keyword("text", "NAME", "rebound or bump, instead of a sign.", "Motion"),
-    "force": Keyword(
-        "text", "FORCE", "Which setting gives it? As in 900N; minus: bump.", "Motion"
-    ),
-    "vary": Keyword(
-        "texts",
-        "NAME=F1,F2",
-        "Scale by these factors: r_m1 r_m2 r_m3 k_e f_f f_0 p_0 gamma amplitude frequency.",
-        "Motion",
-    ),
-    "paper": Keyword(
-        "flag",
-        _FLAG,
-        "Figures 4 to 9 of the paper, at setting 10 unless --setting says otherwise.",
-        "Motion",
-    ),
-    "displacement": Keyword(
-        "path", "LOG", "Drive with the displacement of a log, not a wave.", "Motion"
-    ),
-    "temperature": Keyword(
-        "text",
-        "TEMP",
-        "Of the oil, as in 40degC; after identify --covariate temperature.",
-        "Motion",
-    ),
-    # Trust
-    "hold_out": Keyword(
-        "texts",
-        "PATTERN",
-        "Predict these logs instead of fitting them, or segments by frequency or peak speed "
-        "(4Hz-10Hz, 0.2m/s-); may be given several times.  [default: "
-        "transients, the run-up, coast-down and changes of speed within the logs]",
-        "Trust",
-        "identification.hold_out",
-    ),
-    "hold_out_cycles": Keyword(
-        "number",
-        "N",
-        "Hold out the last N cycles of each log; below 1: that share of them.",
-        "Trust",
-        "identification.hold_out_cycles",
-    ),
-    "profile": Keyword(
-        "quantities",
-        "NAME,NAME",
-        "Profile the misfit along a parameter, into profiles.csv.",
-        "Trust",
-        "identification.profile",
-    ),
-    "repeats": Keyword(
-        "paths",
-        "RESULTS",
-        "Repeat run of A; the scatter of the repeats is the yardstick.",
-        "Trust",
-    ),
-    # Gates
-    "strict": Keyword(
-        "flag", _FLAG, "Refuse logs that have a warning; ends with code 4.", "Gates", "rig.strict"
-    ),
-    "max_mse": Keyword(
-        "number",
-        "PCT",
-        "End with code 4 above this MSE.",
-        "Gates",
-        "output.max_mse_percent",
-    ),
-    "check": Keyword(
-        "names",
-        "NAME,NAME",
-        "End with code 4 unless these checks pass; purdy2000 is a list of them.",
-        "Gates",
-        "output.checks",
-    ),
-    "export.check": Keyword(
-        "flag", _FLAG, "Run what was written against the logs of the run; show the error.", "Gates"
-    ),
-    "tolerance": Keyword(
-        "text",
-        "5%|20N|FILE",
-        "Band around the reference (of a fleet: the median), or a table of bands; missed: code 4.",
-        "Gates",
-    ),
-    "junit": Keyword(
-        "path", "FILE.xml", "Write the points of --tolerance as JUnit XML.", "Gates"
-    ),
-    # Work
-    "jobs": Keyword(
-        "workers", "N", "Workers, 1 or more.  [default: the cores available]", "Work"
-    ),
-    "scheduler": Keyword(
-        "text", "ADDRESS", "Work on a Dask cluster, as in tcp://10.0.0.1:8786.", "Work"
-    ),
-    "part": Keyword("text", "I/N", "Only part I of N, as in a job array: 3/100.", "Work"),
-    # Output
-    "identify.out": Keyword(
-        "path", "DIR", "Folder for the results.  [default: results]", "Output", "output.folder"
-    ),
-    "simulate.out": Keyword("path", "FILE", "Write the signals: .csv or .parquet.", "Output"),
-    "sweep.out": Keyword(
-        "path", "DIR", "Folder for table and figures.  [default: sweep]", "Output"
-    ),
-    "compare.out": Keyword("path", "DIR", "Write page, Markdown, JSON and tables.", "Output"),
-    "export.out": Keyword(
-        "path",
-        "PATH",
-        "A file if it has a suffix, else a folder.  [default: export in the results folder]",
-        "Output",
-    ),
-    "report.out": Keyword(
-        "path", "DIR", "Where to write.  [default: the results folder]", "Output"
-    ),
-    "fleet.out": Keyword(
-        "path", "DIR", "Folder of the fleet's parts.", "Output"
-    ),
-    "init.out": Keyword(
-        "path", "FILE.toml", "Where to write; - prints it.  [default: my_damper.toml]", "Output"
-    ),
-    "overwrite": Keyword("flag", _FLAG, _REPLACE, "Output"),
-    "init.overwrite": Keyword("flag", _FLAG, "Replace the file if it is there.", "Output"),
-    "report": Keyword(
-        "flag", _FLAG, "Also write report.html, as damperfit report does.", "Output"
-    ),
-    "fleet.report": Keyword(
-        "flag", _FLAG, "Also write the tables and one page of the fleet: fleet.html.", "Output"
-    ),
-    "figures": Keyword(
-        "text", "KIND", "Write the figures as files: png, svg or pdf.", "Output",
-        names=("--plots",),
-    ),
-    "plot": Keyword("path", "FILE", "Draw the loops: .png, .svg or .pdf.", "Output"),
-    "to": Keyword("text", "TARGET", "What to write; --list shows them.", "Output"),
-    "list": Keyword("flag", _FLAG, "Show the targets with file, units and sign.", "Output"),
-    "github_summary": Keyword(
-        "flag", _FLAG, "Append the report to the summary of the job.", "Output"
-    ),
-    "save": Keyword("path", "FILE.json", "Keep A as a baseline.", "Output"),
-    "collect": Keyword(
-        "flag", _FLAG, "Then write one table of all parts: fleet.parquet, .csv.", "Output"
-    ),
-    "units": Keyword(
-        "text",
-        "LIST",
-        "Units of force, speed and length, as in N,mm/s or lbf,in/s or daN.  [default: those of "
-        "the run or the configuration, else N,m/s,m]",
-        "Output",
-    ),
-    "decimal": Keyword(
-        "text", "MARK", "Decimal mark in CSV files: a point or a comma.", "Output"
-    ),
-    "extend": Keyword(
-        "text", "SPEED", "Extend tables beyond the tested speed; marked as untested.", "Output"
-    ),
-    "json": Keyword(
-        "flag", _FLAG, "Print one JSON document on stdout and nothing else there.", "Output"
-    ),
-    "quiet": Keyword(
-        "flag", _FLAG, "No progress bar, no remarks; errors are still shown.", "Output",
-        names=("-q",),
-    ),
-    "log_file": Keyword(
-        "path",
-        "FILE",
-        "Append every message and step to FILE, one line each, with its time.",
-        "Output",
-    ),
-    "debug": Keyword("flag", _FLAG, "Show the traceback of an error."),
-    "version": Keyword("flag", _FLAG, "Print the version and exit.", names=("-V",)),
-    # Arguments
-    "results": _RESULTS,
-    "settings.results": Keyword(
-        "arguments",
-        "RESULTS",
-        "Folder that identify wrote, or files of measured curves.  [default: results]",
-    ),
-    "runs": Keyword(
-        "arguments",
-        "A B...",
-        "Results folders, or folders of several; A is the reference. With --measured also raw "
-        "logs: a folder, a quoted pattern or @list.txt of them is one run.",
-    ),
-    "folder": Keyword("argument", "DIR", "Folder for the logs."),
-    "topic": Keyword("argument", "TOPIC", "A page of the manual, or a command."),
+# By panel: kind, word for the value, help, key of the configuration, other spellings.
+_TABLE: dict[str, dict[str, tuple[Any, ...]]] = {
+    "Options": {
+        "logs": (
+            "arguments", "LOGS...",
+            "Log files, patterns such as 'runs/*.csv', folders, @list.txt.",
+        ),
+        "fleet.logs": (
+            "arguments", "[LOGS...]",
+            "Folders, files, patterns, or addresses such as s3://bucket/runs.",
+        ),
+        "init.logs": (
+            "arguments", "[LOGS...]",
+            "Logs of the damper: units, setting and signs are guessed.",
+        ),
+        "debug": ("flag", "", "Show the traceback of an error."),
+        "version": ("flag", "", "Print the version and exit.", "", ("-V",)),
+        "results": ("argument", "RESULTS", "Folder that identify wrote, or fleet/serial=D003."),
+        "settings.results": (
+            "arguments", "RESULTS",
+            "Folder that identify wrote, or files of measured curves.  [default: results]",
+        ),
+        "runs": (
+            "arguments", "A B...",
+            ("Results folders, or folders of several; A is the reference. With --measured also raw "
+            "logs: a folder, a quoted pattern or @list.txt of them is one run."),
+        ),
+        "folder": ("argument", "DIR", "Folder for the logs."),
+        "topic": ("argument", "TOPIC", "A page of the manual, or a command."),
+    },
+    "Logs": {
+        "setting": ("text", "N", "Setting of logs that do not give one."),
+        "tests": (
+            "path", "FILE",
+            "Table of tests: file, adjusters, damper.  [default: tests.csv beside the logs]",
+            "test.table",
+        ),
+        "rig": (
+            "pairs", "KEY=VALUE",
+            "A key of [rig], such as units.force=kN; may be given several times.",
+        ),
+        "rig_profile": ("text", "NAME", "Profile of the rig for every log.", "rig.profile"),
+        "skew": (
+            "text", "TIME|auto",
+            "Delay of the force, as in 2ms, or auto to estimate it.  [default: 0s]",
+            "rig.skew",
+        ),
+        "allow_truncated": (
+            "flag", "",
+            "Keep the part of a truncated TDMS log that all channels have.",
+            "rig.allow_truncated",
+        ),
+        "measured": (
+            "flag", "",
+            "Compare measured curves only; takes folders of raw logs, logs and curve files.",
+        ),
+    },
+    "Damper": {
+        "simulate.setting": ("text", "N", "Setting whose parameters are used."),
+        "sweep.setting": ("text", "N", "Setting whose parameters are used."),
+        "config": (
+            "path", "FILE.toml",
+            "Damper, rig and identification.  [default: the paper's damper and test]",
+        ),
+        "model": (
+            "text", "NAME",
+            ("Model of the damper; with identify also auto, the one that the logs support.  "
+            "[default: purdy]"),
+            "damper.model",
+        ),
+        "samples.model": ("text", "NAME", "Model of the damper.  [default: purdy]", "damper.model"),
+        "init.model": (
+            "text", "NAME",
+            "purdy, twin_tube, monotube, through_flow ...  [default: purdy]",
+        ),
+        "set": (
+            "values", "NAME=VALUE",
+            ("Replace a parameter; may be given several times. With all five, --setting is not "
+            "needed."),
+        ),
+        "init.set": (
+            "pairs", "KEY=VALUE",
+            "A key of [damper], as in rod_diameter=12mm; may be given several times.",
+        ),
+        "layout": (
+            "text", "NAME",
+            "Layout of the damper, if known: twin_tube, monotube, through_flow.",
+        ),
+        "parameters": (
+            "results", "FILE",
+            ("Parameters table (.parquet, .csv) or results folder.  [default: results, if it is "
+            "there, else the shipped reference set]"),
+        ),
+        "samples.parameters": (
+            "results", "FILE",
+            ("True values, with damper and motion: parameters table (.parquet, .csv) or results "
+            "folder.  [default: the shipped reference set]"),
+        ),
+        "settings": ("text", "LIST", "Settings to make, as in 1,5,10-12."),
+    },
+    "Rig": {
+        "force_noise": ("text", "FORCE", "Sensor noise of the force, rms."),
+        "displacement_noise": ("text", "LENGTH", "Sensor noise of the displacement, rms."),
+        "rig_filter": ("text", "FREQ", "Corner of a filter in the rig; 0: no filter."),
+        "seed": ("count", "N", "Of the noise; same seed, same logs."),
+    },
+    "Fit": {
+        "free": (
+            "quantities", "NAME,NAME",
+            ("Parameters to fit; in the paper's model r_m1 r_m2 r_m3 k_e f_f f_0.  [default: those "
+            "of the procedure]"),
+            "identification.free",
+        ),
+        "fix": (
+            "values", "NAME=VALUE",
+            "Hold a parameter at a value; may be given several times.",
+            "identification.fix",
+        ),
+        "procedure": (
+            "text", "NAME",
+            "How to fit: paper, joint, plain.  [default: paper; of other models plain]",
+            "identification.procedure",
+        ),
+        "share": (
+            "quantities", "NAME,NAME",
+            "Parameters shared by all settings in a joint fit.",
+            "identification.share",
+        ),
+        "bulk_modulus": (
+            "text", "NAME",
+            "K_e: free, or appendix1, from one gas content.  [default: free]",
+            "identification.bulk_modulus",
+        ),
+        "start": (
+            "texts", "FILE|NAME=VALUE",
+            "Where the fits start: parameters of an earlier run, or values, as in f_f=30,k_e=2e9.",
+        ),
+        "starts": (
+            "count", "N",
+            "Fit each setting from N starts.  [default: 1]",
+            "identification.starts",
+        ),
+        "rivals": (
+            "flag", "",
+            "Where the logs choose the model, also rank fourteen from the literature.",
+        ),
+        "covariate": (
+            "text", "temperature",
+            "Let viscous resistances follow the temperature of each log; one beta for all.",
+        ),
+    },
+    "Motion": {
+        "wave": ("text", "NAME", "sine or triangle.  [default: sine]", "simulation.wave"),
+        "amplitude": (
+            "text", "LENGTH",
+            "Amplitude of the simulated motion, as in 32mm.  [default: that of the test]",
+            "rig.amplitude",
+        ),
+        "frequency": (
+            "text", "FREQ",
+            "Frequency of the simulated motion, as in 1.5Hz.  [default: that of the test]",
+            "rig.frequency",
+        ),
+        "cycles": (
+            "number", "N",
+            "Number of cycles, 1 or more.  [default: 4]",
+            "simulation.cycles",
+        ),
+        "samples.cycles": ("number", "N", "Cycles in a log."),
+        "sample_rate": (
+            "text", "RATE",
+            "As in 1000Hz; a bare number is Hz.  [default: 1000Hz]",
+            "simulation.sample_rate",
+        ),
+        "samples.sample_rate": ("text", "RATE", "Samples per second, as in 1000Hz."),
+        "max_steps": (
+            "workers", "N",
+            "Limit on samples and integrator steps, 1 or more.  [default: 5000000]",
+            "simulation.max_steps",
+        ),
+        "velocity": ("text", "SPEED", "At this speed, as in 0.2m/s; minus: bump."),
+        "compare.velocity": (
+            "texts", "SPEED",
+            "Speeds to compare at.  [default: the named test speeds]",
+        ),
+        "stroke": ("text", "NAME", "rebound or bump, instead of a sign."),
+        "force": ("text", "FORCE", "Which setting gives it? As in 900N; minus: bump."),
+        "vary": (
+            "texts", "NAME=F1,F2",
+            "Scale by these factors: r_m1 r_m2 r_m3 k_e f_f f_0 p_0 gamma amplitude frequency.",
+        ),
+        "paper": (
+            "flag", "",
+            "Figures 4 to 9 of the paper, at setting 10 unless --setting says otherwise.",
+        ),
+        "displacement": ("path", "LOG", "Drive with the displacement of a log, not a wave."),
+        "temperature": (
+            "text", "TEMP",
+            "Of the oil, as in 40degC; after identify --covariate temperature.",
+        ),
+    },
+    "Output": {
+        "identify.velocity": (
+            "texts", "SPEED",
+            "Show forces at these speeds, as in 0.05m/s.  [default: the named test speeds]",
+            "output.speeds",
+        ),
+        "identify.out": (
+            "path", "DIR",
+            "Folder for the results.  [default: results]",
+            "output.folder",
+        ),
+        "simulate.out": ("path", "FILE", "Write the signals: .csv or .parquet."),
+        "sweep.out": ("path", "DIR", "Folder for table and figures.  [default: sweep]"),
+        "compare.out": ("path", "DIR", "Write page, Markdown, JSON and tables."),
+        "export.out": (
+            "path", "PATH",
+            "A file if it has a suffix, else a folder.  [default: export in the results folder]",
+        ),
+        "report.out": ("path", "DIR", "Where to write.  [default: the results folder]"),
+        "fleet.out": ("path", "DIR", "Folder of the fleet's parts."),
+        "init.out": (
+            "path", "FILE.toml",
+            "Where to write; - prints it.  [default: my_damper.toml]",
+        ),
+        "overwrite": ("flag", "", "Replace files of another origin that are in the way."),
+        "init.overwrite": ("flag", "", "Replace the file if it is there."),
+        "report": ("flag", "", "Also write report.html, as damperfit report does."),
+        "fleet.report": (
+            "flag", "",
+            "Also write the tables and one page of the fleet: fleet.html.",
+        ),
+        "figures": (
+            "text", "KIND",
+            "Write the figures as files: png, svg or pdf.",
+            "",
+            ("--plots",),
+        ),
+        "plot": ("path", "FILE", "Draw the loops: .png, .svg or .pdf."),
+        "to": ("text", "TARGET", "What to write; --list shows them."),
+        "list": ("flag", "", "Show the targets with file, units and sign."),
+        "github_summary": ("flag", "", "Append the report to the summary of the job."),
+        "save": ("path", "FILE.json", "Keep A as a baseline."),
+        "collect": ("flag", "", "Then write one table of all parts: fleet.parquet, .csv."),
+        "units": (
+            "text", "LIST",
+            ("Units of force, speed and length, as in N,mm/s or lbf,in/s or daN.  [default: those "
+            "of the run or the configuration, else N,m/s,m]"),
+        ),
+        "decimal": ("text", "MARK", "Decimal mark in CSV files: a point or a comma."),
+        "extend": ("text", "SPEED", "Extend tables beyond the tested speed; marked as untested."),
+        "json": ("flag", "", "Print one JSON document on stdout and nothing else there."),
+        "quiet": ("flag", "", "No progress bar, no remarks; errors are still shown.", "", ("-q",)),
+        "log_file": (
+            "path", "FILE",
+            "Append every message and step to FILE, one line each, with its time.",
+        ),
+    },
+    "Trust": {
+        "hold_out": (
+            "texts", "PATTERN",
+            ("Predict these logs instead of fitting them, or segments by frequency or peak speed "
+            "(4Hz-10Hz, 0.2m/s-); may be given several times.  [default: transients, the run-up, "
+            "coast-down and changes of speed within the logs]"),
+            "identification.hold_out",
+        ),
+        "hold_out_cycles": (
+            "number", "N",
+            "Hold out the last N cycles of each log; below 1: that share of them.",
+            "identification.hold_out_cycles",
+        ),
+        "profile": (
+            "quantities", "NAME,NAME",
+            "Profile the misfit along a parameter, into profiles.csv.",
+            "identification.profile",
+        ),
+        "repeats": (
+            "paths", "RESULTS",
+            "Repeat run of A; the scatter of the repeats is the yardstick.",
+        ),
+    },
+    "Gates": {
+        "strict": ("flag", "", "Refuse logs that have a warning; ends with code 4.", "rig.strict"),
+        "max_mse": ("number", "PCT", "End with code 4 above this MSE.", "output.max_mse_percent"),
+        "check": (
+            "names", "NAME,NAME",
+            "End with code 4 unless these checks pass; purdy2000 is a list of them.",
+            "output.checks",
+        ),
+        "export.check": (
+            "flag", "",
+            "Run what was written against the logs of the run; show the error.",
+        ),
+        "tolerance": (
+            "text", "5%|20N|FILE",
+            ("Band around the reference (of a fleet: the median), or a table of bands; missed: "
+            "code 4."),
+        ),
+        "junit": ("path", "FILE.xml", "Write the points of --tolerance as JUnit XML."),
+    },
+    "Work": {
+        "jobs": ("workers", "N", "Workers, 1 or more.  [default: the cores available]"),
+        "scheduler": ("text", "ADDRESS", "Work on a Dask cluster, as in tcp://10.0.0.1:8786."),
+        "part": ("text", "I/N", "Only part I of N, as in a job array: 3/100."),
+    },
 }  # fmt: skip
+_KEYWORDS = {
+    name: Keyword(row[0], row[1], row[2], panel, *row[3:])
+    for panel, rows in _TABLE.items()
+    for name, row in rows.items()
+}
 
 # In the order of the help; what stands in none stands last, under "Options".
 PANELS = ("Logs", "Damper", "Rig", "Fit", "Motion", "Trust", "Gates", "Work", "Output", "Options")
