@@ -10,7 +10,7 @@ from json import dumps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from damperfit.report.sheet import html_table, text_table
+from damperfit.reporting.sheet import html_table, text_table
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -25,14 +25,14 @@ if TYPE_CHECKING:
     from damperfit.configuration.options import Configuration
     from damperfit.exporting import Export
     from damperfit.exporting.check import SettingCheck
-    from damperfit.fleet.run import Done
-    from damperfit.fleet.survey import HeldFleet
+    from damperfit.fleets.run import Done
+    from damperfit.fleets.survey import HeldFleet
     from damperfit.queries.compared import Compared, MeasuredForces
     from damperfit.queries.settings import AdjusterResults, ForcesBySetting, Question
     from damperfit.queries.simulations import ChosenParameters, SimulatedTest, Variation
-    from damperfit.report.figures import Plot
-    from damperfit.report.forces import SweepMember
-    from damperfit.report.sheet import Sheet
+    from damperfit.reporting.figures import Plot
+    from damperfit.reporting.forces import SweepMember
+    from damperfit.reporting.sheet import Sheet
     from damperfit.run.logs import LogBatch
     from damperfit.store import FileSet
     from damperfit.units.shown_units import ShownUnits
@@ -71,7 +71,7 @@ class Inspection:
     @property
     def findings(self) -> tuple[str, ...]:
         """What their data show, a sentence each."""
-        from damperfit.report.inspection import finding_lines
+        from damperfit.reporting.inspection import finding_lines
 
         return tuple(finding_lines([log.facts for log in self.batch.logs], has_notes=True))
 
@@ -90,7 +90,7 @@ class Inspection:
         return pd.DataFrame(rows)
 
     def _sheet(self) -> Sheet:
-        from damperfit.report.inspection import inspection_sheet
+        from damperfit.reporting.inspection import inspection_sheet
 
         return inspection_sheet([log.facts for log in self.batch.logs])
 
@@ -121,7 +121,7 @@ class Comparison:
 
     def document(self) -> dict[str, Any]:
         """Return all of it as JSON values."""
-        from damperfit.report.compared import comparison_record, tolerance_rows
+        from damperfit.reporting.compared import comparison_record, tolerance_rows
 
         found = self.compared
         return {
@@ -135,7 +135,7 @@ class Comparison:
     @property
     def markdown(self) -> str:
         """The comparison as a page of Markdown."""
-        from damperfit.report.compared import comparison_markdown
+        from damperfit.reporting.compared import comparison_markdown
 
         found = self.compared
         return comparison_markdown(
@@ -144,8 +144,8 @@ class Comparison:
 
     def write(self, out: Path | None, junit: Path | None) -> None:
         """Write page, Markdown, JSON and tables into a folder; the points as JUnit XML."""
-        from damperfit.report.compared import junit_report
-        from damperfit.report.page import comparison_page
+        from damperfit.reporting.compared import junit_report
+        from damperfit.reporting.page import comparison_page
         from damperfit.store import file_set
 
         found = self.compared
@@ -165,7 +165,7 @@ class Comparison:
                 path.write_bytes(junit_report(found.points, source=self.tolerance))
 
     def _write_tables(self, files: FileSet) -> None:
-        from damperfit.report.compared import (
+        from damperfit.reporting.compared import (
             comparison_rows,
             comparison_table,
             tolerance_rows,
@@ -193,14 +193,14 @@ class Comparison:
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a difference: values of both, interval of the difference, verdict."""
-        from damperfit.report.compared import comparison_rows, comparison_table
+        from damperfit.reporting.compared import comparison_rows, comparison_table
 
         rows = [row for one in self.compared.comparisons for row in comparison_rows(one)]
         frame: pd.DataFrame = comparison_table(rows).to_pandas()
         return frame
 
     def _sheets(self) -> list[Sheet]:
-        from damperfit.report.compared import comparison_force_sheet
+        from damperfit.reporting.compared import comparison_force_sheet
 
         return [comparison_force_sheet(one) for one in self.compared.comparisons]
 
@@ -279,8 +279,8 @@ class Simulation:
                 table = time_series_table(self.test.response)
                 write_table(sets[-1].path(out.name), table, suffix=out.suffix)
             if plot is not None:
-                from damperfit.report.drawing import draw_plot
-                from damperfit.report.run_figures import cycle_plot
+                from damperfit.reporting.drawing import draw_plot
+                from damperfit.reporting.run_figures import cycle_plot
 
                 sets.append(stack.enter_context(file_set(plot.parent, spares_others=spares_others)))
                 path, kind = sets[-1].path(plot.name), plot.suffix[1:].lower()
@@ -329,7 +329,7 @@ class Simulation:
 
     def plot(self) -> Any:
         """Draw force against velocity and against displacement; return both matplotlib axes."""
-        from damperfit.report.drawing import matplotlib_of_files
+        from damperfit.reporting.drawing import matplotlib_of_files
 
         matplotlib_of_files()
         from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -425,7 +425,7 @@ class Sweep:
         damper: str,
         wanted: Sequence[tuple[Variation, bool]],
     ) -> None:
-        from damperfit.report.forces import sweep_records
+        from damperfit.reporting.forces import sweep_records
 
         self.damper, self.source, self.notes = damper, choice.source, configuration.notes
         self.model = configuration.damper
@@ -445,7 +445,7 @@ class Sweep:
         choice: ChosenParameters, configuration: Configuration, variation: Variation
     ) -> tuple[SweepMember, ...]:
         from damperfit.queries.simulations import run_sweep
-        from damperfit.report.forces import SweepMember
+        from damperfit.reporting.forces import SweepMember
 
         return tuple(
             SweepMember(
@@ -461,7 +461,7 @@ class Sweep:
     @property
     def sentences(self) -> tuple[str, ...]:
         """What each variation does, in words."""
-        from damperfit.report.forces import sweep_sentence
+        from damperfit.reporting.forces import sweep_sentence
 
         return tuple(sweep_sentence(one.name, members) for one, members, _ in self.sweeps)
 
@@ -475,7 +475,7 @@ class Sweep:
     def plots(self) -> tuple[Plot, ...]:
         """Its figures."""
         from damperfit.damper.purdy.figures import FAMILIES
-        from damperfit.report.run_figures import sweep_plot, sweep_pressure_plot
+        from damperfit.reporting.run_figures import sweep_plot, sweep_pressure_plot
 
         plots = []
         known = {one.name: one for one in FAMILIES}
@@ -498,7 +498,7 @@ class Sweep:
         """Write sweep.csv and the figures into a folder."""
         import csv
 
-        from damperfit.report.drawing import draw_plot
+        from damperfit.reporting.drawing import draw_plot
         from damperfit.store import file_set
 
         with file_set(folder, spares_others=spares_others) as files:
@@ -566,7 +566,7 @@ class SettingForces:
 
     def document(self) -> dict[str, Any]:
         """Return all of it as JSON values."""
-        from damperfit.report.records import to_record
+        from damperfit.reporting.records import to_record
         from damperfit.tables.documents import json_values
         from damperfit.tables.rows import adjustment_rows
 
@@ -605,7 +605,7 @@ class SettingForces:
 
 
 def _answer(wanted: Wanted, answer: Answer) -> dict[str, Any]:
-    from damperfit.report.records import to_record
+    from damperfit.reporting.records import to_record
 
     along = {"adjuster": wanted.adjuster, "held": wanted.held} if wanted.held else {}
     record: dict[str, Any] = to_record(answer)
@@ -644,7 +644,7 @@ class FleetDone:
     @property
     def counts(self) -> dict[str, int]:
         """How many dampers ended in which way."""
-        from damperfit.fleet.run import State
+        from damperfit.fleets.run import State
 
         return {state.value: sum(one.state is state for one in self.done) for state in State}
 
@@ -661,7 +661,7 @@ class FleetDone:
 
     def document(self) -> dict[str, Any]:
         """Return all of it as JSON values."""
-        from damperfit.report.compared import tolerance_rows
+        from damperfit.reporting.compared import tolerance_rows
 
         held = self.held
         return {
@@ -683,18 +683,18 @@ class FleetDone:
 
     def collect(self, bands: Tolerance | None, *, is_reported: bool) -> None:
         """Make the one table of all parts, its page, and hold its forces against bands."""
-        from damperfit.fleet.parts import collect as collected
+        from damperfit.fleets.parts import collect as collected
 
         table = collected(self.folder)
         self.n_rows = table.num_rows
         if bands is None and not is_reported:
             return
-        from damperfit.fleet.survey import fleet_against_bands, survey
+        from damperfit.fleets.survey import fleet_against_bands, survey
 
         found = survey(table)
         self.held = None if bands is None else fleet_against_bands(found, bands)
         if is_reported:
-            from damperfit.fleet.page import write_page
+            from damperfit.fleets.page import write_page
 
             write_page(self.folder, found, self.held)
             self.page = self.folder / "fleet.html"

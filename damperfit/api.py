@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     )
     from damperfit.configuration.options import Configuration
     from damperfit.damper.model import Model
-    from damperfit.fleet.run import DamperTask, Done
+    from damperfit.fleets.run import DamperTask, Done
     from damperfit.recording import Recording
     from damperfit.results import Run
     from damperfit.run.auto_model import LawChoice
@@ -927,8 +927,8 @@ def _write_report(
 ) -> Files:
     """Write the page and the figures of a results folder."""
     from damperfit.answers import Files
-    from damperfit.report.page import html_report
-    from damperfit.report.run_figures import report_plots
+    from damperfit.reporting.page import html_report
+    from damperfit.reporting.run_figures import report_plots
     from damperfit.results import Run
     from damperfit.store import file_set
     from damperfit.units.shown_units import parse_units
@@ -942,7 +942,7 @@ def _write_report(
             files.path("report.html").write_bytes(text.encode("utf-8", "backslashreplace"))
         written.append(folder / "report.html")
     if figures is not None:
-        from damperfit.report.drawing import draw_plot
+        from damperfit.reporting.drawing import draw_plot
 
         with file_set(folder / "figures") as files:
             for plot in shown.plots:
@@ -984,7 +984,7 @@ def fleet(  # noqa: PLR0913 - one keyword an option of the command line
     given = dict(locals())
     from damperfit.answers import FleetDone
     from damperfit.comparison import parse_bands
-    from damperfit.fleet.run import planned, share_of
+    from damperfit.fleets.run import planned, share_of
     from damperfit.run.identify import Watch
 
     watch = watch or Watch()
@@ -1057,7 +1057,7 @@ def _worked_through(
     cancelled: Callable[[], bool],
 ) -> Iterator[Done]:
     """Do the tasks where the user wants them done: in processes here, or on a Dask cluster."""
-    from damperfit.fleet.run import run_fleet
+    from damperfit.fleets.run import run_fleet
     from damperfit.workers import Cluster, Processes
 
     place = folder.resolve()
@@ -1100,7 +1100,7 @@ def samples(  # noqa: PLR0913 - one keyword an option of the command line
     from damperfit.answers import Files
     from damperfit.queries.simulations import numbers_in, truth_of
     from damperfit.run.identify import Watch
-    from damperfit.samples import SampleOptions, make_samples
+    from damperfit.synthetic import SampleOptions, make_samples
     from damperfit.units.quantities import parse_quantity
 
     where = path_of(folder, "damperfit.samples", "the path of a folder")

@@ -7,9 +7,7 @@ options of both. An entry ``command.keyword`` goes before that of the keyword al
 
 from __future__ import annotations
 
-from importlib import import_module
 from inspect import signature
-from types import ModuleType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
@@ -19,7 +17,6 @@ __all__ = [
     "PANELS",
     "PRESENTATION",
     "PYTHON_ONLY",
-    "FunctionPackage",
     "Keyword",
     "keyword_of",
     "option_of",
@@ -438,12 +435,3 @@ def with_keywords(function: Callable[..., Any]) -> str:
     return "\n".join(
         [known.rstrip(), "", "    Other Parameters", "    ----------------", *lines, ""]
     )
-
-
-class FunctionPackage(ModuleType):
-    """A package of the name of a function: called, it is the function of `damperfit.api`."""
-
-    def __call__(self, *arguments: Any, **given: Any) -> Any:
-        """Do what the function does."""
-        function = getattr(import_module("damperfit.api"), self.__name__.rpartition(".")[2])
-        return function(*arguments, **given)

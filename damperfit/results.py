@@ -40,7 +40,7 @@ from damperfit.identification.sharing import of_settings
 from damperfit.io.files import read_bytes, read_text, sha256_of
 from damperfit.problem import Option, Problem, Words
 from damperfit.recording import natural_order
-from damperfit.report.records import checks_in, failures_in, units_in
+from damperfit.reporting.records import checks_in, failures_in, units_in
 from damperfit.store import file_set, settle
 from damperfit.tables.columns import PAPER_QUANTITIES, unknown_schema, values_from
 from damperfit.tables.documents import json_pieces
@@ -81,7 +81,7 @@ if TYPE_CHECKING:
     from damperfit.damper.model import Model, Values
     from damperfit.damper.quantity import Quantity
     from damperfit.recording import Recording
-    from damperfit.report.sheet import Sheet
+    from damperfit.reporting.sheet import Sheet
     from damperfit.simulation import SolverOptions
     from damperfit.tables.reading import LogSignals
     from damperfit.uncertainty import SpeedForces
@@ -835,7 +835,7 @@ class Run:
     @cached_property
     def speed_forces(self) -> tuple[SpeedForces, ...]:
         """Measured forces at the named speeds, and what the model misses; older runs: none."""
-        from damperfit.report.records import read_back
+        from damperfit.reporting.records import read_back
         from damperfit.uncertainty import SpeedForces
 
         found = []
@@ -1114,8 +1114,8 @@ class Run:
         ConfigurationError
             There is no figure of that name.
         """
-        from damperfit.report.drawing import compose, fixed_style
-        from damperfit.report.run_figures import report_plots
+        from damperfit.reporting.drawing import compose, fixed_style
+        from damperfit.reporting.run_figures import report_plots
 
         plots = {one.name: one for one in report_plots(self).plots}
         meant = _FAN if name is None else str(name)
@@ -1128,8 +1128,8 @@ class Run:
 
     def report(self, path: str | Path = "report.html") -> Path:
         """Write the page and return where it is."""
-        from damperfit.report.page import html_report
-        from damperfit.report.run_figures import report_plots
+        from damperfit.reporting.page import html_report
+        from damperfit.reporting.run_figures import report_plots
 
         text = html_report(report_plots(self), title=self._title)
         whole = _path(path, "run.report", "the path of a page")
@@ -1233,7 +1233,7 @@ class Run:
         return test.get("serial") or test.get("damper") or "damperfit"
 
     def _sheet(self) -> Sheet:
-        from damperfit.report.tables import parameter_sheet
+        from damperfit.reporting.tables import parameter_sheet
 
         return parameter_sheet(self.rows("parameters"), self.quantities)
 
@@ -1247,12 +1247,12 @@ class Run:
         return f"<Run: {f'damper {whose}, ' if whose else ''}{n}{spread}{failed}>"
 
     def __str__(self) -> str:
-        from damperfit.report.sheet import text_table
+        from damperfit.reporting.sheet import text_table
 
         return text_table(self._sheet(), NOTEBOOK_COLUMNS)
 
     def _repr_html_(self) -> str:
-        from damperfit.report.sheet import html_table
+        from damperfit.reporting.sheet import html_table
 
         failed = (
             f"FAILED {one.get('name')}: {one.get('reason')}"

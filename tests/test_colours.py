@@ -9,13 +9,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from damperfit.report.figures import (
+from damperfit.reporting.figures import (
     CHAMBER_COLOURS,
     CHAMBER_STYLES,
     SPEED_COLOURS,
     setting_colours,
 )
-from damperfit.report.page import asset
+from damperfit.reporting.page import asset
 
 SIGHTS = {
     "all cones": np.eye(3),

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from damperfit.comparison import ComparisonOptions, compare_runs, parse_tolerance, tolerated
-from damperfit.report.compared import comparison_markdown, difference_plots, loop_plots
-from damperfit.report.page import comparison_page
+from damperfit.reporting.compared import comparison_markdown, difference_plots, loop_plots
+from damperfit.reporting.page import comparison_page
 from damperfit.tested.setting import Setting
 from tests.comparison.runs import DAMPING, GAS, measured, run
 

@@ -24,10 +24,10 @@ from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
 from damperfit.errors import ConfigurationError
 from damperfit.identification import Campaign, FitOptions, Status, compare, identify
 from damperfit.recording import Recording
-from damperfit.report.markdown import markdown_report
-from damperfit.report.page import html_report
-from damperfit.report.run_figures import report_plots
-from damperfit.report.sheet import escape
+from damperfit.reporting.markdown import markdown_report
+from damperfit.reporting.page import html_report
+from damperfit.reporting.run_figures import report_plots
+from damperfit.reporting.sheet import escape
 from damperfit.results import Run
 from damperfit.simulation import Motion, SolverOptions, simulate
 from damperfit.tables.files import write_table

@@ -15,7 +15,7 @@ from damperfit.cli.main import app, main
 from damperfit.configuration.loading import load_configuration
 from damperfit.errors import ConfigurationError, DamperfitError, LogError
 from damperfit.problem import FilePlace, Option, Problem, Words, warning
-from damperfit.samples import SampleOptions, make_samples
+from damperfit.synthetic import SampleOptions, make_samples
 
 # The command; its exit status, the code of the problem, and what its sentence begins with.
 COMMANDS = [

@@ -24,8 +24,8 @@ from matplotlib.legend import Legend
 from matplotlib.testing.compare import calculate_rms
 from PIL import Image
 
-from damperfit.report.drawing import compose, fixed_style
-from damperfit.report.figures import (
+from damperfit.reporting.drawing import compose, fixed_style
+from damperfit.reporting.figures import (
     CHAMBER_COLOURS,
     Line,
     Panel,
@@ -33,7 +33,7 @@ from damperfit.report.figures import (
     setting_axis,
     setting_colours,
 )
-from damperfit.report.run_figures import report_plots
+from damperfit.reporting.run_figures import report_plots
 from damperfit.results import Run
 from tests.report_folder import make_results
 
@@ -121,8 +121,8 @@ def test_every_style_is_drawn_as_agreed(tmp_path):
 _DRAW = """
 import sys
 from pathlib import Path
-from damperfit.report.drawing import draw_plot
-from damperfit.report.run_figures import report_plots
+from damperfit.reporting.drawing import draw_plot
+from damperfit.reporting.run_figures import report_plots
 from damperfit.results import Run
 plots = {p.name: p for p in report_plots(Run.load(Path(sys.argv[1]))).plots}
 for kind in ("png", "svg", "pdf"):

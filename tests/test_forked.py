@@ -19,7 +19,7 @@ from damperfit import forked
 from damperfit import workers as parallel
 from damperfit.cli import main
 from damperfit.forked import copies_at_work, is_copy
-from damperfit.samples import SampleOptions, make_samples
+from damperfit.synthetic import SampleOptions, make_samples
 from damperfit.workers import apart, told_here
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="copies are made on Linux alone")

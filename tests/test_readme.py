@@ -24,10 +24,10 @@ from matplotlib.testing.compare import calculate_rms
 from PIL import Image
 
 from damperfit.cli import main
-from damperfit.report.drawing import draw_plot
-from damperfit.report.run_figures import report_plots
+from damperfit.reporting.drawing import draw_plot
+from damperfit.reporting.run_figures import report_plots
 from damperfit.results import Run
-from damperfit.samples import SampleOptions, make_samples
+from damperfit.synthetic import SampleOptions, make_samples
 
 ROOT = Path(__file__).parents[1]
 README = ROOT / "README.md"

@@ -15,16 +15,23 @@ from damperfit.adjustment.trends import Trend
 from damperfit.checks import Check
 from damperfit.problem import Failure, Problem
 from damperfit.recording import Finding
-from damperfit.report.forces import (
+from damperfit.reporting.forces import (
     force_by_setting_sheet,
     force_sheets,
     measured_force_sheet,
     segment_sheet,
 )
-from damperfit.report.laws import law_sentences, rival_sheet, tried_laws_sheet
-from damperfit.report.markdown import markdown_report
-from damperfit.report.records import checks_in, failures_in, gaps_in, read_back, to_record, units_in
-from damperfit.report.sheet import (
+from damperfit.reporting.laws import law_sentences, rival_sheet, tried_laws_sheet
+from damperfit.reporting.markdown import markdown_report
+from damperfit.reporting.records import (
+    checks_in,
+    failures_in,
+    gaps_in,
+    read_back,
+    to_record,
+    units_in,
+)
+from damperfit.reporting.sheet import (
     Sheet,
     escape,
     html_table,
@@ -38,7 +45,7 @@ from damperfit.report.sheet import (
     text_table,
     with_interval,
 )
-from damperfit.report.tables import (
+from damperfit.reporting.tables import (
     held_out_sheet,
     parameter_line,
     parameter_sheet,

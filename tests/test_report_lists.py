@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from damperfit.problem import Failure, Problem, failure_lines, short_listing
-from damperfit.report.inspection import MANY_ROWS, finding_lines, inspection_sheet, stretch_sheet
+from damperfit.reporting.inspection import MANY_ROWS, finding_lines, inspection_sheet, stretch_sheet
 from tests.fakes import failed
 
 CAUSES = {

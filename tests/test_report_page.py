@@ -21,10 +21,10 @@ from hypothesis.extra.numpy import arrays
 
 import damperfit
 from damperfit.errors import ConfigurationError
-from damperfit.report.drawing import draw_plot
-from damperfit.report.figures import thin
-from damperfit.report.page import PlotData, html_report
-from damperfit.report.run_figures import LOG_FIGURES, report_plots
+from damperfit.reporting.drawing import draw_plot
+from damperfit.reporting.figures import thin
+from damperfit.reporting.page import PlotData, html_report
+from damperfit.reporting.run_figures import LOG_FIGURES, report_plots
 from damperfit.results import Run
 from tests.report_folder import EVIL, damage_row_group, make_results
 
@@ -381,7 +381,7 @@ def test_a_file_of_another_run_is_named(copy):
 def test_what_the_page_is_made_of_is_shipped():
     root = Path(damperfit.__file__).parents[1]
     known = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))
-    patterns = known["tool"]["setuptools"]["package-data"]["damperfit.report"]
+    patterns = known["tool"]["setuptools"]["package-data"]["damperfit.reporting"]
     room = root / "damperfit" / "report"
     parts = {p.relative_to(room).as_posix() for p in room.rglob("*.*") if "py" not in p.suffix}
     assert {"assets/page.css", "assets/page.js", "assets/page.html"} <= parts

@@ -33,10 +33,10 @@ def test_importing_loads_no_heavy_library(module):
 
 def test_reports_but_for_the_page_load_nothing_that_draws():
     names = "markdown, tables, forces, sheet, records, inspection, compared"
-    script = f"from damperfit.report import {names}; import sys; print(*sys.modules)"
+    script = f"from damperfit.reporting import {names}; import sys; print(*sys.modules)"
     done = run([sys.executable, "-c", script])
     assert done.returncode == 0, done.stderr
-    assert "damperfit.report.markdown" in done.stdout.split()
+    assert "damperfit.reporting.markdown" in done.stdout.split()
     assert {"jinja2", "markupsafe", "matplotlib", "plotly"}.isdisjoint(done.stdout.split())
 
 

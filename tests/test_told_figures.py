@@ -19,7 +19,6 @@ from damperfit.identification import FitOptions, identify
 from damperfit.identification.fit_problem import FitProblem, linearise
 from damperfit.identification.mean_cycle import between_samples
 from damperfit.recording import Recording
-from damperfit.samples.steady import steady_cycle
 from damperfit.simulation import (
     SolverOptions,
     characterise,
@@ -27,6 +26,7 @@ from damperfit.simulation import (
     sine_motion,
     triangle_motion,
 )  # fmt: skip
+from damperfit.synthetic.steady import steady_cycle
 from tests.conditioning.test_skew import late_log
 from tests.identification.rig import trace
 from tests.oracles.motions import logged

@@ -9,8 +9,8 @@ import pytest
 
 from damperfit.configuration.loading import load_configuration
 from damperfit.damper.models import MODELS
-from damperfit.fleet.run import DamperTask, Done, Job
-from damperfit.fleet.sources import FleetLog
+from damperfit.fleets.run import DamperTask, Done, Job
+from damperfit.fleets.sources import FleetLog
 from damperfit.workers import InTurn, Threads, executor
 
 

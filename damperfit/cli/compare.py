@@ -65,7 +65,7 @@ def _show(found: Compared, source: str | None, *, is_quiet: bool) -> None:
     for one in found.comparisons:
         _show_pair(one, is_quiet=is_quiet)
     if found.points:
-        from damperfit.report.compared import tolerance_outcome, tolerance_sheet
+        from damperfit.reporting.compared import tolerance_outcome, tolerance_sheet
 
         print_lines([f"tolerance {source}: {tolerance_outcome(found.points)}", ""])
         if not is_quiet:
@@ -73,7 +73,7 @@ def _show(found: Compared, source: str | None, *, is_quiet: bool) -> None:
 
 
 def _show_pair(comparison: RunComparison, *, is_quiet: bool) -> None:
-    from damperfit.report.compared import comparison_sheets
+    from damperfit.reporting.compared import comparison_sheets
 
     lines = [f"A: {comparison.first.place}", f"B: {comparison.second.place}"]
     if comparison.repeats:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from damperfit.problem import Failure
-    from damperfit.report.sheet import Sheet
+    from damperfit.reporting.sheet import Sheet
 
 __all__ = [
     "one_line",
@@ -125,7 +125,7 @@ def print_table(sheet: Sheet, colours: Mapping[str, int] | None = None) -> None:
     colours : mapping of str to int, optional
         ANSI colours of its cells besides those of grades, by the word in them.
     """
-    from damperfit.report.sheet import text_table
+    from damperfit.reporting.sheet import text_table
 
     text = text_table(sheet, screen_columns())
     record(logging.INFO, text)
@@ -155,7 +155,7 @@ def screen_columns() -> int:
 
 def spark_levels() -> str:
     """Return the characters of a sparkline that whoever reads stdout can show."""
-    from damperfit.report.tables import ASCII_LEVELS, BLOCK_LEVELS
+    from damperfit.reporting.tables import ASCII_LEVELS, BLOCK_LEVELS
 
     # A pipe is given UTF-8 by `shield_streams`, so what was asked for is looked at first.
     asked = os.environ.get("PYTHONIOENCODING", "").partition(":")[0]

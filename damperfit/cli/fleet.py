@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from damperfit.answers import FleetDone
-    from damperfit.fleet.survey import HeldFleet
+    from damperfit.fleets.survey import HeldFleet
     from damperfit.run.identify import Watch
 
 __all__ = ["fleet"]

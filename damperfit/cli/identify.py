@@ -90,10 +90,10 @@ def _worst(codes: set[int]) -> int:
 
 
 def _show(one: Identified) -> None:
-    from damperfit.report.forces import force_sheets
-    from damperfit.report.records import checks_in, predictions_in
-    from damperfit.report.sheet import parameters_in_units, rows_in_units, sheet_in_units
-    from damperfit.report.tables import check_lines, held_out_sheet, parameter_sheet
+    from damperfit.reporting.forces import force_sheets
+    from damperfit.reporting.records import checks_in, predictions_in
+    from damperfit.reporting.sheet import parameters_in_units, rows_in_units, sheet_in_units
+    from damperfit.reporting.tables import check_lines, held_out_sheet, parameter_sheet
 
     result, configuration = one.run, one.configuration
     if one.beside:
@@ -119,8 +119,8 @@ def _show(one: Identified) -> None:
 
 def _tell_people(one: Identified, *, is_quiet: bool) -> None:
     from damperfit.problem import listing, short_listing
-    from damperfit.report.markdown import listings
-    from damperfit.report.records import law_in, sentences_in
+    from damperfit.reporting.markdown import listings
+    from damperfit.reporting.records import law_in, sentences_in
 
     record, configuration = one.run.record, one.configuration
     for gate in record["gates_missed"]:

@@ -47,8 +47,8 @@ def inspect(how: Shown, **given: Any) -> int:
 
 
 def _show(batch: LogBatch, *, has_notes: bool) -> None:
-    from damperfit.report.forces import curve_sheet
-    from damperfit.report.inspection import (
+    from damperfit.reporting.forces import curve_sheet
+    from damperfit.reporting.inspection import (
         VERDICT_COLOURS,
         finding_lines,
         inspection_sheet,

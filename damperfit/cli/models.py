@@ -45,7 +45,7 @@ def models(how: Shown, **given: Any) -> int:
 
 
 def _show(choice: LawChoice) -> None:
-    from damperfit.report.laws import chosen_sheet, rival_sheet, tried_laws_sheet
+    from damperfit.reporting.laws import chosen_sheet, rival_sheet, tried_laws_sheet
 
     width, document = screen_columns(), choice.document()
     print_table(tried_laws_sheet(document, is_narrow=True))

@@ -19,7 +19,7 @@ from damperfit.cli.console import (
 if TYPE_CHECKING:
     from damperfit.answers import SettingForces
     from damperfit.queries.settings import AdjusterResults, ForcesBySetting
-    from damperfit.report.sheet import Sheet
+    from damperfit.reporting.sheet import Sheet
 
 __all__ = ["settings"]
 
@@ -49,7 +49,7 @@ def settings(how: Shown, **given: Any) -> int:
 
 def _show_curves(done: SettingForces, *, is_quiet: bool) -> None:
     """Answer from curves that were measured without time."""
-    from damperfit.report.forces import curve_forces_sheet
+    from damperfit.reporting.forces import curve_forces_sheet
 
     if done.sentence:
         print_lines(wrap(done.sentence, screen_columns()))
@@ -66,12 +66,12 @@ def _show_curves(done: SettingForces, *, is_quiet: bool) -> None:
 def _show(
     adjuster: AdjusterResults, forces: ForcesBySetting, done: SettingForces, *, is_quiet: bool
 ) -> None:
-    from damperfit.report.forces import (
+    from damperfit.reporting.forces import (
         force_by_setting_sheet,
         force_sheets,
         measured_force_sheet,
     )
-    from damperfit.report.sheet import rows_in_units, sheet_in_units
+    from damperfit.reporting.sheet import rows_in_units, sheet_in_units
     from damperfit.tables.rows import adjustment_rows
 
     question, units = done.question, done.units

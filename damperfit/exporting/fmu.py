@@ -28,7 +28,7 @@ from damperfit.damper.signals import PRESSURES
 from damperfit.damper.valve_dampers import ValveDamper
 from damperfit.errors import ConfigurationError
 from damperfit.exporting.header import determined_line, rendered, taken_out, tested_range
-from damperfit.report.sheet import printable
+from damperfit.reporting.sheet import printable
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -17,7 +17,7 @@ from damperfit import __version__
 from damperfit.damper.mounting import NONE
 from damperfit.damper.quantity import RIG
 from damperfit.exporting.tables import road_misses
-from damperfit.report.sheet import printable
+from damperfit.reporting.sheet import printable
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -18,7 +18,7 @@ from damperfit.io import read_curves
 from damperfit.io.files import open_regular, read_text
 from damperfit.problem import Option
 from damperfit.queries.settings import adjuster_of
-from damperfit.report.records import listed_in, number_in
+from damperfit.reporting.records import listed_in, number_in
 from damperfit.results import Run, segments_in
 from damperfit.run.dampers import by_damper, folder_name
 from damperfit.run.log_paths import expand

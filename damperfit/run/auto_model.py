@@ -35,7 +35,7 @@ from damperfit.laws.elsewhere import freed_of
 from damperfit.laws.other_layouts import LAYOUTS
 from damperfit.laws.together import told_together
 from damperfit.problem import failure_lines
-from damperfit.report.laws import chosen_records, rival_records, tried_law_records
+from damperfit.reporting.laws import chosen_records, rival_records, tried_law_records
 from damperfit.run.dampers import of_one_damper
 from damperfit.run.duplicate_tests import once_each, without_contradictions, without_copies
 from damperfit.run.hold_out import named_files, part, with_transients

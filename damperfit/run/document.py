@@ -15,8 +15,8 @@ from damperfit.checks import missed_gates
 from damperfit.damper.cavitation import describe_cavitation
 from damperfit.errors import sparing
 from damperfit.identification import Status, describe_searches
-from damperfit.report.markdown import markdown_report
-from damperfit.report.records import to_record
+from damperfit.reporting.markdown import markdown_report
+from damperfit.reporting.records import to_record
 from damperfit.results import Run
 from damperfit.run.logs import Ending
 from damperfit.run.problems import corrections, failures_of, gates_not_met, warnings_of

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from damperfit.cli import main
-from damperfit.samples import SampleOptions, make_samples
+from damperfit.synthetic import SampleOptions, make_samples
 from tests.kept_fits import fits_anew, kept_fits
 
 
@@ -83,7 +83,9 @@ def run(capsys, monkeypatch, tmp_path):
 @pytest.fixture
 def undrawn(monkeypatch):
     """Figures by name alone: a second each, and how they look is held by test_figures.py."""
-    monkeypatch.setattr("damperfit.report.drawing.draw_plot", lambda path, *_, **__: path.touch())
+    monkeypatch.setattr(
+        "damperfit.reporting.drawing.draw_plot", lambda path, *_, **__: path.touch()
+    )
 
 
 @pytest.fixture

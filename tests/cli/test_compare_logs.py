@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from damperfit.samples import SampleOptions, make_samples
+from damperfit.synthetic import SampleOptions, make_samples
 
 GAS = -130.4  # N, of the made-up damper
 

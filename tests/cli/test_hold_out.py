@@ -12,8 +12,8 @@ import pytest
 
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
-from damperfit.samples import SampleOptions, make_samples
 from damperfit.simulation import Motion, simulate
+from damperfit.synthetic import SampleOptions, make_samples
 
 FORCE = {"force_noise": 1.0, "displacement_noise": 2e-6, "cycles": 7.0}
 

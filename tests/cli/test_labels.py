@@ -10,7 +10,7 @@ import pytest
 
 from damperfit.cli.main import main
 from damperfit.damper.purdy.reference import reference_parameters
-from damperfit.samples import SampleOptions, make_samples
+from damperfit.synthetic import SampleOptions, make_samples
 
 PAIRS = [(r, 8) for r in (4, 6, 8, 10)] + [(8, c) for c in (4, 12)]
 TOML = '[adjusters]\nrebound = "from open"\ncompression = ""\n'

@@ -258,7 +258,7 @@ def test_settings_that_are_missing_are_gaps_with_code_1(run, logs, tmp_path) -> 
 
 
 def test_one_kind_of_warning_in_many_logs_is_told_once() -> None:
-    from damperfit.report.inspection import finding_lines
+    from damperfit.reporting.inspection import finding_lines
 
     def log(n: int) -> dict:
         found = {"name": "tare", "severity": "warning", "sentence": f"{n} N off", "value": n}

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from damperfit.report import drawing
+from damperfit.reporting import drawing
 from tests.report_folder import make_results
 
 
@@ -47,7 +47,7 @@ def test_identify_does_it_in_one_go(run, logs, monkeypatch):
     def only_the_fan(path, plot, **how):
         draw(path, plot, **how) if plot.name == "fan" else path.touch()
 
-    monkeypatch.setattr("damperfit.report.drawing.draw_plot", only_the_fan)
+    monkeypatch.setattr("damperfit.reporting.drawing.draw_plot", only_the_fan)
     ended = run("identify", logs / "setting_01.csv", "--report", "--plots", "png")
     assert ended.code == 0, ended.err
     assert Path("results/report.html").stat().st_size < 8e6

@@ -15,7 +15,7 @@ from damperfit.configuration.options import parameter_value
 from damperfit.damper.valve_dampers import Monotube
 from damperfit.errors import ConfigurationError
 from damperfit.problem import Option
-from damperfit.samples import SampleOptions, make_samples
+from damperfit.synthetic import SampleOptions, make_samples
 from damperfit.tables.columns import SCHEMA_VERSION
 from damperfit.units.quantities import parse_quantity, says_absolute_or_gauge
 

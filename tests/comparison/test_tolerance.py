@@ -18,7 +18,7 @@ from damperfit.comparison import (
     tolerated,
 )
 from damperfit.errors import ConfigurationError
-from damperfit.report.compared import junit_report, tolerance_outcome, tolerance_sheet
+from damperfit.reporting.compared import junit_report, tolerance_outcome, tolerance_sheet
 from tests.comparison.runs import DAMPING, GAS, measured, run
 
 MEASURED = ComparisonOptions(speeds=(0.13,), is_measured=True)

@@ -14,7 +14,7 @@ from damperfit.comparison.reading import (
     place_of,
     surely_different,
 )
-from damperfit.report.compared import comparison_force_sheet
+from damperfit.reporting.compared import comparison_force_sheet
 from damperfit.tested.setting import Setting
 from tests.comparison.runs import measured, run
 

@@ -13,7 +13,7 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, compare, identify
 from damperfit.identification.simulated_log import normalised_mse
-from damperfit.samples.steady import steady_cycle
+from damperfit.synthetic.steady import steady_cycle
 from tests.conditioning.logs import recording
 
 RATE, CYCLES = 1000.0, 12

@@ -12,8 +12,8 @@ from damperfit.damper.mounting import FIT, NONE, Mounting
 from damperfit.damper.valve_dampers import TwinTube
 from damperfit.damper.valve_starts import valve_starts
 from damperfit.errors import ConfigurationError
-from damperfit.samples import any_model
 from damperfit.simulation import SolverOptions, sine_motion, triangle_motion
+from damperfit.synthetic import any_model
 from tests import fakes
 
 MOTION = sine_motion(0.009, 6.0, cycles=5, sample_rate=2000)

@@ -17,8 +17,8 @@ from scipy.signal import butter, sosfilt
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper, Parameters
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import ConfigurationError, OutputError, SimulationError
-from damperfit.samples import SampleOptions, make_samples, steady_cycle
-from damperfit.samples import logs as logs_of_samples
+from damperfit.synthetic import SampleOptions, make_samples, steady_cycle
+from damperfit.synthetic import logs as logs_of_samples
 from tests.oracles import model
 from tests.oracles.golden import GOLDEN, PHASES, SET_M
 from tests.quick_cycles import quick_cycle
@@ -309,7 +309,7 @@ def test_threads_may_make_samples_at_once(tmp_path):
 
 def test_samples_need_no_compiled_core():
     code = (
-        "import sys, damperfit.samples; "
+        "import sys, damperfit.synthetic; "
         "sys.exit(any(m in sys.modules for m in ('damperfit.simulation', 'damperfit.damper._core',"
         " 'pandas', 'pyarrow')))"
     )

@@ -15,8 +15,8 @@ from damperfit.damper.valve_dampers import Monotube
 from damperfit.errors import ConfigurationError, SimulationError
 from damperfit.identification import compare, normalised_mse
 from damperfit.io import read_log
-from damperfit.samples import SampleOptions, make_samples, simulated_cycle
-from damperfit.samples.any_model import made_up_values
+from damperfit.synthetic import SampleOptions, make_samples, simulated_cycle
+from damperfit.synthetic.any_model import made_up_values
 from tests.test_every_model import TRUTH
 
 SHORT = {"cycles": 5.0, "settings": (2, 15)}
@@ -77,7 +77,7 @@ def test_numbers_of_another_model_are_refused(tmp_path: Path) -> None:
 
 
 def test_what_does_not_settle_is_no_sample(monkeypatch: pytest.MonkeyPatch) -> None:
-    from damperfit.samples import any_model
+    from damperfit.synthetic import any_model
 
     damper = MODELS["twin_tube"]()
     monkeypatch.setattr(any_model, "_PERIODIC", 0.0)

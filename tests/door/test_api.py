@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from importlib import import_module
 from inspect import signature, unwrap
 
 import pytest
 import typer
 
-import damperfit
 from damperfit import api, keywords
 from damperfit.cli.main import app
 from damperfit.configuration.loading import load_configuration
-from damperfit.errors import ConfigurationError
 from damperfit.keywords import PRESENTATION, PYTHON_ONLY, keyword_of
 
 COMMANDS = typer.main.get_command(app).commands
@@ -26,13 +23,6 @@ def test_options_are_keywords_and_keywords_are_options(name) -> None:
     taken = set(signature(unwrap(getattr(api, name))).parameters)
     taken = {one for one in taken if not {one, f"{name}.{one}"} & {*PYTHON_ONLY}}
     assert options == taken
-
-
-@pytest.mark.parametrize("name", ["fleet", "report", "samples"])
-def test_a_package_of_the_same_name_is_called_like_the_function(name) -> None:
-    import_module(f"damperfit.{name}")
-    with pytest.raises(ConfigurationError, match=f"damperfit.{name}"):
-        getattr(damperfit, name)(no_such=1)
 
 
 def test_functions_without_a_command_read() -> None:

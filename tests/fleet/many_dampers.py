@@ -22,8 +22,8 @@ from functools import lru_cache, partial
 from pathlib import Path
 
 from damperfit.damper.purdy.reference import reference_parameters
-from damperfit.samples import logs as sample_logs
-from damperfit.samples.logs import SampleOptions, make_samples
+from damperfit.synthetic import logs as sample_logs
+from damperfit.synthetic.logs import SampleOptions, make_samples
 from damperfit.workers import Processes
 
 ROOT = Path(__file__).parents[2]
@@ -99,7 +99,7 @@ def measure_in_process(logs: Path, n_dampers: int, n_settings: int) -> str:
         "import time, sys, tempfile\n"
         "from pathlib import Path\n"
         "from damperfit.configuration.loading import load_configuration\n"
-        "from damperfit.fleet.run import planned, run_fleet\n"
+        "from damperfit.fleets.run import planned, run_fleet\n"
         "from damperfit.workers import InTurn\n"
         "options, out = load_configuration(None), Path(tempfile.mkdtemp())\n"
         "tasks = planned(options, [sys.argv[1]], out)[: int(sys.argv[2])]\n"

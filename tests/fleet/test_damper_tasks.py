@@ -9,7 +9,7 @@ import pytest
 
 from damperfit.configuration.loading import load_configuration
 from damperfit.errors import ConfigurationError
-from damperfit.fleet.run import (
+from damperfit.fleets.run import (
     DamperTask,
     Share,
     content_key,
@@ -17,7 +17,7 @@ from damperfit.fleet.run import (
     share_of,
     tasks_by_damper,
 )
-from damperfit.fleet.sources import FleetLog, find_sources
+from damperfit.fleets.sources import FleetLog, find_sources
 from tests.fleet.conftest import put
 
 CONFIGURATION = load_configuration(None)
@@ -204,7 +204,7 @@ class TestKey:
 
     def test_the_version_does(self, logs, monkeypatch):
         before = self.key(logs)
-        monkeypatch.setattr("damperfit.fleet.run.__version__", "99.0")
+        monkeypatch.setattr("damperfit.fleets.run.__version__", "99.0")
         assert self.key(logs) != before
 
     def test_the_table_of_tests_does(self, logs, tmp_path):
@@ -249,6 +249,6 @@ def test_a_folder_that_cannot_be_read_is_told(tmp_path, texts, monkeypatch):
         onerror(PermissionError(13, "Permission denied", str(top)))
         return iter(())
 
-    monkeypatch.setattr("damperfit.fleet.sources.os.walk", closed)
+    monkeypatch.setattr("damperfit.fleets.sources.os.walk", closed)
     with pytest.raises(ConfigurationError, match="logs: cannot be read: Permission denied"):
         find_sources([str(tmp_path / "logs")])

@@ -14,8 +14,8 @@ import pytest
 from damperfit.cli.main import main
 from damperfit.configuration.loading import load_configuration
 from damperfit.errors import OutputError
-from damperfit.fleet.parts import collect, parts_in
-from damperfit.fleet.run import State, planned, run_fleet
+from damperfit.fleets.parts import collect, parts_in
+from damperfit.fleets.run import State, planned, run_fleet
 from damperfit.workers import Died
 from tests.fleet.conftest import put
 from tests.fleet.deadly import Poisoned
@@ -224,7 +224,7 @@ def test_a_disk_that_is_full_leaves_the_damper_for_the_next_run(three, tmp_path,
     configuration = load_configuration(None)
     tasks = planned(configuration, [str(three)], tmp_path / "out")
     with monkeypatch.context() as patch:
-        patch.setattr("damperfit.fleet.run.write_part", full)
+        patch.setattr("damperfit.fleets.run.write_part", full)
         done = list(run_fleet(configuration, tasks, tmp_path / "out", Here()))
     assert {one.state for one in done} == {State.LATER}
     assert {one.failures for one in done} == {
@@ -372,7 +372,7 @@ class TestNothingIsLostOrDoubled:
 
         configuration = load_configuration(None)
         tasks = planned(configuration, [str(three)], tmp_path / "out")
-        monkeypatch.setattr("damperfit.fleet.run._results", short)
+        monkeypatch.setattr("damperfit.fleets.run._results", short)
         done = list(run_fleet(configuration, tasks, tmp_path / "out", Here()))
         assert {one.state for one in done} == {State.LATER}
         assert parts_in(tmp_path / "out") == []

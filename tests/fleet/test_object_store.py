@@ -13,11 +13,11 @@ import pytest
 
 from damperfit.configuration.loading import load_configuration
 from damperfit.errors import ConfigurationError
-from damperfit.fleet import sources
-from damperfit.fleet import sources as stores
-from damperfit.fleet.parts import collect, parts_in, read_facts_of, renew_facts
-from damperfit.fleet.run import State, planned, run_fleet
-from damperfit.fleet.sources import find_sources
+from damperfit.fleets import sources
+from damperfit.fleets import sources as stores
+from damperfit.fleets.parts import collect, parts_in, read_facts_of, renew_facts
+from damperfit.fleets.run import State, planned, run_fleet
+from damperfit.fleets.sources import find_sources
 from damperfit.store import temporary_folder
 from tests.fleet.test_fleet_command import Here
 

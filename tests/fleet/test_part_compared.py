@@ -12,8 +12,8 @@ import damperfit
 from damperfit.cli.main import main
 from damperfit.configuration.loading import load_configuration
 from damperfit.errors import ConfigurationError
-from damperfit.fleet.parts import parts_in
-from damperfit.fleet.run import planned, run_fleet
+from damperfit.fleets.parts import parts_in
+from damperfit.fleets.run import planned, run_fleet
 from damperfit.results import Run
 from damperfit.workers import InTurn
 from tests.fleet.conftest import put

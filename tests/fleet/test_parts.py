@@ -11,7 +11,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from damperfit.errors import ConfigurationError, OutputError
-from damperfit.fleet.parts import (
+from damperfit.fleets.parts import (
     collect,
     forget_earlier,
     part_path,
@@ -106,7 +106,7 @@ def test_what_cannot_be_written_leaves_nothing(tmp_path, monkeypatch):
     def full(*_args, **_options):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("damperfit.fleet.parts.os.fsync", full)
+    monkeypatch.setattr("damperfit.fleets.parts.os.fsync", full)
     with pytest.raises(OutputError, match="cannot be written: No space left on device"):
         write_part(part_path(tmp_path, "D1", "k"), rows(1.0), facts("a"))
     assert [path for path in tmp_path.rglob("*") if path.is_file()] == []

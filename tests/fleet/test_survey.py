@@ -17,7 +17,7 @@ from damperfit.cli.main import main
 from damperfit.comparison import Tolerance, parse_tolerance
 from damperfit.comparison.tolerance import Band
 from damperfit.errors import ConfigurationError
-from damperfit.fleet.page import (
+from damperfit.fleets.page import (
     MOST_LINES,
     damper_sheet,
     fleet_page,
@@ -25,8 +25,8 @@ from damperfit.fleet.page import (
     series_plots,
     trend_plots,
 )
-from damperfit.fleet.parts import part_path, write_part
-from damperfit.fleet.survey import LEAST_DAMPERS, fleet_against_bands, survey
+from damperfit.fleets.parts import part_path, write_part
+from damperfit.fleets.survey import LEAST_DAMPERS, fleet_against_bands, survey
 from tests.fleet.made_up import failed_row, fleet_table
 
 REBOUND, BUMP = "force_rebound_260_mm_per_s_N", "force_bump_260_mm_per_s_N"

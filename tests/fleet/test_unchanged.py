@@ -8,9 +8,9 @@ import pyarrow as pa
 import pytest
 
 from damperfit import __version__
-from damperfit.fleet import sources as unchanged
-from damperfit.fleet.parts import part_path, write_part
-from damperfit.fleet.sources import FleetLog, KnownObject
+from damperfit.fleets import sources as unchanged
+from damperfit.fleets.parts import part_path, write_part
+from damperfit.fleets.sources import FleetLog, KnownObject
 
 PLACE = "s3://bucket/runs/a.csv"
 

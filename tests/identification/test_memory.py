@@ -17,7 +17,7 @@ from damperfit.identification import FitOptions, identify
 from damperfit.identification.fit_problem import FitProblem, linearise
 from damperfit.identification.fit_setting import minimised
 from damperfit.run.identify import written
-from damperfit.samples import SampleOptions, make_samples
+from damperfit.synthetic import SampleOptions, make_samples
 from damperfit.uncertainty import assess, assessment
 from tests.identification.rig import trace
 from tests.identification.test_mean_cycle import on_cycles, problem

@@ -19,7 +19,7 @@ from damperfit.identification.log_facts import FEWEST_SAMPLES
 from damperfit.laws import LawFit, Tried, physics_seen, seen_again
 from damperfit.laws.law_fit import _undetermined
 from damperfit.laws.search import _Search
-from damperfit.report.laws import chosen_records, chosen_sheet
+from damperfit.reporting.laws import chosen_records, chosen_sheet
 from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting
 from tests import fakes

@@ -1,6 +1,6 @@
 """The damper's model in plain words, slow and obvious: the twin that the compiled core must match.
 
-Nothing here is shared with the core or with ``damperfit.samples``: geometry, volumes, pressures,
+Nothing here is shared with the core or with ``damperfit.synthetic``: geometry, volumes, pressures,
 flows and force are written out again, one line each, in the order of the theory. The state is the
 oil mass in chambers 1 and 2 (kg); chamber 3 holds the rest, because no oil is lost.
 """

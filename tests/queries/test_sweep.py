@@ -18,9 +18,9 @@ from damperfit.queries.simulations import (
     run_sweep,
     swept_units,
 )
-from damperfit.report.forces import SweepMember, sweep_sentence, sweep_sheet
-from damperfit.report.run_figures import sweep_plot, sweep_pressure_plot
-from damperfit.report.sheet import text_table
+from damperfit.reporting.forces import SweepMember, sweep_sentence, sweep_sheet
+from damperfit.reporting.run_figures import sweep_plot, sweep_pressure_plot
+from damperfit.reporting.sheet import text_table
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ from damperfit.damper.model import values_type
 from damperfit.identification import Outcome, Sharing, Status
 from damperfit.problem import Failure, Problem, failure_lines
 from damperfit.recording import Finding
-from damperfit.report.records import gaps_in
+from damperfit.reporting.records import gaps_in
 from damperfit.run.document import ending_of, procedure_sentences, profile_record, run_of
 from damperfit.run.judging import Judgement, Mishaps
 from damperfit.run.logs import Ending, LogBatch, LogFacts

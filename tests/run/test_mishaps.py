@@ -11,7 +11,7 @@ import pytest
 
 from damperfit.cli import main
 from damperfit.run import judging, logs, tested_at
-from damperfit.samples import SampleOptions, make_samples
+from damperfit.synthetic import SampleOptions, make_samples
 from damperfit.uncertainty import assessment
 from tests.kept_fits import kept_fits
 

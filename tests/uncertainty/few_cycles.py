@@ -21,7 +21,7 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, identify
 from damperfit.recording import Recording
-from damperfit.samples.steady import steady_cycle
+from damperfit.synthetic.steady import steady_cycle
 from damperfit.uncertainty import assess
 
 __all__ = ["NAMES", "deviations", "logged"]

@@ -24,20 +24,20 @@ from markupsafe import Markup, escape
 from damperfit import __version__
 from damperfit.errors import InstallationError
 from damperfit.problem import Problem, listing, short_listing
-from damperfit.report.compared import (
+from damperfit.reporting.compared import (
     comparison_sheets,
     difference_plots,
     loop_plots,
     tolerance_outcome,
     tolerance_sheet,
 )
-from damperfit.report.figures import plot_in_units, setting_colours
-from damperfit.report.forces import force_sheets, log_force_sheet, segment_sheet
-from damperfit.report.laws import rival_sheet, tried_laws_sheet
-from damperfit.report.markdown import lead, listings
-from damperfit.report.records import checks_in, findings_in, law_in, listed_in
-from damperfit.report.run_figures import has_several_speeds
-from damperfit.report.sheet import (
+from damperfit.reporting.figures import plot_in_units, setting_colours
+from damperfit.reporting.forces import force_sheets, log_force_sheet, segment_sheet
+from damperfit.reporting.laws import rival_sheet, tried_laws_sheet
+from damperfit.reporting.markdown import lead, listings
+from damperfit.reporting.records import checks_in, findings_in, law_in, listed_in
+from damperfit.reporting.run_figures import has_several_speeds
+from damperfit.reporting.sheet import (
     Sheet,
     html_table,
     number,
@@ -46,7 +46,7 @@ from damperfit.report.sheet import (
     rows_in_units,
     sheet_in_units,
 )
-from damperfit.report.tables import (
+from damperfit.reporting.tables import (
     cavitation_sheet,
     check_sheet,
     check_summary,
@@ -63,8 +63,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from damperfit.comparison import Point, RunComparison
-    from damperfit.report.figures import Line, Panel, Plot
-    from damperfit.report.run_figures import LogView, ReportPlots
+    from damperfit.reporting.figures import Line, Panel, Plot
+    from damperfit.reporting.run_figures import LogView, ReportPlots
     from damperfit.units.shown_units import ShownUnits
 
     Row = Mapping[str, Any]
@@ -119,7 +119,7 @@ def page_text(text: object) -> Markup:
 
 def asset(name: str) -> Markup:
     """Return the page's style or script."""
-    place = resources.files("damperfit.report") / "assets" / name
+    place = resources.files("damperfit.reporting") / "assets" / name
     return _verbatim(place.read_text(encoding="utf-8"))
 
 
@@ -130,7 +130,7 @@ def _verbatim(text: str) -> Markup:
 @cache
 def _environment() -> Environment:
     made = Environment(
-        loader=PackageLoader("damperfit.report", "assets"),
+        loader=PackageLoader("damperfit.reporting", "assets"),
         autoescape=True,
         finalize=page_text,
         undefined=StrictUndefined,

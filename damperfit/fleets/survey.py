@@ -16,7 +16,7 @@ import numpy as np
 
 from damperfit.comparison import Point
 from damperfit.errors import ConfigurationError
-from damperfit.fleet.parts import SERIAL, SYMBOL
+from damperfit.fleets.parts import SERIAL, SYMBOL
 from damperfit.problem import Option
 from damperfit.simulation.characteristics import NAMED_SPEEDS
 from damperfit.tables.columns import PAPER_QUANTITIES
@@ -205,7 +205,7 @@ def survey(table: pa.Table) -> Survey:
     Parameters
     ----------
     table : pyarrow.Table
-        From `damperfit.fleet.parts.collect`.
+        From `damperfit.fleets.parts.collect`.
     """
     texts = {
         name: _texts(table, name)

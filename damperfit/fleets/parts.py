@@ -92,7 +92,7 @@ def write_part(
         Its rows.
     facts : dict
         For the schema's ``damperfit`` entry; "logs" are the hashes of its logs, "places" where
-        they stand, "seen" by place what `damperfit.fleet.sources.Seen` holds.
+        they stand, "seen" by place what `damperfit.fleets.sources.Seen` holds.
     record : dict, optional
         What of run.json is compared.
 

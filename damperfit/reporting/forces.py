@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from damperfit.io import ForceCurve
-from damperfit.report.inspection import MANY_ROWS
-from damperfit.report.sheet import (
+from damperfit.reporting.inspection import MANY_ROWS
+from damperfit.reporting.sheet import (
     NOTHING,
     Column,
     Sheet,
@@ -21,7 +21,7 @@ from damperfit.report.sheet import (
     stroke_ratio,
     with_interval,
 )
-from damperfit.report.tables import BLOCK_LEVELS, sparkline
+from damperfit.reporting.tables import BLOCK_LEVELS, sparkline
 from damperfit.statistics import NORMAL_95
 from damperfit.tested.setting import Setting, clicks_between, lines_of
 

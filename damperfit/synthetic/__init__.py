@@ -7,12 +7,9 @@ a fit of these logs also tests the compiled core. Other models are simulated as 
 
 from __future__ import annotations
 
-import sys
-
-from damperfit.keywords import FunctionPackage
-from damperfit.samples.any_model import SimulatedCycle, simulated_cycle
-from damperfit.samples.logs import SampleOptions, make_samples
-from damperfit.samples.steady import SteadyCycle, steady_cycle
+from damperfit.synthetic.any_model import SimulatedCycle, simulated_cycle
+from damperfit.synthetic.logs import SampleOptions, make_samples
+from damperfit.synthetic.steady import SteadyCycle, steady_cycle
 
 __all__ = [
     "SampleOptions",
@@ -22,5 +19,3 @@ __all__ = [
     "simulated_cycle",
     "steady_cycle",
 ]
-
-sys.modules[__name__].__class__ = FunctionPackage  # `damperfit.samples(...)` is the function

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from damperfit.report.figures import Line, Panel, Plot
+    from damperfit.reporting.figures import Line, Panel, Plot
 
 
 # Plots as files for a report or a paper, by matplotlib; equal tables give equal bytes.

@@ -22,7 +22,7 @@ from urllib.parse import parse_qsl
 
 from damperfit import __version__
 from damperfit.errors import ConfigurationError, DamperfitError
-from damperfit.fleet.parts import parts_in, read_facts_of
+from damperfit.fleets.parts import parts_in, read_facts_of
 from damperfit.io.formats import LOG_SUFFIXES
 from damperfit.recording import natural_order
 from damperfit.run.log_paths import matches, real_path

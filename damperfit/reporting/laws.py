@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from damperfit.laws import UNDETERMINED
-from damperfit.report.sheet import NOTHING, Column, Sheet, laid_out, number
+from damperfit.reporting.sheet import NOTHING, Column, Sheet, laid_out, number
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence

@@ -9,7 +9,7 @@ from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 from damperfit.problem import FEW, Problem, listed_names
-from damperfit.report.sheet import NOTHING, Column, Sheet, laid_out, number
+from damperfit.reporting.sheet import NOTHING, Column, Sheet, laid_out, number
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence

@@ -7,7 +7,7 @@ from itertools import combinations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from damperfit.damper.quantity import SETTING
-from damperfit.report.sheet import (
+from damperfit.reporting.sheet import (
     NOTHING,
     Column,
     Sheet,

@@ -3,11 +3,3 @@
 LOGS --sources--> files --tasks--> DamperTask (one damper) --engine--> one_damper --> part
      parts --collect--> one table
 """
-
-import sys
-
-from damperfit.keywords import FunctionPackage
-
-__all__: list[str] = []
-
-sys.modules[__name__].__class__ = FunctionPackage  # `damperfit.fleet(...)` is the function

@@ -20,7 +20,7 @@ import pyarrow as pa
 from damperfit import __version__
 from damperfit.damper.warmed import Warmed
 from damperfit.errors import ConfigurationError, mishap_of
-from damperfit.fleet.parts import (
+from damperfit.fleets.parts import (
     SYMBOL,
     forget_earlier,
     part_path,
@@ -30,7 +30,7 @@ from damperfit.fleet.parts import (
     touch,
     write_part,
 )
-from damperfit.fleet.sources import (
+from damperfit.fleets.sources import (
     AT_ONCE,
     FleetLog,
     UnreachableError,

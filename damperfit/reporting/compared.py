@@ -10,9 +10,16 @@ import numpy as np
 import pyarrow as pa
 
 from damperfit.comparison import Sameness, common_tests, verdict_of
-from damperfit.report.figures import RUN_COLOURS, Line, Panel, Plot, setting_panel, setting_places
-from damperfit.report.forces import STROKE_WORDS
-from damperfit.report.sheet import (
+from damperfit.reporting.figures import (
+    RUN_COLOURS,
+    Line,
+    Panel,
+    Plot,
+    setting_panel,
+    setting_places,
+)
+from damperfit.reporting.forces import STROKE_WORDS
+from damperfit.reporting.sheet import (
     NOTHING,
     Column,
     Sheet,

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from damperfit.damper.signals import PRESSURES
-from damperfit.report.figures import (
+from damperfit.reporting.figures import (
     CHAMBER_COLOURS,
     CHAMBER_STYLES,
     SPEED_COLOURS,
@@ -31,10 +31,10 @@ from damperfit.report.figures import (
     setting_places,
     thin,
 )
-from damperfit.report.forces import STROKE_WORDS, sweep_sentence
-from damperfit.report.records import findings_in, listed_in, number_in, trends_in, units_in
-from damperfit.report.sheet import number
-from damperfit.report.tables import is_one_for_all, scale_of
+from damperfit.reporting.forces import STROKE_WORDS, sweep_sentence
+from damperfit.reporting.records import findings_in, listed_in, number_in, trends_in, units_in
+from damperfit.reporting.sheet import number
+from damperfit.reporting.tables import is_one_for_all, scale_of
 from damperfit.tested.setting import Setting, lines_of
 from damperfit.units.shown_units import SI, ShownUnits
 
@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from damperfit.adjustment.trends import Trend
     from damperfit.damper.quantity import Quantity
     from damperfit.recording import Finding
-    from damperfit.report.forces import SweepMember
+    from damperfit.reporting.forces import SweepMember
     from damperfit.results import Run
     from damperfit.simulation import Response
     from damperfit.tables.reading import LogSignals

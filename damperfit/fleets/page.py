@@ -16,10 +16,10 @@ import pandas as pd
 import pyarrow as pa
 
 from damperfit import __version__
-from damperfit.fleet.parts import COLLECTED
-from damperfit.fleet.survey import FAR_OFF, LEAST_DAMPERS
-from damperfit.report.compared import tolerance_rows, tolerance_sheet, tolerance_table
-from damperfit.report.figures import (
+from damperfit.fleets.parts import COLLECTED
+from damperfit.fleets.survey import FAR_OFF, LEAST_DAMPERS
+from damperfit.reporting.compared import tolerance_rows, tolerance_sheet, tolerance_table
+from damperfit.reporting.figures import (
     RUN_COLOURS,
     Line,
     Panel,
@@ -28,8 +28,8 @@ from damperfit.report.figures import (
     setting_names,
     setting_places,
 )
-from damperfit.report.page import PlotData, asset, draw, plotly_script
-from damperfit.report.sheet import NOTHING, Sheet, number
+from damperfit.reporting.page import PlotData, asset, draw, plotly_script
+from damperfit.reporting.sheet import NOTHING, Sheet, number
 from damperfit.store import file_set
 from damperfit.tables.files import write_table
 
@@ -38,13 +38,13 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from damperfit.fleet.survey import FarOff, Series, Survey
+    from damperfit.fleets.survey import FarOff, Series, Survey
     from damperfit.tested.setting import Setting
 
     FloatArray = NDArray[np.float64]
     from pathlib import Path
 
-    from damperfit.fleet.survey import DamperLine, HeldFleet
+    from damperfit.fleets.survey import DamperLine, HeldFleet
 
 __all__ = [
     "damper_sheet",

@@ -18,9 +18,9 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper
 from damperfit.damper.purdy.reference import REFERENCE_SETTINGS, reference_parameters
 from damperfit.errors import ConfigurationError
 from damperfit.problem import Key, Option
-from damperfit.samples.any_model import made_up_values, simulated_cycle
-from damperfit.samples.steady import RTOL, steady_cycle
 from damperfit.store import file_set
+from damperfit.synthetic.any_model import made_up_values, simulated_cycle
+from damperfit.synthetic.steady import RTOL, steady_cycle
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 
     from damperfit.damper.model import Model, Values
     from damperfit.damper.purdy.parameters import Parameters
-    from damperfit.samples.any_model import SimulatedCycle
-    from damperfit.samples.steady import SteadyCycle
+    from damperfit.synthetic.any_model import SimulatedCycle
+    from damperfit.synthetic.steady import SteadyCycle
 
     FloatArray = NDArray[np.float64]
 

@@ -9,9 +9,9 @@ from damperfit.adjustment.trends import in_few_words
 from damperfit.identification import Outcome
 from damperfit.identification.sharing import of_runs
 from damperfit.problem import failure_lines, listing
-from damperfit.report.forces import force_sheets, measured_force_sheet, measured_segment_sheet
-from damperfit.report.laws import law_sentences, rival_sheet, tried_laws_sheet
-from damperfit.report.records import (
+from damperfit.reporting.forces import force_sheets, measured_force_sheet, measured_segment_sheet
+from damperfit.reporting.laws import law_sentences, rival_sheet, tried_laws_sheet
+from damperfit.reporting.records import (
     checks_in,
     failures_in,
     gaps_in,
@@ -22,8 +22,8 @@ from damperfit.report.records import (
     sentences_in,
     trends_in,
 )
-from damperfit.report.sheet import escape, markdown_table, percent
-from damperfit.report.tables import (
+from damperfit.reporting.sheet import escape, markdown_table, percent
+from damperfit.reporting.tables import (
     check_sheet,
     check_summary,
     grade_counts,
@@ -36,7 +36,7 @@ from damperfit.tested.identity import identity_sentence
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from damperfit.report.sheet import Sheet
+    from damperfit.reporting.sheet import Sheet
     from damperfit.results import Run
 
 

@@ -1,0 +1,1 @@
+"""Tables, text, figures and pages of a run, for people; each module is imported by its name."""
