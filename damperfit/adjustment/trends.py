@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass, replace
-from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -69,7 +68,6 @@ LEAST_SCATTER = 3e-3
 # Twice to weigh by the curve instead of by the values, which scatter.
 _PASSES = 3
 _STEPS = 30  # more than doubling tau in each, so that no scatter is out of reach
-_WIDE = 1e3  # weights further apart are solved for by QR
 _SMALL = 1e-3  # of the degrees of freedom: tau within a thousandth
 
 
@@ -232,27 +230,16 @@ def scatter_of(residuals: FloatArray, errors: FloatArray, freedom: int) -> float
 def least_squares(rows: FloatArray, targets: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Least squares and the covariance of its coefficients for residuals of variance one.
 
-    Powers of -1 to 1 leave the inverse of the normal equations ten digits, and what is left over,
-    solved for once more, gives the coefficients theirs; a QR factorisation takes three times as
-    long, and a choice of a trend is a hundred of these. Where weights are far apart it is taken.
-
     Parameters
     ----------
     rows : numpy.ndarray
-        Shape (n, k), weighed powers from 1 on: the weights are the first column.
+        Shape (n, k), weighted powers.
     targets : numpy.ndarray
-        Shape (n,), weighed alike.
+        Shape (n,), weighted alike.
     """
-    weights = rows[:, 0]
-    if not float(weights.max()) < _WIDE * float(weights.min()):
-        q, r = np.linalg.qr(rows)
-        inverse = np.linalg.inv(r)
-        return np.asarray(inverse @ (q.T @ targets)), np.asarray(inverse @ inverse.T)
-    turned = rows.T
-    covariance = np.asarray(np.linalg.inv(turned @ rows), dtype=np.float64)
-    coefficients = covariance @ (turned @ targets)
-    coefficients = coefficients + covariance @ (turned @ (targets - rows @ coefficients))
-    return coefficients, covariance
+    q, r = np.linalg.qr(rows)
+    inverse = np.linalg.inv(r)
+    return np.asarray(inverse @ (q.T @ targets)), np.asarray(inverse @ inverse.T)
 
 
 def _from_logs(scale: str, logs: FloatArray) -> FloatArray:
@@ -298,7 +285,6 @@ _SETTINGS_PER_DEGREE = 3
 _LEAST_FREEDOM = 2  # of the curve that judges an outlier
 # The third difference of an outlier at an end over that of the curve beside it.
 _STEEPENING = 8.0  # the root of a distance, drawn with degree 4, has up to 6
-_FEW = 60  # settings of which every pair is looked at sooner than it is told which may be left
 _OUTLIER_COST = 3  # its own number, and twice the choice among n settings, in ln(n)
 # Share of parameters without an outlier in which chance finds one, times the number of settings:
 # 0.1 % for 20 settings, 0.4 % for 5, where Student's t with 2 degrees of freedom is hard enough.
@@ -354,26 +340,17 @@ def choose(points: Points, families: Sequence[tuple[str, int]] | None = None) ->
 
 def _candidates(points: Points, scale: str, degree: int) -> Iterator[_Candidate]:
     """Yield the best curve of a family for each number of settings left out."""
-
-    # The worst are mostly the same ones again.
-    @cache
-    def fitted(left_out: tuple[int, ...]) -> Curve:
-        return fit_curve(_without(points, left_out), scale, degree)
-
-    @cache
-    def worst(tau: float, n: int) -> tuple[int, ...]:
-        return _worst(points, scale, degree, tau=tau, n=n)
-
-    yield _judged(points, fitted(()), ())
+    yield _judged(points, fit_curve(points, scale, degree), ())
     most = _most_outliers(len(points), degree)
     if most == 0:
         return
     tau = LEAST_SCATTER
     for _ in range(2):  # with the scatter that is left when the worst are out
-        tau = fitted(worst(tau, most)).scatter
+        worst = _worst(points, scale, degree, tau=tau, n=most)
+        tau = fit_curve(_without(points, worst), scale, degree).scatter
     for n in range(1, most + 1):
-        left_out = worst(tau, n)
-        yield _judged(points, fitted(left_out), left_out)
+        left_out = _worst(points, scale, degree, tau=tau, n=n)
+        yield _judged(points, fit_curve(_without(points, left_out), scale, degree), left_out)
 
 
 def _most_outliers(n: int, degree: int) -> int:
@@ -391,52 +368,16 @@ def _worst(points: Points, scale: str, degree: int, *, tau: float, n: int) -> tu
     rows, targets = _weighted(points, scale, degree, tau)
     coefficients, covariance = least_squares(rows, targets)
     residuals = targets - rows @ coefficients
-    half = rows @ covariance
-    leverages = np.einsum("ij,ij->i", half, rows)
-    if n == 1:
-        return (int(np.argmax(residuals**2 / np.maximum(1.0 - leverages, 1e-12))),)
-    near = np.arange(len(points))
-    if len(points) > _FEW:
-        near = _of_the_best_pair(rows, half, leverages, residuals)
-    gains = _gains(rows[near], half[near], residuals[near])
-    gains = np.where(_above_the_diagonal(len(near)), gains, -1.0)
-    first, second = np.unravel_index(int(np.argmax(gains)), gains.shape)
-    return (int(near[first]), int(near[second]))
-
-
-def _of_the_best_pair(
-    rows: FloatArray, half: FloatArray, leverages: FloatArray, residuals: FloatArray
-) -> NDArray[np.intp]:
-    """Return the points that may be of the best pair, rising.
-
-    A pair takes off no more than (e_i^2 + e_j^2)/(1 - h_i - h_j), for the trace of H_SS bounds its
-    eigenvalues; the best one no less than the two best points together.
-    """
-    squares = residuals**2
-    two = np.argsort(squares / np.maximum(1.0 - leverages, 1e-12))[-2:]
-    least = float(_gains(rows[two], half[two], residuals[two])[0, 1])
-    room = 1.0 - leverages - leverages.max()
-    return np.flatnonzero((room <= 0.0) | (squares + squares.max() >= least * room))
-
-
-def _gains(rows: FloatArray, half: FloatArray, residuals: FloatArray) -> FloatArray:
-    """What leaving out two of some points takes off the sum of squares, shape (m, m)."""
-    left = np.eye(len(rows)) - half @ rows.T
+    left = np.eye(len(rows)) - rows @ covariance @ rows.T
     own = np.maximum(np.diag(left), 1e-12)
-    determinant = np.outer(own, own)
-    determinant -= left * left
-    np.maximum(determinant, 1e-12, out=determinant)
+    if n == 1:
+        return (int(np.argmax(residuals**2 / own)),)
+    determinants = np.maximum(np.outer(own, own) - left**2, 1e-12)
     squares = np.outer(residuals**2, own)
-    left *= np.outer(-2.0 * residuals, residuals)
-    left += squares
-    left += squares.T
-    left /= determinant
-    return left
-
-
-@cache
-def _above_the_diagonal(n: int) -> NDArray[np.bool_]:
-    return np.triu(np.ones((n, n), dtype=np.bool_), k=1)
+    gains = (squares + squares.T - 2.0 * left * np.outer(residuals, residuals)) / determinants
+    gains[np.tril_indices(len(rows))] = -1.0
+    first, second = np.unravel_index(int(np.argmax(gains)), gains.shape)
+    return (int(first), int(second))
 
 
 def _weighted(points: Points, scale: str, degree: int, tau: float) -> tuple[FloatArray, FloatArray]:

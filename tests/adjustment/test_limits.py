@@ -2,35 +2,26 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from damperfit.adjustment import trends
 from damperfit.adjustment import trends as selection
 from damperfit.adjustment.force_at import fastest_sine
 from damperfit.adjustment.trends import (
     LEAST_SCATTER,
     Points,
     _Candidate,
-    _is_jump,
     _is_off,
-    _most_outliers,
-    _third_difference,
-    _usual_scatter,
     _worst,
     choose,
     find_trends,
     fit_curve,
     scatter_of,
 )
-from damperfit.adjustment.wanted import which_setting
-from damperfit.statistics import student_quantile
 from tests.adjustment import made_up_trends
-from tests.adjustment.test_wanted import forces_by_click
 
 TWENTY = np.arange(1.0, 21.0)
 
@@ -67,14 +58,6 @@ def test_an_outlier_takes_five_settings(n, is_judged) -> None:
     )
 
 
-@pytest.mark.parametrize(
-    ("n", "degree", "most"),
-    [(4, 0, 0), (5, 0, 1), (7, 1, 1), (8, 1, 2), (20, 1, 2), (5, 1, 1), (5, 2, 0), (20, 4, 2)],
-)
-def test_so_many_settings_may_be_left_out(n, degree, most) -> None:
-    assert _most_outliers(n, degree) == most
-
-
 @pytest.mark.parametrize("n", [1, 2])
 def test_the_worst_are_those_without_which_least_squares_are_least(n) -> None:
     """Against trying every choice."""
@@ -90,11 +73,6 @@ def test_the_worst_are_those_without_which_least_squares_are_least(n) -> None:
             fit = np.polyfit(some.settings[kept], some.logs[kept], 1)
             rest[left] = np.sum((some.logs[kept] - np.polyval(fit, some.settings[kept])) ** 2)
         assert found == min(rest, key=rest.get)
-
-
-def test_divided_differences_are_those_of_a_cubic() -> None:
-    at = np.array([1.0, 2.0, 4.0, 7.0])
-    assert _third_difference(at, 5.0 * at**3 - at**2 + 3.0) == pytest.approx(5.0)
 
 
 @pytest.mark.parametrize("scale", ["linear", "log", "reciprocal", "from_first", "from_last"])
@@ -136,26 +114,6 @@ def test_the_scatter_makes_the_mean_square_one() -> None:
     assert scatter_of(residuals, errors, 0) == LEAST_SCATTER
 
 
-@pytest.mark.parametrize(("last", "n"), [(200, 200), (202, 5)])
-def test_gaps_are_filled_over_two_hundred_clicks(last, n) -> None:
-    settings = (1, 2, 3, 100, last)
-    trend = made_up_trends.trend_of(np.array([1.0, 1.1, 1.2, 1.5, 1.9]), settings)
-    found = [point.setting for point in trend.points]
-    assert found == (list(range(1, last + 1)) if n == last else list(settings))
-
-
-@pytest.mark.parametrize(("n", "is_usual"), [(7, False), (8, True)])
-def test_the_scatter_of_most_settings_takes_eight_of_them(n, is_usual) -> None:
-    logs = 0.02 * np.arange(n)
-    logs[[1, 2]] = logs[[2, 1]]
-    some = points(logs)
-    curve = fit_curve(some, "log", 1)
-    usual = _usual_scatter(some, curve, np.arange(n))
-    assert curve.scatter > 0.008
-    assert (usual < 0.7 * curve.scatter) is is_usual
-    assert (usual == curve.scatter) is not is_usual
-
-
 @pytest.mark.parametrize(("pairs", "words"), [(5, "13 to 14"), (6, "13 to 14 and 1 more")])
 def test_five_reversals_are_named(pairs, words) -> None:
     values = 1e4 * np.exp(0.05 * STEPS)
@@ -195,63 +153,6 @@ def test_the_sentence_names_direction_range_and_curve(shape, verb, ends, kind) -
         f"R_m1 {verb} with the setting, {ends[0]} {unit} at setting 1, {ends[1]} {unit} at 20 "
         f"({kind}), within 0.3 %"
     )
-
-
-def test_only_at_an_end_may_a_setting_just_go_on_getting_steeper() -> None:
-    smooth = points(0.01 * np.arange(8.0) ** 3, settings=range(1, 9))
-    curve = fit_curve(smooth, "log", 3)
-
-    def jumps(place):
-        return _is_jump(smooth, _Candidate(0.0, curve, (place,)), place)
-
-    assert [jumps(place) for place in range(8)] == [False, *[True] * 6, False]
-    broken = replace(smooth, logs=smooth.logs + np.r_[np.zeros(7), 3.0])
-    assert _is_jump(broken, _Candidate(0.0, curve, (7,)), 7)
-
-
-def test_values_that_are_not_sound_are_passed_over_and_those_behind_them_count() -> None:
-    pairs = [made_up_trends._fitted(s, {"r_m1": 1e4}, {"r_m1": 1e-3}) for s in range(1, 8)]
-    fits = [fit for fit, _ in pairs]
-    fits[0] = replace(fits[0], status={**fits[0].status, "r_m1": "at_bound"})
-    known = {u.setting: u for _, u in pairs if u.setting != 3}
-    (trend, *_) = find_trends(fits, known)
-    found = {point.setting: point.found for point in trend.points}
-    assert min(found) == 2
-    assert max(found) == 7
-    assert found[3] is None
-    assert found[7] == pytest.approx(1e4)
-
-
-def test_between_settings_apart_the_curve_itself_is_in_doubt() -> None:
-    forces = [100.0, 200.0, 500.0]
-    near = which_setting(forces_by_click(forces, error=1.0), 300.0).answers[0]
-    wide = forces_by_click(forces, settings=[1, 11, 21], error=1.0)
-    apart = which_setting(wide, 300.0).answers[0]
-    assert (apart.below, apart.above, apart.force_below, apart.force_above) == (11, 21, 200, 500)
-    assert near.high - near.low < 0.1
-    assert (apart.high - apart.low) / 10.0 > 3.0 * (near.high - near.low)
-
-
-def test_an_end_within_its_interval_gives_the_force() -> None:
-    forces = forces_by_click([100.0, 200.0, 300.0], error=2.0)
-    inside, outside = which_setting(forces, 303.8), which_setting(forces, 304.1)
-    assert [one.position for one in inside.answers] == [3.0]
-    assert outside.answers == ()
-    assert inside.hardest == outside.hardest == (3, 300.0)
-    assert inside.weakest == (1, 100.0)
-    crossed = which_setting(forces, 299.5).answers
-    assert [one.position for one in crossed] == pytest.approx([2.995], abs=0.01)
-
-
-def test_of_curves_for_a_constant_with_scatter_one_in_twenty_is_none() -> None:
-    """Choosing among five scales costs what it gains; without that price it is one in five."""
-    rng = np.random.default_rng(11)
-    settings = np.arange(1.0, 13.0)
-    degrees = []
-    for _ in range(30):
-        found = choose(points(0.02 * rng.standard_normal(12), settings=settings))
-        degrees.append(found.curve.degree)
-    assert np.mean(np.array(degrees) > 0) < 0.2
 
 
 @pytest.mark.parametrize(("gain", "degree"), [(6.0, 0), (6.5, 1)])
@@ -301,87 +202,3 @@ def test_a_motion_is_a_sine_within_a_tenth_of_its_frequency(off, is_sine) -> Non
     found = fastest_sine([(0.032, off * frequency, 0.3)])
     assert found.frequency == pytest.approx(off * frequency if is_sine else frequency)
     assert found.was_run is is_sine
-
-
-@pytest.mark.parametrize(("times", "is_jump"), [(7.8, False), (8.2, True), (-7.8, False)])
-def test_a_jump_bends_eight_times_as_much_as_the_curve_beside_it(times, is_jump) -> None:
-    # The third divided difference of a cubic is its leading number everywhere.
-    smooth = points(0.01 * np.arange(8.0) ** 3, settings=range(1, 9))
-    curve = fit_curve(smooth, "log", 3)
-    bent = replace(smooth, logs=smooth.logs + np.r_[np.zeros(7), 0.06 * (times - 1.0)])
-    assert _is_jump(bent, _Candidate(0.0, curve, (7,)), 7) is is_jump
-
-
-@pytest.mark.parametrize(
-    ("n", "highest"), [(4, 1), (6, 1), (7, 2), (9, 2), (10, 3), (13, 4), (16, 4)]
-)
-def test_a_degree_of_a_trend_takes_three_settings_more(monkeypatch, n, highest) -> None:
-    tried = []
-
-    def candidates(given, scale, degree):
-        tried.append((scale, degree))
-        yield _Candidate(0.0, fit_curve(given, "log", 0), ())
-
-    monkeypatch.setattr(selection, "_candidates", candidates)
-    choose(points(np.zeros(n)))
-    for scale in ("linear", "log", "reciprocal"):
-        assert max(degree for one, degree in tried if one == scale) == highest
-    assert max(degree for one, degree in tried if one == "from_last") == min(highest, 2)
-    assert len(tried) == len(set(tried))
-
-
-def with_scatter(monkeypatch, scatter: float, error: float, name: str = "r_m1"):
-    """The trend of eight equal values whose curve is said to leave this scatter."""
-
-    def chosen(points, families=None):
-        found = choose(points, families)
-        return replace(found, curve=replace(found.curve, scatter=scatter))
-
-    monkeypatch.setattr(trends, "choose", chosen)
-    value = 5e8 if name == "k_e" else 1e4
-    return made_up_trends.trend_of(np.full(8, value), tuple(range(1, 9)), name=name, error=error)
-
-
-@pytest.mark.parametrize(
-    ("scatter", "error", "is_erratic"),
-    [(0.019, 1e-3, False), (0.021, 1e-3, True), (0.029, 0.01, False), (0.031, 0.01, True)],
-)
-def test_a_scatter_of_three_errors_and_two_per_cent_is_erratic(
-    monkeypatch, scatter, error, is_erratic
-) -> None:
-    trend = with_scatter(monkeypatch, scatter, error)
-    assert trend.is_erratic is is_erratic
-
-
-@pytest.mark.parametrize(("scatter", "direction"), [(0.19, "flat"), (0.21, None)])
-def test_no_direction_is_told_of_what_scatters_by_a_fifth(monkeypatch, scatter, direction) -> None:
-    assert with_scatter(monkeypatch, scatter, 0.1 * scatter, name="k_e").direction == direction
-
-
-@pytest.mark.parametrize(
-    ("steps", "direction"),
-    [
-        ([0.98], "flat"),
-        ([1.02], "rising"),
-        ([-0.98], "flat"),
-        ([-1.02], "falling"),
-        ([1.02, -1.02], "mixed"),
-        ([0.7, 0.7], "rising"),  # from the first to the last
-        ([-0.7, -0.7], "falling"),
-    ],
-)
-def test_values_rise_or_fall_by_what_chance_makes_once_in_twenty(steps, direction) -> None:
-    logs = np.cumsum([0.0, *steps])
-    n = len(logs)
-    reach = student_quantile(10.0, 1.0 - 0.025 / (n * (n - 1) / 2)) * math.hypot(0.5, 0.5)
-    points = Points(np.arange(1.0, n + 1), logs * reach, np.full(n, 0.4), 1.0, float(n))
-    found = trends._direction_of_values(points, SimpleNamespace(freedom=10), scatter=0.3)
-    assert found == direction
-
-
-def test_a_curve_is_drawn_at_whole_clicks_and_at_the_settings_and_ends_with_the_last() -> None:
-    curve = SimpleNamespace(logs=lambda at: 0.1 * at, errors=lambda at: 0.0 * at, freedom=3)
-    tested = points([0.1, 0.2, 0.3, 0.4, 0.55], settings=[1, 2, 3, 4, 5.5])
-    drawn = trends._curve_points(tested, curve)
-    assert [one.setting for one in drawn] == [1, 2, 3, 4, 5, 5.5]
-    assert [one.found is None for one in drawn] == [False] * 4 + [True, False]

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from damperfit.adjustment import trends as selection
-from damperfit.adjustment.trends import Points, _points, find_trends, fit_curve, least_squares
+from damperfit.adjustment.trends import Points, find_trends, fit_curve, least_squares
 from damperfit.identification import Status
-from tests import fakes
 from tests.adjustment import made_up_trends
 from tests.adjustment.made_up_trends import CLICKS, SMOOTH, SUBSETS, reference_trends, trend_of
 
@@ -33,20 +30,6 @@ def test_setting_20_of_the_reference_set_is_off_and_no_other(seed) -> None:
     assert "setting 20 is off the trend by +12." in trends["r_m1"].sentence
     for trend in trends.values():
         assert (trend.direction, trend.monotone) == ("rising", True)
-
-
-def test_no_curve_is_fitted_twice_through_the_same_settings(monkeypatch) -> None:
-    """Of settings that scatter the worst two are the same at first and at last: 5 fits are 3."""
-    fitted = []
-    real = selection.fit_curve
-
-    def noted(points, scale, degree, **more):
-        fitted.append((points.settings.tobytes(), points.logs.tobytes(), scale, degree))
-        return real(points, scale, degree, **more)
-
-    monkeypatch.setattr(selection, "fit_curve", noted)
-    reference_trends(ALL, seed=3)
-    assert len(set(fitted)) == len(fitted) > 50
 
 
 @pytest.mark.parametrize("subset", SUBSETS)
@@ -161,22 +144,6 @@ def test_a_constant_is_flat_and_monotone() -> None:
     assert trend_of(SMOOTH["constant"], ALL).degree == 0
 
 
-@pytest.mark.parametrize("n", [1, 3])
-def test_too_few_settings_get_no_verdict(n) -> None:
-    trend = trend_of(EXPONENTIAL[:n], ALL[:n])
-    assert (trend.monotone, trend.direction, trend.degree) == (None, None, None)
-    assert not trend.outliers_judged
-    assert "too few for a trend" in trend.sentence
-
-
-def test_four_settings_have_a_trend_and_no_outliers() -> None:
-    trend = trend_of([1.0, 2.0, 3.0, 40.0], (1, 2, 3, 4))
-    assert trend.degree == 1
-    assert trend.outliers == ()
-    assert not trend.outliers_judged
-    assert "too few settings to find one off the trend" in trend.sentence
-
-
 def test_a_parameter_without_a_sound_value_is_left_out() -> None:
     pairs = [made_up_trends._fitted(s, {"r_m1": EXPONENTIAL[s - 1]}, {"r_m1": 1e-3}) for s in ALL]
     fits = [fit for fit, _ in pairs]
@@ -215,36 +182,6 @@ def test_the_band_covers_the_true_curve() -> None:
     ]
     # 100 draws: two standard deviations of the mean are 4 %, as points of one band go together.
     assert 0.90 < np.mean(inside) < 0.99
-
-
-def test_a_setting_of_another_line_ends_no_trend() -> None:
-    """Line by line: the fits of the others are left out, wherever they stand."""
-    fits = [fakes.fit(1), fakes.fit(2), fakes.fit(3)]
-    interval = SimpleNamespace(error=1.0)
-    known = dict.fromkeys(
-        [one.setting for one in fits], SimpleNamespace(intervals={"r_m1": interval})
-    )
-    line = SimpleNamespace(numbers={fits[1].setting: 2.0, fits[2].setting: 3.0})
-    assert _points("r_m1", fits, known, line).settings.tolist() == [2.0, 3.0]
-
-
-@pytest.mark.parametrize("seed", range(6))
-def test_the_best_pair_of_many_settings_is_among_the_few_that_are_looked_at(
-    seed, monkeypatch
-) -> None:
-    rng = np.random.default_rng(seed)
-    settings = np.arange(120.0)
-    logs = np.log1p(settings) + rng.normal(0.0, 0.003, 120)
-    logs[rng.choice(120, seed)] += rng.normal(0.0, 0.05, seed)
-    points = Points(settings, logs, np.full(120, 1e-3), 0.0, 119.0)
-    families = [("log", 0), ("log", 2), ("linear", 3), ("from_first", 2), ("reciprocal", 1)]
-
-    def pairs() -> list[tuple[int, ...]]:
-        return [selection._worst(points, *family, tau=0.003, n=2) for family in families]
-
-    few = pairs()
-    monkeypatch.setattr(selection, "_FEW", 120)
-    assert few == pairs()
 
 
 def test_weights_far_apart_are_solved_for_as_well_as_near_ones() -> None:
