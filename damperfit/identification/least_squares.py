@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
 import numpy as np
 
+from damperfit.compiled_core import compiled_core
 from damperfit.errors import SimulationError
 from damperfit.statistics import largest_of
 
@@ -327,7 +328,17 @@ def reduced(residuals: FloatArray, jacobian: FloatArray) -> FloatArray:
     numpy.ndarray
         Shape (k + 1, k + 1), of fewer rows where n is less.
     """
-    return _triangle(np.column_stack([jacobian, residuals]))
+    n, k = jacobian.shape
+    columns = np.empty((k + 1, n))
+    columns[:k] = jacobian.T
+    columns[k] = residuals
+    if n <= k:
+        return _triangle(columns.T)
+    triangle = np.empty((k + 1, k + 1))
+    # By LAPACK columns of zeros round otherwise, and the search of laws takes other paths
+    # (bench_numbers: valves 2 ends in another layout).
+    compiled_core().triangle(columns, triangle, k + 1)
+    return triangle
 
 
 def _triangle(rows: FloatArray) -> FloatArray:

@@ -245,6 +245,8 @@ static PyMethodDef METHODS[] = {
     {"strokes", df_py_strokes, METH_VARARGS,
      "strokes(x, v, f, found, products, along, span, fastest)\n"
      "Fills the products of seven columns, and what they are along the force less `found`."},
+    {"triangle", df_py_triangle, METH_VARARGS,
+     "triangle(columns, triangle, width)\nFills R of the columns, which are written over."},
     {"fold", df_py_fold, METH_VARARGS,
      "fold(x, v, f, starts, means, beside, room)\n"
      "Fills the mean cycle of three channels, and squares of the force beside it."},

@@ -200,3 +200,66 @@ void df_fold(size_t n, const double *const y[DF_FOLDED], size_t n_cycles, const 
         beside[phase] = squares;
     }
 }
+
+/* Sums side by side: one waits for its own last sum alone. */
+enum { SUMS = 8 };
+
+/* Squares between these have lost no digit. */
+#define TINY 1e-250
+#define HUGE_SQUARE 1e250
+
+static double product(size_t n, const double *a, const double *b)
+{
+    double sums[SUMS] = {0.0}, rest = 0.0;
+    size_t k = 0;
+    for (; k + SUMS <= n; k += SUMS)
+        for (int l = 0; l < SUMS; l++)
+            sums[l] += a[k + l] * b[k + l];
+    for (; k < n; k++)
+        rest += a[k] * b[k];
+    for (int l = 0; l < SUMS; l++)
+        rest += sums[l];
+    return rest;
+}
+
+/* Also where squares overflow or vanish. */
+static double length(size_t n, const double *a)
+{
+    const double squares = product(n, a, a);
+    if (squares != squares || (squares > TINY && squares < HUGE_SQUARE))
+        return sqrt(squares);
+    double most = 0.0, sum = 0.0;
+    for (size_t k = 0; k < n; k++)
+        most = fabs(a[k]) > most ? fabs(a[k]) : most;
+    if (!(most > 0.0 && most < INFINITY))
+        return most;
+    for (size_t k = 0; k < n; k++)
+        sum += (a[k] / most) * (a[k] / most);
+    return most * sqrt(sum);
+}
+
+void df_triangle(size_t n, size_t width, double *columns, double *triangle)
+{
+    for (size_t j = 0; j < width; j++) {
+        double *v = columns + j * n + j + 1;
+        const size_t below = n - j - 1;
+        const double top = v[-1], size = length(below, v);
+        const double diagonal = size == 0.0 ? top : -copysign(hypot(top, size), top);
+        const double times = size == 0.0 ? 0.0 : (diagonal - top) / diagonal;
+        for (size_t c = 0; c < j; c++)
+            triangle[j * width + c] = 0.0;
+        triangle[j * width + j] = diagonal;
+        for (size_t k = 0; k < below && size != 0.0; k++)
+            v[k] /= top - diagonal;
+        for (size_t c = j + 1; c < width; c++) {
+            double *y = columns + c * n + j;
+            if (size != 0.0) {
+                const double along = times * (y[0] + product(below, v, y + 1));
+                y[0] -= along;
+                for (size_t k = 0; k < below; k++)
+                    y[k + 1] -= along * v[k];
+            }
+            triangle[j * width + c] = y[0];
+        }
+    }
+}

@@ -37,6 +37,10 @@ enum { DF_FOLDED = 3 };
 void df_fold(size_t n, const double *const y[DF_FOLDED], size_t n_cycles, const double *starts, size_t n_phases,
              double *means, double *beside, double *room);
 
+/* R of columns of n >= width numbers each, by Householder's reflections, zeros below its diagonal.
+   columns: width x n, written over; triangle: width x width. */
+void df_triangle(size_t n, size_t width, double *columns, double *triangle);
+
 #ifdef __cplusplus
 }
 #endif

@@ -182,3 +182,25 @@ PyObject *df_py_fold(PyObject *self, PyObject *args)
     Py_END_ALLOW_THREADS
     return df_done(&b);
 }
+
+PyObject *df_py_triangle(PyObject *self, PyObject *args)
+{
+    (void)self;
+    enum { COLUMNS, TRIANGLE, N };
+    PyObject *o[N];
+    Py_ssize_t width;
+    if (!PyArg_ParseTuple(args, "OOn:triangle", &o[COLUMNS], &o[TRIANGLE], &width))
+        return NULL;
+    df_buffers b;
+    if (!df_borrow(&b, o, N, COLUMNS))
+        return NULL;
+    const Py_buffer *v = b.view;
+    const Py_ssize_t n = width > 0 ? df_count(&v[COLUMNS]) / width : 0;
+    if (width < 1 || n < width || df_count(&v[COLUMNS]) != n * width ||
+        df_count(&v[TRIANGLE]) != width * width)
+        return df_refused(&b, "triangle: columns of one length, no shorter than they are many");
+    Py_BEGIN_ALLOW_THREADS
+    df_triangle((size_t)n, (size_t)width, v[COLUMNS].buf, v[TRIANGLE].buf);
+    Py_END_ALLOW_THREADS
+    return df_done(&b);
+}

@@ -11,5 +11,6 @@ PyObject *df_py_scatter(PyObject *self, PyObject *args);
 PyObject *df_py_beside(PyObject *self, PyObject *args);
 PyObject *df_py_strokes(PyObject *self, PyObject *args);
 PyObject *df_py_fold(PyObject *self, PyObject *args);
+PyObject *df_py_triangle(PyObject *self, PyObject *args);
 
 #endif
