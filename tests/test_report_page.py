@@ -382,7 +382,7 @@ def test_what_the_page_is_made_of_is_shipped():
     root = Path(damperfit.__file__).parents[1]
     known = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))
     patterns = known["tool"]["setuptools"]["package-data"]["damperfit.reporting"]
-    room = root / "damperfit" / "report"
+    room = root / "damperfit" / "reporting"
     parts = {p.relative_to(room).as_posix() for p in room.rglob("*.*") if "py" not in p.suffix}
     assert {"assets/page.css", "assets/page.js", "assets/page.html"} <= parts
     assert {p for p in parts if not any(fnmatch(p, pattern) for pattern in patterns)} == set()

@@ -92,7 +92,7 @@ def test_inspect_loads_nothing_that_fits_judges_or_writes_tables():
         "io.parquet",
         "identification.sharing",
     )
-    assert loaded.isdisjoint(f"damperfit.{one}" for one in (*judging, "tables.results"))
+    assert loaded.isdisjoint(f"damperfit.{one}" for one in (*judging, "tables.rows"))
 
 
 def test_a_program_that_ends_looks_for_no_garbage():

@@ -31,13 +31,12 @@ def inspect(how: Shown, **given: Any) -> int:
     Example: damperfit inspect runs/*.csv
     """
     batch = api.inspect(**given).batch
-    from damperfit.run.problems import skipped_files
 
     say_failures(batch.failures, is_debug=how.debug)
     if not how.quiet:
         for note in batch.notes:
             say(f"note: {note}")
-        for warning in (*skipped_files(batch), *batch.remarks):
+        for warning in (*batch.skipped_files, *batch.remarks):
             say(f"warning: {warning}")
     if how.json:
         print_json(batch.document())

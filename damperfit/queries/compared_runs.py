@@ -23,7 +23,7 @@ from damperfit.results import Run, segments_in
 from damperfit.run.dampers import by_damper, folder_name
 from damperfit.run.log_paths import expand
 from damperfit.run.logs import Purpose, read_batch
-from damperfit.run.problems import log_warnings, skipped_files
+from damperfit.run.problems import log_warnings
 from damperfit.tables.columns import (
     adjusters_in,
     column_names,
@@ -333,7 +333,7 @@ def _of_logs(place: Path, batch: LogBatch, configuration: Configuration) -> Comp
     timeless = [one for one in batch.failures if one.kind == TimelessError.__name__]
     lost = [one.message for one in batch.failures if one not in timeless]
     tests: list[MeasuredTest] = []
-    about = (*batch.notes, *skipped_files(batch), *batch.remarks, *log_warnings(batch.traces))
+    about = (*batch.notes, *batch.skipped_files, *batch.remarks, *log_warnings(batch.traces))
     notes = list(map(str, about))
     for trace in batch.traces:
         found = _of_trace(trace)

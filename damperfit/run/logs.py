@@ -45,6 +45,7 @@ if TYPE_CHECKING:
 
 _LOGGER = logging.getLogger(__name__)
 _LARGE = 1_000_000  # bytes
+_MANY = 20  # files that are no logs and are named one by one
 _READ_IN_CHILD = {suffix for known in FORMATS if known.in_child for suffix in known.suffixes}
 
 __all__ = ["Ending", "LogBatch", "LogFacts", "Purpose", "failure_of", "read_batch"]
@@ -124,6 +125,16 @@ class LogBatch:
     remarks: tuple[Problem | str, ...] = ()
     notes: tuple[str, ...] = ()
     identities: Mapping[str, Identity] = field(default_factory=dict)
+
+    @property
+    def skipped_files(self) -> Iterator[str]:
+        """Which files are no logs, a sentence each; of many, the first and how many."""
+        if len(self.skipped) > _MANY:
+            n = len(self.skipped) - 1
+            yield f"{self.skipped[0]} and {n} other files: written by damperfit, not logs; skipped"
+            return
+        for path in self.skipped:
+            yield f"{path}: written by damperfit, not a log; skipped"
 
     @property
     def ending(self) -> Ending:

@@ -38,7 +38,7 @@ def warnings_of(
 ) -> Iterator[Problem]:
     """Yield what the reader should know before believing the numbers."""
     assessment = judgement.assessment
-    yield from map(as_warning, (*skipped_files(batch), *batch.remarks))
+    yield from map(as_warning, (*batch.skipped_files, *batch.remarks))
     yield from log_warnings(_fitted_traces(campaign))
     yield from map(as_warning, campaign.warnings)
     if campaign.sharing.friction_varies and campaign.sharing.spread is not None:
@@ -84,16 +84,6 @@ def _freeing_friction(campaign: Campaign) -> Option:
     idle = {Status.FIXED, Status.SHARED}
     own = [name for name, how in fit.status.items() if name not in held and how not in idle]
     return Option("free", ",".join((*own, *frictions)), is_aside=True)
-
-
-def skipped_files(batch: LogBatch) -> Iterator[str]:
-    """Yield which files are no logs; of many, the first and how many."""
-    if len(batch.skipped) > MANY:
-        n = len(batch.skipped) - 1
-        yield f"{batch.skipped[0]} and {n} other files: written by damperfit, not logs; skipped"
-        return
-    for path in batch.skipped:
-        yield f"{path}: written by damperfit, not a log; skipped"
 
 
 def _at_settings(said: Sequence[tuple[Setting, Problem | str]]) -> Iterator[Problem]:

@@ -23,7 +23,6 @@ from damperfit.run.problems import (
     corrections,
     gates_not_met,
     missing_logs,
-    skipped_files,
     unconfirmed_tares,
     warnings_of,
 )
@@ -171,7 +170,7 @@ def test_what_many_settings_or_files_have_in_common_is_one_line(n) -> None:
         "setting 1: MSE 0.0123 % is above": gates_not_met(limited, EMPTY, campaign(*fits)),
         "setting 1: the fit did not": gates_not_met(PLAIN, EMPTY, campaign(*unsound)),
         "setting": (one.line for one in missing_logs(expected, EMPTY)),
-        "truth_0.csv": skipped_files(skipped),
+        "truth_0.csv": skipped.skipped_files,
     }
     for begin, lines in kinds.items():
         said = [str(one) for one in lines]
