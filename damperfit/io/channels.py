@@ -34,8 +34,8 @@ __all__ = [
 # English, German, French, Italian, Spanish.
 _WORDS = {
     "time": (
-        "time", "t", "elapsed", "seconds", "timestamp", "datetime", "zeit", "uhrzeit", "temps",
-        "tempo", "tiempo",
+        "time", "times", "t", "elapsed", "seconds", "timestamp", "timestamps", "datetime", "zeit",
+        "uhrzeit", "temps", "tempo", "tiempo",
     ),
     "displacement": (
         "displacement", "disp", "position", "pos", "stroke", "travel", "extension", "x",
@@ -316,6 +316,8 @@ def _missing(channels: Sequence[str], columns: Sequence[Column], hint: str) -> s
         hints += f" Did you mean {visible(bases[near[0]])}{of_it}?" if near else ""
     names = ", ".join(f"rig.columns.{channel} = 'NAME'" for channel in channels)
     advice = f" Name {'them' if len(channels) > 1 else 'it'}: {names}"
+    if "force" in channels:
+        advice += "; without a force nothing can be fitted"
     which = " and ".join(part for part in (", ".join(channels[:-1]), channels[-1]) if part)
     return f"no column for {which}{beside}; there are {_listed(columns)}.{hints}{advice}"
 

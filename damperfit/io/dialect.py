@@ -47,7 +47,7 @@ class Dialect:
     data_line: int
     data_offset: int  # byte where the first row of data starts
     preamble: tuple[str, ...]  # lines above the names
-    is_short: bool = False  # all rows have one field less than there are names
+    is_short: bool = False  # most rows have one field less than there are names
     hint: str = ""  # why a line that holds names was not taken for them
 
     def notes(self) -> tuple[str, ...]:
@@ -226,7 +226,7 @@ def _dialect(
         data_line=rows[start].number,
         data_offset=rows[start].offset,
         preamble=tuple(row.text for row in rows[: start if names_at is None else names_at]),
-        is_short=all(len(row.fields) == len(names) - 1 for row in whole),
+        is_short=2 * sum(len(row.fields) == len(names) - 1 for row in whole) > len(whole),
         hint="" if names else _odd_names(rows[:start], separator, first),
     )
 

@@ -100,9 +100,10 @@ FORMATS = (
     Format("MDF", "mdf:read_mdf", (".mf4", ".mdf"), _MDF, in_child=True),
     Format("Excel", "excel:read_excel", (".xlsx", ".xls"), _OFFICE),
     Format("JSON", "json_log:read_json", (".json", ".jsonl", ".ndjson")),
+    Format("LabVIEW text", "lvm:read_lvm", (".lvm",), (b"LabVIEW Measurement",)),
     Format("text", "text:read_delimited", (".csv", ".txt", ".tsv", ".dat", ".asc", ".log")),
 )
-_JSON, _TEXT = FORMATS[-2:]  # any suffix may stand for text
+_JSON, _, _TEXT = FORMATS[-3:]  # any suffix may stand for text
 
 # What a file in a folder is called that is taken for a log.
 _PLAIN = tuple(suffix for known in FORMATS for suffix in known.suffixes)

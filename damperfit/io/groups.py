@@ -18,6 +18,7 @@ from damperfit.io.child_process import ChildAnswer, ChildReader, ask_child, chec
 from damperfit.io.files import Source
 from damperfit.io.formats import Column, FloatArray, Samples, Table
 from damperfit.io.options import ReadOptions
+from damperfit.recording import Finding
 
 __all__ = ["Group", "GroupChannel", "answer_of_groups", "group_tables", "groups_of_child"]
 
@@ -94,6 +95,10 @@ def _table(group: Group, options: ReadOptions, name: str, notes: tuple[str, ...]
     def load(wanted: Mapping[str, int]) -> Samples:
         n = len(group.channels)
         chosen = {channel: group.channels[i] for channel, i in wanted.items() if i < n}
+        if "time" in wanted and "time" not in chosen and not group.is_cut:
+            clocks = {(column.interval, column.start) for column in chosen.values()}
+            if len(clocks) > 1 and all(interval for interval, _ in clocks):
+                return _on_one_clock(chosen, options, name)
         lengths = {channel: column.length for channel, column in chosen.items()}
         n_common = min(lengths.values(), default=0)
         said: tuple[str, ...] = ()
@@ -106,16 +111,9 @@ def _table(group: Group, options: ReadOptions, name: str, notes: tuple[str, ...]
             said = (f"kept: the first {n_common} values, which all channels have, of {shown}",)
         claimed = 8 * sum(lengths.values())
         check_size(claimed, limit=options.max_bytes, what="the log", name=name)
-        loaded = {}
-        for channel, column in chosen.items():
-            values = np.asarray(column.load(), dtype=np.float64)
-            if values.shape != (column.length,):
-                raise LogError(
-                    f"{channel}: {column.length} values are declared but {values.size} found; "
-                    "copy the log again",
-                    subject=name,
-                )
-            loaded[channel] = values[:n_common]
+        loaded = {
+            channel: _values(channel, column, name)[:n_common] for channel, column in chosen.items()
+        }
         if "time" in wanted and "time" not in chosen:
             loaded["time"] = _time(chosen, n_common, name)
         return Samples(loaded, lambda index: f"row {index + 1}", said)
@@ -127,6 +125,55 @@ def _table(group: Group, options: ReadOptions, name: str, notes: tuple[str, ...]
     return Table(group.columns, load, group.metadata, notes)
 
 
+def _values(channel: str, column: GroupChannel, name: str) -> FloatArray:
+    values = np.asarray(column.load(), dtype=np.float64)
+    if values.shape != (column.length,):
+        raise LogError(
+            f"{channel}: {column.length} values are declared but {values.size} found; "
+            "copy the log again",
+            subject=name,
+        )
+    return values
+
+
+def _on_one_clock(chosen: Mapping[str, GroupChannel], options: ReadOptions, name: str) -> Samples:
+    """Return channels that start or run differently at the times of the force, where all are."""
+    claimed = 8 * sum(column.length for column in chosen.values())
+    check_size(claimed, limit=options.max_bytes, what="the log", name=name)
+    times = {
+        channel: column.start + _interval(column, name) * np.arange(column.length)
+        for channel, column in chosen.items()
+    }
+    shown = ", ".join(
+        f"{channel} every {column.interval} s from {column.start:g} s"
+        for channel, column in chosen.items()
+    )
+    time = times["force"]
+    first = max(t.min(initial=np.inf) for t in times.values())
+    last = min(t.max(initial=-np.inf) for t in times.values())
+    tolerance = 1e-6 * _interval(chosen["force"], name)  # starts are differences of stamps
+    time = time[(time >= first - tolerance) & (time <= last + tolerance)]
+    if 2 * len(time) < chosen["force"].length:
+        raise LogError(
+            f"channels of different rate or start: {shown}; log them together", subject=name
+        )
+    channels = {
+        channel: np.interp(time, times[channel], _values(channel, column, name))
+        for channel, column in chosen.items()
+    }
+    words = f"channels of different rate or start, read at the times of the force: {shown}"
+    finding = Finding("own_rows", "note", words, is_correction=True)
+    channels["time"] = time
+    return Samples(channels, lambda index: f"row {index + 1}", findings=(finding,))
+
+
+def _interval(column: GroupChannel, name: str) -> float:
+    interval = column.interval
+    if interval is None or not np.isfinite(interval) or interval <= 0.0:
+        raise LogError(f"the interval between values is {interval} s", subject=name)
+    return interval
+
+
 def _time(chosen: Mapping[str, GroupChannel], n: int, name: str) -> FloatArray:
     steps = {channel: (column.interval, column.start) for channel, column in chosen.items()}
     if len(set(steps.values())) > 1:
@@ -136,10 +183,8 @@ def _time(chosen: Mapping[str, GroupChannel], n: int, name: str) -> FloatArray:
         raise LogError(
             f"channels of different rate or start: {shown}; log them together", subject=name
         )
-    interval, start = next(iter(steps.values()))
-    if interval is None or not np.isfinite(interval) or interval <= 0.0:
-        raise LogError(f"the interval between values is {interval} s", subject=name)
-    return start + interval * np.arange(n, dtype=np.float64)
+    first = next(iter(chosen.values()))
+    return first.start + _interval(first, name) * np.arange(n, dtype=np.float64)
 
 
 def groups_of_child(reader: ChildReader, source: Source, options: ReadOptions) -> list[Group]:

@@ -26,6 +26,7 @@ from damperfit.io.labels import (
     preamble_setting,
     setting_in_words,
 )
+from damperfit.io.loggers import mended, rate_of_stamps
 from damperfit.io.options import EXTRAS, ReadOptions
 from damperfit.recording import Recording
 from damperfit.statistics import median
@@ -160,6 +161,7 @@ def _table_parts(table: Table, source: Source, options: ReadOptions) -> list[Rec
     samples = table.load({channel: choice.column for channel, choice in choices.items()})
     if not len(samples.channels["force"]):
         raise LogError("no data rows", subject=name)
+    samples = mended(samples)
     channels = _si_channels(samples, choices, options, name)
     extra_notes = []
     for channel in EXTRAS:
@@ -313,8 +315,11 @@ def _backwards(
     advice = "several tests in one file: declare rig.restarts"
     if all(np.array_equal(values[late], values[late - 1]) for values in channels.values()):
         advice = "these rows are there twice: remove the copies"
-    elif 2 * int(np.count_nonzero(np.diff(time) == 0.0)) > len(time):
-        advice = "the clock is coarser than the samples: declare rig.sample_rate"
+    elif rate := rate_of_stamps(time):
+        advice = (
+            "several rows share a stamp, as the clock is coarser than the samples: declare "
+            f"rig.sample_rate = '{rate}Hz', if the rows are evenly spaced"
+        )
     elif len(time) > 2 and bool(np.all(np.diff(time) < 0.0)):
         advice = "all rows are in reverse: sort them by time"
     return (

@@ -217,24 +217,29 @@ def _n_bytes(channel: Any) -> int:
 def _group(group: Any, file: Any, name: str, *, is_cut: bool) -> Group:
     properties = {**file.properties, **group.properties}
     metadata = {str(key).lower(): str(text)[:1000] for key, text in properties.items()}
+    stamps = [channel.properties.get("wf_start_time") for channel in group.channels()]
+    first = min((stamp for stamp in stamps if isinstance(stamp, np.datetime64)), default=None)
     channels = tuple(
-        _channel(channel, name)
+        _channel(channel, name, first)
         for channel in group.channels()
         if channel.dtype.kind in "fiuM" and len(channel)
     )
     return Group(str(group.name), channels, metadata, is_cut=is_cut)
 
 
-def _channel(channel: Any, name: str) -> GroupChannel:
+def _channel(channel: Any, name: str, first: np.datetime64 | None) -> GroupChannel:
     properties = channel.properties
     units = [str(properties[key]) for key in _UNITS if properties.get(key)]
-    interval = properties.get("wf_increment")
+    interval, stamp = properties.get("wf_increment"), properties.get("wf_start_time")
+    start = float(properties.get("wf_start_offset", 0.0))
+    if isinstance(stamp, np.datetime64) and first is not None:
+        start += 1e-9 * int(np.subtract(stamp, first).astype("timedelta64[ns]").astype(np.int64))
     return GroupChannel(
         name=str(channel.name),
         unit="s" if channel.dtype.kind == "M" else next(iter(units), None),
         length=len(channel),
         load=lambda: _floats(channel[:], f"{name}: {visible(str(channel.name))}"),
-        start=float(properties.get("wf_start_offset", 0.0)),
+        start=start,
         interval=None if interval is None else float(interval),
     )
 

@@ -31,7 +31,15 @@ from damperfit.io.options import EXTRAS, Declarations, ReadOptions
 from damperfit.recording import Finding
 from damperfit.statistics import median
 
-__all__ = ["clock_seconds", "is_stamp", "joined_samples", "read_delimited", "rows_dropped"]
+__all__ = [
+    "Block",
+    "clock_seconds",
+    "is_stamp",
+    "joined_samples",
+    "read_block",
+    "read_delimited",
+    "rows_dropped",
+]
 
 # Wall-clock stamps to seconds from the first one. The date is only compared with the one above, so
 # that day and month need not be told apart; each change of date is one day.
@@ -350,7 +358,7 @@ def joined_samples(parts: Sequence[Samples]) -> Samples:
     )
 
 
-class _Block(NamedTuple):
+class Block(NamedTuple):
     """Bytes of one table with its names, and where they stand in the file."""
 
     data: bytes
@@ -388,18 +396,18 @@ def read_delimited(source: Source, options: ReadOptions) -> tuple[Table, ...]:
         others = f" and {len(empty) - 1} more" if len(empty) > 1 else ""
         notes = (*notes, f"left out: the block in line {empty[0].first_line}{others}, without rows")
         blocks = [block for block in blocks if block not in empty]
-    tables = tuple(_read_block(block, name, notes, options) for block in blocks)
+    tables = tuple(read_block(block, name, notes, options) for block in blocks)
     return _with_time_of_titles(tables, options)
 
 
-def _blocks(data: bytes, first_line: int, name: str) -> list[_Block]:
+def _blocks(data: bytes, first_line: int, name: str) -> list[Block]:
     """Return the whole text, or the pieces that MTS heads with "Data Acquisition"."""
     has_blocks = data.find(b"Data Acquisition", 0, _MAX_PREAMBLE) >= 0
     starts = list(_BLOCK.finditer(data)) if has_blocks else []
     header = _MTS793.match(data)
     decimal = header["decimal"].decode() if header else ""
     if not starts:
-        return [_Block(data, first_line, decimal)]
+        return [Block(data, first_line, decimal)]
     blocks = []
     above = data[: starts[0].start()]
     preamble = tuple(above[:_MAX_PREAMBLE].decode("utf-8", "replace").splitlines())
@@ -410,14 +418,15 @@ def _blocks(data: bytes, first_line: int, name: str) -> list[_Block]:
         line += 1
         title = begin[0].decode("utf-8", "replace").strip().replace("\t", " ")
         if piece.strip():
-            blocks.append(_Block(piece, line, decimal, title, preamble))
+            blocks.append(Block(piece, line, decimal, title, preamble))
         line += len(_LINE_END.findall(piece))
     if not blocks:
         raise LogError(f"no data rows after 'Data Acquisition' in line {line - 1}", subject=name)
     return blocks
 
 
-def _read_block(block: _Block, name: str, notes: tuple[str, ...], options: ReadOptions) -> Table:
+def read_block(block: Block, name: str, notes: tuple[str, ...], options: ReadOptions) -> Table:
+    """Return the table of a block; as `read_delimited`."""
     dialect = find_dialect(block.data, options, name=name, first_line=block.first_line)
     start = dialect.data_offset
     rows, cut = _without_cut_row(block.data, start, name)
@@ -434,6 +443,7 @@ def _read_block(block: _Block, name: str, notes: tuple[str, ...], options: ReadO
         dialect = replace(dialect, separator="\t")
     if len(dialect.names) >= 2 and _EVENTS.fullmatch(dialect.names[-1]) and b'"' not in rows:
         rows, start = _with_events(rows[start:], dialect), 0
+        dialect = replace(dialect, is_short=False)
     first = _FIRST_LINE.match(rows, start)
     fields = fields_of(first[0].decode("utf-8", "replace") if first else "", dialect.separator)
     names, n_fields, odd = _width(fields, dialect, name)
@@ -492,7 +502,8 @@ def _width(
     A separator at the end may add a field; of names one more than fields the last has no values.
     """
     names = dialect.names or ("",) * len(fields)
-    is_short = dialect.is_short and len(fields) == len(names) - 1
+    is_short = dialect.is_short
+    fields = fields[: len(names) - 1] if is_short else fields
     widths = {len(names), len(fields)} if is_short else {len(names)}
     if dialect.units and len(dialect.units) not in widths:
         raise LogError(

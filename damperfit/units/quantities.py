@@ -82,7 +82,7 @@ class Unit:
 _TABLE: dict[str, dict[str, float | tuple[float, float]]] = {
     "length": {
         "m": 1.0,
-        "mm MM millimeter millimeters millimetre millimetres": 1e-3,
+        "mm MM Millimeter Millimeters millimeter millimeters millimetre millimetres": 1e-3,
         "cm": 1e-2,
         "um µm μm micron microns": 1e-6,  # micro sign and Greek mu both occur
         "in in. IN inch inches": _INCH,
@@ -102,7 +102,9 @@ _TABLE: dict[str, dict[str, float | tuple[float, float]]] = {
         "s sec Sec SEC secs second seconds Sek sek": 1.0,
         "ms msec mSec millisecond milliseconds": 1e-3,
         "us µs μs": 1e-6,
-        "min": 60.0,
+        "min minute minutes": 60.0,
+        "h hr hour hours": 3600.0,
+        "d day days": 86_400.0,
     },
     "pressure": {
         "Pa": 1.0,
