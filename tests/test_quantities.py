@@ -43,6 +43,8 @@ DEFINITIONS = [
     ("time", "ms", 0.001),
     ("time", "us", 0.000001),
     ("time", "min", 60.0),
+    ("time", "h", 3600.0),
+    ("time", "day", 86400.0),
     ("pressure", "Pa", 1.0),
     ("pressure", "kPa", 1000.0),
     ("pressure", "MPa", 1000000.0),
@@ -224,7 +226,7 @@ def test_the_error_is_a_configuration_error_and_a_value_error() -> None:
 
 
 def test_units_are_listed_once_each() -> None:
-    assert units_of("time") == ("s", "ms", "us", "min")
+    assert units_of("time") == ("s", "ms", "us", "min", "h", "day")
     assert is_unit("lbf")
     assert not is_unit("furlong")
 

@@ -162,7 +162,7 @@ def _on_one_clock(chosen: Mapping[str, GroupChannel], options: ReadOptions, name
         for channel, column in chosen.items()
     }
     words = f"channels of different rate or start, read at the times of the force: {shown}"
-    finding = Finding("own_rows", "note", words, is_correction=True)
+    finding = Finding("own_rows", "warning", words, is_correction=True)
     channels["time"] = time
     return Samples(channels, lambda index: f"row {index + 1}", findings=(finding,))
 

@@ -104,7 +104,7 @@ _TABLE: dict[str, dict[str, float | tuple[float, float]]] = {
         "us µs μs": 1e-6,
         "min minute minutes": 60.0,
         "h hr hour hours": 3600.0,
-        "d day days": 86_400.0,
+        "day days": 86_400.0,
     },
     "pressure": {
         "Pa": 1.0,

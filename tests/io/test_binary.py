@@ -172,20 +172,31 @@ def test_tdms_channels_of_different_length_are_named(tmp_path) -> None:
     assert "force 9" in message
 
 
-def test_tdms_channels_of_different_rate_are_named(tmp_path) -> None:
+@pytest.mark.parametrize(
+    ("step", "offset", "n"), [(0.002, 0.0, 5), (0.001, 0.003, 6), (0.001, 0.006, 0)]
+)
+def test_tdms_channels_of_different_rate_or_start_are_read_at_the_times_of_the_force(
+    tmp_path, step, offset, n
+) -> None:
     nptdms = pytest.importorskip("nptdms")
     sink = io.BytesIO()
     with nptdms.TdmsWriter(sink) as writer:
-        steps = {"displacement_mm": 0.001, "force_N": 0.002}
+        clocks = {"displacement_mm": (0.001, 0.0), "force_N": (step, offset)}
         writer.write_segment(
             [
-                nptdms.ChannelObject("run", name, np.arange(9.0), {"wf_increment": step})
-                for name, step in steps.items()
+                nptdms.ChannelObject(
+                    "run", name, np.arange(9.0), {"wf_increment": dt, "wf_start_offset": start}
+                )
+                for name, (dt, start) in clocks.items()
             ]
         )
-    message = refusal(put(tmp_path, sink.getvalue(), "a.tdms"))
-    assert "different rate" in message
-    assert "0.002" in message
+    path = put(tmp_path, sink.getvalue(), "a.tdms")
+    if not n:  # hardly any of it is there at the same time
+        assert "different rate or start" in refusal(path)
+        return
+    recording = read_log(path)
+    np.testing.assert_array_equal(recording.force, np.arange(float(n)))
+    np.testing.assert_allclose(1e6 * recording.displacement, 1e6 * recording.time)
 
 
 def test_each_tdms_group_that_is_a_test_is_a_recording(tmp_path) -> None:

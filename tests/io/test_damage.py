@@ -78,6 +78,8 @@ def test_a_flipped_bit_in_tdms_changes_its_own_value_at_most(tmp_path, name, str
         if len(found) != 1:  # more: a time that jumps begins another test, and is told
             n_refused += not found
             continue
+        if any(one.name == "own_rows" for one in found[0].findings):
+            continue  # a start or a rate of one channel, which is a warning
         places = _changed(good, found[0])
         assert len(places) <= 1, (bit, places)
         assert ("time", -1) not in places

@@ -38,7 +38,8 @@ def test_several_missing_columns_share_one_list(refusal) -> None:
     assert told == (
         ": no column for displacement and force; there are 'time_s', 'dislacement_mm', 'forse_N'. "
         "Did you mean 'dislacement_mm' for displacement? Did you mean 'forse_N' for force? "
-        "Name them: rig.columns.displacement = 'NAME', rig.columns.force = 'NAME'"
+        "Name them: rig.columns.displacement = 'NAME', rig.columns.force = 'NAME'; "
+        "without a force nothing can be fitted"
     )
 
 
@@ -128,7 +129,9 @@ def test_short_rows_that_are_cut_at_the_end_are_still_short(tmp_path) -> None:
 
 def test_rows_that_are_short_only_at_first_are_refused_in_their_line(refusal) -> None:
     told = refusal(f"{NARROW},Valve\n{ROWS}0.4,5,6,1\n0.5,6,7,1\n")
-    assert told.startswith(", line 2: found 3 fields, expected 4 fields as in line 1")
+    assert told.startswith(", line 6: found 4 fields, expected 3 fields as in line 2")
+    told = refusal(f"{NARROW},Valve\n0,1,2,1\n0.1,2,3,1\n0.2,3,4,1\n{ROWS[:6]}\n")
+    assert told.startswith(", line 5: found 3 fields, expected 4 fields as in line 1")
     many = "".join(f"{i / 10},1,2\n" for i in range(60))
     told = refusal(f"{NARROW},Valve\n{many}6.1,5,6,1\n6.2,6,7,1\n")
     assert told.startswith(", line 62: found 4 fields, expected 3 fields as in line 2")
