@@ -116,10 +116,11 @@ def _clock_bits(time: FloatArray) -> int:
 
 def _period(values: FloatArray) -> tuple[int, float] | None:
     """Return bits and quantum of a counter that rolls over in a channel; None of any other."""
-    sizes = np.abs(np.diff(values))
+    steps = np.diff(values)
     span = float(np.max(values) - np.min(values))
-    if not span > 0.0 or not float(np.max(sizes)) > _ROLLED * span:  # nor of blanks
+    if not max(float(np.max(steps)), -float(np.min(steps))) > _ROLLED * span:  # nor of blanks
         return None
+    sizes = np.abs(steps)
     quantum = float(f"{np.min(sizes[sizes > 0.0]):.9g}")
     bits = math.ceil(math.log2(span / quantum))
     period = quantum * 2.0**bits
@@ -141,9 +142,10 @@ def _own_rows(values: FloatArray) -> NDArray[np.bool_] | None:
 
 def _repeats(values: FloatArray) -> int:
     """Return how many rows each value stands in where a converter is slower than the rows; or 0."""
-    starts = np.flatnonzero(np.concatenate(([True], values[1:] != values[:-1])))
-    if 2 * len(starts) > len(values) + 1:
+    is_new = values[1:] != values[:-1]
+    if 2 * np.count_nonzero(is_new) > len(values):
         return 0
+    starts = np.flatnonzero(np.concatenate(([True], is_new)))
     runs = np.diff(starts)
     usual = int(median(runs)) if len(runs) else 0
     is_held = 2 <= usual <= _LONGEST and float(np.mean(runs % usual == 0)) >= _REPEATED
