@@ -178,7 +178,8 @@ class _Layer:
         option = self.options.get(".".join(keys[:2]))
         if option is None:
             return error.at(self.place(*keys), subject=".".join(keys))
-        inner = ".".join(keys[2:])
+        # An option that is given several times has no places: what was found says which.
+        inner = ".".join(key for key in keys[2:] if not key.isdigit())
         if option.key or not inner:
             key = ".".join(filter(None, (option.key, inner)))
             return error.at(replace(option, key=key), subject="")
@@ -378,8 +379,6 @@ def _explained(error: ValidationError, layers: Sequence[_Layer]) -> Configuratio
     # pydantic ends with the branch of a union that it tried, which is no key.
     source = max(reversed(layers), key=lambda layer: _depth(layer.values, keys))
     keys = keys[: max(_depth(source.values, keys), 1)]
-    if keys[-1].isdigit():  # of a list: what was found says which
-        keys.pop()
     found = "" if isinstance(first["input"], dict) else f", found {first['input']!r}"
     return source.blame(ConfigurationError(f"{reason}{found}", code="wrong-value"), *keys)
 
