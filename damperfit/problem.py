@@ -160,7 +160,11 @@ def _keyword(name: str, key: str, value: str) -> str:
 
 def _in_python(value: str) -> str:
     """Return a value as Python has it; numbers, and words such as N that stand for one, bare."""
-    if value in {"", "...", "True", "False"} or value.isupper() or value[0] in "'\"[{(":
+    if (
+        value in {"", "...", "True", "False"}
+        or (value.isalpha() and value.isupper())
+        or value[0] in "'\"[{("
+    ):
         return value
     try:
         float(value)

@@ -86,9 +86,9 @@ def test_a_result_says_whose_it_is(results):
     whose = {"serial": "0077", "customer": "Müller", "Farbe": "grün"}
     assert record["test"] == whose
     assert record["inputs"][0]["test"] == whose
-    assert "Tested: serial 0077; customer Müller; Farbe grün." in (results / "report.md").read_text(
-        encoding="utf-8"
-    )
+    assert "Tested: serial 0077; customer: Müller; Farbe: grün." in (
+        results / "report.md"
+    ).read_text(encoding="utf-8")
     page = (results / "report.html").read_text(encoding="utf-8")
     for key, value in whose.items():
         assert f"<dt>{key}</dt><dd>{value}</dd>" in page
