@@ -15,8 +15,6 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["at_speeds", "cycle_energies", "in_both_strokes"]
-
 
 def at_speeds(
     velocity: FloatArray, signals: FloatArray, speeds: Sequence[float], *, sign: float = 1.0

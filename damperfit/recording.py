@@ -25,17 +25,6 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = [
-    "SEVERITIES",
-    "Drive",
-    "FilterDesign",
-    "Finding",
-    "Recording",
-    "Stretch",
-    "StretchFigures",
-    "Trace",
-    "natural_order",
-]
 
 SEVERITIES = ("note", "warning", "refusal")
 _SPEEDS = ("peak_speed_rebound", "peak_speed_bump", "hysteresis_speed")

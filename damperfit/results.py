@@ -86,7 +86,6 @@ if TYPE_CHECKING:
     from damperfit.tables.reading import LogSignals
     from damperfit.uncertainty import SpeedForces
 
-__all__ = ["LogResult", "Run", "SettingResult", "Tested"]
 
 TABLES = ("parameters", "mse", "adjustment", "characteristics", "valves", "responses", "profiles")
 _OF_PARAMETERS = ("parameters.parquet", "parameters.csv")
@@ -593,23 +592,36 @@ class Run:
     def notes(self) -> tuple[str, ...]:
         """What a reader must know of the errors; nothing is missing."""
         lost = [one.setting for one in self._without_errors if self._is_told(one)]
-        said = f"the fit met no minimum at {of_settings(lost)}: the forces there have no interval"
-        return (said,) if lost else ()
+        unjudged = [one.setting for one in self._without_errors if self._has_failed(one)]
+        no_interval = "the forces there have no interval"
+        said = (
+            f"the fit met no minimum at {of_settings(lost)}: {no_interval}" if lost else "",
+            f"{of_settings(unjudged)} could not be judged: {no_interval}" if unjudged else "",
+        )
+        return tuple(filter(None, said))
 
     @property
     def remarks_on_errors(self) -> tuple[str, ...]:
         """Settings whose errors the run should tell, and does not."""
-        lost = [one.setting for one in self._without_errors if not self._is_told(one)]
+        lost = [
+            one.setting
+            for one in self._without_errors
+            if not self._is_told(one) and not self._has_failed(one)
+        ]
         which = "all settings" if len(lost) == len(self.rows("parameters")) else of_settings(lost)
         said = (
-            f"errors and correlations of {which} are missing (an older version, or a damaged "
-            "run.json): forces without intervals"
+            f"errors and correlations of {which} are missing in run.json: forces without intervals"
         )
         return (said,) if lost else ()
 
     @property
     def _without_errors(self) -> list[SettingResult]:
         return [one for one in self.settings if one.covariance is None]
+
+    def _has_failed(self, setting: SettingResult) -> bool:
+        """Whether the run says that judging it came to nothing."""
+        failed = (one.setting for one in failures_in(self.record))
+        return not self._is_told(setting) and setting.setting in failed
 
     def _is_told(self, setting: SettingResult) -> bool:
         """Whether a setting without errors says why: a fit that met no minimum has none."""

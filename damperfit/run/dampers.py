@@ -15,7 +15,6 @@ if TYPE_CHECKING:
 
     from damperfit.run.logs import LogBatch
 
-__all__ = ["by_damper", "folder_name", "of_one_damper"]
 
 _FEW = 5
 

@@ -26,13 +26,6 @@ if TYPE_CHECKING:
     from damperfit.run.logs import LogBatch
     from damperfit.tested.setting import Setting
 
-__all__ = [
-    "once_each",
-    "with_rod_remark",
-    "without_contradictions",
-    "without_contradictory_motions",
-    "without_copies",
-]
 
 _MANY = 20
 _OFF = 0.05  # an area of the rod that is further off is another's

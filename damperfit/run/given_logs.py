@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
     from damperfit.conditioning import ConditionOptions
 
-__all__ = ["as_files", "in_memory"]
 
 _EXPECTED = (
     "expected paths or patterns, or a mapping of labels to data frames, such as "

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from damperfit.damper.quantity import Quantity
     from damperfit.tested.setting import Setting
 
-__all__ = ["start_of_laws", "with_given_start"]
 
 # What dampers of every kind have: a table that tells no more is of another model.
 _EVERYWHERE = frozenset({OFFSET, FRICTION, STIFFNESS, GAS_AMOUNT})

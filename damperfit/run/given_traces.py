@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from damperfit.recording import Trace
     from damperfit.tested.setting import Setting
 
-__all__ = ["with_traces"]
-
 
 def with_traces(batch: LogBatch, traces: Sequence[Trace], setting: Setting | None) -> LogBatch:
     """Return the logs of a run with traces that are there already, as if they had been read.

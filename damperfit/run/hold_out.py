@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from damperfit.recording import Trace
     from damperfit.uncertainty import HoldOutOptions, Prediction
 
-__all__ = ["Parted", "fitting", "named_files", "note_unpredicted", "part", "with_transients"]
 
 _NO_FIT = (
     "has no fit, and no joint fit of others that have its clicks; fit settings that have them "

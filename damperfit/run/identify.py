@@ -45,7 +45,6 @@ if TYPE_CHECKING:
     from damperfit.tables.reading import LogSignals
     from damperfit.tested.setting import Setting
 
-__all__ = ["Identified", "Watch", "identified", "written"]
 
 _LOGGER = logging.getLogger(__name__)
 

@@ -39,7 +39,6 @@ if TYPE_CHECKING:
     from damperfit.recording import Recording
     from damperfit.tested.setting import Place
 
-__all__ = ["FROM_NAME", "GUESSED", "Labels", "labels_for"]
 
 FROM_NAME = "setting: from the file name"
 GUESSED = "setting: guessed from the file name"

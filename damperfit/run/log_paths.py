@@ -17,8 +17,6 @@ from damperfit.run.own_tables import is_own_table
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-__all__ = ["expand", "matches", "real_path"]
-
 
 def expand(patterns: Iterable[str]) -> tuple[Path, ...]:
     """Return the files that paths and patterns name, each once, in natural order.

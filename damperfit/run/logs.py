@@ -48,8 +48,6 @@ _LARGE = 1_000_000  # bytes
 _MANY = 20  # files that are no logs and are named one by one
 _READ_IN_CHILD = {suffix for known in FORMATS if known.in_child for suffix in known.suffixes}
 
-__all__ = ["Ending", "LogBatch", "LogFacts", "Purpose", "failure_of", "read_batch"]
-
 
 class Ending(Enum):
     """How a command that reads logs ended; the value is its exit code."""

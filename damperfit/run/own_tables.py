@@ -13,7 +13,6 @@ from damperfit.units.quantities import units_of
 if TYPE_CHECKING:
     from pathlib import Path
 
-__all__ = ["is_own_log_file", "is_own_table"]
 
 # How the tables in CSV begin, as far as their settings are of one adjuster.
 _HEADINGS = (

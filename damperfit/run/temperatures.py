@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from damperfit.configuration.options import Configuration
     from damperfit.recording import Trace
 
-__all__ = ["check_temperatures", "with_reference"]
 
 # K between the coldest and the warmest log. At 1 to 4 % a kelvin the viscosity then changes by 3 to
 # 12 %, where settings repeat within a few per cent.

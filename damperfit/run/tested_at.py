@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from damperfit.io import TestRow
     from damperfit.recording import Recording, Trace
 
-__all__ = ["conditioned_as_tested", "facts_of"]
-
 
 def facts_of(
     recording: Recording, path: Path, configuration: Configuration, row: TestRow | None

@@ -25,22 +25,6 @@ if TYPE_CHECKING:
 
     from damperfit.damper.model import Values
 
-__all__ = [
-    "CHARACTERISTICS",
-    "PAPER_QUANTITIES",
-    "SCHEMA_VERSION",
-    "adjusters_in",
-    "column_kinds",
-    "column_names",
-    "describe_tables",
-    "quantities_in",
-    "quantity_records",
-    "read_setting",
-    "setting_cells",
-    "table_schema",
-    "unknown_schema",
-    "values_from",
-]
 
 SCHEMA_VERSION = 2
 _READ_VERSIONS = (1, SCHEMA_VERSION)  # 1 did not tell the quantities: they are the paper's

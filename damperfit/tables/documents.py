@@ -11,7 +11,6 @@ from damperfit.tested.setting import Setting
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-__all__ = ["json_pieces", "json_values"]
 
 _PLAIN = frozenset({int, str, bool, type(None)})
 _ENCODER = json.JSONEncoder(ensure_ascii=False, allow_nan=False)

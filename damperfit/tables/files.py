@@ -33,21 +33,6 @@ if TYPE_CHECKING:
     from damperfit.tested.setting import Place, Setting
     from damperfit.units.shown_units import ShownUnits
 
-__all__ = [
-    "facts_of",
-    "lay_out",
-    "read_arrow",
-    "read_cells",
-    "read_facts",
-    "responses_table",
-    "safe_cell",
-    "table_in_units",
-    "time_series_table",
-    "typed_rows",
-    "write_responses",
-    "write_table",
-]
-
 
 # Arrow arrays from their buffers: `pyarrow.array` imports pandas, which every run would wait for.
 

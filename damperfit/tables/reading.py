@@ -42,25 +42,6 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = [
-    "RECORD",
-    "LogSignals",
-    "check_files",
-    "has_table",
-    "is_part",
-    "part_in",
-    "read_known_numbers",
-    "read_part",
-    "read_quantities",
-    "read_record",
-    "read_rows",
-    "read_signals",
-    "read_table",
-    "rows_of",
-    "table_quantities",
-    "title_of",
-    "written_of",
-]
 
 RECORD = b"damperfit_record"  # of the schema's metadata of a fleet's part
 _OWN = ("version", "schema_version", "test", "configuration")  # of a table, not of run.json

@@ -42,17 +42,6 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = [
-    "MISSING",
-    "WITHHELD",
-    "adjustment_rows",
-    "characteristic_rows",
-    "grade",
-    "make_tables",
-    "profile_rows",
-    "signals_of",
-    "valve_rows",
-]
 
 WITHHELD = "withheld"  # in place of a grade that a low MSE does not deserve
 MISSING = "missing"  # outcome of a setting that the configuration expects but that has no fit

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-__all__ = ["adjuster_by_word", "adjuster_of", "lettered", "letters_of"]
 
 # What dampers' makers and tuners call the two strokes.
 _STROKES = (

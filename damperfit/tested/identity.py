@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-__all__ = ["IDENTITY_KEYS", "Identity", "common_identity", "identity_in"]
 
 # What a preamble or a table may call it, in lower case and without what is no letter.
 _WORDS = {

@@ -13,19 +13,6 @@ from damperfit.tested.adjuster_words import adjuster_by_word, lettered
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
-__all__ = [
-    "ADJUSTER",
-    "LONGEST_WORD",
-    "Place",
-    "Setting",
-    "SettingLine",
-    "clicks_between",
-    "lines_of",
-    "nearest_setting",
-    "parse_place",
-    "parse_setting",
-    "short_names",
-]
 
 Place: TypeAlias = int | float | str
 
