@@ -67,6 +67,11 @@ PIECES: dict[str, tuple[str, str, Callable[..., Any]]] = {
     # Fits.
     "idle parts": ("identification.procedures", "without_idle_parts", _first),
     "last step": ("identification.fit_setting", "_last_step", lambda *_: None),
+    "start again at a bound": (
+        "identification.joint",
+        "_helped",
+        lambda _, fits, **__: ({one: fit.parameters for one, fit in fits.items()}, 0),
+    ),
     "detours": ("damper.purdy.parameters", "Damper.detours", lambda *_: ()),
 }
 
