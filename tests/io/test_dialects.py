@@ -520,7 +520,7 @@ def test_quantities_of_a_profile_may_carry_units() -> None:
         ({"scales": {"force": 0.0}}, "scales: force is 0.0, expected other than 0"),
         ({"offsets": {"force": float("nan")}}, "offsets: force is nan"),
         ({"columns": {"force": 1.5}}, "columns.force: expected a text, found 1.5"),
-        ({"part_settings": [True]}, "part_settings: expected a whole number, found True"),
+        ({"part_settings": [True]}, "part_settings.0: expected a whole number, found True"),
         ({"skip_lines": "3"}, "rig.profiles.a.skip_lines: expected a whole number, found '3'"),
         ({"reverse_force": 1}, "expected true, false or 'detect', found 1"),
         ({"sample_rate": -1.0}, "sample_rate: expected 0 or more, found -1.0"),

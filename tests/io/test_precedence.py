@@ -161,7 +161,7 @@ def test_what_the_command_line_got_wrong_is_not_blamed_on_a_profile(tmp_path) ->
         ("scales = {force = true}", r"\.scales\.force: expected a number, found True"),
         ("columns = {force = 1.5}", r"\.columns\.force: expected a text, found 1\.5"),
         ("skip_lines = '2'", r"\.skip_lines: expected a whole number, found '2'"),
-        ("part_settings = [true]", r"\.part_settings: expected a whole number, found True"),
+        ("part_settings = [true]", r"\.part_settings\.0: expected a whole number, found True"),
         ("reverse_force = 'no'", r"expected true, false or 'detect', found 'no'"),
         ("sample_rate = '1kHz/s'", r"\.sample_rate: no unit of frequency"),
         ("decimal = ';'", r"decimal: found ';', expected '\.' or ','"),
