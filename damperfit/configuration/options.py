@@ -213,6 +213,9 @@ class Configuration:
     chosen_mse : mapping of Setting to float
         MSE of that law at each setting when it was chosen, per cent: what is delivered must reach
         it.
+    log_offsets : mapping of str to float
+        By name of a log, N: taken off its force, for its cell was zeroed otherwise than that of the
+        other logs of its setting.
     """
 
     damper: Model
@@ -230,6 +233,7 @@ class Configuration:
     document: dict[str, Any] = field(compare=False, repr=False)
     chosen_law: Mapping[str, Any] = field(default_factory=dict, compare=False, repr=False)
     chosen_mse: Mapping[Setting, float] = field(default_factory=dict, compare=False, repr=False)
+    log_offsets: Mapping[str, float] = field(default_factory=dict, compare=False, repr=False)
 
     def with_damper(
         self, damper: Model, *, identification: FitOptions | None = None

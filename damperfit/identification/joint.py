@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "JointResult",
+    "fit_from_one_model",
     "fit_settings_jointly",
 ]
 
@@ -188,9 +189,7 @@ def _fit_sound(
     solution = fit_jointly(problem, starts)
     solution = _fairly_weighed(problem, solution)
     spent, rises = spent + solution.evaluations, {}
-    warnings = [] if solution.is_converged else [_NO_MINIMUM]
-    if not _is_fairly_weighed(solution):
-        warnings.append(_WEIGHTS_MOVE)
+    warnings = _of_ending(solution)
     if is_gas:
         alone = solution
         solution, more = _with_gas(given, problem, alone.parameters)
@@ -214,6 +213,49 @@ def _fit_sound(
         evaluations=spent,
         warnings=tuple(warnings),
     )
+
+
+def fit_from_one_model(
+    given: ProcedureInput, way: Way, moving: tuple[str, ...], starts: Mapping[Setting, Values]
+) -> JointResult:
+    """Fit all settings together from where one model of them has ended already.
+
+    Raises
+    ------
+    SettingError
+        A setting cannot be simulated there.
+    FitCancelledError
+        When the caller asked to stop.
+    """
+    free = given.ordered(moving)
+    problems = {setting: given.problem(setting, free) for setting in given.settings}
+    tied = TiedProblem(problems, way.shared, way.follows, jobs=given.jobs)
+    solution = fit_jointly(tied, starts)
+    left = {s: 100.0 * x / problems[s].deviation ** 2 for s, x in solution.mean_squares.items()}
+    if any(percent < problems[s].solvers_percent for s, percent in left.items()):
+        exact = {s: one.refined(left[s]) for s, one in problems.items()}
+        tied = replace(tied, problems=exact)
+        again = fit_jointly(tied, solution.parameters)
+        solution = replace(again, evaluations=solution.evaluations + again.evaluations)
+    solution = _fairly_weighed(tied, solution)
+    return JointResult(
+        solution=solution,
+        way=way,
+        status=_statuses(solution, way, is_gas=False),
+        sharing=Sharing(
+            free, jointly=way.shared, follows=way.follows, settings=tuple(sorted(starts))
+        ),
+        evaluations=solution.evaluations,
+        warnings=tuple(_of_ending(solution)),
+    )
+
+
+def _of_ending(solution: JointSolution) -> list[str]:
+    """Say what a joint fit has not reached."""
+    warnings = [] if solution.is_converged else [_NO_MINIMUM]
+    if not _is_fairly_weighed(solution):
+        warnings.append(_WEIGHTS_MOVE)
+    return warnings
 
 
 def _as_one_model(

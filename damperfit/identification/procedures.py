@@ -8,6 +8,7 @@ the friction over a first pass of all settings gives f_f; then R_m1, R_m2 and K_
 from __future__ import annotations
 
 from collections import defaultdict
+from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -19,6 +20,7 @@ from damperfit.identification.blas_threads import one_blas_thread
 from damperfit.identification.campaign import (
     Campaign,
     ProcedureInput,
+    SettingError,
     SettingFailure,
     attempted,
     attempted_for_all,
@@ -27,7 +29,7 @@ from damperfit.identification.campaign import (
 from damperfit.identification.fit_setting import Fit, describe_fit
 from damperfit.identification.following import Way, declared_way
 from damperfit.identification.inactive_parts import without_idle_parts
-from damperfit.identification.joint import fit_settings_jointly
+from damperfit.identification.joint import fit_from_one_model, fit_settings_jointly
 from damperfit.identification.mean_cycle import SettledLogs, settled
 from damperfit.identification.options import FitOptions, check_options, shared_names
 from damperfit.identification.paper import MEAN, TAKEN, as_in_the_paper
@@ -40,7 +42,7 @@ from damperfit.workers import apart
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from damperfit.damper.model import Model
+    from damperfit.damper.model import Model, Values
     from damperfit.identification.fit_problem import FitProblem
 
 __all__ = ["PROCEDURES", "identify"]
@@ -171,6 +173,10 @@ def _plain(given: ProcedureInput) -> Campaign:
 def _joint(given: ProcedureInput) -> Campaign:
     """One fit over the settings, from the model's own procedure; unsound ones follow it."""
     way, moving = _way_of(given)
+    ended = _ended_as_one(given)
+    if way is not None and way.shared and ended:
+        with suppress(SettingError):
+            return _from_one_model(given, way, moving, ended)
     name = "paper" if "paper" in given.damper.procedures else "plain"
     by_paper = {TAKEN, MEAN} if name == "paper" and (way is None or not way.follows) else set()
     shared = {*shared_names(given.options, given.damper)} if way is None else {*way.shared}
@@ -220,6 +226,33 @@ def _joint(given: ProcedureInput) -> Campaign:
             is_spread_certain=before.sharing.is_spread_certain,
         )
     return replace(collected, sharing=sharing)
+
+
+def _ended_as_one(given: ProcedureInput) -> dict[Setting, Values]:
+    """Where one model of all settings has ended; empty where none has."""
+    said = given.options.start
+    if not said.is_of_one_model or any(s not in said.by_setting for s in given.settings):
+        return {}
+    first = given.damper.start(next(iter(given.settings.values())), given.options.fixed)[0]
+    return {s: given.with_given_start(s, first, given.options.fixed) for s in given.settings}
+
+
+def _from_one_model(
+    given: ProcedureInput, way: Way, moving: tuple[str, ...], starts: Mapping[Setting, Values]
+) -> Campaign:
+    """All settings together from there, then what is a setting's own."""
+    together = fit_from_one_model(given, way, moving, starts)
+
+    def fit(setting: Setting) -> tuple[Fit, Search | None]:
+        problem = given.problem(setting, given.ordered(together.own_at(setting)))
+        start = together.solution.parameters[setting]
+        result, search = fit_from(setting, problem, start, starts=1, spent=together.evaluations)
+        return describe_fit(
+            setting, result.with_status(together.status_at(setting)), problem
+        ), search
+
+    found = fit_every_setting(given, fit, together.warnings)
+    return replace(found, sharing=together.sharing)
 
 
 def _way_of(given: ProcedureInput) -> tuple[Way | None, tuple[str, ...]]:

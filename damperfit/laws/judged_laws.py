@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from damperfit.laws.choosing import Tried
 
 __all__ = ["JudgedLaw", "LawSearch", "Together"]
@@ -65,6 +67,9 @@ class LawSearch:
         What yields and tells the logs about as well as the law that was taken; empty for none.
     is_of_one_model : bool
         Whether the law was taken as one model, at all settings: what these have in common is equal.
+    offsets : mapping of str to float
+        By name of a log, N: by how much its force lies beside that of the other logs of its
+        setting, whose offset is fitted. A cell is zeroed anew.
     """
 
     laws: tuple[JudgedLaw, ...]
@@ -76,6 +81,7 @@ class LawSearch:
     is_of_one_model: bool = False
     is_held_by_some: bool = False
     doubt: str = ""
+    offsets: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["UNDETERMINED", "LawFit", "SettingLogs", "fit_at", "fit_law", "glimpsed"]
+__all__ = ["UNDETERMINED", "LawFit", "SettingLogs", "descended", "fit_at", "fit_law", "glimpsed"]
 
 # A standard error of this factor to both sides, and a quantity is not determined.
 UNDETERMINED = 1.65
@@ -179,7 +179,7 @@ def fit_law(  # noqa: PLR0913 - what a search may ask of it
     """
     held, misfit = _misfit(model, evidence, freed, solver, fixed)
     free, coarse = misfit.free, misfit.on_cycles()
-    ended, spent = _descended(coarse, near, held, evidence.more_start, hopeless_percent / 100.0)
+    ended, spent = descended(coarse, near, held, evidence.more_start, hopeless_percent / 100.0)
     if is_whole:
         ended = misfit.descend(ended.extra, COMPARING)
         spent += ended.evaluations
@@ -223,7 +223,8 @@ def fit_at(
         The law cannot be simulated there.
     """
     model, free, solver = misfit.model, misfit.free, misfit.solver
-    missed = misses(model, values, evidence.fitted, solver)
+    has_own_offsets = misfit.offset is not None
+    missed = misses(model, values, evidence.fitted, solver, has_own_offsets=has_own_offsets)
     held_out, kind = math.nan, TRANSIENTS if evidence.is_part else "logs"
     try:
         if evidence.held_out:
@@ -338,7 +339,7 @@ def _beside(misfit: LawMisfit, near: Values) -> tuple[dict[str, float], dict[str
     return shared, misfit.absent_beside(shared)
 
 
-def _descended(
+def descended(
     misfit: LawMisfit,
     near: Values | None,
     held: Mapping[str, float],

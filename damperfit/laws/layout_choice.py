@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from damperfit.laws.choosing import SEEN_APART, are_alike, times_worse
+from damperfit.laws.choosing import are_alike
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -14,15 +14,11 @@ if TYPE_CHECKING:
 
 __all__ = ["is_told_as_one", "layout_taken", "said_of_layout"]
 
-# Layouts, those that most dampers have first.
-_USUAL = ("monotube", "twin_tube", "through_flow")
-
 
 def layout_taken(law: Tried, others: Sequence[Tried]) -> Tried:
     """Return which of the same parts in several layouts is taken.
 
-    The best, unless the one that the search went on with is alike. Where it cannot be told from
-    others at all, the most usual of them: forces do not say how a damper is built.
+    The best, unless the one that the search went on with is alike.
 
     Parameters
     ----------
@@ -31,11 +27,8 @@ def layout_taken(law: Tried, others: Sequence[Tried]) -> Tried:
     others : sequence of Tried
         The same parts in other layouts.
     """
-    first = min((law, *others), key=lambda one: one.score)
-    untold = [one for one in (law, *others) if one is first or times_worse(first, one) < SEEN_APART]
-    if law not in untold and are_alike(first, law):
-        return law
-    return min(untold, key=lambda one: _USUAL.index(one.fits[0].model.name))
+    best = min((law, *others), key=lambda one: one.score)
+    return law if are_alike(best, law) else best
 
 
 def is_told_as_one(law: Tried, other: Tried) -> bool:

@@ -286,8 +286,9 @@ class OneModel:
                 slopes[first : first + block.shape[1], rows[s]] = block[1:].T
                 first += block.shape[1]
             slopes[:, within != numbers] = 0.0  # beyond the edge nothing changes any more
-            held = np.where(is_log, np.log(np.where(is_log, numbers / start, 1.0)), 0.0)
-            slopes = np.vstack([slopes, np.diag(np.where(is_log, _HELD / numbers, 0.0))])
+            positive = np.where(is_log, numbers, 1.0)
+            held = np.log(positive / np.where(is_log, start, 1.0))
+            slopes = np.vstack([slopes, np.diag(np.where(is_log, _HELD / positive, 0.0))])
             return np.concatenate([whole, _HELD * held]), slopes, values
 
         transformation = Transformation(is_log, np.where(is_log, 1.0, deviation))

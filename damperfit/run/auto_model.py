@@ -14,26 +14,18 @@ from damperfit.configuration.options import GAS, gas_in_words
 from damperfit.configuration.what_is_tested import followed, unmatched
 from damperfit.damper.purdy.parameters import Damper
 from damperfit.damper.valve_dampers import Monotube, ValveDamper
-from damperfit.errors import ConfigurationError, SimulationError
+from damperfit.errors import ConfigurationError
 from damperfit.identification import DETECT, GivenStart, shared_names
-from damperfit.identification.campaign import SettingError
-from damperfit.identification.fit_problem import FitProblem
-from damperfit.identification.following import Way, declared_way, detected_way
 from damperfit.laws import (
     SettingLogs,
-    fit_law,
-    from_another,
     interchangeable_parts,
-    lent,
     physics_seen,
     rank_rivals,
-    search_laws,
     undecided,
     yielding_seen,
 )
-from damperfit.laws.elsewhere import freed_of
 from damperfit.laws.other_layouts import LAYOUTS
-from damperfit.laws.together import told_together
+from damperfit.laws.structure_search import follows_by_scope, search_structures
 from damperfit.problem import failure_lines
 from damperfit.reporting.laws import chosen_records, rival_records, tried_law_records
 from damperfit.run.dampers import of_one_damper
@@ -41,8 +33,7 @@ from damperfit.run.duplicate_tests import once_each, without_contradictions, wit
 from damperfit.run.hold_out import named_files, part, with_transients
 from damperfit.run.log_paths import expand
 from damperfit.run.logs import read_batch
-from damperfit.tested.setting import nearest_setting
-from damperfit.workers import available_cores, executor
+from damperfit.workers import available_cores
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -54,20 +45,18 @@ if TYPE_CHECKING:
     from damperfit.laws import JudgedLaw, LawFit, LawSearch, Tried
     from damperfit.problem import Failure, Problem
     from damperfit.run.hold_out import Parted
-    from damperfit.simulation import SolverOptions
     from damperfit.tested.setting import Setting
 
 __all__ = [
     "GAS_LENGTHS",
     "LawChoice",
     "assumed_gas",
-    "at_every_setting",
     "choose_law",
     "declared_dimensions",
     "is_monotube_open",
     "open_dimensions",
     "open_layout",
-    "told_as_one",
+    "ties_of",
     "with_chosen_law",
 ]
 
@@ -220,186 +209,42 @@ def assumed_gas(configuration: Configuration, tried: Sequence[Tried]) -> tuple[s
     return (said,)
 
 
-# The chosen law at every setting: by itself, and as one model where a joint fit is asked for.
-
-# Numbers that follow what another of the same valve follows, where the logs tell the way.
-_LIKE = {"leak": "bleed", "bleed": "leak", "port": "slope", "width": "slope", "lift": "slope"}
+# What settings have in common.
 
 
-def at_every_setting(
-    law: Tried, evidence: Sequence[SettingLogs], solver: SolverOptions, *, jobs: int
-) -> tuple[LawFit | None, ...]:
-    """Return the law at each setting by itself; None where it cannot be simulated.
+def ties_of(
+    configuration: Configuration, adjusters: tuple[str, ...], *, is_adjusted: bool = False
+) -> Callable[[Model, Sequence[str]], Follows]:
+    """Return from a model and what is free to the adjusters that each quantity follows.
 
-    Parameters
-    ----------
-    law : Tried
-        With its fits at the settings that were compared.
-    evidence : sequence of SettingLogs
-        The logs of all settings.
-    solver : SolverOptions
-        How exactly to integrate.
-    jobs : int
-        Threads.
-    """
-    known, model, freed = {one.setting: one for one in law.fits}, law.fits[0].model, freed_of(law)
-
-    def fit(one: SettingLogs) -> LawFit | None:
-        if one.setting in known:
-            return known[one.setting]
-        try:
-            near = nearest_setting(one.setting, known)
-            return fit_law(
-                model,
-                one if near is None else from_another(one, known[near].values),
-                freed=freed,
-                near=None if near is None or known[near].undetermined else known[near].values,
-                solver=solver,
-            )
-        except SimulationError:
-            return None
-
-    with executor(jobs) as pool:
-        apart = tuple(pool.map(fit, evidence))
-    sound = tuple(one for one in apart if one is not None)
-
-    def beside(logs: SettingLogs, own: LawFit | None) -> LawFit | None:
-        return own if own is None else lent(own, logs, sound, solver, is_whole=True)
-
-    with executor(jobs) as pool:
-        return tuple(pool.map(beside, evidence, apart))
-
-
-def told_as_one(  # noqa: PLR0913 - what a search has found and who waits for it
-    configuration: Configuration,
-    search: LawSearch,
-    fits: Sequence[LawFit],
-    evidence: Sequence[SettingLogs],
-    *,
-    layouts: Sequence[ValveDamper],
-    jobs: int,
-    on_law: Callable[[JudgedLaw], None],
-) -> tuple[LawSearch, tuple[LawFit, ...]]:
-    """Return the search and the fits of all settings with what one model of them has told.
-
-    They stay as they are where no joint fit shares what no adjuster moves, and where one model
-    cannot be simulated.
+    What is the damper's or the rig's follows none, and the rest is each setting's own; so is
+    everything where each setting is to be fitted by itself.
 
     Parameters
     ----------
     configuration : Configuration
         The procedure, and what is declared of the adjusters.
-    search : LawSearch
-        The law that was chosen.
-    fits : sequence of LawFit
-        That law at each setting by itself.
-    evidence : sequence of SettingLogs
-        The logs of these settings.
-    layouts : sequence of ValveDamper
-        That were compared.
-    jobs : int
-        Threads.
-    on_law : callable
-        Called with every law that was judged.
+    adjusters : tuple of str
+        Of the settings.
+    is_adjusted : bool
+        Whether what is declared to follow an adjuster does.
     """
-    options = configuration.identification
-    model = search.chosen.fits[0].model
-    if options.procedure != "joint" or search.also or len(fits) < 2:
-        return search, tuple(fits)
-    if not isinstance(model, ValveDamper) or not _is_shared(configuration, model):
-        return search, tuple(fits)
-    known = {one.setting: one for one in evidence}
-    logs = [known[fit.setting] for fit in fits]
-    try:
-        found = told_together(
-            fits,
-            logs,
-            _follows(configuration, fits, logs, jobs=jobs),
-            layouts=[one for one in layouts if one.name != model.name],
-            solver=options.solver,
-            jobs=jobs,
-            on_law=on_law,
-        )
-    except (SimulationError, SettingError):
-        return search, tuple(fits)
-    earlier = tuple(replace(one, is_taken=False) for one in search.laws)
-    is_another = found.chosen.fits[0].model.name != model.name
-    told = replace(
-        search, laws=(*earlier, *found.laws), chosen=found.chosen, is_of_one_model=True,
-        alike=found.alike if is_another else search.alike,
-    )  # fmt: skip
-    return told, found.chosen.fits
+    options, declared = configuration.identification, configuration.declared
+    is_apart = "identification.procedure" in declared and options.procedure != "joint"
+    share = options.share if "identification.share" in declared else None
 
-
-def _is_shared(configuration: Configuration, model: ValveDamper) -> bool:
-    """Whether a joint fit of this model shares what no adjuster moves.
-
-    The configuration's own model, before a law is chosen, may be another: it has other quantities
-    to follow adjusters, and shares others.
-    """
-    if followed(configuration.document["adjusters"], model, is_law_open=True):
-        return True
-    is_said = "identification.share" in configuration.declared
-    return configuration.identification.is_detecting or not is_said
-
-
-def _follows(
-    configuration: Configuration,
-    fits: Sequence[LawFit],
-    logs: Sequence[SettingLogs],
-    *,
-    jobs: int,
-) -> Callable[[Model, Sequence[str]], Follows]:
-    """From a law and what is free to the adjusters that each quantity follows."""
-    adjusters = min(fit.setting for fit in fits).adjusters
-    declared = configuration.document["adjusters"]
-
-    def as_declared(model: Model, free: Sequence[str]) -> Follows:
-        said = followed(declared, model, is_law_open=True)
-        way = declared_way(model, free, {n: who for n, who in said.items() if n in free}, adjusters)
-        return _with_own(way, adjusters)
-
-    if followed(declared, fits[0].model, is_law_open=True):
-        return as_declared
-    told = _with_own(_told(configuration, fits, logs, jobs=jobs), adjusters)
-
-    def as_told(model: Model, free: Sequence[str]) -> Follows:
-        found = {}
-        for name in free:
-            stroke, _, part = name.partition("_")
-            like = f"{stroke}_{_LIKE.get(part, part)}"
-            if name in told or like in told:
-                found[name] = told.get(name, told.get(like, ()))
-            elif model.quantity(name).is_offset:
-                found[name] = adjusters
+    def follows(model: Model, free: Sequence[str]) -> Follows:
+        if is_apart:
+            return dict.fromkeys(free, adjusters)
+        found = dict(follows_by_scope(model, free, adjusters))
+        if share and not options.is_detecting:
+            found = {name: adjusters for name in free if name not in share}
+        if is_adjusted:
+            said = followed(configuration.document["adjusters"], model, is_law_open=True)
+            found |= {n: tuple(a for a in adjusters if a in said[n]) for n in free if n in said}
         return found
 
-    return as_told
-
-
-def _told(
-    configuration: Configuration,
-    fits: Sequence[LawFit],
-    logs: Sequence[SettingLogs],
-    *,
-    jobs: int,
-) -> Way:
-    options = configuration.identification
-    misfits = {
-        fit.setting: FitProblem(
-            fit.model,
-            one.fitted,
-            fit.free,
-            options.solver,
-            max_evaluations=options.max_evaluations,
-        )
-        for fit, one in zip(fits, logs, strict=True)
-    }
-    return detected_way(misfits, {fit.setting: fit.values for fit in fits}, jobs=jobs).way
-
-
-def _with_own(way: Way, adjusters: tuple[str, ...]) -> Follows:
-    return {**way.follows, **dict.fromkeys(way.own, adjusters)}
+    return follows
 
 
 # Logs in, the law that they tell out: a search on few settings, the chosen law at all of them.
@@ -542,28 +387,26 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
             "damperfit inspect shows what is wrong with them"
         )
     solver = configuration.identification.solver
-    compared = _softest_and_stiffest(evidence)
-    layouts = _layouts(configuration, layout)
-    search = search_laws(
+    ends = _softest_and_stiffest(evidence)
+    adjusters = evidence[0].setting.adjusters
+    search = search_structures(
         _plain(configuration),
-        layouts,
-        compared,
+        _layouts(configuration, layout),
+        evidence,
+        follows=ties_of(configuration, adjusters),
+        adjusted=ties_of(configuration, adjusters, is_adjusted=True),
         solver=solver,
         on_law=on_law,
+        n_starts=configuration.identification.starts,
         jobs=workers,
-        held_share=_held_share(compared),
+        held_share=_held_share(ends),
         held_by_some=_held_by_some(evidence),
-        elsewhere=[one for one in evidence if one not in compared],
     )
-    fits = at_every_setting(search.chosen, evidence, solver, jobs=workers)
     rivals: tuple[Tried, ...] = ()
     if on_rival is not None:
-        rivals = rank_rivals(compared, solver=solver, on_rival=on_rival, jobs=workers)
-    found = tuple(one for one in fits if one is not None)
-    search, found = told_as_one(
-        configuration, search, found, evidence,
-        layouts=layouts, jobs=workers, on_law=on_law,
-    )  # fmt: skip
+        rivals = rank_rivals(ends, solver=solver, on_rival=on_rival, jobs=workers)
+    found = search.chosen.fits
+    fitted = {one.setting for one in found}
     best = search.chosen.fits[0]
     is_open = is_monotube_open(configuration, search, layout)
     doubts = (
@@ -572,10 +415,10 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
     )
     return LawChoice(
         search,
-        tuple(one.setting for one in compared),
+        tuple(one.setting for one in evidence),
         found,
         parted.batch.failures,
-        tuple(e.setting for e, one in zip(evidence, fits, strict=True) if one is None),
+        tuple(one.setting for one in evidence if one.setting not in fitted),
         rivals,
         (*parted.batch.remarks, *assumed_gas(configuration, [one.tried for one in search.laws])),
         (*doubts, *undecided(search, found, evidence)),
@@ -602,6 +445,7 @@ def with_chosen_law(configuration: Configuration, choice: LawChoice) -> Configur
         configuration,
         chosen_law=choice.document(),
         chosen_mse={fit.setting: fit.mse_percent for fit in choice.fits},
+        log_offsets=choice.search.offsets,
     )
     is_declared = isinstance(best.model, Damper) and best.model == configuration.damper
     if is_declared and not _freed(best):
@@ -613,9 +457,13 @@ def with_chosen_law(configuration: Configuration, choice: LawChoice) -> Configur
             for adjuster, said in adjusters.items()
         }
     found = {fit.setting: asdict(fit.values) for fit in choice.fits}
+    follows = followed(adjusters, best.model, is_law_open=True)
+    options = _options_of(configuration, best)
+    if choice.search.is_of_one_model and not follows:
+        options = _tied(configuration, options, best)
     options = replace(
-        _options_of(configuration, best),
-        follows=followed(adjusters, best.model, is_law_open=True),
+        options,
+        follows=follows,
         start=GivenStart(by_setting=found, is_of_one_model=choice.search.is_of_one_model),
         is_leaving_out=True,
     )
@@ -676,6 +524,20 @@ def _options_of(configuration: Configuration, best: LawFit) -> FitOptions:
     elif procedure == "joint" and not options.is_detecting:
         shared = shared_names(options, model)
     return replace(options, free=tuple(name for name in best.free if name not in shared))
+
+
+def _tied(configuration: Configuration, options: FitOptions, best: LawFit) -> FitOptions:
+    """What is fitted of a structure that was chosen at all settings together, as it was chosen."""
+    if "identification.procedure" in configuration.declared:
+        return options
+    adjusters = best.setting.adjusters
+    own = ties_of(configuration, adjusters)(best.model, best.free)
+    return replace(
+        options,
+        procedure="joint",
+        share=tuple(name for name in best.free if name not in own),
+        free=tuple(name for name in best.free if name in own),
+    )
 
 
 def _evidence(

@@ -426,6 +426,10 @@ def _take_test(
         raise
     except Exception as error:  # noqa: BLE001
         return _failed(known, error, _seen_raw(recording), task="conditioning the log")
+    offset = configuration.log_offsets.get(trace.name, 0.0)
+    if offset:
+        trace = replace(trace, force=trace.force - offset)
+        tested_at = {**tested_at, "force_offset": offset}
     sentences = (one.sentence for one in trace.findings)
     facts = trace.describe() | {
         **whose,

@@ -17,7 +17,6 @@ import numpy as np
 from damperfit.errors import SimulationError
 from damperfit.identification.fit_problem import common_variables, is_at_edge, linearise
 from damperfit.identification.least_squares import NO_LENGTH, DenseSystem, Stopping, iterate
-from damperfit.identification.outcome import Outcome
 from damperfit.identification.tied_problem import JointSolution, TiedProblem, fit_jointly
 from damperfit.statistics import NORMAL_95
 from damperfit.uncertainty.intervals import shared_curvature
@@ -303,7 +302,7 @@ def profile_jointly(
     fits = [
         one.fit
         for one in linearised
-        if one.fit.setting in sharing.settings and one.fit.outcome is Outcome.CONVERGED
+        if one.fit.setting in sharing.settings and one.fit.outcome.is_minimum
     ]
     start = {fit.setting: fit.parameters for fit in fits}
     whole = TiedProblem(

@@ -1,17 +1,18 @@
 /* A damper of passages on a rig, in small steps of the classic Runge-Kutta method: slow, obvious,
    and with nothing in common with the core. The rod has a mass, friction is a bristle that bends
-   before it slides, oil holds free gas, and a passage may follow any power of its flow.
+   before it slides, oil holds free gas, and a passage may follow any power of its flow. Rubber in
+   the mounting is a second bristle beside the spring: what it holds does not ask for the speed.
 
-   State: oil masses of chambers 1 and 2, place and speed of the rod, bend of the bristle. */
+   State: oil masses of chambers 1 and 2, place and speed of the rod, bends of both bristles. */
 #include <math.h>
 
 enum { FROM, TO, TWO_WAY, OPENING, LINEAR, ROOT, COST, POWER, PASSAGE };
 enum {
     ROD, BORE, LENGTH_1, LENGTH_2, DENSITY, GAS_PRESSURE, GAS_VOLUME, EXPONENT, AMBIENT, BULK,
     FREE_GAS, STIFFNESS, PLAY, END_DAMPING, MASS, FRICTION, BREAKAWAY, STRIBECK, SEAL, PRESLIDING,
-    DRAG, FLOATING, NUMBERS
+    DRAG, FLOATING, RUBBER, RUBBER_BEND, NUMBERS
 };
-enum { M1, M2, Y, U, Z, STATES };
+enum { M1, M2, Y, U, Z, BEND, STATES };
 
 /* The root and the kink at D = p_open are rounded within so many pascals. */
 static const double ROUND = 400.0;
@@ -70,6 +71,11 @@ static void rates(const double *state, double x, double v, const double *n, cons
     double stretch = x - y, gap = 0.5 * n[PLAY];
     double over = stretch > gap ? stretch - gap : stretch < -gap ? stretch + gap : 0.0;
     *pull = over != 0.0 ? n[STIFFNESS] * over + n[END_DAMPING] * (v - u) : 0.0;
+    change[BEND] = 0.0;
+    if (n[RUBBER] > 0.0) {
+        *pull += n[RUBBER] / n[RUBBER_BEND] * state[BEND];
+        change[BEND] = v - u - fabs(v - u) / n[RUBBER_BEND] * state[BEND];
+    }
     double slides = n[FRICTION] + n[SEAL] * p[1];
     if (n[STRIBECK] > 0.0)
         slides += n[BREAKAWAY] * exp(-(u / n[STRIBECK]) * (u / n[STRIBECK]));
@@ -91,7 +97,7 @@ int rig_run(const double *n, const double *ways, int n_ways, const double *x, co
     double level = n[ROD] * (n[AMBIENT] - n[GAS_PRESSURE]);
     double y = x[0] - level / n[STIFFNESS] + (level > 0.0 ? -0.5 : 0.5) * n[PLAY];
     double state[STATES] = {n[DENSITY] * a1 * (n[LENGTH_1] - y),
-                            n[DENSITY] * n[BORE] * (n[LENGTH_2] + y), y, 0.0, 0.0};
+                            n[DENSITY] * n[BORE] * (n[LENGTH_2] + y), y, 0.0, 0.0, 0.0};
     double h = interval / steps, slope[4][STATES], at[STATES];
     for (int k = 0; k <= n_samples; k++) {
         rates(state, x[k], v[k], n, ways, n_ways, slope[0], p, &pull);

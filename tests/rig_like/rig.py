@@ -92,6 +92,8 @@ class Body:
     seal: float = 0.0
     presliding: float = 2e-6
     drag: float = 0.0
+    rubber: float = 0.0
+    rubber_bend: float = 4e-4
 
     @property
     def areas(self) -> tuple[float, float]:
@@ -107,6 +109,7 @@ class Body:
             self.gas_volume, self.gas_exponent, AMBIENT, self.bulk, self.free_gas, self.stiffness,
             self.play, damping, self.mass, self.friction, self.breakaway, self.stribeck, self.seal,
             self.presliding, self.drag, float(self.layout == "monotube"),
+            self.rubber, self.rubber_bend,
         ]  # fmt: skip
 
     @property
@@ -124,7 +127,8 @@ class Body:
             mine = [way[4:] for way in self.ways if chamber in way[:2]]
             steep = max(steep, sum(_steepest(*one) for one in mine))
         bristle = 1.4 * math.sqrt((self.friction + self.breakaway) / self.presliding / self.mass)
-        ends = 0.4 * math.sqrt(self.stiffness / self.mass) + bristle
+        stiff = self.stiffness + self.rubber / self.rubber_bend
+        ends = 0.4 * math.sqrt(stiff / self.mass) + bristle
         return max(give * steep, 2 * ends)
 
 
