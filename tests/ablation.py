@@ -25,45 +25,18 @@ if TYPE_CHECKING:
 __all__ = ["PIECES", "switched_off"]
 
 
-def _law(_: Any, law: Any, *__: Any, **___: Any) -> Any:
-    """Return the law that a step of a search was given."""
-    return law
-
-
 def _first(given: Any, *_: Any, **__: Any) -> Any:
     return given
 
 
-def _nothing(*_: Any, **__: Any) -> str:
-    return ""
-
-
 # By name: module, what is replaced (a class's function as Class.name), and by what.
 PIECES: dict[str, tuple[str, str, Callable[..., Any]]] = {
-    # The search of laws, setting by setting.
-    "ports first": ("laws.search", "_Search.ported", lambda _, found: list(found)),
-    "bleeds": ("laws.search", "with_bleeds_told", _law),
-    "needed elsewhere": ("laws.course", "needed_at", _nothing),
-    "without unseen": ("laws.search", "_Search.without_unseen", _law),
-    "layouts again": ("laws.search", "_Search.in_its_layout", _law),
-    "crossed": ("laws.course", "Course.crossed", _law),
-    "strokes": ("laws.search", "with_strokes_told", _law),
-    "strokes in course": ("laws.course", "with_strokes_told", _law),
-    "without early": ("laws.search", "_Search.without_early", _law),
-    "lent": ("run.auto_model", "lent", lambda own, *_, **__: own),
-    "turning": ("laws.search", "with_turning_told", _law),
-    "supposed": ("laws.search", "with_supposed_told", _law),
-    "yielding": ("laws.search", "_Search.yielding", _law),
-    "grown": ("laws.search", "_Search.needed_by_some", _law),
-    "back from": ("laws.course", "Course.back_from", _law),
-    # One model of all settings.
-    "joint both ways": ("laws.law_of_all", "with_both_ways", lambda _, at: at),
-    "joint led back": ("laws.together", "_Course.led_back", lambda _, law, tried, __: (law, tried)),
-    "joint turned": ("laws.together", "_Course.turned", lambda *given: given[3:5]),
-    "joint swapped": ("laws.together", "_Course.swapped", lambda *given: given[2:4]),
-    "joint cheaper": ("laws.together", "_Course.cheaper", lambda *given: given[4:6]),
-    "joint bare": ("laws.together", "_Course.bare", lambda _, __, tried: tried),
-    "joint put in": ("laws.thinning", "Thinning.put_in", lambda *given: given[3:5]),
+    # The search over structures.
+    "lent": ("laws.search", "_Search.lent", lambda search, fit: search.ended_at(fit)),
+    "layouts again": ("laws.search", "_Search.in_its_layout", lambda _, fit, __: fit),
+    "missed": ("laws.search", "_Search.missed", lambda _, fit: fit),
+    "held out": ("laws.search", "_Search.of_held_out", lambda *_: 0.0),
+    "yielding": ("laws.search", "_Search.yielding", lambda _, law, *__: law),
     # Fits.
     "idle parts": ("identification.procedures", "without_idle_parts", _first),
     "last step": ("identification.fit_setting", "_last_step", lambda *_: None),

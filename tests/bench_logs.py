@@ -26,7 +26,7 @@ from damperfit.simulation import simulate
 from tests.identification import accuracy_of_motions, convergence
 from tests.laws.valve_logs import moved
 from tests.oracles import motions
-from tests.rig_like import dampers, other_laws, rig, test_triangles, valve_bars
+from tests.rig_like import campaign, dampers, other_laws, rig, test_triangles, valve_bars
 from tests.rig_like.bars import SHARED, adjusted
 from tests.rig_like.rig import Channels, Logged, Valve, logged
 
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 __all__ = ["MAKERS", "PAPER", "Truth", "copied", "folder_of"]
 
 ROOT = Path(__file__).parents[1]
-SOURCES = (accuracy_of_motions, convergence, motions, dampers, other_laws, rig, test_triangles,
+SOURCES = (accuracy_of_motions, campaign, convergence, motions, dampers, other_laws, rig, test_triangles,
            valve_bars)  # fmt: skip
 PAPER = ("r_m1", "r_m2", "r_m3", "k_e", "f_f")
 Truth = dict[str, dict[str, float]]  # by setting as parameters.csv names it
@@ -202,6 +202,18 @@ def _triangles(folder: Path) -> None:
     _write_json(folder / "truth.json", {"2": _numbers_of(body, channels)})
 
 
+def _campaign(mounting: str) -> Callable[[Path], None]:
+    """Make the campaign of `rig_like.campaign`; one value of what is the damper's or the rig's."""
+
+    def made(folder: Path) -> None:
+        campaign.written(folder, mounting)
+        stiffness, rubber = campaign.MOUNTINGS[mounting]
+        known = {"f_f": 17.0, "lag": 0.008} | ({} if rubber else {"k_s": stiffness})
+        _write_json(folder / "truth.json", {f"L{t.low} H{t.high}": known for t in campaign.TESTS})
+
+    return made
+
+
 def _rheological(folder: Path) -> None:
     for place, current in enumerate((0.0, 0.5, 1.0, 1.5)):
         for frequency in (1.0, 2.5):
@@ -220,6 +232,7 @@ MAKERS: dict[str, Callable[[Path], None]] = {
     "adjustable": _adjustable,
     "second rig": _second_rig,
     "MR": _rheological,
+    **{f"campaign {mounting}": _campaign(mounting) for mounting in campaign.MOUNTINGS},
 }
 
 

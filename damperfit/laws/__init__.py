@@ -12,11 +12,7 @@ if TYPE_CHECKING:
         ENOUGH_PERCENT,
         PREDICTED_PERCENT,
         Tried,
-        Verdict,
-        effective_samples,
-        judged,
     )
-    from damperfit.laws.elsewhere import from_another, lent
     from damperfit.laws.judged_laws import JudgedLaw, LawSearch
     from damperfit.laws.law_fit import UNDETERMINED, LawFit, SettingLogs, fit_law
     from damperfit.laws.open_questions import interchangeable_parts, undecided
@@ -35,14 +31,9 @@ __all__ = [
     "LawSearch",
     "SettingLogs",
     "Tried",
-    "Verdict",
-    "effective_samples",
     "fit_law",
-    "from_another",
     "in_words",
     "interchangeable_parts",
-    "judged",
-    "lent",
     "opening_force",
     "physics_seen",
     "rank_rivals",
@@ -61,14 +52,9 @@ _LATE = {
     "SettingLogs": "law_fit",
     "Tried": "choosing",
     "UNDETERMINED": "law_fit",
-    "Verdict": "choosing",
     "search_laws": "search",
-    "from_another": "elsewhere",
-    "lent": "elsewhere",
-    "effective_samples": "choosing",
     "fit_law": "law_fit",
     "in_words": "variants",
-    "judged": "choosing",
     "interchangeable_parts": "open_questions",
     "opening_force": "physics",
     "physics_seen": "physics",

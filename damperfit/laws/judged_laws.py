@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
     from damperfit.laws.choosing import Tried
 
-__all__ = ["JudgedLaw", "LawSearch", "Together"]
+__all__ = ["JudgedLaw", "LawSearch"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,25 +82,3 @@ class LawSearch:
     is_held_by_some: bool = False
     doubt: str = ""
     offsets: Mapping[str, float] = field(default_factory=dict)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Together:
-    """What one model of all settings has told.
-
-    Attributes
-    ----------
-    laws : tuple of JudgedLaw
-        As they were tried.
-    chosen : Tried
-        The law to take, at all settings, with what they have in common equal in all of them.
-    n_eff : float
-        Effective samples of all settings.
-    alike : tuple of str
-        Layouts that fit and predict alike as one model, of those that were compared.
-    """
-
-    laws: tuple[JudgedLaw, ...]
-    chosen: Tried
-    n_eff: float
-    alike: tuple[str, ...] = ()

@@ -8,7 +8,7 @@ nothing, and a law that has such a quantity has one too many.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -18,7 +18,6 @@ from damperfit.conditioning import TRANSIENTS, transients
 from damperfit.errors import SimulationError
 from damperfit.identification.law_misfit import COMPARING, LawMisfit, best_of_starts
 from damperfit.identification.log_facts import FEWEST_SAMPLES
-from damperfit.laws.friction_at_rest import with_whole_friction
 from damperfit.laws.missed import misses
 from damperfit.simulation import SolverOptions
 
@@ -34,12 +33,19 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["UNDETERMINED", "LawFit", "SettingLogs", "descended", "fit_at", "fit_law", "glimpsed"]
+__all__ = [
+    "UNDETERMINED",
+    "LawFit",
+    "SettingLogs",
+    "descended",
+    "fit_at",
+    "fit_law",
+    "with_whole_friction",
+]
 
 # A standard error of this factor to both sides, and a quantity is not determined.
 UNDETERMINED = 1.65
-# An offered part by which the MSE falls by less in a few steps will not reach `choosing.GAIN`.
-_HARDLY = 1.1
+_AT_REST = "breakaway"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -109,16 +115,9 @@ class LawFit:
     undetermined : tuple of str
         What these logs do not determine: it may as well be `UNDETERMINED` times as much or as
         little.
-    absent : tuple of str
-        Of what is at an edge, what does nothing there.
-    worst_stroke_percent : float
-        100 times what is left in the stroke that is missed most, over its mean square force or that
-        of a fifth of half the range.
     worst_force_percent : float
         100 times the force by which the model is off at the speed where it is off most, over the
         force there or a fifth of half the range.
-    sure_force_percent : float
-        The same of strokes that are off by more than their cycles scatter; 0 where none is.
     """
 
     setting: Setting
@@ -133,10 +132,7 @@ class LawFit:
     residuals: tuple[FloatArray, ...]
     evaluations: int
     undetermined: tuple[str, ...] = ()
-    absent: tuple[str, ...] = ()
-    worst_stroke_percent: float = math.nan
     worst_force_percent: float = math.nan
-    sure_force_percent: float = 0.0
 
 
 def fit_law(  # noqa: PLR0913 - what a search may ask of it
@@ -242,7 +238,6 @@ def fit_at(
         values=values,
         free=free,
         at_bound=at_bound,
-        absent=tuple(name for name in at_bound if getattr(values, name) == misfit.absent(name)),
         held_out_percent=held_out,
         held_out="" if math.isnan(held_out) else kind,
         evaluations=evaluations,
@@ -251,66 +246,23 @@ def fit_at(
     )
 
 
-def glimpsed(
-    model: Model,
-    evidence: SettingLogs,
-    near: LawFit,
-    *,
-    freed: Sequence[str] = (),
-    solver: SolverOptions = SolverOptions(),
-) -> LawFit | None:
-    """Look whether a part more explains anything, in a few steps from the law without it.
+def with_whole_friction(near: Values, model: Model) -> Values:
+    """Return values whose friction is all that they have at rest, where a law has no more there.
+
+    Of the friction that slides next to nothing may be left beside it: what is nothing has no slope,
+    and no descent leads back.
 
     Parameters
     ----------
+    near : Values
+        Of a law fitted before.
     model : Model
-        The law with the part.
-    evidence : SettingLogs
-        The logs.
-    near : LawFit
-        The law without.
-    freed : sequence of str
-        What is fitted although it has a default.
-    solver : SolverOptions
-        How exactly to integrate.
-
-    Returns
-    -------
-    LawFit or None
-        As it is after these steps, not predicted, where the MSE hardly falls; None where it is
-        worth a fit.
-
-    Raises
-    ------
-    SimulationError
-        The law cannot be simulated at the start.
+        The law.
     """
-    held, misfit = _misfit(model, evidence, freed, solver)
-    misfit = misfit.on_cycles()
-    start = misfit.model.start(misfit.traces, held)[0]
-    shared, absent = _beside(misfit, near.values)
-    without = misfit.cost(start.replace(shared | absent))
-    short = misfit.glimpse(start.replace(shared))
-    if short.cost > without:  # too much of the part for a few steps from there
-        other = misfit.glimpse(start.replace(shared | _little(start, absent)))
-        short = min(short, other, key=lambda one: one.cost)
-    gain = without / max(short.cost, 1e-300)
-    if gain > _HARDLY:
-        return None
-    values = short.extra
-    return replace(
-        near,
-        model=model,
-        values=values,
-        free=misfit.free,
-        at_bound=tuple(name for name in misfit.free if misfit.is_at_edge(values, name)),
-        mse_percent=near.mse_percent / gain,
-        held_out_percent=math.nan,
-        held_out="",
-        evaluations=short.evaluations,
-        undetermined=(),
-        absent=(),
-    )
+    if _AT_REST not in near.names or _AT_REST in model.names:
+        return near
+    name = next(one.name for one in near.quantities if one.is_friction)
+    return near.replace({name: getattr(near, name) + getattr(near, _AT_REST)})
 
 
 def _misfit(

@@ -1,96 +1,744 @@
-"""Which law the logs tell: from the paper's model to real valves on a mounting, step by step.
+"""Which structure the logs support: one search over one fit of all settings.
 
-    1  the paper's model; where it leaves less than `ENOUGH_PERCENT`, nothing else is looked for; of
-       valves that are declared it is, for the logs may need less than they have
-    2  bleed and blow-off in each stroke with everything that a mounting may have, in each layout;
-       where that leaves something, with ports behind the blow-offs too
-    3  of the best layout what is not needed is taken out again, the rig's parts and the valves'
-       alike, by the rule of `choosing`: so no valve is invented for the rig, nor the reverse
-    4  what is left over is offered to further parts, kinds of blow-offs to both strokes and then to
-       each by itself (`strokes`): soft oil, gas in it, returns, rounding, ports,
-       friction that drags, builds up, turns within a speed, falls with it or grows with the
-       pressure; a mass that moves; play and lag too, if a wrong valley had them taken out; each
-       part that was taken is asked for again beside those taken after it, and play and lag are;
-       what a setting by itself has asked for is asked for again at all of them, once each has
-       borrowed friction, oil and mounting that another tells unlike its own
-    5  what is left is tried in the other layouts too: those that do as well cannot be told apart,
-       and of those that nothing tells apart the most usual is taken; in another than the first each
-       part is asked for again; friction that is larger at rest gives way to what is supposed of
-       oil and returns where that is as good
-    6  where the logs yield before they slide, models that yield are held against the valves
+    1  the paper's model, setting by setting; it is taken where it leaves less than
+       `ENOUGH_PERCENT`
+    2  bleed and blow-off in each stroke on everything that a mounting may have, in each layout,
+       from each setting's own loops and from each other's; then all settings in one fit, with one
+       value for what is the damper's or the rig's
+    3  from the best layout on, moves of one part (`structures.moves`): each is started from the
+       structure at hand and from the loops, screened in a few evaluations, the best four are
+       followed to their minimum, and the best by the criterion is taken, until none is better
+    4  the parts in the other layouts; models that yield, where the logs do; the paper's model again
 
-Laws are compared on settled cycles; the law that is taken ends on the whole logs.
+The criterion of a structure with k free numbers at all settings together, of logs with MSE m and
+held-out MSE h (per cent of the variance)::
+
+    C = sum over settings of n ln(m + m_0) + n_h ln(h + h_0)  +  k ln(sum of n)
+
+n is the effective number of samples of what the largest structure leaves (`effective_samples`), m_0
+a misfit below which nothing is told apart, h_0 the same of a prediction.
 """
 
 from __future__ import annotations
 
-import dataclasses
 import math
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from damperfit.damper.quantity import DAMPER, RIG
 from damperfit.damper.valve_dampers import ValveDamper
 from damperfit.errors import SimulationError
+from damperfit.identification import compare
 from damperfit.identification.blas_threads import one_blas_thread
-from damperfit.laws.bleeds import with_bleeds_told
+from damperfit.identification.fit_problem import kept_within
+from damperfit.identification.law_misfit import LawMisfit
+from damperfit.identification.least_squares import Stopping
+from damperfit.identification.log_facts import effective_samples
 from damperfit.laws.choosing import (
+    ENOUGH_PERCENT,
     GAIN,
     SEEN_APART,
     Tried,
     are_alike,
-    effective_samples,
-    judged,
+    predicted_worse,
     times_worse,
 )
-from damperfit.laws.course import Course, valve_damper
-from damperfit.laws.elsewhere import freed_of, had_by, worst_missed
 from damperfit.laws.judged_laws import JudgedLaw, LawSearch
-from damperfit.laws.layout_choice import layout_taken, said_of_layout
-from damperfit.laws.seals import with_turning_told
-from damperfit.laws.strokes import with_strokes_told
-from damperfit.laws.supposed import with_supposed_told
-from damperfit.laws.variants import (
-    BOTH,
-    KINDS,
-    LACKING,
-    ONE_STROKE,
-    PARTS,
-    RETURNS,
-    SMALLER,
-    VALVES,
-    everything,
-    laid_out_as,
-    of_oil,
-    with_part,
-    with_parts,
+from damperfit.laws.law_fit import (
+    UNDETERMINED,
+    LawFit,
+    descended,
+    fit_at,
+    fit_law,
+    with_whole_friction,
 )
+from damperfit.laws.one_model import OneModel
+from damperfit.laws.structures import Structure, moves
+from damperfit.laws.variants import BOTH, everything, in_words, with_parts
 from damperfit.laws.yielding import YIELDING, held_against, is_open_to, unbelievable
 from damperfit.simulation import SolverOptions
+from damperfit.tested.setting import nearest_setting
+from damperfit.workers import executor
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
-    from damperfit.damper.model import Model
+    from damperfit.damper.model import Model, Values
+    from damperfit.identification.least_squares import Minimum
+    from damperfit.identification.sharing import Follows
     from damperfit.laws.law_fit import SettingLogs
+    from damperfit.tested.setting import Setting
 
 __all__ = ["search_laws"]
 
-# What is offered to what is left over, one after the other: quantities, and kinds of valves' parts.
-_DECLARED = ("gas_volume",)
-_FURTHER = (
-    RETURNS,
-    "drag",
-    *KINDS,
-    *PARTS,
-    *LACKING,
-    "free_gas",
-)
-# The same parts in another layout that fitted and predicted so many times worse are not fitted
-# again from the law that was taken.
+# Per cent of the variance: misfits below are not told apart, whatever the number of samples.
+_FLOOR_PERCENT = 0.001
+# The same of what was held out, which counts as so many effective samples a setting.
+_HELD_FLOOR_PERCENT, _HELD_SAMPLES = 0.05, 10.0
+# Settings that moves are screened at; the chosen structure is fitted at all, and those that it
+# misses are screened at too.
+_MOST_COMPARED = 4
+# Candidates that are followed to their minimum after each screening.
+_FOLLOWED = 4
+# A screened candidate may be so much above the structure at hand: it has not reached its minimum.
+_MARGIN = 12.0
+# Above that it is not looked at again.
+_HOPELESS = 40.0
+# Candidates that are looked at beside all settings, of those that two settings show.
+_LOOKED_AT = 10
+_ROUNDS = 12
+_STEP = 1e-8
+_GLANCE = Stopping(cost_tolerance=2e-2, step_tolerance=_STEP, max_evaluations=4, rest=math.inf)
+_ONE = Stopping(max_evaluations=1)
+_END = Stopping(cost_tolerance=1e-3, step_tolerance=_STEP, max_evaluations=40, rest=math.inf)
+# What a setting leaves counts as that at least, per unit of its variance.
+_LEAST = 2e-6
+# The first fit of a layout that did so many times worse is not followed up.
 _FAR_WORSE = 8.0
-# A mounting so many times as stiff as the oil is none: what K_e is held at may be off by as much.
-_AS_RIGID = 3.0
-# Settings at which parts more are looked for, each by itself.
-_MOST_GROWN = 3
+# A setting that was not compared is missed where it leaves so many times what is usual.
+_MISSED, _MOST_MISSED = 4.0, 2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Fit:
+    """A structure at the minimum of one fit of several settings."""
+
+    structure: Structure
+    model: OneModel
+    minimum: Minimum[dict[Setting, Values]]
+
+    @property
+    def values(self) -> dict[Setting, Values]:
+        return self.minimum.extra
+
+    def percent(self) -> dict[Setting, float]:
+        """MSE of each setting on its mean cycles."""
+        return {s: 100.0 * one.cost(self.values[s]) for s, one in self.model.misfits.items()}
+
+
+class _Search:
+    """The logs, and what has been tried."""
+
+    def __init__(
+        self,
+        evidence: Sequence[SettingLogs],
+        follows: Callable[[Model, Sequence[str]], Follows],
+        solver: SolverOptions,
+        on_law: Callable[[JudgedLaw], None],
+        n_starts: int,
+        jobs: int,
+    ) -> None:
+        self.n_starts = n_starts
+        self.alike: tuple[str, ...] = ()
+        self.first_layouts: dict[str, float] = {}
+        self.held_share, self.is_held_by_some = math.nan, False
+        self.also, self.doubt = "", ""
+        self.evidence = {one.setting: one for one in sorted(evidence, key=lambda one: one.setting)}
+        self.follows, self.solver, self.on_law, self.jobs = follows, solver, on_law, jobs
+        self.compared = _most_unlike(list(self.evidence.values()))
+        self.n_eff: dict[Setting, float] = {}
+        self.laws: list[JudgedLaw] = []
+        self._starts: dict[tuple[Structure, Setting], Values] = {}
+        self._misfits: dict[Setting, LawMisfit] = {}
+        self._judged: dict[int, tuple[_Fit, Tried]] = {}
+
+    # fits
+
+    def model(self, structure: Structure, settings: Sequence[Setting]) -> OneModel:
+        """The fit of a structure at some settings, with what they have in common."""
+        held = {*structure.held}
+        misfits = {}
+        for setting in settings:
+            logs = self.evidence[setting]
+            fixed = {*logs.fixed}
+            free = tuple(n for n in structure.damper.names if n not in held and n not in fixed)
+            if setting not in self._misfits:
+                one = LawMisfit(structure.damper, logs.fitted, free, self.solver)
+                self._misfits[setting] = one.on_cycles()
+            misfits[setting] = replace(self._misfits[setting], model=structure.damper, free=free)
+        free = misfits[settings[0]].free
+        return OneModel(
+            misfits, self.follows(structure.damper, free), dict.fromkeys(settings, 1.0), self.jobs
+        )
+
+    def held(self, structure: Structure, setting: Setting) -> dict[str, float]:
+        """What is held at a setting."""
+        fixed = self.evidence[setting].fixed
+        known = {n: x for n, x in fixed.items() if n in structure.damper.names}
+        return {**structure.held, **known}
+
+    def first(self, structure: Structure, settings: Sequence[Setting] = ()) -> _Fit:
+        """A structure from each setting's own loops, then from each other, then as one fit."""
+        settings = settings or self.compared
+        model = self.model(structure, settings)
+
+        def own(setting: Setting) -> Values:
+            logs = self.evidence[setting]
+            held = self.held(structure, setting)
+            misfit = model.misfits[setting]
+            ended, _ = descended(misfit, None, held, logs.more_start, math.inf)
+            for start in _spread(ended.extra, misfit, self.n_starts - 1):
+                with suppress(SimulationError):
+                    other = misfit.descend(start, _END)
+                    ended = min(ended, other, key=lambda one: one.cost)
+            return ended.extra
+
+        with executor(self.jobs) as pool:
+            apart = dict(zip(settings, pool.map(own, settings), strict=True))
+        model = model.weighed_at(apart, least=_LEAST)
+        found = model.best_of(list(model.starts(apart)))
+        return self.lent(_Fit(structure, model, found))
+
+    def lent(self, fit: _Fit) -> _Fit:
+        """The fit with settings started again from the numbers of others, if that is better."""
+        model, values = fit.model, fit.values
+        if len(model.settings) < 2:
+            return self.ended_at(fit)
+        own = [n for n in model.free if n in model.follows]
+        better = dict(values)
+
+        def again(setting: Setting) -> Values:
+            misfit = replace(model.misfits[setting], free=tuple(own))
+            best, least = values[setting], misfit.cost(values[setting])
+            for other in model.settings:
+                if other == setting:
+                    continue
+                lending = {n: getattr(values[other], n) for n in own}
+                try:
+                    found = misfit.descend(values[setting].replace(lending), _GLANCE)
+                except SimulationError:
+                    continue
+                if found.cost < 0.9 * least:
+                    best, least = found.extra, found.cost
+            return best
+
+        if own:
+            with executor(self.jobs) as pool:
+                better = dict(zip(model.settings, pool.map(again, model.settings), strict=True))
+        return self.ended_at(replace(fit, minimum=model.descend(better, _END)))
+
+    def ended_at(self, fit: _Fit, stopping: Stopping = _END) -> _Fit:
+        """The minimum with the weights that it gives the settings itself."""
+        model = fit.model.weighed_at(fit.values, least=_LEAST)
+        return replace(fit, model=model, minimum=model.descend(fit.values, stopping))
+
+    def starts(
+        self, structure: Structure, model: OneModel, near: _Fit
+    ) -> list[dict[Setting, Values]]:
+        """Starts beside another structure: what is new as the loops tell it, and little of it."""
+        full, little = {}, {}
+        for setting in model.settings:
+            own = with_whole_friction(near.values[setting], structure.damper)
+            start = self.start(structure, setting)
+            known = {n: x for n in model.free if n in own.names and (x := getattr(own, n))}
+            full[setting] = start.replace(known)
+            absent = model.misfits[setting].absent_beside(known)
+            half = {n: math.sqrt(a * getattr(start, n)) for n, a in absent.items()}
+            little[setting] = full[setting].replace(half)
+        found = [full]
+        if little != full:
+            found.append(little)
+        return [model.with_common(at) for at in found]
+
+    def start(self, structure: Structure, setting: Setting) -> Values:
+        """The model's own first start at a setting."""
+        key = structure, setting
+        if key not in self._starts:
+            logs = self.evidence[setting]
+            self._starts[key] = structure.damper.start(logs.fitted, self.held(structure, setting))[
+                0
+            ]
+        return self._starts[key]
+
+    def glanced(self, structure: Structure, near: _Fit) -> _Fit | None:
+        """A few evaluations from the structure at hand."""
+        model = replace(self.model(structure, near.model.settings), weights=near.model.weights)
+        try:
+            starts = self.starts(structure, model, near)
+        except (SimulationError, ValueError):
+            return None
+        found: list[_Fit] = []
+        for at in starts:
+            with suppress(SimulationError, np.linalg.LinAlgError):
+                found.append(_Fit(structure, model, model.descend(at, _GLANCE)))
+                if found[-1].minimum.cost < near.minimum.cost:
+                    break  # little of what is new is for where much of it leads away
+        return min(found, key=lambda one: one.minimum.cost, default=None)
+
+    def most_to_gain(self, fit: _Fit) -> float:
+        """By what the criterion falls, without its price, where nothing but noise is left."""
+        found = 0.0
+        for setting, percent in fit.percent().items():
+            noise = 100.0 * fit.model.misfits[setting].scatter
+            found += self.n_eff[setting] * math.log(
+                (percent + _FLOOR_PERCENT) / (min(noise, percent) + _FLOOR_PERCENT)
+            )
+        nothing = self.n_held * _HELD_SAMPLES * math.log(_HELD_FLOOR_PERCENT)
+        return found + max(self.of_held_out(fit) - nothing, 0.0)
+
+    @property
+    def n_held(self) -> int:
+        """Settings compared with something held out."""
+        return sum(bool(self.evidence[s].held_out) for s in self.compared)
+
+    # the criterion
+
+    def criterion(self, fit: _Fit, *, is_screening: bool = False) -> float:
+        """C of the module's text; without what was held out while candidates are screened."""
+        percent, n = fit.percent(), self.n_eff
+        total = sum(n[s] for s in percent)
+        found = sum(n[s] * math.log(p + _FLOOR_PERCENT) for s, p in percent.items())
+        found += len(fit.model.unknowns) * math.log(total)
+        return found if is_screening else found + self.of_held_out(fit)
+
+    def of_held_out(self, fit: _Fit) -> float:
+        """The part of C that what was held out adds."""
+        known = [one.held_out_percent for one in self.judged(fit).fits]
+        return sum(
+            _HELD_SAMPLES * math.log(min(x, 100.0) + _HELD_FLOOR_PERCENT)
+            for x in known
+            if not math.isnan(x)
+        )
+
+    def judged(self, fit: _Fit) -> Tried:
+        """The fit on the whole logs."""
+        known = self._judged.get(id(fit))
+        if known is not None:
+            return known[1]
+        errors = fit.model.errors(fit.minimum)
+        values = fit.values
+
+        def at(setting: Setting) -> LawFit:
+            return fit_at(
+                replace(fit.model.misfits[setting], solver=self.solver, cycles=None),
+                self.evidence[setting],
+                values[setting],
+                evaluations=fit.minimum.evaluations,
+                undetermined=tuple(
+                    one.name
+                    for one, error in errors.items()
+                    if one.holds_at(setting) and error > math.log(UNDETERMINED)
+                ),
+            )
+
+        with executor(self.jobs) as pool:
+            tried = Tried(fit.structure.title, tuple(pool.map(at, fit.model.settings)))
+        self._judged[id(fit)] = fit, tried
+        return tried
+
+    def count_samples(self, fit: _Fit) -> None:
+        """Take the effective samples of what a structure leaves."""
+        for one in self.judged(fit).fits:
+            stretches = [x for trace in self.evidence[one.setting].fitted for x in trace.stretches]
+            self.n_eff[one.setting] = sum(
+                effective_samples(rest, max(x.n_cycles, 1))
+                for rest, x in zip(one.residuals, stretches, strict=True)
+            )
+
+    # moves
+
+    def improved(self, fit: _Fit) -> _Fit:
+        """Take moves until none is better by the criterion."""
+        best = self.criterion(fit)
+        hopeless: dict[str, float] = {}
+        pair = _most_unlike([self.evidence[s] for s in fit.values], 2)
+        for _ in range(_ROUNDS):
+            candidates = {
+                words: structure
+                for words, structure in moves(fit.structure).items()
+                if hopeless.get(words, 0.0) < _HOPELESS and self.may_gain(structure, fit)
+            }
+            if len(fit.values) > len(pair):
+                few = self.screened(candidates, self.at(fit, pair, _ONE))
+                hopeless |= {words: above for above, words, _ in few}
+                candidates = {
+                    words: candidates[words] for above, words, _ in few[:_LOOKED_AT]
+                    if above < _HOPELESS
+                }  # fmt: skip
+            screened = self.screened(candidates, fit)
+            hopeless |= {words: above for above, words, _ in screened}
+            taken = False
+            for above, words, glance in screened[:_FOLLOWED]:
+                if above > _MARGIN:
+                    break
+                begun: _Fit | None = glance
+                if taken:  # the move from where the last one has led
+                    again = moves(fit.structure).get(words)
+                    begun = None if again is None else self.glanced(again, fit)
+                if begun is None:
+                    continue
+                try:
+                    ended = self.ended_at(begun)
+                    now = self.criterion(ended)
+                except SimulationError:
+                    continue
+                is_better = now < best - 1e-6
+                self.record(ended, fit, words, best - now, is_taken=is_better)
+                if is_better:
+                    fit, best, taken = ended, now, True
+            if not taken:
+                break
+        return fit
+
+    def may_gain(self, structure: Structure, fit: _Fit) -> bool:
+        """Whether a structure has less, or what it has more may be worth its price."""
+        names = structure.damper.names
+        free = [n for n in names if n not in structure.held]
+        if len(free) < len([n for n in fit.structure.damper.names if n not in fit.structure.held]):
+            return True
+        return self.most_to_gain(fit) > math.log(sum(self.n_eff[s] for s in fit.values))
+
+    def screened(
+        self, candidates: Mapping[str, Structure], fit: _Fit
+    ) -> list[tuple[float, str, _Fit]]:
+        """By how much the criterion of each lies above that of a fit, after a few evaluations."""
+        here, found = self.criterion(fit, is_screening=True), []
+        for words, structure in candidates.items():
+            glance = self.glanced(structure, fit)
+            if glance is not None:
+                found.append((self.criterion(glance, is_screening=True) - here, words, glance))
+        return sorted(found, key=lambda one: one[0])
+
+    def record(self, fit: _Fit, beside: _Fit, words: str, gain: float, *, is_taken: bool) -> None:
+        """Keep a candidate, and say it to who waits for it."""
+        one, other = self.judged(fit), self.judged(beside)
+        small, large = (
+            (one, other) if len(fit.model.unknowns) < len(beside.model.unknowns) else (other, one)
+        )
+        is_larger = large is one
+        moved = f"MSE {other.mse_percent:.2g} to {one.mse_percent:.2g} %"
+        held = other.held_out_percent, one.held_out_percent
+        if not math.isnan(held[1]):
+            moved += f", held out {held[0]:.2g} to {held[1]:.2g} %"
+        self.laws.append(
+            JudgedLaw(
+                one, is_taken, f"{moved}; criterion {'lower' if gain > 0.0 else 'higher'} by "
+                f"{abs(gain):.0f}",
+                bic=gain if is_larger else -gain,
+                change=words,
+                gain=small.mse_percent / max(large.mse_percent, 1e-300),
+            )
+        )  # fmt: skip
+        self.on_law(self.laws[-1])
+
+    def judge(
+        self, tried: Tried, reason: str, *, is_taken: bool, change: str = "", **said: float
+    ) -> None:
+        """Keep what was judged beside another than its neighbour."""
+        self.laws.append(JudgedLaw(tried, is_taken, reason, change=change, **said))
+        self.on_law(self.laws[-1])
+
+    # layouts
+
+    def best_layout(self, layouts: Sequence[ValveDamper]) -> _Fit | None:
+        """Bleed and blow-off in each stroke and everything that a mounting may have."""
+        found: list[_Fit] = []
+        pair = _most_unlike([self.evidence[s] for s in self.compared], 2)
+        for layout in layouts:
+            structure = Structure(with_parts(layout, BOTH, everything(layout.mounting)))
+            with suppress(SimulationError):
+                found.append(self.first(structure, pair))
+        if not found:
+            return None
+        tried = [self.judged(one) for one in found]
+        best = min(tried, key=lambda one: one.score)
+        near = []
+        for one, told in zip(found, tried, strict=True):
+            times = times_worse(best, told)
+            self.first_layouts[one.structure.damper.name] = times
+            reason = _of_layout(best, told, is_alone=len(found) == 1, is_near=times < SEEN_APART)
+            self.judge(told, reason, is_taken=told is best, change="layout")
+            near += [one] if times < SEEN_APART else []
+        near = [self.extended(one, self.compared) for one in near]
+        taken = min(near, key=lambda one: self.judged(one).score)
+        self.count_samples(taken)
+        return taken
+
+    def in_its_layout(self, fit: _Fit, layouts: Sequence[ValveDamper]) -> _Fit:
+        """The parts that were found in the other layouts: those that do as well are alike."""
+        law, others = self.judged(fit), dict[int, _Fit]()
+        for layout in layouts:
+            is_far = self.first_layouts.get(layout.name, math.inf) > _FAR_WORSE
+            if layout.name == fit.structure.damper.name or is_far:
+                continue
+            with suppress(SimulationError):
+                other = self.first(fit.structure.laid_out(layout))
+                others[id(self.judged(other))] = other
+        told = [self.judged(one) for one in others.values()]
+        best = min((law, *told), key=lambda one: one.score)
+        best = law if are_alike(best, law) else best
+        alike = [one for one in (law, *told) if one is not best and are_alike(best, one)]
+        for one in told:
+            reason = _of_layout(best, one, is_alone=False, is_near=one in alike)
+            self.judge(one, reason, is_taken=one is best, change="layout")
+        self.alike = tuple(one.fits[0].model.name for one in alike)
+        if best is law:
+            return fit
+        other = others[id(best)]
+        return other if law in alike else self.improved(other)
+
+    # against what is no candidate of the search
+
+    def simplest(self, plain: Model) -> Tried | None:
+        """The model as declared, setting by setting, at the weakest and the strongest force.
+
+        Its offset is free where the model leaves something without.
+        """
+        offsets = tuple(q.name for q in plain.quantities if q.is_offset and q.default is not None)
+        ends = _most_unlike(list(self.evidence.values()), 2)
+        found = self.apart(plain, ends)
+        if offsets and (found is None or found.leaves_something):
+            found = self.apart(plain, ends, freed=offsets)
+        return found
+
+    def apart(
+        self,
+        model: Model,
+        settings: Sequence[Setting],
+        *,
+        freed: tuple[str, ...] = (),
+        near: Tried | None = None,
+        is_whole: bool = False,
+    ) -> Tried | None:
+        """A model at some settings, each by itself; None where it cannot be simulated at one."""
+        known = {} if near is None else {one.setting: one for one in near.fits}
+
+        def fit(setting: Setting) -> LawFit | None:
+            beside = known.get(setting) or known.get(nearest_setting(setting, known) or setting)
+            try:
+                return fit_law(
+                    model, self.evidence[setting], freed=freed, solver=self.solver,
+                    near=None if beside is None else beside.values, is_whole=is_whole,
+                )  # fmt: skip
+            except SimulationError:
+                return None
+
+        with executor(self.jobs) as pool:
+            fits = [one for one in pool.map(fit, settings) if one is not None]
+        complete = len(fits) == len(settings) or (known and fits)
+        return Tried(in_words(model, freed), tuple(fits)) if complete else None
+
+    def held_against_paper(self, simplest: Tried, fit: _Fit) -> Tried:
+        """The paper's model where the valves are not worth their numbers."""
+        settings = [one.setting for one in simplest.fits]
+        law = self.judged(fit)
+        beside = Tried(law.title, tuple(one for one in law.fits if one.setting in settings))
+        n, more = sum(self.n_eff.values()), law.n_quantities - simplest.n_quantities
+        gain = simplest.mse_percent / max(beside.mse_percent, 1e-300)
+        bic = n * math.log(gain) - more * len(law.fits) * math.log(n)
+        is_taken = gain < GAIN or bic <= 0.0 or bool(predicted_worse(simplest, beside))
+        if more <= 0:
+            is_taken = simplest.score < beside.score
+        reason = f"MSE {simplest.mse_percent:.2g} to {beside.mse_percent:.2g} % with valves"
+        self.judge(simplest, reason, is_taken=is_taken, change="smallest law", bic=bic, gain=gain)
+        if is_taken:
+            self.alike = ()
+        return simplest if is_taken else law
+
+    def held_against_declared(self, fit: _Fit, declared: ValveDamper) -> _Fit:
+        """The valves as declared, where they do as well."""
+        try:
+            other = self.first(Structure(declared))
+        except SimulationError:
+            return fit
+        gain = self.criterion(fit) - self.criterion(other)
+        self.record(other, fit, "as declared", gain, is_taken=gain > 0.0)
+        return other if gain > 0.0 else fit
+
+    def yielding(self, law: Tried, share: float, by_some: float) -> Tried:
+        """What yields before it slides, where the logs do and valves tell them less well."""
+        is_unasked = math.isnan(share) and not math.isnan(by_some)
+        if is_unasked and (law.leaves_something or unbelievable(law)):
+            share, self.is_held_by_some = by_some, True
+        self.held_share = share
+        if math.isnan(share):
+            return law
+        ends = _most_unlike(list(self.evidence.values()), 2)
+        beside = Tried(law.title, tuple(one for one in law.fits if one.setting in ends))
+        found = [one for kind in YIELDING if (one := self.apart(kind(), ends)) is not None]
+        best = min(found, key=lambda one: one.score, default=beside)
+        taken = law
+        for one in found:
+            is_better, reason = held_against(beside, one, share)
+            taken = one if is_better and one is best else taken
+            self.judge(one, reason, is_taken=is_better and one is best, change="what yields")
+        if taken is not law:
+            self.alike = ()
+        elif found and is_open_to(beside, best):
+            self.also = best.title
+        else:
+            self.doubt = unbelievable(beside)
+        return taken
+
+    def ended(self, chosen: Tried, fit: _Fit | None = None) -> LawSearch:
+        """What was tried, and the structure to take, at every setting."""
+        is_of_one_model = fit is not None and chosen is self.judged(fit)
+        whole: Tried | None = chosen
+        if not is_of_one_model:
+            free = chosen.freed
+            whole = self.apart(
+                chosen.fits[0].model, list(self.evidence), freed=free, near=chosen, is_whole=True
+            )
+        whole = whole or chosen
+        laws = [replace(one, is_taken=False) for one in self.laws if one.tried is not chosen]
+        last = next((one for one in reversed(self.laws) if one.tried is chosen), None)
+        last = last or JudgedLaw(whole, True, "the lowest criterion of all settings together")
+        laws.append(replace(last, tried=whole, is_taken=True))
+        n_eff = float(sum(self.n_eff.values())) or math.nan
+        return LawSearch(
+            tuple(laws), whole, n_eff, self.alike, self.held_share, self.also,
+            is_of_one_model=is_of_one_model, is_held_by_some=self.is_held_by_some,
+            doubt=self.doubt, offsets=self.offsets(whole) if is_of_one_model else {},
+        )  # fmt: skip
+
+    def offsets(self, law: Tried) -> dict[str, float]:
+        """By how much each log's offset lies beside the mean one of its setting."""
+        found: dict[str, float] = {}
+        for fit in law.fits:
+            logs = self.evidence[fit.setting].fitted
+            if len(logs) < 2 or not any(fit.model.quantity(n).is_offset for n in fit.free):
+                continue
+            missing = {}
+            for log in logs:
+                model = compare(fit.values, log, fit.model, solver=self.solver)
+                missing[log.name] = float(np.mean((log.force - model.force)[log.compared]))
+            mean = float(np.mean([*missing.values()]))
+            found |= {name: one - mean for name, one in missing.items()}
+        return found
+
+    # ties
+
+    def tied(self, fit: _Fit, follows: Callable[[Model, Sequence[str]], Follows]) -> _Fit:
+        """The structure with what settings have in common by their adjusters; and moves from there.
+
+        Only then: beside valves that are tied wrongly every other part would be chosen for them.
+        """
+        self.follows, before = follows, fit.model
+        model = self.model(fit.structure, before.settings)
+        if model.unknowns == before.unknowns:
+            return fit
+        model = model.weighed_at(fit.values, least=_LEAST)
+        found = model.best_of(list(model.starts(fit.values)))
+        return self.improved(self.ended_at(_Fit(fit.structure, model, found)))
+
+    # all settings
+
+    def missed(self, fit: _Fit) -> _Fit:
+        """The structure again, beside settings that it misses and that were not compared."""
+        if len(self.compared) == len(self.evidence):
+            return fit
+        percent = fit.percent()
+        usual = np.median([percent[s] for s in self.compared])
+        least = max(_MISSED * usual, ENOUGH_PERCENT)
+        others = sorted((s for s in percent if s not in self.compared), key=lambda s: -percent[s])
+        missed = [s for s in others if percent[s] > least][:_MOST_MISSED]
+        if not missed:
+            return fit
+        self.compared = sorted([*self.compared, *missed])
+        for setting in missed:
+            self.n_eff[setting] = float(np.median([*self.n_eff.values()]))
+        few = self.at(fit, self.compared)
+        better = self.improved(few)
+        return fit if better is few else self.at_all(better)
+
+    def at(self, fit: _Fit, settings: Sequence[Setting], stopping: Stopping = _END) -> _Fit:
+        """A fit at fewer settings."""
+        model = self.model(fit.structure, settings)
+        values = {s: fit.values[s] for s in settings}
+        model = model.weighed_at(values, least=_LEAST)
+        return _Fit(fit.structure, model, model.descend(values, stopping))
+
+    def at_all(self, fit: _Fit) -> _Fit:
+        """The structure at every setting."""
+        usual = float(np.median([*self.n_eff.values()]))
+        for setting in self.evidence:
+            self.n_eff.setdefault(setting, usual)
+        return self.extended(fit, list(self.evidence))
+
+    def extended(self, fit: _Fit, settings: Sequence[Setting]) -> _Fit:
+        """The structure at more settings, these beside what the others know of the damper."""
+        missing = [s for s in settings if s not in fit.values]
+        if not missing:
+            return fit
+        model = self.model(fit.structure, settings)
+        own = [n for n in model.free if n in model.follows]
+
+        def at(setting: Setting) -> Values:
+            near = fit.values[nearest_setting(setting, fit.values) or next(iter(fit.values))]
+            misfit = replace(model.misfits[setting], free=tuple(own))
+            common = {n: getattr(near, n) for n in near.names if n not in own}
+            starts = fit.structure.damper.start(self.evidence[setting].fitted, common)
+            found = []
+            for start in (near, *starts[:2]):
+                with suppress(SimulationError):
+                    at = near.replace({n: getattr(start, n) for n in own})
+                    found.append(misfit.descend(at, _END))
+            if not found:
+                raise SimulationError(f"{fit.structure.title} cannot be simulated at {setting}.")
+            return min(found, key=lambda one: one.cost).extra
+
+        with executor(self.jobs) as pool:
+            values = dict(fit.values) | dict(zip(missing, pool.map(at, missing), strict=True))
+        values = model.with_common(values)
+        model = model.weighed_at(values, least=_LEAST)
+        return self.lent(_Fit(fit.structure, model, model.descend(values, _END)))
+
+
+_COMMON = {DAMPER, RIG}
+
+
+def _most_unlike(evidence: Sequence[SettingLogs], most: int = _MOST_COMPARED) -> list[Setting]:
+    """Settings to compare at: the weakest and the strongest force, and some between them."""
+
+    def strength(one: SettingLogs) -> float:
+        return float(np.std(np.concatenate([t.force[t.compared] for t in one.fitted])))
+
+    ranked = sorted(evidence, key=strength)
+    if len(ranked) > most:
+        places = np.linspace(0, len(ranked) - 1, most).round().astype(int)
+        ranked = [ranked[k] for k in places]
+    return sorted(one.setting for one in ranked)
+
+
+def _of_layout(best: Tried, one: Tried, *, is_alone: bool, is_near: bool) -> str:
+    """Say why a layout is taken, or is not, beside the best."""
+    what = "fits" if math.isnan(best.held_out_percent) else "fits and predicts"
+    if is_alone:
+        return "the only layout that was tried"
+    if one is best:
+        return f"the layout that {what} best"
+    words = best.fits[0].model.name.replace("_", " ")
+    return f"{words} {what} {'hardly ' if is_near else ''}better"
+
+
+def _spread(near: Values, misfit: LawMisfit, count: int) -> list[Values]:
+    """Starts of positive quantities over a factor of ten to both sides, as in a Latin cube."""
+    names = [n for n in misfit.free if near.quantity(n).is_logarithmic and getattr(near, n) > 0.0]
+    chance = np.random.default_rng(count)
+    places = [(chance.permutation(count) + chance.uniform(0.0, 1.0, count)) / count for _ in names]
+    return [
+        kept_within(
+            near.replace(
+                {
+                    n: getattr(near, n) * 10.0 ** (2.0 * x[k] - 1.0)
+                    for n, x in zip(names, places, strict=True)
+                }
+            ),
+            misfit.free,
+        )
+        for k in range(count)
+    ]
+
+
+def follows_by_scope(model: Model, free: Sequence[str], adjusters: tuple[str, ...]) -> Follows:
+    """Return what each quantity follows: all adjusters, unless it is the damper's or the rig's."""
+    of = {name: model.quantity(name) for name in free}
+    return {
+        name: adjusters for name, one in of.items() if one.is_offset or one.scope not in _COMMON
+    }
 
 
 @one_blas_thread()
@@ -99,283 +747,74 @@ def search_laws(  # noqa: PLR0913 - what a user may ask of it
     layouts: Sequence[ValveDamper],
     evidence: Sequence[SettingLogs],
     *,
+    follows: Callable[[Model, Sequence[str]], Follows] | None = None,
+    adjusted: Callable[[Model, Sequence[str]], Follows] | None = None,
     solver: SolverOptions = SolverOptions(),
     on_law: Callable[[JudgedLaw], None] = lambda _: None,
+    n_starts: int = 1,
     jobs: int = 1,
     held_share: float = math.nan,
     held_by_some: float = math.nan,
-    elsewhere: Sequence[SettingLogs] = (),
 ) -> LawSearch:
-    """Try laws from the paper's to the richest, and return which one the logs tell.
+    """Return which structure the logs of all settings support, fitted at all of them.
 
     Parameters
     ----------
     plain : Model
-        The paper's damper, or one of valves as it is declared: of that too the logs may need less.
+        The paper's damper, or one of valves as it is declared.
     layouts : sequence of ValveDamper
         The damper in each layout that it may have.
     evidence : sequence of SettingLogs
-        Settings to compare the laws by; two or three tell as much as all.
+        The logs of all settings.
+    follows : callable, optional
+        From a model and what is free to the adjusters that each quantity follows; by default all of
+        them, but none for what is the damper's or the rig's.
+    adjusted : callable, optional
+        The same where adjusters are declared: the structure that was found is fitted so at the end.
     solver : SolverOptions
         How exactly to integrate.
     on_law : callable
-        Called with every law that was judged.
+        Called with every structure that was judged.
+    n_starts : int
+        Starts of the first fit at each setting, spread over a factor of ten to both sides.
     jobs : int
         Workers; the result does not depend on them.
     held_share : float
         Of their force that the logs hold down to a tenth of the speed, where they yield before they
         slide; NaN where they do not.
     held_by_some : float
-        The most that one holds, where not all of them yield: a magneto-rheological damper without
-        current does not. Asked where valves leave something; NaN where none yields.
-    elsewhere : sequence of SettingLogs
-        Other settings, asked before a part of one stroke's valve is taken out.
+        The most that one holds, where not all of them yield. Asked where valves leave something.
+
+    Raises
+    ------
+    SimulationError
+        No structure can be simulated on these logs.
     """
-    course = _Search(evidence, solver, on_law, jobs, held_share, elsewhere)
-    offsets = (one for one in plain.quantities if one.is_offset and one.default is not None)
-    simplest = course.fitted(plain, freed=tuple(one.name for one in offsets))
+    adjusters = min(one.setting for one in evidence).adjusters
+
+    def by_scope(model: Model, free: Sequence[str]) -> Follows:
+        return follows_by_scope(model, free, adjusters)
+
+    search = _Search(evidence, follows or by_scope, solver, on_law, n_starts, jobs)
+    simplest = search.simplest(plain)
     has_valves = isinstance(plain, ValveDamper)
-    if simplest is not None and not simplest.leaves_something and not has_valves:
-        course.record(simplest, "what it leaves is too small to matter", is_taken=True)
-        return course.ended(simplest)
-    richest = [with_parts(layout, BOTH, everything(layout.mounting)) for layout in layouts]
-    found = [one for one in course.all_fitted(richest) if one is not None]
-    if not found:
+    if simplest is not None and not has_valves and not simplest.leaves_something:
+        search.judge(simplest, "what it leaves is too small to matter", is_taken=True)
+        return search.ended(simplest)
+    fit = search.best_layout(layouts)
+    if fit is None:
         if simplest is None:
-            raise SimulationError("no law can be simulated on these logs.")
-        course.record(simplest, "no other law can be simulated on these logs", is_taken=True)
-        return course.ended(simplest)
-    lean = course.lean(course.best_layout(course.ported(found)))
-    lean = with_strokes_told(course, lean, valve_damper(lean))
-    offered = (*of_oil(valve_damper(lean)), *_FURTHER)
-    rich = course.needed_by_some(course.enriched(lean, offered), offered)
-    if _bleeds_of(rich) != _bleeds_of(lean):  # a blow-off beside other bleeds may be idle now
-        rich = course.lean(rich, VALVES)
-    rich = course.without_early(course.without_unseen(course.crossed(rich)))
-    rich = course.in_its_layout(rich, layouts)
-    turning = with_turning_told(course, rich, course.as_well)
-    rich = rich if turning is rich else course.in_its_layout(turning, layouts)
-    rich = with_supposed_told(course, rich)
-    settled = course.declared if has_valves else course.settled
-    law = rich if simplest is None else settled(simplest, rich)
-    course.open_to(law, held_by_some)
-    return course.ended(course.yielding(law))
-
-
-class _Search(Course):
-    """The steps of a search, from the layout to the law that is taken."""
-
-    is_held_by_some = False  # whether `held_share` is of some settings alone
-    doubt = ""
-    as_well: tuple[Tried, ...] = ()  # the law in layouts that nobody would choose it by
-
-    def ported(self, found: Sequence[Tried]) -> list[Tried]:
-        """The layouts with ports behind their blow-offs, where those tell much more; else as found.
-
-        A port that takes most of the pressure makes a blow-off pass for a bleed beside friction.
-        """
-        best = min(found, key=lambda one: one.score)
-        if not best.leaves_something:
-            return list(found)
-        near = [one for one in found if times_worse(best, one) < _FAR_WORSE]
-        models = [with_part(valve_damper(one), "port") for one in near]
-        tried = [one for one in self.all_fitted(models) if one is not None]
-        first = min(tried, key=lambda one: one.score, default=best)
-        reason = f"MSE {best.mse_percent:.2g} to {first.mse_percent:.2g} % with a port behind each"
-        if not best.mse_percent > GAIN * first.mse_percent or times_worse(first, best) < GAIN:
-            if first is not best:
-                little = f"{reason}: a factor of {GAIN:g} is required, of what was held out too"
-                self.record(first, little, is_taken=False, change="blow-offs with a port")
-            return list(found)
-        self.record(best, reason, is_taken=False, change="blow-offs without a port")
-        return tried
-
-    def best_layout(self, found: Sequence[Tried]) -> Tried:
-        """The layout that fits and predicts best, with the gas as the maker or the logs tell it.
-
-        Before parts of the rig: a gas volume that nobody measured hides them, and the layout.
-        """
-        best = min(found, key=lambda one: one.score)
-        self.n_eff = effective_samples(best, self.evidence)
-        near = [one for one in found if times_worse(best, one) < SEEN_APART]
-        for one in found:
-            reason = said_of_layout(best, one, is_alone=len(found) == 1, is_near=one in near)
-            self.record(one, reason, is_taken=one is best, change="layout")
-        near = [self.enriched(self.crossed(one), _DECLARED) for one in near]
-        return min(near, key=lambda one: one.score)
-
-    def lean(self, law: Tried, parts: Sequence[str] = tuple(SMALLER)) -> Tried:
-        """Take out what is not needed, until nothing can be."""
-        for change in parts:
-            law = self.without(law, change, SMALLER[change])
-        return with_bleeds_told(self, law)
-
-    def without_unseen(self, law: Tried) -> Tried:
-        """Take out parts of one stroke, or of the mounting, that no log tells.
-
-        Last, for what is not seen beside a part that lacks may be seen beside that.
-        """
-        unseen, had = law.unseen | ({"k_s"} if _is_as_rigid(law) else set()), _bleeds_of(law)
-        for change, (names, smaller) in ONE_STROKE.items():
-            if set(names) & unseen:
-                law = self.without(law, change, smaller)
-        # A blow-off with next to no preload, beside which there was a bleed, is a laminar one.
-        return law if _bleeds_of(law) == had else with_bleeds_told(self, law)
-
-    def needed_by_some(self, law: Tried, names: Sequence[str]) -> Tried:
-        """What single settings need, with the kinds of blow-offs that all of them need.
-
-        Another kind than theirs is idle where a part that came after it has led all of them on.
-        """
-        more = self.grown(law, names)
-        return law if more is law else with_strokes_told(self, more, valve_damper(more))
-
-    def grown(self, law: Tried, names: Sequence[str]) -> Tried:
-        """What single settings need that those compared do not tell together, the worst first."""
-        asked = [*self.elsewhere, *(self.evidence if len(self.evidence) > 1 else ())]
-        for _ in range(_MOST_GROWN):
-            found = worst_missed(law, asked, self.solver)
-            if found is None:
-                return law
-            one, there = found
-            asked.remove(one)
-            seen = _Search((one,), self.solver, self.on_law, self.jobs)
-            seen.n_eff, seen.laws = effective_samples(there, (one,)), self.laws
-            more = seen.enriched(there, names)
-            if more is there:
-                continue
-            fitted = self.fitted(valve_damper(more), freed=freed_of(more), near=law)
-            if fitted is not None:
-                self.more += seen.more
-                self.of_one += seen.more
-                law = self.crossed(fitted.with_better(more.fits))
-                reason = f"setting {one.setting} needs it"
-                self.record(law, reason, is_taken=True, change="for another setting")
-        return law
-
-    def in_its_layout(self, law: Tried, layouts: Sequence[ValveDamper]) -> Tried:
-        """The law in the layout that is taken, without parts that stood for that."""
-        best = self.laid_out(law, layouts)
-        if valve_damper(best).name == valve_damper(law).name:
-            return best
-        return self.asked_again(best, self.more)
-
-    def laid_out(self, law: Tried, layouts: Sequence[ValveDamper]) -> Tried:
-        """The law in the layout that is taken; which others do as well is kept."""
-        own = valve_damper(law)
-        models = [laid_out_as(own, one) for one in layouts if one.name != own.name]
-        known = [self.known_worse(law, model) for model in models]
-        left = [model for model, one in zip(models, known, strict=True) if one is None]
-        fits = self.all_fitted(left, freed=freed_of(law), near=law)
-        others = [one for one in (*known, *fits) if one is not None]
-        best = layout_taken(law, others)
-        alike = [one for one in (law, *others) if one is not best and are_alike(best, one)]
-        for one in others:
-            reason = said_of_layout(best, one, is_alone=False, is_near=one in alike)
-            self.record(one, reason, is_taken=one is best, change="layout")
-        self.alike, self.as_well = tuple(one.fits[0].model.name for one in alike), tuple(alike)
-        return best
-
-    def known_worse(self, law: Tried, model: ValveDamper) -> Tried | None:
-        """What the same law in another layout gave already, where it is far from the one taken."""
-        for known in self.laws:
-            one = known.tried
-            is_same = one.fits[0].model == model and freed_of(one) == had_by(model, freed_of(law))
-            if is_same and times_worse(law, one) > _FAR_WORSE:
-                return one
-        return None
-
-    def settled(self, simplest: Tried, law: Tried) -> Tried:
-        """The paper's model where the other is not worth its quantities."""
-        if law.n_quantities <= simplest.n_quantities:
-            chosen = min(simplest, law, key=lambda one: one.score)
-            reason = (
-                "fits and predicts better than the law of valves"
-                if chosen is simplest
-                else "the law of valves fits and predicts better with no more quantities"
-            )
-            self.record(simplest, reason, is_taken=chosen is simplest, change="smallest law")
-            return self.without_valves(chosen) if chosen is simplest else chosen
-        verdict = judged(simplest, law, self.n_eff)
-        reason = (
-            f"valves on a mounting are needed: {verdict.reason}"
-            if verdict.takes_larger
-            else verdict.reason
-        )
-        is_taken = not verdict.takes_larger
-        self.record(simplest, reason, is_taken=is_taken, change="smallest law", verdict=verdict)
-        return self.without_valves(simplest) if is_taken else law
-
-    def without_valves(self, law: Tried) -> Tried:
-        """A law that is none of valves: layouts that they fit alike in say nothing of it."""
-        self.alike = ()
-        return law
-
-    def declared(self, declared: Tried, law: Tried) -> Tried:
-        """Of valves as declared, and as the logs tell them, what is worth its quantities."""
-        small, large = sorted((law, declared), key=lambda one: one.n_quantities)
-        verdict = judged(small, large, self.n_eff)
-        better = large if verdict.takes_larger else small
-        if small.n_quantities == large.n_quantities:
-            better = min(law, declared, key=lambda one: one.score)
-        is_taken = better is declared
-        self.record(
-            declared, verdict.reason, is_taken=is_taken, change="as declared", verdict=verdict
-        )
-        return better
-
-    def open_to(self, law: Tried, share: float) -> None:
-        """Ask for what yields where some settings alone do, and valves leave something."""
-        is_unasked = math.isnan(self.held_share) and not math.isnan(share)
-        if is_unasked and (law.leaves_something or unbelievable(law)):
-            self.held_share, self.is_held_by_some = share, True
-
-    def yielding(self, law: Tried) -> Tried:
-        """What yields before it slides, where the logs do and valves tell them less well."""
-        if math.isnan(self.held_share):
-            return law
-        found = [one for one in self.all_fitted([kind() for kind in YIELDING]) if one is not None]
-        best = min(found, key=lambda one: one.score, default=law)
-        taken = law
-        for one in found:
-            is_better, reason = held_against(law, one, self.held_share)
-            is_taken = is_better and one is best
-            taken = one if is_taken else taken
-            self.record(one, reason, is_taken=is_taken, change="what yields")
-        if taken is not law:
-            self.without_valves(taken)
-        elif found and is_open_to(law, best):
-            self.also = best.title
-        else:
-            self.doubt = unbelievable(law)
-        return taken
-
-    def ended(self, chosen: Tried) -> LawSearch:
-        """What was tried, and the law to take, which is polished on the whole logs."""
-        model, freed = chosen.fits[0].model, freed_of(chosen)
-        polished = self.fitted(model, freed=freed, near=chosen, is_whole=True) or chosen
-        laws = tuple(
-            dataclasses.replace(one, tried=polished, is_taken=True)
-            if one.tried is chosen
-            else dataclasses.replace(one, is_taken=False)
-            for one in self.laws
-        )
-        return LawSearch(
-            laws, polished, self.n_eff, self.alike, self.held_share, self.also,
-            is_held_by_some=self.is_held_by_some, doubt=self.doubt,
-        )  # fmt: skip
-
-
-def _bleeds_of(law: Tried) -> tuple[str, str]:
-    damper = valve_damper(law)
-    return damper.rebound.bleed, damper.compression.bleed
-
-
-def _is_as_rigid(law: Tried) -> bool:
-    """Whether the mounting gives no more than the oil's bulk modulus is uncertain by."""
-    one = valve_damper(law)
-    if "k_s" not in law.fits[0].free:
-        return False
-    softest = min(one.annulus_area / one.chamber_1_length, one.piston_area / one.chamber_2_length)
-    oil = of_oil(one)[0]
-    return all(fit.values.k_s > _AS_RIGID * getattr(fit.values, oil) * softest for fit in law.fits)
+            raise SimulationError("no structure can be simulated on these logs.")
+        search.judge(simplest, "no other can be simulated on these logs", is_taken=True)
+        return search.ended(simplest)
+    fit = search.improved(fit)
+    if isinstance(plain, ValveDamper):
+        fit = search.held_against_declared(fit, plain)
+    fit = search.in_its_layout(fit, layouts)
+    fit = search.missed(search.at_all(fit))
+    if adjusted is not None:
+        fit = search.tied(fit, adjusted)
+    chosen = search.judged(fit)
+    if simplest is not None and not has_valves:
+        chosen = search.held_against_paper(simplest, fit)
+    return search.ended(search.yielding(chosen, held_share, held_by_some), fit)

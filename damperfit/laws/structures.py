@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 
 from damperfit.damper.mounting import FIT, NONE
 from damperfit.laws.variants import (
-    KINDS,
     PARTS,
     RETURNS,
     STROKES,
@@ -34,15 +33,15 @@ __all__ = ["Structure", "moves"]
 _BLOW_OFFS = {
     "none": "without a blow-off",
     "linear": "with a plain blow-off",
-    "rounded": f"with {KINDS['rounded'][2]}",
-    "lifting": f"with {KINDS['lifting'][2]}",
-    "port": f"with {KINDS['port'][2]}",
+    "rounded": "with blow-offs that lift gradually",
+    "lifting": "with blow-offs that lift further the harder they are pressed",
+    "port": "with a port behind the blow-offs",
 }
 _BLEEDS = {
     "none": "without a bleed",
     "orifice": "with an orifice as bleed",
     "leak": "with a laminar bleed",
-    "long": f"with {KINDS['long'][2]}",
+    "long": "with bleeds with a laminar part",
 }
 _FREED = (RETURNS, "drag", "gas_volume", "free_gas")
 

@@ -25,7 +25,7 @@ from damperfit.laws import (
     yielding_seen,
 )
 from damperfit.laws.other_layouts import LAYOUTS
-from damperfit.laws.structure_search import follows_by_scope, search_structures
+from damperfit.laws.search import follows_by_scope, search_laws
 from damperfit.problem import failure_lines
 from damperfit.reporting.laws import chosen_records, rival_records, tried_law_records
 from damperfit.run.dampers import of_one_damper
@@ -389,7 +389,7 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
     solver = configuration.identification.solver
     ends = _softest_and_stiffest(evidence)
     adjusters = evidence[0].setting.adjusters
-    search = search_structures(
+    search = search_laws(
         _plain(configuration),
         _layouts(configuration, layout),
         evidence,

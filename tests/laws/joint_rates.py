@@ -1,4 +1,4 @@
-"""How often one model of several settings is larger than the truth, and how often it lacks a part.
+"""How often the choice at several settings is larger than the truth, and how often it lacks parts.
 
     python -m tests.laws.joint_rates --dampers 40 --seed 1
 
@@ -6,12 +6,7 @@ The dampers of `rates`, every second with what settings have in common and singl
 a port behind the blow-offs, blow-offs that lift gradually, friction that builds up over a distance.
 A bleed has two clicks and a preload two, three settings in all; what has one of the two has three
 clicks. Three speeds of each setting are logged with 4 N and 8 um of noise at 1 kHz, a fourth is
-held out. The law is chosen setting by setting, then as one model, as `identify --model auto
---procedure joint` does; what is wrong before and after is counted, larger laws and layouts too.
-Missed is told in two counts: all laws that lack a part, and those of them that the rule of
-`choosing` forbids to be any larger, for their MSE is below 0.02 % and no force nor held-out log is
-off. Of one model the true law is fitted from the truth too, and held against the chosen one: what
-the rule would not take from there, no search can find.
+held out.
 """
 
 from __future__ import annotations
@@ -24,28 +19,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.configuration.loading import load_configuration
 from damperfit.damper.friction import Friction
 from damperfit.damper.mounting import FIT
-from damperfit.identification.sharing import unknowns_of
-from damperfit.laws import SettingLogs, fit_law, judged, search_laws
-from damperfit.laws.choosing import OfOneModel
-from damperfit.laws.elsewhere import freed_of, had_by
-from damperfit.laws.law_of_all import as_one_model
-from damperfit.laws.together import _Course
-from damperfit.run.auto_model import _follows, _softest_and_stiffest, at_every_setting, told_as_one
+from damperfit.laws import SettingLogs, search_laws
 from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting
 from tests.laws.rates import CHECK, FITTED, Drawn, draw, known_of, logged, verdict_on
 from tests.laws.valve_logs import moved
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Sequence
 
-    from damperfit.configuration.options import Configuration
-    from damperfit.laws import LawSearch, Tried, Verdict
+    from damperfit.laws import LawSearch
 
-__all__ = ["drawn", "evidence_of", "held_against_truth", "settings_of", "told"]
+__all__ = ["drawn", "evidence_of", "searched", "settings_of"]
 
 SOLVER = SolverOptions()
 
@@ -54,10 +41,6 @@ MORE = ("", "port", "", "rounded", "", "presliding")
 CLOSED, CLOSED_ALONE, PRELOADED = 6.0, 1.6, 2.5
 BOTH = ((6, 1), (6, 3), (18, 1))
 BLEED_ALONE, BLOW_OFF_ALONE = ((6, 1), (12, 1), (18, 1)), ((6, 1), (6, 2), (6, 3))
-ADJUSTERS = {
-    "l": ["rebound.bleed", "compression.bleed"],
-    "h": ["rebound.opening", "compression.opening"],
-}
 
 
 def drawn(place: int, seed: int) -> Drawn:
@@ -109,71 +92,10 @@ def evidence_of(one: Drawn, seed: int) -> list[SettingLogs]:
     return evidence
 
 
-def told(one: Drawn, evidence: Sequence[SettingLogs]) -> tuple[LawSearch, LawSearch]:
-    """Return what single settings tell of a damper, and what they do as one model."""
+def searched(one: Drawn, evidence: Sequence[SettingLogs]) -> LawSearch:
+    """Return the search over all settings of a damper."""
     paper, layouts = known_of(one)
-    compared = _softest_and_stiffest(evidence)
-    elsewhere = [logs for logs in evidence if logs not in compared]
-    search = search_laws(paper, layouts, compared, solver=SOLVER, jobs=2, elsewhere=elsewhere)
-    fits = at_every_setting(search.chosen, evidence, SOLVER, jobs=2)
-    together, _ = told_as_one(
-        configured(), search, [fit for fit in fits if fit is not None], evidence,
-        layouts=layouts, jobs=2, on_law=lambda _: None,
-    )  # fmt: skip
-    return search, together
-
-
-def configured() -> Configuration:
-    """With the adjusters declared, and nothing of the law."""
-    overlay = {"identification": {"procedure": "joint"}, "adjusters": ADJUSTERS}
-    return load_configuration(None, overlay=overlay, is_law_open=True)
-
-
-def held_against_truth(
-    one: Drawn, search: LawSearch, evidence: Sequence[SettingLogs]
-) -> tuple[Verdict, Tried]:
-    """Return whether the rule takes the true law for a chosen one that lacks a part, and that law.
-
-    It is fitted from the true numbers, with what the chosen one has freed.
-    """
-    chosen, freed = search.chosen, had_by(one.model, freed_of(search.chosen))
-    there = settings_of(one)
-    fits = [
-        fit_law(
-            one.model, logs, freed=freed, solver=SOLVER,
-            near=one.model.values({
-                q.name: there[logs.setting].values.get(q.name, q.default)
-                for q in one.model.quantities
-            }),
-        )
-        for logs in evidence
-    ]  # fmt: skip
-    follows = _follows(configured(), fits, evidence, jobs=2)
-    known = {logs.setting: logs for logs in evidence}
-    law = as_one_model(fits, known, follows, SOLVER, 2)
-    true = _Course(evidence, follows, SOLVER, 2, lambda _: None).tried(law)
-    first = chosen.fits[0]
-    own = unknowns_of(first.free, follows(first.model, first.free), law.one.settings)
-    more = OfOneModel(law.n_unknowns - len(own))
-    return judged(chosen, true, search.n_eff, of_one_model=more), true
-
-
-def said_of(
-    place: int, one: Drawn, search: LawSearch, evidence: Sequence[SettingLogs]
-) -> Iterator[str]:
-    """Print what is wrong with a choice; yield "not told" where the rule has it so."""
-    law, wrong = search.chosen, verdict_on(one, search)
-    print(f"{place} {', '.join(wrong)}: {law.title}, MSE {law.mse_percent:.3g} %; {one.words}",
-          flush=True)  # fmt: skip
-    if "missed" not in wrong or "larger" in wrong:
-        return
-    verdict, true = held_against_truth(one, search, evidence)
-    if not verdict.takes_larger:
-        yield "not told"
-    said = "it would be taken" if verdict.takes_larger else verdict.reason
-    print(f"  the true law leaves {true.mse_percent:.2g} %, {true.left_over:.2f} of what is enough "
-          f"where this leaves {law.left_over:.2f}; MSE {verdict.gain:.2f} times, BIC "
-          f"{verdict.bic:+.0f}: {said}", flush=True)  # fmt: skip
+    return search_laws(paper, layouts, evidence, solver=SOLVER, jobs=2)
 
 
 def main() -> None:
@@ -183,27 +105,20 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0, help="the place of the first of them")
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
-    counts = Counter[str](), Counter[str]()
+    counts = Counter[str]()
     begin = time.process_time()
     for place in range(options.first, options.first + options.dampers):
         one = drawn(place, options.seed)
-        evidence = evidence_of(one, 1000 * options.seed + place)
-        for n, search in zip(counts, told(one, evidence), strict=True):
-            wrong = verdict_on(one, search)
-            n.update((*wrong, "all"))
-            if "missed" in wrong and not search.chosen.leaves_something:
-                n.update(["too little"])
-            if search.is_of_one_model:
-                n.update(["told as one"])
-            if wrong and n is counts[1]:
-                n.update(said_of(place, one, search, evidence))
-    for words, n in zip(("setting by setting", "as one model"), counts, strict=True):
-        print(f"{words}: {n['all']}, {n['told as one']} of them told as one; larger {n['larger']}, "
-              f"missed {n['missed']} (too little left for any larger law at {n['too little']}), "
-              f"another layout {n['layout']}, told to be alike {n['told alike']}")  # fmt: skip
-    print(f"of those missed as one model the rule would not take the true law at "
-          f"{counts[1]['not told']}")  # fmt: skip
-    print(f"{(time.process_time() - begin) / max(options.dampers, 1):.1f} s of the processor each")
+        search = searched(one, evidence_of(one, 1000 * options.seed + place))
+        wrong, law = verdict_on(one, search), search.chosen
+        counts.update(wrong)
+        if wrong:
+            print(f"{place} {', '.join(wrong)}: {law.title}, MSE {law.mse_percent:.3g} %, held out "
+                  f"{law.held_out_percent:.3g} %; {one.words}", flush=True)  # fmt: skip
+    print(f"{options.dampers} dampers: larger {counts['larger']}, missed {counts['missed']}, "
+          f"another layout {counts['layout']}, alike {counts['told alike']}")  # fmt: skip
+    seconds = (time.process_time() - begin) / max(options.dampers, 1)
+    print(f"{seconds:.1f} s of the processor each")
 
 
 if __name__ == "__main__":

@@ -14,16 +14,13 @@ from damperfit.damper.model import Model
 from damperfit.damper.mounting import FIT, NONE, Mounting
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.valve_dampers import TwinTube
-from damperfit.laws import LawFit, Tried
-from damperfit.laws.search import _Search, search_laws
-from damperfit.laws.variants import BLEED, everything, without
+from damperfit.laws import LawFit
+from damperfit.laws.variants import everything
 from damperfit.recording import Trace
 from damperfit.run.auto_model import _layouts, assumed_gas, open_dimensions, with_chosen_law
-from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty.flaws import gain, signatures
 from tests import fakes
-from tests.laws.test_choosing import tried
 
 
 def test_a_layout_keeps_ambient_pressure_and_mounting() -> None:
@@ -90,7 +87,7 @@ def test_what_undeclared_dimensions_may_look_like_is_told(declared, free, says) 
 
 def test_a_law_that_was_found_is_no_declaration_of_the_damper() -> None:
     law = a_law_fit(TwinTube())
-    search = SimpleNamespace(chosen=SimpleNamespace(fits=(law,)), is_of_one_model=False)
+    search = SimpleNamespace(chosen=SimpleNamespace(fits=(law,)), is_of_one_model=False, offsets={})
     choice = SimpleNamespace(search=search, fits=(law,), document=lambda: {"model": "twin_tube"})
     found = with_chosen_law(load_configuration(None), choice)
     assert "(made up: [damper] is not declared" in found.damper_sentence
@@ -103,7 +100,7 @@ def test_a_law_that_was_found_is_no_declaration_of_the_damper() -> None:
 
 def test_a_law_of_valves_is_fitted_by_a_procedure_of_its_own() -> None:
     law = a_law_fit(TwinTube())
-    search = SimpleNamespace(chosen=SimpleNamespace(fits=(law,)), is_of_one_model=False)
+    search = SimpleNamespace(chosen=SimpleNamespace(fits=(law,)), is_of_one_model=False, offsets={})
     choice = SimpleNamespace(search=search, fits=(law,), document=lambda: {"model": "twin_tube"})
     for named, taken in (("paper", "plain"), ("joint", "joint")):
         asked = load_configuration(None, overlay={"identification": {"procedure": named}})
@@ -119,7 +116,7 @@ def test_a_gas_volume_is_the_papers_gas_length(volume, *, is_missing) -> None:
     }  # fmt: skip
     configuration = load_configuration(None, overlay={"damper": whole}, is_law_open=True)
     law = a_law_fit(replace(PURDY_DAMPER, rod_diameter=0.011))
-    search = SimpleNamespace(chosen=SimpleNamespace(fits=(law,)), is_of_one_model=False)
+    search = SimpleNamespace(chosen=SimpleNamespace(fits=(law,)), is_of_one_model=False, offsets={})
     choice = SimpleNamespace(search=search, fits=(law,), document=lambda: {"model": "purdy"})
     said = " ".join(with_chosen_law(configuration, choice).notes)
     assert ("gas_length" in said) is is_missing
@@ -139,15 +136,6 @@ def test_a_named_model_tells_its_assumed_gas() -> None:
     unsaid = {"ambient_pressure", "rebound", "compression", "mounting", "friction"}
     assert unsaid <= set(known.undeclared)
     assert not unsaid & set(known.not_measured)
-
-
-def test_a_measured_lag_is_not_taken_out() -> None:
-    fitted = TwinTube(mounting=Mounting(FIT, FIT, FIT))
-    smaller = without("lag")(fitted)
-    assert smaller is not None
-    assert smaller.mounting == Mounting(FIT, FIT, NONE)
-    assert without("lag")(replace(fitted, mounting=Mounting(FIT, FIT, 8e-3))) is None
-    assert without("lag")(replace(fitted, mounting=Mounting(FIT, FIT, NONE))) is None
 
 
 def stepped() -> Trace:
@@ -179,13 +167,6 @@ def a_law_fit(model: Model) -> LawFit:
     return LawFit(Setting.of(1), model, values, model.names, (), 1.0, (1.0,), np.nan, "", rest, 9)
 
 
-def test_a_law_without_a_blow_off_is_not_offered_a_rounded_one(monkeypatch) -> None:
-    law = Tried("bleed", (a_law_fit(TwinTube(rebound=BLEED, compression=BLEED)),))
-    course = _Search([], SolverOptions(), lambda _: None, 1)
-    monkeypatch.setattr(course, "fitted", lambda *_, **__: pytest.fail("fitted once more"))
-    assert course.enriched(law, ["rounded", "port"]) is law
-
-
 def test_models_tells_the_logs_that_contradict_each_other(tmp_path, capsys) -> None:
     assert main(["samples", str(tmp_path), "--settings", "5,10", "--quiet"]) == 0
     copied = (tmp_path / "setting_10.csv").read_text().replace("# setting: 10", "# setting: 17")
@@ -208,42 +189,3 @@ def test_a_layout_that_is_declared_is_the_only_one(model, asked, tried_layouts) 
     declared = {"rod_diameter": "11mm"} | ({} if model is None else {"model": model})
     found = _layouts(load_configuration(None, overlay={"damper": declared}), asked)
     assert sorted(one.name for one in found) == sorted(tried_layouts)
-
-
-@pytest.mark.parametrize(("law", "declared", "is_taken"), [
-    ((0.1, 5), (0.09, 6), False),  # parts more for next to nothing
-    ((0.1, 5), (0.01, 6), True),
-    ((0.019, 5), (1e-3, 6), False),  # what is left is too little to matter
-    ((0.1, 5), (0.11, 4), True),
-    ((0.1, 5), (1.0, 4), False),
-    ((0.1, 5), (0.099, 5), True),
-    ((0.1, 5), (0.101, 5), False),
-])  # fmt: skip
-def test_valves_as_declared_must_be_worth_their_parts(law, declared, is_taken) -> None:
-    search = _Search([], SolverOptions(), lambda _: None, 1)
-    search.n_eff = 60.0
-    found, as_declared = tried(*law), tried(*declared)
-    assert search.declared(as_declared, found) is (as_declared if is_taken else found)
-    assert [(one.change, one.is_taken) for one in search.laws] == [("as declared", is_taken)]
-
-
-def test_only_the_papers_model_ends_a_search_by_leaving_little(monkeypatch) -> None:
-    class GoesOnError(Exception):
-        pass
-
-    def go_on(*_: object, **__: object) -> None:
-        raise GoesOnError
-
-    asked: list[tuple[str, ...]] = []
-    small = tried(1e-3, 5)
-
-    def fitted(*_: object, freed: tuple[str, ...], **__: object) -> Tried:
-        asked.append(freed)
-        return small
-
-    monkeypatch.setattr(_Search, "fitted", fitted)
-    monkeypatch.setattr(_Search, "all_fitted", go_on)
-    assert search_laws(PURDY_DAMPER, [TwinTube()], []).chosen is small
-    with pytest.raises(GoesOnError):
-        search_laws(TwinTube(), [TwinTube()], [])
-    assert (asked[0], asked[-1]) == (("f_0",), ())  # of valves the offset is free anyway

@@ -11,7 +11,6 @@ from damperfit.damper.mounting import NONE, Mounting
 from damperfit.damper.network import Valve
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube, ValveDamper
 from damperfit.laws import Tried, physics_seen
-from damperfit.laws.layout_choice import layout_taken
 from damperfit.laws.other_layouts import times_in
 from damperfit.simulation import SolverOptions, simulate
 from tests.laws.test_undecided import fit
@@ -23,20 +22,6 @@ EXACT = SolverOptions(tolerance=1e-3)
 
 def tried(model: ValveDamper, mse: float) -> Tried:
     return Tried("law", (replace(fit(), model=model, mse_percent=mse, held_out_percent=0.01),))
-
-
-@pytest.mark.parametrize(
-    ("worse", "usual"), [(0.99, True), (1.01, True), (1.49, True), (1.51, False)]
-)
-def test_of_layouts_that_nothing_tells_apart_the_most_usual_is_taken(
-    worse: float, *, usual: bool
-) -> None:
-    through, mono = tried(ThroughFlow(), 0.004), tried(Monotube(), 0.004 * worse)
-    assert layout_taken(through, [mono]) is (mono if usual else through)
-    # What the search went on with is left for another that is better, not for one that is alike.
-    assert layout_taken(mono, [through]) is mono
-    far = tried(TwinTube(), 0.4)
-    assert layout_taken(far, [through, mono]) is (mono if usual else through)
 
 
 @pytest.mark.parametrize("valve", [Valve("orifice", "linear"), Valve("leak", "none")])

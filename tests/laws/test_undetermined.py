@@ -16,9 +16,8 @@ from damperfit.identification.fit_problem import FitProblem
 from damperfit.identification.fit_setting import _statuses
 from damperfit.identification.least_squares import DenseSystem, Minimum
 from damperfit.identification.log_facts import FEWEST_SAMPLES
-from damperfit.laws import LawFit, Tried, physics_seen, seen_again
+from damperfit.laws import LawFit, physics_seen, seen_again
 from damperfit.laws.law_fit import _undetermined
-from damperfit.laws.search import _Search
 from damperfit.reporting.laws import chosen_records, chosen_sheet
 from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting
@@ -70,21 +69,6 @@ def found(setting: int, opening: float, undetermined: tuple[str, ...] = ()) -> L
     return LawFit(
         own, MODEL, values, NAMES, (), 0.01, (0.01,), math.nan, "", (np.zeros(3),), 9, undetermined
     )
-
-
-@pytest.mark.parametrize(("times", "is_asked"), [(2.95, False), (3.05, True)])
-def test_a_mounting_stiffer_than_three_oils_is_none(monkeypatch, times, *, is_asked: bool) -> None:
-    oil = 1e9 * math.pi / 4.0 * (0.03**2 - 0.012**2) / 0.09  # of the rod side
-    one = found(1, 5e5)
-    stiff = replace(one, values=one.values.replace({"k_e": 1e9, "k_s": times * oil}))
-    search, asked = _Search([], SolverOptions(), lambda _: None, 1), []
-    monkeypatch.setattr(search, "without", lambda law, change, _: asked.append(change) or law)
-    search.without_unseen(Tried("a law", (stiff,)))
-    assert asked == (["elasticity of the mounting"] if is_asked else [])
-    asked.clear()
-    soft = replace(one, setting=Setting.of(2), values=one.values.replace({"k_s": 4e5}))
-    search.without_unseen(Tried("a law", (stiff, soft)))
-    assert asked == []
 
 
 def test_sentences_and_table_leave_out_or_mark_what_is_not_told() -> None:
