@@ -38,8 +38,8 @@ if TYPE_CHECKING:
 __all__ = ["MAKERS", "PAPER", "Truth", "copied", "folder_of"]
 
 ROOT = Path(__file__).parents[1]
-SOURCES = (accuracy_of_motions, campaign, convergence, motions, dampers, other_laws, rig, test_triangles,
-           valve_bars)  # fmt: skip
+SOURCES = (accuracy_of_motions, campaign, convergence, motions, dampers, other_laws, rig,
+           test_triangles, valve_bars)  # fmt: skip
 PAPER = ("r_m1", "r_m2", "r_m3", "k_e", "f_f")
 Truth = dict[str, dict[str, float]]  # by setting as parameters.csv names it
 LOCK = threading.Lock()
