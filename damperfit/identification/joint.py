@@ -222,21 +222,18 @@ def fit_from_one_model(
 
     Raises
     ------
-    SettingError
+    SimulationError
         A setting cannot be simulated there.
     FitCancelledError
         When the caller asked to stop.
     """
     free = given.ordered(moving)
     problems = {setting: given.problem(setting, free) for setting in given.settings}
+    left = {s: 100.0 * one.whole.cost(starts[s]) for s, one in problems.items()}
+    if any(percent < problems[s].solvers_percent for s, percent in left.items()):
+        problems = {s: one.refined(left[s]) for s, one in problems.items()}
     tied = TiedProblem(problems, way.shared, way.follows, jobs=given.jobs)
     solution = fit_jointly(tied, starts)
-    left = {s: 100.0 * x / problems[s].deviation ** 2 for s, x in solution.mean_squares.items()}
-    if any(percent < problems[s].solvers_percent for s, percent in left.items()):
-        exact = {s: one.refined(left[s]) for s, one in problems.items()}
-        tied = replace(tied, problems=exact)
-        again = fit_jointly(tied, solution.parameters)
-        solution = replace(again, evaluations=solution.evaluations + again.evaluations)
     solution = _fairly_weighed(tied, solution)
     return JointResult(
         solution=solution,

@@ -15,12 +15,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.damper.warmed import BETA
-from damperfit.errors import ConfigurationError, FitCancelledError, LogError
+from damperfit.errors import ConfigurationError, FitCancelledError, LogError, SimulationError
 from damperfit.identification.blas_threads import one_blas_thread
 from damperfit.identification.campaign import (
     Campaign,
     ProcedureInput,
-    SettingError,
     SettingFailure,
     attempted,
     attempted_for_all,
@@ -175,7 +174,7 @@ def _joint(given: ProcedureInput) -> Campaign:
     way, moving = _way_of(given)
     ended = _ended_as_one(given)
     if way is not None and way.shared and ended:
-        with suppress(SettingError):
+        with suppress(SimulationError):
             return _from_one_model(given, way, moving, ended)
     name = "paper" if "paper" in given.damper.procedures else "plain"
     by_paper = {TAKEN, MEAN} if name == "paper" and (way is None or not way.follows) else set()

@@ -133,6 +133,7 @@ class _Search:
     ) -> None:
         self.n_starts = n_starts
         self.alike: tuple[str, ...] = ()
+        self.fits_alike: list[_Fit] = []
         self.first_layouts: dict[str, float] = {}
         self.held_share, self.is_held_by_some = math.nan, False
         self.also, self.doubt = "", ""
@@ -475,6 +476,8 @@ class _Search:
             reason = _of_layout(best, one, is_alone=False, is_near=one in alike)
             self.judge(one, reason, is_taken=one is best, change="layout")
         self.alike = tuple(one.fits[0].model.name for one in alike)
+        fits = {id(law): fit, **others}
+        self.fits_alike = [fits[id(one)] for one in alike]
         if best is law:
             return fit
         other = others[id(best)]
@@ -617,12 +620,23 @@ class _Search:
         Only then: beside valves that are tied wrongly every other part would be chosen for them.
         """
         self.follows, before = follows, fit.model
-        model = self.model(fit.structure, before.settings)
-        if model.unknowns == before.unknowns:
+        if self.model(fit.structure, before.settings).unknowns == before.unknowns:
             return fit
-        model = model.weighed_at(fit.values, least=_LEAST)
-        found = model.best_of(list(model.starts(fit.values)))
-        return self.improved(self.ended_at(_Fit(fit.structure, model, found)))
+        found = []
+        for one in (fit, *self.fits_alike):
+            with suppress(SimulationError):
+                known = self.extended(one, before.settings)
+                model = self.model(known.structure, before.settings)
+                model = model.weighed_at(known.values, least=_LEAST)
+                ended = model.best_of(list(model.starts(known.values)))
+                found.append(self.ended_at(_Fit(known.structure, model, ended)))
+                # A part that single settings do without may be what all of them need.
+                damper = replace(one.structure.damper, rebound=BOTH, compression=BOTH)
+                found.append(self.first(Structure(damper, one.structure.freed), before.settings))
+        best = min(found, key=self.criterion, default=fit)
+        names = [one.structure.damper.name for one in (fit, *self.fits_alike)]
+        self.alike = tuple(name for name in names if name != best.structure.damper.name)
+        return self.improved(best)
 
     # all settings
 

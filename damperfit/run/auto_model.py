@@ -239,8 +239,9 @@ def ties_of(
         found = dict(follows_by_scope(model, free, adjusters))
         if share and not options.is_detecting:
             found = {name: adjusters for name in free if name not in share}
-        if is_adjusted:
-            said = followed(configuration.document["adjusters"], model, is_law_open=True)
+        said = followed(configuration.document["adjusters"], model, is_law_open=True)
+        if is_adjusted and said:  # what is not declared to follow one is the damper's
+            found = {name: adjusters for name in free if model.quantity(name).is_offset}
             found |= {n: tuple(a for a in adjusters if a in said[n]) for n in free if n in said}
         return found
 
