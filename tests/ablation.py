@@ -15,12 +15,9 @@ import argparse
 import importlib
 import runpy
 import sys
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from tests.bench_numbers import CASES, compared, load_frozen
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 __all__ = ["PIECES", "switched_off"]
 
@@ -30,7 +27,7 @@ def _first(given: Any, *_: Any, **__: Any) -> Any:
 
 
 # By name: module, what is replaced (a class's function as Class.name), and by what.
-PIECES: dict[str, tuple[str, str, Callable[..., Any]]] = {
+PIECES: dict[str, tuple[str, str, Any]] = {
     # The search over structures.
     "lent": ("laws.search", "_Search.lent", lambda search, fit: search.ended_at(fit)),
     "layouts again": ("laws.search", "_Search.in_its_layout", lambda _, fit, __: fit),
@@ -38,6 +35,7 @@ PIECES: dict[str, tuple[str, str, Callable[..., Any]]] = {
     "held out": ("laws.search", "_Search.of_held_out", lambda *_: 0.0),
     "yielding": ("laws.search", "_Search.yielding", lambda _, law, *__: law),
     # Fits.
+    "start again at a bound": ("identification.joint", "_NEIGHBOURS", 0),
     "idle parts": ("identification.procedures", "without_idle_parts", _first),
     "last step": ("identification.fit_setting", "_last_step", lambda *_: None),
     "start again at a bound": (
