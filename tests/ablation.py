@@ -35,7 +35,6 @@ PIECES: dict[str, tuple[str, str, Any]] = {
     "held out": ("laws.search", "_Search.of_held_out", lambda *_: 0.0),
     "yielding": ("laws.search", "_Search.yielding", lambda _, law, *__: law),
     # Fits.
-    "start again at a bound": ("identification.joint", "_NEIGHBOURS", 0),
     "idle parts": ("identification.procedures", "without_idle_parts", _first),
     "last step": ("identification.fit_setting", "_last_step", lambda *_: None),
     "start again at a bound": (
