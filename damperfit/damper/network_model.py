@@ -123,7 +123,7 @@ def simulate_network(
         np.array([place[name] for name in sensitivities], dtype=np.intc),
         pressures, masses, force, rows, motion.interval, options.rounding,
         network.has_floating_piston, options.tolerance, options.dead_band,
-        options.max_steps_per_sample, 0,
+        options.max_steps_per_sample,
     )  # fmt: skip
     if code:
         raise SimulationError(describe_ending(code, sample, motion, options))

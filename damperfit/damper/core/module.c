@@ -77,10 +77,9 @@ static PyObject *simulate_network(PyObject *self, PyObject *args)
     double interval, rounding;
     int floating;
     df_options options;
-    Py_ssize_t unused = 0; /* in its place a core before this one had the samples that a part settles in */
-    if (!PyArg_ParseTuple(args, "OOOOOOOOOOOddpddl|n:simulate_network", &o[0], &o[1], &o[2], &o[3], &o[4],
+    if (!PyArg_ParseTuple(args, "OOOOOOOOOOOddpddl:simulate_network", &o[0], &o[1], &o[2], &o[3], &o[4],
                           &o[5], &o[6], &o[7], &o[8], &o[9], &o[10], &interval, &rounding, &floating,
-                          &options.tolerance, &options.dead_band, &options.max_steps_per_sample, &unused))
+                          &options.tolerance, &options.dead_band, &options.max_steps_per_sample))
         return NULL;
     Py_buffer buffers[N_NETWORK_BUFFERS];
     PyObject *answer = NULL;

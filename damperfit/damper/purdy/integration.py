@@ -103,7 +103,7 @@ def integrate(
     code, steps, rejected, newton, sample = compiled_core().simulate_network(
         _body(damper), numbers, _PASSAGES, x, v, jumps, which, pressures, masses, force,
         rows, motion.interval, _ROUNDING, False, options.tolerance, options.dead_band,
-        options.max_steps_per_sample, 0,
+        options.max_steps_per_sample,
     )  # fmt: skip
     if code:
         raise SimulationError(describe_ending(code, sample, motion, options))
