@@ -169,7 +169,7 @@ def test_what_the_run_told_is_shown(copy):
                 ],
             }
         ],
-        "sentences": {"identifiability": ["r_m1 and r_m3 are tied"], "cavitation": "no list"},
+        "sentences": {"identifiability": ["r_m1, r_m3 strongly correlated"], "cavitation": "no list"},
         "held_out": [{"setting": 2, "log": "b.csv", "cycles": "last 3", "mse_percent": 0.5,
                       "expected_mse_percent": 0.25, "verdict": "worse than fitted"}, 7],
     }  # fmt: skip
@@ -183,7 +183,7 @@ def test_what_the_run_told_is_shown(copy):
     assert "1 of 3 checks passed, 1 failed, 1 not evaluated" in page
     assert page.index("setting 3 is off") < page.index("all below 1 %")  # what failed comes first
     assert "K_e rises by 10 MPa a setting." in page
-    assert "r_m1 and r_m3 are tied" in page
+    assert "r_m1, r_m3 strongly correlated" in page
     assert "setting 2, b.csv, last 3 cycles: MSE 0.5 % (0.25 % expected), worse than" in page
     assert "warning: force is clipped &lt;/script&gt;" in page
     assert page.count("channels are 0.1 ms apart") == 1  # a note stands with its log alone

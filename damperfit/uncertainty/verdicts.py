@@ -119,8 +119,8 @@ def doubts(
             f" to {max(values):+.2f}" if max(values) - min(values) > 0.005 else ""
         )
         sentences.append(
-            f"{one} and {other} are tied at {of_settings(s for s, _ in where)} "
-            f"(correlation {spread}): an error in one is an error in the other"
+            f"{one} and {other} are strongly correlated at {of_settings(s for s, _ in where)} "
+            f"({spread}): the logs determine their combination better than each"
         )
     return tuple(sentences)
 

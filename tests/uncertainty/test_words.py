@@ -351,12 +351,12 @@ def test_ties_at_several_settings_are_one_sentence_with_their_range() -> None:
     by = {n: known(n, tie=tie) for n, tie in ((1, 0.961), (2, 0.98), (3, 0.94))}
     (said,) = doubts(fits, by, Sharing(), {})
     assert said == (
-        "r_m1 and r_m2 are tied at settings 1, 2 (correlation +0.96 to +0.98): an error in one is "
-        "an error in the other"
+        "r_m1 and r_m2 are strongly correlated at settings 1, 2 (+0.96 to +0.98): the logs "
+        "determine their combination better than each"
     )
     by[2] = known(2, tie=0.963)
     (said,) = doubts(fits, by, Sharing(), {})
-    assert "tied at settings 1, 2 (correlation +0.96): an error" in said
+    assert "at settings 1, 2 (+0.96): the logs" in said
 
 
 def test_the_record_of_a_profile_has_both_limits_beside_those_of_the_errors() -> None:
