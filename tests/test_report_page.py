@@ -169,7 +169,10 @@ def test_what_the_run_told_is_shown(copy):
                 ],
             }
         ],
-        "sentences": {"identifiability": ["r_m1, r_m3 strongly correlated"], "cavitation": "no list"},
+        "sentences": {
+            "identifiability": ["r_m1, r_m3 strongly correlated"],
+            "cavitation": "no list",
+        },
         "held_out": [{"setting": 2, "log": "b.csv", "cycles": "last 3", "mse_percent": 0.5,
                       "expected_mse_percent": 0.25, "verdict": "worse than fitted"}, 7],
     }  # fmt: skip
