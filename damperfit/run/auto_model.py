@@ -460,8 +460,8 @@ def with_chosen_law(configuration: Configuration, choice: LawChoice) -> Configur
     found = {fit.setting: asdict(fit.values) for fit in choice.fits}
     follows = followed(adjusters, best.model, is_law_open=True)
     options = _options_of(configuration, best)
-    if choice.search.is_of_one_model and not follows:
-        options = _tied(configuration, options, best)
+    if choice.search.is_of_one_model:
+        options = _tied(configuration, options, best, is_adjusted=bool(follows))
     options = replace(
         options,
         follows=follows,
@@ -527,10 +527,14 @@ def _options_of(configuration: Configuration, best: LawFit) -> FitOptions:
     return replace(options, free=tuple(name for name in best.free if name not in shared))
 
 
-def _tied(configuration: Configuration, options: FitOptions, best: LawFit) -> FitOptions:
+def _tied(
+    configuration: Configuration, options: FitOptions, best: LawFit, *, is_adjusted: bool
+) -> FitOptions:
     """What is fitted of a structure that was chosen at all settings together, as it was chosen."""
     if "identification.procedure" in configuration.declared:
         return options
+    if is_adjusted:  # what follows an adjuster is passed on beside this
+        return replace(options, procedure="joint")
     adjusters = best.setting.adjusters
     own = ties_of(configuration, adjusters)(best.model, best.free)
     return replace(
