@@ -285,7 +285,7 @@ def test_a_terminal_that_hangs_up_leaves_what_is_finished(logs, repeated, tmp_pa
         log = repeated(text, k).replace("setting: 1\n", f"setting: {k}\n")
         (tmp_path / f"setting_{k}.csv").write_text(log)
     process = subprocess.Popen(
-        [*COMMAND, "identify", "*.csv", "--jobs", "2", "--model", "purdy", "--starts", "8"],
+        [*COMMAND, "identify", "*.csv", "--jobs", "2", "--model", "purdy", "--starts", "200"],
         cwd=tmp_path,
         stderr=subprocess.PIPE,
         text=True,
