@@ -566,7 +566,7 @@ def _window(n: int) -> FloatArray:
 # stroke_drift
 # continued                                              `damperfit.conditioning.segments`
 # temperature, temperature_drift, temperature_missing    here
-# rig_filter, force_smoothed                             here
+# rig_filter, force_smoothed, frozen_rows                here
 # =====================================================  ==========================================
 
 
@@ -599,6 +599,7 @@ def examine(
         *recording.findings,
         *log.findings,
         *_channels(recording, window, driven, period=_period(trace)),
+        *frozen_rows(recording),
         *examine_motion(log, trace, cycles, options, metadata=recording.metadata),
         *examine_repeatability(recording, trace),
         *_temperature(recording, window, trace, options.nominal),
@@ -623,6 +624,36 @@ def _rows(recording: Recording, trace: Trace, first: Stretch, last: Stretch) -> 
         ends = np.array([first.cycle_starts[0], last.cycle_starts[-1]])
     begin, stop = np.searchsorted(recording.time, trace.start_time + trace.interval * ends)
     return slice(int(begin), int(stop) + 1)
+
+
+# A logger that drops out repeats its last row: both channels stand still for so many rows, and then
+# jump by more than so many usual steps of the displacement. A rest ends at a speed, not in a jump.
+_FROZEN_ROWS, _JUMP = 5, 5.0
+
+
+def frozen_rows(recording: Recording) -> Iterator[Finding]:
+    """Yield a warning where rows are frozen."""
+    x, force = recording.displacement, recording.force
+    steps = np.abs(np.diff(x))
+    is_still = (steps == 0.0) & (np.diff(force) == 0.0)
+    if not is_still.any() or is_still.all():
+        return
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], is_still, [False]])))
+    begins, ends = edges[::2], edges[1::2]
+    inside = ends < len(steps)
+    begins, ends = begins[inside], ends[inside]
+    usual = median(steps[~is_still])
+    is_frozen = (ends - begins >= _FROZEN_ROWS) & (steps[ends] > _JUMP * usual)
+    if not is_frozen.any():
+        return
+    count, first = int(is_frozen.sum()), int(begins[is_frozen][0])
+    seconds = median(recording.time[ends[is_frozen]] - recording.time[begins[is_frozen]])
+    text = (
+        f"rows are frozen: both channels stand still {count} time{'s' * (count > 1)}, for "
+        f"{1e3 * seconds:.3g} ms, and jump then, first from row {first + 1} of the data; the "
+        "logger drops out: record again, or cut these parts out"
+    )
+    yield Finding("frozen_rows", "warning", text, float(count))
 
 
 def _channels(
