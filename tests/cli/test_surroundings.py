@@ -284,6 +284,7 @@ def test_a_terminal_that_hangs_up_leaves_what_is_finished(logs, repeated, tmp_pa
     for k in range(40):
         log = repeated(text, k).replace("setting: 1\n", f"setting: {k}\n")
         (tmp_path / f"setting_{k}.csv").write_text(log)
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)  # under nohup it is ignored
     process = subprocess.Popen(
         [*COMMAND, "identify", "*.csv", "--jobs", "2", "--model", "purdy", "--starts", "200"],
         cwd=tmp_path,
@@ -291,6 +292,7 @@ def test_a_terminal_that_hangs_up_leaves_what_is_finished(logs, repeated, tmp_pa
         text=True,
         start_new_session=True,
     )
+    signal.signal(signal.SIGHUP, before)
     until = time.monotonic() + 60.0
     while not (tmp_path / "results").exists() and time.monotonic() < until:
         time.sleep(0.05)  # it takes its signals from before that on
