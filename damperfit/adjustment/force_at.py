@@ -627,13 +627,10 @@ class Sine:
     ----------
     amplitude, frequency : float
         m, Hz.
-    was_run : bool
-        It is a test's own motion; false where it stands for one that is no sine.
     """
 
     amplitude: float
     frequency: float
-    was_run: bool = True
 
     @property
     def peak_speed(self) -> float:
@@ -659,4 +656,4 @@ def fastest_sine(tested: Sequence[tuple[float, float, float]]) -> Sine:
     amplitude, frequency = (median(one[k] for one in alike) for k in (0, 1))
     by_speed = max(speed for *_, speed in alike) / (2.0 * math.pi * amplitude)
     is_sine = abs(frequency / by_speed - 1.0) <= _SINE
-    return Sine(amplitude, frequency if is_sine else by_speed, is_sine)
+    return Sine(amplitude, frequency if is_sine else by_speed)

@@ -301,10 +301,8 @@ def _is_certain(level: ForceLevel, reversed_channels: tuple[str, ...]) -> bool:
 
 def _is_as_expected(level: ForceLevel | None) -> bool:
     """Whether the gas force is there with its sign, which unlike preloads rather hide."""
-    return (
-        level is not None
-        and _CERTAIN[0] < level.ratio < _CERTAIN[1]
-        and abs(level.force) > level.doubt
+    return level is not None and bool(
+        _CERTAIN[0] < level.ratio < _CERTAIN[1] and abs(level.force) > level.doubt
     )
 
 

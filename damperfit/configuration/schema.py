@@ -73,7 +73,6 @@ _Sign = Annotated[bool | str, BeforeValidator(known_or_detect)]
 _Positive = Field(gt=0.0, allow_inf_nan=False)
 _NotNegative = Field(ge=0.0, allow_inf_nan=False)
 _Length = Annotated[float, quantity("length"), _Positive]
-_Dimension = Annotated[float, quantity("length")]
 _Force = Annotated[float, quantity("force"), _Positive]
 _Amplitude = Annotated[_Length, AfterValidator(not_in_mm)]
 _Frequency = Annotated[float, quantity("frequency"), _Positive]

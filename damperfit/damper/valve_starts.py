@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from damperfit.damper.valve_dampers import ValveDamper
     from damperfit.recording import Trace
 
-__all__ = ["read_strokes", "sides", "valve_points", "valve_starts", "within_plausible"]
+__all__ = ["sides", "valve_points", "valve_starts", "within_plausible"]
 
 # Openings tried beside those read, in shares of the largest pressure: rebound, compression.
 _GUESSES = ((0.35, 0.35), (0.75, 0.35), (0.35, 0.75), (0.75, 0.75))
@@ -96,18 +96,6 @@ def valve_points(
     ]
     points += [points[0] | _valves(damper, readings[0], traces, guess) for guess in _GUESSES]
     return points
-
-
-def read_strokes(
-    damper: ValveDamper, traces: Sequence[Trace], fixed: Mapping[str, float]
-) -> ValveReading:
-    """Return both valves as the loops of one setting show them."""
-    return read_valves(
-        _loops(damper, traces),
-        *sides(damper, fixed),
-        offset=fixed.get("f_0"),
-        friction=fixed.get("f_f"),
-    )
 
 
 def _loops(damper: ValveDamper, traces: Sequence[Trace]) -> list[Loop]:

@@ -131,15 +131,6 @@ class Campaign:
         return self.named or (self.fits[0].parameters.quantities if self.fits else ())
 
     @property
-    def without_responses(self) -> Campaign:
-        """The same without what was kept of the last simulations: whoever needs one makes it."""
-        fits = (
-            replace(fit, logs=tuple(replace(log, seen=None) for log in fit.logs))
-            for fit in self.fits
-        )
-        return replace(self, fits=tuple(fits))
-
-    @property
     def gaps(self) -> tuple[tuple[int, int], ...]:
         """Runs of settings without a fit within a run of clicks: first and last of each.
 

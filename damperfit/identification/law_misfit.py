@@ -11,7 +11,6 @@ from damperfit.identification.fit_problem import FitProblem, values_of, with_val
 from damperfit.identification.least_squares import Minimum, Stopping, minimise
 from damperfit.identification.starts import (
     COMPARING,
-    SHORT,
     best_fitting,
     best_of_starts,
     is_as_expected,
@@ -118,13 +117,3 @@ class LawMisfit(FitProblem):
             if one.part == "bleed" and f"{one.stroke}_leak" in known:
                 found[name] = one.plausible[0]
         return found
-
-    def glimpse(self, start: Values) -> Minimum[Values]:
-        """Minimise for a few evaluations.
-
-        Raises
-        ------
-        SimulationError
-            The law cannot be simulated at the start.
-        """
-        return self.descend(start, SHORT)

@@ -94,10 +94,6 @@ class MeasuredForce:
         """The same with nothing put back: no model has a part in it."""
         return replace(self, force=self.force - self.rounding, error=self.scatter, rounding=0.0)
 
-    def with_error(self, more: float) -> MeasuredForce:
-        """The same with another standard error beside its own, N."""
-        return replace(self, error=math.hypot(self.error, more))
-
     @property
     def peak_differs(self) -> bool:
         """Whether the largest force of the stroke is off that at the peak speed by over 2 %."""
