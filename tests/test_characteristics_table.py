@@ -17,7 +17,7 @@ from damperfit.tables.files import lay_out, write_table
 from damperfit.tables.rows import characteristic_rows
 from tests.fakes import trace
 
-SPEED = 0.032 * 2 * math.pi * 1.5  # peak of the made-up log, m/s
+SPEED = 0.032 * 2 * math.pi * 1.5  # peak of the synthetic log, m/s
 GAS = -130.0
 
 

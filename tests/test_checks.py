@@ -178,8 +178,8 @@ UNSEEN = {
         "no temperature in 1 of 2 logs (setting_02.csv)",
     ),
     "damper_declared": (
-        subject(undeclared=tuple(DAMPER_RANGES), whose="a made-up damper"),
-        "no damper is declared: a made-up damper is assumed",
+        subject(undeclared=tuple(DAMPER_RANGES), whose="a generic damper"),
+        "no damper is declared: a generic damper is assumed",
     ),
 }
 

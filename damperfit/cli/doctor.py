@@ -78,7 +78,7 @@ def _core() -> str:
 
 
 def _fit() -> str:
-    """Fit a made-up log of the reference set and compare with what it was made from."""
+    """Fit a synthetic log of the reference set and compare with what it was made from."""
     from damperfit.conditioning import condition
     from damperfit.damper.purdy.parameters import PURDY_DAMPER
     from damperfit.damper.purdy.reference import reference_parameters
@@ -102,6 +102,6 @@ def _fit() -> str:
     adjusted = quantities[0]
     off = abs(getattr(fit.parameters, adjusted.name) / getattr(truth, adjusted.name) - 1.0)
     if off > _MOST_OFF:
-        raise SimulationError(f"{adjusted.symbol} of a made-up log is {100.0 * off:.2g} % off")
+        raise SimulationError(f"{adjusted.symbol} of a synthetic log is {100.0 * off:.2g} % off")
     taken = time.perf_counter() - begun
-    return f"{adjusted.symbol} of a made-up log within {100.0 * off:.1g} %, {taken:.1f} s"
+    return f"{adjusted.symbol} of a synthetic log within {100.0 * off:.1g} %, {taken:.1f} s"

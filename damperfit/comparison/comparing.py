@@ -384,7 +384,7 @@ def _notes(
             )
         if run.fitted is not None and not run.fitted.speed_forces:
             yield (
-                f"{run.name}: what the model misses of the measured force is not known (an older "
+                f"{run.name}: the lack of fit to the measured force is not known (an older "
                 "version, or no motion repeats): it is not in the errors of forces"
             )
     fitted = [run.fitted for run in runs if run.fitted is not None]
@@ -513,7 +513,7 @@ def repeat_scatter(run: ComparedRun) -> tuple[float, float]:
         known = np.isfinite(quiet) & (sizes > 0.0)
         if not known.any():
             continue
-        quiet = np.maximum(quiet, (_ROUNDING * sizes) ** 2)  # made-up cycles may be all alike
+        quiet = np.maximum(quiet, (_ROUNDING * sizes) ** 2)  # synthetic cycles may be all alike
         more = len(group) - 1
         excess += more * float(np.mean((variances - quiet)[known] / sizes[known] ** 2))
         # Each point counts alike, whatever its force.

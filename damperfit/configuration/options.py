@@ -290,7 +290,7 @@ class Configuration:
     @property
     def whose(self) -> str:
         """Whose dimensions stand where nobody has declared any."""
-        return "the paper's damper" if self.damper.name == "purdy" else "a made-up damper"
+        return "the paper's damper" if self.damper.name == "purdy" else "a generic damper"
 
     @property
     def _not_declared(self) -> str:

@@ -813,7 +813,7 @@ def search_laws(  # noqa: PLR0913 - what a user may ask of it
     simplest = search.simplest(plain)
     has_valves = isinstance(plain, ValveDamper)
     if simplest is not None and not has_valves and not simplest.leaves_something:
-        search.judge(simplest, "what it leaves is too small to matter", is_taken=True)
+        search.judge(simplest, "its misfit is too small to matter", is_taken=True)
         return search.ended(simplest)
     fit = search.best_layout(layouts)
     if fit is None:

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 __all__ = ["YIELDING", "held_against", "is_open_to", "unbelievable", "yielding_seen"]
 
 YIELDING: tuple[type[Rival], ...] = (BoucWen, Biviscous, Kwok)
-# Valves that fit and predict so many times better are told and nothing else is. Of made-up dampers
-# of the same kinds as measured ones the true valves are far better than that.
+# Valves that fit and predict so many times better are told and nothing else is. Of synthetic
+# dampers of the same kinds as measured ones the true valves are far better than that.
 _CLEARLY = 4.0
 
 

@@ -1,4 +1,4 @@
-"""A steady cycle of any model by its own integrator, and made-up numbers of real valves.
+"""A steady cycle of any model by its own integrator, and synthetic numbers of real valves.
 
 Only the paper's model is integrated once more in plain Python (`steady`). What is made of the
 others tests fits, intervals and searches for a law, not the integrator.

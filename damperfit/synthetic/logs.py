@@ -257,7 +257,7 @@ def _is_sample(path: Path) -> bool:
 
 
 def _check_own(folder: Path, names: Sequence[str]) -> None:
-    """Refuse to put made-up files over others of these names."""
+    """Refuse to put synthetic files over others of these names."""
     heads = {"README.md": b"# Synthetic rig logs", "truth.csv": b"setting,"}
     for path in (folder / name for name in (*names, *heads)):
         if not path.is_file():
@@ -311,13 +311,13 @@ def make_samples(
     Parameters
     ----------
     folder : str or Path
-        Made when it does not exist; files of the same name are replaced, and made-up logs of
+        Made when it does not exist; files of the same name are replaced, and synthetic logs of
         other settings go.
     options : SampleOptions, optional
         Test, instruments, damper; the default is the paper's test at 500 Hz.
     parameters : mapping of int to Values, optional
         True values by setting, of the options' damper; default: the reference set of the paper's
-        model, made-up valves of the others.
+        model, synthetic valves of the others.
     on_log : callable, optional
         Called with the path of each log when it is computed (for progress).
 

@@ -228,7 +228,7 @@ def _parameter_columns(quantities: Sequence[Quantity]) -> Iterator[_Column]:
         yield _number(f"{name}_ci_high", unit, f"95 % interval of {name}")
         yield _text(f"{name}_status", f"how {name} was found")
     for one in quantities:
-        said = f"error of {one.name} for what the model misses"
+        said = f"error of {one.name} from lack of fit"
         yield _number(f"{one.name}_misfit_se", one.unit, said)
 
 

@@ -245,13 +245,12 @@ def _sentence(diagnosis: Diagnosis) -> str:
     if yields and not hints:
         return f"{said}: {yields}"
     if not hints:
-        return f"{said}: the model is missing something that no known flaw explains"
+        return f"{said}: a misfit repeats, and its cause was not found"
     named = " or ".join(hint.words for hint in hints)
     best = hints[0]
-    return (
-        f"{said}: the model is missing something, locked to {best.family}, as from {named} "
-        f"(explains {100.0 * best.share:.0f} % of what repeats)"
-    ) + (f"; {yields}" if yields and not diagnosis.is_met else "")
+    return (f"{said}: a misfit repeats; {named} would explain {100.0 * best.share:.0f} % of it") + (
+        f"; {yields}" if yields and not diagnosis.is_met else ""
+    )
 
 
 def _yields(diagnosis: Diagnosis) -> str:
@@ -261,7 +260,7 @@ def _yields(diagnosis: Diagnosis) -> str:
     if diagnosis.is_met and diagnosis.modelled_share >= min(YIELDS, 0.9 * diagnosis.held_share):
         return (
             f"{holds}speed, as a preloaded valve, dry friction or a magneto-rheological fluid "
-            "does; so does the model, which misses something else"
+            "does, and so does the model; a misfit repeats, and its cause was not found"
         )
     return (
         f"{holds}speed: it yields before it slides, like a preloaded valve, dry friction or a "

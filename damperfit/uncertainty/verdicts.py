@@ -163,7 +163,7 @@ def _verdict(
     if interval.misfit > 0.0:
         where += (
             f" (standard errors: {interval.error:.2g} {unit} from noise, "
-            f"{interval.misfit:.2g} {unit} from what the model misses)"
+            f"{interval.misfit:.2g} {unit} from lack of fit)"
         )
     found = f"shared by {whose or 'all settings'}" if status == Status.SHARED else "fitted"
     return f"{found}, {where}{tied}"

@@ -135,7 +135,7 @@ def objections(
         Of the damper, to tell the offset of a log by; None: it is not looked at.
     assumed : str
         Dimensions that nobody declared and what stands for them, as in "[damper] is not declared,
-        and with the dimensions of a made-up damper"; empty where all are declared.
+        and with the dimensions of a generic damper"; empty where all are declared.
     """
     diagnoses = {one.setting: one for one in assessment.diagnoses}
     doubted = _doubted_dimensions(campaign, diagnoses, assumed)

@@ -33,7 +33,7 @@ ALIKE = 2e-3
 
 
 def logged(motion: Motion, *, seed: int) -> Trace:
-    """A log of the made-up damper with play and lag: 4 N and 3 um of noise."""
+    """A log of the synthetic damper with play and lag: 4 N and 3 um of noise."""
     noise = np.random.default_rng(seed)
     force = simulate(damper().values(VALUES), damper(), motion).force
     n = len(force)

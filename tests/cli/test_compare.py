@@ -440,6 +440,6 @@ def test_older_results_do_not_tell_what_their_model_misses(run, campaigns) -> No
         del log["stretches"]
     Path("older/run.json").write_text(json.dumps(record))
     found = _document(run, campaigns / "before", "older")
-    assert any(note.startswith("older: what the model misses") for note in found["notes"])
+    assert any(note.startswith("older: the lack of fit") for note in found["notes"])
     energy = [line for line in found["lines"] if line["name"] == "energy"]
     assert [line["verdict"] for line in energy] == ["untold"] * len(SETTINGS)

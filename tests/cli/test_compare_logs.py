@@ -10,7 +10,7 @@ import pytest
 
 from damperfit.synthetic import SampleOptions, make_samples
 
-GAS = -130.4  # N, of the made-up damper
+GAS = -130.4  # N, of the synthetic damper
 
 
 @pytest.fixture(scope="session")

@@ -10,7 +10,7 @@ from damperfit.configuration.loading import load_configuration
 from tests.fakes import values_in
 
 CONFIGS = Path(__file__).parents[2] / "configs"
-# Our own made-up values for the two dampers: (r_m1, r_m2, r_m3, k_e, f_f) by setting.
+# Our own synthetic values for the two dampers: (r_m1, r_m2, r_m3, k_e, f_f) by setting.
 TRUTH = {
     "purdy2000.toml": {
         1: (1.5e4, 2.2e6, 2.597e6, 5.0e8, 50.0),

@@ -174,7 +174,7 @@ def test_doctor_fits_and_names_what_is_there(capsys):
     assert found["checks"]["fit"]["works"]
     assert found["extras"]["tdms"]
     assert main(["doctor"]) == 0
-    assert "fit        works: R_m1 of a made-up log within" in capsys.readouterr().out
+    assert "fit        works: R_m1 of a synthetic log within" in capsys.readouterr().out
 
 
 def test_doctor_says_what_mends_a_broken_core(monkeypatch, capsys):

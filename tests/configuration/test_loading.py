@@ -304,7 +304,7 @@ def test_dimensions_that_nobody_declared_are_listed(undeclared, said, tmp_path) 
     }  # fmt: skip
     declared = [f'{key} = "{value}"' for key, value in every.items() if key not in undeclared]
     path = _write(tmp_path, "\n".join(["[damper]", 'model = "monotube"', *declared]))
-    end = ", and with the dimensions of a made-up damper"
+    end = ", and with the dimensions of a generic damper"
     assert load_configuration(path).assumed_dimensions == (f"{said}{end}" if said else "")
 
 

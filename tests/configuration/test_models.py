@@ -49,7 +49,7 @@ def test_a_damper_of_real_valves_is_what_its_sections_say(tmp_path: Path) -> Non
     assert damper.mounting == Mounting(4e5, "none", "fit")
     assert found.identification.procedure == "plain"
     assert found.identification.share == ("detect",)
-    assert "made-up damper" in found.notes[0]
+    assert "generic damper" in found.notes[0]
     assert "chamber_1_length" in found.notes[0]
 
 

@@ -1,4 +1,4 @@
-"""What the paper says in words about setting 10 (Figs 4 to 9), on the made-up reference set."""
+"""What the paper says in words about setting 10 (Figs 4 to 9), on the synthetic reference set."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The made-up reference set: the formulas of its docstring, in numbers worked out by hand."""
+"""The synthetic reference set: the formulas of its docstring, in numbers worked out by hand."""
 
 from __future__ import annotations
 

@@ -92,7 +92,7 @@ def test_a_law_that_was_found_is_no_declaration_of_the_damper() -> None:
     found = with_chosen_law(load_configuration(None), choice)
     assert "(made up: [damper] is not declared" in found.damper_sentence
     assert found.notes == ()
-    said = "[damper] is not declared, and with the dimensions of a made-up damper"
+    said = "[damper] is not declared, and with the dimensions of a generic damper"
     assert found.assumed_dimensions == said
     slim = load_configuration(None, overlay={"damper": {"rod_diameter": "11mm"}})
     assert "made up" not in with_chosen_law(slim, choice).damper_sentence

@@ -110,7 +110,7 @@ def test_the_papers_damper_is_left_to_the_papers_model(run_once, tmp_path):
     assert code == 0, err
     text = " ".join(out.split())
     assert "The logs support the paper's model." in text
-    assert "the paper's model: what it leaves is too small to matter" in text
+    assert "the paper's model: its misfit is too small to matter" in text
     assert "damperfit: tried the paper's model" in err
 
 

@@ -1,4 +1,4 @@
-"""The rig of the made-up logs and the core integrate the same dampers alike."""
+"""The rig of the synthetic logs and the core integrate the same dampers alike."""
 
 from __future__ import annotations
 

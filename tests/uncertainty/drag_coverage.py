@@ -49,7 +49,7 @@ TRUTH = {
 
 @dataclass(frozen=True)
 class Seals:
-    """How the friction of the made-up damper turns, and the noise of the log.
+    """How the friction of the synthetic damper turns, and the noise of the log.
 
     Attributes
     ----------

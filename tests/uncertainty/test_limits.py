@@ -1,4 +1,4 @@
-"""Every limit of a verdict with a case just inside and one just outside, from made-up residuals."""
+"""Every limit of a verdict with a case just inside and one just outside, from synthetic data."""
 
 from __future__ import annotations
 

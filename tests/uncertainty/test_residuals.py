@@ -152,7 +152,7 @@ def test_the_split_of_the_mse_adds_up() -> None:
     quiet = judged(traces([1, 6], noise=4.0)).diagnoses[1]
     assert one.noise_percent == pytest.approx(quiet.noise_percent, rel=0.1)
     assert one.mse_percent > 5 * one.noise_percent
-    assert f"of which {one.noise_percent:.2g} % is noise: the model is missing" in one.sentence
+    assert f"of which {one.noise_percent:.2g} % is noise: a misfit repeats" in one.sentence
 
 
 @pytest.mark.parametrize(

@@ -300,7 +300,7 @@ def test_dimensions_are_the_damper_s_and_not_a_setting_s() -> None:
     assert about_dimensions(other, little) == []
 
 
-ASSUMED = "[damper] is not declared, and with the dimensions of a made-up damper"
+ASSUMED = "[damper] is not declared, and with the dimensions of a generic damper"
 
 
 @pytest.mark.parametrize(("mse", "is_withheld"), [(0.0201, True), (0.0199, False)])

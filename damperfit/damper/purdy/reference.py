@@ -1,4 +1,4 @@
-"""The reference set: made-up parameters of a damper with twenty settings.
+"""The reference set: synthetic parameters of a damper with twenty settings.
 
 These numbers are this project's own. They are not Purdy's: the paper shows its parameters against
 setting only as figures (14 to 16) and prints two numbers, R_m3 = 2.597e6 and f_f = 50 N, which are
@@ -36,7 +36,7 @@ _SCATTER = (
 
 
 def reference_parameters(setting: int) -> Parameters:
-    """Return the made-up parameters of one setting.
+    """Return the synthetic parameters of one setting.
 
     Parameters
     ----------
