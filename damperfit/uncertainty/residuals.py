@@ -248,7 +248,7 @@ def _sentence(diagnosis: Diagnosis) -> str:
         return f"{said}: a misfit repeats, and its cause was not found"
     named = " or ".join(hint.words for hint in hints)
     best = hints[0]
-    return (f"{said}: a misfit repeats; {named} would explain {100.0 * best.share:.0f} % of it") + (
+    return (f"{said}: a misfit repeats, {100.0 * best.share:.0f} % of it as from {named}") + (
         f"; {yields}" if yields and not diagnosis.is_met else ""
     )
 
