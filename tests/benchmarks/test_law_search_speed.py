@@ -1,6 +1,6 @@
 """What a law of real valves costs beside the paper's, and the search on cycles beside whole logs.
 
-pytest tests/benchmarks/test_law_search_speed.py --benchmark-enable -n 0 -s [-m slow]
+pytest tests/benchmarks/test_law_search_speed.py -m extras -n 0 -s [-m slow]
 
 Processor time, not the clock's: other programs on the machine do not count.
 """

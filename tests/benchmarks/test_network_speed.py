@@ -1,6 +1,6 @@
 """The paper's model by the step of its kind, and by the general one: with a blow-off that is shut.
 
-pytest tests/benchmarks/test_network_speed.py --benchmark-enable -n 0
+pytest tests/benchmarks/test_network_speed.py -m extras -n 0
 """
 
 from __future__ import annotations

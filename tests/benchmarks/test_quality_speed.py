@@ -1,6 +1,6 @@
 """What the findings add to the conditioning of a log of 10 000 rows.
 
-Run with ``pytest tests/benchmarks/test_quality_speed.py --benchmark-enable -n 0``.
+Run with ``pytest tests/benchmarks/test_quality_speed.py -m extras -n 0``.
 """
 
 from __future__ import annotations

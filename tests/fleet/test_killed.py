@@ -117,8 +117,10 @@ def test_an_interrupt_ends_cleanly(logs, tmp_path):
     assert finished(logs, out) == undisturbed
 
 
+@pytest.mark.extras
 def test_a_dask_cluster_gives_the_same_table_also_when_a_worker_is_killed(logs, tmp_path):
-    distributed = pytest.importorskip("distributed")
+    import distributed
+
     undisturbed = finished(logs, tmp_path / "undisturbed")
     out = tmp_path / "out"
     options = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None}

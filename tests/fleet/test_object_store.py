@@ -23,6 +23,7 @@ from tests.fleet.test_fleet_command import Here
 
 CONFIGURATION = load_configuration(None)
 BUCKET = "bench"
+pytestmark = pytest.mark.extras
 
 
 @dataclass

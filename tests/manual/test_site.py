@@ -11,7 +11,7 @@ import pytest
 
 from tests.manual.generated import PAGES, ROOT
 
-pytest.importorskip("mkdocs", reason="mkdocs is not installed: pip install 'damperfit[docs]'")
+pytestmark = pytest.mark.extras
 _FETCHED = re.compile(r"<(?:script|link|img|iframe)\b[^>]*(?:src|href)=[\"']?(?:https?:)?//[^>]*")
 
 
