@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import typer
 
 from damperfit.cli.command import Shown, command
@@ -46,6 +48,7 @@ def show_help(how: Shown, context: typer.Context, topic: str | None) -> int:
 
 
 def _show(topic: str, *, json: bool, commands: tuple[str, ...]) -> None:
+    from damperfit.cli.pages import filled
     from damperfit.errors import ConfigurationError, did_you_mean
     from damperfit.manual import TOPICS, read_page
 
@@ -55,6 +58,7 @@ def _show(topic: str, *, json: bool, commands: tuple[str, ...]) -> None:
             f"help {topic}: there is no such topic.{hint} damperfit help lists them"
         )
     page = read_page(topic)
+    page = replace(page, source=filled(page.source))
     if json:
         print_json({"topic": page.topic, "title": page.title, "text": page.text})
         return

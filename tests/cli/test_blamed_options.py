@@ -39,7 +39,8 @@ def cases():
             option = next((text for text in one.opts if text.startswith("--")), "")
             takes = one.param_type_name == "option" and not one.is_flag and option != "--help"
             if takes and option not in WRITES | FILES:
-                yield pytest.param(name, option, id=f"{name} {option}")
+                marks = [pytest.mark.extras] if option == "--scheduler" else []  # needs Dask
+                yield pytest.param(name, option, id=f"{name} {option}", marks=marks)
 
 
 @pytest.fixture(scope="module")

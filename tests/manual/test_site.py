@@ -48,7 +48,8 @@ def test_a_dead_link_fails_the_build(tmp_path) -> None:
     (tmp_path / "pages").mkdir()
     text = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
     text = re.sub(r"^nav:\n(?: +- .+\n)+", "", text, flags=re.MULTILINE)
-    (tmp_path / "mkdocs.yml").write_text(text.replace("damperfit/manual/pages", "pages"))
+    text = text.replace("damperfit/manual/pages", "pages")
+    (tmp_path / "mkdocs.yml").write_text(text.replace("damperfit/cli", f"{ROOT}/damperfit/cli"))
     (tmp_path / "pages" / "index.md").write_text("# A\n\n[b](#nowhere)\n")
     done = subprocess.run(
         [sys.executable, "-m", "mkdocs", "build", "--strict"],

@@ -1,0 +1,153 @@
+"""Tables of the manual, made from the code when a page is shown.
+
+`damperfit help` fills the places `<!-- table: NAME -->` of a page by `filled`; the site does so by
+the hook `on_page_markdown` (mkdocs.yml).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Sequence
+from importlib.resources import files
+from typing import Any
+
+import typer
+
+import damperfit
+from damperfit.cli.main import app
+from damperfit.damper.models import MODELS
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
+from damperfit.exporting.targets import TARGETS
+from damperfit.identification import Outcome
+from damperfit.manual import TOPICS, read_page
+from damperfit.tables.columns import describe_tables
+from damperfit.units.quantities import _TABLE
+
+__all__ = ["TABLES", "filled", "on_page_markdown"]
+
+_PLACE = re.compile(r"<!-- table: ([\w -]+) -->\n")
+_COMMON = ("config", "json", "quiet", "log_file", "debug", "version", "help")
+
+
+def filled(text: str) -> str:
+    """Return the text of a page with its tables."""
+    return _PLACE.sub(lambda place: _table(place[1]), text)
+
+
+def on_page_markdown(markdown: str, **_: Any) -> str:
+    """Return a page of the site with its tables; mkdocs calls this."""
+    return filled(markdown)
+
+
+def _table(name: str) -> str:
+    kind, _, subject = name.partition(" of ")
+    return TABLES[kind](*([subject] if subject else []))
+
+
+def _commands_by_name() -> dict[str, Any]:
+    return dict(vars(typer.main.get_command(app))["commands"])
+
+
+def _context(command: str) -> Any:
+    return typer.Context(_commands_by_name()[command], help_option_names=["-h", "--help"])
+
+
+def _grid(heading: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    cells = [heading, ["---"] * len(heading), *rows]
+    return "".join(
+        "| " + " | ".join(cell.replace("|", r"\|") for cell in row) + " |\n" for row in cells
+    )
+
+
+def _option_rows(command: str, *, is_common: bool) -> Iterator[list[str]]:
+    context = _context(command)
+    for option in context.command.get_params(context):
+        if option.param_type_name == "option" and (option.name in _COMMON) == is_common:
+            value = "" if option.is_flag or not option.metavar else f" {option.metavar}"
+            spellings = ", ".join(f"`{word}{value}`" for word in sorted(option.opts, key=len))
+            _, meaning = option.get_help_record(context)
+            yield [spellings, " ".join(meaning.split())]
+
+
+def _first_line(text: str | None) -> str:
+    return (text or "").strip().partition("\n")[0]
+
+
+def _commands() -> str:
+    commands = _commands_by_name().items()
+    rows = [[f"`damperfit {name}`", _first_line(command.help)] for name, command in commands]
+    return _grid(("command", "job"), rows)
+
+
+def _columns(name: str) -> str:
+    first, *others = PURDY_DAMPER.names
+    shown = []
+    for column in describe_tables()[name]:
+        title = column["name"]
+        of_others = tuple(f"{other}_" for other in others)
+        is_another = name == "parameters" and title.startswith(of_others)
+        if is_another and title.endswith(("_se", "_low", "_high", "_status")):
+            continue
+        unit, meaning = column["unit"], column["description"]
+        if name == "parameters" and title.startswith(f"{first}_"):
+            title, meaning = title.replace(first, "NAME"), meaning.replace(first, "NAME")
+            unit = "its own" if unit else ""
+        shown.append([f"`{title}`", "-" if unit in {"", "1"} else unit, meaning])
+    return _grid(("column", "unit", "meaning"), shown)
+
+
+def _door() -> str:
+    names = sorted(set(dir(damperfit)) - {"__version__"})
+    rows = [[f"`{name}`", _first_line(getattr(damperfit, name).__doc__)] for name in names]
+    return _grid(("name", "what it is"), rows)
+
+
+def _units() -> str:
+    return _grid(
+        ("quantity", "units"),
+        [
+            [dimension, ", ".join(f"`{spellings.split()[0]}`" for spellings in units)]
+            for dimension, units in _TABLE.items()
+        ],
+    )
+
+
+TABLES: dict[str, Callable[..., str]] = {
+    "topics": lambda: _grid(
+        ("topic", "page"),
+        [[f"`{topic}`", f"[{read_page(topic).title}]({topic}.md)"] for topic in TOPICS],
+    ),
+    "commands": _commands,
+    "common options": lambda: _grid(
+        ("option", "meaning"), list(_option_rows("identify", is_common=True))
+    ),
+    "options": lambda name: _grid(("option", "meaning"), list(_option_rows(name, is_common=False))),
+    "columns": _columns,
+    "door": _door,
+    "models": lambda: _grid(
+        ("model", "what it is"), [[f"`{name}`", model.title] for name, model in MODELS.items()]
+    ),
+    "targets": lambda: _grid(
+        ("target", "what it is", "file", "units", "sign", "where it goes"),
+        [
+            [
+                *(
+                    f"`{target.name}`",
+                    target.title,
+                    f"`{target.file.format(stem='damper', setting='N')}`",
+                ),
+                *(target.units, target.sign, target.place),
+            ]
+            for target in TARGETS.values()
+        ],
+    ),
+    "outcomes": lambda: _grid(
+        ("outcome", "what to do"), [[f"`{outcome.value}`", outcome.advice] for outcome in Outcome]
+    ),
+    "units": _units,
+    "defaults": lambda: (
+        "```toml\n"
+        + files("damperfit.configuration").joinpath("defaults.toml").read_text(encoding="utf-8")
+        + "```\n"
+    ),
+}
