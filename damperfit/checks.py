@@ -17,7 +17,7 @@ from damperfit.identification import Status
 from damperfit.identification.sharing import of_runs, of_settings
 from damperfit.problem import Key
 from damperfit.tested.setting import ADJUSTER, clicks_between
-from damperfit.uncertainty.withheld import doubted_cavitation, what_spreads
+from damperfit.uncertainty.grades import doubted_cavitation, what_spreads
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence

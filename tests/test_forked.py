@@ -320,7 +320,7 @@ def test_a_run_in_copies_is_byte_for_byte_that_in_one_thread(
     [
         "damperfit.run.tested_at.condition",
         "damperfit.identification.fit_setting._ended",
-        "damperfit.uncertainty.intervals.linearise_at_fit",
+        "damperfit.uncertainty.linearisation.linearise_at_fit",
         "damperfit.tables.rows.characteristic_rows",
     ],
 )

@@ -16,8 +16,9 @@ import numpy as np
 
 from damperfit.conditioning import TRANSIENTS, transients
 from damperfit.errors import SimulationError
-from damperfit.identification.law_misfit import COMPARING, LawMisfit, best_of_starts
+from damperfit.identification.law_misfit import LawMisfit
 from damperfit.identification.log_facts import FEWEST_SAMPLES
+from damperfit.identification.starts import COMPARING, best_of_starts
 from damperfit.laws.missed import misses
 from damperfit.simulation import SolverOptions
 

@@ -32,7 +32,7 @@ from damperfit.tables.rows import make_tables, profile_rows, valve_rows
 from damperfit.tested.identity import common_identity
 from damperfit.tested.setting import ADJUSTER, Setting
 from damperfit.uncertainty import METHOD
-from damperfit.uncertainty.withheld import doubted_cavitation
+from damperfit.uncertainty.grades import doubted_cavitation
 from damperfit.units.quantities import engineering
 
 if TYPE_CHECKING:

@@ -31,7 +31,7 @@ from damperfit.uncertainty import (
     profile_campaign,
     reconsider,
 )
-from damperfit.uncertainty.air import air_objections
+from damperfit.uncertainty.grades import air_objections
 from damperfit.workers import executor
 
 if TYPE_CHECKING:

@@ -5,119 +5,40 @@ A name is looked up when it is first used.
 
 from __future__ import annotations
 
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from damperfit.uncertainty.assessment import (
-        METHOD,
-        Assessment,
-        assess,
-        profile_campaign,
-    )
-    from damperfit.uncertainty.flaws import Hint
-    from damperfit.uncertainty.gas import GasContent
-    from damperfit.uncertainty.held_cycles import SegmentRange, split_cycles
-    from damperfit.uncertainty.intervals import (
-        Interval,
-        Uncertainty,
-        linearise_settings,
-        uncertainties,
-    )
-    from damperfit.uncertainty.last_word import reconsider
-    from damperfit.uncertainty.linearisation import (
-        Linearisation,
-        LogLinearisation,
-        linearise_at_fit,
-    )
-    from damperfit.uncertainty.mispredicted import missed_predictions
-    from damperfit.uncertainty.options import HoldOutOptions, check_profile_names
-    from damperfit.uncertainty.prediction import (
-        Prediction,
-        predict,
-        prediction_warnings,
-    )
-    from damperfit.uncertainty.profiles import (
-        Bench,
-        MisfitProfile,
-        ProfilePoint,
-        Stride,
-    )
-    from damperfit.uncertainty.residuals import Diagnosis, diagnose
-    from damperfit.uncertainty.speed_forces import SpeedForces
-    from damperfit.uncertainty.withheld import Objection, objections
+    from damperfit.uncertainty.assessment import *  # noqa: F403
+    from damperfit.uncertainty.covariance import *  # noqa: F403
+    from damperfit.uncertainty.flaws import Hint as Hint
+    from damperfit.uncertainty.grades import *  # noqa: F403
+    from damperfit.uncertainty.linearisation import *  # noqa: F403
+    from damperfit.uncertainty.options import *  # noqa: F403
+    from damperfit.uncertainty.prediction import *  # noqa: F403
+    from damperfit.uncertainty.profiles import *  # noqa: F403
+    from damperfit.uncertainty.residuals import *  # noqa: F403
+    from damperfit.uncertainty.speed_forces import *  # noqa: F403
+    from damperfit.uncertainty.verdicts import *  # noqa: F403
 
-__all__ = [
-    "METHOD",
-    "Assessment",
-    "Bench",
-    "Diagnosis",
-    "GasContent",
-    "Hint",
-    "HoldOutOptions",
-    "Interval",
-    "Linearisation",
-    "LogLinearisation",
-    "MisfitProfile",
-    "Objection",
-    "Prediction",
-    "ProfilePoint",
-    "SegmentRange",
-    "SpeedForces",
-    "Stride",
-    "Uncertainty",
-    "assess",
-    "check_profile_names",
-    "diagnose",
-    "linearise_at_fit",
-    "linearise_settings",
-    "missed_predictions",
-    "objections",
-    "predict",
-    "prediction_warnings",
-    "profile_campaign",
-    "reconsider",
+_NAMES = {
+    "assessment": "METHOD Assessment assess profile_campaign",
+    "covariance": "GasContent Interval Uncertainty uncertainties",
+    "flaws": "Hint",
+    "grades": "Objection objections",
+    "linearisation": "Linearisation LogLinearisation linearise_at_fit linearise_settings",
+    "options": "HoldOutOptions check_profile_names",
+    "prediction": "Prediction SegmentRange missed_predictions predict prediction_warnings "
     "split_cycles",
-    "uncertainties",
-]
-
-_LATE = {
-    "Assessment": "assessment",
-    "Bench": "profiles",
-    "Diagnosis": "residuals",
-    "GasContent": "gas",
-    "Hint": "flaws",
-    "HoldOutOptions": "options",
-    "Interval": "intervals",
-    "Linearisation": "linearisation",
-    "LogLinearisation": "linearisation",
-    "METHOD": "assessment",
-    "MisfitProfile": "profiles",
-    "Objection": "withheld",
-    "Prediction": "prediction",
-    "ProfilePoint": "profiles",
-    "SpeedForces": "speed_forces",
-    "Stride": "profiles",
-    "Uncertainty": "intervals",
-    "assess": "assessment",
-    "check_profile_names": "options",
-    "diagnose": "residuals",
-    "linearise_at_fit": "linearisation",
-    "linearise_settings": "intervals",
-    "missed_predictions": "mispredicted",
-    "objections": "withheld",
-    "predict": "prediction",
-    "prediction_warnings": "prediction",
-    "profile_campaign": "assessment",
-    "reconsider": "last_word",
-    "SegmentRange": "held_cycles",
-    "split_cycles": "held_cycles",
-    "uncertainties": "intervals",
+    "profiles": "Bench MisfitProfile ProfilePoint Stride",
+    "residuals": "Diagnosis diagnose",
+    "speed_forces": "SpeedForces",
+    "verdicts": "reconsider",
 }
+_MODULES = {name: module for module, names in _NAMES.items() for name in names.split()}
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _LATE:
+    if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from importlib import import_module
-
-    return getattr(import_module(f"{__name__}.{_LATE[name]}"), name)
+    return getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)

@@ -16,28 +16,24 @@ from damperfit.identification.paper import TAKEN
 from damperfit.identification.sharing import of_settings
 from damperfit.simulation import SolverOptions
 from damperfit.statistics import percentiles
-from damperfit.uncertainty.gas import GasContent, gas_content
-from damperfit.uncertainty.intervals import Uncertainty, linearise_settings, uncertainties
-from damperfit.uncertainty.misfit_scores import misfit_scores
+from damperfit.uncertainty.covariance import GasContent, Uncertainty, gas_content, uncertainties
+from damperfit.uncertainty.linearisation import linearise_settings
 from damperfit.uncertainty.options import check_profile_names
-from damperfit.uncertainty.profile_walk import (
-    doubtful_profiles,
-    profile_jointly,
-    trace_profile,
-)
 from damperfit.uncertainty.profiles import (
     Bench,
     MisfitProfile,
     ProfileLine,
     Stride,
+    doubtful_profiles,
     is_doubtful,
+    profile_jointly,
     profile_lines,
+    shared_limits,
+    trace_profile,
 )
 from damperfit.uncertainty.residuals import Diagnosis, diagnose, group_warning, reconciled
-from damperfit.uncertainty.shared_limits import shared_limits
 from damperfit.uncertainty.speed_forces import SpeedForces, speed_forces
-from damperfit.uncertainty.unopened import with_least_openings
-from damperfit.uncertainty.verdicts import doubts, undetermined, verdicts
+from damperfit.uncertainty.verdicts import doubts, undetermined, verdicts, with_least_openings
 from damperfit.workers import apart, executor, told_here
 
 if TYPE_CHECKING:
@@ -47,9 +43,9 @@ if TYPE_CHECKING:
     from damperfit.errors import OnError
     from damperfit.identification import Campaign, Fit
     from damperfit.tested.setting import Setting
-    from damperfit.uncertainty.intervals import Interval
+    from damperfit.uncertainty.covariance import Interval
+    from damperfit.uncertainty.grades import Objection
     from damperfit.uncertainty.linearisation import Linearisation
-    from damperfit.uncertainty.withheld import Objection
 
 __all__ = [
     "METHOD",
@@ -86,7 +82,7 @@ class Assessment:
     forces : tuple of SpeedForces
         Measured forces over speed, and what the model misses there.
     objections : mapping of Setting to tuple of Objection
-        Why grades are withheld: `damperfit.uncertainty.withheld.objections`.
+        Why grades are withheld: `damperfit.uncertainty.grades.objections`.
     """
 
     uncertainties: tuple[Uncertainty, ...] = ()
@@ -273,7 +269,7 @@ def assess(
                 diagnosis = diagnose(one, doubted=doubted)
                 is_structured = diagnosis.is_structured
                 over_speed = tuple(speed_forces(one, is_structured=is_structured))
-                return _with_misfit(one, is_structured=is_structured), diagnosis, over_speed
+                return one.summed(is_structured=is_structured), diagnosis, over_speed
         return None
 
     each = apart(alone, campaign.fits, jobs=jobs, known=(*campaign.fits, damper))
@@ -354,7 +350,7 @@ def profile_campaign(
     def seen(fit: Fit) -> list[Linearisation]:
         own = replace(campaign, fits=(fit,))
         found = linearise_settings(own, bench.damper, solver=bench.solver)
-        return [_with_misfit(one, is_structured=fit.setting in structured) for one in found]
+        return [one.summed(is_structured=fit.setting in structured) for one in found]
 
     each = apart(seen, judged, jobs=bench.jobs, known=(*judged, bench.damper))
     linearised = [one for few in each for one in few]
@@ -392,9 +388,3 @@ def profile_campaign(
                 for profile in traced
             )
     return replace(assessment, profiles=(*assessment.profiles, *found))
-
-
-def _with_misfit(linearised: Linearisation, *, is_structured: bool) -> Linearisation:
-    """The same with what its misfit does, without curves: those of many logs fill the memory."""
-    misfit = misfit_scores(linearised) if is_structured else None
-    return replace(linearised, logs=(), misfit=misfit)

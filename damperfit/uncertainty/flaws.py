@@ -245,19 +245,15 @@ _FLAWS: Mapping[str, _Flaw] = {
 def _signatures(
     trace: Trace, seen: LogLinearisation, linearised: Linearisation
 ) -> dict[str, list[FloatArray]]:
-    """Force that one unit of each flaw adds, behind the filter, beside the derivatives' rows."""
-    stiff = [k for k, one in enumerate(linearised.fit.parameters.quantities) if one.is_open]
-    conditions = {name: [seen.gas[:, k]] for k, name in enumerate(linearised.conditions)}
-    ones = [np.ones(len(seen.force))] if stiff else ()
+    """Force that one unit of each flaw adds, behind the filter, over the compared samples."""
+    quantities = linearised.fit.parameters.quantities
+    stiff = [seen.jacobian[:, k] for k, one in enumerate(quantities) if one.is_open]
     found = {
-        name: [seen.read(one) for one in columns]
-        for name, columns in signatures(trace, seen.force, ones).items()
+        name: columns
+        for name, columns in signatures(trace, seen.force, stiff).items()
         if name in linearised.flaws
     }
-    if "compressibility" in found:
-        (share,) = found["compressibility"]
-        found["compressibility"] = [seen.jacobian[:, k] * share for k in stiff]
-    return found | conditions
+    return found | {name: [seen.gas[:, k]] for k, name in enumerate(linearised.conditions)}
 
 
 def seek_flaws(
@@ -283,14 +279,10 @@ def seek_flaws(
     has_yielded : bool
         The damper yields before it slides: nothing of valves, oil or gas is named.
     """
-    # Beside a jump of the speed nothing counts; squares are summed over samples, not over rows.
+    # Beside a jump of the speed nothing counts.
     logs = list(zip(linearised.fit.logs, linearised.logs, strict=True))
-    stands_for = np.concatenate([seen.samples for _, seen in logs])
-    counts = np.sqrt(stands_for)
-    counts[np.concatenate([seen.read(seen.weights) <= 0.0 for _, seen in logs])] = 0.0
-    residuals = counts * np.concatenate(
-        [of.residuals.ravel() for _, seen in logs for of in seen.slopes]
-    )
+    counts = np.concatenate([(seen.weights > 0.0).astype(np.float64) for _, seen in logs])
+    residuals = counts * np.concatenate([seen.residuals for _, seen in logs])
     doubted = tuple(name for name in doubted if linearised.fit.status[name] == Status.SHARED)
     alone: set[str] = {Status.FITTED, Status.NOT_IDENTIFIABLE}
     absorbed = _absorbed(linearised, {*alone, Status.SHARED}, counts)
@@ -307,7 +299,7 @@ def seek_flaws(
     for name in (*held, *doubted):
         place = linearised.names.index(name)
         columns[name] = [np.concatenate([seen.jacobian[:, place] for seen in linearised.logs])]
-    power = repeats * float(np.sum(stands_for))
+    power = repeats * len(counts)
     # Values that the other settings hold back absorb nothing of what one setting lacks.
     own = _absorbed(linearised, alone, counts) if doubted else absorbed
     found = []

@@ -5,39 +5,50 @@ fitted on them. In u (ln y; an offset in N), with the residual r = f - f_hat in 
 J = d f_hat/du, both behind the filter, and the weights w of the stretches (1 where their noise is
 alike)::
 
-    information  H = J^T w^2 J    scores  g_t = w_t^2 J_t r_t    M = covariance of sum g_t
+    information  H = J^T w^2 J    scores  g_t = w_t^2 J_t r_t
 
-A fit of any subset of the parameters has, to first order, the error H_ff^-1 (sum g)_f.
+A fit of any subset of the parameters has, to first order, the error H_ff^-1 (sum g)_f. The
+covariance of sum g has three terms, which `damperfit.uncertainty.covariance` carries to the
+parameters of all settings: noise (`Linearisation.scores`), lack of fit that repeats (`misfit`), and
+what is held at a default that nobody has measured (`supposed`).
 
-All of it lies behind the filter, whose band takes a few samples of a log that is sampled at 1 kHz:
-where cycles repeat, sums are those over some phases of each (`damperfit.uncertainty.rows`).
+Noise differs from cycle to cycle; what repeats does so in every one, and no number of cycles makes
+it less. Had the test been another (other speeds, another stroke), it would weigh otherwise. How
+much otherwise is seen inside the cycle: its blocks of phase pull the parameters to and fro, and
+their pulls, which cancel at the minimum, are taken for independent::
+
+    M = B/(B - k) sum over blocks of s_b s_b'        s_b = sum over the block of w^2 J r_repeating
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from damperfit.conditioning import apply_filter
+from damperfit.damper.pressing import with_pressed_seal
+from damperfit.damper.turning import other_turns
+from damperfit.damper.warmed import Warmed
+from damperfit.errors import SimulationError, sparing
 from damperfit.identification.log_facts import all_alike, weights
 from damperfit.identification.outcome import Status
 from damperfit.identification.simulated_log import compare
 from damperfit.simulation import SolverOptions, simulate
-from damperfit.uncertainty.correlated_noise import cycle_covariance
-from damperfit.uncertainty.few_samples import (
-    ShortStretch,
-    filter_correlation,
+from damperfit.uncertainty.correlation import (
+    correlation_length,
+    cycle_covariance,
     independent_samples,
-    is_enough,
+    larger,
+    score_covariance,
+    stationary_covariance,
+    sums_by_cycle,
     widening,
 )
-from damperfit.uncertainty.rows import EverySample, Phases, phases_of
-from damperfit.uncertainty.score_sums import ScoreSums, Slopes
-from damperfit.uncertainty.suppositions import ignorance, other_frictions
-from damperfit.uncertainty.unopened import pressed_on
+from damperfit.workers import executor
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -45,20 +56,28 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from damperfit.damper.model import Model, Values
-    from damperfit.identification import Fit, LogFit, SimulatedLog
-    from damperfit.identification.mean_cycle import SettledCycle
-    from damperfit.recording import Trace
+    from damperfit.errors import OnError
+    from damperfit.identification import Campaign, Fit, LogFit, SimulatedLog
+    from damperfit.recording import Stretch, Trace
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["Linearisation", "LogLinearisation", "linearise_at_fit"]
+__all__ = ["Linearisation", "LogLinearisation", "linearise_at_fit", "linearise_settings"]
 
+# Blocks of a cycle whose pulls are taken for independent. Misfits behind a 30 Hz filter at 1.5 Hz
+# have some 20 independent values.
+_BLOCKS = 16
+# Residuals still correlated after this share of a cycle repeat with the cycle: a misfit, no noise.
+_LONGEST_CORRELATION = 0.25
+# s; where nothing repeats, a chamber that cavitates remembers noise for as long as it is empty.
+_LONGEST_MOVING = 1.0
 # Samples in which a chamber that was empty is full again.
 _REFILLING = 2
 # Of that, the share of the information that counts: with all or half of it too few intervals of
 # R_m3 hold on a road that cavitates, with none too many
 # (`python -m tests.uncertainty.motion_coverage --motions "rough road"`).
 _SEEN = 0.25
+_FOUND = frozenset({Status.FITTED, Status.NOT_IDENTIFIABLE})
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,8 +90,10 @@ class LogLinearisation:
         Shape (n,), measured minus modelled force, N.
     weights : numpy.ndarray
         Shape (n,), what the fit multiplied them by.
-    slopes : tuple of Slopes
-        Of each stretch.
+    jacobian : numpy.ndarray
+        Shape (n, k), derivatives of the modelled force by u in the order of the model.
+    gas : numpy.ndarray
+        Shape (n, c), by the logarithms of the model's conditions, such as gas pressure.
     force : numpy.ndarray
         Shape (n,), modelled force behind the filter, N.
     pressures : numpy.ndarray
@@ -84,31 +105,11 @@ class LogLinearisation:
 
     residuals: FloatArray
     weights: FloatArray
-    slopes: tuple[Slopes, ...]
+    jacobian: FloatArray
+    gas: FloatArray
     force: FloatArray
     pressures: FloatArray
     rounding: tuple[tuple[FloatArray, FloatArray], ...] = ()
-
-    @property
-    def jacobian(self) -> FloatArray:
-        """Shape (m, k): derivatives by u, a row for each of all rows of all cycles."""
-        return np.vstack([np.tile(one.by, (one.rows.n_cycles, 1)) for one in self.slopes])
-
-    @property
-    def gas(self) -> FloatArray:
-        """Shape (m, c): those by the conditions."""
-        return np.vstack([np.tile(one.gas, (one.rows.n_cycles, 1)) for one in self.slopes])
-
-    @property
-    def samples(self) -> FloatArray:
-        """Shape (m,): how many samples each row stands for."""
-        return np.concatenate(
-            [np.full(one.residuals.size, one.rows.spacing) for one in self.slopes]
-        )
-
-    def read(self, values: FloatArray) -> FloatArray:
-        """Return what belongs to the rows of `jacobian` of values at the compared samples."""
-        return np.concatenate([one.read(values).ravel() for one in self.slopes])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -166,6 +167,34 @@ class Linearisation:
         """Return the rows of some quantities."""
         return np.array([self.names.index(name) for name in names], dtype=np.intp)
 
+    def summed(self, *, is_structured: bool) -> Linearisation:
+        """Return the same with what its misfit does, without curves, which fill the memory."""
+        misfit = _misfit_scores(self) if is_structured else None
+        return replace(self, logs=(), misfit=misfit)
+
+
+def linearise_settings(
+    campaign: Campaign,
+    damper: Model,
+    *,
+    solver: SolverOptions = SolverOptions(tolerance=1e-2),
+    jobs: int = 1,
+    on_error: OnError | None = None,
+) -> tuple[Linearisation, ...]:
+    """Linearise the fit of every setting, by rising setting; one simulation for each log.
+
+    A setting that cannot be simulated at its fitted point is left out. So is one with another
+    error, where ``on_error`` is there to be told of it.
+    """
+
+    def linearised(fit: Fit) -> Linearisation | None:
+        with sparing(fit.setting, on_error), suppress(SimulationError):
+            return linearise_at_fit(fit, damper, solver=solver)
+        return None
+
+    with executor(jobs) as pool:
+        return tuple(at for at in pool.map(linearised, campaign.fits) if at is not None)
+
 
 def linearise_at_fit(
     fit: Fit, damper: Model, *, solver: SolverOptions = SolverOptions()
@@ -181,124 +210,132 @@ def linearise_at_fit(
     own = [getattr(values, one.name) if one.is_logarithmic else 1.0 for one in values.quantities]
     scales = np.array([*own, *(getattr(damper, name) for name in damper.conditions)])
     n = len(own)
-    errors = ignorance(fit)
-    traces = [log.trace for log in fit.logs]
-    is_short = not _is_long(fit, traces)
-    sums = ScoreSums()
+    errors = _ignorance(fit)
+    sums: list[_StretchSums] = []
     logs: list[LogLinearisation] = []
     pressed: list[dict[str, float]] = []
+    squares = 0.0
+    traces = [log.trace for log in fit.logs]
     for log, weight in zip(fit.logs, weights(traces), strict=True):
         trace, part = log.trace, log.trace.compared
-        cycles = log.cycles_of(values, damper, solver)
-        rows = _rows(log, weight, () if is_short else cycles)
-        force, pressures, seen, rounding = _seen(log, rows, values, damper, solver)
-        others = other_frictions(log, values, damper, solver=solver, rows=rows, slopes=seen)
-        pressed.append(pressed_on(damper, pressures[:, part]))
-        residuals, slopes = trace.force[part] - force[part], []
-        places = zip(rows, trace.places, seen, strict=True)
-        for where, place, of in places:
-            scaled = np.ascontiguousarray((of * scales[:, None]).T)
-            by = np.ascontiguousarray(scaled[:, :n])
-            slopes.append(Slopes(where, place, by, scaled[:, n:], where.read(residuals[place])))
-        for one, of, other in zip(slopes, seen, others, strict=True):
-            sums.add(trace, one, weight, _supposed(errors, of[:n], other))
+        force, pressures, slopes, rounding = _simulated(log, values, damper, solver)
+        others = _other_frictions(log, values, damper, solver, slopes)
+        pressed.append(_pressed_on(damper, pressures[:, part]))
+        own_weights = all_alike(trace.n_samples) if weight is None else weight
+        residuals = trace.force[part] - force[part]
+        squares += float(np.sum((own_weights * residuals) ** 2))
+        by = [np.ascontiguousarray((rows * scales[:, None]).T) for rows in slopes]
+        for k, (stretch, place) in enumerate(zip(trace.stretches, trace.places, strict=True)):
+            supposed = errors[:, None] * slopes[k][:n] if np.any(errors) else None
+            if others is not None:
+                supposed = np.vstack([errors[:, None] * slopes[k][:n], others[k]])
+            jacobian, rest = by[k][:, :n], residuals[place]
+            if weight is not None:
+                jacobian, rest = jacobian * weight[place, None], rest * weight[place]
+                supposed = None if supposed is None else supposed * weight[place]
+            sums.append(_summed(trace, stretch, jacobian, rest, supposed))
+        whole = np.vstack(by)
         logs.append(
             LogLinearisation(
                 residuals=residuals,
-                weights=all_alike(trace.n_samples) if weight is None else weight,
-                slopes=tuple(slopes),
+                weights=own_weights,
+                jacobian=whole[:, :n],
+                gas=whole[:, n:],
                 force=force[part],
                 pressures=pressures[:, part].min(axis=1).astype(np.float64),
                 rounding=tuple(rounding),
             )
         )
-    wider = widening(_short_stretches(fit, logs, sums.lags)) if is_short else 1.0
+    n_fitted = sum(status in _FOUND for status in fit.status.values())
+    wider = widening([(one.n, one.n_independent, one.lag) for one in sums], n_fitted)
+    pulls = [one.supposed for one in sums if one.supposed is not None]
     return Linearisation(
         fit=fit,
-        information=np.asarray(sum(sums.information)),
-        scores=np.asarray(wider * sum(sums.covariances)),
-        cycle_scores=wider * cycle_covariance(sums.cycles),
-        gradient=np.asarray(sum(sums.gradients)),
+        information=np.asarray(sum(one.information for one in sums)),
+        scores=np.asarray(wider * sum(one.covariance for one in sums)),
+        cycle_scores=wider * cycle_covariance([one.cycles for one in sums]),
+        gradient=np.asarray(sum(one.gradient for one in sums)),
         logs=tuple(logs),
         conditions=damper.conditions,
-        supposed=np.asarray(sum(sums.pulls)) if sums.pulls else None,
+        supposed=np.asarray(sum(pulls)) if pulls else None,
         flaws=damper.flaws,
-        precision=_precision(logs),
+        precision=sum(one.n for one in sums) / max(squares, 1e-300),
         pressed={name: max(one[name] for one in pressed) for name in pressed[0]},
     )
 
 
-def _supposed(errors: FloatArray, rows: FloatArray, others: FloatArray | None) -> FloatArray | None:
-    """What each supposition may put into the force, (k, m), the forms of the friction last."""
-    if others is None:
-        return errors[:, None] * rows if np.any(errors) else None
-    return np.vstack([errors[:, None] * rows, others])
+@dataclass(frozen=True, slots=True, eq=False)
+class _StretchSums:
+    """What a stretch of n samples adds; nothing is correlated across a gap between stretches."""
+
+    n: int
+    n_independent: float
+    lag: int
+    information: FloatArray
+    covariance: FloatArray
+    gradient: FloatArray
+    cycles: FloatArray
+    supposed: FloatArray | None
 
 
-def _precision(logs: Sequence[LogLinearisation]) -> float:
-    squares = sum(float(np.sum((log.weights * log.residuals) ** 2)) for log in logs)
-    return sum(len(log.residuals) for log in logs) / max(squares, 1e-300)
+def _summed(
+    trace: Trace,
+    stretch: Stretch,
+    jacobian: FloatArray,
+    residuals: FloatArray,
+    supposed: FloatArray | None,
+) -> _StretchSums:
+    is_cyclic = bool(stretch.n_cycles)
+    longest = _LONGEST_CORRELATION / stretch.frequency if is_cyclic else _LONGEST_MOVING
+    lag = correlation_length(residuals, longest=round(longest / trace.interval))
+    scores = jacobian * residuals[:, None]
+    covariance = score_covariance(scores, lag)
+    if not is_cyclic:
+        # Cycles repeat what a few samples tell; elsewhere those few may be all there is.
+        covariance = larger(covariance, stationary_covariance(jacobian, residuals, lag))
+    return _StretchSums(
+        n=len(residuals),
+        n_independent=independent_samples(trace.model_filter, len(residuals)),
+        lag=lag,
+        information=jacobian.T @ jacobian,
+        covariance=covariance,
+        gradient=scores.sum(axis=0),
+        cycles=sums_by_cycle(scores, stretch.cycle_starts - stretch.first),
+        supposed=None if supposed is None else jacobian.T @ supposed.T,
+    )
 
 
-def _rows(
-    log: LogFit, weight: FloatArray | None, cycles: Sequence[SettledCycle]
-) -> list[EverySample | Phases]:
-    """Where the derivatives of each stretch of a log are taken."""
-    trace, kept = log.trace, log.seen
-    if kept is None or not cycles:
-        return [EverySample(stretch) for stretch in trace.stretches]
-    return [
-        phases_of(
-            trace,
-            stretch,
-            cycle,
-            weight=None if weight is None else weight[place],
-            residuals=trace.force[stretch.window] - kept.force[stretch.window],
-        )
-        for cycle, stretch, place in zip(cycles, trace.stretches, trace.places, strict=True)
-    ]
-
-
-def _seen(
-    log: LogFit,
-    rows: Sequence[EverySample | Phases],
-    parameters: Values,
-    damper: Model,
-    solver: SolverOptions,
+def _simulated(
+    log: LogFit, values: Values, damper: Model, solver: SolverOptions
 ) -> tuple[
     FloatArray,
     NDArray[np.floating[Any]],
     list[FloatArray],
     list[tuple[FloatArray, FloatArray]],
 ]:
-    """The model's force and pressures, the sensitivities at rows, (k, m), and the `rounding`.
+    """The model's force and pressures, the sensitivities of each stretch, (k, n), the `rounding`.
 
     What repeats has the mean cycle's sensitivities: they differ from those of the log by what the
     noise of the displacement does, and cost far less.
     """
     names = (*damper.names, *damper.conditions)
     trace, kept = log.trace, log.seen
-    if kept is not None and (cycles := log.cycles_of(parameters, damper, solver)):
-        parts, rounding = [], []
-        for cycle, where in zip(cycles, rows, strict=True):
-            response = simulate(
-                parameters,
-                damper,
-                cycle.motion,
-                sensitivities=names,
-                options=cycle.solver(solver),
-            )
-            parts.append(where.seen(cycle, list(response.sensitivities.values())))
+    slopes: list[FloatArray] = []
+    rounding: list[tuple[FloatArray, FloatArray]] = []
+    if kept is not None and (cycles := log.cycles_of(values, damper, solver)):
+        for cycle, stretch in zip(cycles, trace.stretches, strict=True):
+            options = cycle.solver(solver)
+            response = simulate(values, damper, cycle.motion, sensitivities=names, options=options)
+            slopes.append(cycle.over(stretch, list(response.sensitivities.values())))
             taken = cycle.taken_by_filter(response.force)
             rounding.append((cycle.motion.velocity[-len(taken) :], taken))
-        return kept.force, kept.pressures, parts, rounding
-    seen = compare(parameters, trace, damper, sensitivities=names, solver=solver)
-    whole = _sensitivities(trace, seen)
-    parts = [whole[:, stretch.window] for stretch in trace.stretches]
-    taken = seen.response.force - seen.force
-    windows = [stretch.window for stretch in trace.stretches]
-    rounding = [(trace.velocity[one], taken[one]) for one in windows]
-    return seen.force, seen.response.pressures, parts, rounding
+        return kept.force, kept.pressures, slopes, rounding
+    seen = compare(values, trace, damper, sensitivities=names, solver=solver)
+    whole, taken = _sensitivities(trace, seen), seen.response.force - seen.force
+    for stretch in trace.stretches:
+        slopes.append(whole[:, stretch.window])
+        rounding.append((trace.velocity[stretch.window], taken[stretch.window]))
+    return seen.force, seen.response.pressures, slopes, rounding
 
 
 def _sensitivities(trace: Trace, seen: SimulatedLog) -> FloatArray:
@@ -322,37 +359,100 @@ def _sensitivities(trace: Trace, seen: SimulatedLog) -> FloatArray:
     return apply_filter(trace.model_filter, rows)
 
 
-def _is_long(fit: Fit, traces: Sequence[Trace]) -> bool:
-    """Whether the logs have so many independent samples that errors are hardly short."""
-    independent = (
-        independent_samples(trace.model_filter, stretch.n_samples)
-        for trace in traces
-        for stretch in trace.stretches
-    )
-    return is_enough(independent, len(_fitted(fit)))
+def _pressed_on(damper: Model, pressures: NDArray[np.floating[Any]]) -> dict[str, float]:
+    """Return the highest pressure across each preloaded passage, Pa, by the name of its opening.
+
+    One that lifts gradually lets oil through below its opening, and has none.
+    """
+    network = getattr(damper.damper if isinstance(damper, Warmed) else damper, "network", None)
+    most: dict[str, float] = {}
+    for one in () if network is None else network.passages:
+        if one.opening and not one.width:
+            here = float((pressures[one.start - 1] - pressures[one.end - 1]).max())
+            most[one.opening] = max(here, most.get(one.opening, 0.0))
+    return most
 
 
-def _fitted(fit: Fit) -> list[int]:
-    """The columns of what the fit found."""
-    fitted = {Status.FITTED, Status.NOT_IDENTIFIABLE}
-    return [k for k, name in enumerate(fit.parameters.names) if fit.status[name] in fitted]
+def _misfit_scores(linearised: Linearisation) -> FloatArray:
+    """The matrix M of a setting's repeating misfit, see the module's docstring."""
+    pulls: list[FloatArray] = []
+    for log, seen in zip(linearised.fit.logs, linearised.logs, strict=True):
+        for stretch, place in zip(log.trace.stretches, log.trace.places, strict=True):
+            block, repeating = _blocks(stretch, seen.residuals[place])
+            scores = seen.jacobian[place] * (seen.weights[place] ** 2 * repeating)[:, None]
+            pulls.extend(scores[block == k].sum(axis=0) for k in range(_BLOCKS))
+    table = np.array(pulls)
+    few = len(table) / max(len(table) - len(linearised.names), 1)
+    return np.asarray(few * table.T @ table)
 
 
-def _short_stretches(
-    fit: Fit, logs: Sequence[LogLinearisation], lags: Sequence[int]
-) -> list[ShortStretch]:
-    """Return what each stretch gives to the parameters that the fit found."""
-    columns = _fitted(fit)
-    stretches = [
-        (log.trace, seen, slopes)
-        for log, seen in zip(fit.logs, logs, strict=True)
-        for slopes in seen.slopes
-    ]
-    return [
-        ShortStretch(
-            slopes.by[:, columns] * seen.weights[slopes.place, None],
-            filter_correlation(trace.model_filter, slopes.rows.stretch.n_samples),
-            lag,
-        )
-        for (trace, seen, slopes), lag in zip(stretches, lags, strict=True)
-    ]
+def _blocks(stretch: Stretch, residuals: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
+    """Return the block of each sample, and the residual without what differs between cycles."""
+    n = len(residuals)
+    if stretch.n_cycles < 2:
+        return np.arange(n) * _BLOCKS // n, residuals
+    starts = stretch.cycle_starts - stretch.first
+    phase = np.interp(np.arange(n), starts, np.arange(len(starts))) % 1.0
+    n_bins = max(_BLOCKS, round(float(np.mean(np.diff(starts)))))
+    bins = np.minimum((phase * n_bins).astype(np.int64), n_bins - 1)
+    counts = np.maximum(np.bincount(bins, minlength=n_bins), 1)
+    mean = np.bincount(bins, weights=residuals, minlength=n_bins) / counts
+    return bins * _BLOCKS // n_bins, mean[bins]
+
+
+# What a fit supposes and nobody has measured: defaults of the model, each by one standard error;
+# the form in which friction turns; what the pressure on the seal adds to it.
+
+
+def _ignorance(fit: Fit) -> FloatArray:
+    """Return one standard error of what stands at a default that nobody has measured, (k,)."""
+    values = fit.parameters
+    errors = np.zeros(len(values.names))
+    for place, one in enumerate(values.quantities):
+        value = getattr(values, one.name)
+        if fit.status[one.name] is Status.FIXED and value == one.default:
+            errors[place] = one.ignorance * (1.0 if one.may_vanish else value)
+    return errors
+
+
+def _other_frictions(
+    log: LogFit,
+    values: Values,
+    damper: Model,
+    solver: SolverOptions,
+    slopes: Sequence[FloatArray],
+) -> list[FloatArray] | None:
+    """Return what the force would be more with a friction of another form, (2, n) a stretch.
+
+    One that turns otherwise; one that the pressure on the seal adds to, as large as the fitted one
+    at the pressure of the gas at rest. None for a damper of which no other form is doubted.
+    """
+    turns, pressed = other_turns(damper, values), with_pressed_seal(damper, values)
+    if not turns and pressed is None:
+        return None
+    cycles = log.cycles_of(values, damper, solver)
+
+    def force(law: Model, at: Values) -> list[FloatArray]:
+        if not cycles:
+            whole = compare(at, log.trace, law, solver=solver).force
+            return [whole[stretch.window] for stretch in log.trace.stretches]
+        found = []
+        for cycle, stretch in zip(cycles, log.trace.stretches, strict=True):
+            response = simulate(at, law, cycle.motion, options=cycle.solver(solver))
+            found.append(cycle.over(stretch, [response.force])[0])
+        return found
+
+    here = force(damper, values)
+    more = [np.zeros((2, len(of))) for of in here]
+    for share, law, at in turns:
+        for into, there in zip(more, force(law, at), strict=True):
+            into[0] += share * there
+    if turns:
+        for into, now in zip(more, here, strict=True):
+            into[0] -= now
+    if pressed is not None:
+        own = next(place for place, one in enumerate(values.quantities) if one.is_friction)
+        at_rest = pressed[1].seal_area * values.gas_pressure
+        for into, there, now, rows in zip(more, force(*pressed), here, slopes, strict=True):
+            into[1] = there - now - at_rest * rows[own]
+    return more

@@ -1,19 +1,21 @@
-"""Logs and cycles that were not fitted, predicted with the parameters of their setting.
+"""What was held out: which logs, segments and cycles, and how the parameters predict them.
 
 A low MSE is no proof of a model: at one amplitude and frequency a wrong one bends its parameters
-until it fits. It shows where nothing was bent: at another amplitude or frequency.
+until it fits. It shows where nothing was bent: at another amplitude or frequency. What is held out
+and missed withholds a grade, which is then one of the tests, not of the damper.
 """
 
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from damperfit.conditioning import TRANSIENTS, noise_floor
-from damperfit.errors import SimulationError
+from damperfit.errors import ConfigurationError, LogError, SimulationError
 from damperfit.identification import (
     Status,
     compare,
@@ -24,26 +26,144 @@ from damperfit.identification import (
 from damperfit.laws import PREDICTED_PERCENT
 from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting
-from damperfit.uncertainty.repeating import residual_scatter
+from damperfit.uncertainty.grades import LIMITS, Objection
+from damperfit.uncertainty.residuals import residual_scatter
+from damperfit.units.quantities import parse_quantity
 from damperfit.workers import executor
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from numpy.typing import NDArray
 
     from damperfit.damper.model import Model
     from damperfit.identification import Campaign, Fit, SimulatedLog
-    from damperfit.recording import Trace
+    from damperfit.recording import Stretch, Trace
     from damperfit.uncertainty.assessment import Assessment
 
     FloatArray = NDArray[np.float64]
 
 __all__ = [
     "Prediction",
+    "SegmentRange",
+    "missed_predictions",
     "predict",
     "prediction_warnings",
+    "split_cycles",
 ]
+
+
+@dataclass(frozen=True, slots=True)
+class SegmentRange:
+    """The segments of a log that have a frequency, or a peak speed, within limits.
+
+    Attributes
+    ----------
+    dimension : str
+        "frequency" or "velocity".
+    low, high : float
+        Limits, both included, Hz or m/s.
+    """
+
+    dimension: str
+    low: float
+    high: float
+
+    @classmethod
+    def parse(cls, text: str) -> SegmentRange | None:
+        """Return the range that a text says, as in "4Hz-10Hz" or "0.2m/s-"; None: it says none.
+
+        Raises
+        ------
+        ConfigurationError
+            The upper limit lies below the lower one.
+
+        Examples
+        --------
+        >>> SegmentRange.parse("0.2m/s-")
+        SegmentRange(dimension='velocity', low=0.2, high=inf)
+        >>> SegmentRange.parse("run-2.csv") is None
+        True
+        """
+        number = r"(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?"
+        for dimension, units in (("frequency", "k?Hz"), ("velocity", "m?m/s|in/s")):
+            limit = f"({number} ?(?:{units}))?"
+            found = re.fullmatch(f"{limit} ?- ?{limit}", text.strip(), re.IGNORECASE)
+            if found is None or not any(found.groups()):
+                continue
+            low, high = (
+                parse_quantity(end, dimension) if end else default
+                for end, default in zip(found.groups(), (0.0, math.inf), strict=True)
+            )
+            if low > high:
+                raise ConfigurationError(
+                    f"{text}: the upper limit lies below the lower one; expected as in 4Hz-10Hz"
+                )
+            return cls(dimension, low, high)
+        return None
+
+    def holds(self, segment: Stretch) -> bool:
+        """Whether a segment lies within the limits."""
+        is_speed = self.dimension == "velocity"
+        return self.low <= (segment.peak_speed if is_speed else segment.frequency) <= self.high
+
+    def split(self, trace: Trace) -> tuple[Trace | None, Trace | None]:
+        """Return a log without the segments within the limits, and with these alone.
+
+        None stands for a part without a segment.
+        """
+        parts = []
+        for is_held in (False, True):
+            kept = tuple(part for part in trace.stretches if self.holds(part) is is_held)
+            parts.append(replace(trace, stretches=kept) if kept else None)
+        return parts[0], parts[1]
+
+
+def split_cycles(trace: Trace, cycles: float) -> tuple[Trace, Trace]:
+    """Return a log without its last steady cycles, and with these alone.
+
+    The last ones of each stretch, in one piece: where a log drifts, from warming or gas, it shows
+    there, and the filter's memory joins the two parts at one place only. A stretch with too few
+    cycles to part is fitted whole.
+
+    Parameters
+    ----------
+    trace : Trace
+        A log.
+    cycles : float
+        Whole number of cycles, or below 1 a share of them (one at least).
+
+    Raises
+    ------
+    LogError
+        No cycle would be left to fit.
+
+    Examples
+    --------
+    15 cycles with ``cycles=0.2`` or 3: twelve are fitted, three predicted.
+    """
+    fitted, held_out = [], []
+    for stretch in trace.stretches:
+        n = stretch.n_cycles
+        held = max(1, round(cycles * n)) if cycles < 1.0 else round(cycles)
+        if held < n:
+            edge, starts = round(float(stretch.cycle_starts[n - held])), stretch.cycle_starts
+            ahead, behind = stretch.smeared
+            inner = starts[: n - held + 1]
+            fitted.append(replace(stretch, stop=edge, cycle_starts=inner, smeared=(ahead, 0)))
+            outer = starts[n - held :]
+            held_out.append(replace(stretch, first=edge, cycle_starts=outer, smeared=(0, behind)))
+        else:
+            fitted.append(stretch)
+    if not held_out:
+        n = max(stretch.n_cycles for stretch in trace.stretches)
+        held = max(1, round(cycles))
+        raise LogError(
+            f"{n} steady cycle{'s' if n > 1 else ''}, of which {held} are to be held "
+            "out: none is left to fit; hold out fewer, or give a longer log",
+            subject=trace.name,
+        )
+    return replace(trace, stretches=tuple(fitted)), replace(trace, stretches=tuple(held_out))
 
 
 # Twice the expected square is beyond the scatter of an MSE over a cycle or more; ten times is a
@@ -411,3 +531,50 @@ def _is_same_motion(fit: Fit, trace: Trace, *, has_same_stroke: bool = True) -> 
 def _known(percent: float) -> float:
     """Nothing is known of the scatter of a single cycle: then all of the misfit is lack of fit."""
     return 0.0 if math.isnan(percent) else percent
+
+
+def missed_predictions(predictions: Iterable[Prediction]) -> dict[Setting, Objection]:
+    """Return by setting the held-out test that is missed most, as a reason to withhold its grade.
+
+    Of fitted settings alone, and of other motions than those that were fitted: a repeat that is
+    missed tells of drift, not of the law. What settings without a fit would be has no grade.
+
+    Parameters
+    ----------
+    predictions : iterable of Prediction
+        Of all that was held out.
+    """
+    worst: dict[Setting, Prediction] = {}
+    for one in filter(_is_missed, predictions):
+        known = worst.get(one.setting)
+        if known is None or one.mse_percent > known.mse_percent:
+            worst[one.setting] = one
+    return {setting: _objection(one) for setting, one in worst.items()}
+
+
+def _is_missed(one: Prediction) -> bool:
+    is_test = not one.is_same_motion and not one.is_unseen
+    much = one.mse_percent > LIMITS.predicted_percent
+    return is_test and much and one.ratio > LIMITS.predicted_times
+
+
+def _objection(one: Prediction) -> Objection:
+    is_beside = one.cycles == TRANSIENTS
+    what = (
+        f"the run-up, coast-down or changes of speed of {one.trace.name}"
+        if is_beside
+        else one.trace.name
+    )
+    return Objection(
+        "prediction",
+        "",
+        f"{what}, which {'were' if is_beside else 'was'} not fitted, "
+        f"{'are' if is_beside else 'is'} missed by an MSE of {_percent(one.mse_percent)} % where "
+        f"{_percent(one.expected_mse_percent)} % is expected: the numbers hold for the motion that "
+        "was fitted",
+    )
+
+
+def _percent(value: float) -> str:
+    """Two digits, and no power of ten."""
+    return f"{value:.2g}" if value < 100.0 else f"{float(f'{value:.2g}'):.0f}"

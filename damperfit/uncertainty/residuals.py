@@ -1,7 +1,12 @@
 """What the residuals say that the MSE does not: noise or missing physics, and which.
 
-What repeats of them is told in `damperfit.uncertainty.repeating`; what the model lacks is then
-sought in `damperfit.uncertainty.flaws`.
+The residual is laid over itself cycle by cycle. What differs between cycles is noise (of both
+channels); what repeats is lack of fit. With C cycles of scatter s^2 the mean residual of pure noise
+has the power s^2/C, which is taken off::
+
+    repeating = mean over phases of (mean residual)^2 - s^2/C
+
+What the model lacks is then sought in `damperfit.uncertainty.flaws`.
 """
 
 from __future__ import annotations
@@ -15,27 +20,28 @@ import numpy as np
 from damperfit.conditioning.gas_force import YIELDS, held_shares
 from damperfit.identification.fit_setting import EXCELLENT
 from damperfit.identification.sharing import listed_settings
-from damperfit.statistics import median, variance_of
+from damperfit.statistics import fisher_chance, mean_of, median, variance_of
+from damperfit.uncertainty.correlation import autocorrelation, independent
 from damperfit.uncertainty.flaws import Hint, seek_flaws
-from damperfit.uncertainty.repeating import (
-    cycle_correlation,
-    residuals_by_stretch,
-    runs_ratio,
-    split_power,
-)
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from numpy.typing import NDArray
 
+    from damperfit.recording import Stretch
     from damperfit.tested.setting import Setting
     from damperfit.uncertainty.linearisation import Linearisation
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["Diagnosis", "diagnose", "group_warning", "reconciled"]
+__all__ = ["Diagnosis", "diagnose", "group_warning", "reconciled", "residual_scatter"]
 
+# The repeating power of pure noise over its scatter is F-distributed; beyond the bar once in as
+# many settings.
+_CHANCE = 1e-6
+# Misfit over noise where nothing repeats: noise of the displacement may double it.
+_MUCH = 4.0
 # Below this share of the force's variance, 0.1 N of 300 N, the integrator's error repeats too.
 _NEGLIGIBLE = 1e-7
 # Noise of the displacement is looked at first where noise makes this much of the misfit.
@@ -152,8 +158,8 @@ def diagnose(linearised: Linearisation, *, doubted: tuple[str, ...] = ()) -> Dia
         mse_percent=fit.mse_percent,
         noise_percent=noise_percent,
         is_structured=is_structured,
-        correlation=cycle_correlation(parts),
-        runs_ratio=runs_ratio(parts),
+        correlation=_cycle_correlation(parts),
+        runs_ratio=_runs_ratio(parts),
         hints=hints,
         sentence="",
         held_share=share,
@@ -275,3 +281,146 @@ def group_warning(group: Sequence[Diagnosis]) -> str:
         return f"setting {worst.setting}: {worst.sentence}."
     listed = listed_settings(one.setting for one in group)
     return f"settings {listed}, most at {worst.setting}: {worst.sentence}."
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StretchResiduals:
+    """The residuals of one stretch, 0 where none counts; of two cycles or more laid over.
+
+    Attributes
+    ----------
+    stretch : Stretch
+        Which.
+    interval : float
+        Sample interval, s.
+    residuals : numpy.ndarray
+        Shape (n,), N.
+    folded, about : numpy.ndarray or None
+        Shape (cycles, phases): the cycles, and what each differs from their mean by.
+    """
+
+    stretch: Stretch
+    interval: float
+    residuals: FloatArray
+    folded: FloatArray | None = None
+    about: FloatArray | None = None
+
+
+def residuals_by_stretch(linearised: Linearisation) -> Iterator[StretchResiduals]:
+    """Yield the residuals of each stretch."""
+    for log, seen in zip(linearised.fit.logs, linearised.logs, strict=True):
+        for stretch, place in zip(log.trace.stretches, log.trace.places, strict=True):
+            residuals = np.where(seen.weights[place] > 0.0, seen.residuals[place], 0.0)
+            folded = about = None
+            if stretch.n_cycles > 1:
+                folded = _fold(residuals, stretch)
+                about = folded - folded.mean(axis=0)
+            yield StretchResiduals(stretch, log.trace.interval, residuals, folded, about)
+
+
+def split_power(parts: Sequence[StretchResiduals]) -> tuple[float, float, Callable[[], bool]]:
+    """Return repeating and scattered mean squares, N^2, and whether noise cannot be all of it."""
+    repeats, noise, expected, n_samples = 0.0, 0.0, 0.0, 0
+    for part in parts:
+        if part.folded is None or part.about is None:
+            continue
+        n, (n_cycles, n_phases) = len(part.residuals), part.folded.shape
+        scatter = float(np.sum(part.about**2)) / (n_phases * (n_cycles - 1))
+        n_samples += n
+        repeats += n * (float(np.mean(part.folded.mean(axis=0) ** 2)) - scatter / n_cycles)
+        expected += n * scatter / n_cycles
+        noise += n * scatter
+    if not n_samples:
+        return _unrepeated(parts)
+    ratio = 1.0 + repeats / max(expected, 1e-300)
+    return repeats / n_samples, noise / n_samples, lambda: is_beyond_chance(parts, ratio)
+
+
+def is_beyond_chance(parts: Sequence[StretchResiduals], ratio: float) -> bool:
+    """Whether the power of the mean cycles over what noise has is beyond chance."""
+    phases, others = 0.0, 0.0
+    for part in parts:
+        if part.about is not None:
+            worth = independent_phases(part.about)
+            phases += worth
+            others += worth * (part.stretch.n_cycles - 1)
+    return fisher_chance(phases, others, ratio) < _CHANCE
+
+
+def _unrepeated(parts: Sequence[StretchResiduals]) -> tuple[float, float, Callable[[], bool]]:
+    """The same where nothing repeats: misfit and noise by what was found above the filter's band.
+
+    Noise of the displacement is not in that; it makes less than the force's in a usual log.
+    """
+    if any(part.stretch.n_cycles for part in parts):
+        return math.nan, math.nan, lambda: False
+    n = sum(len(part.residuals) for part in parts)
+    noise = sum(len(part.residuals) * part.stretch.noise**2 for part in parts) / n
+    whole = sum(float(part.residuals @ part.residuals) for part in parts) / n
+    return whole - noise, noise, lambda: whole / max(noise, 1e-300) > _MUCH
+
+
+def independent_phases(scatter: FloatArray) -> float:
+    """Return how many independent squares the mean square of one cycle's noise is worth.
+
+    From the scatter about the mean cycle, in which nothing repeats, shape (cycles, phases); fewer
+    where the noise is larger in part of the cycle (Satterthwaite).
+    """
+    n_cycles, n_phases = scatter.shape
+    rho = autocorrelation(scatter.ravel(), n_phases // 2)
+    power = np.einsum("ij,ij->j", scatter, scatter)
+    # A variance from few cycles is itself uneven, by 2/(n - 1).
+    uneven = n_phases * float(power @ power) / max(float(np.sum(power)) ** 2, 1e-300)
+    uneven = max(uneven / (1.0 + 2.0 / (n_cycles - 1)), 1.0)
+    return float(max(independent(rho, n_phases) / uneven, 1.0))
+
+
+def residual_scatter(residuals: FloatArray, stretch: Stretch) -> float:
+    """Return the mean square of what differs from cycle to cycle, N^2: noise of both channels.
+
+    Parameters
+    ----------
+    residuals : numpy.ndarray
+        Shape (n,), over the stretch.
+    stretch : Stretch
+        Steady cycles; NaN for a single one.
+    """
+    if stretch.n_cycles < 2:
+        return math.nan
+    return float(np.mean(np.var(_fold(residuals, stretch), axis=0, ddof=1)))
+
+
+def _fold(residuals: FloatArray, stretch: Stretch) -> FloatArray:
+    """Residuals over cycles and phases, shape (cycles, phases)."""
+    starts = stretch.cycle_starts - stretch.first
+    lengths = np.diff(starts)
+    n_phases = max(8, round(mean_of(lengths)))
+    nearest = starts[:-1, None] + lengths[:, None] * (np.arange(n_phases) / n_phases)
+    # Beyond an end it is the last sample.
+    return residuals.take(np.rint(nearest).astype(np.intp), mode="clip")
+
+
+def _cycle_correlation(parts: Sequence[StretchResiduals]) -> float:
+    """Autocorrelation at a lag of one cycle, the largest of the stretches."""
+    values = []
+    for part in parts:
+        residuals, n = part.residuals, len(part.residuals)
+        period = round(1.0 / (part.stretch.frequency * part.interval))
+        if 2 * period < n:
+            power = max(float(residuals @ residuals), 1e-300)
+            lagged = float(residuals[:-period] @ residuals[period:])
+            values.append(lagged / power * n / (n - period))
+    return max(values, default=math.nan)
+
+
+def _runs_ratio(parts: Sequence[StretchResiduals]) -> float:
+    """Sign changes of the residual over those of its scatter about the mean cycle."""
+    pairs = [(one.folded, one.about) for one in parts if one.folded is not None]
+    counts = [[_sign_changes(rows) for rows in pair if rows is not None] for pair in pairs]
+    seen, expected = (sum(column) for column in zip(*counts, strict=True)) if counts else (0, 0)
+    return seen / expected if expected else math.nan
+
+
+def _sign_changes(rows: FloatArray) -> int:
+    negative = np.signbit(rows)
+    return int(np.count_nonzero(negative[:, 1:] != negative[:, :-1]))

@@ -26,7 +26,7 @@ from damperfit.conditioning.measured_characteristics import counted_edges, peak_
 from damperfit.passed_speeds import at_speeds
 from damperfit.simulation import NAMED_SPEEDS
 from damperfit.statistics import NORMAL_95, median
-from damperfit.uncertainty.repeating import residual_scatter
+from damperfit.uncertainty.residuals import residual_scatter
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

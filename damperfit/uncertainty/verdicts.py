@@ -1,34 +1,194 @@
-"""A verdict on each parameter of a setting, in words an engineer acts on."""
+"""What is said of each parameter: its status once errors and profiles are known, and a verdict."""
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.identification.outcome import Status
-from damperfit.identification.sharing import of_settings
+from damperfit.damper.valve_dampers import ValveDamper
+from damperfit.damper.warmed import Warmed
+from damperfit.identification.fit_setting import NOT_FIT_TO_SHARE, NOT_FOUND, is_loose
+from damperfit.identification.inactive_parts import is_nothing
+from damperfit.identification.outcome import Outcome, Status
+from damperfit.identification.sharing import of_settings, unknown_at
+from damperfit.statistics import NORMAL_95
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
 
+    from damperfit.damper.model import Model
     from damperfit.damper.quantity import Quantity
-    from damperfit.identification import Fit, Sharing
+    from damperfit.identification import Campaign, Fit, Sharing
     from damperfit.tested.setting import Setting
-    from damperfit.uncertainty.intervals import Uncertainty
+    from damperfit.uncertainty.assessment import Assessment
+    from damperfit.uncertainty.covariance import Uncertainty
+    from damperfit.uncertainty.linearisation import Linearisation
     from damperfit.uncertainty.profiles import MisfitProfile
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["doubts", "undetermined", "verdicts"]
+__all__ = ["doubts", "reconsider", "undetermined", "verdicts", "with_least_openings"]
 
 # At this correlation knowing the one would shrink the error of the other to a third.
 _CORRELATED = 0.95
 # What oil meets once a blow-off is open.
 _BEHIND_OPENING = ("slope", "port")
+# Of a stroke's oil: a share below it is that of a passage which the logs do not show.
+_UNNOTICED = 0.01
+_FOUND = frozenset({Status.FITTED, Status.SHARED})
+
+
+def with_least_openings(
+    known: Uncertainty,
+    mine: Linearisation,
+    linearised: Sequence[Linearisation],
+    sharing: Sharing,
+    damper: Model,
+) -> Uncertainty:
+    """Return a setting's errors with the openings that no log reaches, and what each is above.
+
+    Parameters
+    ----------
+    known : Uncertainty
+        Of the setting.
+    mine : Linearisation
+        Of the same setting.
+    linearised : sequence of Linearisation
+        Of all settings: another that shares the opening may press on it more.
+    sharing : Sharing
+        Which do.
+    damper : Model
+        The damper.
+    """
+    if not mine.pressed:
+        return known
+    found = {}
+    for name in mine.pressed:
+        alike = list(_alike(name, mine, linearised, sharing))
+        if all(one.pressed[name] < _passes_from(name, one, damper) for one in alike):
+            found[name] = max(one.pressed[name] for one in alike)
+    return replace(known, unopened=found)
+
+
+def _passes_from(name: str, one: Linearisation, damper: Model) -> float:
+    """The pressure above which a blow-off passes oil that a fit could notice, Pa.
+
+    A slope that lets nothing through is one way in which a fit tells that it does not open.
+    """
+    opening: float = getattr(one.fit.parameters, name)
+    own = damper.damper if isinstance(damper, Warmed) else damper
+    stroke = name.removesuffix("_opening")
+    if not isinstance(own, ValveDamper) or f"{stroke}_slope" not in one.names:
+        return opening
+    area = own.pressed_areas[0 if stroke == "rebound" else 1]
+    speed = max(part.peak_speed for log in one.fit.logs for part in log.trace.stretches)
+    slope: float = getattr(one.fit.parameters, f"{stroke}_slope")
+    return opening + _UNNOTICED * own.oil_density * area * speed * slope
+
+
+def _alike(
+    name: str, one: Linearisation, all_of: Sequence[Linearisation], sharing: Sharing
+) -> Iterator[Linearisation]:
+    """The setting, and others with the same number."""
+    yield one
+    setting = one.fit.setting
+    if name in sharing.found_at(setting):
+        own = unknown_at(name, sharing.follows, setting)
+        yield from (other for other in all_of if own.holds_at(other.fit.setting))
+
+
+def reconsider(campaign: Campaign, assessment: Assessment) -> Campaign:
+    """Return the campaign with the status that the errors and profiles of its parameters allow.
+
+    The fit itself judges by rough errors of noise. A profile that sets no limit has the last word,
+    and so have the printed intervals, which hold the misfit, and of a value that all settings share
+    the printed error of noise. What ran to where its part does nothing, as a friction below the
+    noise, is no bound that a fit strains against: the logs do not tell it from none.
+    """
+    known = {one.setting: one for one in assessment.uncertainties}
+    fits = []
+    for fit in campaign.fits:
+        flat = {
+            name
+            for name, profile in assessment.telling(fit.setting).items()
+            if profile.is_flat and fit.status[name] in _FOUND
+        }
+        flat |= {
+            name
+            for name in campaign.sharing.found
+            if fit.status[name] == Status.SHARED and _is_unfit(fit, name, known.get(fit.setting))
+        }
+        flat |= _anywhere(fit, assessment)
+        lost = flat.intersection(campaign.sharing.found)
+        lost |= {
+            name for name in campaign.sharing.found if fit.status[name] == Status.NOT_IDENTIFIABLE
+        }
+        flat |= _carried(fit, lost, known.get(fit.setting))
+        at_bound = {name for name, status in fit.status.items() if status == Status.AT_BOUND}
+        none = {name for name in at_bound if is_nothing(fit.parameters, name)}
+        own = none | {name for name in flat if fit.status[name] == Status.FITTED}
+        is_strained = fit.outcome is Outcome.AT_BOUND and not none >= at_bound
+        outcome = fit.outcome
+        if own and outcome in {Outcome.CONVERGED, Outcome.AT_BOUND} and not is_strained:
+            outcome = Outcome.NOT_IDENTIFIABLE
+        status = {**fit.status, **dict.fromkeys(flat | none, Status.NOT_IDENTIFIABLE)}
+        fits.append(replace(fit, status=status, outcome=outcome))
+    return replace(campaign, fits=tuple(fits))
+
+
+def _is_unfit(fit: Fit, name: str, known: Uncertainty | None) -> bool:
+    """Whether a shared value is less than three errors away from nothing, or from any other."""
+    if known is None or name not in known.names:
+        return False
+    quantity, value = fit.parameters.quantity(name), getattr(fit.parameters, name)
+    return is_loose(quantity, value, _error(quantity, known), NOT_FIT_TO_SHARE)
+
+
+def _anywhere(fit: Fit, assessment: Assessment) -> set[str]:
+    """What was found with an interval as wide as of what no log tells; a profile decides itself."""
+    profiles = assessment.telling(fit.setting)
+    found = set()
+    for name, status in fit.status.items():
+        if name in profiles:
+            continue
+        low, high = assessment.limits(fit.setting, name)
+        quantity = fit.parameters.quantity(name)
+        if status in _FOUND and low and high and quantity.is_logarithmic:
+            error = math.log(high / low) / (2.0 * NORMAL_95)
+            if is_loose(quantity, 1.0, error, NOT_FOUND):
+                found.add(name)
+    return found
+
+
+def _error(quantity: Quantity, known: Uncertainty) -> float:
+    """Its printed error of noise, of its logarithm or in its size."""
+    place = known.names.index(quantity.name)
+    error = math.sqrt(abs(float(known.covariance[place, place])))
+    return error if quantity.is_logarithmic else error / quantity.size
+
+
+def _carried(fit: Fit, lost: set[str], known: Uncertainty | None) -> set[str]:
+    """What a setting finds only beside a shared slope of either sign that the logs do not tell."""
+    is_told = all(fit.parameters.quantity(name).is_logarithmic for name in lost)
+    if known is None or is_told:
+        return set()
+    return {
+        name
+        for name in known.names
+        if fit.status[name] == Status.FITTED
+        and is_loose(
+            one := fit.parameters.quantity(name),
+            getattr(fit.parameters, name),
+            _error(one, known),
+            NOT_FOUND,
+        )
+    }
 
 
 def verdicts(

@@ -15,7 +15,7 @@ import pytest
 from damperfit.cli import main
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.synthetic import SampleOptions, make_samples
-from damperfit.uncertainty import profile_walk
+from damperfit.uncertainty import profiles as profile_walk
 from tests.identification.rig import recording
 
 

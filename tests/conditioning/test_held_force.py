@@ -11,7 +11,7 @@ import pytest
 from damperfit.conditioning import condition
 from damperfit.conditioning.gas_force import force_level
 from damperfit.configuration.loading import load_configuration
-from damperfit.uncertainty.withheld import LIMITS, offset_mismatch
+from damperfit.uncertainty.grades import LIMITS, offset_mismatch
 from tests.conditioning.test_false_alarms import RATE, logged, sine
 
 

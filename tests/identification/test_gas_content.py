@@ -17,7 +17,7 @@ from damperfit.identification.gas_content import GasLaw, first_law, working_pres
 from damperfit.identification.tied_problem import TiedProblem, fit_jointly
 from damperfit.simulation import SolverOptions
 from damperfit.uncertainty import assess, linearise_settings, uncertainties
-from damperfit.uncertainty.intervals import shared_covariance
+from damperfit.uncertainty.covariance import shared_covariance
 from tests.identification.rig import trace, traces
 
 VOLUME_RATIO, STIFFNESS = 0.004, 1.5e9 / 1.1

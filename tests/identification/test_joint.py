@@ -22,7 +22,7 @@ from damperfit.identification.tied_problem import JointSolution, fit_jointly
 from damperfit.io import read_log
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty import assess, linearise_settings
-from damperfit.uncertainty.intervals import shared_covariance, shared_curvature
+from damperfit.uncertainty.covariance import shared_covariance, shared_curvature
 from tests.identification.rig import trace, traces
 
 SAMPLES = Path(__file__).parents[2] / "sample_runs"

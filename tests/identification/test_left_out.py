@@ -16,7 +16,7 @@ from damperfit.identification.inactive_parts import does_nothing, is_nothing
 from damperfit.identification.outcome import Outcome, Status
 from damperfit.recording import Trace
 from damperfit.uncertainty import assess
-from damperfit.uncertainty.withheld import objections
+from damperfit.uncertainty.grades import objections
 from tests.laws.valve_logs import VALUES, damper, moved, noisy_trace
 
 WITH_PLAY = replace(damper(), mounting=Mounting(FIT, FIT, NONE))

@@ -9,8 +9,9 @@ import pytest
 
 from damperfit.conditioning import ConditionOptions, condition
 from damperfit.errors import SimulationError
-from damperfit.identification.law_misfit import LawMisfit, best_fitting, best_of_starts
+from damperfit.identification.law_misfit import LawMisfit
 from damperfit.identification.mean_cycle import settled
+from damperfit.identification.starts import best_fitting, best_of_starts
 from damperfit.recording import Recording, Trace
 from damperfit.simulation import Motion, SolverOptions, simulate, sine_motion
 from damperfit.tested.setting import Setting

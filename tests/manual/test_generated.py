@@ -17,8 +17,8 @@ from damperfit.configuration.loading import load_configuration
 from damperfit.io.formats import FORMATS
 from damperfit.manual import TOPICS, read_page
 from damperfit.run.logs import Ending
-from damperfit.uncertainty.gas import GasContent
-from damperfit.uncertainty.withheld import Objection
+from damperfit.uncertainty.covariance import GasContent
+from damperfit.uncertainty.grades import Objection
 from tests.manual.generated import COMMANDS, PAGES, PLACE, ROOT, options_of
 
 EVERY = sorted(path.stem for path in PAGES.glob("*.md"))

@@ -29,7 +29,7 @@ from damperfit.run.problems import (
 from damperfit.tables.documents import json_pieces, json_values
 from damperfit.tested.setting import Setting, parse_setting
 from damperfit.uncertainty import Assessment, Objection, Uncertainty
-from damperfit.uncertainty.intervals import make_interval
+from damperfit.uncertainty.covariance import make_interval
 from tests.fakes import campaign, fit
 
 PLAIN = load_configuration()

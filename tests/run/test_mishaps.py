@@ -185,9 +185,9 @@ def _is_two(linearised, *_, **__) -> bool:
 
 
 JUDGING = {
-    "gathering": ("damperfit.uncertainty.intervals.linearise_at_fit", _is_two),
+    "gathering": ("damperfit.uncertainty.linearisation.linearise_at_fit", _is_two),
     "diagnosing": ("damperfit.uncertainty.assessment.diagnose", _is_two),
-    "intervals": ("damperfit.uncertainty.intervals._of_setting", _is_two),
+    "intervals": ("damperfit.uncertainty.covariance._of_setting", _is_two),
     "profiles in doubt": ("damperfit.uncertainty.assessment.doubtful_profiles", _is_two),
     "forces": ("damperfit.adjustment.force_at._forces_of", lambda stage, *_: stage.setting == 2),
 }

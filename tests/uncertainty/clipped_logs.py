@@ -3,7 +3,7 @@
     python -m tests.uncertainty.clipped_logs
 
 A twin tube of `rig_like` under a cam crank, two speeds, the faster one cut off at a share of its
-largest force. `LIMITS.clipped_percent` of `uncertainty/withheld.py` is chosen by this.
+largest force. `LIMITS.clipped_percent` of `uncertainty/grades.py` is chosen by this.
 """
 
 from __future__ import annotations

@@ -15,8 +15,9 @@ from damperfit.damper.purdy.parameters import Damper
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import identify
 from damperfit.simulation import simulate, sine_motion
-from damperfit.uncertainty import Assessment, air, assess
-from damperfit.uncertainty.air import air_objections
+from damperfit.uncertainty import Assessment, assess
+from damperfit.uncertainty import grades as air
+from damperfit.uncertainty.grades import air_objections
 from tests.identification.rig import recording, short_trace
 from tests.quick_cycles import quick_cycle
 

@@ -27,15 +27,13 @@ from damperfit.uncertainty.flaws import seek_flaws
 from damperfit.uncertainty.linearisation import Linearisation, LogLinearisation
 from damperfit.uncertainty.prediction import prediction_warnings
 from damperfit.uncertainty.profiles import Bench
-from damperfit.uncertainty.repeating import (
+from damperfit.uncertainty.residuals import (
     StretchResiduals,
+    diagnose,
     independent_phases,
     is_beyond_chance,
     split_power,
 )
-from damperfit.uncertainty.residuals import diagnose
-from damperfit.uncertainty.rows import EverySample
-from damperfit.uncertainty.score_sums import Slopes
 from tests import fakes
 from tests.uncertainty.test_words import known
 
@@ -58,10 +56,8 @@ def linearised(residuals, *, gas=None, trace=None, names=("setting_01.csv",)) ->
     jacobian[:, 0] = even(trace, 12)
     force = trace.force[trace.compared]
     gas = np.zeros((n, 2)) if gas is None else np.column_stack([gas, np.zeros(n)])
-    rows = EverySample(trace.stretches[0])
-    slopes = Slopes(rows, trace.places[0], jacobian, gas, residuals[None, :])
     untouched = ((trace.velocity[trace.compared], np.zeros(n)),)
-    log = LogLinearisation(residuals, np.ones(n), (slopes,), force, np.ones(3), untouched)
+    log = LogLinearisation(residuals, np.ones(n), jacobian, gas, force, np.ones(3), untouched)
     nothing = np.zeros((6, 6))
     return Linearisation(
         fit,
@@ -263,8 +259,7 @@ def test_a_common_friction_is_in_doubt_where_the_settings_own_differ(
     (log,) = quiet.logs
     jacobian = log.jacobian.copy()
     jacobian[:, PURDY_DAMPER.names.index("f_f")] = repeating(1.0, noise=0.0).logs[0].residuals
-    slopes = (replace(log.slopes[0], by=jacobian),)
-    told = replace(quiet, logs=(replace(log, slopes=slopes),))
+    told = replace(quiet, logs=(replace(log, jacobian=jacobian),))
     monkeypatch.setattr(assessment, "linearise_settings", lambda *_, **__: (told,))
     sharing = Sharing(means={"f_f": (1, 2)}, spread=spread)
     monkeypatch.setattr(assessment, "uncertainties", lambda *_, **__: (known(),))

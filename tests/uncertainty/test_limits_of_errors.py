@@ -12,16 +12,15 @@ import pytest
 from damperfit.recording import Finding
 from damperfit.uncertainty import (
     Assessment,
-    correlated_noise,
-    withheld,
 )
-from damperfit.uncertainty.correlated_noise import correlation_length
-from damperfit.uncertainty.few_samples import ShortStretch, widening
-from damperfit.uncertainty.intervals import _sums_of_others
+from damperfit.uncertainty import (
+    grades as withheld,
+)
+from damperfit.uncertainty.covariance import _sums_of_others
+from damperfit.uncertainty.grades import _jumps
 from damperfit.uncertainty.prediction import _enough, _is_same_motion, _tested
 from damperfit.uncertainty.profiles import interpolated_limit
 from damperfit.uncertainty.speed_forces import _misfit
-from damperfit.uncertainty.withheld import _jumps
 from tests.uncertainty.test_words import diagnosis, known
 
 
@@ -31,23 +30,6 @@ def test_a_jackknife_is_blind_below_two_fifths(ratio, is_blind) -> None:
     intervals = {name: replace(i, cycle_ratio=ratio) for name, i in one.intervals.items()}
     told = Assessment(uncertainties=(replace(one, intervals=intervals),)).cycle_check
     assert ("cannot see a misfit that repeats" in told) is is_blind
-
-
-@pytest.mark.parametrize(("errors", "length"), [(2.4, 0), (2.6, 1)])
-def test_a_correlation_counts_from_two_and_a_half_errors_on(monkeypatch, errors, length) -> None:
-    rho = np.zeros(41)
-    rho[:2] = 1.0, errors / math.sqrt(400.0)
-    monkeypatch.setattr(correlated_noise, "autocorrelation", lambda *_: rho)
-    assert correlation_length(np.ones(400), longest=40) == length
-
-
-@pytest.mark.parametrize(("n", "is_widened"), [(97, True), (103, False)])
-def test_fifty_independent_samples_a_parameter_are_enough(n, is_widened) -> None:
-    turns = 2.0 * np.pi * np.arange(n) / n
-    slopes = np.stack([np.cos(3.0 * turns), np.sin(2.0 * turns)], axis=1)
-    white = ShortStretch(slopes, np.eye(1, n)[0], 1)
-    assert white.independent == n
-    assert (widening([white]) > 1.0) is is_widened
 
 
 def steady(amplitude=0.03, speed=0.3):

@@ -10,10 +10,9 @@ import pytest
 
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.identification import Sharing, Status
-from damperfit.uncertainty import profile_walk
-from damperfit.uncertainty.intervals import _shared_rows
-from damperfit.uncertainty.profile_walk import doubtful_profiles
-from damperfit.uncertainty.profiles import Bench, is_doubtful, profile_lines
+from damperfit.uncertainty import profiles as profile_walk
+from damperfit.uncertainty.covariance import _shared_rows
+from damperfit.uncertainty.profiles import Bench, doubtful_profiles, is_doubtful, profile_lines
 from tests import fakes
 from tests.uncertainty.test_limits import linearised
 from tests.uncertainty.test_words import known, profile

@@ -9,7 +9,7 @@ import pytest
 
 from damperfit.cli import main
 from damperfit.uncertainty import Prediction, missed_predictions
-from damperfit.uncertainty.withheld import LIMITS
+from damperfit.uncertainty.grades import LIMITS
 from tests import fakes
 
 PLAIN = Prediction(3, fakes.trace(3), False, 0.8, 0.1, 0.02, 0.05)

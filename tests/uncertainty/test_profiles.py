@@ -28,7 +28,7 @@ from damperfit.uncertainty import (
     profile_campaign,
     reconsider,
 )
-from damperfit.uncertainty.withheld import objections
+from damperfit.uncertainty.grades import objections
 from tests.identification.rig import short_trace as trace
 from tests.identification.rig import short_traces as traces
 

@@ -26,7 +26,7 @@ from damperfit.uncertainty.flaws import (
     seek_flaws,
     signatures,
 )
-from damperfit.uncertainty.intervals import linearise_settings
+from damperfit.uncertainty.linearisation import linearise_settings
 from damperfit.uncertainty.residuals import Diagnosis, _fits_skew, _sentence, _warned, reconciled
 from tests.identification import adjusted
 from tests.identification.rig import recording, short_trace
@@ -83,11 +83,10 @@ def test_a_fall_of_the_friction_is_held_against_what_was_found(friction, words) 
     values = replace(one.fit.parameters, f_f=friction)
     (column,) = signatures(log, seen.force)["friction_with_speed"][:1]
     residuals = -20.0 * column
-    slopes = tuple(replace(of, residuals=of.read(residuals)) for of in seen.slopes)
     missed = replace(
         one,
         fit=replace(one.fit, parameters=values),
-        logs=(replace(seen, residuals=residuals, slopes=slopes),),
+        logs=(replace(seen, residuals=residuals),),
     )
     hints = seek_flaws(missed, float(np.mean((20.0 * column) ** 2)))
     assert words in {one.words for one in hints}

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
@@ -11,7 +13,7 @@ from damperfit.recording import Recording
 from damperfit.simulation import simulate
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty import assess, profiles, reconsider
-from damperfit.uncertainty.intervals import Interval, Uncertainty
+from damperfit.uncertainty.covariance import Interval, Uncertainty
 from tests.laws.valve_logs import VALUES, damper, moved
 
 TRUE = 2e9  # N/m: the oil of this damper gives three hundred times as much
@@ -70,4 +72,4 @@ def test_an_error_holds_the_misfit_too(misfit: float) -> None:
     known = Uncertainty(
         Setting.of(1), {"k_s": Interval(6.0, 0.0, 1.0, 1.0, misfit)}, ("k_s",), np.array([[0.04]])
     )
-    assert profiles.squared_error(known, "k_s") == pytest.approx(0.04 * (1 + (misfit / 6.0) ** 2))
+    assert profiles._whole_error(known, "k_s") == pytest.approx(0.2 * math.hypot(1.0, misfit / 6.0))

@@ -5,19 +5,16 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from damperfit.damper.friction import Friction
 from damperfit.damper.pressing import with_pressed_seal
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
-from damperfit.damper.valve_dampers import ValveDamper
 from damperfit.damper.warmed import Warmed
 from damperfit.identification import Campaign, FitOptions, identify
-from damperfit.uncertainty import Uncertainty, assess, linearisation
+from damperfit.uncertainty import Uncertainty, assess
 from damperfit.uncertainty.linearisation import linearise_at_fit
-from damperfit.uncertainty.rows import EverySample, Phases
 from tests.identification import adjusted
 
 DRAG = adjusted.DAMPER.quantity("drag")
@@ -63,19 +60,6 @@ def test_an_interval_reaches_as_far_as_one_error_of_each_supposition_moves_the_f
     assert bent.misfit > 2.0 * bent.error
 
 
-def test_suppositions_are_summed_over_phases_as_over_all_samples(monkeypatch) -> None:
-    """Of a law without kinks; with them a fit goes down on every sample."""
-    monkeypatch.setattr(ValveDamper, "kinks", 0.0)
-    fit = fitted(adjusted.log(adjusted.at(14, 3), speeds=(0.2,), cycles=30)).fits[0]
-    few = linearise_at_fit(fit, adjusted.DAMPER, solver=FitOptions().solver)
-    assert isinstance(few.logs[0].slopes[0].rows, Phases)
-    monkeypatch.setattr(linearisation, "phases_of", lambda _, of, *__, **___: EverySample(of))
-    whole = linearise_at_fit(fit, adjusted.DAMPER, solver=FitOptions().solver)
-    sizes = np.linalg.norm(whole.supposed, axis=0)
-    assert np.count_nonzero(sizes) == 2  # a drag, and what the pressure on the seal adds
-    assert np.all(np.linalg.norm(few.supposed - whole.supposed, axis=0) <= 4e-3 * sizes)
-
-
 def test_the_truth_lies_within(log) -> None:
     truth = adjusted.numbers(adjusted.at(14, 3))
     found = judged(fitted(log))
@@ -91,9 +75,9 @@ def test_what_somebody_has_given_leaves_no_doubt_but_of_the_form_of_friction(
 ) -> None:
     campaign = fitted(log, drag=1.5 * DRAG.ignorance)
     assert all(one.misfit > 0.0 for one in judged(campaign).intervals.values())
-    monkeypatch.setattr("damperfit.uncertainty.suppositions.other_turns", lambda *_: ())
+    monkeypatch.setattr("damperfit.uncertainty.linearisation.other_turns", lambda *_: ())
     assert all(one.misfit > 0.0 for one in judged(campaign).intervals.values())
-    monkeypatch.setattr("damperfit.uncertainty.suppositions.with_pressed_seal", lambda *_: None)
+    monkeypatch.setattr("damperfit.uncertainty.linearisation.with_pressed_seal", lambda *_: None)
     assert {one.misfit for one in judged(campaign).intervals.values()} == {0.0}
 
 

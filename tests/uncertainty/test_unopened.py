@@ -22,9 +22,9 @@ from damperfit.recording import Recording
 from damperfit.simulation import simulate
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty import Assessment, Uncertainty, assess, reconsider
-from damperfit.uncertainty.intervals import make_interval
-from damperfit.uncertainty.unopened import pressed_on, with_least_openings
-from damperfit.uncertainty.verdicts import verdicts
+from damperfit.uncertainty.covariance import make_interval
+from damperfit.uncertainty.linearisation import _pressed_on
+from damperfit.uncertainty.verdicts import verdicts, with_least_openings
 from tests import fakes
 from tests.laws.valve_logs import VALUES, damper, moved
 
@@ -133,8 +133,8 @@ def test_of_passages_that_share_an_opening_the_most_counts_and_one_that_lifts_ha
     pressures = np.array([[5.0, 9.0, 1.0], [1.0, 2.0, 4.0], [3.0, 3.0, 3.0]])
     linear, rounded = Valve("orifice", "linear"), Valve("orifice", "rounded")
     one = ThroughFlow(rebound=linear, compression=rounded)
-    assert pressed_on(one, pressures) == {NAME: 6.0}
-    assert pressed_on(Warmed(one, 20.0), pressures) == {NAME: 6.0}
+    assert _pressed_on(one, pressures) == {NAME: 6.0}
+    assert _pressed_on(Warmed(one, 20.0), pressures) == {NAME: 6.0}
     both = TwinTube(rebound=linear, compression=linear)
-    assert pressed_on(both, pressures) == {NAME: 7.0, "compression_opening": 1.0}
-    assert pressed_on(PURDY_DAMPER, pressures) == {}
+    assert _pressed_on(both, pressures) == {NAME: 7.0, "compression_opening": 1.0}
+    assert _pressed_on(PURDY_DAMPER, pressures) == {}

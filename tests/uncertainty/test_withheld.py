@@ -19,7 +19,7 @@ from damperfit.laws import ENOUGH_PERCENT
 from damperfit.recording import Finding
 from damperfit.uncertainty import Assessment, Diagnosis, objections
 from damperfit.uncertainty.flaws import Hint
-from damperfit.uncertainty.withheld import LIMITS, jump_ratio, offset_mismatch, what_spreads
+from damperfit.uncertainty.grades import LIMITS, jump_ratio, offset_mismatch, what_spreads
 from tests import fakes
 from tests.fakes import campaign
 

@@ -28,17 +28,11 @@ from damperfit.uncertainty import (
     predict,
     reconsider,
 )
-from damperfit.uncertainty.correlated_noise import (
-    _is_positive,
-    cycle_covariance,
-    sums_by_cycle,
-)
-from damperfit.uncertainty.gas import GasContent
-from damperfit.uncertainty.intervals import make_interval
-from damperfit.uncertainty.last_word import _is_unfit
-from damperfit.uncertainty.profiles import MisfitProfile, ProfilePoint, signed_root
-from damperfit.uncertainty.repeating import residual_scatter
-from damperfit.uncertainty.verdicts import _span, doubts, undetermined, verdicts
+from damperfit.uncertainty.correlation import _is_positive, cycle_covariance, sums_by_cycle
+from damperfit.uncertainty.covariance import GasContent, make_interval
+from damperfit.uncertainty.profiles import MisfitProfile, ProfilePoint
+from damperfit.uncertainty.residuals import residual_scatter
+from damperfit.uncertainty.verdicts import _is_unfit, _span, doubts, undetermined, verdicts
 from tests import fakes
 
 
@@ -123,11 +117,6 @@ def test_another_minimum_is_better_from_half_a_unit(rise, *, is_better) -> None:
     found = profile(1.0, 3.0, better=rise).better
     assert (found is not None) is is_better
     assert found is None or found.value == 2.0
-
-
-@pytest.mark.parametrize(("rise", "root"), [(3.8416, 1.96), (-0.25, -0.5), (0.0, 0.0)])
-def test_the_signed_root_of_a_rise(rise, root) -> None:
-    assert signed_root(rise) == pytest.approx(root)
 
 
 def test_an_offset_has_a_straight_interval_and_all_others_one_of_factors() -> None:
@@ -524,18 +513,3 @@ def test_the_frictions_that_are_farthest_apart_are_named() -> None:
         "not to its clicks: a preloaded valve may be taken for friction; fit the settings "
         "together: --procedure joint"
     )
-
-
-def test_the_correlation_of_a_setting_is_found_once_for_all_its_verdicts(monkeypatch) -> None:
-    found = []
-    correlation = Uncertainty.correlation.fget
-
-    def counted(own: Uncertainty) -> np.ndarray:
-        found.append(own)
-        return correlation(own)
-
-    monkeypatch.setattr(Uncertainty, "correlation", property(counted))
-    one = fakes.fit(1)
-    said = verdicts(one, known(tie=0.99), Sharing(), {})
-    assert "correlated with" in "".join(said.values())
-    assert len(found) == 1
