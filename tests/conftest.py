@@ -197,11 +197,8 @@ def tmp_path(request, tmp_path_factory) -> Path:
 def first_command(tmp_path_factory) -> tuple[Path, subprocess.CompletedProcess[str]]:
     """A folder with what the README's commands need after the first of them, and what it said."""
     root = Path(__file__).parents[1]
-    (command,) = [
-        line.partition(" && ")[2]
-        for line in (root / "README.md").read_text(encoding="utf-8").splitlines()
-        if line.startswith("    pip install . && ")
-    ]
+    readme = (root / "README.md").read_text(encoding="utf-8")
+    (command,) = re.findall(r"^    .*pip install \. && (.*)$", readme, flags=re.MULTILINE)
 
     def run(folder: Path) -> None:
         shutil.copytree(root / "sample_runs", folder / "sample_runs")
