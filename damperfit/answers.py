@@ -474,7 +474,7 @@ class Sweep:
     @cached_property
     def plots(self) -> tuple[Plot, ...]:
         """Its figures."""
-        from damperfit.damper.purdy.figures import FAMILIES
+        from damperfit.damper.purdy.reference import FAMILIES
         from damperfit.reporting.run_figures import sweep_plot, sweep_pressure_plot
 
         plots = []

@@ -16,10 +16,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from damperfit.conditioning import ConditionOptions, condition
-from damperfit.damper.model import FLAWS_OF_OIL
-from damperfit.damper.models import MODELS, model_named
+from damperfit.damper.model import FLAWS_OF_OIL, MODELS, PRESSURES, model_named
 from damperfit.damper.purdy.reference import reference_parameters
-from damperfit.damper.signals import PRESSURES
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
 from damperfit.errors import ConfigurationError
 from damperfit.identification import Campaign, FitOptions, Status, compare, identify

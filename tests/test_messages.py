@@ -14,7 +14,7 @@ import typer
 
 import damperfit
 from damperfit.cli.main import app
-from damperfit.damper.models import MODELS
+from damperfit.damper.model import MODELS
 from damperfit.io.options import Profile
 
 SOURCE = Path(damperfit.__file__).parent

@@ -8,7 +8,7 @@ import threading
 import pytest
 
 from damperfit.configuration.loading import load_configuration
-from damperfit.damper.models import MODELS
+from damperfit.damper.model import MODELS
 from damperfit.fleets.run import DamperTask, Done, Job
 from damperfit.fleets.sources import FleetLog
 from damperfit.workers import InTurn, Threads, executor

@@ -67,7 +67,7 @@ def _is_terminal() -> bool:
 def _asked_model() -> str:
     """Ask which damper it is, until the answer is a model."""
     from damperfit.configuration.drawings import DRAWINGS
-    from damperfit.damper.models import MODELS
+    from damperfit.damper.model import MODELS
     from damperfit.queries.first_configuration import check_damper
 
     say("Which damper is it? See also: damperfit help models")

@@ -15,7 +15,7 @@ import typer
 
 import damperfit
 from damperfit.cli.main import app
-from damperfit.damper.models import MODELS
+from damperfit.damper.model import MODELS
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.exporting.targets import TARGETS
 from damperfit.identification import Outcome

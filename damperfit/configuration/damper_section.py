@@ -18,7 +18,7 @@ from pydantic import (
 from pydantic import ValidationInfo as Info
 from pydantic import field_validator as checks
 
-from damperfit.damper.models import MODELS, model_named
+from damperfit.damper.model import MODELS, model_named
 from damperfit.damper.mounting import NONE
 from damperfit.damper.warmed import Warmed
 from damperfit.errors import ConfigurationError
@@ -94,7 +94,7 @@ class DamperSection(_Section):
         values = self.model_dump(exclude={"model", "reference_temperature"})
         inner = _inner(kind)
         if "passages" in values:
-            from damperfit.damper.declared_network import declared_passages
+            from damperfit.damper.valve_dampers import declared_passages
 
             values["passages"] = declared_passages(values["passages"])
         damper = kind(**{k: inner[k](**v) if k in inner else v for k, v in values.items()})

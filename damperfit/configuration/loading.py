@@ -22,7 +22,7 @@ from pydantic import ValidationError
 
 from damperfit.configuration.damper_section import damper_defaults
 from damperfit.configuration.schema import build_configuration
-from damperfit.damper.models import model_named
+from damperfit.damper.model import model_named
 from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.io.files import IrregularFileError, read_text
 from damperfit.problem import FilePlace, Key, Option

@@ -51,7 +51,7 @@ from damperfit.configuration.what_is_tested import (
     facts_stated,
     followed,
 )
-from damperfit.damper.models import MODELS
+from damperfit.damper.model import MODELS
 from damperfit.errors import blamed_on, did_you_mean
 from damperfit.identification import DETECT, FitOptions, GivenStart, check_options
 from damperfit.io import Profile, ReadOptions

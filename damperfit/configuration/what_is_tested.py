@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict
 
-from damperfit.damper.models import MODELS
+from damperfit.damper.model import MODELS
 from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.io.tests_table import FACTS, fact_of
 from damperfit.problem import Key
@@ -196,9 +196,8 @@ def _named(damper: Model) -> dict[str, tuple[str, ...]]:
 
 def _every_model() -> list[Model]:
     """One damper of every model, with everything that it may have."""
-    from damperfit.damper.declared_network import DeclaredNetwork
     from damperfit.damper.network import Valve
-    from damperfit.damper.valve_dampers import ValveDamper
+    from damperfit.damper.valve_dampers import DeclaredNetwork, ValveDamper
 
     kinds = (("long", "port"), ("long", "rounded"), ("long", "lifting"))
     valves = [Valve(bleed, blow_off) for bleed, blow_off in kinds]

@@ -46,19 +46,14 @@ class Cylinder:
     def __post_init__(self) -> None:
         """Refuse what is no damper."""
         for name, (low, high, unit) in self.ranges.items():
-            value = getattr(self, name)
-            is_number = isinstance(value, Real)
-            if not is_number:
-                raise ConfigurationError(
-                    f"expected a number{' in ' + unit if unit else ''}, found {value!r}",
-                    where=Key((name,)),
-                )
-            if not low <= value <= high:
-                in_unit = f" {unit}" if unit else ""
-                raise ConfigurationError(
-                    f"expected {low:g} to {high:g}{in_unit}, found {value:g}{in_unit}",
-                    where=Key((name,)),
-                )
+            value, in_unit = getattr(self, name), f" {unit}" if unit else ""
+            if not isinstance(value, Real):
+                wanted = f"a number{' in' if unit else ''}{in_unit}, found {value!r}"
+            elif not low <= float(value) <= high:
+                wanted = f"{low:g} to {high:g}{in_unit}, found {value:g}{in_unit}"
+            else:
+                continue
+            raise ConfigurationError(f"expected {wanted}", where=Key((name,)))
         if self.rod_diameter >= self.piston_diameter:
             raise ConfigurationError(
                 f"expected less than piston_diameter, "
@@ -105,17 +100,9 @@ class Cylinder:
     def gas(self) -> tuple[float, float, float, float, float]:
         """Rod area, gas pressure, gas volume, gas exponent, ambient pressure, SI."""
         gas = self.gas_pressure, self.gas_volume, self.gas_exponent
-        return (self.rod_area, *gas, self.ambient_pressure)
+        return self.rod_area, *gas, self.ambient_pressure
 
 
 def filling(motion: Motion, declared: float) -> float:
-    """Return what a test's gas pressure is over the declared one; 1 where none is stated.
-
-    Parameters
-    ----------
-    motion : Motion
-        The test.
-    declared : float
-        Gas pressure of the damper, Pa absolute.
-    """
+    """Return a test's gas pressure over the declared one, Pa absolute; 1 where none is stated."""
     return 1.0 if motion.gas_pressure is None else motion.gas_pressure / declared

@@ -1,102 +1,71 @@
-"""Friction of seals and bearings beyond Coulomb's: it builds up, is larger at rest, is pressed.
+"""Friction of seals in forms that nobody has excluded: how much it counts that they are not known.
 
-While it slides it is f_f + f_b exp(-(v/v_s)^2) + a_s P_1: Coulomb's, what it has more at rest
-(Stribeck), and what the pressure on the rod's seal adds. It turns with the motion at once, within a
-speed (a film of oil carries a part of it below), or over a distance (Dahl). The equations stand in
-`damperfit.damper.network`. Loops seldom tell any of them from soft oil and bleeds: a
-friction that changes with the clicks is none.
+Pressed: a lip that is pressed on the rod rubs with a_s P_1. In rebound that looks like a larger
+piston, in bump like a smaller one: valves, of which only opening times area is seen, take it up
+with no misfit left. So does Coulomb's friction what the gas adds at rest.
+
+Turning: within which speed seals turn, and in what form, is seldom known: at once, in a straight
+line up to a speed, or like the hyperbolic tangent of tests on seals. Slow passages tell one from
+the other; elsewhere the difference looks like a drag of the seals, of the opposite sign to the
+friction's.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
-from damperfit.damper.mounting import NONE, check_part, declared_quantities
-from damperfit.damper.quantity import DAMPER, Quantity
-from damperfit.errors import ConfigurationError
+from damperfit.damper.mounting import NONE
+from damperfit.damper.valve_dampers import ValveDamper
+from damperfit.damper.warmed import Warmed
 
-__all__ = ["Friction"]
+if TYPE_CHECKING:
+    from damperfit.damper.model import Model, Values
 
-_QUANTITIES = (
-    Quantity(
-        "presliding", "s_f", "presliding", "distance over which friction builds up", "m",
-        (1e-7, 1e-2), scope=DAMPER, power=-6, shown_unit="µm", believable=(0.0, 1e-3),
-        belief="seals slide after 5 to 500 µm", ideal=0.0, idle="below",
-    ),
-    Quantity(
-        "breakaway", "f_b", "breakaway", "friction at rest above that of sliding", "N",
-        (1e-3, 1e4), scope=DAMPER, may_vanish=True, shown_unit="N", believable=(0.0, 200.0),
-        belief="seals of car dampers stick with less than 200 N", idle="below",
-    ),
-    Quantity(
-        # Below 5 mm/s a sine passes within a few samples, and any height fits beside a low speed.
-        "stribeck_speed", "v_s", "Stribeck speed", "speed at which a third of it is left", "m/s",
-        (5e-3, 0.2), scope=DAMPER, power=-3, shown_unit="mm/s", believable=(0.0, 0.2),
-        belief="seals slide freely above 5 to 100 mm/s", idle="above below",
-    ),
-    Quantity(
-        "seal_area", "a_s", "pressed friction", "friction by the pressure on the rod's seal", "m2",
-        (1e-9, 1e-2), scope=DAMPER, may_vanish=True, power=-6, shown_unit="mm²",
-        believable=(0.0, 5e-5),
-        belief="rod seals have less than 50 mm²", idle="below",
-    ),
-    Quantity(
-        "turning_speed", "v_t", "turning speed", "speed up to which friction turns", "m/s",
-        (1e-5, 0.1), scope=DAMPER, power=-3, shown_unit="mm/s", believable=(0.0, 0.02),
-        belief="seals slide with all their friction from 0.1 to 20 mm/s on", idle="below",
-    ),
-)  # fmt: skip
+__all__ = ["other_turns", "with_pressed_seal"]
+
+# m2, one standard error: a lip of 0.5 mm on a rod of 12 mm is 19 mm2, of which oil leaves a tenth
+# or two to friction.
+_AREA = 3e-6
+# m/s, for a friction that is taken to turn at once: seals turn within 0.5 to 5 mm/s.
+_WITHIN = 1.5e-3
+# A mean of straight lines up to speeds spread like this is v/v_t to tanh(v/v_0), v_t = 1.386 v_0:
+# two lines at mean and spread of the density -a d/da sech^2(a/v_0)/v_0 of their ends.
+_SPREAD = 0.53
 
 
-@dataclass(frozen=True, slots=True)
-class Friction:
-    """Which parts there are beside Coulomb's; each is absent, found by the fit, or known.
+def with_pressed_seal(damper: Model, values: Values) -> tuple[Model, Values] | None:
+    """Return the damper with a seal that is pressed, by a `seal_area` of one standard error.
 
-    Attributes
-    ----------
-    presliding : str or float
-        Distance over which it builds up: "none", "fit", or m.
-    breakaway : str or float
-        What it has more at rest: "none", "fit", or N. Needs a Stribeck speed.
-    stribeck_speed : str or float
-        "none", "fit", or m/s.
-    seal_area : str or float
-        What the pressure above the piston adds, per Pa: "none", "fit", or m2.
-    turning_speed : str or float
-        Speed up to which it grows from nothing: "none", "fit", or m/s. Not beside presliding.
+    None where the law has such a seal, or no valves.
     """
+    own = damper.plain
+    if not isinstance(own, ValveDamper) or own.friction.seal_area != NONE:
+        return None
+    return _with(damper, values, own, seal_area=_AREA)
 
-    presliding: str | float = NONE
-    breakaway: str | float = NONE
-    stribeck_speed: str | float = NONE
-    seal_area: str | float = NONE
-    turning_speed: str | float = NONE
 
-    def __post_init__(self) -> None:
-        """Refuse what is no friction."""
-        for one in _QUANTITIES:
-            check_part(one.name, getattr(self, one.name), one)
-        if NONE not in {self.presliding, self.turning_speed}:
-            raise ConfigurationError(
-                "turning_speed: found beside presliding; friction turns over a distance or within "
-                "a speed: set one of the two and leave the other at 'none'"
-            )
-        if (self.breakaway == NONE) is not (self.stribeck_speed == NONE):
-            missing = "stribeck_speed" if self.stribeck_speed == NONE else "breakaway"
-            raise ConfigurationError(
-                "found 'none'; breakaway and stribeck_speed are two numbers of one "
-                "thing: set both, each to 'fit' or to a value, or neither",
-                subject=missing,
-            )
+def other_turns(damper: Model, values: Values) -> tuple[tuple[float, Model, Values], ...]:
+    """Return the damper with a friction that turns in another form.
 
-    @property
-    def quantities(self) -> tuple[Quantity, ...]:
-        """What a fit may find of it; what was measured is held."""
-        parts = (
-            self.presliding,
-            self.breakaway,
-            self.stribeck_speed,
-            self.seal_area,
-            self.turning_speed,
-        )
-        return declared_quantities(parts, _QUANTITIES)
+    Returns
+    -------
+    tuple of (float, Model, Values)
+        The force of that form is the sum of these, each times its weight. Empty where there is no
+        friction, or it builds up over a distance.
+    """
+    own = damper.plain
+    if not isinstance(own, ValveDamper) or not values.f_f or own.friction.presliding != NONE:
+        return ()
+    if own.friction.turning_speed != NONE:
+        ends = (values.turning_speed * (1.0 + away) for away in (-_SPREAD, _SPREAD))
+        return tuple((0.5, damper, values.replace(turning_speed=end)) for end in ends)
+    return ((1.0, *_with(damper, values, own, turning_speed=_WITHIN)),)
+
+
+def _with(damper: Model, values: Values, own: ValveDamper, **part: float) -> tuple[Model, Values]:
+    """The damper with a part of friction that is known."""
+    changed: Model = replace(own, friction=replace(own.friction, **part))
+    if isinstance(damper, Warmed):
+        changed = replace(damper, damper=changed)
+    return changed, changed.values({**dict(values), **part})

@@ -1,38 +1,107 @@
 """What a load cell and its channel make of a damper's force: moving mass, then the lag.
 
-Neither is a state of the compiled core. What moves between load cell and damper takes its mass
-times the acceleration, f_cell = f + m a, positive in rebound as f is. The mounting's give is left
-out of a: 3 % at a sixth of the frequency at which the mass rings on it. The channel behind the cell
-is late by a first-order filter: `damperfit.damper.force_channel`.
+Neither is a state of the compiled core: both stand behind the damper and its mounting. What moves
+between load cell and damper takes its mass times the acceleration, f_cell = f + m a, positive in
+rebound as f is. The mounting's give is left out of a: 3 % at a sixth of the frequency at which the
+mass rings on it. The channel behind the cell, an amplifier's filter, is late by T df_read/dt +
+f_read = f, and so is each derivative of the force. Between the samples the force is taken as a
+straight line, for which the step below is exact whatever the lag is against the interval::
+
+    g_k = a g_k-1 + b f_k + c f_k-1     q = h/T,  a = e^-q,  m = (1 - a)/q,  b = 1 - m,  c = m - a
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from damperfit.damper.force_channel import behind_lag, lag_slope
+from damperfit.compiled_core import compiled_core
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from damperfit.damper.model import Values
     from damperfit.recording import Trace
     from damperfit.simulation import Motion, Response
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["OF_LOAD_CELL", "acceleration", "as_read", "before_load_cell"]
+__all__ = [
+    "OF_LOAD_CELL",
+    "acceleration",
+    "as_read",
+    "before_load_cell",
+    "behind_lag",
+    "lag_slope",
+]
 
 OF_LOAD_CELL = ("moving_mass", "lag")
 
+# A lag of less than this share of the interval changes no sample by its last digit.
+_NO_LAG = 1e-3
+
+
+def behind_lag(rows: FloatArray, interval: float, lag: float) -> FloatArray:
+    """Return signals behind a first-order lag, at rest before the first sample.
+
+    Parameters
+    ----------
+    rows : numpy.ndarray
+        Shape (k, n), one signal a row.
+    interval : float
+        Between the samples, s.
+    lag : float
+        T, s; 0 passes everything.
+
+    Examples
+    --------
+    >>> step = np.array([[0.0, 1.0, 1.0, 1.0]])
+    >>> behind_lag(step, 1.0, 1.0).round(3)
+    array([[0.   , 0.368, 0.767, 0.914]])
+    """
+    if lag <= _NO_LAG * interval:
+        return rows
+    rows = np.ascontiguousarray(rows, dtype=np.float64)
+    late = np.empty_like(rows)
+    q = interval / lag
+    a, mean = math.exp(-q), -math.expm1(-q) / q
+    compiled_core().behind_lag(rows, late, len(rows), a, 1.0 - mean, mean - a)
+    return late
+
+
+def lag_slope(
+    force: FloatArray, interval: float, lag: float, *, read: FloatArray | None = None
+) -> FloatArray:
+    """Return the derivative of a signal behind a lag by the lag, per second.
+
+    Parameters
+    ----------
+    force : numpy.ndarray
+        Shape (n,), before the lag.
+    interval, lag : float
+        As of `behind_lag`, the lag above 0.
+    read : numpy.ndarray, optional
+        Shape (n,), the same behind the lag, where it is at hand.
+    """
+    lag = max(lag, _NO_LAG * interval)
+    q = interval / lag
+    force = np.ascontiguousarray(force, dtype=np.float64)
+    if read is None:
+        read = behind_lag(force[None, :], interval, lag)[0]
+    a = math.exp(-q)
+    by_a = a * q / lag
+    by_mean = (1.0 - a) / interval - by_a / q
+    slope = np.empty_like(force)
+    compiled_core().lag_slope(force, np.ascontiguousarray(read), slope, a, by_a, by_mean)
+    return slope
+
 
 def acceleration(velocity: FloatArray, interval: float) -> FloatArray:
-    """Return the acceleration at uniform samples of a velocity.
+    """Return the acceleration at uniform samples of a velocity, m/s2; 0 of a single sample.
 
     The difference of the speeds beside a sample, so that a jump of the speed keeps its momentum.
 
@@ -42,11 +111,6 @@ def acceleration(velocity: FloatArray, interval: float) -> FloatArray:
         Shape (n,), m/s.
     interval : float
         Between the samples, s.
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (n,), m/s2; 0 of a single sample.
 
     Examples
     --------
@@ -60,7 +124,12 @@ def acceleration(velocity: FloatArray, interval: float) -> FloatArray:
 
 
 def as_read(
-    response: Response, motion: Motion, values: Values, sensitivities: Sequence[str]
+    response: Response,
+    motion: Motion,
+    sensitivities: Sequence[str],
+    *,
+    moving_mass: float | None = None,
+    lag: float | None = None,
 ) -> Response:
     """Return a response with the force, and its derivatives, as they are logged.
 
@@ -70,25 +139,26 @@ def as_read(
         Of the damper on its mounting, with the sensitivities that the core has.
     motion : Motion
         What drives it.
-    values : Values
-        Of these `moving_mass` and `lag` are taken, where the model has them.
     sensitivities : sequence of str
         Which are wanted, in this order.
+    moving_mass, lag : float or None
+        kg and s; None: the model has none.
     """
     force, slopes = response.force, dict(response.sensitivities)
-    if "moving_mass" in values.names:
-        by_mass = acceleration(motion.velocity, motion.interval)
-        force = force + values.moving_mass * by_mass
-        if "moving_mass" in sensitivities:
-            slopes["moving_mass"] = by_mass
-    if "lag" in values.names:
+    if moving_mass is not None:
+        slopes["moving_mass"] = acceleration(motion.velocity, motion.interval)
+        force = force + moving_mass * slopes["moving_mass"]
+    slopes = {name: slopes[name] for name in sensitivities if name in slopes}
+    if lag is not None:
         before, rows = force, np.stack([force, *slopes.values()])
-        late = behind_lag(rows, motion.interval, values.lag)
+        late = behind_lag(rows, motion.interval, lag)
         force, slopes = late[0], dict(zip(slopes, late[1:], strict=True))
         if "lag" in sensitivities:
             read = force if late is not rows else None
-            slopes["lag"] = lag_slope(before, motion.interval, values.lag, read=read)
-    return replace(response, force=force, sensitivities={one: slopes[one] for one in sensitivities})
+            slopes["lag"] = lag_slope(before, motion.interval, lag, read=read)
+    return replace(
+        response, force=force, sensitivities={name: slopes[name] for name in sensitivities}
+    )
 
 
 def before_load_cell(trace: Trace, *, moving_mass: float = 0.0, lag: float = 0.0) -> Trace:

@@ -6,36 +6,36 @@ its `Quantity` list; one set of numbers for them are its `Values`, in the list's
 outside a model's own files names a quantity: what is done with one follows from its scope, its
 range and whether it is taken by its logarithm.
 
-A new model is a frozen dataclass whose fields are the keys of ``[damper]`` in TOML. It has to say
-`quantities`, `simulate` and `start`; what else it cannot say it leaves as it is here, and what
-would have asked says "not evaluated".
+A new model is a frozen dataclass whose fields are the keys of ``[damper]`` in TOML, with a line in
+`MODELS`. It has to say `quantities`, `simulate` and `start`; what else it cannot say it leaves as
+it is here, and what would have asked says "not evaluated".
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, make_dataclass, replace
 from functools import lru_cache
+from importlib import import_module
 from threading import Lock
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, cast
 from weakref import WeakValueDictionary
 
-from damperfit.damper.signals import PRESSURES
 from damperfit.errors import ConfigurationError, did_you_mean
+from damperfit.problem import Option
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
     from typing import Self
 
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
 
     from damperfit.damper.cavitation import Cavitation
-    from damperfit.damper.detour import Detour
     from damperfit.damper.quantity import Quantity
-    from damperfit.damper.signals import Signal
-    from damperfit.damper.valve_characteristics import ValveCharacteristic
+    from damperfit.damper.valves import ValveCharacteristic
     from damperfit.recording import Trace
     from damperfit.simulation import Motion, Response, SolverOptions
 
@@ -44,9 +44,14 @@ if TYPE_CHECKING:
 __all__ = [
     "FLAWS_OF_FORCE",
     "FLAWS_OF_OIL",
+    "MODELS",
+    "PRESSURES",
+    "Detour",
     "Model",
     "OilModel",
+    "Signal",
     "Values",
+    "model_named",
     "values_type",
 ]
 
@@ -56,6 +61,55 @@ FLAWS_OF_FORCE = (
     "delay", "offset", "friction_with_speed", "valve_law_rebound", "valve_law_bump",
 )  # fmt: skip
 FLAWS_OF_OIL = ("gas_volume", "compressibility")
+
+
+@dataclass(frozen=True, slots=True)
+class Signal:
+    """One inner signal: what a model's response has besides its force.
+
+    Attributes
+    ----------
+    name : str
+        As in tables and FMUs, without its unit.
+    label : str
+        In a figure's legend.
+    where : str
+        Of what it is, for descriptions.
+    unit : str
+        SI.
+    """
+
+    name: str
+    label: str
+    where: str
+    unit: str
+
+
+PRESSURES = (
+    Signal("pressure_1", "chamber 1 (rod side)", "in chamber 1, which rebound presses", "Pa"),
+    Signal("pressure_2", "chamber 2 (full bore)", "in chamber 2, which bump presses", "Pa"),
+    Signal("pressure_3", "chamber 3 (gas side)", "of the gas", "Pa"),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Detour:
+    """Another way to a minimum, for a fit that has ended in a wrong local one.
+
+    Attributes
+    ----------
+    start : Values
+        Where it begins.
+    held : tuple of frozenset of str
+        Quantities that rough minimisations hold, one after the other, before all are free.
+    is_last_resort : bool
+        Taken only where what came before is neither sound nor explained; it must then be clearly
+        better. Otherwise it is always taken, and a sound end is preferred.
+    """
+
+    start: Values
+    held: tuple[frozenset[str], ...]
+    is_last_resort: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,15 +131,14 @@ class Values:
 
     def __init_subclass__(cls) -> None:
         """Name its quantities once: a fit asks for them at every step."""
-        cls.names = tuple(one.name for one in cls.quantities)
-        cls._by_name = MappingProxyType({one.name: one for one in cls.quantities})
+        cls._by_name = MappingProxyType({quantity.name: quantity for quantity in cls.quantities})
+        cls.names = tuple(cls._by_name)
 
     def __getitem__(self, name: str) -> float:
         """Return one of the numbers, by name."""
         if name not in self.names:
             raise KeyError(name)
-        number: float = getattr(self, name)
-        return number
+        return cast("float", getattr(self, name))
 
     def keys(self) -> tuple[str, ...]:
         """Return the names, so that ``dict(values)`` gives the numbers by name."""
@@ -139,32 +192,22 @@ def values_type(quantities: tuple[Quantity, ...]) -> type[Values]:
         if made is None:
             made = _MADE[quantities] = make_dataclass(
                 "Values",
-                [(one.name, float) for one in quantities],
+                [(quantity.name, float) for quantity in quantities],
                 bases=(Values,),
                 frozen=True,
                 slots=True,
-                # It cannot be found by name where it is sent.
-                namespace={
-                    "__reduce__": _sent,
-                    "quantities": quantities,
-                },
+                # It cannot be found by name where it is pickled to.
+                namespace={"__reduce__": _pickled, "quantities": quantities},
             )
     return made
 
 
-def _sent(values: Values) -> tuple[object, ...]:
+def _pickled(values: Values) -> tuple[object, ...]:
     return _rebuilt, (values.quantities, values.numbers)
 
 
 def _rebuilt(quantities: tuple[Quantity, ...], numbers: tuple[float, ...]) -> Values:
     return values_type(quantities)(*numbers)
-
-
-def _quantity(quantities: Sequence[Quantity], name: str) -> Quantity:
-    for one in quantities:
-        if one.name == name:
-            return one
-    raise ConfigurationError(_no_quantity(name, [one.name for one in quantities]))
 
 
 class Model(ABC):
@@ -241,7 +284,7 @@ class Model(ABC):
         traces: Sequence[Trace],  # noqa: ARG002
         free: Sequence[str],  # noqa: ARG002
     ) -> tuple[Detour, ...]:
-        """Return other ways to try when a fit from a start has ended in a wrong valley."""
+        """Return other ways to try when a fit from a start has ended in a wrong local minimum."""
         return ()
 
     def examine(
@@ -320,7 +363,7 @@ class Model(ABC):
         known = {**known, **more}
         for name in known:
             self.quantity(name)
-        complete = {one.name: known.get(one.name, one.default) for one in self.quantities}
+        complete = {q.name: known.get(q.name, q.default) for q in self.quantities}
         missing = [name for name, value in complete.items() if value is None]
         if missing:
             raise ConfigurationError(f"{self.name} needs a value of {', '.join(missing)}")
@@ -334,7 +377,7 @@ class Model(ABC):
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the quantities, in their order."""
-        return tuple(one.name for one in self.quantities)
+        return tuple([quantity.name for quantity in self.quantities])
 
     def quantity(self, name: str) -> Quantity:
         """Return a quantity by its name.
@@ -344,7 +387,10 @@ class Model(ABC):
         ConfigurationError
             There is none of that name.
         """
-        return _quantity(self.quantities, name)
+        for quantity in self.quantities:
+            if quantity.name == name:
+                return quantity
+        raise ConfigurationError(_no_quantity(name, self.names))
 
 
 class OilModel(Model):
@@ -358,3 +404,72 @@ class OilModel(Model):
 
 def _no_quantity(name: str, known: Sequence[str]) -> str:
     return f"no parameter {name!r}; there are {', '.join(known)}.{did_you_mean(name, known)}"
+
+
+# Most commands need one of them: a model is loaded when it is asked for.
+_WHERE = {
+    "purdy": ("purdy.parameters", "Damper"),
+    "twin_tube": ("valve_dampers", "TwinTube"),
+    "monotube": ("valve_dampers", "Monotube"),
+    "through_flow": ("valve_dampers", "ThroughFlow"),
+    "network": ("valve_dampers", "DeclaredNetwork"),
+    "linear": ("rivals", "Linear"),
+    "bilinear": ("rivals", "Bilinear"),
+    "polynomial_v": ("rivals", "PolynomialInSpeed"),
+    "polynomial_xv": ("rivals", "PolynomialInStrokeAndSpeed"),
+    "restoring_force_surface": ("rivals", "RestoringForceSurface"),
+    "degressive": ("rivals", "Degressive"),
+    "four_slopes": ("rivals", "FourSlopes"),
+    "karadayi_masada": ("rivals", "KaradayiMasada"),
+    "hagedorn_wallaschek": ("rivals", "HagedornWallaschek"),
+    "surace_worden_tomlinson": ("rivals", "SuraceWordenTomlinson"),
+    "besinger_cebon_cole": ("rivals", "BesingerCebonCole"),
+    "bouc_wen": ("rivals", "BoucWen"),
+    "biviscous": ("rivals", "Biviscous"),
+    "kwok": ("rivals", "Kwok"),
+}
+
+
+class _Models(Mapping[str, type[Model]]):
+    def __getitem__(self, name: str) -> type[Model]:
+        module, kind = _WHERE[name]
+        return cast("type[Model]", getattr(import_module(f"damperfit.damper.{module}"), kind))
+
+    def __contains__(self, name: object) -> bool:
+        return name in _WHERE
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(_WHERE)
+
+    def __len__(self) -> int:
+        return len(_WHERE)
+
+
+MODELS: Mapping[str, type[Model]] = _Models()
+"""Every model by its name: the paper's damper, dampers of real valves, models of the literature."""
+
+
+def model_named(name: str) -> type[Model]:
+    """Return the model of a name; a damper is an object of it.
+
+    Raises
+    ------
+    ConfigurationError
+        There is none of that name.
+
+    Examples
+    --------
+    >>> model_named("purdy")().names
+    ('r_m1', 'r_m2', 'r_m3', 'k_e', 'f_f', 'f_0')
+    """
+    if name not in MODELS:
+        if name == "auto":
+            raise ConfigurationError(
+                "model auto: only {choosing} of damperfit identify, and damperfit models, let the "
+                "logs choose; give the model that they name here",
+                choosing=Option("model", "auto"),
+            )
+        there = f" There are {', '.join(MODELS)}."
+        near = did_you_mean(name, (*MODELS, "auto"))  # what `identify` takes beside them
+        raise ConfigurationError(f"no model {name!r}.{near or there}")
+    return MODELS[name]

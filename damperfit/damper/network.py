@@ -33,8 +33,7 @@ is stretched by more than half the play. The piston is then where the forces bal
     k_s dz(x - y) = P_1 a_p1 - P_2 a_p2 + a_r P_amb + f_f sgn(dy/dt) + drag dy/dt
     dz(u) = u - clip(u, +-play/2)
 
-and what the load cell reads is the left side. ``series_stiffness`` 0 is a rigid mounting without
-play.
+and what the load cell reads is the left side. ``k_s`` 0 is a rigid mounting without play.
 
 Friction is Coulomb's unless more is said of it::
 
@@ -45,67 +44,161 @@ Friction is Coulomb's unless more is said of it::
 
 ``breakaway`` falls with the speed v of the rig, not of the piston: a friction that falls with the
 speed of a piston without mass would let it jump.
+
+A new number of a valve's law is a line in `PARTS` and a term of `core/passages.h`; a new kind of
+valve is a line in `BLEEDS` or `BLOW_OFFS`.
 """
 
 from __future__ import annotations
 
+import math
+from array import array
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING
 
-from damperfit.errors import ConfigurationError, did_you_mean
+import numpy as np
+
+from damperfit.compiled_core import compiled_core
+from damperfit.errors import ConfigurationError, SimulationError, did_you_mean
+from damperfit.simulation import Response, SolverOptions, Work, describe_ending
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from damperfit.damper.purdy.parameters import Damper
+    from damperfit.damper.valve_dampers import ValveDamper
+    from damperfit.simulation import Motion
+
+    FloatArray = NDArray[np.float64]
 
 __all__ = [
     "BLEEDS",
     "BLOW_OFFS",
+    "BLOW_OFF_PARTS",
     "BODY_NUMBERS",
-    "MOST_NUMBERS",
-    "MOST_PASSAGES",
+    "LINEAR",
+    "PARTS",
+    "ROOT",
     "Network",
+    "Part",
     "Passage",
     "Valve",
+    "law_flow",
     "monotube",
     "purdy",
     "purdy_blow_off",
+    "simulate_network",
     "through_flow",
     "twin_tube",
 ]
 
 # In the order of core/network.h: what every network has, whatever its passages.
 BODY_NUMBERS = (
-    "k_e",
-    "free_gas",
-    "f_f",
-    "f_0",
-    "gas_pressure",
-    "gas_exponent",
-    "gas_volume",
-    "series_stiffness",
-    "play",
-    "drag",
-    "presliding",
-    "breakaway",
-    "stribeck_speed",
-    "seal_area",
-    "turning_speed",
-)
+    "k_e", "free_gas", "f_f", "f_0", "gas_pressure", "gas_exponent", "gas_volume", "k_s", "play",
+    "drag", "presliding", "breakaway", "stribeck_speed", "seal_area", "turning_speed",
+)  # fmt: skip
+_NEEDED = {"k_e", "f_f"}  # the others are the damper's or nothing
 
 # What the compiled core has room for (core/network.h).
-MOST_PASSAGES = 16
-MOST_NUMBERS = 45
+_MOST_PASSAGES, _MOST_NUMBERS = 16, 45
 
-# Parts of a valve: which of the law's numbers each kind has.
-BLEEDS = {
+ROOT, LINEAR = "s sqrt(N)/(m kg)", "N s/(m2 kg)"
+_SHOWN = {ROOT: (3, "10³ s √N / (m kg)"), LINEAR: (6, "10⁶ N s / (m² kg)"), "Pa": (5, "bar")}
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """One number of a valve's law.
+
+    Attributes
+    ----------
+    term : str
+        Of `Passage`, that it is.
+    symbol, label, meaning, unit, plausible, area_power, idle
+        As of `damperfit.damper.quantity.Quantity`.
+    guess : callable
+        What it is in a valve of which only the plain law is known, from its opening and slope, the
+        largest pressure and mass flow.
+    elsewhere : float
+        Of a check valve of a car's damper, where no log says anything of it.
+    power, shown_unit : int, str
+        As people read it; 0 and "": as others of the unit.
+    """
+
+    term: str
+    symbol: str
+    label: str
+    meaning: str
+    unit: str
+    plausible: tuple[float, float]
+    area_power: float
+    idle: str
+    guess: Callable[[float, float, float, float], float]
+    elsewhere: float
+    power: int = 0
+    shown_unit: str = ""
+
+    @property
+    def shown(self) -> tuple[int, str]:
+        """Power of ten and unit, as people read it."""
+        return _SHOWN.get(self.unit, (self.power, self.shown_unit))
+
+
+# Of a plain valve at the largest pressure and flow: a bleed that takes half of the flow up to the
+# opening; of what is bent or lifts further, as much as a fit can start from.
+PARTS: dict[str, Part] = {
+    "bleed": Part(
+        "orifice", "S", "bleed", "orifice of the bleed, 1/(C_d A sqrt(2 rho))", ROOT, (1e2, 1e8),
+        1.5, "above", lambda opening, _slope, _top, flow: math.sqrt(opening) / (0.5 * flow), 1e4,
+    ),
+    "leak": Part(
+        "resistance", "L", "leak", "laminar resistance of the bleed", LINEAR, (1e3, 1e11), 2.0,
+        "below", lambda _opening, _slope, top, flow: 0.1 * top / flow, 2.5e5,
+    ),
+    "opening": Part(
+        "opening", "p", "opening", "pressure at which the blow-off opens", "Pa", (1e3, 1e8), 1.0,
+        "above below", lambda opening, _slope, _top, _flow: opening, 1e4,
+    ),
+    "slope": Part(
+        "resistance", "R", "slope", "resistance of the blow-off beyond its opening", LINEAR,
+        (1e3, 1e11), 2.0, "above below", lambda _opening, slope, _top, _flow: slope, 2.5e5,
+    ),
+    "port": Part(
+        "orifice", "S_p", "port", "orifice behind the blow-off", ROOT, (1e1, 1e8), 1.5,
+        "below above", lambda _opening, slope, _top, flow: math.sqrt(0.1 * slope / flow), 1e4,
+    ),
+    "width": Part(
+        "width", "d", "rounding", "how gradually the blow-off lifts", "Pa", (1e1, 1e7), 1.0,
+        "below", lambda opening, _slope, _top, _flow: 0.1 * opening, 1e3,
+    ),
+    "lift": Part(
+        "lift", "b", "lift", "how much further the blow-off lifts, the harder it is pressed",
+        "1/Pa", (1e-9, 1e-3), -1.0, "below above",
+        lambda opening, _slope, top, _flow: 0.3 / max(top - opening, 0.1 * top), 1e-6,
+        power=-5, shown_unit="1/bar",
+    ),
+}  # fmt: skip
+
+# Kinds of a valve's bleed and blow-off: which of the numbers each has.
+BLEEDS: dict[str, tuple[str, ...]] = {
     "none": (),
     "orifice": ("bleed",),
     "long": ("leak", "bleed"),
     "leak": ("leak",),
 }
-BLOW_OFFS = {
+BLOW_OFFS: dict[str, tuple[str, ...]] = {
     "none": (),
     "linear": ("opening", "slope"),
     "port": ("opening", "slope", "port"),
     "rounded": ("opening", "slope", "width"),
     "lifting": ("opening", "slope", "lift"),
 }
+# Numbers of blow-offs of any kind: a valve that does not open tells none of them.
+BLOW_OFF_PARTS = tuple(dict.fromkeys(part for parts in BLOW_OFFS.values() for part in parts))
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,6 +229,14 @@ class Passage:
         """Names of its numbers, in the order p_open, R, S, width, lift; empty where absent."""
         return (self.opening, self.resistance, self.orifice, self.width, self.lift)
 
+    @classmethod
+    def of_parts(
+        cls, start: int, end: int, name: str, parts: Sequence[str], *, is_two_way: bool = False
+    ) -> Passage:
+        """Return a passage with some of `PARTS`, whose numbers are called after a name."""
+        terms = {PARTS[part].term: f"{name}_{part}" for part in parts}
+        return cls(start, end, is_two_way=is_two_way, **terms)
+
 
 @dataclass(frozen=True, slots=True)
 class Network:
@@ -146,7 +247,7 @@ class Network:
     name : str
         Name of the layout.
     passages : tuple of Passage
-        At most `MOST_PASSAGES`, with `MOST_NUMBERS` numbers, the body's included.
+        1 to 16, with at most 45 numbers, the 15 of the body included.
     has_floating_piston : bool
         Chamber 2 is at the gas pressure: a monotube, whose piston parts oil and gas.
     ambient_pressure : float
@@ -160,11 +261,12 @@ class Network:
     ambient_pressure: float = 0.0
 
     def __post_init__(self) -> None:
-        found = f"{len(self.passages)} passages and {len(self.numbers)} numbers"
-        if not 1 <= len(self.passages) <= MOST_PASSAGES or len(self.numbers) > MOST_NUMBERS:
+        n_passages, n_numbers = len(self.passages), len(self.numbers)
+        if not 1 <= n_passages <= _MOST_PASSAGES or n_numbers > _MOST_NUMBERS:
             raise ConfigurationError(
-                f"{self.name} has {found}; a network has 1 to {MOST_PASSAGES} passages and at most "
-                f"{MOST_NUMBERS} numbers, {len(BODY_NUMBERS)} of them the body's"
+                f"{self.name} has {n_passages} passages and {n_numbers} numbers; a network has 1 "
+                f"to {_MOST_PASSAGES} passages and at most {_MOST_NUMBERS} numbers, "
+                f"{len(BODY_NUMBERS)} of them the body's"
             )
 
     @property
@@ -203,8 +305,24 @@ class Valve:
                 raise ConfigurationError(
                     f"no {what} {kind!r}; there are {', '.join(known)}.{did_you_mean(kind, known)}"
                 )
-        if self.bleed == self.blow_off == "none":
+        if not self.parts:
             raise ConfigurationError("a valve needs a bleed or a blow-off; both are 'none'")
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """The numbers that it has, by their names in `PARTS`."""
+        return (*BLEEDS[self.bleed], *BLOW_OFFS[self.blow_off])
+
+    def passages(
+        self, start: int, end: int, stroke: str, *, is_two_way: bool = True
+    ) -> tuple[Passage, ...]:
+        """Return its passages; a bleed lets oil back, a blow-off does not."""
+        ways = ((BLEEDS[self.bleed], is_two_way), (BLOW_OFFS[self.blow_off], False))
+        return tuple(
+            Passage.of_parts(start, end, stroke, parts, is_two_way=both)
+            for parts, both in ways
+            if parts
+        )
 
 
 def purdy() -> Network:
@@ -222,15 +340,9 @@ def purdy() -> Network:
 def purdy_blow_off() -> Network:
     """Return the paper's layout with a blow-off beside valve 1 and a preload on valve 2."""
     bleed, _, foot = purdy().passages
-    return Network(
-        "purdy_blow_off",
-        (
-            bleed,
-            Passage(1, 3, opening="rebound_opening", resistance="rebound_slope"),
-            Passage(2, 1, opening="compression_opening", resistance="r_m2"),
-            foot,
-        ),
-    )
+    blow_off = Passage(1, 3, opening="rebound_opening", resistance="rebound_slope")
+    preloaded = Passage(2, 1, opening="compression_opening", resistance="r_m2")
+    return Network("purdy_blow_off", (bleed, blow_off, preloaded, foot))
 
 
 def through_flow(rebound: Valve = Valve(), compression: Valve = Valve()) -> Network:
@@ -242,9 +354,9 @@ def through_flow(rebound: Valve = Valve(), compression: Valve = Valve()) -> Netw
     return Network(
         "through_flow",
         (
-            *_valve(1, 3, "rebound", rebound),
+            *rebound.passages(1, 3, "rebound"),
             Passage(3, 1, resistance="return_slope"),
-            *_valve(2, 3, "compression", compression),
+            *compression.passages(2, 3, "compression"),
             Passage(3, 2, resistance="return_slope"),
         ),
     )
@@ -255,9 +367,9 @@ def twin_tube(rebound: Valve = Valve(), compression: Valve = Valve()) -> Network
     return Network(
         "twin_tube",
         (
-            *_valve(1, 2, "rebound", rebound),
+            *rebound.passages(1, 2, "rebound"),
             Passage(2, 1, resistance="return_slope"),
-            *_valve(2, 3, "compression", compression),
+            *compression.passages(2, 3, "compression"),
             Passage(3, 2, resistance="return_slope"),
         ),
     )
@@ -268,40 +380,171 @@ def monotube(rebound: Valve = Valve(), compression: Valve = Valve()) -> Network:
     return Network(
         "monotube",
         (
-            *_valve(1, 2, "rebound", rebound, is_two_way=False),
-            *_valve(2, 1, "compression", compression, is_two_way=False),
+            *rebound.passages(1, 2, "rebound", is_two_way=False),
+            *compression.passages(2, 1, "compression", is_two_way=False),
         ),
         has_floating_piston=True,
     )
 
 
-def _valve(
-    start: int, end: int, stroke: str, valve: Valve, *, is_two_way: bool = True
-) -> tuple[Passage, ...]:
-    """Return the passages of a valve; a bleed lets oil back, a blow-off does not."""
-    bleed = {part: f"{stroke}_{part}" for part in BLEEDS[valve.bleed]}
-    blow_off = {part: f"{stroke}_{part}" for part in BLOW_OFFS[valve.blow_off]}
-    passages = []
-    if bleed:
-        passages.append(
-            Passage(
-                start,
-                end,
-                orifice=bleed.get("bleed", ""),
-                resistance=bleed.get("leak", ""),
-                is_two_way=is_two_way,
-            )
-        )
-    if blow_off:
-        passages.append(
-            Passage(
-                start,
-                end,
-                orifice=blow_off.get("port", ""),
-                resistance=blow_off["slope"],
-                opening=blow_off["opening"],
-                width=blow_off.get("width", ""),
-                lift=blow_off.get("lift", ""),
-            )
-        )
-    return tuple(passages)
+def law_flow(parts: Mapping[str, float], drop: FloatArray, density: float) -> FloatArray:
+    """Return the flow through bleed and blow-off of a valve, m3/s at rest's density.
+
+    Parameters
+    ----------
+    parts : mapping of str to float
+        Numbers of what the valve has, by their names in `PARTS`.
+    drop : numpy.ndarray
+        Pressure across it, Pa, not negative.
+    density : float
+        kg/m3.
+
+    Examples
+    --------
+    >>> law_flow({"opening": 1e5, "slope": 1e6}, np.array([5e4, 1e5, 3e5]), 850.0) * 850.0
+    array([0. , 0. , 0.2])
+    """
+    total = np.zeros_like(drop)
+    if "bleed" in parts or "leak" in parts:
+        total += _through(drop, parts.get("leak", 0.0), parts.get("bleed", 0.0))
+    if "slope" in parts:
+        beyond = _beyond(drop, parts["opening"], parts.get("width", 0.0))
+        beyond = beyond * (1.0 + parts.get("lift", 0.0) * beyond)
+        total += _through(beyond, parts["slope"], parts.get("port", 0.0))
+    return np.asarray(total / density)
+
+
+def _beyond(drop: FloatArray, opening: float, width: float) -> FloatArray:
+    """What presses beyond an opening; a stack of discs lifts gradually over a width."""
+    if width == 0.0:
+        return np.maximum(drop - opening, 0.0)
+    lifted = np.logaddexp(0.0, (drop - opening) / width) - np.logaddexp(0.0, -opening / width)
+    return np.asarray(width * np.maximum(lifted, 0.0))
+
+
+def _through(pressed: FloatArray, linear: float, root: float) -> FloatArray:
+    """The mass flow w of pressed = linear w + (root w)^2."""
+    below = linear + np.sqrt(linear**2 + 4.0 * root**2 * pressed)
+    return 2.0 * pressed / np.maximum(below, 1e-300)
+
+
+def simulate_network(
+    network: Network,
+    values: Mapping[str, float],
+    damper: Damper | ValveDamper,
+    motion: Motion,
+    *,
+    sensitivities: Sequence[str] = (),
+    options: SolverOptions = SolverOptions(),
+) -> Response:
+    """Simulate a damper of any layout that is driven by a displacement.
+
+    The start has one pressure in all chambers and the oil mass of x = 0; the steady cycle is
+    reached within one cycle from there. The core integrates by TR-BDF2 with a step that adapts to
+    the reversals, and differentiates every converged stage, so that the sensitivities are those of
+    the numbers it returns.
+
+    Parameters
+    ----------
+    network : Network
+        Passages between the chambers.
+    values : mapping of str to float
+        SI, by the names of ``network.numbers``. Of the body's own only ``k_e`` and ``f_f`` are
+        needed: free gas and offset are 0, the gas is the damper's, the mounting rigid.
+    damper : Damper or ValveDamper
+        Geometry, oil and gas.
+    motion : Motion
+        Uniform samples of displacement and velocity.
+    sensitivities : sequence of str
+        Numbers to differentiate the force by: any of ``network.numbers``.
+    options : SolverOptions
+        Tolerance, dead band, rounding of the orifices' roots.
+
+    Returns
+    -------
+    Response
+        Force, pressures, masses and sensitivities at the samples. With a floating piston the second
+        mass is that of chamber 2 at rest.
+
+    Raises
+    ------
+    ConfigurationError
+        A number is missing or unknown.
+    SimulationError
+        A state is not finite, a chamber has no volume left, the step limit is met, a number is
+        negative or not finite, or a passage has no resistance.
+
+    Examples
+    --------
+    >>> from damperfit.damper.purdy.parameters import PURDY_DAMPER
+    >>> from damperfit.simulation import sine_motion
+    >>> y = {"r_m1": 1.8e4, "r_m2": 3.527e6, "r_m3": 2.597e6, "k_e": 3.65e8, "f_f": 50.0}
+    >>> motion = sine_motion(0.032, 1.5, cycles=4, sample_rate=1500)
+    >>> round(float(simulate_network(purdy(), y, PURDY_DAMPER, motion).force[3100]))
+    673
+    """
+    place, passages = _layout(network)
+    numbers = array("d", bytes(8 * len(place)))
+    own = {name: getattr(damper, name) for name in ("gas_pressure", "gas_exponent", "gas_volume")}
+    try:
+        for name, number in (own | dict(values)).items():
+            numbers[place[name]] = number
+        which = array("i", [place[name] for name in sensitivities])
+    except KeyError as unknown:
+        (name,) = unknown.args
+        raise ConfigurationError(
+            f"no number {name!r} in {network.name}; there are {', '.join(place)}."
+            f"{did_you_mean(name, place)}"
+        ) from None
+    missing = [n for n in (*sorted(_NEEDED), *network.passage_numbers) if n not in values]
+    if missing:
+        raise ConfigurationError(f"{network.name} needs a value of {', '.join(missing)}")
+    x = np.ascontiguousarray(motion.displacement, dtype=np.float64)
+    v = np.ascontiguousarray(motion.velocity, dtype=np.float64)
+    jumps = np.ascontiguousarray(motion.jumps, dtype=np.float64)
+    n = len(x)
+    # One block: of many the C library gives each back to the system, and its pages come anew.
+    block = np.empty((6 + len(which), n))
+    pressures, masses, force, rows = block[:3], block[3:5], block[5], block[6:]
+    body = array(
+        "d",
+        [
+            damper.annulus_area,
+            damper.piston_area,
+            damper.chamber_1_volume,
+            damper.chamber_2_volume,
+            damper.oil_density,
+            damper.rod_area * network.ambient_pressure,
+        ],
+    )
+    code, steps, rejected, newton, sample = compiled_core().simulate_network(
+        body, numbers, passages, x, v, jumps, which, pressures, masses, force, rows,
+        motion.interval, options.rounding, network.has_floating_piston, options.tolerance,
+        options.dead_band, options.max_steps_per_sample,
+    )  # fmt: skip
+    if code:
+        raise SimulationError(describe_ending(code, sample, motion, options))
+    time = np.arange(n, dtype=np.float64)
+    time *= motion.interval
+    time += motion.start_time
+    return Response(
+        time=time,
+        displacement=x,
+        velocity=v,
+        force=force,
+        pressures=pressures,
+        masses=masses,
+        sensitivities=dict(zip(sensitivities, rows, strict=True)),
+        work=Work(steps, rejected, newton),
+    )
+
+
+@lru_cache(maxsize=64)  # a fit asks for it at every simulation
+def _layout(network: Network) -> tuple[dict[str, int], NDArray[np.intc]]:
+    """Where each number stands, and the passages as the core reads them."""
+    place = {name: k for k, name in enumerate(network.numbers)}
+    passages = [
+        [p.start, p.end, *(place.get(name, -1) for name in p.numbers), p.is_two_way]
+        for p in network.passages
+    ]
+    return place, np.array(passages, dtype=np.intc)

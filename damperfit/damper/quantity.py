@@ -93,8 +93,13 @@ class Quantity:
     role : str
         `OFFSET`, `FRICTION`, `STIFFNESS`, `GAS_AMOUNT` or `VISCOUS`; "": none of these.
     stroke, part : str
-        Of a valve: whose it is ("rebound", "compression", "return") and which part of its law
-        ("bleed", "leak", "opening", "slope", "port", "width", "lift").
+        Of a valve: whose it is ("rebound", "compression", "return") and which number of its law, a
+        key of `damperfit.damper.network.PARTS`.
+    group : str
+        Of a valve: "bleed" or "blow_off", of which it is a number.
+    area_power : float
+        Of a valve: with which power of the area that presses on it its value goes, for the same
+        force in another layout.
     idle : str
         Edges of its range at which its part does nothing, as in "above below"; the first is where a
         structure without the part lies. Empty: as its role has it.
@@ -125,6 +130,8 @@ class Quantity:
     role: str = ""
     stroke: str = ""
     part: str = ""
+    group: str = ""
+    area_power: float = 0.0
     idle: str = ""
 
     @property
@@ -146,6 +153,10 @@ class Quantity:
         """Return the edge that a value has reached: "below", "above", or "" within the range."""
         low, high = self.plausible
         return "below" if value <= low else "above" if value >= high else ""
+
+    def beside(self, part: str) -> str:
+        """Return the name of another number of the same valve."""
+        return f"{self.stroke}_{part}"
 
     @property
     def is_offset(self) -> bool:

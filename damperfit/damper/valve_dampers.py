@@ -11,40 +11,85 @@ Each valve has a bleed that is always open and a blow-off that opens at p_open, 
 its return check closes in its own stroke. What logs of this kind cannot tell is held unless it is
 freed: the oil's bulk modulus in series with an elastic mounting, the returns, the seals' drag
 beside the slopes of the blow-offs.
+
+`DeclaredNetwork` is a damper that is no preset: its passages are declared one by one. Each leads
+from one chamber to another (1 rod side, 2 full bore, 3 gas) by one law, and has a name after which
+its numbers are called; passages of one name share them::
+
+    orifice    {name}_bleed                              needle, hole
+    leak       {name}_leak                               piston ring
+    long       {name}_leak, {name}_bleed                 needle at few clicks
+    check      {name}_slope                              return valve
+    linear     {name}_opening, {name}_slope              preloaded disc
+    port       {name}_opening, {name}_slope, {name}_port     and the port behind it
+    rounded    {name}_opening, {name}_slope, {name}_width    a stack that lifts gradually
+    lifting    {name}_opening, {name}_slope, {name}_lift     and further, the harder it is pressed
+
+Oil goes from ``from`` to ``to`` alone unless ``two_way`` is true. A law of its own for each
+direction is two passages.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+import re
+from collections import Counter
+from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from damperfit.damper import quantity as roles
 from damperfit.damper.cylinder import Cylinder, filling
-from damperfit.damper.friction import Friction
 from damperfit.damper.model import OilModel
-from damperfit.damper.mounting import NONE, Mounting
-from damperfit.damper.network import Network, Valve, monotube, through_flow, twin_tube
-from damperfit.damper.purdy.quantities import OF_OIL, OIL
+from damperfit.damper.mounting import NONE, Friction, Mounting
+from damperfit.damper.network import (
+    BLEEDS,
+    BLOW_OFF_PARTS,
+    BLOW_OFFS,
+    LINEAR,
+    PARTS,
+    ROOT,
+    Network,
+    Passage,
+    Valve,
+    monotube,
+    through_flow,
+    twin_tube,
+)
+from damperfit.damper.purdy.parameters import OF_OIL, OIL
 from damperfit.damper.quantity import DAMPER, LOG, Quantity
+from damperfit.errors import ConfigurationError, did_you_mean
+from damperfit.problem import Key
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Mapping, Sequence
+    from collections.abc import Collection, Iterable, Mapping, Sequence
 
     from numpy.typing import ArrayLike, NDArray
 
     from damperfit.damper.model import Values
-    from damperfit.damper.valve_characteristics import ValveCharacteristic
+    from damperfit.damper.valves import ValveCharacteristic
     from damperfit.recording import Trace
     from damperfit.simulation import Motion, Response, SolverOptions
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["AMBIENT", "VALVE_RANGES", "Monotube", "ThroughFlow", "TwinTube", "ValveDamper"]
+__all__ = [
+    "AMBIENT",
+    "LAWS",
+    "STROKES",
+    "VALVE_RANGES",
+    "DeclaredNetwork",
+    "DeclaredPassage",
+    "Monotube",
+    "ThroughFlow",
+    "TwinTube",
+    "ValveDamper",
+    "declared_passages",
+]
 
+STROKES = ("rebound", "compression")
 AMBIENT = 101325.0
 # What any damper has, with room to spare, in SI; what lies outside was misread.
 VALVE_RANGES: dict[str, tuple[float, float, str]] = {
@@ -64,9 +109,6 @@ _OIL, _RETURN = 1e9, 2.5e5
 # What they are off by where nobody has measured them, of their logarithms; seals drag with up to 30
 # N s/m, none of which is known.
 _OIL_IGNORANCE, _RETURN_IGNORANCE, _DRAG_IGNORANCE = 0.3, 0.3, 15.0
-_ROOT, _LINEAR = "s sqrt(N)/(m kg)", "N s/(m2 kg)"
-# What the compiled core calls a quantity, where it differs.
-_CORE_NAMES = {"k_s": "series_stiffness"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,8 +156,7 @@ class ValveDamper(Cylinder, OilModel):
     # Openings and play. What promises less moves nothing by much more than a tenth of its error.
     kinks: ClassVar[float] = 2e-5
     determined_together: ClassVar[tuple[tuple[str, ...], ...]] = tuple(
-        tuple(f"{stroke}_{part}" for part in ("opening", "slope", "port", "width", "lift"))
-        for stroke in ("rebound", "compression")
+        tuple(f"{stroke}_{part}" for part in BLOW_OFF_PARTS) for stroke in STROKES
     )
 
     @property
@@ -123,9 +164,8 @@ class ValveDamper(Cylinder, OilModel):
         """Its passages."""
         return _network(self)
 
-    @property
-    def layout(self) -> Callable[[Valve, Valve], Network]:
-        """What makes its passages of the valves of rebound and compression."""
+    def _passages(self) -> Network:
+        """The passages of its valves."""
         raise NotImplementedError
 
     @property
@@ -142,13 +182,14 @@ class ValveDamper(Cylinder, OilModel):
     def parts(self) -> dict[str, tuple[str, ...]]:
         """What each valve is made of: "rebound", "rebound.bleed", "rebound.blow_off"."""
         found: dict[str, tuple[str, ...]] = {}
-        for stroke in ("rebound", "compression"):
-            mine = tuple(name for name in self.names if name.startswith(f"{stroke}_"))
-            found[stroke] = mine
-            for part, kinds in _VALVE_PARTS.items():
-                found[f"{stroke}.{part}"] = tuple(n for n in mine if n.split("_")[1] in kinds)
+        for stroke in STROKES:
+            names = tuple(name for name in self.names if name.startswith(f"{stroke}_"))
+            own = [q for q in self.quantities if q.stroke == stroke]
+            found[stroke] = names
+            for group in ("bleed", "blow_off"):
+                found[f"{stroke}.{group}"] = tuple(q.name for q in own if q.group == group)
             found |= {
-                name.replace("_", ".", 1): (name,) for name in mine if name.split("_")[1] != "bleed"
+                name.replace("_", ".", 1): (name,) for name in names if not name.endswith("_bleed")
             }
         return {word: names for word, names in found.items() if names}
 
@@ -188,36 +229,31 @@ class ValveDamper(Cylinder, OilModel):
     ) -> Response:
         """Integrate the network and its mounting; the force passes load cell and channel."""
         from damperfit.damper.load_cell import OF_LOAD_CELL, as_read
-        from damperfit.damper.network_model import simulate_network
+        from damperfit.damper.network import simulate_network
 
-        numbers = {
-            _CORE_NAMES.get(one, one): value
-            for one, value in zip(values.names, values.numbers, strict=True)
-            if one not in OF_LOAD_CELL
-        }
         filled = filling(motion, self.gas_pressure)
+        numbers = dict(values)
+        rig = {name: numbers.pop(name) for name in OF_LOAD_CELL if name in numbers}
         numbers["gas_pressure"] *= filled
-        own = [one for one in sensitivities if one not in OF_LOAD_CELL]
-        wanted = [_CORE_NAMES.get(one, one) for one in own]
+        own = [name for name in sensitivities if name not in OF_LOAD_CELL]
         response = simulate_network(
-            self.network, numbers, self, motion, sensitivities=wanted, options=options
+            self.network, numbers, self, motion, sensitivities=own, options=options
         )
-        if "gas_pressure" in wanted:
+        if "gas_pressure" in own:
             response.sensitivities["gas_pressure"] *= filled
-        slopes = dict(zip(own, (response.sensitivities[one] for one in wanted), strict=True))
-        return as_read(replace(response, sensitivities=slopes), motion, values, sensitivities)
+        return as_read(response, motion, sensitivities, **rig)
 
     def start(self, traces: Sequence[Trace], fixed: Mapping[str, float]) -> tuple[Values, ...]:
-        """Start from the valves as read off the loops: `damperfit.damper.valve_starts`."""
-        from damperfit.damper.valve_starts import valve_starts
+        """Start from the valves as read off the loops: `damperfit.damper.valves`."""
+        from damperfit.damper.valves import valve_starts
 
         return valve_starts(self, traces, fixed)
 
     def valve_characteristics(
         self, values: Values, traces: Sequence[Trace]
     ) -> tuple[ValveCharacteristic, ...]:
-        """Read them as `damperfit.damper.valve_characteristics` says."""
-        from damperfit.damper.valve_characteristics import valve_characteristics
+        """Read them as `damperfit.damper.valves` says."""
+        from damperfit.damper.valves import valve_characteristics
 
         return valve_characteristics(self, values, traces)
 
@@ -229,10 +265,8 @@ class TwinTube(ValveDamper):
     name: ClassVar[str] = "twin_tube"
     title: ClassVar[str] = "twin tube: piston valve and base valve"
 
-    @property
-    def layout(self) -> Callable[[Valve, Valve], Network]:
-        """A piston valve and a base valve."""
-        return twin_tube
+    def _passages(self) -> Network:
+        return twin_tube(self.rebound, self.compression)
 
     @property
     def pressed_areas(self) -> tuple[float, float]:
@@ -247,10 +281,8 @@ class Monotube(ValveDamper):
     name: ClassVar[str] = "monotube"
     title: ClassVar[str] = "monotube: a piston valve for each stroke, floating piston"
 
-    @property
-    def layout(self) -> Callable[[Valve, Valve], Network]:
-        """A piston valve for each stroke."""
-        return monotube
+    def _passages(self) -> Network:
+        return monotube(self.rebound, self.compression)
 
     @property
     def pressed_areas(self) -> tuple[float, float]:
@@ -265,10 +297,8 @@ class ThroughFlow(ValveDamper):
     name: ClassVar[str] = "through_flow"
     title: ClassVar[str] = "through flow: solid piston, a valve for each stroke to the reservoir"
 
-    @property
-    def layout(self) -> Callable[[Valve, Valve], Network]:
-        """Each side of the piston to the reservoir."""
-        return through_flow
+    def _passages(self) -> Network:
+        return through_flow(self.rebound, self.compression)
 
     @property
     def pressed_areas(self) -> tuple[float, float]:
@@ -276,45 +306,10 @@ class ThroughFlow(ValveDamper):
         return self.annulus_area, self.piston_area
 
 
-_BLOW_OFF = ("opening", "slope", "port", "width", "lift")
-_VALVE_PARTS = {"bleed": ("bleed", "leak"), "blow_off": _BLOW_OFF}
-# part: symbol, in a table's row, meaning, unit, range, power of ten and unit for people, idle edges
-_PARTS: dict[str, tuple[str, str, str, str, tuple[float, float], int, str, str]] = {
-    "bleed": (
-        "S", "bleed", "orifice of the bleed, 1/(C_d A sqrt(2 rho))", _ROOT,
-        (1e2, 1e8), 3, "10³ s √N / (m kg)", "above",
-    ),
-    "leak": (
-        "L", "leak", "laminar resistance of the bleed", _LINEAR, (1e3, 1e11), 6,
-        "10⁶ N s / (m² kg)", "below",
-    ),
-    "opening": (
-        "p", "opening", "pressure at which the blow-off opens", "Pa", (1e3, 1e8), 5, "bar",
-        "above below",
-    ),
-    "slope": (
-        "R", "slope", "resistance of the blow-off beyond its opening", _LINEAR, (1e3, 1e11), 6,
-        "10⁶ N s / (m² kg)", "above below",
-    ),
-    "port": (
-        "S_p", "port", "orifice behind the blow-off", _ROOT, (1e1, 1e8), 3, "10³ s √N / (m kg)",
-        "below above",
-    ),
-    "width": (
-        "d", "rounding", "how gradually the blow-off lifts", "Pa", (1e1, 1e7), 5, "bar", "below",
-    ),
-    "lift": (
-        "b", "lift", "how much further the blow-off lifts, the harder it is pressed", "1/Pa",
-        (1e-9, 1e-3), -5, "1/bar", "below above",
-    ),
-}  # fmt: skip
-
-
 # A fit asks for both at every simulation.
 @lru_cache(maxsize=64)
 def _network(damper: ValveDamper) -> Network:
-    passages = damper.layout(damper.rebound, damper.compression)
-    return replace(passages, ambient_pressure=damper.ambient_pressure)
+    return replace(damper._passages(), ambient_pressure=damper.ambient_pressure)  # noqa: SLF001
 
 
 @lru_cache(maxsize=64)
@@ -325,7 +320,7 @@ def _quantities(damper: ValveDamper) -> tuple[Quantity, ...]:
     if "return_slope" in names:
         found.append(
             Quantity(
-                "return_slope", "R_k", "return checks", "resistance of the return checks", _LINEAR,
+                "return_slope", "R_k", "return checks", "resistance of the return checks", LINEAR,
                 (1e2, 1e10), scope=DAMPER, default=_RETURN, power=6, shown_unit="10⁶ N s / (m² kg)",
                 ignorance=_RETURN_IGNORANCE, role=roles.VISCOUS, stroke="return", part="slope",
                 idle="below",
@@ -384,23 +379,240 @@ def _quantities(damper: ValveDamper) -> tuple[Quantity, ...]:
 
 
 def _of_valve(name: str, names: Collection[str]) -> Quantity:
-    stroke, part = name.rsplit("_", 1)
-    symbol, label, meaning, unit, plausible, power, shown, idle = _PARTS[part]
+    stroke, _, part = name.rpartition("_")
+    law = PARTS[part]
+    idle = law.idle
     if part == "bleed" and f"{stroke}_leak" in names:
         idle = "above below"  # wide open, all of its pressure is the laminar share's
     if part == "leak" and f"{stroke}_bleed" not in names:  # all that the bleed has
         idle = "above"
+    power, shown_unit = law.shown
     return Quantity(
         name,
-        f"{symbol}_{stroke[0]}",
-        f"{stroke} {label}",
-        f"{stroke} valve: {meaning}",
-        unit,
-        plausible,
+        f"{law.symbol}_{stroke[0]}",
+        f"{stroke} {law.label}",
+        f"{stroke} valve: {law.meaning}",
+        law.unit,
+        law.plausible,
         power=power,
-        shown_unit=shown,
-        role=roles.VISCOUS if unit == _LINEAR else "",
+        shown_unit=shown_unit,
+        role=roles.VISCOUS if law.unit == LINEAR else "",
         stroke=stroke,
         part=part,
+        group="blow_off" if part in BLOW_OFF_PARTS else "bleed",
+        area_power=law.area_power if stroke in STROKES else 0.0,
         idle=idle,
     )
+
+
+# The numbers of each law of a declared passage.
+LAWS: dict[str, tuple[str, ...]] = {
+    law: parts for law, parts in (BLEEDS | {"check": ("slope",)} | BLOW_OFFS).items() if parts
+}
+_CHAMBERS = (1, 2, 3)
+_KEYS = {"from": "start", "to": "end", "name": "name", "law": "law", "two_way": "is_two_way"}
+_NAME = re.compile(r"[a-z][a-z0-9_]*")
+_STROKE_OF = dict(enumerate(STROKES, start=1))
+
+
+@dataclass(frozen=True, slots=True)
+class DeclaredPassage:
+    """One passage.
+
+    Attributes
+    ----------
+    start, end : int
+        Chambers; ``from`` and ``to`` in TOML.
+    name : str
+        Its numbers are called after it.
+    law : str
+        A name of `LAWS`.
+    is_two_way : bool
+        Whether the law holds backwards too; ``two_way`` in TOML.
+    """
+
+    start: int
+    end: int
+    name: str
+    law: str
+    is_two_way: bool = False
+
+    @property
+    def passage(self) -> Passage:
+        """As the network has it."""
+        return Passage.of_parts(
+            self.start, self.end, self.name, LAWS[self.law], is_two_way=self.is_two_way
+        )
+
+    @property
+    def table(self) -> dict[str, Any]:
+        """As it stands in TOML."""
+        own = asdict(self)
+        return {key: own[name] for key, name in _KEYS.items()}
+
+
+def declared_passages(tables: Iterable[Mapping[str, Any]]) -> tuple[DeclaredPassage, ...]:
+    """Return the passages that a configuration declares.
+
+    Raises
+    ------
+    ConfigurationError
+        A key or value is wrong; the message tells which passage, counted from 1.
+    """
+    return tuple(_declared(table, place) for place, table in enumerate(tables, start=1))
+
+
+def _declared(table: Mapping[str, Any], place: int) -> DeclaredPassage:
+    where = f"passages: passage {place}"
+    for key in table:
+        if key not in _KEYS:
+            near = did_you_mean(key, _KEYS)
+            raise ConfigurationError(
+                f"{where} has no key {key!r}; there are {', '.join(_KEYS)}.{near}"
+            )
+    missing = [key for key in _KEYS if key not in table and key != "two_way"]
+    if missing:
+        raise ConfigurationError(f"{where} lacks {', '.join(missing)}")
+    for key in ("from", "to"):
+        if table[key] not in _CHAMBERS or isinstance(table[key], bool | float):
+            raise ConfigurationError(
+                f"{key} = {table[key]!r}; expected chamber 1 (rod side), 2 (full bore) or 3 (gas)",
+                subject=where,
+            )
+    if table["from"] == table["to"]:
+        raise ConfigurationError(f"{where} leads from chamber {table['from']} to itself")
+    law, name, two_way = table["law"], table["name"], table.get("two_way", False)
+    if not isinstance(law, str) or law not in LAWS:
+        near = did_you_mean(str(law), LAWS)
+        raise ConfigurationError(
+            f"no law {law!r}; there are {', '.join(LAWS)}.{near}", subject=where
+        )
+    if not isinstance(name, str) or not _NAME.fullmatch(name):
+        raise ConfigurationError(
+            f"name = {name!r}; expected small letters, digits and _, as in 'base_valve'",
+            subject=where,
+        )
+    if not isinstance(two_way, bool):
+        raise ConfigurationError(f"two_way = {two_way!r}; expected true or false", subject=where)
+    return DeclaredPassage(table["from"], table["to"], name, law, two_way)
+
+
+# Where nothing is declared: a twin tube.
+_TWIN_TUBE = (
+    DeclaredPassage(1, 2, "rebound", "orifice", is_two_way=True),
+    DeclaredPassage(1, 2, "rebound", "linear"),
+    DeclaredPassage(2, 1, "return", "check"),
+    DeclaredPassage(2, 3, "compression", "orifice", is_two_way=True),
+    DeclaredPassage(2, 3, "compression", "linear"),
+    DeclaredPassage(3, 2, "return", "check"),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class DeclaredNetwork(ValveDamper):
+    """A damper of any passages; geometry, oil, gas, mounting and friction as of the presets.
+
+    Attributes
+    ----------
+    passages : tuple of DeclaredPassage
+        Sixteen at most.
+    floating_piston : bool
+        Chamber 2 is at the gas pressure: passages join 1 with it.
+    """
+
+    rebound: Valve = field(default=Valve(), init=False, repr=False)
+    compression: Valve = field(default=Valve(), init=False, repr=False)
+    passages: tuple[DeclaredPassage, ...] = _TWIN_TUBE
+    floating_piston: bool = False
+
+    name: ClassVar[str] = "network"
+    title: ClassVar[str] = "network: passages declared one by one"
+
+    def __post_init__(self) -> None:
+        """Refuse what is no damper."""
+        Cylinder.__post_init__(self)
+        for place, one in enumerate(self.passages, start=1):
+            if self.floating_piston and {one.start, one.end} == {2, 3}:
+                raise ConfigurationError(
+                    f"passage {place} joins 2 and 3, which are one behind a floating piston",
+                    where=Key(("passages",)),
+                )
+        if not any(1 in (one.start, one.end) for one in self.passages):
+            raise ConfigurationError(
+                "none leads to or from chamber 1, the rod side", where=Key(("passages",))
+            )
+        _ = self.network  # refuses too many
+
+    def _passages(self) -> Network:
+        passages = tuple(declared.passage for declared in self.passages)
+        return Network(self.name, passages, has_floating_piston=self.floating_piston)
+
+    @property
+    def pressed_areas(self) -> tuple[float, float]:
+        """Of the preset that is most like it."""
+        return self._preset.pressed_areas
+
+    @property
+    def valves_said(self) -> str:
+        """Its passages in words."""
+        return ", ".join(
+            f"{one.start} to {one.end}{' and back' * one.is_two_way} {one.name} ({one.law})"
+            for one in self.passages
+        )
+
+    @property
+    def _preset(self) -> ValveDamper:
+        """The preset that presses alike: from its loops the valves are read."""
+        kind: type[ValveDamper] = ThroughFlow
+        if self.floating_piston:
+            kind = Monotube
+        elif any({one.start, one.end} == {1, 2} for one in self.passages):
+            kind = TwinTube
+        shared = ("rod_diameter", "piston_diameter", "chamber_1_length", "chamber_2_length")
+        own = (*shared, "oil_density", "gas_pressure", "gas_volume", "gas_exponent")
+        more = (*own, "ambient_pressure", "mounting", "friction")
+        return kind(**{name: getattr(self, name) for name in more})
+
+    def start(self, traces: Sequence[Trace], fixed: Mapping[str, float]) -> tuple[Values, ...]:
+        """Start from the valves of the preset that presses alike, shared out among the passages."""
+        from damperfit.damper.valves import valve_points
+
+        preset = self._preset
+        opens = {passage.start for passage in self.passages if passage.law in BLOW_OFFS}
+        points: list[list[dict[str, float]]] = []
+        for kind in (law for law in BLOW_OFFS if law not in {"none", "linear"}):
+            pair = [Valve("long", kind if chamber in opens else "none") for chamber in _STROKE_OF]
+            made = replace(preset, rebound=pair[0], compression=pair[1])
+            points.append(valve_points(made, traces, fixed))
+        alike = (
+            {k: v for one in many for k, v in one.items()} for many in zip(*points, strict=True)
+        )
+        return tuple(self._from_point(point, fixed) for point in alike)
+
+    def _from_point(self, point: Mapping[str, float], fixed: Mapping[str, float]) -> Values:
+        from damperfit.damper.valves import within_plausible
+
+        def place(passage: DeclaredPassage) -> tuple[int, bool]:
+            return passage.start, passage.law in BLOW_OFFS
+
+        valves = [p for p in self.passages if p.law != "check" and p.start in _STROKE_OF]
+        beside = Counter(map(place, valves))
+        own = dict(point)
+        for passage in self.passages:
+            for part in LAWS[passage.law]:
+                number = PARTS[part].elsewhere
+                if passage in valves:
+                    # Passages beside each other share the flow, at one pressure.
+                    is_flow = PARTS[part].unit in {ROOT, LINEAR}
+                    n = beside[place(passage)] if is_flow else 1
+                    number = n * point[f"{_STROKE_OF[passage.start]}_{part}"]
+                own[f"{passage.name}_{part}"] = number
+        return within_plausible(self, own, fixed)
+
+    def valve_characteristics(
+        self,
+        values: Values,  # noqa: ARG002
+        traces: Sequence[Trace],  # noqa: ARG002
+    ) -> tuple[ValveCharacteristic, ...]:
+        """Return none: which passage a stroke presses is not said."""
+        return ()

@@ -26,9 +26,8 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from damperfit.damper.cavitation import Cavitation
-    from damperfit.damper.detour import Detour
-    from damperfit.damper.model import Values
-    from damperfit.damper.valve_characteristics import ValveCharacteristic
+    from damperfit.damper.model import Detour, Values
+    from damperfit.damper.valves import ValveCharacteristic
     from damperfit.recording import Trace
     from damperfit.simulation import Motion, Response, SolverOptions
 

@@ -22,9 +22,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from damperfit import __version__
+from damperfit.damper.model import PRESSURES
 from damperfit.damper.network import BODY_NUMBERS
 from damperfit.damper.purdy.parameters import Damper
-from damperfit.damper.signals import PRESSURES
 from damperfit.damper.valve_dampers import ValveDamper
 from damperfit.errors import ConfigurationError
 from damperfit.exporting.header import determined_line, rendered, taken_out, tested_range
@@ -46,7 +46,7 @@ _MAX_STEPS = 10_000
 _TOLERANCE_OF_VALVES = 0.03
 # What is the rig's, in the order of reading.c: by the name of its quantity.
 _RIG = ("k_s", "play", "f_0", "lag", "moving_mass")
-_RIG_NUMBERS = ("series_stiffness", "play")  # of them those that the core has among its numbers
+_RIG_NUMBERS = ("k_s", "play")  # of them those that the core has among its numbers
 # Geometry and oil, in the order of reading.c.
 _OF_PAPER = (
     *("annulus_area", "piston_area", "rod_area", "chamber_1_volume", "chamber_2_volume"),

@@ -36,8 +36,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from damperfit.damper.cavitation import Cavitation
-    from damperfit.damper.detour import Detour
-    from damperfit.damper.model import Values
+    from damperfit.damper.model import Detour, Values
     from damperfit.damper.quantity import Quantity
     from damperfit.tested.setting import Setting
 

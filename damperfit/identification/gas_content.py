@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from damperfit.damper.purdy.bulk_modulus import modulus_at_pressure
+from damperfit.damper.purdy.appendices import modulus_at_pressure
 from damperfit.identification.simulated_log import compare
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ import numpy as np
 from damperfit.conditioning import condition
 from damperfit.configuration.drawings import DRAWINGS, MEASURED
 from damperfit.configuration.loading import load_configuration
-from damperfit.damper.models import model_named
+from damperfit.damper.model import model_named
 from damperfit.errors import ConfigurationError, DamperfitError, LogError
 from damperfit.io import guess_settings, read_logs, unclear_names
 from damperfit.problem import Option

@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.configuration.options import parameter_value
-from damperfit.damper.purdy.figures import FAMILIES
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper
-from damperfit.damper.purdy.reference import REFERENCE_SOURCE, reference_parameters
+from damperfit.damper.purdy.reference import FAMILIES, REFERENCE_SOURCE, reference_parameters
 from damperfit.damper.warmed import BETA, Warmed
 from damperfit.errors import (
     ConfigurationError,

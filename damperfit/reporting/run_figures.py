@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from damperfit.damper.signals import PRESSURES
+from damperfit.damper.model import PRESSURES
 from damperfit.reporting.figures import (
     CHAMBER_COLOURS,
     CHAMBER_STYLES,

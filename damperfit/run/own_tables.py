@@ -6,7 +6,7 @@ import re
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from damperfit.damper.purdy.quantities import QUANTITIES
+from damperfit.damper.purdy.parameters import QUANTITIES
 from damperfit.io.files import open_regular
 from damperfit.units.quantities import units_of
 
@@ -67,7 +67,7 @@ def _is_of_model(begin: bytes) -> bool:
     first, *headings = begin.decode("ascii", "replace").split(",")[:3]
     if first != "setting" or len(headings) < 2:
         return False
-    from damperfit.damper.models import MODELS
+    from damperfit.damper.model import MODELS
 
     names = {one.name for kind in MODELS.values() for one in kind().quantities}
     return headings[0] in names and headings[1].strip() in names

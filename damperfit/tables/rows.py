@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from damperfit.adjustment.clicks import Click
     from damperfit.adjustment.force_at import Force
     from damperfit.damper.model import Model
-    from damperfit.damper.valve_characteristics import ValveCharacteristic
+    from damperfit.damper.valves import ValveCharacteristic
     from damperfit.identification import Campaign, Fit, LogFit, SimulatedLog
     from damperfit.recording import Stretch, Trace
     from damperfit.tested.setting import Setting

@@ -15,7 +15,7 @@ import numpy as np
 from damperfit.conditioning import apply_filter
 from damperfit.conditioning.gas_force import force_level
 from damperfit.conditioning.polarity import CONTRADICTED
-from damperfit.damper.force_channel import behind_lag
+from damperfit.damper.load_cell import behind_lag
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.valve_dampers import AMBIENT
 from damperfit.errors import DamperfitError

@@ -30,8 +30,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from damperfit.conditioning import apply_filter
-from damperfit.damper.pressing import with_pressed_seal
-from damperfit.damper.turning import other_turns
+from damperfit.damper.friction import other_turns, with_pressed_seal
 from damperfit.damper.warmed import Warmed
 from damperfit.errors import SimulationError, sparing
 from damperfit.identification.log_facts import all_alike, weights

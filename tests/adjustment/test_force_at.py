@@ -27,7 +27,7 @@ from damperfit.configuration.loading import load_configuration
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.damper.quasi_static import quasi_static
-from damperfit.damper.rivals.linear import Bilinear
+from damperfit.damper.rivals import Bilinear
 from damperfit.identification import Status
 from damperfit.queries.settings import AdjusterResults, Question, tabulate_forces
 from damperfit.results import Tested

@@ -11,7 +11,7 @@ import pytest
 
 from damperfit.adjustment.force_at import Force, Sine, Stage
 from damperfit.adjustment.wanted import which_setting
-from damperfit.damper.rivals.linear import Bilinear
+from damperfit.damper.rivals import Bilinear
 from damperfit.errors import ConfigurationError
 from damperfit.queries.settings import AdjusterResults, Question, tabulate_forces
 from damperfit.simulation import SolverOptions

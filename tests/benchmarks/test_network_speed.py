@@ -7,8 +7,7 @@ from __future__ import annotations
 
 import pytest
 
-from damperfit.damper.network import purdy, purdy_blow_off
-from damperfit.damper.network_model import simulate_network
+from damperfit.damper.network import purdy, purdy_blow_off, simulate_network
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.simulation import SolverOptions, sine_motion
 

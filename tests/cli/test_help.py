@@ -7,7 +7,7 @@ import re
 import pytest
 
 from damperfit.cli.main import app, main
-from damperfit.damper.models import MODELS
+from damperfit.damper.model import MODELS
 from damperfit.keywords import PANELS
 
 COMMANDS = [command.name or command.callback.__name__ for command in app.registered_commands]

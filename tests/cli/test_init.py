@@ -12,7 +12,7 @@ import pytest
 
 from damperfit.cli.main import main
 from damperfit.configuration.loading import load_configuration
-from damperfit.damper.models import MODELS
+from damperfit.damper.model import MODELS
 from damperfit.queries.first_configuration import (
     Guessed,
     check_damper,

@@ -12,7 +12,7 @@ from damperfit.comparison import ComparedRun, ComparisonOptions, Sameness, compa
 from damperfit.comparison.comparing import _tare_notes, force_readings
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
-from damperfit.damper.rivals.linear import Bilinear
+from damperfit.damper.rivals import Bilinear
 from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting
 from tests.fakes import fitted_run as fitted_run_of

@@ -11,7 +11,7 @@ import pytest
 from damperfit.cli import main
 from damperfit.conditioning import condition, transients
 from damperfit.conditioning.segments import _moving_beside_cycles as _moving
-from damperfit.damper.models import MODELS
+from damperfit.damper.model import MODELS
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, compare, identify, normalised_mse

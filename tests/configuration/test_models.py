@@ -8,7 +8,7 @@ import pytest
 
 from damperfit.configuration.loading import configuration_toml, load_configuration
 from damperfit.configuration.what_is_tested import unmatched
-from damperfit.damper.models import MODELS
+from damperfit.damper.model import MODELS
 from damperfit.damper.mounting import Mounting
 from damperfit.damper.network import Valve
 from damperfit.damper.valve_dampers import ThroughFlow

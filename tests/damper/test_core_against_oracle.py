@@ -9,7 +9,6 @@ import math
 import numpy as np
 import pytest
 
-from damperfit.damper.purdy.integration import SENSITIVITY_NAMES
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper, Parameters
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.simulation import (
@@ -21,6 +20,7 @@ from damperfit.simulation import (
 from tests.oracles import model
 from tests.oracles.golden import GOLDEN, PHASES, SET_M
 
+SENSITIVITY_NAMES = (*PURDY_DAMPER.names, *PURDY_DAMPER.conditions)
 STANDARD = model.sine(0.032, 1.5)
 TIGHT = SolverOptions(tolerance=1e-6, max_steps_per_sample=100_000)
 OTHER_DAMPER = Damper(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from damperfit.damper.force_channel import behind_lag, lag_slope
+from damperfit.damper.load_cell import behind_lag, lag_slope
 
 INTERVAL = 1e-3
 

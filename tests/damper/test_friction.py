@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from damperfit.configuration.loading import load_configuration
-from damperfit.damper.friction import Friction
-from damperfit.damper.mounting import Mounting
-from damperfit.damper.network_model import simulate_network
+from damperfit.damper.mounting import Friction, Mounting
+from damperfit.damper.network import simulate_network
 from damperfit.damper.valve_dampers import ThroughFlow
 from damperfit.errors import ConfigurationError, SimulationError
 from damperfit.identification import FitOptions, identify
@@ -20,9 +19,9 @@ from tests.damper.test_network import CASES, FRICTION, SHARP, check_slopes, run
 from tests.damper.test_valve_dampers import VALVES, damper, log
 from tests.oracles import network as twin
 
-RIGID = {"series_stiffness": 0.0, "play": 0.0, "drag": 0.0}
-ELASTIC = {"series_stiffness": 1e6, "play": 0.0, "drag": 40.0}
-PLAY = {"series_stiffness": 3e5, "play": 7e-4, "drag": 40.0}
+RIGID = {"k_s": 0.0, "play": 0.0, "drag": 0.0}
+ELASTIC = {"k_s": 1e6, "play": 0.0, "drag": 40.0}
+PLAY = {"k_s": 3e5, "play": 7e-4, "drag": 40.0}
 PRESLIDES = {"presliding": 3e-5}
 STRIBECK = {"breakaway": 20.0, "stribeck_speed": 0.02}
 PRESSED = {"seal_area": 1e-5}
@@ -85,7 +84,7 @@ def test_golden_values(name):
 )
 def test_sensitivities_are_those_of_central_differences(more, mounting):
     held = {**mounting, **more}
-    passed = 30 if mounting["play"] else 20 if mounting["series_stiffness"] else 4
+    passed = 30 if mounting["play"] else 20 if mounting["k_s"] else 4
     check_slopes("b", {**rest("b"), **CASES["b"][1], **held}, held, passed=passed)
 
 
@@ -120,7 +119,7 @@ def test_the_slow_twin_agrees_on_a_rough_motion(name, mounting, more):
     response = simulate_network(network, values, damper, motion, options=options)
     force, _ = twin.solve(network, values, damper, (x, v), time)
     # Behind a mounting the two start with the piston elsewhere, which a reversal makes forget.
-    gap = np.abs(response.force - force)[150 if mounting["series_stiffness"] else 0 :]
+    gap = np.abs(response.force - force)[150 if mounting["k_s"] else 0 :]
     assert np.max(gap) < 0.05
     assert np.sqrt(np.mean(gap**2)) < 0.005
 

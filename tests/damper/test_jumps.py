@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from damperfit.damper.network import purdy
-from damperfit.damper.network_model import simulate_network
+from damperfit.damper.network import purdy, simulate_network
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import SimulationError
@@ -71,7 +70,7 @@ def test_an_elastic_mounting_has_jumps_too():
     """Beside a motion that is sampled so finely that its corners need none."""
     truth = reference_parameters(5)
     values = {name: getattr(truth, name) for name in ("r_m1", "r_m2", "r_m3", "k_e", "f_f")}
-    values |= {"series_stiffness": 5e6, "play": 1e-4, "drag": 40.0}
+    values |= {"k_s": 5e6, "play": 1e-4, "drag": 40.0}
     motion, fine = sampled(), sampled(rate=100.0 * RATE)
     force, exact = (
         simulate_network(purdy(), values, PURDY_DAMPER, one, options=TIGHT).force

@@ -10,7 +10,7 @@ import pytest
 from damperfit.damper.load_cell import acceleration, before_load_cell
 from damperfit.damper.mounting import FIT, NONE, Mounting
 from damperfit.damper.valve_dampers import TwinTube
-from damperfit.damper.valve_starts import valve_starts
+from damperfit.damper.valves import valve_starts
 from damperfit.errors import ConfigurationError
 from damperfit.simulation import SolverOptions, sine_motion, triangle_motion
 from damperfit.synthetic import any_model

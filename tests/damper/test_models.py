@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from damperfit.damper.models import MODELS
+from damperfit.damper.model import MODELS
 from damperfit.damper.rivals import RIVALS
 
 
@@ -31,7 +31,7 @@ def test_there_is_no_model_of_another_name() -> None:
 
 def test_one_model_loads_no_other() -> None:
     script = (
-        "import sys; from damperfit.damper.models import MODELS; MODELS['purdy']; "
+        "import sys; from damperfit.damper.model import MODELS; MODELS['purdy']; "
         "print(len(MODELS), *sys.modules)"
     )
     done = subprocess.run(

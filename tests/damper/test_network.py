@@ -15,10 +15,10 @@ from damperfit.damper.network import (
     monotube,
     purdy,
     purdy_blow_off,
+    simulate_network,
     through_flow,
     twin_tube,
 )
-from damperfit.damper.network_model import simulate_network
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper, Parameters
 from damperfit.errors import ConfigurationError, SimulationError
 from damperfit.simulation import SolverOptions, simulate, sine_motion
@@ -109,7 +109,7 @@ CASES = {
     ),
 }  # fmt: skip
 FRICTION = ("presliding", "breakaway", "stribeck_speed", "seal_area", "turning_speed")
-ABSENT = {"free_gas", "series_stiffness", "play", "drag", *FRICTION}
+ABSENT = {"free_gas", "k_s", "play", "drag", *FRICTION}
 PHASES = (0.1, 0.2, 0.3, 0.4, 0.6, 0.9)
 # 4th cycle from rest at x = 0: force N, pressures bar. Two independent codes agree on every digit.
 GOLDEN = {
@@ -212,7 +212,7 @@ def test_the_slow_twin_agrees_on_a_rough_motion(name, mounting):
         "gas_exponent": damper.gas_exponent,
         "gas_volume": damper.gas_volume,
     } | values
-    values |= dict(zip(("series_stiffness", "play", "drag"), mounting, strict=True))
+    values |= dict(zip(("k_s", "play", "drag"), mounting, strict=True))
     w = 2 * math.pi * frequency
 
     def x(t):
@@ -250,7 +250,7 @@ def test_sensitivities_by_every_number_are_those_of_central_differences(name):
             "gas_pressure": damper.gas_pressure,
             "gas_exponent": damper.gas_exponent,
             "gas_volume": damper.gas_volume,
-            "series_stiffness": 0.0,
+            "k_s": 0.0,
             "play": 0.0,
             "drag": 0.0,
         }
@@ -265,7 +265,7 @@ def test_sensitivities_by_every_number_are_those_of_central_differences(name):
 @pytest.mark.parametrize("mounting", [(1e6, 0.0), (3e5, 7e-4)])
 def test_sensitivities_hold_behind_an_elastic_mounting_with_play(name, mounting):
     _, values, damper, _ = CASES[name]
-    held = {"series_stiffness": mounting[0], "play": mounting[1], "drag": 40.0}
+    held = {"k_s": mounting[0], "play": mounting[1], "drag": 40.0}
     base = dict.fromkeys(FRICTION, 0.0) | {
         "free_gas": 0.0,
         "f_0": 0.0,

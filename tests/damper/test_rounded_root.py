@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from damperfit.damper.purdy import integration
+from damperfit.damper.purdy import parameters
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.simulation import SolverOptions, simulate, sine_motion
@@ -26,7 +26,7 @@ def test_a_pascal_cannot_be_seen_in_the_papers_damper(
 ) -> None:
     found = []
     for one in (rounding, 0.01):
-        monkeypatch.setattr(integration, "_ROUNDING", one)
+        monkeypatch.setattr(parameters, "_ROUNDING", one)
         values, options = reference_parameters(setting), SolverOptions(tolerance=TIGHT)
         found.append(simulate(values, PURDY_DAMPER, STANDARD, options=options))
     assert least < worst(*found) < most

@@ -10,7 +10,7 @@ import pytest
 
 from damperfit.cli import main
 from damperfit.conditioning import condition
-from damperfit.damper.models import MODELS
+from damperfit.damper.model import MODELS
 from damperfit.damper.valve_dampers import Monotube
 from damperfit.errors import ConfigurationError, SimulationError
 from damperfit.identification import compare, normalised_mse

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 from damperfit.damper.mounting import Mounting
-from damperfit.damper.network import Valve
-from damperfit.damper.network_model import simulate_network
+from damperfit.damper.network import Valve, law_flow, simulate_network
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.damper.valve_characteristics import law_flow, valve_characteristics
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
+from damperfit.damper.valves import valve_characteristics
 from damperfit.simulation import sine_motion
 from tests.damper.test_valve_dampers import LAYOUTS, VALVES, damper, log
 

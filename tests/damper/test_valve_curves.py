@@ -7,11 +7,10 @@ import dataclasses
 import numpy as np
 import pytest
 
-from damperfit.damper.network import monotube, through_flow, twin_tube
-from damperfit.damper.network_model import simulate_network
+from damperfit.damper.network import monotube, simulate_network, through_flow, twin_tube
 from damperfit.damper.purdy.closed_forms import gas_pressure
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.damper.valve_curves import Loop, Side, read_valves
+from damperfit.damper.valves import Loop, Side, read_valves
 from damperfit.simulation import sine_motion
 
 AMBIENT = 101325.0
@@ -37,7 +36,7 @@ def loops(layout, values, *, speeds=(0.13, 0.26), keep=1.0):
     for speed in speeds:
         frequency = speed / (2 * np.pi * 0.02)
         motion = sine_motion(0.02, frequency, cycles=3, sample_rate=1000)
-        values = values | {"series_stiffness": STIFFNESS, "f_0": -12.0}
+        values = values | {"k_s": STIFFNESS, "f_0": -12.0}
         force = simulate_network(network, values, DAMPER, motion).force
         level = DAMPER.rod_area * (AMBIENT - gas_pressure(DAMPER, motion.displacement))
         part = slice(round(2000 / frequency), None)

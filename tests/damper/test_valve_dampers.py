@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from damperfit.damper.mounting import Mounting
-from damperfit.damper.network import Valve
-from damperfit.damper.network_model import simulate_network
+from damperfit.damper.network import Valve, simulate_network
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
 from damperfit.errors import ConfigurationError
 from damperfit.recording import Drive, FilterDesign, Stretch, Trace
@@ -78,7 +77,7 @@ def test_without_a_lag_it_is_the_network_and_with_it_the_force_is_late(kind):
     numbers = {**VALVES, **HELD, "return_slope": 2e5, "k_e": 9e8}
     values = model.values({one: numbers[one] for one in numbers if one in model.names})
     core = {one: number for one, number in numbers.items() if one in model.network.numbers}
-    core |= {"series_stiffness": 4e5, "play": 4e-4}
+    core |= {"k_s": 4e5, "play": 4e-4}
     bare = simulate_network(model.network, core, model, motion()).force
     late = simulate(values, model, motion()).force
     crossings = [np.flatnonzero(np.diff(np.signbit(one[1000:])))[0] for one in (bare, late)]

@@ -11,7 +11,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
-from damperfit.damper.rivals.linear import Linear
+from damperfit.damper.rivals import Linear
 from damperfit.errors import ConfigurationError
 from damperfit.exporting import TARGETS
 from damperfit.exporting import fmu as libraries

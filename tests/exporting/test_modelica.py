@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from damperfit.damper.models import MODELS
+from damperfit.damper.model import MODELS
 from damperfit.exporting import TARGETS
 from damperfit.exporting.check import check_export
 from damperfit.exporting.tables import force_tables

@@ -8,12 +8,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from damperfit.damper.declared_network import DeclaredNetwork, DeclaredPassage
-from damperfit.damper.friction import Friction
-from damperfit.damper.mounting import Mounting
+from damperfit.damper.mounting import Friction, Mounting
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
-from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
+from damperfit.damper.valve_dampers import (
+    DeclaredNetwork,
+    DeclaredPassage,
+    Monotube,
+    ThroughFlow,
+    TwinTube,
+)
 from damperfit.results import SettingResult
 from damperfit.simulation import Motion, SolverOptions, simulate
 from damperfit.tested.setting import Setting

@@ -8,9 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from damperfit.damper.cavitation import Cavitation, describe_cavitation
-from damperfit.damper.purdy import cavitation as purdy_cavitation
-from damperfit.damper.purdy.cavitation import examine_cavitation
+from damperfit.damper import cavitation as purdy_cavitation
+from damperfit.damper.cavitation import Cavitation, describe_cavitation, examine_cavitation
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import compare

@@ -12,7 +12,7 @@ from scipy.optimize import least_squares
 
 from damperfit.damper.mounting import NONE, Mounting
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.damper.rivals.linear import Bilinear
+from damperfit.damper.rivals import Bilinear
 from damperfit.damper.valve_dampers import Monotube
 from damperfit.identification import DETECT, Campaign, FitOptions, Outcome, compare, identify
 from damperfit.identification.campaign import ProcedureInput

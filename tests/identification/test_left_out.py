@@ -6,8 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from damperfit.damper.friction import Friction
-from damperfit.damper.mounting import FIT, NONE, Mounting
+from damperfit.damper.mounting import FIT, NONE, Friction, Mounting
 from damperfit.damper.network import Valve
 from damperfit.damper.rivals import BoucWen
 from damperfit.identification import Campaign, Fit, FitOptions, identify

@@ -19,8 +19,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.damper.friction import Friction
-from damperfit.damper.mounting import FIT
+from damperfit.damper.mounting import FIT, Friction
 from damperfit.laws import SettingLogs, search_laws
 from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting

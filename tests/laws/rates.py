@@ -28,11 +28,9 @@ import numpy as np
 
 from damperfit.conditioning import condition
 from damperfit.conditioning.gas_force import YIELDS, held_share
-from damperfit.damper.force_channel import behind_lag
-from damperfit.damper.friction import Friction
-from damperfit.damper.mounting import FIT, NONE, Mounting
-from damperfit.damper.network import Network, Passage, Valve
-from damperfit.damper.network_model import simulate_network
+from damperfit.damper.load_cell import behind_lag
+from damperfit.damper.mounting import FIT, NONE, Friction, Mounting
+from damperfit.damper.network import Network, Passage, Valve, simulate_network
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube, ValveDamper
 from damperfit.laws import SettingLogs, search_laws
@@ -176,8 +174,8 @@ def _network(one: Drawn) -> tuple[Network, dict[str, float]]:
 def logged(one: Drawn, motion: Motion, seed: int, setting: Setting = ALONE) -> Trace:
     """The log of a motion, with noise."""
     network, numbers = _network(one)
-    renamed = {"series_stiffness" if k == "k_s" else k: v for k, v in numbers.items() if k != "lag"}
-    force = simulate_network(network, renamed, one.model, motion).force
+    own = {name: number for name, number in numbers.items() if name != "lag"}
+    force = simulate_network(network, own, one.model, motion).force
     if one.disturbance == "stribeck":
         more = np.exp(-np.abs(motion.velocity) / 0.01) * np.sign(motion.velocity)
         force = force + 0.35 * numbers["f_f"] * more

@@ -89,7 +89,7 @@ def speed_of(excess, friction, drag, band):
 def pull_of(stretch, values):
     """Force of the mounting, N."""
     beyond = abs(stretch) - values["play"] / 2
-    return math.copysign(values["series_stiffness"] * max(0.0, beyond), stretch)
+    return math.copysign(values["k_s"] * max(0.0, beyond), stretch)
 
 
 def solve(network, values, damper, motion, time, rtol=1e-9):
@@ -105,7 +105,7 @@ def solve(network, values, damper, motion, time, rtol=1e-9):
     band = max(DEAD_BAND, values["turning_speed"])
     rod, bore = damper.rod_area, damper.piston_area
     n_oil = 1 if network.has_floating_piston else 2
-    is_elastic = values["series_stiffness"] > 0.0
+    is_elastic = values["k_s"] > 0.0
 
     def oil_force(p):
         return p[0] * (bore - rod) - p[1] * bore + rod * network.ambient_pressure
@@ -148,7 +148,7 @@ def solve(network, values, damper, motion, time, rtol=1e-9):
         start.append(0.0)
     if is_elastic:
         level = rod * (network.ambient_pressure - values["gas_pressure"])
-        start.append(-level / values["series_stiffness"] + values["play"] / 2)
+        start.append(-level / values["k_s"] + values["play"] / 2)
     done = solve_ivp(
         rates,
         (time[0], time[-1]),

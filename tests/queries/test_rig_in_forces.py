@@ -8,7 +8,7 @@ from damperfit.adjustment.force_at import Stage
 from damperfit.damper.mounting import FIT, Mounting
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
-from damperfit.damper.rivals.linear import Linear
+from damperfit.damper.rivals import Linear
 from damperfit.damper.valve_dampers import ThroughFlow
 from damperfit.queries.settings import notes_on_settings, notes_on_simulation
 from damperfit.tested.setting import Setting

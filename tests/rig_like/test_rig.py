@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from damperfit.damper.models import MODELS
+from damperfit.damper.model import MODELS
 from damperfit.damper.mounting import FIT, NONE, Mounting
 from damperfit.simulation import Motion, SolverOptions, simulate
 from tests.rig_like.rig import FINE, LAYOUTS, Body, Valve, pulled, steps

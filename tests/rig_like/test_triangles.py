@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from damperfit.conditioning import condition
-from damperfit.damper.models import MODELS
+from damperfit.damper.model import MODELS
 from damperfit.damper.mounting import FIT, Mounting
 from damperfit.identification import Fit, FitOptions, identify
 from damperfit.io import read_log

@@ -17,8 +17,7 @@ from functools import cache
 import numpy as np
 
 from damperfit.conditioning import ConditionOptions, condition
-from damperfit.damper.friction import Friction
-from damperfit.damper.mounting import Mounting
+from damperfit.damper.mounting import Friction, Mounting
 from damperfit.damper.valve_dampers import TwinTube
 from damperfit.identification import FitOptions, identify
 from damperfit.identification.options import GivenStart

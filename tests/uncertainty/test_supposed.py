@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import pytest
 
-from damperfit.damper.friction import Friction
-from damperfit.damper.pressing import with_pressed_seal
+from damperfit.damper.friction import with_pressed_seal
+from damperfit.damper.mounting import Friction
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.damper.warmed import Warmed

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from damperfit.damper.friction import Friction
+from damperfit.damper.friction import _SPREAD, other_turns
+from damperfit.damper.mounting import Friction
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
-from damperfit.damper.turning import _SPREAD, other_turns
 from damperfit.damper.warmed import Warmed
 from tests.uncertainty.drag_coverage import NAMES, SHARP, TRUTH, TURNING, Seals, errors_of
 

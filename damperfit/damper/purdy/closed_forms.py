@@ -39,13 +39,10 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.float64]
 
 __all__ = [
-    "DESIGN_COLUMNS",
     "gas_pressure",
     "incompressible_design",
     "incompressible_force",
 ]
-
-DESIGN_COLUMNS = ("r_m1_squared", "r_m2", "r_m3", "f_f")
 
 
 def gas_pressure(damper: Damper, displacement: ArrayLike) -> FloatArray:
@@ -89,27 +86,9 @@ def incompressible_design(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the matrix and offset in which the incompressible force is linear.
 
-    ``force = columns @ [r_m1**2, r_m2, r_m3, f_f] + offset`` is section "Full model" above with
-    f_0 = 0. A column is zero in the stroke its valve is shut in; at v = 0 friction is 0.
-
-    Parameters
-    ----------
-    damper : Damper
-        Geometry, oil and gas.
-    displacement, velocity : array_like
-        Shape (n,); x in m and v in m/s, positive in rebound.
-
-    Returns
-    -------
-    columns : numpy.ndarray
-        Shape (n, 4), in the order of `DESIGN_COLUMNS`.
-    offset : numpy.ndarray
-        Shape (n,); the force of gas and air, -a_r (P_3 - P_amb), N.
-
-    Raises
-    ------
-    SimulationError
-        The stroke leaves no room for the gas.
+    ``force = columns @ [r_m1**2, r_m2, r_m3, f_f] + offset`` is "Full model" above with f_0 = 0,
+    columns of shape (n, 4), offset the force of gas and air, N. A column is zero in the stroke its
+    valve is shut in; at v = 0 friction is 0.
     """
     v = np.asarray(velocity, dtype=np.float64)
     a_p1, a_p2, a_r = damper.annulus_area, damper.piston_area, damper.rod_area
@@ -141,11 +120,6 @@ def incompressible_force(
     -------
     numpy.ndarray
         Shape (n,); f in N, positive in rebound.
-
-    Raises
-    ------
-    SimulationError
-        The stroke leaves no room for the gas.
 
     Examples
     --------

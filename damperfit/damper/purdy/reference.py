@@ -1,4 +1,6 @@
-"""The reference set: synthetic parameters of a damper with twenty settings.
+"""What is drawn without logs: the reference set, and the families of curves of figures 4 to 9.
+
+The reference set: synthetic parameters of a damper with twenty settings.
 
 These numbers are this project's own. They are not Purdy's: the paper shows its parameters against
 setting only as figures (14 to 16) and prints two numbers, R_m3 = 2.597e6 and f_f = 50 N, which are
@@ -18,11 +20,18 @@ With k = setting - 1:
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 from damperfit.damper.purdy.parameters import Parameters
 from damperfit.errors import ConfigurationError
 
-__all__ = ["REFERENCE_SETTINGS", "REFERENCE_SOURCE", "reference_parameters"]
+__all__ = [
+    "FAMILIES",
+    "REFERENCE_SETTINGS",
+    "REFERENCE_SOURCE",
+    "Family",
+    "reference_parameters",
+]
 
 REFERENCE_SETTINGS: tuple[int, ...] = tuple(range(1, 21))
 
@@ -36,17 +45,7 @@ _SCATTER = (
 
 
 def reference_parameters(setting: int) -> Parameters:
-    """Return the synthetic parameters of one setting.
-
-    Parameters
-    ----------
-    setting : int
-        1 (softest) to 20 (stiffest).
-
-    Returns
-    -------
-    Parameters
-        SI; ``f_0`` is 0.
+    """Return the synthetic parameters of one setting, 1 (softest) to 20; SI, ``f_0`` is 0.
 
     Raises
     ------
@@ -70,3 +69,34 @@ def reference_parameters(setting: int) -> Parameters:
         r_m1, r_m2 = 4.9e4, 1.7e7
     k_e = (5.0e8 + 1.2e7 * k + 8.0e5 * k**2) * (1.0 + _SCATTER[k])
     return Parameters(r_m1=r_m1, r_m2=r_m2, r_m3=2.597e6, k_e=k_e, f_f=50.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Family:
+    """One family of curves.
+
+    Attributes
+    ----------
+    name : str
+        The parameter.
+    number : int
+        Of the figure.
+    factors : tuple of float
+        What the parameter is multiplied with.
+    of_pressures : int
+        Number of the figure of its chamber pressures; 0: there is none.
+    """
+
+    name: str
+    number: int
+    factors: tuple[float, ...]
+    of_pressures: int = 0
+
+
+FAMILIES = (
+    Family("r_m1", 4, (0.8, 1.0, 1.2)),
+    Family("r_m2", 5, (0.8, 1.0, 1.2)),
+    Family("r_m3", 6, (0.5, 1.0, 1.5), of_pressures=7),
+    Family("k_e", 8, (0.2, 1.0, 2.0)),
+    Family("f_f", 9, (0.0, 1.0, 2.0)),
+)

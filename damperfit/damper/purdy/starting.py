@@ -7,19 +7,29 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.damper.detour import Detour
+from damperfit.damper.model import Detour
 from damperfit.damper.purdy.closed_forms import gas_pressure, incompressible_design
 from damperfit.damper.purdy.parameters import Parameters
-from damperfit.damper.purdy.roots import nonnegative_least_squares
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
 
     from damperfit.damper.model import Values
     from damperfit.damper.purdy.parameters import Damper
     from damperfit.recording import Trace
 
-__all__ = ["REBOUND", "cavitation_limit", "detours", "starting_values", "starts"]
+    FloatArray = NDArray[np.float64]
+
+__all__ = [
+    "REBOUND",
+    "cavitation_limit",
+    "detours",
+    "nonnegative_least_squares",
+    "starting_values",
+    "starts",
+]
 
 # A few hundred samples a log fix four numbers well enough to start from.
 _SAMPLES_A_LOG = 400
@@ -28,13 +38,16 @@ _BULK_MODULI = (6e8, 6e7, 2e8, 1.8e9)
 # Where the closed form gives nothing for a valve, start from a tenth of the other valves' effect.
 _SMALL_SHARE = 0.1
 # Start this far below the R_m3 at which chamber 2 would cavitate, where the misfit has a second,
-# wrong valley (R_m3 up, f_f to zero).
+# wrong local minimum (R_m3 up, f_f to zero).
 _CAVITATION_DISTANCE = 0.8
 # Starts for a damper that cavitates, in units of `cavitation_limit`: 1.5 and 5 times the onset.
 _BEYOND_ONSET = (1.9, 6.0)
 # What a start holds until the others have settled: at stiff settings R_m1 carries the rebound, and
 # one that is off in K_e lets R_m3 run into cavitation.
 REBOUND = frozenset({"r_m3", "f_f"})
+# A slope that is zero to the last digits, beside columns and values of length 1.
+_FLAT = 1e-12
+_MOST_ROUNDS = 100
 
 
 def starts(
@@ -50,20 +63,9 @@ def starts(
 def starting_values(
     traces: Sequence[Trace], damper: Damper, fixed: Mapping[str, float], k_e: float
 ) -> Parameters:
-    """Return starting values from the incompressible limit of the model.
+    """Return starting values from the incompressible limit of the model, at a bulk modulus, Pa.
 
     Non-negative linear least squares in (R_m1^2, R_m2, R_m3, f_f) and, unless fixed, f_0.
-
-    Parameters
-    ----------
-    traces : sequence of Trace
-        Logs of one setting.
-    damper : Damper
-        Geometry, oil and gas.
-    fixed : mapping of str to float
-        Parameters that are known, SI.
-    k_e : float
-        Bulk modulus to start from, Pa; the closed form does not know it.
     """
     columns, force = _stack(traces, damper)
     if "f_0" in fixed:
@@ -129,7 +131,7 @@ def cavitation_limit(traces: Sequence[Trace], damper: Damper) -> float:
     return _CAVITATION_DISTANCE * min(limits)
 
 
-def _stack(traces: Sequence[Trace], damper: Damper) -> tuple[np.ndarray, np.ndarray]:
+def _stack(traces: Sequence[Trace], damper: Damper) -> tuple[FloatArray, FloatArray]:
     """Thinned rows of the closed form's matrix, with two columns for an offset of either sign."""
     rows, forces = [], []
     for trace in traces:
@@ -142,3 +144,52 @@ def _stack(traces: Sequence[Trace], damper: Damper) -> tuple[np.ndarray, np.ndar
         rows.append(np.hstack([columns, one, -one]))
         forces.append(trace.force[part] - offset)
     return np.vstack(rows), np.concatenate(forces)
+
+
+def nonnegative_least_squares(columns: FloatArray, values: FloatArray) -> FloatArray:
+    """Return x >= 0 that makes |columns x - values| least.
+
+    Lawson and Hanson, "Solving Least Squares Problems", 1974, chapter 23: `scipy.optimize` takes
+    longer to load than all starts take.
+
+    Parameters
+    ----------
+    columns : numpy.ndarray
+        Shape (n, k), of about the same length each.
+    values : numpy.ndarray
+        Shape (n,).
+
+    Examples
+    --------
+    >>> nonnegative_least_squares(np.eye(2), np.array([3.0, -1.0])).tolist()
+    [3.0, 0.0]
+    """
+    triangle = np.asarray(np.linalg.qr(np.column_stack([columns, values]), mode="r"))
+    a, b = triangle[:, :-1], triangle[:, -1]
+    least = _FLAT * float(np.linalg.norm(a, axis=0).max(initial=0.0) * np.linalg.norm(b))
+    found = np.zeros(a.shape[1])
+    is_free = np.zeros(a.shape[1], dtype=bool)
+    for _ in range(_MOST_ROUNDS):
+        slope = np.where(is_free, -np.inf, a.T @ (b - a @ found))
+        best = int(np.argmax(slope))
+        if not slope[best] > least:
+            break
+        is_free[best] = True
+        trial = _unbounded(a, b, is_free)
+        while np.any(is_free & (trial <= 0.0)):
+            # As far as the first that would turn negative; it is held at nothing from there on.
+            out = np.flatnonzero(is_free & (trial <= 0.0))
+            share = float(np.min(found[out] / np.maximum(found[out] - trial[out], 1e-300)))
+            found += share * (trial - found)
+            is_free &= found > _FLAT * float(found.max())
+            found[~is_free] = 0.0
+            trial = _unbounded(a, b, is_free)
+        found = trial
+    return found
+
+
+def _unbounded(a: FloatArray, b: FloatArray, is_free: NDArray[np.bool_]) -> FloatArray:
+    found = np.zeros(a.shape[1])
+    if is_free.any():
+        found[is_free] = np.linalg.lstsq(a[:, is_free], b, rcond=None)[0]
+    return found

@@ -1,0 +1,565 @@
+"""Valves read off the loops: flow against pressure without a law of the valve, and what follows.
+
+In each stroke one valve is pressed through, by a piston of area a, so that its pressure is the
+force itself, D = f'/a with f' the force without gas, offset and friction. What the piston displaces
+goes through the valve or is taken up by what gives way (oil, hoses, rod ends: a compliance C)::
+
+    a |v| - C dD/dt = c sqrt(D) + sum_j c_j max(0, D - p_j)
+
+Non-negative least squares on a row of knees p_j gives all of them at once, without a start and
+without a second minimum. The left side against D is the valve's characteristic: a bleed is its
+root, a blow-off the knee where it turns upwards. Friction and offset are tried on a grid, which is
+made finer once about the best; beside a fit they are the fit's, as are moving mass, the lag of the
+force channel and the drag of the seals. Where the characteristic and the law part, the law is
+wrong. The readings, and guesses beside them, are where a fit of valves starts.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from damperfit.damper.load_cell import OF_LOAD_CELL, before_load_cell
+from damperfit.damper.network import PARTS, law_flow
+from damperfit.damper.valve_dampers import STROKES
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from damperfit.damper.model import Values
+    from damperfit.damper.network import Valve
+    from damperfit.damper.valve_dampers import ValveDamper
+    from damperfit.recording import Trace
+
+    FloatArray = NDArray[np.float64]
+
+__all__ = [
+    "Loop",
+    "Side",
+    "ValveCharacteristic",
+    "ValveCurve",
+    "ValveReading",
+    "loop_of",
+    "read_valves",
+    "valve_characteristics",
+    "valve_points",
+    "valve_starts",
+    "within_plausible",
+]
+
+# Shares of half the force's range. Seals have 1 to 15 %; a tare is about the rod's gas force.
+_FRICTIONS = (0.005, 0.02, 0.05, 0.1, 0.16)
+_OFFSETS = (-0.3, -0.15, -0.05, 0.0, 0.05, 0.15, 0.3)
+_FINER = (-0.5, -0.25, 0.0, 0.25, 0.5)  # of the distance to the grid's neighbours
+# Rows a stroke and log; a few hundred fix sixteen numbers.
+_ROWS = 500
+_KNEES = 14
+_LOWEST_KNEE, _HIGHEST_KNEE = 0.05, 0.95
+_AT = np.geomspace(_LOWEST_KNEE, _HIGHEST_KNEE, _KNEES)
+# Knees below this share of the largest D are the bleed's: they bend it towards a straight line.
+_OPENING_FROM = 0.2
+# Without a knee: a blow-off from three quarters of the largest D on, with a tenth of the flow.
+_UNSEEN_OPENING, _UNSEEN_SHARE = 0.75, 0.1
+# A port through which less of the largest flow could go, without an opening before it, is none.
+_LEAST_PORT = 0.05
+
+_POINTS = 120  # of a law's curve
+
+
+# Openings tried beside those read, in shares of the largest pressure: rebound, compression.
+_GUESSES = ((0.35, 0.35), (0.75, 0.35), (0.35, 0.75), (0.75, 0.75))
+_HALF = 0.5  # of the flow at the opening goes through the bleed, in a guess
+# A bleed never starts with less than this share of its stroke's flow, and a blow-off's conductance
+# never with less than this share of what would carry all of it: what is absent at the start cannot
+# be found by a descent.
+_LEAST = 0.1
+# A blow-off whose port was read off the loops: share of the port's pressure at the largest flow.
+_BESIDE_A_PORT = 0.1
+_PLAY, _LAG, _MASS, _DRAG, _FRICTION = 3e-4, 5e-3, 0.5, 10.0, 0.01
+# What few logs tell, where it is freed. A few steps from a turning speed of 1 mm/s do not show one
+# of 18 mm/s, for friction that turns so early hardly changes with it.
+_RARE = {
+    "free_gas": 5e-3, "presliding": 3e-5, "breakaway": 10.0, "stribeck_speed": 0.02,
+    "seal_area": 3e-6, "turning_speed": 1e-2,
+}  # fmt: skip
+# Offset, N, and share of half the force's range that is friction, at which the loops are read. Of
+# themselves they take hardly any friction, with which a weak stroke is read wrong: seals have 3 to
+# 8 %, at soft settings 15. Without an offset it is the one at which they fit best, but behind a
+# nearly closed bleed the preload of one stroke passes for an offset, a fifth of the force.
+_READ_AT = ((None, 0.05), (None, 0.025), (0.0, 0.05), (0.0, 0.025), (0.0, 0.15))
+# Softest and stiffest mounting, N/m, and oil, Pa, that a start has.
+_STIFFNESS, _OIL = (5e4, 5e6), (5e7, 3e9)
+
+# What draws oil through a return check in rebound and in bump: it costs force by the speed.
+_FILLED = {
+    "twin_tube": ("rod_area", "annulus_area"),
+    "through_flow": ("piston_area", "annulus_area"),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Side:
+    """What presses through a valve.
+
+    Attributes
+    ----------
+    area : float
+        Displaces the oil and carries the pressure, m2.
+    drag : float
+        Force by the speed that other passages cost in this stroke, N s/m.
+    """
+
+    area: float
+    drag: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Loop:
+    """Samples of a log that are compared, without the gas's and the ambient pressure's force.
+
+    Attributes
+    ----------
+    force, force_rate, velocity : numpy.ndarray
+        Shape (n,); N, N/s, m/s.
+    """
+
+    force: FloatArray
+    force_rate: FloatArray
+    velocity: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ValveCurve:
+    """One valve as read off the loops.
+
+    Attributes
+    ----------
+    drop, flow : numpy.ndarray
+        Shape (n,); D in Pa and a |v| - C dD/dt in m3/s at the samples of its stroke.
+    compliance : float
+        C, m3/Pa.
+    root : float
+        c, of the bleed, m3/(s sqrt(Pa)).
+    opening : float
+        p_open of the blow-off, Pa.
+    conductance : float
+        Of the blow-off beyond its opening, m3/(s Pa).
+    has_knee : bool
+        Whether an opening was found; else it and its conductance are only a place to start from.
+    """
+
+    drop: FloatArray
+    flow: FloatArray
+    compliance: float
+    root: float
+    opening: float
+    conductance: float
+    has_knee: bool
+
+    @property
+    def highest(self) -> float:
+        """Largest pressure across the valve, Pa."""
+        return float(np.max(self.drop))
+
+    @property
+    def ported(self) -> tuple[float, float, float] | None:
+        """The same flow as that of a bleed and of a port behind the opening: c, p_open and c_p.
+
+        a |v| - C dD/dt = c sqrt(D) + sum_j c_j sqrt(max(0, D - p_j)), c_p the sum of the c_j. None
+        where no port shows.
+        """
+        knees = self.highest * _AT
+        columns = np.sqrt(np.maximum(self.drop[:, None] - np.append(0.0, knees), 0.0))
+        root, *roots = _nonnegative(columns, self.flow)[0]
+        port = float(np.sum(roots))
+        if not port * math.sqrt(self.highest) > _LEAST_PORT * float(self.flow.max()):
+            return None
+        return float(root), float(roots @ knees) / port, port
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ValveReading:
+    """Both valves, and the friction and offset at which they explain the loops best.
+
+    Attributes
+    ----------
+    rebound, compression : ValveCurve
+        The valve of each stroke.
+    friction, offset : float
+        N.
+    """
+
+    rebound: ValveCurve
+    compression: ValveCurve
+    friction: float
+    offset: float
+
+
+def loop_of(trace: Trace, level: FloatArray) -> Loop:
+    """Return the compared samples of a log.
+
+    Parameters
+    ----------
+    trace : Trace
+        A log.
+    level : numpy.ndarray
+        Shape (n,), what gas and ambient pressure alone do to the force at its samples, N.
+    """
+    force = trace.force - level
+    rate = np.gradient(force, trace.interval)
+    at = np.arange(len(force))[trace.compared]
+    at = at[:: max(1, len(at) // (4 * _ROWS))]
+    return Loop(force[at], rate[at], trace.velocity[at])
+
+
+def read_valves(
+    loops: Sequence[Loop],
+    rebound: Side,
+    compression: Side,
+    *,
+    offset: float | None = None,
+    friction: float | None = None,
+) -> ValveReading:
+    """Return both valves of a damper, with the friction and offset at which they fit best.
+
+    Parameters
+    ----------
+    loops : sequence of Loop
+        Logs of one setting.
+    rebound, compression : Side
+        What presses through the valve of each stroke.
+    offset, friction : float, optional
+        Where they are known, N. A loop tells little of the friction beside a blow-off.
+    """
+    whole = Loop(*(np.concatenate([getattr(one, k) for one in loops]) for k in Loop.__slots__))
+    half = 0.5 * float(np.ptp(whole.force))
+    sides = ((1.0, rebound), (-1.0, compression))
+    middle = [half * share for share in _OFFSETS] if offset is None else [offset]
+    coarse = [half * share for share in _FRICTIONS] if friction is None else [friction]
+    best = _best(whole, sides, coarse, middle)
+    width = np.array(_FINER)
+    frictions = (best[0] * (1.0 + width)).tolist() if friction is None else coarse
+    offsets = (best[1] + 0.1 * half * width).tolist() if offset is None else middle
+    best = _best(whole, sides, frictions, offsets)
+    curves = [_curve(whole, sign, side, *best) for sign, side in sides]
+    return ValveReading(curves[0], curves[1], *best)
+
+
+def _best(
+    loop: Loop,
+    sides: Sequence[tuple[float, Side]],
+    frictions: Sequence[float],
+    offsets: Sequence[float],
+) -> tuple[float, float]:
+    """Friction and offset with the least misfit of the flows, each stroke's in units of its own."""
+    tried = []
+    for friction in frictions:
+        for offset in offsets:
+            rows = [_rows(loop, sign, side, friction, offset) for sign, side in sides]
+            misfit = sum(math.inf if one is None else one.solve()[1] for one in rows)
+            tried.append((misfit, friction, offset))
+    return min(tried)[1:]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Rows:
+    """The linear system of one stroke."""
+
+    drop: FloatArray
+    drop_rate: FloatArray
+    displaced: FloatArray
+    knees: FloatArray
+
+    def solve(self) -> tuple[FloatArray, float]:
+        """Return C, c and the c_j, and the misfit as a share of the flow's mean square."""
+        columns = np.empty((len(self.drop), 2 + len(self.knees)))
+        columns[:, 0] = self.drop_rate
+        np.sqrt(self.drop, out=columns[:, 1])
+        beyond = columns[:, 2:]
+        np.subtract(self.drop[:, None], self.knees, out=beyond)
+        np.maximum(beyond, 0.0, out=beyond)
+        weights, rest = _nonnegative(columns, self.displaced)
+        return weights, rest**2 / float(self.displaced @ self.displaced)
+
+
+def _nonnegative(columns: FloatArray, flow: FloatArray) -> tuple[FloatArray, float]:
+    """Non-negative least squares: what each column takes, and the length of what is left."""
+    from scipy.optimize import nnls
+
+    lengths = np.sqrt(np.maximum(np.einsum("ij,ij->j", columns, columns), 1e-300))
+    columns /= lengths
+    weights, rest = nnls(columns, flow)
+    return weights / lengths, float(rest)
+
+
+def _rows(loop: Loop, sign: float, side: Side, friction: float, offset: float) -> _Rows | None:
+    """Return the rows of a stroke; None where it presses hardly anywhere."""
+    moved = loop.force - offset - friction * np.sign(loop.velocity)
+    drop = sign * moved / side.area - side.drag * np.maximum(sign * loop.velocity, 0.0) / side.area
+    at = np.flatnonzero(drop > 0.0)
+    at = at[:: max(1, len(at) // _ROWS)]
+    if len(at) < 4 * _KNEES:
+        return None
+    drop = drop[at]
+    return _Rows(
+        drop,
+        sign * loop.force_rate[at] / side.area,
+        side.area * sign * loop.velocity[at],
+        float(drop.max()) * _AT,
+    )
+
+
+def _curve(loop: Loop, sign: float, side: Side, friction: float, offset: float) -> ValveCurve:
+    """Return the valve of a stroke at a friction and offset."""
+    rows = _rows(loop, sign, side, friction, offset)
+    if rows is None:
+        nothing = np.zeros(1)
+        return ValveCurve(nothing, nothing, 0.0, 0.0, 0.0, 0.0, has_knee=False)
+    weights, _ = rows.solve()
+    compliance, root, turns = weights[0], weights[1], weights[2:]
+    knees, top = rows.knees, float(np.max(rows.drop))
+    is_opening = knees > _OPENING_FROM * top
+    conductance = float(turns[is_opening].sum())
+    has_knee = conductance > 0.0
+    if has_knee:
+        opening = float(turns[is_opening] @ knees[is_opening]) / conductance
+    else:
+        opening = _UNSEEN_OPENING * top
+        flow = side.area * float(np.max(np.abs(loop.velocity)))
+        conductance = _UNSEEN_SHARE * flow / (top - opening)
+    # Up to the opening the lower knees are the bleed's too.
+    low = float(turns[~is_opening] @ np.maximum(0.0, opening - knees[~is_opening]))
+    return ValveCurve(
+        drop=rows.drop,
+        flow=rows.displaced - compliance * rows.drop_rate,
+        compliance=float(compliance),
+        root=float(root) + low / math.sqrt(opening),
+        opening=opening,
+        conductance=conductance,
+        has_knee=has_knee,
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ValveCharacteristic:
+    """One valve of a setting.
+
+    Attributes
+    ----------
+    stroke : str
+        "rebound" or "bump".
+    area : float
+        What presses oil through it, m2: a pressure times this is its force.
+    drop, flow : numpy.ndarray
+        Shape (n,), as measured; Pa and m3/s.
+    law_drop, law_flow : numpy.ndarray
+        Shape (k,), the fitted law from nothing to the largest pressure measured.
+    opening : float or None
+        p_open of its blow-off, Pa; None without one.
+    """
+
+    stroke: str
+    area: float
+    drop: FloatArray
+    flow: FloatArray
+    law_drop: FloatArray
+    law_flow: FloatArray
+    opening: float | None
+
+
+def valve_characteristics(
+    damper: ValveDamper, values: Values, traces: Sequence[Trace]
+) -> tuple[ValveCharacteristic, ...]:
+    """Return the valves of a setting; one that the logs hardly press is left out.
+
+    Parameters
+    ----------
+    damper : ValveDamper
+        The damper.
+    values : Values
+        Of the setting.
+    traces : sequence of Trace
+        Its logs.
+    """
+    numbers = dict(values)
+    of_cell = {name: numbers[name] for name in OF_LOAD_CELL if name in numbers}
+    loops = [
+        loop_of(before_load_cell(trace, **of_cell), damper.rest_force(trace.displacement))
+        for trace in traces
+    ]
+    both = [Side(one.area, one.drag + numbers["drag"]) for one in _sides(damper, numbers)]
+    reading = read_valves(loops, *both, offset=numbers["f_0"], friction=numbers["f_f"])
+    read = []
+    for stroke, side in zip(STROKES, both, strict=True):
+        curve: ValveCurve = getattr(reading, stroke)
+        valve: Valve = getattr(damper, stroke)
+        if curve.highest <= 0.0:
+            continue
+        own = {part: numbers[f"{stroke}_{part}"] for part in valve.parts}
+        # A bleed rises steeply from nothing: most points stand there.
+        drop = curve.highest * np.linspace(0.0, 1.0, _POINTS) ** 2
+        opening = own.get("opening")
+        if opening is not None and opening < curve.highest:
+            drop = np.sort(np.append(drop, opening))
+        read.append(
+            ValveCharacteristic(
+                stroke="bump" if stroke == "compression" else stroke,
+                area=side.area,
+                drop=curve.drop,
+                flow=curve.flow,
+                law_drop=drop,
+                law_flow=law_flow(own, drop, damper.oil_density),
+                opening=opening,
+            )
+        )
+    return tuple(read)
+
+
+def valve_starts(
+    damper: ValveDamper, traces: Sequence[Trace], fixed: Mapping[str, float]
+) -> tuple[Values, ...]:
+    """Return starting points for the logs of one setting, that of the loops first.
+
+    Parameters
+    ----------
+    damper : ValveDamper
+        The damper.
+    traces : sequence of Trace
+        Logs of one setting.
+    fixed : mapping of str to float
+        What is held.
+    """
+    return tuple(
+        within_plausible(damper, one, fixed) for one in valve_points(damper, traces, fixed)
+    )
+
+
+def valve_points(
+    damper: ValveDamper, traces: Sequence[Trace], fixed: Mapping[str, float]
+) -> list[dict[str, float]]:
+    """Return the same points by name, whatever of it the damper has."""
+    mass = damper.mounting.moving_mass
+    known = 0.0 if isinstance(mass, str) else float(mass)
+    loops = [
+        loop_of(
+            before_load_cell(trace, moving_mass=known),
+            damper.filled_to(trace.gas_pressure).rest_force(trace.displacement),
+        )
+        for trace in traces
+    ]
+    half = 0.5 * max(float(np.ptp(loop.force)) for loop in loops)
+    at = ((fixed.get("f_0", offset), fixed.get("f_f", share * half)) for offset, share in _READ_AT)
+    readings = [
+        read_valves(loops, *_sides(damper, fixed), offset=offset, friction=friction)
+        for offset, friction in dict.fromkeys(at)
+    ]
+    points = [
+        _general(damper, reading, traces) | _valves(damper, reading, traces, None)
+        for reading in readings
+    ]
+    points += [points[0] | _valves(damper, readings[0], traces, guess) for guess in _GUESSES]
+    return points
+
+
+def _sides(damper: ValveDamper, fixed: Mapping[str, float]) -> tuple[Side, Side]:
+    """Return what presses through the rebound valve and through that of compression."""
+    rebound, compression = damper.pressed_areas
+    known = {quantity.name: quantity.default for quantity in damper.quantities}
+    resistance = fixed.get("return_slope", known.get("return_slope") or 0.0) * damper.oil_density
+    filled = [getattr(damper, name) for name in _FILLED.get(damper.name, ())] or [0.0, 0.0]
+    return (
+        Side(rebound, resistance * filled[0] ** 2),
+        Side(compression, resistance * filled[1] ** 2),
+    )
+
+
+def _general(
+    damper: ValveDamper, reading: ValveReading, traces: Sequence[Trace]
+) -> dict[str, float]:
+    """Everything but the valves."""
+    force = np.concatenate([trace.force[trace.compared] for trace in traces])
+    area, length = damper.annulus_area, damper.chamber_1_length
+    give = max(reading.rebound.compliance / area**2, 1e-12)
+    oil = length / (area * 1e9)  # what the oil alone gives, m/N
+    stiffness = 1.0 / max(give - oil, 0.1 * give)
+    return {
+        "f_f": max(reading.friction, _FRICTION * float(np.std(force))),
+        "f_0": reading.offset,
+        "k_e": float(np.clip(length / (area * give), *_OIL)),
+        "k_s": float(np.clip(stiffness, *_STIFFNESS)),
+        "play": _PLAY,
+        "lag": _LAG,
+        "moving_mass": _MASS,
+        "drag": _DRAG,
+        **_RARE,
+    }
+
+
+def _valves(
+    damper: ValveDamper,
+    reading: ValveReading,
+    traces: Sequence[Trace],
+    guess: tuple[float, float] | None,
+) -> dict[str, float]:
+    speed = max(float(np.max(np.abs(t.velocity[t.compared]))) for t in traces)
+    found: dict[str, float] = {}
+    for k, (stroke, side) in enumerate(zip(STROKES, _sides(damper, {}), strict=True)):
+        share = None if guess is None else guess[k]
+        valve, curve = getattr(damper, stroke), getattr(reading, stroke)
+        parts = _parts(valve, curve, side.area * speed, damper.oil_density, share)
+        found |= {f"{stroke}_{part}": value for part, value in parts.items()}
+    return found
+
+
+def _parts(
+    valve: Valve, curve: ValveCurve, most: float, density: float, share: float | None
+) -> dict[str, float]:
+    """Return the numbers of a valve's parts; the largest flow is in m3/s."""
+    top = max(curve.highest, 1e4)
+    opening = curve.opening if share is None else share * top
+    opening = min(max(opening, 0.02 * top), top)
+    if share is None:
+        root, conductance = curve.root, curve.conductance
+    else:
+        root = _HALF * most / math.sqrt(opening)
+        conductance = _HALF * most / max(top - opening, 0.1 * top)
+    if valve.blow_off == "none":  # the bleed carries all
+        root = most / math.sqrt(top)
+    elif valve.bleed == "none":
+        conductance = most / max(top - opening, 0.1 * top)
+    root = max(root, _LEAST * most / math.sqrt(top))
+    conductance = max(conductance, _LEAST * most / top)
+    slope = 1.0 / (density * conductance)
+    leak = math.sqrt(opening) / (density * root)
+    own = {"bleed": 1.0 / (density * root), "leak": leak if valve.bleed == "leak" else 0.3 * leak}
+    if valve.blow_off == "port" and share is None and (ported := curve.ported):
+        through, opening, behind = ported
+        own["bleed"] = 1.0 / (density * max(through, _LEAST * most / math.sqrt(top)))
+        own["port"] = 1.0 / (density * behind)
+        slope = _BESIDE_A_PORT * own["port"] ** 2 * density * most
+    flow = density * most
+    return {
+        part: own[part] if part in own else PARTS[part].guess(opening, slope, top, flow)
+        for part in valve.parts
+    }
+
+
+def within_plausible(
+    damper: ValveDamper, point: Mapping[str, float], fixed: Mapping[str, float]
+) -> Values:
+    """Return values within the plausible ranges; what the damper has not is left out."""
+    known: dict[str, float] = {}
+    for quantity in damper.quantities:
+        name = quantity.name
+        if name in fixed:  # also at 0, where a part is absent
+            known[name] = fixed[name]
+        elif name in point:
+            known[name] = float(np.clip(point[name], *quantity.plausible))
+        elif quantity.default is not None:
+            known[name] = quantity.default
+    return damper.values(known)
