@@ -791,7 +791,7 @@ def compare(  # noqa: PLR0913 - one keyword an option of the command line
         from damperfit.store import write_text
 
         run = one_run(places[0], options, config=file, reading=reading)
-        write_text(paths["save"], baseline_text(run))
+        write_text(paths["save"], baseline_text(run, is_measured=measured))
         if len(places) == 1 and bands is None:
             return Comparison(Compared((), (), ()))
     found = compare_all(

@@ -77,6 +77,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
     from damperfit.answers import SettingForces
+    from damperfit.comparison import MeasuredTest
     from damperfit.configuration.options import Configuration
     from damperfit.damper.model import Model, Values
     from damperfit.damper.quantity import Quantity
@@ -327,7 +328,7 @@ class Run:
         self._remarks = list(remarks)
         self._config = config
         self._temperature = temperature
-        self._source = str(place or "")
+        self._source = self.shown_as = str(place or "")  # where people are told that it stands
         self._make_signals: Callable[[], Iterable[LogSignals]] | None = None
         self._scratch: Path | None = None
 
@@ -443,10 +444,24 @@ class Run:
             self._write(self._scratch)
         return self.place or self._scratch or Path()
 
-    @property
+    @cached_property
     def name(self) -> str:
         """What people call it: the damper's of a fleet, else its folder's."""
         return "" if self.place is None else title_of(self.place)
+
+    @cached_property
+    def tests(self) -> tuple[MeasuredTest, ...]:
+        """The mean cycles of its logs as they were measured, one a motion that repeats."""
+        from damperfit.comparison import measured_tests
+
+        inputs = _listed(self.record, "inputs")
+        facts = {str(log.get("log")): log for log in inputs if isinstance(log, dict)}
+        found: list[MeasuredTest] = []
+        for signals in self.signals:
+            log = facts.get(signals.log, {})
+            warmth = next(iter(_numbers([log], "temperature_degC")), math.nan)
+            found += measured_tests(signals, segments_in(log), temperature=warmth)
+        return tuple(found)
 
     def rows(self, name: str) -> tuple[dict[str, Any], ...]:
         """Return the rows of a table, by column; None where a cell or a column is missing.

@@ -75,9 +75,9 @@ def _show(found: Compared, source: str | None, *, is_quiet: bool) -> None:
 def _show_pair(comparison: RunComparison, *, is_quiet: bool) -> None:
     from damperfit.reporting.compared import comparison_sheets
 
-    lines = [f"A: {comparison.first.place}", f"B: {comparison.second.place}"]
+    lines = [f"A: {comparison.first.shown_as}", f"B: {comparison.second.shown_as}"]
     if comparison.repeats:
-        names = ", ".join(run.place for run in comparison.repeats)
+        names = ", ".join(run.shown_as for run in comparison.repeats)
         lines.append(f"yardstick: the scatter of A and its repeats {names}")
     lines += [*(f"differs besides: {one}" for one in comparison.differing), *comparison.sentences]
     lines += [f"note: {one}" for one in comparison.to_know]

@@ -1,13 +1,8 @@
 """Runs beside each other: what differs, and whether it is more than chance."""
 
-from damperfit.comparison.comparing import (
-    ComparisonOptions,
-    RunComparison,
-    common_tests,
-    compare_runs,
-)
+from damperfit.comparison.comparing import ComparisonOptions, RunComparison, compare_runs
+from damperfit.comparison.measured import MeasuredTest, common_tests, measured_tests
 from damperfit.comparison.reading import Difference, Sameness, verdict_of
-from damperfit.comparison.runs import ComparedRun, MeasuredTest
 from damperfit.comparison.tolerance import (
     Point,
     Tolerance,
@@ -18,7 +13,6 @@ from damperfit.comparison.tolerance import (
 )
 
 __all__ = [
-    "ComparedRun",
     "ComparisonOptions",
     "Difference",
     "MeasuredTest",
@@ -29,6 +23,7 @@ __all__ = [
     "bands_met",
     "common_tests",
     "compare_runs",
+    "measured_tests",
     "parse_bands",
     "parse_tolerance",
     "tolerated",

@@ -23,22 +23,6 @@ if TYPE_CHECKING:
     from damperfit.tested.setting import Setting
     from damperfit.units.shown_units import ShownUnits
 
-__all__ = [
-    "SEEN",
-    "Difference",
-    "Reading",
-    "Sameness",
-    "Topic",
-    "compared",
-    "difference_of",
-    "half_interval",
-    "outcome_of",
-    "place_of",
-    "surely_different",
-    "verdict_of",
-]
-
-
 # "Same" is said only where a difference of so much of the damping, or of the value, would be seen.
 SEEN = 0.05
 _OF_95 = 0.975
@@ -60,7 +44,7 @@ class Topic:
     Attributes
     ----------
     kind : str
-        "force", "parameter" or "figure".
+        "measured", "force", "parameter" or "figure".
     name : str
         For scripts: "force", "r_m1", "energy".
     label, unit : str
@@ -84,6 +68,13 @@ class Topic:
     stroke: str = ""
     is_logarithmic: bool = False
 
+    def place(self, units: ShownUnits = SI) -> str:
+        """Say of what a line is, as in "setting 3, 0.26 m/s rebound"."""
+        where = "" if self.setting is None else f"setting {self.setting}, "
+        if self.speed is None:
+            return f"{where}{self.label}"
+        return f"{where}{units.write_speed(self.speed)} {self.stroke}"
+
 
 @dataclass(frozen=True, slots=True)
 class Reading:
@@ -101,10 +92,9 @@ class Reading:
         Standard error of what tests of one setting differ by beyond their noise, and its degrees.
     misfit : float
         Error from the model's misfit, in the same unit.
-    misses : float
-        Measured less modelled, with its sign, where both are known at the motion of the test.
-    misses_error : float
-        Standard error of that.
+    misses, misses_error : float
+        Measured less modelled, with its sign, where both are known at the motion of the test, and
+        its standard error.
     disagrees : bool
         The model misses the measured force by more than it may.
     scale : float
@@ -128,6 +118,15 @@ class Reading:
     scale: float = math.nan
     is_measured: bool = False
     objection: str = ""
+
+    def errors(self, factor: float = 1.0) -> list[tuple[float, float]]:
+        """Return its standard errors without the misfit, each with its degrees of freedom."""
+        return [(factor * self.error, self.freedom), (factor * self.repeat, self.repeat_freedom)]
+
+    @property
+    def half_interval(self) -> float:
+        """Half of the 95 % interval of the reading by itself; NaN where no error is known."""
+        return _Sum([*self.errors(), (0.0 if self.is_measured else self.misfit, math.inf)]).reach
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,6 +177,29 @@ class Difference:
         return self.first.is_measured and self.second.is_measured
 
 
+class _Sum:
+    """Standard error of a sum from independent ones, each with its degrees of freedom."""
+
+    def __init__(self, parts: Sequence[tuple[float, float]]) -> None:
+        total = sum(error**2 for error, _ in parts)
+        squares = sum(error**4 / freedom for error, freedom in parts if math.isfinite(freedom))
+        self.error = math.sqrt(total)
+        self.freedom = min(total**2 / squares, 1e9) if squares > 0.0 else 1e9
+
+    @property
+    def reach(self) -> float:
+        """Half of the 95 % interval."""
+        return self.error * float(stdtrit(self.freedom, _OF_95))
+
+    def chance(self, distance: float) -> float:
+        """How often chance makes a sum as far from zero."""
+        if not math.isfinite(self.error):
+            return math.nan
+        if self.error == 0.0:
+            return float(distance == 0.0)
+        return 2.0 * float(stdtr(self.freedom, -abs(distance) / self.error))
+
+
 def compared(
     subject: Topic, first: Reading, second: Reading, *, is_same_motion: bool = False
 ) -> Difference:
@@ -193,131 +215,57 @@ def compared(
         Both are of one model and motion: what the model misses alike cancels.
     """
     a, b = first.value, second.value
-    if not (math.isfinite(a) and math.isfinite(b)):
-        reason = first.objection or second.objection or "not known for both"
-        return Difference(subject, first, second, math.nan, reason=reason)
-    is_log = subject.is_logarithmic and a > 0.0 and b > 0.0
-    bend = _bend(first, second, is_same_motion=is_same_motion, is_log=is_log)
-    if is_log:
-        line = _by_logarithm(subject, first, second, bend)
-    else:
-        line = _by_difference(subject, first, second, bend)
     objection = first.objection or second.objection
-    return replace(line, verdict=Sameness.UNDETERMINED, reason=objection) if objection else line
-
-
-def _by_logarithm(subject: Topic, first: Reading, second: Reading, bend: float) -> Difference:
-    a, b = first.value, second.value
-    step = math.log(b / a)
-    parts = [*_parts(first, 1.0 / a), *_parts(second, 1.0 / b), (bend, math.inf)]
-    spread, freedom = _error_of_sum(parts)
-    reach = _reach(spread, freedom)
-    ends = [math.exp(min(step + sign * reach, 700.0)) - 1.0 for sign in (-1.0, 1.0)]
-    line = Difference(
-        subject,
-        first,
-        second,
-        b - a,
-        a * ends[0],
-        a * ends[1],
-        percent=100.0 * (b / a - 1.0),
-        percent_low=100.0 * ends[0],
-        percent_high=100.0 * ends[1],
-        chance=_chance(step, spread, freedom),
-    )
-    return _judged(line, distance=step, reach=reach, share=reach)
-
-
-def _by_difference(subject: Topic, first: Reading, second: Reading, bend: float) -> Difference:
-    a, b = first.value, second.value
-    spread, freedom = _error_of_sum([*_parts(first), *_parts(second), (bend, math.inf)])
-    reach = _reach(spread, freedom)
-    difference = b - a
-    scale = first.scale if math.isfinite(first.scale) else a
-    percent = percent_reach = math.nan
-    if scale:
-        # The first number is the denominator too: its error counts 1 + share times.
-        ratio = 1.0 + difference / scale
-        of_both = _error_of_sum([*_parts(first, ratio), *_parts(second), (bend, math.inf)])
-        percent = 100.0 * difference / scale
-        percent_reach = 100.0 * _reach(*of_both) / abs(scale)
-    line = Difference(
-        subject,
-        first,
-        second,
-        difference,
-        difference - reach,
-        difference + reach,
-        percent,
-        percent - percent_reach,
-        percent + percent_reach,
-        _chance(difference, spread, freedom),
-    )
-    if subject.kind == "parameter":  # an offset may pass zero: per cent of it say nothing
-        line = replace(line, percent=math.nan, percent_low=math.nan, percent_high=math.nan)
-    return _judged(line, distance=difference, reach=reach, share=percent_reach / 100.0)
-
-
-def _judged(line: Difference, *, distance: float, reach: float, share: float) -> Difference:
+    line = Difference(subject, first, second, b - a, reason=objection or "not known for both")
+    if not (math.isfinite(a) and math.isfinite(b)):
+        return line
+    is_log = subject.is_logarithmic and a > 0.0 and b > 0.0
+    misfit = (_misfit(first, second, is_same_motion=is_same_motion, is_log=is_log), math.inf)
+    if is_log:
+        step = math.log(b / a)
+        spread = _Sum([*first.errors(1.0 / a), *second.errors(1.0 / b), misfit])
+        reach = share = spread.reach
+        low, high = (math.exp(min(step + sign * reach, 700.0)) - 1.0 for sign in (-1.0, 1.0))
+        numbers = (a * low, a * high, 100.0 * (b / a - 1.0), 100.0 * low, 100.0 * high)
+    else:
+        step = b - a
+        spread = _Sum([*first.errors(), *second.errors(), misfit])
+        reach = spread.reach
+        scale = first.scale if math.isfinite(first.scale) else a
+        percent = share = math.nan
+        if scale:
+            # The first number is the denominator too: its error counts 1 + share times.
+            of_both = [*first.errors(1.0 + step / scale), *second.errors(), misfit]
+            percent, share = 100.0 * step / scale, _Sum(of_both).reach / abs(scale)
+        if subject.kind == "parameter":  # an offset may pass zero: per cent of it say nothing
+            percent = math.nan
+        ends = (percent - 100.0 * share, percent + 100.0 * share)
+        numbers = (step - reach, step + reach, percent, *ends)
+    line = Difference(subject, first, second, b - a, *numbers, spread.chance(step))
+    if objection:
+        return replace(line, reason=objection)
     if not math.isfinite(reach):
         return replace(line, reason="no errors are known")
-    if abs(distance) > reach:
+    if abs(step) > reach:
         return replace(line, verdict=Sameness.DIFFERENT)
     # At its passage through zero a force has no per cent to speak of: newtons say it.
     if share > SEEN:
-        said = f"a difference of {100.0 * share:.2g} % would go unnoticed"
-        return replace(line, reason=said)
+        return replace(line, reason=f"a difference of {100.0 * share:.2g} % would go unnoticed")
     return replace(line, verdict=Sameness.SAME)
 
 
-def _parts(one: Reading, factor: float = 1.0) -> list[tuple[float, float]]:
-    """Standard errors of a reading, each with its degrees of freedom."""
-    return [(factor * one.error, one.freedom), (factor * one.repeat, one.repeat_freedom)]
-
-
-def _bend(first: Reading, second: Reading, *, is_same_motion: bool, is_log: bool) -> float:
-    """Standard error of the difference from the model's misfit."""
+def _misfit(first: Reading, second: Reading, *, is_same_motion: bool, is_log: bool) -> float:
+    """Return the standard error of the difference from the models' misfit."""
     if first.is_measured and second.is_measured:
         return 0.0
-    sizes = (first.misfit, second.misfit)
-    if is_log:
-        sizes = (first.misfit / first.value, second.misfit / second.value)
+    sizes = [one.misfit / (one.value if is_log else 1.0) for one in (first, second)]
     if not is_same_motion or not any(sizes):
         return math.hypot(*sizes)
     apart = second.misses - first.misses
-    if math.isfinite(apart):
-        noise = (first.misses_error, second.misses_error)
-        known = sum(one**2 for one in noise if math.isfinite(one))
-        return math.sqrt(max(apart**2 - known, 0.0))
-    return abs(sizes[1] - sizes[0])
-
-
-def _error_of_sum(parts: Sequence[tuple[float, float]]) -> tuple[float, float]:
-    """Return the standard error of a sum, and its degrees of freedom."""
-    total = sum(error**2 for error, _ in parts)
-    if not total > 0.0:
-        return math.sqrt(total) if total == 0.0 else math.nan, math.inf
-    squares = sum(error**4 / freedom for error, freedom in parts if math.isfinite(freedom))
-    return math.sqrt(total), total**2 / squares if squares > 0.0 else math.inf
-
-
-def _reach(spread: float, freedom: float) -> float:
-    """Half of the 95 % interval."""
-    return spread * float(stdtrit(min(freedom, 1e9), _OF_95))
-
-
-def _chance(distance: float, spread: float, freedom: float) -> float:
-    if not math.isfinite(spread):
-        return math.nan
-    if spread == 0.0:
-        return 1.0 if distance == 0.0 else 0.0
-    return 2.0 * float(stdtr(min(freedom, 1e9), -abs(distance) / spread))
-
-
-def half_interval(one: Reading) -> float:
-    """Return half of the 95 % interval of a reading by itself; NaN where no error is known."""
-    parts = _parts(one)
-    return _reach(*_error_of_sum(parts if one.is_measured else [*parts, (one.misfit, math.inf)]))
+    if math.isnan(apart):
+        return abs(sizes[1] - sizes[0])
+    noise = (one.misses_error for one in (first, second) if math.isfinite(one.misses_error))
+    return math.sqrt(max(apart**2 - sum(error**2 for error in noise), 0.0))
 
 
 def surely_different(lines: Sequence[Difference]) -> tuple[Difference, ...]:
@@ -326,17 +274,16 @@ def surely_different(lines: Sequence[Difference]) -> tuple[Difference, ...]:
     Among many lines one in twenty differs by chance. What is left here is so in one comparison of
     twenty, however the lines hang together.
     """
-    known = sorted(
-        (i for i, one in enumerate(lines) if math.isfinite(one.chance)),
-        key=lambda i: lines[i].chance,
-    )
+    known = [k for k, line in enumerate(lines) if math.isfinite(line.chance)]
     sure = set()
-    for rank, i in enumerate(known):
-        if lines[i].chance > _LEVEL / (len(known) - rank):
+    for rank, k in enumerate(sorted(known, key=lambda k: lines[k].chance)):
+        if lines[k].chance > _LEVEL / (len(known) - rank):
             break
-        if lines[i].verdict is Sameness.DIFFERENT:
-            sure.add(i)
-    return tuple(replace(one, is_sure=i in sure) for i, one in enumerate(lines))
+        sure.add(k)
+    return tuple(
+        replace(line, is_sure=k in sure and line.verdict is Sameness.DIFFERENT)
+        for k, line in enumerate(lines)
+    )
 
 
 # Lines in words: what differs, by how much, or why nothing can be said.
@@ -344,12 +291,10 @@ def surely_different(lines: Sequence[Difference]) -> tuple[Difference, ...]:
 
 def outcome_of(lines: Sequence[Difference], words: str, units: ShownUnits = SI) -> str:
     """Say how many differ, which most, and what chance would do."""
-    if lines[0].subject.kind == "force":
-        measured = sum(line.is_measured for line in lines)
-        if measured == len(lines):
-            words += " as measured"
-        elif measured:
-            words += f" ({measured} of {len(lines)} as measured)"
+    if lines[0].subject.kind == "force" and (measured := sum(one.is_measured for one in lines)):
+        words += " as measured"
+        if measured < len(lines):
+            words = f"{words.removesuffix(' as measured')} ({measured} of {len(lines)} as measured)"
     known = [line for line in lines if line.verdict is not Sameness.UNDETERMINED]
     if not known:
         return f"{words}: cannot be determined ({lines[0].reason})"
@@ -364,74 +309,55 @@ def outcome_of(lines: Sequence[Difference], words: str, units: ShownUnits = SI) 
             f"{words}: no significant difference: {len(different)} of {len(known)} lie outside "
             f"their 95 % interval, and chance alone puts {0.05 * len(known):.2g} there{beside}"
         )
-    worst = max(sure, key=_weight)
+    worst = max(
+        sure, key=lambda one: abs(one.difference if math.isnan(one.percent) else one.percent)
+    )
     how_many = "all" if len(sure) == len(different) else str(len(sure))
     return (
         f"{words}: {len(different)} of {len(known)} differ, {how_many} of them significantly; most "
-        f"{place_of(worst.subject, units)}: {difference_of(worst, units)}{beside}"
+        f"{worst.subject.place(units)}: {difference_of(worst, units)}{beside}"
     )
-
-
-def _weight(line: Difference) -> float:
-    return abs(line.percent) if math.isfinite(line.percent) else abs(line.difference)
-
-
-def place_of(subject: Topic, units: ShownUnits = SI) -> str:
-    """Say of what a line is, as in "setting 3, 0.26 m/s rebound"."""
-    where = "" if subject.setting is None else f"setting {subject.setting}, "
-    if subject.speed is not None:
-        return f"{where}{units.write_speed(subject.speed)} {subject.stroke}"
-    return f"{where}{subject.label}"
 
 
 def difference_of(line: Difference, units: ShownUnits = SI) -> str:
     """Say how large a difference is, with its interval."""
-    if math.isfinite(line.percent):
-        text = f"{line.percent:+.2f} %"
-        if math.isfinite(line.percent_low):
-            text += f" ({line.percent_low:+.2f} to {line.percent_high:+.2f} %)"
-        if line.subject.kind == "force":
-            text += f", {units.write(line.difference, 'N', _form(units))}"
-        return text
-    unit = line.subject.unit
-    text = units.write(line.difference, unit, "+.4g")
-    low, high = (units.show(end, unit) for end in (line.low, line.high))
-    return f"{text} ({low:+.3g} to {high:+.3g})" if math.isfinite(low) else text
-
-
-def _form(units: ShownUnits) -> str:
-    """How a difference of force is written: tenths of a newton, three digits of other units."""
-    return "+.1f" if units.of("N") == "N" else "+.3g"
+    if math.isnan(line.percent):
+        text = units.write(line.difference, line.subject.unit, "+.4g")
+        low, high = (units.show(end, line.subject.unit) for end in (line.low, line.high))
+        return f"{text} ({low:+.3g} to {high:+.3g})" if math.isfinite(low) else text
+    text = f"{line.percent:+.2f} %"
+    if math.isfinite(line.percent_low):
+        text += f" ({line.percent_low:+.2f} to {line.percent_high:+.2f} %)"
+    if line.subject.kind == "force":
+        form = "+.1f" if units.of("N") == "N" else "+.3g"
+        text += f", {units.write(line.difference, 'N', form)}"
+    return text
 
 
 def verdict_of(line: Difference, units: ShownUnits = SI, *, says_measured: bool = True) -> str:
     """Say the verdict of a line in words, and of a force whether it was measured."""
-    is_said = says_measured and line.subject.kind == "force" and line.is_measured
-    said = _verdict(line, units)
-    return f"{said} (measured)" if is_said else said
-
-
-def _verdict(line: Difference, units: ShownUnits) -> str:
     if line.words:
-        return line.words
-    if line.verdict is Sameness.UNDETERMINED:
-        return f"cannot be determined: {line.reason}"
-    if line.verdict is Sameness.SAME:
-        return "same within errors"
-    how = _how_different(line, units)
-    return f"different: {how}" if line.is_sure else f"different, perhaps by chance: {how}"
+        words = line.words
+    elif line.verdict is Sameness.UNDETERMINED:
+        words = f"cannot be determined: {line.reason}"
+    elif line.verdict is Sameness.SAME:
+        words = "same within errors"
+    else:
+        perhaps = "" if line.is_sure else ", perhaps by chance"
+        words = f"different{perhaps}: {_how_different(line, units)}"
+    is_said = says_measured and line.subject.kind == "force" and line.is_measured
+    return f"{words} (measured)" if is_said else words
 
 
 def _how_different(line: Difference, units: ShownUnits) -> str:
-    is_force = line.subject.kind == "force"
-    if line.subject.name.startswith("hysteresis") and line.first.value * line.second.value > 0.0:
+    subject = line.subject
+    if subject.name.startswith("hysteresis") and line.first.value * line.second.value > 0.0:
         # Its sign is the way round the loop: -54 N after -57 N is a narrower loop.
         wider = abs(line.second.value) - abs(line.first.value)
-        said = units.write(abs(wider), line.subject.unit, ".2g")
-        return f"the loop is {said} {'wider' if wider > 0.0 else 'narrower'}"
-    if not math.isfinite(line.percent):
-        more = "more" if line.difference > 0.0 else "less"
-        return f"{units.write(abs(line.difference), line.subject.unit, '.3g')} {more}"
-    if is_force:
-        return f"{abs(line.percent):.2g} % {'harder' if line.percent > 0 else 'softer'}"
-    return f"{abs(line.percent):.2g} % {'more' if line.percent > 0 else 'less'}"
+        size = units.write(abs(wider), subject.unit, ".2g")
+        return f"the loop is {size} {'wider' if wider > 0.0 else 'narrower'}"
+    if math.isnan(line.percent):
+        size = units.write(abs(line.difference), subject.unit, ".3g")
+        return f"{size} {'more' if line.difference > 0.0 else 'less'}"
+    words = ("harder", "softer") if subject.kind == "force" else ("more", "less")
+    return f"{abs(line.percent):.2g} % {words[0] if line.percent > 0 else words[1]}"

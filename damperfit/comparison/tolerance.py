@@ -5,14 +5,16 @@ from __future__ import annotations
 import csv
 import math
 import re
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from damperfit.adjustment.force_at import REPEATS, STROKES
-from damperfit.comparison.comparing import force_readings, measured_readings
-from damperfit.comparison.reading import half_interval
+from damperfit.comparison.circumstances import settings_of
+from damperfit.comparison.fitted import force_readings
+from damperfit.comparison.measured import measured_readings
+from damperfit.comparison.reading import Reading
 from damperfit.errors import ConfigurationError
 from damperfit.io.files import read_text
 from damperfit.problem import Option
@@ -20,19 +22,16 @@ from damperfit.units.quantities import parse_quantity
 from damperfit.units.shown_units import SI
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
 
     from damperfit.comparison.comparing import ComparisonOptions, RunComparison
-    from damperfit.comparison.reading import Difference, Reading
-    from damperfit.comparison.runs import ComparedRun
+    from damperfit.comparison.reading import Topic
+    from damperfit.results import Run
     from damperfit.tested.setting import Setting
     from damperfit.units.shown_units import ShownUnits
 
-__all__ = ["Band", "Point", "Tolerance", "bands_met", "parse_bands", "parse_tolerance", "tolerated"]
-
 _UNIT = re.compile(r"(_n|_m_per_s|_m/s)$")  # of a column's name, in lower case
 _PER_CENT = re.compile(r"\s*([0-9.]+(?:[eE][-+]?\d+)?)\s*%\s*")
-_NEAR = 1e-9  # m/s
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,9 +155,8 @@ def parse_tolerance(text: str) -> Tolerance:
     """
     share = newtons = 0.0
     for part in text.split(","):
-        found = _PER_CENT.fullmatch(part)
-        if found is not None:
-            share = float(found[1]) / 100.0
+        if per_cent := _PER_CENT.fullmatch(part):
+            share = float(per_cent[1]) / 100.0
             continue
         try:
             newtons = parse_quantity(part.strip(), "force")
@@ -176,6 +174,10 @@ def parse_tolerance(text: str) -> Tolerance:
 def parse_bands(text: str | None) -> Tolerance | None:
     """Return the tolerance that the text of a command line means: a file, or per cent and newtons.
 
+    A file is CSV with the columns speed, stroke, and force with tolerance (5% or 20N), or low and
+    high; setting may be missing or empty, the row is then of every setting. Makers write bump as
+    positive numbers: such a force is taken as negative.
+
     Raises
     ------
     ConfigurationError
@@ -185,45 +187,32 @@ def parse_bands(text: str | None) -> Tolerance | None:
         return None
     path = Path(text)
     # "2.5%" has a suffix too, as pathlib sees it.
-    is_file = path.is_file() or path.suffix[1:2].isalpha()
-    return _read_bands(path) if is_file else parse_tolerance(text)
+    if not (path.is_file() or path.suffix[1:2].isalpha()):
+        return parse_tolerance(text)
 
+    def refused(why: object) -> ConfigurationError:
+        return ConfigurationError(str(why), where=Option("tolerance", path))
 
-def _read_bands(path: Path) -> Tolerance:
-    """Return nominal forces with their bands from a CSV file.
-
-    Columns: speed, stroke, and force with tolerance (5% or 20N), or low and high; setting may be
-    missing or empty, the row is then of every setting. Makers write bump as positive numbers: such
-    a force is taken as negative.
-    """
     try:
         lines = StringIO(read_text(path), newline="")
-        rows = [line for line in lines if line.strip() and not line.startswith("#")]
     except (OSError, UnicodeDecodeError) as error:
-        said = getattr(error, "strerror", None) or error
-        raise ConfigurationError(
-            f"cannot be read: {said}", where=Option("tolerance", path)
-        ) from error
-    reader = csv.DictReader(rows)
+        raise refused(f"cannot be read: {getattr(error, 'strerror', None) or error}") from error
+    reader = csv.DictReader(line for line in lines if line.strip() and not line.startswith("#"))
     names = {_UNIT.sub("", (one or "").strip().lower()): one for one in reader.fieldnames or ()}
     has_band = {"force", "tolerance"} <= names.keys() or {"low", "high"} <= names.keys()
     if not {"speed", "stroke"} <= names.keys() or not has_band:
-        raise ConfigurationError(
-            f"expected the columns speed, stroke, and force with tolerance, "
-            f"or low and high; found {', '.join(reader.fieldnames or ()) or 'nothing'}",
-            where=Option("tolerance", path),
+        raise refused(
+            "expected the columns speed, stroke, and force with tolerance, or low and high; found "
+            f"{', '.join(reader.fieldnames or ()) or 'nothing'}"
         )
     bands = []
     for number, row in enumerate(reader, start=2):
-        cells = {key: (row.get(name) or "").strip() for key, name in names.items() if name}
         try:
-            bands.append(_band(cells))
+            bands.append(_band({key: (row.get(name) or "").strip() for key, name in names.items()}))
         except (ConfigurationError, ValueError) as error:
-            raise ConfigurationError(
-                f"row {number}: {error}", where=Option("tolerance", path)
-            ) from error
+            raise refused(f"row {number}: {error}") from error
     if not bands:
-        raise ConfigurationError("no row below the headings", where=Option("tolerance", path))
+        raise refused("no row below the headings")
     return Tolerance(str(path), bands=tuple(bands))
 
 
@@ -253,96 +242,62 @@ def tolerated(comparison: RunComparison, tolerance: Tolerance) -> tuple[Point, .
 
     A setting of the reference that the run does not have could not be looked at.
     """
-    name = comparison.second.name
-    found = [_around(name, line, tolerance) for line in comparison.of("force")]
-    lost = [one for one in comparison.first.settings if one not in comparison.settings]
-    missing = [
-        Point(name, one, math.nan, "", math.nan, math.nan, math.nan, reason="not tested")
-        for one in lost
+    name, units = comparison.second.name, comparison.units
+    points = []
+    for line in comparison.of("force"):
+        first, topic = line.first, line.subject
+        size = first.scale if first.scale and math.isfinite(first.scale) else first.value
+        reach = max(tolerance.share * abs(size), tolerance.newtons)
+        points.append(
+            Point(
+                *(name, topic.setting or "", topic.speed or math.nan, topic.stroke),
+                *(line.second.value, first.value - reach, first.value + reach),
+                line.high - line.difference,
+                line.reason,
+                is_measured=line.is_measured,
+                units=units,
+            )
+        )
+    nothing = (math.nan, "", math.nan, math.nan, math.nan)
+    points += [
+        Point(name, setting, *nothing, reason="not tested", units=units)
+        for setting in settings_of(comparison.first, is_bare=comparison.is_without_model)
+        if setting not in comparison.settings
     ]
-    return tuple(replace(one, units=comparison.units) for one in (*found, *missing))
+    return tuple(points)
 
 
-def _around(name: str, line: Difference, tolerance: Tolerance) -> Point:
-    a = line.first
-    size = abs(a.scale) if a.scale and math.isfinite(a.scale) else abs(a.value)
-    reach = max(tolerance.share * size, tolerance.newtons)
-    topic = line.subject
-    return Point(
-        name,
-        topic.setting or "",
-        topic.speed or math.nan,
-        topic.stroke,
-        line.second.value,
-        a.value - reach,
-        a.value + reach,
-        line.high - line.difference,
-        line.reason,
-        line.is_measured,
-    )
-
-
-def bands_met(
-    run: ComparedRun, tolerance: Tolerance, options: ComparisonOptions
-) -> tuple[Point, ...]:
+def bands_met(run: Run, tolerance: Tolerance, options: ComparisonOptions) -> tuple[Point, ...]:
     """Return the forces of a run held against nominal bands."""
+    is_bare = options.is_measured or not run.settings
+    settings = settings_of(run, is_bare=is_bare)
     speeds = sorted({band.speed for band in tolerance.bands})
-    known = _forces(run, speeds, options)
-    found = []
+    table: dict[Topic, Reading] = {}
+    if is_bare:
+        (table,) = measured_readings((run,), settings, speeds=speeds)
+    else:
+        top = (options.sine or run.motion).peak_speed
+        if reached := [speed for speed in speeds if speed <= (1.0 + REPEATS) * top]:
+            (table,) = force_readings((run,), settings, speeds=reached)
+    known: dict[tuple[Setting | str | None, float | None, str], Reading] = {
+        (one.setting, one.speed, one.stroke): reading for one, reading in table.items()
+    }
+    points = []
     for band in tolerance.bands:
-        mine = [one for one in run.settings if band.setting in {"", str(one)}]
-        if not mine:
-            found.append(_missing(run, band, band.setting, "the setting was not tested"))
-        for setting in mine:
+        mine: list[Setting | str] = [one for one in settings if band.setting in {"", str(one)}]
+        why = "the test does not reach the speed" if mine else "the setting was not tested"
+        for setting in mine or [band.setting]:
             reading = known.get((setting, band.speed, band.stroke))
             if reading is None or math.isnan(reading.value):
-                why = "the test does not reach the speed"
-                found.append(_missing(run, band, setting, why))
-            else:
-                found.append(_held(run, band, setting, reading))
-    return tuple(replace(one, units=options.units) for one in found)
-
-
-def _forces(
-    run: ComparedRun, speeds: Sequence[float], options: ComparisonOptions
-) -> dict[tuple[Setting, float, str], Reading]:
-    if options.is_measured or run.fitted is None:
-        (table,) = measured_readings((run,), run.settings, speeds=speeds)
-    else:
-        top = (options.sine or run.fitted.motion).peak_speed
-        reached = [speed for speed in speeds if speed <= (1.0 + REPEATS) * top]
-        table = {}
-        if reached:
-            (table,) = force_readings((run,), run.settings, speeds=reached)
-    return {
-        (one.setting, one.speed, one.stroke): reading
-        for one, reading in table.items()
-        if one.setting is not None and one.speed is not None
-    }
-
-
-def _missing(run: ComparedRun, band: Band, setting: Setting | str, reason: str) -> Point:
-    return Point(
-        run.name,
-        setting,
-        band.speed,
-        band.stroke,
-        math.nan,
-        band.low,
-        band.high,
-        reason=reason,
-    )
-
-
-def _held(run: ComparedRun, band: Band, setting: Setting, reading: Reading) -> Point:
-    return Point(
-        run.name,
-        setting,
-        band.speed,
-        band.stroke,
-        reading.value,
-        band.low,
-        band.high,
-        half_interval(reading),
-        is_measured=reading.is_measured,
-    )
+                reading = Reading(math.nan, objection=why)
+            points.append(
+                Point(
+                    *(run.name, setting, band.speed, band.stroke),
+                    *(reading.value, band.low, band.high),
+                    reading.half_interval,
+                    reading.objection,
+                    is_measured=reading.is_measured,
+                    units=options.units,
+                )
+            )
+    return tuple(points)

@@ -20,9 +20,9 @@ from damperfit.queries.compared_runs import (
     NoUsableLogError,
     is_baseline,
     is_results,
+    name_apart,
     read_log_runs,
     read_run,
-    with_distinct_names,
 )
 from damperfit.recording import natural_order
 from damperfit.run.log_paths import expand
@@ -34,10 +34,11 @@ from damperfit.units.shown_units import SI, parse_units
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from damperfit.comparison import ComparedRun, Point, RunComparison, Tolerance
+    from damperfit.comparison import Point, RunComparison, Tolerance
     from damperfit.configuration.options import Configuration
     from damperfit.io import ForceCurve, ReadOptions
     from damperfit.queries.settings import Question
+    from damperfit.results import Run
 
 __all__ = [
     "Compared",
@@ -172,27 +173,25 @@ def compare_all(
     places = list(dict.fromkeys(chain.from_iterable(pairs))) or list(paths)
     wanted = [*places, *(one for one in repeats if one not in places)]
     raw = logs.by_place
-    found = with_distinct_names(
-        [
-            raw[place]
-            if place in raw
-            else read_run(place, config=config, is_measured=options.is_measured)
-            for place in wanted
-        ]
-    )
-    called = options.names
-    found = tuple(
-        replace(run, name=called[place], place=called[place]) if place in called else run
-        for place, run in zip(wanted, found, strict=True)
-    )
-    known: dict[Path, ComparedRun] = dict(zip(wanted, found, strict=True))
+    known = {
+        place: raw[place]
+        if place in raw
+        else read_run(place, config=config, is_measured=options.is_measured)
+        for place in wanted
+    }
+    name_apart(list(known.values()))
+    for place, name in options.names.items():
+        if place in known:
+            known[place].name = known[place].shown_as = name
     comparisons = tuple(
         compare_runs(known[a], known[b], options, repeats=[known[place] for place in repeats])
         for a, b in pairs
     )
     remarks = [*logs.remarks]
-    remarks += [f"{run.place}: {remark}" for run in found for remark in run.remarks]
-    remarks += [f"{one.second.place}: {remark}" for one in comparisons for remark in one.remarks]
+    for run in known.values():
+        own = run.remarks if options.is_measured else (*run.remarks, *run.remarks_on_errors)
+        remarks += [f"{run.shown_as}: {remark}" for remark in own]
+    remarks += [f"{one.second.shown_as}: {remark}" for one in comparisons for remark in one.remarks]
     points: tuple[Point, ...] = ()
     if tolerance is not None and nominal:
         held = [known[place] for place in places]
@@ -208,7 +207,7 @@ def one_run(
     *,
     config: Path | None = None,
     reading: Configuration | None = None,
-) -> ComparedRun:
+) -> Run:
     """Return a single run, to be kept.
 
     Parameters
@@ -262,14 +261,14 @@ def _refuse_repeats(repeats: Sequence[Path], pairs: Sequence[tuple[Path, Path]])
 class _LogRuns:
     """Raw logs among what is compared: runs by place and damper, "" where they are of one."""
 
-    groups: Mapping[Path, Mapping[str, ComparedRun]] = field(default_factory=dict)
+    groups: Mapping[Path, Mapping[str, Run]] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()  # folders of which no log can be used
 
     @property
-    def by_place(self) -> dict[Path, ComparedRun]:
+    def by_place(self) -> dict[Path, Run]:
         """The same by where each run stands."""
         return {
-            Path(run.place) if name else place: run
+            Path(run.shown_as) if name else place: run
             for place, group in self.groups.items()
             for name, run in group.items()
         }
@@ -285,7 +284,7 @@ def _logs(
     if not options.is_measured:
         return _LogRuns()
     configuration = reading or load_configuration(config)
-    groups: dict[Path, dict[str, ComparedRun]] = {}
+    groups: dict[Path, dict[str, Run]] = {}
     remarks: list[str] = []
     for place in dict.fromkeys(places):
         is_file = place.is_file() and not is_baseline(place) and not is_part(place)
@@ -361,7 +360,7 @@ def _pairs_of(
 def _inside(path: Path, logs: _LogRuns) -> dict[str, Path]:
     """Return the results folders inside a folder that is none itself; of raw logs, the dampers."""
     if path in logs.groups:
-        return {name: Path(run.place) for name, run in logs.groups[path].items() if name}
+        return {name: Path(run.shown_as) for name, run in logs.groups[path].items() if name}
     if not path.is_dir() or _is_run(path):
         return {}
     found = _runs_in(path)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,14 +11,13 @@ import numpy as np
 
 from damperfit import __version__
 from damperfit.adjustment.force_at import STROKES
-from damperfit.comparison.runs import ComparedRun, MeasuredTest, measured_tests
+from damperfit.comparison import MeasuredTest, measured_tests
 from damperfit.errors import ConfigurationError, DamperfitError, LogError, TimelessError
 from damperfit.io import read_curves
 from damperfit.io.files import open_regular, read_text
 from damperfit.problem import Option
-from damperfit.queries.settings import adjuster_of
-from damperfit.reporting.records import listed_in, number_in
-from damperfit.results import Run, segments_in
+from damperfit.queries.settings import refuse_unfitted
+from damperfit.results import Run
 from damperfit.run.dampers import by_damper, folder_name
 from damperfit.run.log_paths import expand
 from damperfit.run.logs import Purpose, read_batch
@@ -36,7 +34,7 @@ from damperfit.tested.identity import common_identity
 from damperfit.tested.setting import Setting, parse_place
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -54,9 +52,9 @@ __all__ = [
     "compared_record",
     "is_baseline",
     "is_results",
+    "name_apart",
     "read_log_runs",
     "read_run",
-    "with_distinct_names",
 ]
 
 
@@ -70,7 +68,7 @@ def is_results(folder: Path) -> bool:
     return any((folder / name).is_file() for name in _MARKS)
 
 
-def read_run(path: Path, *, config: Path | None = None, is_measured: bool = False) -> ComparedRun:
+def read_run(path: Path, *, config: Path | None = None, is_measured: bool = False) -> Run:
     """Return a run to be compared.
 
     Parameters
@@ -95,7 +93,7 @@ def read_run(path: Path, *, config: Path | None = None, is_measured: bool = Fals
                 measured=Option("measured"),
                 subject=path,
             )
-        return _of_run(Run.load(path, config=config), (), is_measured=False)
+        return refuse_unfitted(Run.load(path, config=config))
     if path.is_dir():
         if not is_results(path):
             raise ConfigurationError(
@@ -103,18 +101,18 @@ def read_run(path: Path, *, config: Path | None = None, is_measured: bool = Fals
                 subject=path,
             )
         run = Run.load(path, parts=("parameters", "responses"), config=config)
-        return _of_run(run, tuple(_tests_in(run)), is_measured=is_measured)
+        return _usable(run, is_measured=is_measured)
     if not path.is_file():
         raise ConfigurationError("no such file or folder", subject=path)
     if is_baseline(path):
-        run, tests = _read_baseline(path, config)
+        run = _read_baseline(path, config)
         if not run.rows("parameters") and not is_measured:
             raise ConfigurationError(
                 "a baseline of measured curves, nothing was fitted; give {measured}",
                 measured=Option("measured"),
                 subject=path,
             )
-        return _of_run(run, tests, is_measured=is_measured)
+        return _usable(run, is_measured=is_measured)
     raise ConfigurationError(
         "neither a results folder nor a baseline; to compare logs and files of "
         "curves, give {measured}",
@@ -123,29 +121,13 @@ def read_run(path: Path, *, config: Path | None = None, is_measured: bool = Fals
     )
 
 
-def _of_run(run: Run, tests: tuple[MeasuredTest, ...], *, is_measured: bool) -> ComparedRun:
-    name = run.folder.resolve().name
+def _usable(run: Run, *, is_measured: bool) -> Run:
     if not is_measured:
-        remarks = adjuster_of(run).remarks
-        return ComparedRun(name, str(run.place), run, tests, run.record, remarks)
-    if not tests:
+        return refuse_unfitted(run)
+    if not run.tests:
         why = f" ({'; '.join(run.remarks)})" if run.remarks else "; no motion in it repeats"
         raise ConfigurationError(f"{run.place}: no measured cycles to compare{why}")
-    return ComparedRun(name, str(run.place), None, tests, run.record, run.remarks)
-
-
-def _tests_in(run: Run) -> Iterator[MeasuredTest]:
-    """Yield the steady motions of all logs of a results folder."""
-    known = {
-        str(entry.get("log")): entry
-        for entry in listed_in(run.record, "inputs")
-        if isinstance(entry, dict)
-    }
-    for signals in run.signals:
-        facts = known.get(signals.log, {})
-        warmth = number_in(facts, "temperature_degC")
-        temperature = math.nan if warmth is None else warmth
-        yield from measured_tests(signals, segments_in(facts), temperature=temperature)
+    return run
 
 
 # A run kept as one JSON file, to be the reference of later comparisons
@@ -165,9 +147,9 @@ _ARRAYS = ("displacement", "velocity", "force", "speeds")
 _DIGITS = 7  # as many as 32-bit floats have
 
 
-def baseline_text(run: ComparedRun) -> str:
+def baseline_text(run: Run, *, is_measured: bool = False) -> str:
     """Return a run as the text of a baseline; of measured curves alone without parameters."""
-    rows = () if run.fitted is None else run.fitted.rows("parameters")
+    rows = () if is_measured else run.rows("parameters")
     is_whole = all(isinstance(row["setting"].cell, int) for row in rows)
     document = {
         _KEY: _VERSION,
@@ -228,7 +210,7 @@ def is_baseline(path: Path) -> bool:
         return False
 
 
-def _read_baseline(path: Path, config: Path | None) -> tuple[Run, tuple[MeasuredTest, ...]]:
+def _read_baseline(path: Path, config: Path | None) -> Run:
     try:
         document = json.loads(read_text(path))
         if document[_KEY] != _VERSION:
@@ -249,7 +231,9 @@ def _read_baseline(path: Path, config: Path | None) -> tuple[Run, tuple[Measured
             subject=path,
         ) from error
     rows_of = {"parameters": parameters}
-    return Run(record, rows_of, quantities=quantities, place=path, config=config), tests
+    run = Run(record, rows_of, quantities=quantities, place=path, config=config)
+    run.tests = tests
+    return run
 
 
 def _kept_test(record: dict[str, Any]) -> MeasuredTest:
@@ -296,9 +280,7 @@ class NoUsableLogError(LogError):
     exit_code = 3
 
 
-def read_log_runs(
-    place: Path, configuration: Configuration, *, jobs: int = 1
-) -> dict[str, ComparedRun]:
+def read_log_runs(place: Path, configuration: Configuration, *, jobs: int = 1) -> dict[str, Run]:
     """Return what raw logs tell, by damper; one run without a name where they are of one.
 
     A log that cannot be used costs itself: the run's remarks say so.
@@ -329,7 +311,7 @@ def read_log_runs(
     }
 
 
-def _of_logs(place: Path, batch: LogBatch, configuration: Configuration) -> ComparedRun:
+def _of_logs(place: Path, batch: LogBatch, configuration: Configuration) -> Run:
     timeless = [one for one in batch.failures if one.kind == TimelessError.__name__]
     lost = [one.message for one in batch.failures if one not in timeless]
     tests: list[MeasuredTest] = []
@@ -369,15 +351,10 @@ def _of_logs(place: Path, batch: LogBatch, configuration: Configuration) -> Comp
         notes.append(
             f"no log says its setting: {'it is' if n == 1 else f'all {n} are'} compared as tested"
         )
-    return ComparedRun(
-        place.resolve().name,
-        str(place),
-        None,
-        tuple(tests),
-        _record(batch, configuration),
-        remarks=tuple(lost),
-        notes=tuple(dict.fromkeys(notes)),
-    )
+    record = _record(batch, configuration) | {"notes": list(dict.fromkeys(notes))}
+    run = Run(record, {"parameters": ()}, place=place, remarks=lost)
+    run.tests = tuple(tests)
+    return run
 
 
 def _record(batch: LogBatch, configuration: Configuration) -> dict[str, Any]:
@@ -445,9 +422,8 @@ def _setting_of(curve: ForceCurve, known: Failure | None) -> Setting:
         return Setting.of(curve.label)
 
 
-def with_distinct_names(runs: Sequence[ComparedRun]) -> tuple[ComparedRun, ...]:
-    """Return the runs with names that differ: where two are alike, with as much of their path."""
-    names = [run.name for run in runs]
-    if len(set(names)) == len({run.place for run in runs}):
-        return tuple(runs)
-    return tuple(replace(run, name="/".join(Path(run.place).resolve().parts[-2:])) for run in runs)
+def name_apart(runs: Sequence[Run]) -> None:
+    """Give runs names that differ: where two are alike, as much of their path."""
+    if len({run.name for run in runs}) < len({run.shown_as for run in runs}):
+        for run in runs:
+            run.name = "/".join(Path(run.shown_as).resolve().parts[-2:])

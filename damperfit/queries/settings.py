@@ -46,6 +46,7 @@ __all__ = [
     "notes_on_simulation",
     "parse_question",
     "read_adjuster_results",
+    "refuse_unfitted",
     "tabulate_forces",
 ]
 
@@ -125,13 +126,7 @@ def adjuster_of(
     run: Run, *, amplitude: str | None = None, frequency: str | None = None
 ) -> AdjusterResults:
     """Return a run as an adjuster; see `read_adjuster_results`."""
-    if not run.settings:
-        why = f" ({'; '.join(run.remarks)})" if run.remarks else ""
-        raise ConfigurationError(
-            f"no setting has all parameters{why}; run damperfit identify LOGS first",
-            subject=run.place,
-            code="no-parameters",
-        )
+    refuse_unfitted(run)
     damper = run.damper
     own = run.motion_of_tests if amplitude and frequency else run.motion
     sine = _motion(own, amplitude, frequency)
@@ -162,6 +157,18 @@ def adjuster_of(
         tuple(notes),
         run.shown_speeds or NAMED_SPEEDS,
     )
+
+
+def refuse_unfitted(run: Run) -> Run:
+    """Return a run, which must have a setting with all parameters."""
+    if not run.settings:
+        why = f" ({'; '.join(run.remarks)})" if run.remarks else ""
+        raise ConfigurationError(
+            f"no setting has all parameters{why}; run damperfit identify LOGS first",
+            subject=run.place,
+            code="no-parameters",
+        )
+    return run
 
 
 def _motion(own: Sine | None, amplitude: str | None, frequency: str | None) -> Sine:

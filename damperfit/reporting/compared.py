@@ -37,7 +37,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from damperfit.comparison import ComparedRun, Difference, MeasuredTest, Point, RunComparison
+    from damperfit.comparison import Difference, MeasuredTest, Point, RunComparison
+    from damperfit.results import Run
     from damperfit.tested.setting import Setting
     from damperfit.units.shown_units import ShownUnits
 
@@ -377,8 +378,8 @@ def _table(
 def comparison_record(comparison: RunComparison) -> dict[str, Any]:
     """Return a comparison as JSON values."""
 
-    def run(one: ComparedRun) -> dict[str, str]:
-        return {"name": one.name, "place": one.place}
+    def run(one: Run) -> dict[str, str]:
+        return {"name": one.name, "place": one.shown_as}
 
     return {
         "first": run(comparison.first),
@@ -442,7 +443,7 @@ def junit_report(points: Sequence[Point], *, source: str) -> bytes:
 # Figures: loops of a setting with their differences below, and all settings
 
 
-def loop_plots(runs: Sequence[ComparedRun], setting: Setting, *, name: str) -> tuple[Plot, ...]:
+def loop_plots(runs: Sequence[Run], setting: Setting, *, name: str) -> tuple[Plot, ...]:
     """Return force against velocity and displacement of a setting, where all ran one motion.
 
     The reference is the first of the runs; ``name`` is what the names of the plots begin with.
@@ -489,7 +490,7 @@ def loop_plots(runs: Sequence[ComparedRun], setting: Setting, *, name: str) -> t
 
 
 def _points(
-    runs: Sequence[ComparedRun],
+    runs: Sequence[Run],
     groups: Sequence[tuple[MeasuredTest, ...]],
     setting: Setting,
     name: str,

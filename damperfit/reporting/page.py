@@ -473,7 +473,7 @@ def comparison_page(
     data = PlotData()
     groups: dict[str, list[RunComparison]] = {}
     for one in comparisons:
-        groups.setdefault(one.first.place, []).append(one)
+        groups.setdefault(one.first.shown_as, []).append(one)
     colours = setting_colours(sorted({s for one in comparisons for s in one.settings}))
     overall: list[Figure] = []
     sections: list[dict[str, Any]] = []
@@ -486,7 +486,7 @@ def comparison_page(
         ]
         runs = [group[0].first, *(one.second for one in group)]
         for setting in sorted({setting for one in group for setting in one.settings}):
-            having = [run for run in runs if setting in run.settings]
+            having = [run for run in runs if setting in {test.setting for test in run.tests}]
             plots = loop_plots(having, setting, name=f"setting_{setting.slug}{more}")
             figures = tuple(data.add(plot_in_units(plot, group[0].units)) for plot in plots)
             sections.append(

@@ -20,18 +20,13 @@ from typing import Any
 import numpy as np
 
 from damperfit.adjustment.force_at import fastest_sine, stage_of
-from damperfit.comparison import (
-    ComparedRun,
-    ComparisonOptions,
-    Sameness,
-    compare_runs,
-)
-from damperfit.comparison.runs import measured_tests
+from damperfit.comparison import ComparisonOptions, Sameness, compare_runs, measured_tests
 from damperfit.conditioning import ConditionOptions, condition
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import identify
 from damperfit.recording import Trace
+from damperfit.results import Run
 from damperfit.simulation import SolverOptions
 from damperfit.tables.reading import LogSignals
 from damperfit.tables.rows import make_tables
@@ -52,7 +47,7 @@ class Rig:
     logs: list
     clean: list[Trace]
 
-    def campaign(self, seed: int) -> ComparedRun:
+    def campaign(self, seed: int) -> Run:
         """Return a campaign with noise of its own."""
         rng = np.random.default_rng(seed)
         return fitted_run(noisy(self.made_up, self.logs, self.clean, rng), name=str(seed))
@@ -69,7 +64,7 @@ def rig(*, factor: float = 1.0, duration: float = 10.0, displacement_noise: floa
     return Rig(made_up, logs, [condition(log, ConditionOptions()) for log in logs])
 
 
-def fitted_run(traces: list[Trace], *, name: str) -> ComparedRun:
+def fitted_run(traces: list[Trace], *, name: str) -> Run:
     """Return what `compare` would read from the results folder of these logs."""
     campaign = identify(traces, PURDY_DAMPER)
     assessment = assess(campaign, PURDY_DAMPER)
@@ -86,8 +81,9 @@ def fitted_run(traces: list[Trace], *, name: str) -> ComparedRun:
         campaign.quantities,
         SolverOptions(),
     )
-    tests = tuple(test for trace in traces for test in _tests(trace))
-    return ComparedRun(name, name, fitted, tests, {})
+    fitted.tests = tuple(test for trace in traces for test in _tests(trace))
+    fitted.name = name
+    return fitted
 
 
 def _tests(trace: Trace) -> tuple:

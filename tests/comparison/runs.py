@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
-from damperfit.comparison import ComparedRun, MeasuredTest
-from damperfit.comparison.runs import measured_tests
+from damperfit.adjustment.force_at import Sine, Stage
+from damperfit.comparison import MeasuredTest, measured_tests
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
+from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.results import Run
 from damperfit.tables.reading import LogSignals
 from damperfit.tested.setting import Setting
+from tests.fakes import fitted_run
 
 AMPLITUDE, FREQUENCY, DAMPING, GAS = 0.032, 1.5, 2000.0, -130.0
+TESTED = Sine(AMPLITUDE, FREQUENCY)
 STIFFNESS = 300.0  # N/m: opening and closing differ
 
 
@@ -22,6 +29,7 @@ def signals(
     seed: int = 0,
     frequency: float = FREQUENCY,
     log: str = "a.csv",
+    tare: float = 0.0,
 ) -> tuple[LogSignals, list[dict]]:
     """Return whole cycles of F = factor c v + k x + gas, and what run.json says of them."""
     rate = 600.0
@@ -30,7 +38,7 @@ def signals(
     angle = 2.0 * np.pi * frequency * (time - 5.0)
     x = AMPLITUDE * np.sin(angle)
     v = 2.0 * np.pi * frequency * AMPLITUDE * np.cos(angle)
-    force = factor * DAMPING * v + STIFFNESS * x + GAS
+    force = factor * DAMPING * v + STIFFNESS * x + GAS + tare
     force = force + noise * np.random.default_rng([seed, setting]).standard_normal(n)
     nothing = np.full(n, np.nan)
     told = [
@@ -55,6 +63,29 @@ def measured(setting: int = 1, **how: object) -> MeasuredTest:
     return found
 
 
-def run(*tests: MeasuredTest, name: str = "a", record: dict | None = None) -> ComparedRun:
+def run(*tests: MeasuredTest, name: str = "a", record: dict | None = None) -> Run:
     """Return a run of measured tests alone."""
-    return ComparedRun(name, name, None, tests, record or {})
+    made = Run(record, {"parameters": ()}, place=Path(name))
+    made.tests, made.name, made.shown_as = tests, name, name
+    return made
+
+
+def fitted(
+    *settings: int,
+    name: str = "a",
+    damper=PURDY_DAMPER,
+    sine: Sine = TESTED,
+    tests: tuple[MeasuredTest, ...] = (),
+    quantities=PURDY_DAMPER.quantities,
+    stages: tuple[Stage, ...] = (),
+    rows: tuple[dict, ...] = (),
+    **record: object,
+) -> Run:
+    """Return a run of the paper's model at settings, with what is told of them."""
+    places = [Setting.of(setting) for setting in settings or (1, 2)]
+    stages = stages or tuple(Stage(one, reference_parameters(1)) for one in places)
+    known = dict(zip(places, rows or ({},) * len(places), strict=True))
+    made = fitted_run(damper, stages, sine, (), known, quantities)
+    made.tests, made.name, made.shown_as = tests, name, name
+    made.record.update(record)
+    return made

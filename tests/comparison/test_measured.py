@@ -8,12 +8,15 @@ import numpy as np
 import pytest
 
 from damperfit import results
-from damperfit.comparison import ComparisonOptions, Sameness, common_tests, compare_runs
-from damperfit.comparison.comparing import _by_repeats, measured_readings, repeat_scatter
-from damperfit.comparison.reading import Reading, Topic, compared
-from damperfit.comparison.runs import measured_tests
+from damperfit.comparison import (
+    ComparisonOptions,
+    Sameness,
+    common_tests,
+    compare_runs,
+    measured_tests,
+)
+from damperfit.comparison.measured import measured_readings, repeat_scatter, zero_shift
 from damperfit.errors import ConfigurationError
-from damperfit.queries.compared_runs import _tests_in
 from damperfit.tested.setting import Setting
 from tests.comparison.runs import (
     AMPLITUDE,
@@ -108,16 +111,34 @@ def test_dampers_that_are_mounted_anew_are_seldom_called_different(pairs: int) -
     assert np.mean(forces) < 0.13  # eight a pair, in four settings of their own
 
 
-def test_of_repeats_one_in_twenty_lies_outside() -> None:
-    rng = np.random.default_rng(6)
-    topic = Topic("force", "force", "force", "N")
-    outside = []
-    for _ in range(2000):
-        *reference, other = ({topic: Reading(x, 0.01)} for x in rng.normal(100.0, 1.0, 4))
-        means, bare = _by_repeats(reference, other)
-        line = compared(topic, means[topic], bare[topic])
-        outside.append(abs(line.difference) > line.high - line.difference)
-    assert np.mean(outside) == pytest.approx(0.05, abs=0.015)
+@pytest.mark.parametrize(
+    ("changed", "shift"),
+    [
+        ({"tare": 4.0}, 4.0),
+        ({"tare": -0.6}, -0.6),
+        ({"tare": 4.0, "factor": 1.1}, 4.0),
+        ({"factor": 1.1}, 0.0),
+        ({}, 0.0),
+    ],
+)
+def test_another_tare_shifts_every_force_and_a_valve_does_not(changed, shift) -> None:
+    a = run(*(measured(k, noise=1.0, factor=1.0 + 0.1 * k) for k in (1, 2)))
+    how = {"factor": 1.0} | changed
+    factors = {k: how["factor"] * (1.0 + 0.1 * k) for k in (1, 2)}
+    b = run(
+        *(measured(k, noise=1.0, seed=7, **how | {"factor": factors[k]}) for k in (1, 2)), name="b"
+    )
+    found, error = zero_shift(a, b, [Setting.of(1), Setting.of(2)])
+    assert found == pytest.approx(shift, abs=3.0 * error + 1e-12)
+    lines = compare_runs(a, b, MEASURED).of("force")
+    assert any(line.is_sure for line in lines) == ("factor" in changed)
+
+
+def test_what_one_stroke_alone_has_is_no_shift() -> None:
+    """It is a change of the damper, however like a tare it looks."""
+    a, b = measured(1, noise=0.5), measured(1, noise=0.5, seed=2)
+    b.strokes["rebound"][0] += 6.0
+    assert zero_shift(run(a), run(b), [Setting.of(1)]) == (0.0, 0.0)
 
 
 def test_a_scatter_of_tests_keeps_a_difference_from_being_called_one() -> None:
@@ -204,7 +225,7 @@ def test_a_log_of_an_older_run_is_one_motion_from_its_first_sample_to_its_last()
     log, (told,) = signals(1, factor=1.1, noise=2.0)
     facts = {"log": log.log, "frequency_Hz": told["frequency_Hz"], "temperature_degC": 26.0}
     run = results.Run({"inputs": [facts, "junk"]}, signals=(log,))
-    (found,) = _tests_in(run)
+    (found,) = run.tests
     (whole,) = measured_tests(log, [told], temperature=26.0)
     assert (found.n_cycles, found.temperature) == (whole.n_cycles, 26.0) == (10, 26.0)
     assert found.force == pytest.approx(whole.force)
