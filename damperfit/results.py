@@ -779,7 +779,7 @@ class Run:
         }
         return replace(
             meant,
-            rig=replace(meant.rig, **taken),
+            rig=meant.rig.but(**taken),
             document={**meant.document, "rig": {**meant.document["rig"], **taken}},
         )
 

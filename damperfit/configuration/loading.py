@@ -28,7 +28,7 @@ from damperfit.io.files import IrregularFileError, read_text
 from damperfit.problem import FilePlace, Key, Option
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from pydantic_core import ErrorDetails
 
@@ -37,7 +37,6 @@ if TYPE_CHECKING:
 __all__ = ["configuration_toml", "load_configuration"]
 
 _MAX_BYTES = 1_000_000  # a configuration is a page; anything larger is some other file
-_COMMAND_LINE = "command line"
 _DEFAULTS = "defaults.toml"
 _OF_FILE = Option("config")
 _DEFAULT_MODEL = "purdy"
@@ -47,10 +46,10 @@ _NAME_A_MODEL = (
     '"through_flow", or let the logs choose, with identify --model auto.'
 )
 _TEMPERATURES = {"rig.temperature", "rig.temperature_tolerance"}
-_WHOLE = ("adjusters",)  # a section whose keys are the user's: it takes the place of the one before
-_RIG = ("rig",)
+_WHOLE = "adjusters"  # its keys are the user's: it takes the place of the one before
 _SECTIONS = ("conditioning", "rig", "identification", "simulation", "damper", "output")
-_KINDS = {
+# What pydantic refuses, by its kind, and what it then has expected.
+_EXPECTED = {
     "int": "a whole number",
     "int_from_float": "a whole number",
     "float": "a number",
@@ -59,6 +58,11 @@ _KINDS = {
     "string": "a text",
     "list": "a list",
     "dict": "a section of keys",
+    "greater_than": "more than {gt:g}",
+    "greater_than_equal": "{ge:g} or more",
+    "less_than": "less than {lt:g}",
+    "less_than_equal": "{le:g} or less",
+    "literal_error": "{expected}",
 }
 _HEADER = re.compile(r"\s*\[([^\[\]]+)\]")
 _ENTRY = re.compile(r"(?P<key>\w+) = (?P<value>[^#]*[^#\s])(?P<comment>\s*#.*)?$")
@@ -91,72 +95,60 @@ def load_configuration(
         The file cannot be read, or a key or value in it is wrong; the message names file, line
         and key, or the option.
     """
-    layers = [_Layer(_DEFAULTS, _defaults_text())]
-    if path is not None:
-        layers.append(_Layer(str(path), _read(Path(path))))
-    document: dict[str, Any] = {}
-    layers[0].values = deepcopy(_defaults())
-    for layer in layers[1:]:
-        layer.values = _parse(layer)
+    given = [] if path is None else [_file_layer(Path(path))]
     if overlay:
-        layers.append(_Layer(_COMMAND_LINE, "", overlay, options or {}))
-    known = {
-        **layers[0].values,
-        "damper": damper_defaults(_model_of(layers, is_law_open=is_law_open)),
-    }
-    if known["damper"]["model"] != layers[0].values["damper"]["model"]:
-        layers[0].values = known
-    for layer in layers:
+        given.append(_Layer("", "", overlay, options or {}))
+    known = {**_defaults(), "damper": damper_defaults(_model_of(given, is_law_open=is_law_open))}
+    document = deepcopy(_defaults())
+    if known["damper"]["model"] != _DEFAULT_MODEL:
+        document["damper"] = deepcopy(known["damper"])
+    for layer in given:
         _check_keys(layer, known=known)
-        if layer.name == _COMMAND_LINE:
-            typed = layer.values.get("rig", {})
-            if "skew" in typed:
-                _without_skew(document["rig"])
-            _put_over_profiles(document, typed)
-        for section in _WHOLE:
-            if layer.values.get(section):
-                document.pop(section, None)
+        if not layer.name:
+            _put_over_profiles(document["rig"], layer.values.get("rig", {}))
+        if layer.values.get(_WHOLE):
+            document.pop(_WHOLE, None)
         _merge(document, layer.values)
-    declared = {
+    declared = frozenset(
         f"{section}.{key}"
-        for layer in layers[1:]
+        for layer in given
         for section, values in layer.values.items()
         for key in values
-    }
+    )
     has_damper = any(key.startswith("damper.") and key != "damper.model" for key in declared)
-    own = known["damper"]
-    has_valves = own["model"] != _DEFAULT_MODEL and "rod_diameter" in own
-    if (has_damper or has_valves) and declared.isdisjoint(_TEMPERATURES):
+    is_other = known["damper"]["model"] != _DEFAULT_MODEL and "rod_diameter" in known["damper"]
+    if (has_damper or is_other) and declared.isdisjoint(_TEMPERATURES):
         # The paper's 26 degC is no window of another damper's test.
         document["rig"]["temperature_tolerance"] = math.inf
     try:
-        found = build_configuration(document, declared=frozenset(declared))
-        return replace(found, test=replace(found.test, typed=_facts_typed(overlay or {})))
+        found = build_configuration(document, declared=declared)
     except ValidationError as error:
-        raise _explained(error, layers) from error
+        raise _explained(
+            error, [_Layer(_DEFAULTS, _defaults_text(), _defaults()), *given]
+        ) from error
     except ConfigurationError as error:
-        raise _blamed(error, layers[1:]) from error
+        raise _blamed(error, given) from error
+    typed = (overlay or {}).get("rig", {})
+    facts = frozenset(typed.get("tested_at", {})) | ({"skew"} & set(typed))
+    return replace(found, test=found.test.but(typed=facts))
 
 
-def _model_of(layers: Sequence[_Layer], *, is_law_open: bool = False) -> str:
+def _model_of(given: Sequence[_Layer], *, is_law_open: bool) -> str:
     """Return the model that the last layer names which names one.
 
     Where none does and the logs choose the law, keys of real valves are as good as a name.
     """
     name = _DEFAULT_MODEL
+    sections = [(one, one.values.get("damper")) for one in given]
     if is_law_open:
-        dampers = [one.values.get("damper") for one in layers[1:]]
-        given = {key for one in dampers if isinstance(one, dict) for key in one}
-        of_valves = given & set(damper_defaults(_OF_VALVES)) - set(damper_defaults(name))
+        keys = {key for _, damper in sections if isinstance(damper, dict) for key in damper}
+        of_valves = keys & set(damper_defaults(_OF_VALVES)) - set(damper_defaults(name))
         name = _OF_VALVES if of_valves else name
-    for layer in layers[int(is_law_open) :]:  # without the default that the file need not take
-        damper = layer.values.get("damper")
+    for layer, damper in sections:
         found = damper.get("model", name) if isinstance(damper, dict) else name
         if not isinstance(found, str):
-            wrong = ConfigurationError(
-                f"expected the name of a model, found {found!r}", code="unknown-model"
-            )
-            raise layer.blame(wrong, "damper", "model")
+            wrong = f"expected the name of a model, found {found!r}"
+            raise layer.blame(ConfigurationError(wrong, code="unknown-model"), "damper", "model")
         try:
             name = model_named(found).name
         except ConfigurationError as error:
@@ -166,7 +158,7 @@ def _model_of(layers: Sequence[_Layer], *, is_law_open: bool = False) -> str:
 
 @dataclass(slots=True)
 class _Layer:
-    """One source of configuration: where it stands, its text, its values."""
+    """One source of configuration: its name (of the command line none), its text, its values."""
 
     name: str
     text: str
@@ -187,7 +179,7 @@ class _Layer:
 
     def place(self, *keys: str) -> FilePlace | None:
         """Return file and line of a key inside others, as far as the text tells."""
-        if self.name == _COMMAND_LINE:
+        if not self.name:
             return None
         found = (
             self._line(".".join(keys[:depth]), *keys[depth : depth + 1])
@@ -209,9 +201,8 @@ class _Layer:
 
 
 def _defaults_text() -> str:
-    return (resources.files("damperfit.configuration") / "defaults.toml").read_text(
-        encoding="utf-8"
-    )
+    folder = resources.files("damperfit.configuration")
+    return (folder / _DEFAULTS).read_text(encoding="utf-8")
 
 
 @cache
@@ -219,9 +210,11 @@ def _defaults() -> dict[str, Any]:
     return tomllib.loads(_defaults_text())
 
 
-def _read(path: Path) -> str:
+def _file_layer(path: Path) -> _Layer:
+    place = FilePlace(str(path), 0, _OF_FILE)
     try:
-        return read_text(path, max_bytes=_MAX_BYTES)
+        text = read_text(path, max_bytes=_MAX_BYTES)
+        return _Layer(str(path), text, tomllib.loads(text))
     except IrregularFileError as error:
         raise ConfigurationError(
             f"{error.strerror}; this is not a configuration file",
@@ -230,24 +223,15 @@ def _read(path: Path) -> str:
         ) from error
     except OSError as error:
         raise ConfigurationError(
-            f"cannot be read: {error.strerror}",
-            where=FilePlace(str(path), 0, _OF_FILE),
-            code="unreadable",
+            f"cannot be read: {error.strerror}", where=place, code="unreadable"
         ) from error
     except UnicodeDecodeError as error:
         raise ConfigurationError(
-            f"not UTF-8 text, at byte {error.start}",
-            where=FilePlace(str(path), 0, _OF_FILE),
-            code="not-utf8",
+            f"not UTF-8 text, at byte {error.start}", where=place, code="not-utf8"
         ) from error
-
-
-def _parse(layer: _Layer) -> dict[str, Any]:
-    try:
-        return tomllib.loads(layer.text)
     except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise ConfigurationError(
-            f"not valid TOML: {error}", where=layer.place(), code="not-toml"
+            f"not valid TOML: {error}", where=place, code="not-toml"
         ) from error
 
 
@@ -257,18 +241,19 @@ def _check_keys(layer: _Layer, *, known: Mapping[str, Any]) -> None:
         if section not in known:
             raise ConfigurationError(
                 f"unknown section [{section}]; "
-                f"there are {_listed(known)}.{did_you_mean(section, known)}",
+                f"there are {', '.join(known)}.{did_you_mean(section, known)}",
                 where=layer.place(section),
                 code="unknown-section",
             )
         if not isinstance(values, dict):
-            raise ConfigurationError(
-                f"{section} is a section: write [{section}]",
-                where=layer.place(),
-                code="not-a-section",
-            )
-        if section not in _WHOLE:
+            raise _no_section(section, layer.place())
+        if section != _WHOLE:
             _check_section(layer, values, known[section], section)
+
+
+def _no_section(name: str, place: FilePlace | None) -> ConfigurationError:
+    text = f"{name} is a section: write [{name}]"
+    return ConfigurationError(text, where=place, code="not-a-section")
 
 
 def _check_section(
@@ -278,29 +263,19 @@ def _check_section(
     name = ".".join(section)
     for key, value in values.items():
         if key not in known:
-            there = f" There are {_listed(known)}."
-            if section == ("damper",) and known.get("model") == _DEFAULT_MODEL:
-                valves = damper_defaults(_OF_VALVES)
-                there = _NAME_A_MODEL if key in valves else there
-                known = known if key not in valves else {}
+            hint = did_you_mean(key, known) or f" There are {', '.join(known)}."
+            is_papers = section == ("damper",) and known.get("model") == _DEFAULT_MODEL
+            if is_papers and key in damper_defaults(_OF_VALVES):
+                hint = _NAME_A_MODEL
             raise ConfigurationError(
-                f"unknown key '{key}' in [{name}].{did_you_mean(key, known) or there}",
+                f"unknown key '{key}' in [{name}].{hint}",
                 where=layer.place(*section, key),
                 code="unknown-key",
             )
-        if section[0] != "damper" or not isinstance(known[key], dict):
-            continue
-        if not isinstance(value, dict):
-            raise ConfigurationError(
-                f"{name}.{key} is a section: write [{name}.{key}]",
-                where=layer.place(*section, key),
-                code="not-a-section",
-            )
-        _check_section(layer, value, known[key], *section, key)
-
-
-def _listed(names: Iterable[str]) -> str:
-    return ", ".join(names)
+        if section[0] == "damper" and isinstance(known[key], dict):
+            if not isinstance(value, dict):
+                raise _no_section(f"{name}.{key}", layer.place(*section, key))
+            _check_section(layer, value, known[key], *section, key)
 
 
 def _merge(document: dict[str, Any], values: Mapping[str, Any]) -> None:
@@ -312,54 +287,48 @@ def _merge(document: dict[str, Any], values: Mapping[str, Any]) -> None:
             document[key] = deepcopy(value)
 
 
-def _put_over_profiles(document: dict[str, Any], given: Mapping[str, Any]) -> None:
+def _put_over_profiles(rig: dict[str, Any], typed: Mapping[str, Any]) -> None:
     """Give what the command line says to every profile that says otherwise.
 
     In the document and not beside it, so that what `configuration_toml` prints reads logs alike.
+    --skew is of all logs: what [rig] and its profiles say of single ones is left out.
     """
-    profiles = document["rig"]["profiles"]
-    for profile in profiles.values() if isinstance(profiles, dict) else ():
-        if isinstance(profile, dict):
-            _merge(profile, {key: value for key, value in given.items() if key in profile})
-
-
-def _without_skew(rig: dict[str, Any]) -> None:
-    """Leave out what [rig] and its profiles say of the skew of single logs: --skew is of all."""
     profiles = rig["profiles"]
-    for one in (rig, *(profiles.values() if isinstance(profiles, dict) else ())):
-        facts = one.get("tested_at") if isinstance(one, dict) else None
-        if isinstance(facts, dict):
+    inner = list(profiles.values()) if isinstance(profiles, dict) else []
+    for section in (rig, *inner):
+        facts = section.get("tested_at") if isinstance(section, dict) else None
+        if "skew" in typed and isinstance(facts, dict):
             facts.pop("skew", None)
+    for profile in inner:
+        if isinstance(profile, dict):
+            _merge(profile, {key: value for key, value in typed.items() if key in profile})
 
 
-def _facts_typed(overlay: Mapping[str, Mapping[str, Any]]) -> frozenset[str]:
-    """Return the facts of tests that the command line tells."""
-    rig = overlay.get("rig", {})
-    return frozenset(rig.get("tested_at", {})) | ({"skew"} & set(rig))
-
-
-def _blamed(error: ConfigurationError, layers: Sequence[_Layer]) -> ConfigurationError:
+def _blamed(error: ConfigurationError, given: Sequence[_Layer]) -> ConfigurationError:
     """Return a mistake with the place of the key that it names, where that was given last."""
     where = error.problem.where
     if not isinstance(where, Key):
         return error
     *section, key = where.path
     sections = [tuple(section)] if section else [(one,) for one in _SECTIONS]
-    for layer in reversed(layers):
-        for name in (key, *where.beside):
-            for path in (
-                (*one, name.removeprefix("rig_") if one == _RIG else name) for one in sections
-            ):
-                if _depth(layer.values, path) < len(path):
-                    continue
-                if name == key:
-                    more = {"beside": where.beside} if where.beside else {}
-                    return layer.blame(error.adding("", **more), *path)
-                place = layer.place(*path)
-                if place is not None:
-                    return error.at(place, subject=".".join((*path[:-1], key)))
-                itself = error.at(Key((key,)), subject="")
-                return layer.blame(ConfigurationError("{problem}", problem=itself), *path)
+    names = (key, *where.beside)
+    for layer in reversed(given):
+        paths = (
+            (name, (*one, name.removeprefix("rig_") if one == ("rig",) else name))
+            for name in names
+            for one in sections
+        )
+        for name, path in paths:
+            if _depth(layer.values, path) < len(path):
+                continue
+            if name == key:
+                more = {"beside": where.beside} if where.beside else {}
+                return layer.blame(error.adding("", **more), *path)
+            place = layer.place(*path)
+            if place is not None:
+                return error.at(place, subject=".".join((*path[:-1], key)))
+            itself = error.at(Key((key,)), subject="")
+            return layer.blame(ConfigurationError("{problem}", problem=itself), *path)
     return error
 
 
@@ -385,19 +354,8 @@ def _explained(error: ValidationError, layers: Sequence[_Layer]) -> Configuratio
 
 def _expected(first: ErrorDetails) -> str:
     """Return what pydantic expected, by the kind of its refusal."""
-    limits = first.get("ctx", {})
     kind = first["type"].removesuffix("_type").removesuffix("_parsing")
-    if kind in _KINDS:
-        return f"expected {_KINDS[kind]}"
-    told = {
-        "greater_than": "more than {gt:g}",
-        "greater_than_equal": "{ge:g} or more",
-        "less_than": "less than {lt:g}",
-        "less_than_equal": "{le:g} or less",
-        "literal_error": "{expected}",
-        "string_too_short": "a text that is not empty",
-    }.get(first["type"], "another value")
-    return f"expected {told.format(**limits)}"
+    return f"expected {_EXPECTED.get(kind, 'another value').format(**first.get('ctx', {}))}"
 
 
 def _depth(values: Any, keys: Sequence[str]) -> int:
@@ -417,43 +375,38 @@ def configuration_toml(configuration: Configuration) -> str:
 
     `load_configuration` of the text gives equal settings.
     """
-    section = ""
     lines: list[str] = []
-    is_other = configuration.damper.name != _DEFAULT_MODEL
+    document = configuration.document
+    # Sections that defaults.toml does not show as they are, written without its comments.
+    own = {_WHOLE: False} | ({"damper": True} if configuration.damper.name != "purdy" else {})
+    section = ""
     for line in _defaults_text().splitlines():
+        entry = _ENTRY.match(line)
         if header := _HEADER.match(line):
             section = header[1].strip()
-            if section in _WHOLE:
-                lines += [line, *_entries(configuration.document[section])]
+            if section in own:
+                lines.extend(_section_lines(document[section], section))
                 continue
-            if is_other and section == "damper":
-                lines.extend(_damper_lines(configuration.document["damper"]))
-        if section in _WHOLE and _ENTRY.match(line):
+        if section in own and (own[section] or entry):
             continue
-        if is_other and section == "damper":
-            continue
-        if entry := _ENTRY.match(line):
-            value = _toml_value(configuration.document[section][entry["key"]])
-            lines.append(f"{entry['key']} = {value}{entry['comment'] or ''}")
-        else:
+        if entry is None:
             lines.append(line)
+        else:
+            value = _toml_value(document[section][entry["key"]])
+            lines.append(f"{entry['key']} = {value}{entry['comment'] or ''}")
     return "\n".join(lines) + "\n"
 
 
-def _damper_lines(values: Mapping[str, Any], section: str = "damper") -> Iterator[str]:
-    """Yield [damper] of a model that defaults.toml does not show."""
+def _section_lines(values: Mapping[str, Any], section: str) -> Iterator[str]:
     yield f"[{section}]"
     for key, value in values.items():
         if not isinstance(value, dict):
             yield f"{key} = {_toml_value(value)}"
-    yield ""
+    if section != _WHOLE:
+        yield ""
     for key, value in values.items():
         if isinstance(value, dict):
-            yield from _damper_lines(value, f"{section}.{key}")
-
-
-def _entries(values: Mapping[str, Any]) -> list[str]:
-    return [f"{key} = {_toml_value(value)}" for key, value in values.items()]
+            yield from _section_lines(value, f"{section}.{key}")
 
 
 def _toml_value(value: Any) -> str:

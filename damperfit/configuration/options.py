@@ -10,30 +10,30 @@ from damperfit.conditioning import GasFacts, OffsetFacts
 from damperfit.configuration.damper_section import damper_record
 from damperfit.damper.warmed import BETA, Warmed
 from damperfit.errors import ConfigurationError
-from damperfit.simulation import NAMED_SPEEDS
 from damperfit.units.quantities import parse_quantity, says_absolute_or_gauge
-from damperfit.units.shown_units import SI, ShownUnits
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
     from pathlib import Path
 
     from damperfit.conditioning import ConditionOptions
-    from damperfit.configuration.what_is_tested import TestOptions
+    from damperfit.configuration.schema import (
+        OutputSection,
+        RigSection,
+        SimulationSection,
+        TestSection,
+    )
     from damperfit.damper.model import Model
     from damperfit.damper.quantity import Quantity
     from damperfit.identification import FitOptions
     from damperfit.io import ReadOptions
-    from damperfit.simulation import SolverOptions
     from damperfit.tested.setting import Setting
     from damperfit.uncertainty import HoldOutOptions
 
 __all__ = [
     "GAS",
     "Configuration",
-    "OutputOptions",
-    "RigOptions",
-    "SimulationOptions",
+    "facts_of_damper",
     "gas_in_words",
     "offset_facts",
     "parameter_value",
@@ -82,6 +82,15 @@ def offset_facts(damper: Model, named: Collection[str]) -> OffsetFacts:
     return OffsetFacts()
 
 
+def facts_of_damper(damper: Model, named: Collection[str]) -> dict[str, Any]:
+    """Return what conditioning asks of a damper, by the names of `ConditionOptions`."""
+    return {
+        "gas": None if damper.gas is None else GasFacts(*damper.gas),
+        "offset": offset_facts(damper, named),
+        "chamber_lengths": damper.chamber_lengths,
+    }
+
+
 def with_beta(damper: Model, share: Sequence[str], *, named: Collection[str]) -> tuple[str, ...]:
     """Return what all settings share, and what temperature does, which is one damper's.
 
@@ -100,83 +109,6 @@ def with_beta(damper: Model, share: Sequence[str], *, named: Collection[str]) ->
 
 
 @dataclass(frozen=True, slots=True)
-class RigOptions:
-    """The nominal test, for `simulate` and `samples`, and the settings a campaign should have.
-
-    Attributes
-    ----------
-    amplitude, frequency : float
-        m, Hz.
-    settings : tuple of Setting
-        Settings that ought to be among the logs; empty: whatever is there.
-    temperature, temperature_tolerance : float
-        What the test should be held at, degrees Celsius; a log outside is warned about.
-    is_strict : bool
-        A log with a warning is refused.
-    is_averaging : bool
-        Logs of one setting that contradict each other are fitted together all the same.
-    """
-
-    amplitude: float
-    frequency: float
-    settings: tuple[Setting, ...]
-    temperature: float
-    temperature_tolerance: float
-    is_strict: bool = False
-    is_averaging: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class SimulationOptions:
-    """What `simulate` runs unless the command line says otherwise.
-
-    Attributes
-    ----------
-    cycles : float
-        Length in cycles.
-    sample_rate : float
-        Hz.
-    wave : str
-        "sine" or "triangle".
-    solver : SolverOptions
-        How exactly to integrate.
-    max_steps : int
-        Samples or steps of the integrator beyond which a simulation is refused.
-    """
-
-    cycles: float
-    sample_rate: float
-    wave: str
-    solver: SolverOptions
-    max_steps: int
-
-
-@dataclass(frozen=True, slots=True)
-class OutputOptions:
-    """Where results go and what they must reach.
-
-    Attributes
-    ----------
-    folder : pathlib.Path
-        Folder of the results of `identify`.
-    max_mse_percent : float
-        Gate: a setting above it makes the command end with code 4; 0: no gate.
-    checks : tuple of str
-        Gates: names of `damperfit.checks.CHECKS` that must be passed.
-    units : ShownUnits
-        In which forces, speeds and lengths are shown.
-    speeds : tuple of float
-        At which forces are shown, m/s, rising.
-    """
-
-    folder: Path
-    max_mse_percent: float
-    checks: tuple[str, ...] = ()
-    units: ShownUnits = SI
-    speeds: tuple[float, ...] = NAMED_SPEEDS
-
-
-@dataclass(frozen=True, slots=True)
 class Configuration:
     """The complete configuration; one field for each part of the program.
 
@@ -184,7 +116,7 @@ class Configuration:
     ----------
     damper : Model
         The model, with geometry, oil and gas as far as it has them.
-    rig : RigOptions
+    rig : RigSection
         Nominal test.
     reading : ReadOptions
         How logs are read.
@@ -198,11 +130,11 @@ class Configuration:
         Parameters of an earlier run that the fits start from; it is read when the run begins.
     profile : tuple of str
         Parameters whose misfit is followed away from the best value.
-    simulation : SimulationOptions
+    simulation : SimulationSection
         Defaults of `simulate`.
-    output : OutputOptions
+    output : OutputSection
         Folder and gates.
-    test : TestOptions
+    test : TestSection
         Whose damper it is, where the logs do not say.
     declared : frozenset of str
         Keys that somebody gave, as in "damper.rod_diameter"; the others are defaults.
@@ -219,16 +151,16 @@ class Configuration:
     """
 
     damper: Model
-    rig: RigOptions
+    rig: RigSection
     reading: ReadOptions
     conditioning: ConditionOptions
     identification: FitOptions
     hold_out: HoldOutOptions
     start_table: Path | None
     profile: tuple[str, ...]
-    simulation: SimulationOptions
-    output: OutputOptions
-    test: TestOptions
+    simulation: SimulationSection
+    output: OutputSection
+    test: TestSection
     declared: frozenset[str] = field(compare=False)
     document: dict[str, Any] = field(compare=False, repr=False)
     chosen_law: Mapping[str, Any] = field(default_factory=dict, compare=False, repr=False)
@@ -249,10 +181,7 @@ class Configuration:
         """
         fit = identification or self.identification
         conditioning = replace(
-            self.conditioning,
-            gas=None if damper.gas is None else GasFacts(*damper.gas),
-            offset=offset_facts(damper, {*fit.fixed, *(fit.free or ())}),
-            chamber_lengths=damper.chamber_lengths,
+            self.conditioning, **facts_of_damper(damper, {*fit.fixed, *(fit.free or ())})
         )
         return replace(
             self,

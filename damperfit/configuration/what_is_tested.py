@@ -1,21 +1,19 @@
-"""The sections [adjusters] and [test]: what can be turned, and whose damper it is."""
+"""The section [adjusters], labels of settings, and what logs are declared to be tested at."""
 
 from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
+from typing import TYPE_CHECKING, Annotated, TypeAlias
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict
+from pydantic import BeforeValidator
 
 from damperfit.damper.model import MODELS
 from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.io.tests_table import FACTS, fact_of
 from damperfit.problem import Key
 from damperfit.tables.columns import column_names
-from damperfit.tested.identity import IDENTITY_KEYS, Identity
+from damperfit.tested.identity import IDENTITY_KEYS
 from damperfit.tested.setting import Setting, parse_setting
 
 if TYPE_CHECKING:
@@ -25,10 +23,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "AdjusterKey",
-    "TestOptions",
-    "TestSection",
     "check_adjusters",
-    "counted",
     "counted_from_closed",
     "declared_settings",
     "facts_stated",
@@ -37,7 +32,8 @@ __all__ = [
 ]
 
 _MOST = 8  # adjusters of a damper; real ones have four
-_FROM = ("from open", "from closed")
+_CLOSED = "from closed"
+_FROM = ("from open", _CLOSED)
 
 
 def _adjuster(value: object) -> object:
@@ -54,49 +50,6 @@ def _adjuster(value: object) -> object:
 AdjusterKey: TypeAlias = Annotated[str | list[str], BeforeValidator(_adjuster)]
 
 
-@dataclass(frozen=True, slots=True)
-class TestOptions:
-    """What is declared of all tests of a run.
-
-    Attributes
-    ----------
-    identity : Identity
-        Whose they are, where the logs and the table of tests do not say.
-    table : pathlib.Path or None
-        Table of tests; None: ``tests.csv`` beside the logs, where there is one.
-    typed : frozenset of str
-        Facts of tests that the command line tells, or sets aside: no table goes before it.
-    """
-
-    __test__ = False  # no test of pytest's
-
-    identity: Identity = Identity()
-    table: Path | None = None
-    typed: frozenset[str] = frozenset()
-
-
-class TestSection(BaseModel):
-    """Keys of [test]."""
-
-    __test__ = False
-
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
-
-    damper: str
-    serial: str
-    customer: str
-    operator: str
-    date: str
-    rig: str
-    text: str
-    table: str
-
-    def build(self) -> TestOptions:
-        """Return what is declared."""
-        stated: dict[str, Any] = {key: getattr(self, key).strip() for key in IDENTITY_KEYS}
-        return TestOptions(Identity(**stated), Path(self.table) if self.table else None)
-
-
 def check_adjusters(adjusters: Mapping[str, AdjusterKey]) -> tuple[str, ...]:
     """Return the names of the adjusters.
 
@@ -105,37 +58,19 @@ def check_adjusters(adjusters: Mapping[str, AdjusterKey]) -> tuple[str, ...]:
     ConfigurationError
         A name is none, or is that of a column of the tables.
     """
-    names = tuple(adjusters)
+    names, wrong = tuple(adjusters), ""
     if not 1 <= len(names) <= _MOST:
-        raise ConfigurationError(
-            f"found {len(names)}, expected 1 to {_MOST}", where=Key(("adjusters",))
-        )
+        wrong = f"found {len(names)}, expected 1 to {_MOST}"
     for name in names:
         if not re.fullmatch(r"[a-z][a-z0-9_]{0,30}", name):
-            raise ConfigurationError(
-                f"found '{name}', expected small letters, digits and _, as in low_speed_rebound",
-                where=Key(("adjusters",)),
-            )
-        if name in column_names() or name in IDENTITY_KEYS:
-            raise ConfigurationError(
-                f"'{name}' is taken, a column of the tables has this name; choose another",
-                where=Key(("adjusters",)),
-            )
+            wrong = f"found '{name}', expected small letters, digits and _, as in low_speed_rebound"
+        elif name in column_names() or name in IDENTITY_KEYS:
+            wrong = f"'{name}' is taken, a column of the tables has this name; choose another"
+        if wrong:
+            break
+    if wrong:
+        raise ConfigurationError(wrong, where=Key(("adjusters",)), code="wrong-adjuster")
     return names
-
-
-def counted(adjusters: Mapping[str, AdjusterKey]) -> dict[str, str]:
-    """Return how the clicks of each adjuster count, where that is declared.
-
-    Examples
-    --------
-    >>> counted({"low": ["rebound.bleed", "from closed"], "high": "from open", "ride": ""})
-    {'low': 'from closed', 'high': 'from open', 'ride': ''}
-    """
-    return {
-        name: said if isinstance(said, str) else next((one for one in said if one in _FROM), "")
-        for name, said in adjusters.items()
-    }
 
 
 def followed(
@@ -157,40 +92,59 @@ def followed(
     ConfigurationError
         A word names nothing that a model has.
     """
-    found: dict[str, list[str]] = {}
-    for adjuster, word in _words(adjusters):
-        names = _named(damper).get(word, ())
-        if not names and not (is_law_open and any(word in _named(one) for one in _every_model())):
-            known = _named(damper)
-            if is_law_open:
-                known = {k: v for one in _every_model() for k, v in _named(one).items()}
+    own = _parts(damper)
+    words = _words(adjusters)
+    known = dict(own)
+    if is_law_open and any(word not in own for _, word in words):
+        known = {word: names for one in _every_model() for word, names in _parts(one).items()}
+    found: dict[str, dict[str, None]] = {}
+    for adjuster, word in words:
+        if not known.get(word):
             near = did_you_mean(word, known) or f" There are {', '.join(known)}."
             raise ConfigurationError(
                 f"no quantity '{word}' of the model {damper.name} could follow it.{near}",
                 where=Key(("adjusters", adjuster)),
+                code="unknown-quantity",
             )
-        for name in names:
-            found.setdefault(name, [])
-            if adjuster not in found[name]:
-                found[name].append(adjuster)
+        for name in own.get(word, ()):
+            found.setdefault(name, {})[adjuster] = None
     return {name: tuple(who) for name, who in found.items()}
 
 
 def unmatched(adjusters: Mapping[str, AdjusterKey], damper: Model) -> tuple[str, ...]:
     """Return the words in [adjusters] that name nothing of a model."""
-    return tuple(word for _, word in _words(adjusters) if word not in _named(damper))
+    own = _parts(damper)
+    return tuple(word for _, word in _words(adjusters) if word not in own)
+
+
+def counted_from_closed(adjusters: Mapping[str, AdjusterKey]) -> tuple[str, ...]:
+    """Return the adjusters whose clicks count from closed.
+
+    Examples
+    --------
+    >>> counted_from_closed({"low": ["rebound.bleed", "from closed"], "high": "from open"})
+    ('low',)
+    """
+    first = {
+        name: [one for one in _listed(key) if one in _FROM][:1] for name, key in adjusters.items()
+    }
+    return tuple(name for name, how in first.items() if how == [_CLOSED])
+
+
+def _listed(key: AdjusterKey) -> list[str]:
+    return key if isinstance(key, list) else [key]
 
 
 def _words(adjusters: Mapping[str, AdjusterKey]) -> list[tuple[str, str]]:
     return [
         (adjuster, word.strip())
-        for adjuster, said in adjusters.items()
-        for word in (said if isinstance(said, list) else ())
+        for adjuster, key in adjusters.items()
+        for word in (key if isinstance(key, list) else ())
         if word not in _FROM
     ]
 
 
-def _named(damper: Model) -> dict[str, tuple[str, ...]]:
+def _parts(damper: Model) -> dict[str, tuple[str, ...]]:
     return {**damper.parts, **{name: (name,) for name in damper.names}}
 
 
@@ -210,11 +164,6 @@ def _every_model() -> list[Model]:
     ]
 
 
-def counted_from_closed(keys: Mapping[str, AdjusterKey]) -> tuple[str, ...]:
-    """Return the adjusters whose clicks count from closed."""
-    return tuple(name for name, how in counted(keys).items() if how == "from closed")
-
-
 def facts_stated(stated: Mapping[str, float | str]) -> dict[str, float]:
     """Return what logs were tested at, SI; a name that is none is left to the reader's options.
 
@@ -228,9 +177,7 @@ def facts_stated(stated: Mapping[str, float | str]) -> dict[str, float]:
         try:
             found[name] = fact_of(name, str(text)) if name in FACTS else math.nan
         except ValueError as error:
-            raise ConfigurationError(
-                f"found {text!r}, {error}", where=Key(("tested_at", name))
-            ) from error
+            raise _wrong(text, error, "tested_at", name) from error
     return found
 
 
@@ -249,7 +196,9 @@ def declared_settings(
         try:
             found.add(parse_setting(str(label), adjusters))
         except ValueError as error:
-            raise ConfigurationError(
-                f"found {label!r}, {error}", where=Key(tuple(key.split(".")))
-            ) from error
+            raise _wrong(label, error, *key.split(".")) from error
     return tuple(sorted(found))
+
+
+def _wrong(value: object, error: ValueError, *key: str) -> ConfigurationError:
+    return ConfigurationError(f"found {value!r}, {error}", where=Key(key), code="wrong-value")

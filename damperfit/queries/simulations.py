@@ -492,9 +492,9 @@ def _changed(
     if isinstance(damper, Damper) and name in _GAS:
         damper = replace(damper, **{_GAS[name]: value})
     elif name == "amplitude":
-        rig = replace(rig, amplitude=value)
+        rig = rig.but(amplitude=value)
     else:
-        rig = replace(rig, frequency=value)
+        rig = rig.but(frequency=value)
     return choice, replace(configuration, rig=rig, damper=damper)
 
 

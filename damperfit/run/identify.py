@@ -263,7 +263,7 @@ def identified(  # noqa: PLR0913 - what is asked of it
                 options = fitting(mine, options, named)
             own, parted = _prepared(configuration, part(mine, options, named), options)
         if beside:
-            own = replace(own, output=replace(own.output, folder=folder / folder_name(owner)))
+            own = replace(own, output=own.output.but(folder=folder / folder_name(owner)))
         prepared.append((owner, own, parted))
     for owner, own, parted in prepared:
         run, failures = _fitted(own, parted, clock=clock, jobs=workers, watch=watch)

@@ -73,7 +73,7 @@ def test_a_declared_table_of_tests_says_whose_the_logs_are(tmp_path, texts):
     put(tmp_path / "logs", texts)
     table = tmp_path / "mine.csv"
     table.write_text("file,serial\nsetting_01.csv,A\nsetting_10.csv,B\n")
-    configuration = replace(CONFIGURATION, test=replace(CONFIGURATION.test, table=table))
+    configuration = replace(CONFIGURATION, test=CONFIGURATION.test.but(table=table))
     assert set(owners(tmp_path / "logs", configuration)) == {"A", "B"}
 
 
@@ -210,7 +210,7 @@ class TestKey:
     def test_the_table_of_tests_does(self, logs, tmp_path):
         table = tmp_path / "mine.csv"
         table.write_text("file,serial\nsetting_01.csv,A\n")
-        configuration = replace(CONFIGURATION, test=replace(CONFIGURATION.test, table=table))
+        configuration = replace(CONFIGURATION, test=CONFIGURATION.test.but(table=table))
         before = self.key(logs, configuration)
         table.write_text("file,serial\nsetting_01.csv,B\n")
         assert self.key(logs, configuration) != before
@@ -222,7 +222,7 @@ def test_the_declared_table_speaks_alone(tmp_path, texts):
     (tmp_path / "logs" / "tests.csv").write_text("file,serial\n" + rows.format("BESIDE"))
     table = tmp_path / "given.csv"
     table.write_text("file,serial\n" + rows.format("GIVEN"))
-    configuration = replace(CONFIGURATION, test=replace(CONFIGURATION.test, table=table))
+    configuration = replace(CONFIGURATION, test=CONFIGURATION.test.but(table=table))
     assert list(owners(tmp_path / "logs", configuration)) == ["GIVEN"]
 
 

@@ -203,7 +203,7 @@ def test_the_tests_of_one_file_that_fail_alike_are_one_line(n, lines) -> None:
 
 
 def gates(*fits, failures=(), limit=0.0) -> list[str]:
-    asked = replace(PLAIN, output=replace(PLAIN.output, max_mse_percent=limit))
+    asked = replace(PLAIN, output=PLAIN.output.but(max_mse_percent=limit))
     batch = LogBatch((), (), tuple(failures), (), 1)
     return [str(one) for one in gates_not_met(asked, batch, campaign(*fits))]
 
@@ -288,7 +288,7 @@ def test_mishaps_are_told_by_setting_and_those_of_the_whole_run_last() -> None:
 
 
 def test_settings_that_are_expected_and_missing_are_failures_of_their_own() -> None:
-    wanted = replace(PLAIN, rig=replace(PLAIN.rig, settings=(1, 2, 5)))
+    wanted = replace(PLAIN, rig=PLAIN.rig.but(settings=(1, 2, 5)))
     batch = replace(EMPTY, logs=(LogFacts("a.csv", "a.csv", "", {"setting": 2}),))
     lost = list(missing_logs(wanted, batch))
     assert [(one.setting, one.code, one.kind) for one in lost] == [
