@@ -78,15 +78,7 @@ class Beside(NamedTuple):
 
 
 def beside(values: FloatArray, start: int, stop: int) -> Beside | None:
-    """Return how a signal comes to a stand and leaves it; None at the ends of the log.
-
-    Parameters
-    ----------
-    values : numpy.ndarray
-        Shape (n,).
-    start, stop : int
-        Samples ``start:stop`` are equal.
-    """
+    """Return how a signal comes to a stand and leaves it; None at the ends of the log."""
     length = stop - start
     n = min(max(length, _FEWEST), _MOST)
     if start < n or stop + n > len(values):
@@ -108,15 +100,7 @@ def beside(values: FloatArray, start: int, stop: int) -> Beside | None:
 
 
 def is_cut_displacement(near: Beside, force: FloatArray) -> bool:
-    """Whether a displacement was cut where it stands.
-
-    Parameters
-    ----------
-    near : Beside
-        What is beside the stand.
-    force : numpy.ndarray
-        Shape (n,), over the stand.
-    """
+    """Whether a displacement was cut where it stands."""
     for v, b in (near.before, near.behind):
         if not v > _CUT * max(b, 0.0) * len(force):
             return False
@@ -128,15 +112,7 @@ def is_cut_displacement(near: Beside, force: FloatArray) -> bool:
 
 
 def catches_up(values: FloatArray, stop: int) -> bool:
-    """Whether a signal leaps when its stand ends.
-
-    Parameters
-    ----------
-    values : numpy.ndarray
-        Shape (n,).
-    stop : int
-        First sample behind the stand.
-    """
+    """Whether a signal leaps when its stand ends."""
     steps = np.abs(np.diff(values[stop : stop + 12]))
     if not len(steps):
         return False

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "FEWEST",
+    "MIN_CYCLES",
     "TURN",
     "Cycles",
     "SteadyRun",
@@ -40,6 +41,7 @@ __all__ = [
     "ends_in_motion",
     "fastest_frequency",
     "find_cycles",
+    "harmonic_powers",
     "level_parts",
     "level_share",
     "like_halves",
@@ -74,17 +76,7 @@ _RECENT = 200  # half cycles that say the level; of all of them an hour's log wo
 def level_parts(
     period: FloatArray, amplitude: FloatArray, *, fewest: int, steadiness: float
 ) -> Sequence[tuple[int, int]]:
-    """Return first and stop of the parts of a run that are steady tests.
-
-    Parameters
-    ----------
-    period, amplitude : numpy.ndarray
-        Shape (n,), of cycles that begin at each half of one.
-    fewest : int
-        Cycles that a part must have.
-    steadiness : float
-        Share within which an unsteady rig's cycles may wander.
-    """
+    """Return first and stop of the parts of a run that are steady tests."""
     if len(period) >= fewest and all(
         _is_one(values, min(least, steadiness))
         for values, least in ((period, _PERIOD), (amplitude, _AMPLITUDE))
@@ -110,19 +102,7 @@ def level_parts(
 def like_halves(
     passages: FloatArray, turns: FloatArray, first: int, stop: int, *, near: float
 ) -> tuple[int, int]:
-    """Take off both ends of a part the half strokes that are of another motion.
-
-    Parameters
-    ----------
-    passages : numpy.ndarray
-        At which cycles begin, two in a cycle, samples.
-    turns : numpy.ndarray
-        Displacement at the turn before each passage, and after the last, m.
-    first, stop : int
-        Cycles of the part; the last of them ends at passage ``stop + 1``.
-    near : float
-        Samples by which the filter may move a passage beside a break.
-    """
+    """Take off both ends of a part the half strokes that are of another motion."""
     while stop - first > 1:
         halves = np.diff(passages[first : stop + 2])
         tops = turns[first + 1 : stop + 2]
@@ -150,17 +130,7 @@ def _by_direction(values: FloatArray) -> FloatArray:
 
 
 def off_level(values: FloatArray, kind: str, steadiness: float) -> NDArray[np.bool_]:
-    """Return which cycles are off the level of the others.
-
-    Parameters
-    ----------
-    values : numpy.ndarray
-        Shape (n,), periods or amplitudes of cycles one after the other.
-    kind : str
-        "period" or "amplitude".
-    steadiness : float
-        Share that is never allowed to be exceeded.
-    """
+    """Return which cycles are off the level of the others."""
     least = _PERIOD if kind == "period" else _AMPLITUDE
     middle = median(values)
     allowed = _allowed(values, least, steadiness, lag=1)
@@ -168,15 +138,7 @@ def off_level(values: FloatArray, kind: str, steadiness: float) -> NDArray[np.bo
 
 
 def level_share(periods: FloatArray, steadiness: float) -> float:
-    """Return the share by which cycles one after the other may differ in period, and be one test.
-
-    Parameters
-    ----------
-    periods : numpy.ndarray
-        Shape (n,).
-    steadiness : float
-        Share that is never allowed to be exceeded.
-    """
+    """Return the share by which cycles of one test may differ in period."""
     return _allowed(periods, _PERIOD, steadiness, lag=1)
 
 
@@ -505,6 +467,7 @@ def _whole_cycles(crossings: FloatArray, period: float, n: int) -> int:
 # where its level changes (`damperfit.conditioning.cycles`).
 
 TURN = 0.02  # of the whole range
+MIN_CYCLES = 3  # whole ones, of a test
 FEWEST = 3  # passages at which a cycle begins: two whole cycles
 _CUT = 0.8  # of a cycle may be ahead of a run's first passage: the turn before it, cut
 _ALIKE = 0.1  # of the amplitude; the period is rounded to a sample
@@ -535,15 +498,7 @@ class SteadyRun(NamedTuple):
 
 
 def run_of(seen: Turns, first: int, stop: int) -> SteadyRun:
-    """Return the facts of a run.
-
-    Parameters
-    ----------
-    seen : Turns
-        Of the whole log.
-    first, stop : int
-        Its cycles.
-    """
+    """Return the facts of a run."""
     medians = (median(values[first:stop]) for values in (seen.period, seen.amplitude, seen.middle))
     return SteadyRun(float(seen.passages[first]), float(seen.passages[stop + 1]), *medians)
 
@@ -600,17 +555,7 @@ def turning_points(x: FloatArray, reach: float) -> IntArray:
 
 
 def runs_of(seen: Turns, steadiness: float, *, near: float) -> Iterator[tuple[int, int]]:
-    """Yield first and stop of the cycles of each run.
-
-    Parameters
-    ----------
-    seen : Turns
-        Of the whole log.
-    steadiness : float
-        Share within which neighbours must be alike.
-    near : float
-        Samples by which a filter may move a passage beside a break.
-    """
+    """Yield first and stop of the cycles of each run."""
     period, amplitude, middle = seen.period, seen.amplitude, seen.middle
     smaller = np.minimum(amplitude[:-1], amplitude[1:])
     alike = (
@@ -636,15 +581,7 @@ def runs_of(seen: Turns, steadiness: float, *, near: float) -> Iterator[tuple[in
 def ends_in_motion(
     displacement: FloatArray, steadiness: float
 ) -> tuple[float | None, float | None]:
-    """Return the samples in a cycle of the steady motion a log begins in, and ends in; else None.
-
-    Parameters
-    ----------
-    displacement : numpy.ndarray
-        Shape (n,), as logged: a filter would bend the ends.
-    steadiness : float
-        Share within which neighbours must be alike.
-    """
+    """Return the samples in a cycle of the motion a log begins in, and ends in; None: in none."""
     seen = cycles_of(displacement)
     if len(seen.passages) < FEWEST:
         return None, None
@@ -669,15 +606,7 @@ def _repeats(x: FloatArray, ahead: float, run: SteadyRun) -> bool:
 
 
 def fastest_frequency(displacement: FloatArray, steadiness: float) -> float:
-    """Return the frequency of a motion's fastest part, cycles per sample; 0 where nothing moves.
-
-    Parameters
-    ----------
-    displacement : numpy.ndarray
-        Shape (n,), as logged.
-    steadiness : float
-        Share within which neighbours must be alike.
-    """
+    """Return the frequency of a motion's fastest part, cycles per sample; 0 where nothing moves."""
     seen = cycles_of(displacement)
     if len(seen.passages) < FEWEST:
         return 0.0
@@ -685,3 +614,21 @@ def fastest_frequency(displacement: FloatArray, steadiness: float) -> float:
     if runs:
         return 1.0 / max(runs, key=lambda run: run.amplitude / run.period).period
     return 1.0 / percentiles(seen.period, 5.0)[0]
+
+
+def harmonic_powers(values: FloatArray, turns: float, n_powers: int) -> FloatArray:
+    """Return the power of the harmonics of a motion in whole cycles of a channel.
+
+    Examples
+    --------
+    >>> angle = 2.0 * np.pi * np.arange(300) / 100
+    >>> harmonic_powers(2.0 * np.sin(angle) + 0.2 * np.sin(3.0 * angle), 0.01, 3).round(6)
+    array([1.  , 0.  , 0.01])
+    """
+    turned = values - mean_of(values) + 0j
+    turn = np.exp(-2j * np.pi * turns * np.arange(len(values)))
+    powers = np.empty(n_powers)
+    for k in range(n_powers):
+        turned *= turn
+        powers[k] = abs(complex(turned.sum())) ** 2 / len(values) ** 2
+    return powers

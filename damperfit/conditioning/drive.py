@@ -219,21 +219,7 @@ def make_drive(
     found: Sequence[FoundStretch],
     options: ConditionOptions,
 ) -> Drive:
-    """Return the displacement and velocity that drive the model.
-
-    Parameters
-    ----------
-    log : UniformLog
-        As logged, in the project's signs.
-    filtered : numpy.ndarray
-        Its displacement behind the compared filter, shape (n,), m.
-    velocity : numpy.ndarray
-        Of that, m/s.
-    found : sequence of FoundStretch
-        What is compared, in samples of the log.
-    options : ConditionOptions
-        Filter and rig facts. What the rig has filtered cannot be had back: it drives as it is.
-    """
+    """Return the displacement and velocity that drive the model."""
     if options.rig_filter != "none" or options.filter == "none":
         return Drive(filtered, velocity, math.inf)
     drive = _least_in_error(log, filtered, velocity, found, options)
@@ -444,15 +430,6 @@ def unclear_turns(drive: Drive, log: UniformLog, stretches: Sequence[Stretch]) -
 
     A sine of 200 samples a cycle that turns at one of them turns at all of them: its friction is
     then too small by as much as they are. Where samples fall elsewhere in each cycle there are few.
-
-    Parameters
-    ----------
-    drive : Drive
-        The displacement behind the compared filter.
-    log : UniformLog
-        As logged.
-    stretches : sequence of Stretch
-        What is compared, in samples of the log.
     """
     noise = noise_of(log.displacement) * math.sqrt(2.0 * drive.corner * log.interval)
     noise *= 2.0 * math.pi * drive.corner / math.sqrt(3.0)

@@ -370,13 +370,6 @@ class FilteredLog(NamedTuple):
 def behind_filter(log: UniformLog, options: ConditionOptions) -> FilteredLog:
     """Return both channels behind the filter, and the filter for the model.
 
-    Parameters
-    ----------
-    log : UniformLog
-        As logged.
-    options : ConditionOptions
-        What is to be filtered, and what the rig has filtered.
-
     Raises
     ------
     ConditioningError

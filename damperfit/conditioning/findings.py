@@ -22,10 +22,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from damperfit.conditioning.channels import Channel, examine_channel, find_spikes, noise_of
-from damperfit.conditioning.cycles import clean_cycles
+from damperfit.conditioning.cycles import clean_cycles, harmonic_powers
 from damperfit.conditioning.drive import content_beyond, dwell_lengths
 from damperfit.conditioning.filters import fitting_corner, gain_at
-from damperfit.conditioning.refusals import harmonic_powers
 from damperfit.conditioning.repeatability import examine_repeatability
 from damperfit.recording import Finding
 from damperfit.statistics import mean_of, median, percentiles
@@ -381,15 +380,7 @@ _ALIKE = 0.7  # share of its power that must be in the fundamental
 
 
 def check_velocity(trace: Trace, recording: Recording) -> tuple[Finding, ...]:
-    """Return how a logged velocity compares with ours; nothing where none was logged.
-
-    Parameters
-    ----------
-    trace : Trace
-        With our velocity.
-    recording : Recording
-        With the logged one, and with what was reversed of the displacement.
-    """
+    """Return how a logged velocity compares with ours; nothing where none was logged."""
     if recording.velocity is None or not trace.fastest.n_cycles:
         return ()
     stretch = trace.fastest
@@ -501,20 +492,7 @@ def _without_scatter(unlike: FloatArray, signal: FloatArray, size: int) -> None:
 
 
 def falls_off(displacement: FloatArray, force: FloatArray, interval: float) -> bool:
-    """Whether the noise of both channels falls off far above a motion that does not repeat.
-
-    Parameters
-    ----------
-    displacement, force : numpy.ndarray
-        Shape (n,), as logged.
-    interval : float
-        Sample interval, s.
-
-    Returns
-    -------
-    bool
-        False also where the log is too short or too slow to tell.
-    """
+    """Whether the noise of both channels falls off far above a motion that does not repeat."""
     return (
         _more_below(displacement, interval) > _MORE_DISPLACEMENT
         and _more_below(force, interval) > _MORE_FORCE
@@ -577,21 +555,7 @@ def examine(
     cycles: Cycles | None,
     options: ConditionOptions,
 ) -> tuple[Finding, ...]:
-    """Return what is remarkable in a log.
-
-    Parameters
-    ----------
-    recording : Recording
-        As read.
-    log : UniformLog
-        Uniform, not yet filtered by us.
-    trace : Trace
-        Its steady cycles.
-    cycles : Cycles
-        What was found before the ends were trimmed; None where the log is no single steady run.
-    options : ConditionOptions
-        What was declared of the rig.
-    """
+    """Return what is remarkable in a log."""
     window = _rows(recording, trace, trace.fastest, trace.fastest)
     # The model is driven through what stands between stretches, too.
     driven = _rows(recording, trace, trace.stretches[0], trace.stretches[-1])

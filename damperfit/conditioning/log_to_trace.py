@@ -1,4 +1,4 @@
-"""The chain from a recording to a trace, step by step."""
+"""The chain from a recording to a trace, step by step, and the logs that are refused on the way."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from damperfit.conditioning.cycles import MIN_CYCLES, clean_cycles, harmonic_powers
 from damperfit.conditioning.delay import without_delay
 from damperfit.conditioning.drive import drive_of_lines, make_drive, unclear_turns
 from damperfit.conditioning.filters import FilteredLog, apply_filter, fading_samples, with_corner
@@ -22,13 +23,6 @@ from damperfit.conditioning.polarity import (
     middle_of,
     put_right,
     rest_of,
-)
-from damperfit.conditioning.refusals import (
-    oversize,
-    refuse_dead,
-    refuse_small,
-    refuse_stroke,
-    refuse_swapped,
 )
 from damperfit.conditioning.repeatability import with_noise
 from damperfit.conditioning.segments import ComparedPart, FoundStretch, choose_compared, transients
@@ -45,6 +39,11 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.float64]
 
 __all__ = ["condition"]
+
+_MIN_SAMPLES = 20
+_ABSURD = 1e9  # N or m; no column of any rig, in whatever unit; its squares might overflow
+_ANSWERS = 3e-4  # a damper without friction and of one valve law has 1e-4
+_MORE = 4.0
 
 
 def condition(recording: Recording, options: ConditionOptions | None = None) -> Trace:
@@ -77,16 +76,16 @@ def condition(recording: Recording, options: ConditionOptions | None = None) -> 
         # A spike may be beyond what a log may hold; what is left when it is gone may not.
         lenient = replace(options, max_force=math.inf)
         recording = bridge_spikes(recording, condition(recording, lenient))
-    refuse_dead(recording)
+    _refuse_dead(recording)
     options, corner = with_corner(recording, options)
     delay = options.skew if isinstance(options.skew, float | int) else 0.0
-    too_large = oversize(recording, options)
+    too_large = _oversize(recording, options)
     try:
         traced = _trace(recording, options, delay)
     except ConditioningError as error:
         raise ConditioningError(too_large or str(error)) from None
-    refuse_small(traced.trace, options)
-    refuse_swapped(traced.trace)
+    _refuse_small(traced.trace, options)
+    _refuse_swapped(traced.trace)
     if too_large:
         raise ConditioningError(too_large)
     level = level_of(traced.trace, options)
@@ -100,7 +99,7 @@ def condition(recording: Recording, options: ConditionOptions | None = None) -> 
     if skew != 0.0 or righted is not recording:
         level = level_of(traced.trace, options)
     trace = with_figures(traced.trace)
-    refuse_stroke(trace, options)
+    _refuse_stroke(trace, options)
     levels = (
         *corner,
         describe_middle(trace, options),
@@ -267,3 +266,117 @@ def _notes(options: ConditionOptions) -> tuple[str, ...]:
             "no filter of our own"
         )
     return tuple(notes)
+
+
+# Logs that cannot be used at all, each refused with the reason and the way out.
+
+
+def _refuse_dead(recording: Recording) -> None:
+    """Refuse a log without a test in it: too short, or with a constant channel."""
+    n = len(recording.time)
+    if n < _MIN_SAMPLES:
+        raise ConditioningError(
+            f"{n} sample{'s' * (n != 1)}; expected at least {MIN_CYCLES} whole "
+            "cycles of a steady test; record a longer log",
+            subject=recording.name,
+        )
+    for channel, unit in (("displacement", "m"), ("force", "N")):
+        values = getattr(recording, channel)
+        middle = float(values[0])
+        # A constant that passed a change of units differs by rounding only.
+        if float(np.ptp(values)) <= 1e-12 * abs(middle):
+            raise ConditioningError(
+                f"the {channel} is constant ({middle:g}) in all {n} rows; "
+                "expected a steady periodic test; check sensor and column",
+                subject=recording.name,
+            )
+        if (largest := float(np.abs(values).max())) > _ABSURD:
+            raise ConditioningError(
+                f"the {channel} reaches {largest:.3g} {unit}, which no rig "
+                "reaches; declare its unit, or check sensor and column",
+                subject=recording.name,
+            )
+
+
+def _oversize(recording: Recording, options: ConditionOptions) -> str:
+    """Return why a log is of an impossible size; empty where it is not."""
+    if (half := 0.5 * float(np.ptp(recording.displacement))) > options.max_amplitude:
+        return (
+            f"{recording.name}: displacement swings +-{half:.4g} m, expected at most "
+            f"+-{options.max_amplitude:g} m{_chambers(options)}; was mm read as m? "
+            "Declare the unit or raise conditioning.max_amplitude"
+        )
+    peak = float(np.abs(recording.force).max())
+    if peak > options.max_force:
+        return (
+            f"{recording.name}: force reaches {peak:.4g} N, expected at most "
+            f"{options.max_force:g} N; was N read as kN? Declare the unit or raise "
+            "conditioning.max_force"
+        )
+    return ""
+
+
+def _refuse_small(trace: Trace, options: ConditionOptions) -> None:
+    """Refuse a motion that no rig makes: its unit was misread."""
+    if trace.amplitude < options.min_amplitude:
+        raise ConditioningError(
+            f"displacement swings +-{1e3 * trace.amplitude:.4g} mm, expected at "
+            f"least +-{1e3 * options.min_amplitude:g} mm; was m read as mm? Declare the unit "
+            "(rig.units.displacement) or lower conditioning.min_amplitude",
+            subject=trace.name,
+        )
+
+
+def _refuse_swapped(trace: Trace) -> None:
+    """Refuse a log whose force is driven and whose displacement answers: the wrong columns.
+
+    A machine drives the displacement, near enough a sine. The force answers with harmonics: those
+    of the displacement grow in the velocity, and valves and friction add theirs. Measured: 1e-9 to
+    0.004 of the displacement's power is in harmonics, 0.15 of the force's share at most.
+    """
+    if not trace.fastest.n_cycles:
+        return  # a random motion has no harmonics
+    driven = _harmonic_share(trace, trace.displacement)
+    if driven > _ANSWERS and driven > _MORE * (answers := _harmonic_share(trace, trace.force)):
+        raise ConditioningError(
+            f"force and displacement look swapped: what is read as displacement has "
+            f"{100.0 * driven:.2g} % of its power in harmonics, what is read as force "
+            f"{100.0 * answers:.1g} %, but it is the displacement that a machine drives; "
+            "declare rig.columns = {displacement = ..., force = ...} and rig.units, for files "
+            "that differ in a profile each",
+            subject=trace.name,
+        )
+
+
+def _harmonic_share(trace: Trace, values: FloatArray) -> float:
+    """Return the share of a channel's power that is in harmonics 2 to 7 of the motion."""
+    stretch = trace.fastest
+    first, *_, stop = np.rint(clean_cycles(stretch)).astype(np.int64)
+    power = harmonic_powers(values[first:stop], stretch.frequency * trace.interval, 7)
+    return float(np.sum(power[1:])) / max(float(np.sum(power)), 1e-300)
+
+
+def _chambers(options: ConditionOptions) -> str:
+    if options.chamber_lengths is None:
+        return ""
+    l_1, l_2 = options.chamber_lengths
+    return f" (chambers l_1 {l_1:g} m, l_2 {l_2:g} m)"
+
+
+def _refuse_stroke(trace: Trace, options: ConditionOptions) -> None:
+    """Refuse a displacement that leaves chamber 1 (x >= l_1) or chamber 2 (x <= -l_2) no volume."""
+    if options.chamber_lengths is None:
+        return
+    l_1, l_2 = options.chamber_lengths
+    highest, lowest = float(trace.displacement.max()), float(trace.displacement.min())
+    if highest < l_1 and lowest > -l_2:
+        return
+    x, at = (highest, "below l_1") if highest >= l_1 else (lowest, "above -l_2")
+    hint = "mm read as m or inches?"
+    if abs(x) < 10.0 * max(l_1, l_2):
+        hint = "declare the right unit (rig.units.displacement) or centre (rig.centre)"
+    raise ConditioningError(
+        f"stroke beyond the chamber: x reaches {x:.4g} m, expected {at} "
+        f"(l_1 = {l_1:g} m, l_2 = {l_2:g} m; x = 0 at {trace.centre:.4g} m of the log); {hint}",
+        subject=trace.name,
+    )

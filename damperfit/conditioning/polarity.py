@@ -152,19 +152,7 @@ class Rest:
 def rest_of(
     log: UniformLog, trace: Trace, recording: Recording, gas: GasFacts | None
 ) -> Rest | None:
-    """Return the force where a log rests; None where it does not, or nothing is known of the gas.
-
-    Parameters
-    ----------
-    log : UniformLog
-        The whole log, not filtered.
-    trace : Trace
-        Of this log.
-    recording : Recording
-        Tells whether its displacement is counted the other way than the log's.
-    gas : GasFacts or None
-        Of the damper.
-    """
+    """Return the force where a log rests; None where it does not, or the gas is not known."""
     if gas is None:
         return None
     needed = max(_REST_TIME, _REST_PERIODS / trace.frequency) / log.interval
@@ -458,13 +446,6 @@ def middle_of(displacement: FloatArray, stretches: Sequence[Stretch]) -> float:
 
     The middle of the widest stretch. A motion that wanders, such as a road, has none that is the
     damper's: the log's own 0 is taken, if it lies anywhere near the middle of the range.
-
-    Parameters
-    ----------
-    displacement : numpy.ndarray
-        Of the log, m.
-    stretches : sequence of Stretch
-        What is compared, in samples of it.
     """
     widest = max(stretches, key=lambda stretch: stretch.amplitude)
     part = displacement[widest.window]
@@ -518,17 +499,7 @@ def _of_wandering(trace: Trace, off: float) -> Finding:
 def find_delay(
     log: UniformLog, trace: Trace, options: ConditionOptions
 ) -> tuple[float, tuple[Finding, ...]]:
-    """Return by how much the force must be moved ahead, s, and what was found of the skew.
-
-    Parameters
-    ----------
-    log : UniformLog
-        With the signs of the project, moved by what was declared, not filtered by us.
-    trace : Trace
-        Of this log.
-    options : ConditionOptions
-        ``skew`` says what was declared.
-    """
+    """Return by how much the force must be moved ahead, s, and what was found of the skew."""
     is_auto = options.skew == "auto"
     if options.rig_filter != "none":
         skew = Delay(None, reason="the rig's filter rounds the friction's jump")

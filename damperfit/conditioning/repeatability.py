@@ -92,15 +92,7 @@ def _known(trace: Trace, stretch: Stretch) -> float:
 
 
 def with_noise(trace: Trace, rest: FloatArray) -> Trace:
-    """Return a trace with the noise of each stretch.
-
-    Parameters
-    ----------
-    trace : Trace
-        Its stretches do not know their noise yet.
-    rest : numpy.ndarray
-        Shape (n,), N: what the filter has taken off the force, empty where the rig has filtered.
-    """
+    """Return a trace with the noise of each stretch."""
     return replace(trace, stretches=tuple(_noisy(trace, one, rest) for one in trace.stretches))
 
 
@@ -208,15 +200,7 @@ _OF_MOTION = 0.7  # of the noise floor, below which the motion explains some of 
 
 
 def examine_repeatability(recording: Recording, trace: Trace) -> Iterator[Finding]:
-    """Yield how the steady cycles of a log repeat.
-
-    Parameters
-    ----------
-    recording : Recording
-        As read, for the temperature.
-    trace : Trace
-        Its steady cycles.
-    """
+    """Yield how the steady cycles of a log repeat."""
     is_warming = False
     n_cycles = len(clean_cycles(trace.fastest)) - 1 if trace.fastest.n_cycles else 0
     if n_cycles >= 2 and math.isfinite(floor := noise_floor(trace)):

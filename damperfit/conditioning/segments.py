@@ -18,6 +18,7 @@ import numpy as np
 
 from damperfit.conditioning.cycles import (
     FEWEST,
+    MIN_CYCLES,
     TURN,
     Cycles,
     SteadyRun,
@@ -35,9 +36,9 @@ from damperfit.conditioning.filters import (
     FilteredLog,
     behind_filter,
     fading_samples,
+    fitting_corner,
     settling_samples,
 )
-from damperfit.conditioning.refusals import MIN_CYCLES, refuse_fast
 from damperfit.conditioning.timebase import continue_log
 from damperfit.errors import ConditioningError
 from damperfit.recording import Finding, Stretch
@@ -113,26 +114,7 @@ def find_runs(
     steadiness: float,
     edges: Edges,
 ) -> tuple[tuple[FoundStretch, ...], int]:
-    """Return the steady runs of a log, and how many cycles there are in all.
-
-    Parameters
-    ----------
-    displacement, velocity : numpy.ndarray
-        Shape (n,), behind the filter; m, m/s.
-    interval : float
-        s.
-    steadiness : float
-        Share within which neighbours must be alike.
-    edges : Edges
-        What is left out.
-
-    Returns
-    -------
-    tuple of FoundStretch
-        In order of time; none where hardly anything repeats.
-    int
-        Cycles, steady or not.
-    """
+    """Return the steady runs of a log, and how many cycles there are in all."""
     seen = cycles_of(displacement)
     n_passages = len(seen.passages)
     if n_passages < FEWEST:
@@ -159,13 +141,6 @@ def is_one_run(
 
     Each stroke of a run whose middle keeps its place passes a quarter of the amplitude on both
     sides of it, so that a run of three cycles beside what is left out has a whole one inside.
-
-    Parameters
-    ----------
-    displacement : numpy.ndarray
-        Shape (n,), behind the filter, m.
-    interval, steadiness, edges
-        As there.
     """
     seen = cycles_of(displacement)
     if len(seen.passages) < FEWEST:
@@ -269,8 +244,10 @@ def _belonging(at: FloatArray, run: SteadyRun, x: FloatArray, *, moved: float) -
 
     def more(here: float, there: float) -> FloatArray:
         near = at[np.abs(at - there) <= max(0.5 * _NEAR * run.period, moved)][:1]
-        part = x[math.ceil(min(here, *near)) : math.ceil(max(here, *near))] if len(near) else x[:0]
-        if not len(part):
+        low, high = min([here, *near]), max([here, *near])
+        part = x[math.ceil(low) : math.ceil(high)] if len(near) else x[:0]
+        # Three cycles of 1.5 Hz are as long as one of 0.5 Hz, but none of its own.
+        if not len(part) or np.any((at > low) & (at < high)):
             return near[:0]
         ends = np.array([part.max() - run.middle, run.middle - part.min()])
         return near[: int(np.all(np.abs(ends / run.amplitude - 1.0) <= share))]
@@ -300,19 +277,7 @@ def _whole(
 def steady_stretch(
     starts: FloatArray, velocity: FloatArray, interval: float, amplitude: float
 ) -> Stretch:
-    """Return the stretch between the first and the last of these boundaries of cycles.
-
-    Parameters
-    ----------
-    starts : numpy.ndarray
-        Fractional samples.
-    velocity : numpy.ndarray
-        Of the log, m/s.
-    interval : float
-        s.
-    amplitude : float
-        Half the stroke, m.
-    """
+    """Return the stretch between the first and the last of these boundaries of cycles."""
     first, stop = round(float(starts[0])), round(float(starts[-1]))
     return Stretch(
         kind="steady",
@@ -336,17 +301,7 @@ _LONGEST_RUN_IN = 2.0  # s
 def find_moving(
     displacement: FloatArray, velocity: FloatArray, *, interval: float, edges: Edges
 ) -> tuple[FoundStretch, ...]:
-    """Return the parts of a log that move, for one in which nothing repeats.
-
-    Parameters
-    ----------
-    displacement, velocity : numpy.ndarray
-        Shape (n,), behind the filter; m, m/s.
-    interval : float
-        s.
-    edges : Edges
-        What is left out.
-    """
+    """Return the parts of a log that move, for one in which nothing repeats."""
     turns = turning_points(displacement, TURN * float(np.ptp(displacement)))
     if len(turns) < _FEWEST_TURNS:
         return ()
@@ -564,15 +519,6 @@ class ComparedPart(NamedTuple):
 def choose_compared(name: str, log: UniformLog, options: ConditionOptions) -> ComparedPart:
     """Return what of a log is compared with the model.
 
-    Parameters
-    ----------
-    name : str
-        Of the log, for refusals.
-    log : UniformLog
-        As logged.
-    options : ConditionOptions
-        Filter and rig facts.
-
     Raises
     ------
     ConditioningError
@@ -638,7 +584,7 @@ def _one_run(
     except ConditioningError:
         return None
     assert cycles is not None
-    refuse_fast(name, log, cycles, options)
+    _refuse_fast(name, log, cycles, options)
     stretch = steady_stretch(starts, seen.velocity, log.interval, cycles.amplitude)
     found = (FoundStretch(stretch, -math.inf, math.inf),)
     if stretch.n_cycles < MIN_CYCLES:
@@ -708,7 +654,7 @@ def _continued(
         return None
     single = None
     if cycles is not None and len(more) == 1:
-        refuse_fast(name, log, cycles, options)
+        _refuse_fast(name, log, cycles, options)
         steady = _cycles(seen, options)
         single = None if steady is None else replace(steady, n_found=n_found)
     where = " and ".join(
@@ -791,3 +737,24 @@ def _untouched(cycles: Cycles, n: int, edge: int) -> tuple[float, float]:
     begin = 0.0 if begin <= reach else begin
     end = n - 1.0 if n - 1.0 - end <= reach else end
     return max(begin + cycles.period + edge, cycles.begin), min(end - edge, cycles.end)
+
+
+def _refuse_fast(name: str, log: UniformLog, cycles: Cycles, options: ConditionOptions) -> None:
+    """Refuse a motion that the filter takes away."""
+    is_rig = options.rig_filter != "none"
+    corner = options.rig_filter_corner if is_rig else options.filter_corner
+    frequency = 1.0 / (cycles.period * log.interval)
+    if (is_rig or options.filter != "none") and frequency >= corner:
+        raise ConditioningError(
+            f"the motion found has {frequency:.3g} Hz, not below the filter "
+            f"corner of {corner:g} Hz; {_raised(is_rig, frequency, log)}",
+            subject=name,
+        )
+
+
+def _raised(is_rig: bool, frequency: float, log: UniformLog) -> str:  # noqa: FBT001
+    if is_rig:
+        return "the displacement is noise, or rig.filter_corner is another one"
+    corner = fitting_corner(frequency, 1.0 / log.interval)
+    fits = f"set conditioning.filter_corner = '{corner:g}Hz' or 'auto'"
+    return f"the displacement is noise, or the corner must be raised: {fits}"

@@ -1,15 +1,22 @@
-"""From a log's stamps to uniform samples.
+"""From a log's stamps to uniform samples, and a short log continued by its own cycles.
 
-Three cases, tried in this order:
+Three cases of stamps, tried in this order:
 
 1. Every stamp is within its own rounding (or 1 % of an interval) of a straight line: the samples
    are uniform, and the line's slope is the interval. So are stamps rounded to 1 ms at 300 Hz.
 2. The same after leaving room for a few missing samples: these are put in by a cubic spline.
 3. The intervals really vary: a cubic spline through the stamps gives uniform samples.
 
-A gap of more than `MAX_MISSING` samples is refused in all of them.
+A gap of more than 4 samples is refused in all of them.
 
-A short test is continued by its own cycles, so that the filter meets what it would have met.
+A filter needs 0.23 s beyond each end of what is compared, and the model a cycle of run-in for its
+state. Of three cycles at 10 Hz nothing would be left. Where a log begins or ends in the midst of a
+steady motion, that motion went on: the log is continued there by the cycle that is nearest, both
+channels alike, so that filter and model meet what they would have met. Only what was logged is
+compared, and the model's force passes the same filter over the same continued motion. The cycle's
+length is the one at which the displacement repeats best, so that the seam is smooth. A motion that
+began with the log's first sample has not repeated yet: as long as the force differs from the next
+cycle's by more than noise it is run-in, and the log is continued behind it.
 """
 
 from __future__ import annotations
@@ -32,14 +39,7 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = [
-    "MAX_MISSING",
-    "Continued",
-    "UniformLog",
-    "continue_log",
-    "make_uniform",
-]
-
+__all__ = ["MAX_MISSING", "Continued", "UniformLog", "continue_log", "make_uniform"]
 
 MAX_MISSING = 4  # consecutive samples; at 300 Hz, 17 ms, half a period of the 30 Hz corner
 _JITTER = 0.01  # share of the interval; what the filter does not notice
@@ -47,6 +47,13 @@ _ROUNDED = 0.75  # of the rounding: half of it, and what a least-squares line ma
 # Wrong stamps cost more of K_e than right ones of an uneven clock.
 _ROUGHER = 1.5
 _MAX_FILLED = 0.05  # share of the log that may be put in before it is no measurement any more
+
+_TRIES = 8
+_NOISE = 6.0  # standard deviations of the difference of two cycles
+_ALIKE = 0.02  # of the force's range; rigs repeat a peak to 1 %
+_LONGEST = 0.5  # cycles; what differs for longer is no beginning
+_MOST = 0.9  # of that
+_GAP = 3  # samples
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,8 +87,7 @@ def make_uniform(recording: Recording) -> UniformLog:
     """
     elapsed = recording.time - recording.time[0]
     rounding = _resolution(recording.time)
-    index = np.arange(len(elapsed), dtype=np.float64)
-    offset, interval, off = _line(index, elapsed)
+    offset, interval, off = _line(np.arange(len(elapsed), dtype=np.float64), elapsed)
     is_even = off <= _JITTER * interval
     is_rounded = off <= _JITTER * interval + _ROUNDED * rounding
     if is_even or (is_rounded and not _has_one_or_two_missing(elapsed)):
@@ -100,32 +106,50 @@ def _resampled(recording: Recording, elapsed: FloatArray, rounding: float) -> Un
     # Rounded stamps make the median step up to half a rounding wrong: take the mean of its likes.
     typical = mean_of(steps[np.abs(steps - typical) <= 1.01 * rounding + 0.3 * typical])
     counts = np.maximum(np.rint(steps / typical), 1.0)
-    _refuse_gap(recording, steps, counts, typical)
-    index = np.concatenate([[0.0], np.cumsum(counts)])
-    offset, interval, off = _line(index, elapsed)
+    widest = int(np.argmax(counts))
+    if counts[widest] > MAX_MISSING + 1:
+        raise ConditioningError(
+            f"gap of {steps[widest]:.4g} s after row {widest + 1} of the data "
+            f"(time {recording.time[widest]:.6g} s); the samples are {typical:.4g} s apart and at "
+            f"most {MAX_MISSING} may be missing; split the log there or log without pauses",
+            subject=recording.name,
+        )
+    knots = np.concatenate([[0.0], np.cumsum(counts)])
+    offset, interval, off = _line(knots, elapsed)
     is_regular = off <= _JITTER * interval + _ROUNDED * rounding
     if is_regular:
-        knots = index
+        _refuse_missing(recording, counts)
     else:
         offset, interval = 0.0, float(elapsed[-1]) / len(steps)
         knots = elapsed / interval
-    missing = _missing(recording, counts) if is_regular else 0
     grid = np.arange(round(float(knots[-1])) + 1, dtype=np.float64)
     channels = np.stack([recording.displacement, recording.force])
     displacement, force = np.ascontiguousarray(CubicSpline(knots, channels, axis=-1)(grid))
+    rate = 1.0 / interval
     found = (
-        _missing_finding(recording, counts, missing, 1.0 / interval)
+        _missing_finding(recording, counts, rate)
         if is_regular
-        else _jitter_finding(recording, steps / typical, displacement, 1.0 / interval)
+        else _jitter_finding(recording, steps / typical, displacement, rate)
     )
     start = float(recording.time[0]) + offset
     return UniformLog(start, interval, displacement, force, (found,))
 
 
-def _missing_finding(
-    recording: Recording, counts: FloatArray, missing: int, rate: float
-) -> Finding:
-    first = int(np.argmax(counts > 1))
+def _refuse_missing(recording: Recording, counts: FloatArray) -> None:
+    """Refuse more than a few per cent of missing samples."""
+    expected = int(counts.sum()) + 1
+    missing = expected - 1 - len(counts)
+    if missing > _MAX_FILLED * expected:
+        row = int(np.flatnonzero(counts > 1)[0]) + 1
+        raise ConditioningError(
+            f"{missing} of {expected} samples are missing, first after row "
+            f"{row} of the data; expected at most {100.0 * _MAX_FILLED:.0f} %; check the logger",
+            subject=recording.name,
+        )
+
+
+def _missing_finding(recording: Recording, counts: FloatArray, rate: float) -> Finding:
+    missing, first = int(counts.sum()) - len(counts), int(np.argmax(counts > 1))
     text = (
         f"{missing} missing sample{'s' * (missing != 1)} put in by a cubic spline; {rate:.6g} Hz; "
         f"the first after row {first + 1} of the data (time {recording.time[first]:.6g} s)"
@@ -143,7 +167,9 @@ def _jitter_finding(
         f"time steps vary by up to {spread:.0f} % (after row {worst + 1} of the data, time "
         f"{recording.time[worst]:.6g} s); resampled at {rate:.6g} Hz by a cubic spline"
     )
-    by_stamp, by_count = _roughness(displacement), _roughness(recording.displacement)
+    by_stamp, by_count = (
+        median(np.abs(np.diff(values, 3))) for values in (displacement, recording.displacement)
+    )
     if by_stamp <= _ROUGHER * by_count:
         return Finding("jitter", "note", text, spread, "%")
     text += (
@@ -151,38 +177,6 @@ def _jitter_finding(
         "the stamps: they are those of the computer, not of the samples; declare rig.sample_rate"
     )
     return Finding("jitter", "warning", text, spread, "%")
-
-
-def _roughness(values: FloatArray) -> float:
-    """Return the median size of the third differences."""
-    return median(np.abs(np.diff(values, 3)))
-
-
-def _refuse_gap(
-    recording: Recording, steps: FloatArray, counts: FloatArray, typical: float
-) -> None:
-    widest = int(np.argmax(counts))
-    if counts[widest] > MAX_MISSING + 1:
-        raise ConditioningError(
-            f"gap of {steps[widest]:.4g} s after row {widest + 1} of the data "
-            f"(time {recording.time[widest]:.6g} s); the samples are {typical:.4g} s apart and at "
-            f"most {MAX_MISSING} may be missing; split the log there or log without pauses",
-            subject=recording.name,
-        )
-
-
-def _missing(recording: Recording, counts: FloatArray) -> int:
-    """Return how many samples are missing; refuse more than a few per cent."""
-    expected = int(counts.sum()) + 1
-    missing = expected - 1 - len(counts)
-    if missing > _MAX_FILLED * expected:
-        row = int(np.flatnonzero(counts > 1)[0]) + 1
-        raise ConditioningError(
-            f"{missing} of {expected} samples are missing, first after row "
-            f"{row} of the data; expected at most {100.0 * _MAX_FILLED:.0f} %; check the logger",
-            subject=recording.name,
-        )
-    return missing
 
 
 def _has_one_or_two_missing(elapsed: FloatArray) -> bool:
@@ -216,36 +210,15 @@ def _resolution(time: FloatArray) -> float:
     blur = 4.0 * float(np.spacing(np.abs(time).max()))
     for exponent in range(0, -8, -1):
         unit = 10.0**exponent
-        if blur < 0.01 * unit:
-            probe = elapsed[:64] / unit  # most candidates fail on the first few stamps
-            if np.abs(probe - np.rint(probe)).max() > 0.01:
-                continue
-            multiples = elapsed / unit
-            if np.abs(multiples - np.rint(multiples)).max() <= 0.01:
-                return unit
+        if blur >= 0.01 * unit:
+            continue
+        # Most candidates fail on the first few stamps.
+        for multiples in (elapsed[:64] / unit, elapsed / unit):
+            if np.abs(multiples - np.rint(multiples)).max() > 0.01:
+                break
+        else:
+            return unit
     return 0.0
-
-
-# A short test continued by its own cycles, so that three of them suffice.
-#
-# A filter needs 0.23 s beyond each end of what is compared, and the model a cycle of run-in for
-# its state. Of three cycles at 10 Hz nothing would be left. Where a log begins or ends in the
-# midst of a steady motion, that motion went on: the log is continued there by the cycle that is
-# nearest, both channels alike, so that filter and model meet what they would have met. Only what
-# was logged is compared, and the model's force passes the same filter over the same continued
-# motion.
-#
-# The cycle's length is the one at which the displacement repeats best, so that the seam is
-# smooth. A motion that began with the log's first sample has not repeated yet: as long as the
-# force differs from the next cycle's by more than noise it is run-in, and the log is continued
-# behind it.
-
-_TRIES = 8
-_NOISE = 6.0  # standard deviations of the difference of two cycles
-_ALIKE = 0.02  # of the force's range; rigs repeat a peak to 1 %
-_LONGEST = 0.5  # cycles; what differs for longer is no beginning
-_MOST = 0.9  # of that
-_GAP = 3  # samples
 
 
 class Continued(NamedTuple):
@@ -276,7 +249,6 @@ def continue_log(
     """
     n = len(log.force)
     first, before, behind = 0, 0, 0
-    channels = np.stack([log.displacement, log.force])
     if begin is not None:
         begin = _length(log.displacement, begin)
         first = _settled(log.force, begin)
@@ -291,13 +263,9 @@ def continue_log(
     if end is not None:
         beyond = at - (n - 1.0)
         at = np.where(beyond > 0.0, at - end * np.ceil(beyond / end), at)
-    x, f = _read(channels, at)
-    made = replace(
-        log,
-        start_time=log.start_time + (first - before) * log.interval,
-        displacement=x,
-        force=f,
-    )
+    x, f = _read(np.stack([log.displacement, log.force]), at)
+    start = log.start_time + (first - before) * log.interval
+    made = replace(log, start_time=start, displacement=x, force=f)
     return Continued(made, before, before + n - first)
 
 

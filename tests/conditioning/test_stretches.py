@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from damperfit.conditioning import condition
+from damperfit.conditioning import condition, noise_floor
 from damperfit.conditioning.options import ConditionOptions
 from damperfit.errors import ConditioningError
 from tests.conditioning.logs import LAW, recording, static_force
@@ -47,6 +47,15 @@ def test_each_speed_step_is_a_stretch():
     assert not told & {"unsteady_cycles", "cycles"}
     (one,) = (one for one in trace.findings if one.name == "stretches")
     assert one.value == 3.0
+
+
+@pytest.mark.parametrize("frequencies", [(0.5, 1.5, 3.0), (3.0, 1.5, 0.5), (0.4, 2.0)])
+def test_steps_without_pauses_keep_to_themselves_where_cycles_of_one_fit_into_another(frequencies):
+    """Three cycles of 1.5 Hz last as long as one of 0.5 Hz, and are none of it."""
+    trace = condition(moved(*((frequency, 0.02, 6) for frequency in frequencies)))
+    assert seen(trace) == [("steady", frequency, 20.0) for frequency in frequencies]
+    assert all(stretch.noise < 4.0 for stretch in trace.stretches)
+    assert noise_floor(trace) < 0.01
 
 
 def test_amplitude_steps_down_to_a_twentieth_are_stretches():
