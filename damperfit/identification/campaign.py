@@ -37,7 +37,6 @@ __all__ = [
     "SettingError",
     "SettingFailure",
     "attempted",
-    "attempted_for_all",
     "fit_every_setting",
 ]
 
@@ -53,8 +52,8 @@ class SettingError(SimulationError):
         self.failure = failure
 
 
-def attempted(setting: Setting, fit: Callable[[], Found]) -> Found | SettingFailure:
-    """Return what a fit of one setting finds, or why it finds nothing.
+def attempted(setting: Setting | None, fit: Callable[[], Found]) -> Found | SettingFailure:
+    """Return what a fit of one setting finds (None: of all together), or why it finds nothing.
 
     Raises
     ------
@@ -68,25 +67,9 @@ def attempted(setting: Setting, fit: Callable[[], Found]) -> Found | SettingFail
     except (FitCancelledError, ConfigurationError, InstallationError):
         raise
     except Exception as error:  # noqa: BLE001 - a bug that one setting meets leaves the others
+        if setting is None:
+            return mishap_of(error, "fitting the settings together")
         return replace(mishap_of(error, "fitting"), setting=setting)
-
-
-def attempted_for_all(fit: Callable[[], Found]) -> Found | Failure:
-    """Return what a fit of all settings together finds, or what went wrong in it.
-
-    Raises
-    ------
-    FitCancelledError
-        When the caller asked to stop.
-    ConfigurationError, InstallationError
-        What is wrong is wrong without this fit too.
-    """
-    try:
-        return fit()
-    except (FitCancelledError, ConfigurationError, InstallationError):
-        raise
-    except Exception as error:  # noqa: BLE001 - each setting has a fit of its own already
-        return mishap_of(error, "fitting the settings together")
 
 
 @dataclass(frozen=True, slots=True, eq=False)

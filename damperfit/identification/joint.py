@@ -8,14 +8,12 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from damperfit.damper.model import Values
 from damperfit.identification.campaign import (
     ProcedureInput,
     SettingError,
     SettingFailure,
     attempted,
 )
-from damperfit.identification.fit_problem import kept_within
 from damperfit.identification.fit_setting import NOT_FIT_TO_SHARE, is_loose, minimised
 from damperfit.identification.following import Way, detected_way
 from damperfit.identification.gas_content import GAS_FOLLOWER, first_law, working_pressure
@@ -28,19 +26,13 @@ from damperfit.workers import executor
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from damperfit.damper.model import Values
     from damperfit.damper.purdy.parameters import Damper
     from damperfit.identification.fit_problem import FitProblem
     from damperfit.identification.fit_setting import Fit
     from damperfit.tested.setting import Setting
 
-__all__ = [
-    "JointResult",
-    "fit_from_one_model",
-    "fit_settings_jointly",
-]
-
-
-# The joint fit of a campaign: who takes part, from where, and what came out for each setting.
+__all__ = ["JointResult", "fit_from_one_model", "fit_settings_jointly"]
 
 _NO_MINIMUM = "the joint fit stopped before its minimum: the shared values are the best found."
 _WEIGHTS_MOVE = "the weights of the settings had not settled when the joint fit stopped."
@@ -171,47 +163,32 @@ def _fit_sound(
     free = given.ordered({*moving, *((GAS_FOLLOWER,) if is_gas else ())})
     problems = {setting: given.problem(setting, free) for setting in sound}
     spent = 0
-    starts: Mapping[Setting, Values] = {}
-    if way is not None and way.is_general:
-        starts = _as_one_model(given, sound, way, free)
-    if not starts and (way is None or way.is_general):
+    if way is None or way.is_general:
         apart, spent = _helped(problems, sound, jobs=given.jobs)
         found = detected_way(problems, apart, way, jobs=given.jobs)
-        way, spent = found.way, spent + found.evaluations
-        starts = _as_one_model(given, sound, way, free) or found.starts
+        way, starts, spent = found.way, found.starts, spent + found.evaluations
         if not way.shared:
             return None
-    elif not starts:
-        assert way is not None
+    else:
         starts = _common_starts(given, sound, way)
-    assert way is not None
     problem = TiedProblem(problems, way.shared, way.follows, jobs=given.jobs)
-    solution = fit_jointly(problem, starts)
-    solution = _fairly_weighed(problem, solution)
-    spent, rises = spent + solution.evaluations, {}
-    warnings = _of_ending(solution)
-    if is_gas:
-        alone = solution
-        solution, more = _with_gas(given, problem, alone.parameters)
-        spent += more
-        rises = _rises(alone, solution)
-        warnings = [*([] if solution.is_converged else [_NO_MINIMUM]), *_judged_law(rises)]
-    sharing = Sharing(
-        free,
-        jointly=way.shared,
-        follows=way.follows,
-        is_detected=way.is_detected,
-        settings=tuple(sorted(sound)),
-        gas=solution.gas,
-        gas_rises=rises,
-    )
-    return JointResult(
-        solution=solution,
-        way=way,
-        status=_statuses(solution, way, is_gas=is_gas),
-        sharing=sharing,
-        evaluations=spent,
-        warnings=tuple(warnings),
+    solution = _fairly_weighed(problem, fit_jointly(problem, starts))
+    result = _result(solution, way, free, spent)
+    if not is_gas:
+        return result
+    alone = solution
+    solution, more = _with_gas(given, problem, alone.parameters)
+    rises = {
+        setting: alone.n_independent[setting] * (solution.mean_squares[setting] / least - 1.0)
+        for setting, least in alone.mean_squares.items()
+    }
+    status = {Unknown(GAS_FOLLOWER): Status.SHARED}
+    warnings = (*(() if solution.is_converged else (_NO_MINIMUM,)), *_judged_law(rises))
+    return replace(
+        _result(solution, way, free, result.evaluations + more - solution.evaluations),
+        status=status | _statuses(solution, way),
+        sharing=replace(result.sharing, gas=solution.gas, gas_rises=rises),
+        warnings=warnings,
     )
 
 
@@ -233,44 +210,36 @@ def fit_from_one_model(
     if any(percent < problems[s].solvers_percent for s, percent in left.items()):
         problems = {s: one.refined(left[s]) for s, one in problems.items()}
     tied = TiedProblem(problems, way.shared, way.follows, jobs=given.jobs)
-    solution = fit_jointly(tied, starts)
-    solution = _fairly_weighed(tied, solution)
-    return JointResult(
-        solution=solution,
-        way=way,
-        status=_statuses(solution, way, is_gas=False),
-        sharing=Sharing(
-            free, jointly=way.shared, follows=way.follows, settings=tuple(sorted(starts))
-        ),
-        evaluations=solution.evaluations,
-        warnings=tuple(_of_ending(solution)),
+    return _result(_fairly_weighed(tied, fit_jointly(tied, starts)), way, free, 0)
+
+
+def _result(solution: JointSolution, way: Way, free: tuple[str, ...], spent: int) -> JointResult:
+    """What a joint fit has reached, and what it has not."""
+    sharing = Sharing(
+        free,
+        jointly=way.shared,
+        follows=way.follows,
+        is_detected=way.is_detected,
+        settings=tuple(sorted(solution.parameters)),
     )
-
-
-def _of_ending(solution: JointSolution) -> list[str]:
-    """Say what a joint fit has not reached."""
     warnings = [] if solution.is_converged else [_NO_MINIMUM]
     if not _is_fairly_weighed(solution):
         warnings.append(_WEIGHTS_MOVE)
-    return warnings
+    status, spent = _statuses(solution, way), spent + solution.evaluations
+    return JointResult(solution, way, status, sharing, spent, tuple(warnings))
 
 
-def _as_one_model(
-    given: ProcedureInput, sound: Mapping[Setting, Fit], way: Way, free: Sequence[str]
-) -> dict[Setting, Values]:
-    """Where one model of all settings has ended already, in the same way of sharing."""
-    told = given.options.start
-    if not told.is_of_one_model or any(s not in told.by_setting for s in sound):
-        return {}
-    starts = {}
-    for setting, fit in sound.items():
-        own = {n: x for n, x in told.by_setting[setting].items() if n in free}
-        starts[setting] = kept_within(fit.parameters.replace(own), own)
-    for one in unknowns_of(way.shared, way.follows, sorted(sound)):
-        numbers = {getattr(starts[s], one.name) for s in sound if one.holds_at(s)}
-        if len(numbers) > 1:
-            return {}
-    return starts
+def _statuses(solution: JointSolution, way: Way) -> dict[Unknown, Status]:
+    status = {}
+    for unknown in unknowns_of(way.shared, way.follows, sorted(solution.parameters)):
+        having = [at for s, at in solution.parameters.items() if unknown.holds_at(s)]
+        one, value = having[0].quantity(unknown.name), getattr(having[0], unknown.name)
+        low, high = one.plausible
+        found = Status.SHARED if len(having) > 1 else Status.FITTED
+        status[unknown] = found if low < value < high else Status.AT_BOUND
+        if is_loose(one, value, solution.errors[unknown.label], NOT_FIT_TO_SHARE):
+            status[unknown] = Status.NOT_IDENTIFIABLE
+    return status
 
 
 def _fairly_weighed(problem: TiedProblem, solution: JointSolution) -> JointSolution:
@@ -386,14 +355,6 @@ def _pressures(problem: TiedProblem, at: Mapping[Setting, Values]) -> dict[Setti
     return found
 
 
-def _rises(alone: JointSolution, law: JointSolution) -> dict[Setting, float]:
-    """Rise of each setting's misfit above that with its own K_e, in units of the noise."""
-    return {
-        setting: alone.n_independent[setting] * (law.mean_squares[setting] / least - 1.0)
-        for setting, least in alone.mean_squares.items()
-    }
-
-
 def _judged_law(rises: Mapping[Setting, float]) -> list[str]:
     """Say so when a K_e of each setting fits better than noise explains."""
     spare = len(rises) - _LAW_UNKNOWNS
@@ -412,16 +373,3 @@ def _judged_law(rises: Mapping[Setting, float]) -> list[str]:
         "take the gas content as a rough mean, its interval does not hold."
     )
     return [said]
-
-
-def _statuses(solution: JointSolution, way: Way, *, is_gas: bool) -> dict[Unknown, Status]:
-    status = {}
-    for unknown in unknowns_of(way.shared, way.follows, sorted(solution.parameters)):
-        having = [at for s, at in solution.parameters.items() if unknown.holds_at(s)]
-        one, value = having[0].quantity(unknown.name), getattr(having[0], unknown.name)
-        low, high = one.plausible
-        found = Status.SHARED if len(having) > 1 else Status.FITTED
-        status[unknown] = found if low < value < high else Status.AT_BOUND
-        if is_loose(one, value, solution.errors[unknown.label], NOT_FIT_TO_SHARE):
-            status[unknown] = Status.NOT_IDENTIFIABLE
-    return status | ({Unknown(GAS_FOLLOWER): Status.SHARED} if is_gas else {})

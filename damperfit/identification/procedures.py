@@ -1,8 +1,7 @@
 """Fits over the settings of a damper: the procedures `plain`, `paper` and `joint`.
 
-The paper's procedure, automated: all five parameters at the lowest setting give R_m3; the mean of
-the friction over a first pass of all settings gives f_f; then R_m1, R_m2 and K_e at every setting.
-`joint` starts from there and fits all settings at once, with R_m3 and f_f in common.
+`plain` fits every setting by itself; `paper` is `paper.as_in_the_paper`; `joint` starts from either
+and fits all settings at once, with R_m3 and f_f, or what the model ties, in common.
 """
 
 from __future__ import annotations
@@ -10,6 +9,7 @@ from __future__ import annotations
 from collections import defaultdict
 from contextlib import suppress
 from dataclasses import replace
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,13 +22,12 @@ from damperfit.identification.campaign import (
     ProcedureInput,
     SettingFailure,
     attempted,
-    attempted_for_all,
     fit_every_setting,
 )
 from damperfit.identification.fit_setting import Fit, describe_fit
 from damperfit.identification.following import Way, declared_way
 from damperfit.identification.inactive_parts import without_idle_parts
-from damperfit.identification.joint import fit_from_one_model, fit_settings_jointly
+from damperfit.identification.joint import JointResult, fit_from_one_model, fit_settings_jointly
 from damperfit.identification.mean_cycle import SettledLogs, settled
 from damperfit.identification.options import FitOptions, check_options, shared_names
 from damperfit.identification.paper import MEAN, TAKEN, as_in_the_paper
@@ -39,7 +38,7 @@ from damperfit.tested.setting import Setting
 from damperfit.workers import apart
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from damperfit.damper.model import Model, Values
     from damperfit.identification.fit_problem import FitProblem
@@ -138,14 +137,14 @@ def _cycles(
 
 def _plain(given: ProcedureInput) -> Campaign:
     """Fit at every setting what is free, from the closed form."""
-    quantities = given.damper.quantities
-    wanted = [one.name for one in quantities if one.default is None]
-    free = given.options.free
+    options, defaults = given.options, {q.name: q.default for q in given.damper.quantities}
+    free = options.free
     if free is None:
-        free = tuple(name for name in wanted if name not in given.options.fixed)
-    held = {one.name: one.default for one in quantities if one.default is not None}
-    fixed = {**{k: v for k, v in held.items() if k not in free}, **given.options.fixed}
-    for name in wanted:
+        free = tuple(n for n, default in defaults.items() if default is None)
+        free = tuple(name for name in free if name not in options.fixed)
+    held = {n: value for n, value in defaults.items() if value is not None and n not in free}
+    fixed = {**held, **options.fixed}
+    for name in defaults:
         if name not in free and name not in fixed:
             raise ConfigurationError(
                 f"procedure plain: {name} is neither free nor fixed; "
@@ -154,28 +153,28 @@ def _plain(given: ProcedureInput) -> Campaign:
                 fix=Option("fix", "VALUE", name),
             )
 
-    def problem_of(setting: Setting) -> FitProblem:
-        return given.problem(setting, given.ordered(free))
-
     def fit(setting: Setting) -> tuple[Fit, Search | None]:
-        problem = problem_of(setting)
+        problem = given.problem(setting, given.ordered(free))
         start = given.start(setting, problem, fixed)
-        result, search = fit_from(setting, problem, start, starts=given.options.starts)
+        result, search = fit_from(setting, problem, start, starts=options.starts)
         return describe_fit(setting, result, problem), search
 
     found = fit_every_setting(given, fit)
-    if not given.options.is_leaving_out:
+    if not options.is_leaving_out:
         return found
-    return without_idle_parts(found, lambda one: problem_of(one.setting), jobs=given.jobs)
+    return without_idle_parts(
+        found, lambda one: given.problem(one.setting, given.ordered(free)), jobs=given.jobs
+    )
 
 
 def _joint(given: ProcedureInput) -> Campaign:
     """One fit over the settings, from the model's own procedure; unsound ones follow it."""
     way, moving = _way_of(given)
-    ended = _ended_as_one(given)
-    if way is not None and way.shared and ended:
+    said = given.options.start
+    is_ended = said.is_of_one_model and all(one in said.by_setting for one in given.settings)
+    if way is not None and way.shared and is_ended:
         with suppress(SimulationError):
-            return _from_one_model(given, way, moving, ended)
+            return _from_one_model(given, way, moving)
     name = "paper" if "paper" in given.damper.procedures else "plain"
     by_paper = {TAKEN, MEAN} if name == "paper" and (way is None or not way.follows) else set()
     shared = {*shared_names(given.options, given.damper)} if way is None else {*way.shared}
@@ -184,74 +183,77 @@ def _joint(given: ProcedureInput) -> Campaign:
     if BETA.name in free and len(given.settings) > 1:
         options = with_first_beta(given, options, PROCEDURES[name])
     before = PROCEDURES[name](replace(given, options=options, on_fit=lambda _fit: None))
-    failed = {one.setting: one for one in before.failures}
     try:
-        found = attempted_for_all(lambda: fit_settings_jointly(given, before.fits, way, moving))
+        found = attempted(None, lambda: fit_settings_jointly(given, before.fits, way, moving))
     except FitCancelledError:
         return Campaign("joint", (), is_complete=False)
     if isinstance(found, Failure):
         warnings = (*before.warnings, _NOT_FITTED_JOINTLY.format(name))
         return replace(before, procedure="joint", warnings=warnings, mishap=found)
     together, broken = found
-    failed.update(broken)
+    failed = {one.setting: one for one in before.failures} | broken
     if not before.is_complete or together is None:
         # The logs of one setting tell beta by themselves: nothing was to be shared.
         is_alone = BETA.name in free and len(given.settings) == 1
         is_told = before.is_complete and not is_alone
-        said = (_NOT_JOINT.format(name),) if is_told else ()
         return replace(
             before,
             procedure="joint",
             fits=tuple(fit for fit in before.fits if fit.setting not in failed),
             failures=tuple(failed[setting] for setting in sorted(failed)),
-            warnings=(*before.warnings, *said),
+            warnings=(*before.warnings, *((_NOT_JOINT.format(name),) if is_told else ())),
         )
     fits = {fit.setting: fit for fit in before.fits}
+    campaign = _each_beside(
+        given,
+        together,
+        lambda setting, problem: together.start(fits[setting], problem),
+        {setting: fit.evaluations for setting, fit in fits.items()},
+        warnings=before.warnings,
+        known=failed,
+    )
+    if not any(given.damper.quantity(one).is_friction for one in shared):
+        return campaign
+    spread = before.sharing.spread, before.sharing.is_spread_certain
+    sharing = replace(campaign.sharing, spread=spread[0], is_spread_certain=spread[1])
+    return replace(campaign, sharing=sharing)
+
+
+def _from_one_model(given: ProcedureInput, way: Way, moving: tuple[str, ...]) -> Campaign:
+    """All settings together from where one model of them has ended."""
+    fixed = given.options.fixed
+    first = given.damper.start(next(iter(given.settings.values())), fixed)[0]
+    starts = {s: given.with_given_start(s, first, fixed) for s in given.settings}
+    together = fit_from_one_model(given, way, moving, starts)
+    one = replace(given, options=replace(given.options, starts=1))
+    return _each_beside(one, together, lambda s, _: together.solution.parameters[s], {})
+
+
+def _each_beside(
+    given: ProcedureInput,
+    together: JointResult,
+    start: Callable[[Setting, FitProblem], Values],
+    spent: Mapping[Setting, int],
+    *,
+    warnings: Iterable[str] = (),
+    known: Mapping[Setting, Failure] = MappingProxyType({}),
+) -> Campaign:
+    """What is each setting's own, fitted beside what a joint fit has found."""
 
     def fit(setting: Setting) -> tuple[Fit, Search | None]:
         problem = given.problem(setting, given.ordered(together.own_at(setting)))
-        start = together.start(fits[setting], problem)
-        spent = fits[setting].evaluations + together.evaluations
-        result, search = fit_from(setting, problem, start, starts=given.options.starts, spent=spent)
+        result, search = fit_from(
+            setting,
+            problem,
+            start(setting, problem),
+            starts=given.options.starts,
+            spent=spent.get(setting, 0) + together.evaluations,
+        )
         result = result.with_status(together.status_at(setting))
         return describe_fit(setting, result, problem), search
 
-    collected = fit_every_setting(given, fit, (*before.warnings, *together.warnings), known=failed)
-    sharing = together.sharing
-    if any(given.damper.quantity(one).is_friction for one in shared):
-        sharing = replace(
-            sharing,
-            spread=before.sharing.spread,
-            is_spread_certain=before.sharing.is_spread_certain,
-        )
-    return replace(collected, sharing=sharing)
-
-
-def _ended_as_one(given: ProcedureInput) -> dict[Setting, Values]:
-    """Where one model of all settings has ended; empty where none has."""
-    said = given.options.start
-    if not said.is_of_one_model or any(s not in said.by_setting for s in given.settings):
-        return {}
-    first = given.damper.start(next(iter(given.settings.values())), given.options.fixed)[0]
-    return {s: given.with_given_start(s, first, given.options.fixed) for s in given.settings}
-
-
-def _from_one_model(
-    given: ProcedureInput, way: Way, moving: tuple[str, ...], starts: Mapping[Setting, Values]
-) -> Campaign:
-    """All settings together from there, then what is a setting's own."""
-    together = fit_from_one_model(given, way, moving, starts)
-
-    def fit(setting: Setting) -> tuple[Fit, Search | None]:
-        problem = given.problem(setting, given.ordered(together.own_at(setting)))
-        start = together.solution.parameters[setting]
-        result, search = fit_from(setting, problem, start, starts=1, spent=together.evaluations)
-        return describe_fit(
-            setting, result.with_status(together.status_at(setting)), problem
-        ), search
-
-    found = fit_every_setting(given, fit, together.warnings)
-    return replace(found, sharing=together.sharing)
+    campaign = fit_every_setting(given, fit, (*warnings, *together.warnings), known=known)
+    return replace(campaign, sharing=together.sharing)
 
 
 def _way_of(given: ProcedureInput) -> tuple[Way | None, tuple[str, ...]]:
@@ -322,7 +324,10 @@ def with_first_beta(
         When the caller asked to stop.
     """
     beta = options.start.named.get(BETA.name, 0.0)
-    reach = {setting: _range(traces) for setting, traces in given.settings.items()}
+    reach = {}
+    for setting, traces in given.settings.items():
+        known = [trace.temperature for trace in traces if trace.temperature is not None]
+        reach[setting] = max(known) - min(known) if known else 0.0
     telling = [one for one in sorted(reach, key=lambda s: -reach[s]) if reach[one] >= _WIDE]
     if telling:
         asked = {setting: given.settings[setting] for setting in sorted(telling[:_ASKED])}
@@ -331,8 +336,3 @@ def with_first_beta(
         beta = float(np.median(found)) if found else beta
     left = tuple(name for name in options.free or () if name != BETA.name)
     return replace(options, free=left, fixed={**options.fixed, BETA.name: beta})
-
-
-def _range(traces: Sequence[Trace]) -> float:
-    known = [trace.temperature for trace in traces if trace.temperature is not None]
-    return max(known) - min(known) if known else 0.0

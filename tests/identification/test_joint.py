@@ -174,11 +174,11 @@ def test_a_shared_parameter_is_told_by_three_errors(error: float, status: str) -
     at = dict.fromkeys((Setting.of(5), Setting.of(6)), agreed)
     solution = JointSolution(at, 1, True, 1.0, {}, {}, {}, {"r_m3": error, "f_f": 0.01})
     way = Way(OWN, SHARED, {})
-    found = joint_procedure._statuses(solution, way, is_gas=False)
+    found = joint_procedure._statuses(solution, way)
     assert found == {Unknown("r_m3"): status, Unknown("f_f"): "shared"}
     beyond = replace(solution, parameters=dict.fromkeys(at, replace(agreed, f_f=1e7)))
-    found = joint_procedure._statuses(beyond, way, is_gas=True)
-    assert (found[Unknown("f_f")], found[Unknown("k_e")]) == ("at_bound", "shared")
+    found = joint_procedure._statuses(beyond, way)
+    assert found[Unknown("f_f")] == "at_bound"
 
 
 def test_a_setting_outside_of_the_joint_fit_lends_it_no_weight(three) -> None:
