@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from damperfit.fleets.run import Done
     from damperfit.fleets.survey import HeldFleet
     from damperfit.queries.compared import Compared, MeasuredForces
-    from damperfit.queries.settings import AdjusterResults, ForcesBySetting, Question
+    from damperfit.queries.settings import ForcesBySetting, Question
     from damperfit.queries.simulations import ChosenParameters, SimulatedTest, Variation
     from damperfit.reporting.figures import Plot
     from damperfit.reporting.forces import SweepMember
@@ -523,8 +523,8 @@ class SettingForces:
         What was asked: a force, a speed, a stroke.
     units : ShownUnits
         In which it is shown.
-    adjuster, forces : optional
-        Of results: what was read of them, and the forces.
+    forces : optional
+        Of results: their forces.
     curves : optional
         Of files of measured curves.
     """
@@ -535,26 +535,23 @@ class SettingForces:
         question: Question,
         units: ShownUnits,
         *,
-        adjuster: AdjusterResults | None = None,
         forces: ForcesBySetting | None = None,
         curves: MeasuredForces | None = None,
     ) -> None:
         self.places, self.question, self.units = tuple(places), question, units
-        self.adjuster, self.forces, self.curves = adjuster, forces, curves
+        self.forces, self.curves = forces, curves
 
     @property
     def remarks(self) -> tuple[str, ...]:
         """What was missing or damaged in the results."""
-        if self.adjuster is None or self.forces is None:
-            return ()
-        return (*self.adjuster.remarks, *self.forces.remarks)
+        return () if self.forces is None else self.forces.remarks
 
     @property
     def notes(self) -> tuple[str, ...]:
         """What to know of these forces, a sentence each."""
         if self.curves is not None:
             return tuple(dict.fromkeys(n for one in self.curves.curves for n in one.notes))
-        return () if self.forces is None else tuple(self.forces.notes)
+        return () if self.forces is None else self.forces.notes
 
     @property
     def sentence(self) -> str:
@@ -578,11 +575,11 @@ class SettingForces:
                 "sentence": self.sentence or None,
                 "forces": self.curves.rows(),
             }
-        elif self.adjuster is not None and self.forces is not None:
-            sine, wanted = self.adjuster.sine, self.forces.wanted
+        elif self.forces is not None:
+            sine, wanted = self.forces.sine, self.forces.wanted
             document = {
                 "motion": {"amplitude_m": sine.amplitude, "frequency_Hz": sine.frequency},
-                "source": self.adjuster.source,
+                "source": self.forces.source,
                 "question": to_record(self.question) if wanted else None,
                 "sentence": self.sentence or None,
                 "answers": [_answer(one, answer) for one in wanted for answer in one.answers],

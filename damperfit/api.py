@@ -663,7 +663,8 @@ def settings(  # noqa: PLR0913 - one keyword an option of the command line
     """
     given = dict(locals())
     from damperfit.answers import SettingForces
-    from damperfit.queries.settings import parse_question, read_adjuster_results, tabulate_forces
+    from damperfit.queries.settings import parse_question, tabulate_forces
+    from damperfit.results import Run
     from damperfit.units.shown_units import SI, parse_units
 
     shown = SI if units is None else parse_units(units)
@@ -690,15 +691,11 @@ def settings(  # noqa: PLR0913 - one keyword an option of the command line
             code="several-results",
         )
     refuse_idle(given, ("rig", "rig_profile"), f"{paths[0]} holds results, and no log is read")
-    adjuster = read_adjuster_results(
-        paths[0],
-        config=given["config"],
-        amplitude=_text(amplitude),
-        frequency=_text(frequency),
-        temperature=_text(temperature),
+    run = Run.load(
+        paths[0], parts=("parameters",), config=given["config"], temperature=_text(temperature)
     )
-    forces = tabulate_forces(adjuster, question)
-    return SettingForces(paths, question, shown, adjuster=adjuster, forces=forces)
+    forces = tabulate_forces(run, question, amplitude=_text(amplitude), frequency=_text(frequency))
+    return SettingForces(paths, question, shown, forces=forces)
 
 
 def _text(value: object) -> str | None:

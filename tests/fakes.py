@@ -123,6 +123,12 @@ def fitted_run(damper, stages, motion, forces, rows, quantities, solver=SolverOp
     return run
 
 
+def run_of(stages, damper, sine, measured=()):
+    """Return a run that has settings alone."""
+    quantities = stages[0].parameters.quantities
+    return fitted_run(damper, tuple(stages), sine, measured, {}, quantities)
+
+
 def failed(log, path, setting, kind, message, code="log"):
     """Return a failure with its sentence."""
     text = message.removeprefix(f"{log}: ") if log else message.removeprefix(f"setting {setting}: ")

@@ -1,8 +1,32 @@
-"""The trend of each parameter over the settings: band, direction, settings off it, a sentence."""
+"""The trend of each parameter over the settings: band, direction, settings off it, a sentence.
+
+A curve is a polynomial P of the setting s, which runs from a to b, on one of these scales::
+
+    linear       y = P(s)                 the paper's quadratic for K_e
+    log          y = exp(P(s))            every click changes y by nearly the same share
+    reciprocal   y = 1/P(s)               a port whose area is a polynomial of s, R_m1 ~ 1/area
+    from_first   y = exp(P(ln(1 + s - a)))     a power of the clicks from the first setting,
+    from_last    y = exp(P(ln(1 + b - s)))     or from the last one: steepest there
+
+Residuals are relative, r = ln y - ln y_curve, on every scale, so that curves of all scales compete
+by one likelihood. Their variance is v = sigma^2 + tau^2: the error of the fitted value and the
+scatter between settings, which the logs of one setting cannot know. tau makes the mean square of
+r/sqrt(v) one; it is never below `LEAST_SCATTER`.
+
+Curve and outliers are chosen together, because a curve bent enough swallows an outlier at the end,
+and an outlier left in bends the curve. For every scale and degree the best none, one and two
+settings to leave out are found; of all these the least value wins of::
+
+    sum(ln v + r^2/v) + ln(n) (coefficients + 1 + 3 outliers) + 2 ln(scales)
+
+(Bayesian information criterion; an outlier costs its own number and the choice among n settings,
+twice; a curve that is no constant costs the choice among the scales). Then each one left out must
+prove itself: Student's t of its distance to the curve of the others, errors of both included, must
+pass a bound set by `_FALSE_ALARM`, and at an end it must break off, not just get steeper.
+"""
 
 from __future__ import annotations
 
-import itertools
 import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -15,60 +39,44 @@ from damperfit.tested.setting import ADJUSTER, Setting, SettingLine, lines_of
 from damperfit.units.quantities import engineering
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    FloatArray = NDArray[np.float64]
     from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+    from numpy.typing import NDArray
 
     from damperfit.damper.quantity import Quantity
     from damperfit.identification import Fit
     from damperfit.uncertainty import Uncertainty
 
-__all__ = [
-    "LEAST_FOR_OUTLIERS",
-    "LEAST_FOR_TREND",
-    "LEAST_SCATTER",
-    "SCALES",
-    "Choice",
-    "Curve",
-    "Outlier",
-    "Points",
-    "Trend",
-    "TrendPoint",
-    "choose",
-    "find_trends",
-    "fit_curve",
-    "in_few_words",
-    "least_squares",
-    "powers",
-    "scatter_of",
-]
-
-
-# Smooth curves of one parameter over the setting, with errors that scatter allows for.
-#
-# A curve is a polynomial P of the setting s, which runs from a to b, on one of these scales::
-#
-#     linear       y = P(s)                 the paper's quadratic for K_e
-#     log          y = exp(P(s))            every click changes y by nearly the same share
-#     reciprocal   y = 1/P(s)               a port whose area is a polynomial of s, R_m1 ~ 1/area
-#     from_first   y = exp(P(ln(1 + s - a)))     a power of the clicks from the first setting,
-#     from_last    y = exp(P(ln(1 + b - s)))     or from the last one: steepest there
-#
-# Residuals are relative, r = ln y - ln y_curve, on every scale, so that curves of all scales
-# compete by one likelihood. Their variance is v = sigma^2 + tau^2: the error of the fitted value
-# and the scatter between settings, which the logs of one setting cannot know. tau makes the mean
-# square of r/sqrt(v) one; it is never below `LEAST_SCATTER`.
+    FloatArray = NDArray[np.float64]
 
 SCALES = ("linear", "log", "reciprocal", "from_first", "from_last")
-_BENT = {"linear", "reciprocal"}  # scales on which P is no logarithm
-
+_SIGN = {"linear": 1.0, "reciprocal": -1.0}  # P is y to this power; on other scales its logarithm
+_HIGHEST = {"linear": 4, "log": 4, "reciprocal": 4, "from_first": 2, "from_last": 2}
 # No detent and no rig repeats better than this share; the error of a clean log is far less.
 LEAST_SCATTER = 3e-3
-# Twice to weigh by the curve instead of by the values, which scatter.
-_PASSES = 3
+_PASSES = 3  # twice to weigh by the curve instead of by the values, which scatter
 _STEPS = 30  # more than doubling tau in each, so that no scatter is out of reach
 _SMALL = 1e-3  # of the degrees of freedom: tau within a thousandth
+LEAST_FOR_TREND = 4
+LEAST_FOR_OUTLIERS = 5
+_LEAST_FOR_TWO = 8
+_SETTINGS_PER_DEGREE = 3
+_LEAST_FREEDOM = 2  # of the curve that judges an outlier
+# The third difference of an outlier at an end over that of the curve beside it.
+_STEEPENING = 8.0  # the root of a distance, drawn with degree 4, has up to 6
+_OUTLIER_COST = 3  # its own number, and twice the choice among n settings, in ln(n)
+# Share of parameters without an outlier in which chance finds one, times the number of settings:
+# 0.1 % for 20 settings, 0.4 % for 5, where Student's t with 2 degrees of freedom is hard enough.
+_FALSE_ALARM = 0.02
+_ERRATIC = 3.0  # scatter between settings over the errors of the values
+_REMARKABLE = 0.02  # scatter below this share is no news
+_TOO_UNCERTAIN = 0.2  # scatter and error without a direction beyond; the paper's K_e has 0.1
+_USUAL_FROM = 8  # settings: of fewer the median residual says little
+_MEDIAN_OF_NORMAL = 0.6745  # median distance from the mean, in standard deviations
+_MOST_PAIRS = 5  # named in a sentence
+_95_PERCENT = 0.05
+_WIDEST_RANGE = 200.0  # of settings; beyond it they are no clicks, and gaps are not filled
+_QUADRATIC_FROM = 6  # settings: three coefficients, three degrees of freedom
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,12 +85,8 @@ class Points:
 
     Attributes
     ----------
-    settings : numpy.ndarray
-        Shape (n,), rising.
-    logs : numpy.ndarray
-        Shape (n,), ln y.
-    errors : numpy.ndarray
-        Shape (n,), standard errors of ln y.
+    settings, logs, errors : numpy.ndarray
+        Shape (n,): settings, rising; ln y; standard errors of ln y.
     first, last : float
         Ends of the adjuster's range, also of points kept from a larger set.
     """
@@ -96,11 +100,12 @@ class Points:
     def __len__(self) -> int:
         return len(self.settings)
 
-    def kept(self, mask: NDArray[np.bool_]) -> Points:
-        """Return the points where the mask is True."""
-        return Points(
-            self.settings[mask], self.logs[mask], self.errors[mask], self.first, self.last
+    def without(self, places: Sequence[int]) -> Points:
+        """Return the points but for those at some places."""
+        settings, logs, errors = (
+            np.delete(row, places) for row in (self.settings, self.logs, self.errors)
         )
+        return Points(settings, logs, errors, self.first, self.last)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -111,12 +116,10 @@ class Curve:
     ----------
     scale : str
         One of `SCALES`.
-    coefficients : numpy.ndarray
-        Shape (degree + 1,), of P in powers of its argument scaled to -1..1.
-    covariance : numpy.ndarray
-        Of the coefficients.
-    first, last : float
-        Ends of the range of settings.
+    coefficients, covariance : numpy.ndarray
+        Shape (degree + 1,) and its square, of P in powers of its argument scaled to -1..1.
+    ends : (float, float)
+        Of the range of settings.
     scatter : float
         tau.
     freedom : int
@@ -126,8 +129,7 @@ class Curve:
     scale: str
     coefficients: FloatArray
     covariance: FloatArray
-    first: float
-    last: float
+    ends: tuple[float, float]
     scatter: float
     freedom: int
 
@@ -143,7 +145,9 @@ class Curve:
     def slopes(self, settings: FloatArray) -> FloatArray:
         """Return the derivative of ln y by the coefficients, shape (n, degree + 1)."""
         rows = self.basis(settings)
-        return _log_slope(self.scale, rows @ self.coefficients)[:, None] * rows
+        if self.scale not in _SIGN:
+            return rows
+        return (_SIGN[self.scale] / (rows @ self.coefficients))[:, None] * rows
 
     def errors(self, settings: FloatArray) -> FloatArray:
         """Return standard errors of ln y of the curve."""
@@ -152,11 +156,33 @@ class Curve:
 
     def basis(self, settings: FloatArray) -> FloatArray:
         """Return the powers of the scaled setting, shape (n, degree + 1)."""
-        return powers(settings, self.scale, self.degree, ends=(self.first, self.last))
+        return _powers(settings, self.scale, self.degree, self.ends)
 
 
-def fit_curve(points: Points, scale: str, degree: int, *, scatter: float | None = None) -> Curve:
-    """Fit one curve by weighted least squares of relative residuals.
+def _powers(settings: FloatArray, scale: str, degree: int, ends: tuple[float, float]) -> FloatArray:
+    """Return the powers of P's argument, scaled to -1..1 over the range; shape (n, degree + 1)."""
+    first, last = ends
+    half = max(0.5 * (last - first), 1.0)
+    argument = (settings - 0.5 * (first + last)) / half
+    if scale in {"from_first", "from_last"}:
+        clicks = settings - first if scale == "from_first" else last - settings
+        argument = 2.0 * np.log1p(clicks) / math.log1p(2.0 * half) - 1.0
+    return np.vander(argument, degree + 1, increasing=True)
+
+
+def _from_logs(scale: str, logs: FloatArray) -> FloatArray:
+    return np.exp(_SIGN[scale] * logs) if scale in _SIGN else logs
+
+
+def _to_logs(scale: str, values: FloatArray) -> FloatArray:
+    if scale not in _SIGN:
+        return values
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(_SIGN[scale] * np.log(np.where(values > 0.0, values, np.nan)))
+
+
+def fit_curve(points: Points, scale: str, degree: int) -> Curve:
+    """Fit one curve by weighted least squares of relative residuals; tau is found from these.
 
     Parameters
     ----------
@@ -166,48 +192,29 @@ def fit_curve(points: Points, scale: str, degree: int, *, scatter: float | None 
         One of `SCALES`.
     degree : int
         Of the polynomial.
-    scatter : float, optional
-        tau; found from the residuals by default.
     """
     ends = (points.first, points.last)
-    rows = powers(points.settings, scale, degree, ends=ends)
+    rows = _powers(points.settings, scale, degree, ends)
     freedom = len(points) - degree - 1
-    tau = LEAST_SCATTER if scatter is None else scatter
     # Values of one parameter may be 1e11; the level keeps every scale near one.
     level = float(np.mean(points.logs))
-    level_logs = points.logs - level
-    is_bent = scale in _BENT
-    targets = _from_logs(scale, level_logs)
-    about, squares = level_logs, points.errors**2
+    logs = points.logs - level
+    targets, about, tau = _from_logs(scale, logs), logs, LEAST_SCATTER
     coefficients, covariance = np.zeros(degree + 1), np.zeros((degree + 1, degree + 1))
     for _ in range(_PASSES):
-        weights = 1.0 / np.sqrt(squares + tau**2)
-        if is_bent:
-            weights *= np.abs(_log_slope(scale, _from_logs(scale, about)))
+        weights = 1.0 / np.sqrt(points.errors**2 + tau**2)
+        if scale in _SIGN:
+            weights = weights * np.abs(1.0 / _from_logs(scale, about))
         coefficients, covariance = least_squares(rows * weights[:, None], targets * weights)
-        found = _to_logs(scale, rows @ coefficients)
-        about = np.where(np.isfinite(found), found, about) if is_bent else found
-        if scatter is None:
-            tau = scatter_of(level_logs - about, points.errors, freedom)
-    if is_bent:
-        factor = math.exp(level if scale == "linear" else -level)
+        curve = _to_logs(scale, rows @ coefficients)
+        about = np.where(np.isfinite(curve), curve, about)
+        tau = scatter_of(logs - about, points.errors, freedom)
+    if scale in _SIGN:
+        factor = math.exp(_SIGN[scale] * level)
         coefficients, covariance = coefficients * factor, covariance * factor**2
     else:
         coefficients = coefficients + level * np.eye(degree + 1)[0]
-    return Curve(scale, coefficients, covariance, *ends, tau, freedom)
-
-
-def powers(
-    settings: FloatArray, scale: str, degree: int, *, ends: tuple[float, float]
-) -> FloatArray:
-    """Return the powers of P's argument, scaled to -1..1 over the range; shape (n, degree + 1)."""
-    first, last = ends
-    half = max(0.5 * (last - first), 1.0)
-    argument = (settings - 0.5 * (first + last)) / half
-    if scale in {"from_first", "from_last"}:
-        clicks = settings - first if scale == "from_first" else last - settings
-        argument = 2.0 * np.log1p(clicks) / math.log1p(2.0 * half) - 1.0
-    return np.vander(argument, degree + 1, increasing=True)
+    return Curve(scale, coefficients, covariance, ends, tau, freedom)
 
 
 def scatter_of(residuals: FloatArray, errors: FloatArray, freedom: int) -> float:
@@ -228,7 +235,7 @@ def scatter_of(residuals: FloatArray, errors: FloatArray, freedom: int) -> float
 
 
 def least_squares(rows: FloatArray, targets: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Least squares and the covariance of its coefficients for residuals of variance one.
+    """Return least squares and the covariance of its coefficients for residuals of variance one.
 
     Parameters
     ----------
@@ -242,80 +249,10 @@ def least_squares(rows: FloatArray, targets: FloatArray) -> tuple[FloatArray, Fl
     return np.asarray(inverse @ (q.T @ targets)), np.asarray(inverse @ inverse.T)
 
 
-def _from_logs(scale: str, logs: FloatArray) -> FloatArray:
-    if scale == "linear":
-        return np.exp(logs)
-    return np.exp(-logs) if scale == "reciprocal" else logs
-
-
-def _to_logs(scale: str, values: FloatArray) -> FloatArray:
-    if scale not in _BENT:
-        return values
-    with np.errstate(invalid="ignore", divide="ignore"):
-        logs = np.log(np.where(values > 0.0, values, np.nan))
-    return logs if scale == "linear" else -logs
-
-
-def _log_slope(scale: str, values: FloatArray) -> FloatArray:
-    """Derivative of ln y by P."""
-    if scale not in _BENT:
-        return np.ones_like(values)
-    return 1.0 / values if scale == "linear" else -1.0 / values
-
-
-# Which curve runs through a parameter's settings, and which settings are off it.
-#
-# Curve and outliers are chosen together, because a curve bent enough swallows an outlier at the
-# end, and an outlier left in bends the curve. For every scale and degree the best none, one and
-# two settings to leave out are found; of all these the least value wins of::
-#
-#     sum(ln v + r^2/v) + ln(n) (coefficients + 1 + 3 outliers) + 2 ln(scales)
-#
-# (Bayesian information criterion; an outlier costs its own number and the choice among n
-# settings, twice; a curve that is no constant costs the choice among the scales). Then each one
-# left out must prove itself: Student's t of its distance to the curve of the others, errors of
-# both included, must pass a bound set by `_FALSE_ALARM`, and at an end it must break off, not
-# just get steeper.
-
-LEAST_FOR_TREND = 4
-LEAST_FOR_OUTLIERS = 5
-_LEAST_FOR_TWO = 8
-_DEGREES = {"linear": 4, "log": 4, "reciprocal": 4, "from_first": 2, "from_last": 2}
-_SETTINGS_PER_DEGREE = 3
-_LEAST_FREEDOM = 2  # of the curve that judges an outlier
-# The third difference of an outlier at an end over that of the curve beside it.
-_STEEPENING = 8.0  # the root of a distance, drawn with degree 4, has up to 6
-_OUTLIER_COST = 3  # its own number, and twice the choice among n settings, in ln(n)
-# Share of parameters without an outlier in which chance finds one, times the number of settings:
-# 0.1 % for 20 settings, 0.4 % for 5, where Student's t with 2 degrees of freedom is hard enough.
-_FALSE_ALARM = 0.02
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Choice:
-    """The curve of the settings that follow it, and those that do not.
-
-    Attributes
-    ----------
-    curve : Curve
-        Through all settings but the outliers.
-    outliers : tuple of int
-        Places among the points.
-    """
-
-    curve: Curve
-    outliers: tuple[int, ...]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Candidate:
-    criterion: float
-    curve: Curve
-    left_out: tuple[int, ...]
-
-
-def choose(points: Points, families: Sequence[tuple[str, int]] | None = None) -> Choice:
-    """Return curve and outliers.
+def choose(
+    points: Points, families: Sequence[tuple[str, int]] | None = None
+) -> tuple[Curve, tuple[int, ...]]:
+    """Return the curve of the settings that follow it, and the places of those that do not.
 
     Parameters
     ----------
@@ -327,37 +264,38 @@ def choose(points: Points, families: Sequence[tuple[str, int]] | None = None) ->
     if families is None:
         highest = (len(points) - 1) // _SETTINGS_PER_DEGREE
         families = [("log", 0)]
-        families += [(s, d) for s in SCALES for d in range(1, min(highest, _DEGREES[s]) + 1)]
-    candidates = sorted(
-        itertools.chain.from_iterable(_candidates(points, *family) for family in families),
-        key=lambda one: one.criterion,
-    )
-    for one in candidates:
-        if all(_is_off(points, one, p) and _is_jump(points, one, p) for p in one.left_out):
-            return Choice(one.curve, one.left_out)
+        families += [(s, d) for s in SCALES for d in range(1, min(highest, _HIGHEST[s]) + 1)]
+    candidates = [
+        (_criterion(points, curve, left_out), curve, left_out)
+        for scale, degree in families
+        for curve, left_out in _curves(points, scale, degree)
+    ]
+    for _, curve, left_out in sorted(candidates, key=lambda one: one[0]):
+        share = 1.0 - 0.5 * _FALSE_ALARM / len(points) / math.comb(len(points), len(left_out))
+        if all(
+            _distance(points, curve, place) > student_quantile(curve.freedom, share)
+            and _is_jump(points, curve, place, left_out)
+            for place in left_out
+        ):
+            return curve, left_out
     raise AssertionError("a curve without outliers is always among the candidates")
 
 
-def _candidates(points: Points, scale: str, degree: int) -> Iterator[_Candidate]:
+def _curves(points: Points, scale: str, degree: int) -> Iterator[tuple[Curve, tuple[int, ...]]]:
     """Yield the best curve of a family for each number of settings left out."""
-    yield _judged(points, fit_curve(points, scale, degree), ())
-    most = _most_outliers(len(points), degree)
-    if most == 0:
+    n = len(points)
+    yield fit_curve(points, scale, degree), ()
+    allowed = 0 if n < LEAST_FOR_OUTLIERS else 2 if n >= _LEAST_FOR_TWO else 1
+    most = min(allowed, n - degree - 1 - _LEAST_FREEDOM)
+    if most < 1:
         return
     tau = LEAST_SCATTER
     for _ in range(2):  # with the scatter that is left when the worst are out
         worst = _worst(points, scale, degree, tau=tau, n=most)
-        tau = fit_curve(_without(points, worst), scale, degree).scatter
-    for n in range(1, most + 1):
-        left_out = _worst(points, scale, degree, tau=tau, n=n)
-        yield _judged(points, fit_curve(_without(points, left_out), scale, degree), left_out)
-
-
-def _most_outliers(n: int, degree: int) -> int:
-    if n < LEAST_FOR_OUTLIERS:
-        return 0
-    allowed = 2 if n >= _LEAST_FOR_TWO else 1
-    return max(0, min(allowed, n - degree - 1 - _LEAST_FREEDOM))
+        tau = fit_curve(points.without(worst), scale, degree).scatter
+    for count in range(1, most + 1):
+        left_out = _worst(points, scale, degree, tau=tau, n=count)
+        yield fit_curve(points.without(left_out), scale, degree), left_out
 
 
 def _worst(points: Points, scale: str, degree: int, *, tau: float, n: int) -> tuple[int, ...]:
@@ -365,9 +303,14 @@ def _worst(points: Points, scale: str, degree: int, *, tau: float, n: int) -> tu
 
     Leaving out the points S takes e_S (I - H)_SS^-1 e_S off it, with residuals e and hat matrix H.
     """
-    rows, targets = _weighted(points, scale, degree, tau)
-    coefficients, covariance = least_squares(rows, targets)
-    residuals = targets - rows @ coefficients
+    values = _from_logs(scale, points.logs - points.logs.mean())
+    weights = 1.0 / np.sqrt(points.errors**2 + tau**2)
+    if scale in _SIGN:  # weighed by the values themselves
+        weights = weights / values
+    ends = (points.first, points.last)
+    rows = _powers(points.settings, scale, degree, ends) * weights[:, None]
+    coefficients, covariance = least_squares(rows, values * weights)
+    residuals = values * weights - rows @ coefficients
     left = np.eye(len(rows)) - rows @ covariance @ rows.T
     own = np.maximum(np.diag(left), 1e-12)
     if n == 1:
@@ -380,20 +323,8 @@ def _worst(points: Points, scale: str, degree: int, *, tau: float, n: int) -> tu
     return (int(first), int(second))
 
 
-def _weighted(points: Points, scale: str, degree: int, tau: float) -> tuple[FloatArray, FloatArray]:
-    """Rows and targets of the least squares, weighed by the values themselves."""
-    logs = points.logs - points.logs.mean()
-    deviation = np.sqrt(points.errors**2 + tau**2)
-    values = {"linear": np.exp(logs), "reciprocal": np.exp(-logs)}.get(scale)
-    slopes = np.ones(len(points)) if values is None else values
-    targets = logs if values is None else values
-    rows = powers(points.settings, scale, degree, ends=(points.first, points.last))
-    weights = 1.0 / (slopes * deviation)
-    return rows * weights[:, None], targets * weights
-
-
-def _judged(points: Points, curve: Curve, left_out: tuple[int, ...]) -> _Candidate:
-    kept = _without(points, left_out)
+def _criterion(points: Points, curve: Curve, left_out: Sequence[int]) -> float:
+    kept = points.without(left_out)
     residuals = kept.logs - curve.logs(kept.settings)
     variances = points.errors**2 + curve.scatter**2
     inside = kept.errors**2 + curve.scatter**2
@@ -401,33 +332,23 @@ def _judged(points: Points, curve: Curve, left_out: tuple[int, ...]) -> _Candida
     cost = math.log(len(points)) * (curve.degree + 2 + _OUTLIER_COST * len(left_out))
     if curve.degree:
         cost += 2.0 * math.log(len(SCALES))
-    total = misfit + cost
-    return _Candidate(total if math.isfinite(total) else math.inf, curve, left_out)
+    return misfit + cost if math.isfinite(misfit + cost) else math.inf
 
 
-def _is_off(points: Points, one: _Candidate, place: int) -> bool:
-    choices = math.comb(len(points), len(one.left_out))
-    share = 1.0 - 0.5 * _FALSE_ALARM / len(points) / choices
-    bound = student_quantile(one.curve.freedom, share)
-    return _distance(points, one.curve, place) > bound
-
-
-def _is_jump(points: Points, one: _Candidate, place: int) -> bool:
+def _is_jump(points: Points, curve: Curve, place: int, left_out: Sequence[int]) -> bool:
     """Whether a setting at an end breaks off, and does not just go on getting steeper.
 
     A curve that grows without bound towards its end, such as the root of the distance to it, is no
     polynomial on any scale. There the third divided difference of ln y grows from setting to
     setting, threefold at most with ln; at a jump it comes from nothing.
     """
-    kept = [k for k in range(len(points)) if k not in one.left_out]
+    kept = [k for k in range(len(points)) if k not in left_out]
     if kept[0] < place < kept[-1] or len(kept) < 4:
         return True
-    near = kept[:4] if place < kept[0] else kept[:-5:-1]
-    settings = points.settings[near]
-    smooth = one.curve.logs(settings)
+    settings = points.settings[kept[:4] if place < kept[0] else kept[:-5:-1]]
+    smooth = curve.logs(settings)
     own = _third_difference(
-        np.append(points.settings[place], settings[:3]),
-        np.append(points.logs[place], smooth[:3]),
+        np.append(points.settings[place], settings[:3]), np.append(points.logs[place], smooth[:3])
     )
     return abs(own) > _STEEPENING * abs(_third_difference(settings, smooth))
 
@@ -445,26 +366,6 @@ def _distance(points: Points, curve: Curve, place: int) -> float:
     distance = float(abs(points.logs[place] - curve.logs(at)[0]))
     variance = float(points.errors[place]) ** 2 + curve.scatter**2 + float(curve.errors(at)[0]) ** 2
     return distance / math.sqrt(variance) if math.isfinite(distance) else 0.0
-
-
-def _without(points: Points, places: tuple[int, ...]) -> Points:
-    mask = np.ones(len(points), dtype=np.bool_)
-    mask[list(places)] = False
-    return points.kept(mask)
-
-
-_DEGREE_NAMES = ("constant", "straight line", "quadratic", "cubic", "quartic")
-_ERRATIC = 3.0  # scatter between settings over the errors of the values
-_REMARKABLE = 0.02  # scatter below this share is no news
-_TOO_UNCERTAIN = (
-    0.2  # scatter and error beyond which a trend has no direction; the paper's K_e has 0.1
-)
-_USUAL_FROM = 8  # settings: of fewer the median residual says little
-_MEDIAN_OF_NORMAL = 0.6745  # median distance from the mean, in standard deviations
-_MOST_PAIRS = 5  # named in a sentence
-_95_PERCENT = 0.05
-_WIDEST_RANGE = 200.0  # of settings; beyond it they are no clicks, and gaps are not filled
-_QUADRATIC_FROM = 6  # settings: three coefficients, three degrees of freedom
 
 
 @dataclass(frozen=True, slots=True)
@@ -596,17 +497,15 @@ def find_trends(
 def _points(
     name: str, fits: Sequence[Fit], known: Mapping[Setting, Uncertainty], line: SettingLine
 ) -> Points:
-    rows, numbers = [], line.numbers
-    for fit in sorted(fits, key=lambda fit: numbers.get(fit.setting, 0.0)):
-        if fit.setting not in numbers:
-            continue
-        uncertainty = known.get(fit.setting)
-        interval = None if uncertainty is None else uncertainty.intervals.get(name)
+    rows = []
+    for fit in fits:
+        interval = known[fit.setting].intervals.get(name) if fit.setting in known else None
         value = getattr(fit.parameters, name)
         if fit.status[name] != Status.FITTED or interval is None or not value > 0.0:
             continue
-        if math.isfinite(interval.error):
-            rows.append((numbers[fit.setting], math.log(value), interval.error / value))
+        if fit.setting in line.numbers and math.isfinite(interval.error):
+            rows.append((line.numbers[fit.setting], math.log(value), interval.error / value))
+    rows.sort()
     settings, logs, errors = np.array(rows, dtype=np.float64).reshape(-1, 3).T
     ends = (settings[0], settings[-1]) if len(settings) else (0.0, 0.0)
     return Points(settings, logs, errors, *ends)
@@ -631,17 +530,16 @@ def _trend(quantity: Quantity, points: Points, line: SettingLine) -> Trend:
     if quantity.trend_degree is not None:
         degree = quantity.trend_degree if len(points) >= _QUADRATIC_FROM else 1
         families = [("linear", min(degree, quantity.trend_degree))]
-    choice = choose(points, families)
-    curve = choice.curve
-    outliers = tuple(_outlier(points, curve, place) for place in choice.outliers)
-    inside = np.delete(np.arange(len(points)), choice.outliers)
+    curve, left_out = choose(points, families)
+    kept = points.without(left_out)
+    outliers = tuple(_outlier(points, curve, place) for place in left_out)
     own = median(points.errors)
     is_erratic = curve.scatter > max(_ERRATIC * own, _REMARKABLE)
     is_wild = is_erratic and not quantity.is_open
-    direction: str | None = _direction(curve, points.settings[inside])
+    direction: str | None = _direction(curve, kept.settings)
     allowed = curve.scatter
     if not quantity.is_open:
-        allowed = LEAST_SCATTER if is_wild else _usual_scatter(points, curve, inside)
+        allowed = LEAST_SCATTER if is_wild else _usual_scatter(kept, curve)
         if direction == "mixed" or (is_wild and direction == "flat"):
             direction = _direction_of_values(points, curve, allowed)
     reversals = _reversals(points, curve, direction, allowed)
@@ -701,14 +599,12 @@ def _direction_of_values(points: Points, curve: Curve, scatter: float) -> str:
     return "mixed" if rises and falls else "rising" if rises else "falling" if falls else "flat"
 
 
-def _usual_scatter(points: Points, curve: Curve, inside: NDArray[np.intp]) -> float:
+def _usual_scatter(kept: Points, curve: Curve) -> float:
     """Return the scatter of most settings: a few that were swapped must not excuse themselves."""
-    if len(inside) < _USUAL_FROM:
+    if len(kept) < _USUAL_FROM:
         return curve.scatter
-    kept = points.logs[inside] - curve.logs(points.settings[inside])
-    middle = median(np.abs(kept)) / _MEDIAN_OF_NORMAL
-    middle *= math.sqrt(len(inside) / curve.freedom)
-    square = middle**2 - median(points.errors[inside]) ** 2
+    middle = median(np.abs(kept.logs - curve.logs(kept.settings))) / _MEDIAN_OF_NORMAL
+    square = middle**2 * len(kept) / curve.freedom - median(kept.errors) ** 2
     return min(curve.scatter, math.sqrt(max(square, LEAST_SCATTER**2)))
 
 
@@ -755,6 +651,16 @@ def _exp(logs: FloatArray) -> FloatArray:
         return np.asarray(np.exp(logs))
 
 
+_DEGREE_NAMES = ("constant", "straight line", "quadratic", "cubic", "quartic")
+_ON = {
+    "linear": "",
+    "log": " in its logarithm",
+    "reciprocal": " in its reciprocal",
+    "from_first": " of logarithms, counted from the first setting",
+    "from_last": " of logarithms, counted from the last setting",
+}
+
+
 def _sentence(trend: Trend, quantity: Quantity, own: float, n: int) -> str:
     """Direction and range, scatter, outliers, reversals."""
     assert trend.degree is not None
@@ -769,14 +675,7 @@ def _sentence(trend: Trend, quantity: Quantity, own: float, n: int) -> str:
     }[trend.direction]
     if trend.direction == "flat" and trend.degree == 0:
         words = f"does not change with {by}"
-    on = {
-        "linear": "",
-        "log": " in its logarithm",
-        "reciprocal": " in its reciprocal",
-        "from_first": " of logarithms, counted from the first setting",
-        "from_last": " of logarithms, counted from the last setting",
-    }
-    kind = f"{_DEGREE_NAMES[trend.degree]}{on[trend.scale or 'linear'] if trend.degree else ''}"
+    kind = f"{_DEGREE_NAMES[trend.degree]}{_ON[trend.scale or 'linear'] if trend.degree else ''}"
     unit = f" {quantity.unit}" if quantity.unit else ""
     said = (
         f"{quantity.symbol} {words}, {engineering(first.value)}{unit} at {trend.adjuster} "

@@ -18,7 +18,7 @@ from damperfit.cli.console import (
 
 if TYPE_CHECKING:
     from damperfit.answers import SettingForces
-    from damperfit.queries.settings import AdjusterResults, ForcesBySetting
+    from damperfit.queries.settings import ForcesBySetting
     from damperfit.reporting.sheet import Sheet
 
 __all__ = ["settings"]
@@ -33,7 +33,7 @@ def settings(how: Shown, **given: Any) -> int:
     done = api.settings(**{**given, "results": given["results"] or []})
     for remark in done.remarks:
         say(f"damperfit: {done.places[0]}: {remark}")
-    if done.adjuster is None or done.forces is None:
+    if done.forces is None:
         print_json(done.document()) if how.json else _show_curves(done, is_quiet=how.quiet)
         return 0
     for trace in done.forces.traces if how.debug else ():
@@ -43,7 +43,7 @@ def settings(how: Shown, **given: Any) -> int:
     if how.json:
         print_json(done.document())
     else:
-        _show(done.adjuster, done.forces, done, is_quiet=how.quiet)
+        _show(done.forces, done, is_quiet=how.quiet)
     return 1 if done.remarks else 0
 
 
@@ -63,9 +63,7 @@ def _show_curves(done: SettingForces, *, is_quiet: bool) -> None:
         print_table(sheet)
 
 
-def _show(
-    adjuster: AdjusterResults, forces: ForcesBySetting, done: SettingForces, *, is_quiet: bool
-) -> None:
+def _show(forces: ForcesBySetting, done: SettingForces, *, is_quiet: bool) -> None:
     from damperfit.reporting.forces import (
         force_by_setting_sheet,
         force_sheets,
@@ -88,7 +86,7 @@ def _show(
             + [""]
         )
     rows = rows_in_units(adjustment_rows(forces.forces, forces.clicks), units)
-    print_lines([f"force by setting, {adjuster.source}", ""])
+    print_lines([f"force by setting, {forces.source}", ""])
     if question.speed is not None:
         both = question.stroke is None or question.force is not None
         strokes = ("rebound", "bump") if both else (question.stroke or "",)

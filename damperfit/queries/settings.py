@@ -23,140 +23,26 @@ from damperfit.damper.warmed import Warmed
 from damperfit.errors import ConfigurationError, mishap_of
 from damperfit.identification.sharing import of_settings
 from damperfit.problem import Failure, Option
-from damperfit.results import Run
 from damperfit.simulation import NAMED_SPEEDS, refuse_amplitude
 from damperfit.tested.setting import Setting, lines_of
 from damperfit.units.quantities import parse_quantity
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
-    from pathlib import Path
 
     from damperfit.adjustment.force_at import Stage
     from damperfit.damper.model import Model, Values
-    from damperfit.simulation import SolverOptions
-    from damperfit.uncertainty import SpeedForces
+    from damperfit.results import Run
 
 __all__ = [
-    "AdjusterResults",
     "ForcesBySetting",
     "Question",
-    "adjuster_of",
     "notes_on_settings",
     "notes_on_simulation",
     "parse_question",
-    "read_adjuster_results",
     "refuse_unfitted",
     "tabulate_forces",
 ]
-
-
-# A results folder read back as an adjuster: its settings with their errors, damper and motion.
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class AdjusterResults:
-    """The settings of a results folder, and the motion at which they are compared.
-
-    Attributes
-    ----------
-    stages : tuple of Stage
-        By rising setting.
-    damper : Model
-        Geometry, oil and gas of the run.
-    sine : Sine
-        The test's own motion, or the one asked for: the named speeds go up to its peak.
-    source : str
-        At what forces are given, for people.
-    solver : SolverOptions
-        How exactly to integrate.
-    remarks : tuple of str
-        What was missing or damaged in the folder.
-    forces : tuple of SpeedForces
-        As measured, at the motion of the tests.
-    notes : tuple of str
-        What is so, and nothing to mend in the folder.
-    speeds : tuple of float
-        At which forces are shown where none is asked for, m/s.
-    """
-
-    stages: tuple[Stage, ...]
-    damper: Model
-    sine: Sine
-    source: str
-    solver: SolverOptions
-    remarks: tuple[str, ...]
-    forces: tuple[SpeedForces, ...] = ()
-    notes: tuple[str, ...] = ()
-    speeds: tuple[float, ...] = NAMED_SPEEDS
-
-
-def read_adjuster_results(
-    folder: Path,
-    *,
-    config: Path | None = None,
-    amplitude: str | None = None,
-    frequency: str | None = None,
-    temperature: str | None = None,
-) -> AdjusterResults:
-    """Read the settings, damper and motion of a results folder.
-
-    Parameters
-    ----------
-    folder : pathlib.Path
-        What `identify` wrote.
-    config : pathlib.Path, optional
-        Configuration; its damper is taken where the run does not tell its own.
-    amplitude, frequency : str, optional
-        Motion instead of the test's own.
-    temperature : str, optional
-        Of the oil, instead of the reference temperature.
-
-    Raises
-    ------
-    ConfigurationError
-        There is no such folder, no setting in it has parameters, ``config`` declares another
-        damper, or the motion is none.
-    """
-    run = Run.load(folder, parts=("parameters",), config=config, temperature=temperature)
-    return adjuster_of(run, amplitude=amplitude, frequency=frequency)
-
-
-def adjuster_of(
-    run: Run, *, amplitude: str | None = None, frequency: str | None = None
-) -> AdjusterResults:
-    """Return a run as an adjuster; see `read_adjuster_results`."""
-    refuse_unfitted(run)
-    damper = run.damper
-    own = run.motion_of_tests if amplitude and frequency else run.motion
-    sine = _motion(own, amplitude, frequency)
-    notes = list(run.notes)
-    if sine is not own:
-        outside = run.tested.outside
-        beyond = list(
-            outside(amplitude=sine.amplitude, frequency=sine.frequency, speed=sine.peak_speed)
-        )
-        if beyond:
-            notes.append(f"never tested: {', '.join(beyond)}")
-        notes.append(
-            f"the sine of {1e3 * sine.amplitude:.4g} mm at {sine.frequency:.4g} Hz says which "
-            "speeds are shown; the forces are those at constant speed, whatever the stroke"
-        )
-    source = "at constant speed"
-    if isinstance(damper, Warmed):
-        source += f" and {damper.oil_temperature:g} degC"
-    refuse_amplitude(sine.amplitude, damper.travel)
-    return AdjusterResults(
-        run.settings,
-        damper,
-        sine,
-        source,
-        run.solver,
-        (*run.remarks, *run.remarks_on_errors),
-        run.speed_forces,
-        tuple(notes),
-        run.shown_speeds or NAMED_SPEEDS,
-    )
 
 
 def refuse_unfitted(run: Run) -> Run:
@@ -255,6 +141,10 @@ class ForcesBySetting:
 
     Attributes
     ----------
+    sine : Sine
+        The test's own motion, or the one asked for: the named speeds go up to its peak.
+    source : str
+        At what forces are given, for people.
     forces : tuple of Force
         By setting, speed and stroke: of one origin at a speed and stroke.
     clicks : tuple of Click
@@ -262,17 +152,19 @@ class ForcesBySetting:
     wanted : tuple of Wanted
         The answers, where a force was asked for: one for each line on which one adjuster turns.
     remarks : tuple of str
-        Settings that could not be simulated.
-    traces : tuple of str
-        Where internal errors among them happened.
+        What was missing or damaged in the run, and settings that could not be simulated.
     notes : tuple of str
         What a reader must know of the forces; nothing is missing.
+    traces : tuple of str
+        Where internal errors happened.
     """
 
+    sine: Sine
+    source: str
     forces: tuple[Force, ...]
     clicks: tuple[Click, ...]
     wanted: tuple[Wanted, ...]
-    remarks: tuple[str, ...]
+    remarks: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     traces: tuple[str, ...] = ()
 
@@ -332,22 +224,36 @@ def parse_question(
     return Question(abs(speed), -abs(wanted) if stroke == "bump" else wanted, stroke)
 
 
-def tabulate_forces(adjuster: AdjusterResults, question: Question) -> ForcesBySetting:
-    """Return forces and clicks of an adjuster, and where a wanted force is found.
+def tabulate_forces(
+    run: Run, question: Question, *, amplitude: str | None = None, frequency: str | None = None
+) -> ForcesBySetting:
+    """Return forces and clicks of a run, and where a wanted force is found.
+
+    Parameters
+    ----------
+    run : Run
+        What `identify` found.
+    question : Question
+        What is asked.
+    amplitude, frequency : str, optional
+        Of a sine, up to whose peak speed forces are shown, instead of the test's own.
 
     Raises
     ------
     ConfigurationError
-        No named speed is reached, or there are not two settings to look between.
+        No setting has parameters, the motion is none, no named speed is reached, or there are not
+        two settings to look between.
     """
-    speeds = (
-        named_speeds(adjuster.sine.peak_speed, adjuster.speeds)
-        if question.speed is None
-        else (question.speed,)
-    )
+    damper = refuse_unfitted(run).damper
+    own = run.motion_of_tests if amplitude and frequency else run.motion
+    sine = _motion(own, amplitude, frequency)
+    refuse_amplitude(sine.amplitude, damper.travel)
+    speeds = named_speeds(sine.peak_speed, run.shown_speeds or NAMED_SPEEDS)
+    if question.speed is not None:
+        speeds = (question.speed,)
     if not speeds:
         raise ConfigurationError(
-            f"none is reached by {adjuster.sine.peak_speed:.3g} m/s; give {{velocity}}, or a "
+            f"none is reached by {sine.peak_speed:.3g} m/s; give {{velocity}}, or a "
             "larger {amplitude} or {frequency}",
             velocity=Option("velocity"),
             amplitude=Option("amplitude"),
@@ -360,61 +266,86 @@ def tabulate_forces(adjuster: AdjusterResults, question: Question) -> ForcesBySe
     def take(setting: Setting, error: Exception) -> None:
         mishaps[setting] = mishap_of(error, f"simulating setting {setting}")
 
-    found = force_at(
-        adjuster.stages, adjuster.damper, speeds, measured=adjuster.forces, on_error=take
-    )
-    told = credible_forces(found)
-    done = {one.setting for one in found}
-    remarks = tuple(
+    forces = force_at(run.settings, damper, speeds, measured=run.speed_forces, on_error=take)
+    shown = credible_forces(forces)
+    done = {one.setting for one in forces}
+    source = "at constant speed"
+    if isinstance(damper, Warmed):
+        source += f" and {damper.oil_temperature:g} degC"
+    lost = (
         mishaps[stage.setting].message
         if stage.setting in mishaps
-        else f"setting {stage.setting} cannot be simulated {adjuster.source}"
-        for stage in adjuster.stages
+        else f"setting {stage.setting} cannot be simulated {source}"
+        for stage in run.settings
         if stage.setting not in done
     )
-    wanted: tuple[Wanted, ...] = ()
-    if question.force is not None:
-        if len(done) < 2:
-            raise ConfigurationError(
-                "one setting is not enough to find which gives a force; fit more logs",
-                code="one-setting",
-            )
-        mine = [one for one in told if one.stroke == question.stroke]
-        lines = [line for line in lines_of(done) if len(line.settings) > 1]
-        if not lines:
-            raise ConfigurationError(
-                "no two settings differ in the clicks of one adjuster alone; {velocity} without "
-                "{force} shows the forces of all",
-                velocity=Option("velocity"),
-                force=Option("force"),
-                code="one-setting",
-            )
-        wanted = tuple(which_setting(mine, question.force, line=line) for line in lines)
     notes = (
-        *adjuster.notes,
-        *notes_on_settings(adjuster.damper, adjuster.stages),
-        *_untested_notes(adjuster, told),
-        *_cavitation_notes(found),
-        *_measured_notes(told),
+        *run.notes,
+        *(() if sine is own else _motion_notes(run, sine)),
+        *notes_on_settings(damper, run.settings),
+        *_untested_notes(run, shown),
+        *_cavitation_notes(forces),
+        *_measured_notes(shown),
     )
-    traces = tuple(mishaps[setting].trace for setting in sorted(mishaps))
-    return ForcesBySetting(told, clicks(told), wanted, remarks, notes, traces)
+    return ForcesBySetting(
+        sine,
+        source,
+        shown,
+        clicks(shown),
+        () if question.force is None else _wanted(shown, question, question.force),
+        (*run.remarks, *run.remarks_on_errors, *lost),
+        notes,
+        tuple(mishaps[setting].trace for setting in sorted(mishaps)),
+    )
 
 
-def _untested_notes(adjuster: AdjusterResults, told: Sequence[Force]) -> Iterator[str]:
+def _wanted(shown: Sequence[Force], question: Question, force: float) -> tuple[Wanted, ...]:
+    settings = {one.setting for one in shown}
+    if len(settings) < 2:
+        raise ConfigurationError(
+            "one setting is not enough to find which gives a force; fit more logs",
+            code="one-setting",
+        )
+    lines = [line for line in lines_of(settings) if len(line.settings) > 1]
+    if not lines:
+        raise ConfigurationError(
+            "no two settings differ in the clicks of one adjuster alone; {velocity} without "
+            "{force} shows the forces of all",
+            velocity=Option("velocity"),
+            force=Option("force"),
+            code="one-setting",
+        )
+    mine = [one for one in shown if one.stroke == question.stroke]
+    return tuple(which_setting(mine, force, line=line) for line in lines)
+
+
+def _motion_notes(run: Run, sine: Sine) -> Iterator[str]:
+    """Say what of a motion that was asked for was never tested, and what it is for."""
+    beyond = run.tested.outside(
+        amplitude=sine.amplitude, frequency=sine.frequency, speed=sine.peak_speed
+    )
+    if listed := ", ".join(beyond):
+        yield f"never tested: {listed}"
+    yield (
+        f"the sine of {1e3 * sine.amplitude:.4g} mm at {sine.frequency:.4g} Hz says which speeds "
+        "are shown; the forces are those at constant speed, whatever the stroke"
+    )
+
+
+def _untested_notes(run: Run, shown: Sequence[Force]) -> Iterator[str]:
     """Say which speeds no test of a setting has reached, and what the logs leave open there."""
-    untested = {one.setting: one.speed for one in told if not one.is_tested}
+    untested = {one.setting: one.speed for one in shown if not one.is_tested}
     if not untested:
         return
-    stages = [stage for stage in adjuster.stages if stage.setting in untested]
+    stages = [stage for stage in run.settings if stage.setting in untested]
     top = min(stage.top_speed for stage in stages)
     yield (
         f"{max(untested.values()):g} m/s was never tested at {of_settings(untested)} (tested: up "
         f"to {top:.3g} m/s): the force there is the model's, extrapolated"
     )
-    loose = [one.setting for one in told if not (one.is_tested or one.is_determined)]
+    loose = [one.setting for one in shown if not (one.is_tested or one.is_determined)]
     if loose:
-        reached = min(determined_speed(stage, adjuster.damper) for stage in stages)
+        reached = min(determined_speed(stage, run.damper) for stage in stages)
         yield (
             f"the logs do not determine the force there at {of_settings(dict.fromkeys(loose))}: "
             f"within 5 % it is known up to {reached:.3g} m/s; the intervals are what is left open"

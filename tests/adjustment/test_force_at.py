@@ -29,12 +29,13 @@ from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.damper.quasi_static import quasi_static
 from damperfit.damper.rivals import Bilinear
 from damperfit.identification import Status
-from damperfit.queries.settings import AdjusterResults, Question, tabulate_forces
+from damperfit.queries.settings import Question, tabulate_forces
 from damperfit.results import Tested
-from damperfit.simulation import NAMED_SPEEDS, SolverOptions
+from damperfit.simulation import NAMED_SPEEDS
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty import Assessment, SpeedForces, Uncertainty
 from tests import fakes
+from tests.fakes import run_of
 from tests.laws.valve_logs import VALUES, damper
 
 OWN, SHARED = ("r_m1", "r_m2", "k_e"), ("r_m3", "f_f")
@@ -239,11 +240,11 @@ def test_a_speed_that_was_never_tested_is_answered_with_a_sentence() -> None:
     several = tuple(
         replace(_with_a_blow_off_that_no_log_opens(), setting=Setting.of(n)) for n in (1, 2)
     )
-    adjuster = AdjusterResults(several, damper(), Sine(0.02, 0.4), "", SolverOptions(), ())
-    notes = tabulate_forces(adjuster, Question(0.4)).notes
+    run = run_of(several, damper(), Sine(0.02, 0.4))
+    notes = tabulate_forces(run, Question(0.4)).notes
     assert any("0.4 m/s was never tested at settings 1, 2 (tested: up to 0.05" in x for x in notes)
     assert any("do not determine the force there at settings 1, 2" in x for x in notes)
-    tested = tabulate_forces(adjuster, Question(0.05)).notes
+    tested = tabulate_forces(run, Question(0.05)).notes
     assert not any("never tested" in x or "determine" in x for x in tested)
 
 
@@ -351,8 +352,8 @@ def test_where_no_gas_is_known_the_offset_stays_in_the_force_and_out_of_the_clic
     ]
     rebound, _ = clicks(force_at(harder, model, (0.1,)))
     assert rebound.percent == pytest.approx(10.0, abs=0.01)
-    adjuster = AdjusterResults((stages[0],), model, Sine(0.032, 1.5), "", SolverOptions(), ())
-    (note,) = tabulate_forces(adjuster, Question(0.1)).notes
+    run = run_of((stages[0],), model, Sine(0.032, 1.5))
+    (note,) = tabulate_forces(run, Question(0.1)).notes
     assert note.startswith("the model knows no gas: its force offset (-120 N)")
 
 
@@ -366,8 +367,8 @@ def test_where_no_gas_is_known_the_offset_stays_in_the_force_and_out_of_the_clic
 )
 def test_one_line_says_that_a_tare_is_left_out(tares, said) -> None:
     stages = tuple(tared(tares))
-    adjuster = AdjusterResults(stages, PURDY_DAMPER, Sine(0.032, 1.5), "", SolverOptions(), ())
-    notes = [note for note in tabulate_forces(adjuster, Question(0.1)).notes if "offset" in note]
+    run = run_of(stages, PURDY_DAMPER, Sine(0.032, 1.5))
+    notes = [note for note in tabulate_forces(run, Question(0.1)).notes if "offset" in note]
     sentences = Adjustment(forces=forces(*stages)).sentences
     assert [note.startswith(said or "") for note in notes] == [True] * (said is not None)
     assert [said in one for one in sentences] == [True] * (said is not None)

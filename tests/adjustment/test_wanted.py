@@ -13,11 +13,11 @@ from damperfit.adjustment.force_at import Force, Sine, Stage
 from damperfit.adjustment.wanted import which_setting
 from damperfit.damper.rivals import Bilinear
 from damperfit.errors import ConfigurationError
-from damperfit.queries.settings import AdjusterResults, Question, tabulate_forces
-from damperfit.simulation import SolverOptions
+from damperfit.queries.settings import Question, tabulate_forces
 from damperfit.tested.setting import Setting, lines_of
 from damperfit.uncertainty import SpeedForces
 from tests.adjustment import gap_coverage
+from tests.fakes import run_of
 
 
 def forces_by_click(forces, *, settings=None, error=0.5, stroke="rebound"):
@@ -159,12 +159,12 @@ def test_a_force_is_asked_of_two_settings_at_least() -> None:
         Stage(Setting.of(n), model.values({"c_r": 1000.0 * n, "c_b": 1000.0, "f_0": 0.0}))
         for n in (1, 2)
     )
-    adjuster = AdjusterResults(told, model, Sine(0.032, 1.5), "a sine", SolverOptions(), ())
+    run = run_of(told, model, Sine(0.032, 1.5))
     question = Question(0.1, force=150.0, stroke="rebound")
-    (wanted,) = tabulate_forces(adjuster, question).wanted
+    (wanted,) = tabulate_forces(run, question).wanted
     assert [answer.position for answer in wanted.answers] == pytest.approx([1.5])
     with pytest.raises(ConfigurationError, match="one setting is not enough"):
-        tabulate_forces(replace(adjuster, stages=told[:1]), question)
+        tabulate_forces(run_of(told[:1], model, Sine(0.032, 1.5)), question)
 
 
 def test_a_force_that_the_measured_ones_hold_is_answered_as_measured() -> None:
@@ -182,13 +182,11 @@ def test_a_force_that_the_measured_ones_hold_is_answered_as_measured() -> None:
         )
         for n in (1, 2)
     )  # fmt: skip
-    adjuster = AdjusterResults(
-        stages, model, Sine(0.032, 1.5), "", SolverOptions(), (), forces=measured
-    )
+    run = run_of(stages, model, Sine(0.032, 1.5), measured)
     question = Question(0.1, force=212.0, stroke="rebound")
-    (wanted,) = tabulate_forces(adjuster, question).wanted
+    (wanted,) = tabulate_forces(run, question).wanted
     assert "in rebound at 0.1 m/s, as measured: setting 1.9" in wanted.sentence
-    (wanted,) = tabulate_forces(adjuster, replace(question, force=180.0)).wanted
+    (wanted,) = tabulate_forces(run, replace(question, force=180.0)).wanted
     assert "as measured" not in wanted.sentence
-    (wanted,) = tabulate_forces(adjuster, replace(question, force=500.0)).wanted
+    (wanted,) = tabulate_forces(run, replace(question, force=500.0)).wanted
     assert "no setting gives it" in wanted.sentence
