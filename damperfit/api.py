@@ -99,7 +99,7 @@ def read(
         It cannot be read, or holds several tests.
     """
     from damperfit.io import read_log
-    from damperfit.run.given_logs import as_files
+    from damperfit.run.log_files import as_files
 
     configuration = configured("read", {"units": units, "rig": rig, "config": config})
     with as_files(log, call="damperfit.read") as paths:
@@ -136,8 +136,7 @@ def inspect(  # noqa: PLR0913 - one keyword an option of the command line
     """
     given = dict(locals())
     from damperfit.answers import Inspection
-    from damperfit.run.given_logs import as_files
-    from damperfit.run.log_paths import expand
+    from damperfit.run.log_files import as_files, expand
     from damperfit.run.logs import Purpose, read_batch
 
     # No model is asked for; the file may be one for `model="auto"`.
@@ -259,8 +258,8 @@ def identify_each(
     is_written : bool
         Whether anything is written.
     """
-    from damperfit.run.given_logs import as_files, in_memory
     from damperfit.run.identify import Watch, identified, written
+    from damperfit.run.log_files import as_files, in_memory
 
     watch = watch or Watch()
     configuration = _identification(given)
@@ -408,8 +407,8 @@ def models(  # noqa: PLR0913 - one keyword an option of the command line
     from damperfit.errors import did_you_mean
     from damperfit.laws.other_layouts import LAYOUTS
     from damperfit.run.auto_model import choose_law
-    from damperfit.run.given_logs import as_files
     from damperfit.run.given_starts import start_of_laws
+    from damperfit.run.log_files import as_files
 
     if layout is not None and layout not in LAYOUTS:
         raise ConfigurationError(
@@ -1156,7 +1155,7 @@ def init(
         first_configuration,
         guess_from_logs,
     )
-    from damperfit.run.log_paths import expand
+    from damperfit.run.log_files import expand
     from damperfit.store import write_text
 
     path: Any = out

@@ -318,7 +318,7 @@ def test_a_run_in_copies_is_byte_for_byte_that_in_one_thread(
 @pytest.mark.parametrize(
     "broken",
     [
-        "damperfit.run.tested_at.condition",
+        "damperfit.run.logs.condition",
         "damperfit.identification.fit_setting._ended",
         "damperfit.uncertainty.linearisation.linearise_at_fit",
         "damperfit.tables.rows.characteristic_rows",

@@ -178,7 +178,7 @@ def _refuse_others(name: str) -> None:
     if not stat.S_ISREG(found.st_mode):
         raise OSError(None, "expected a regular file, found a pipe, a socket or a disk")
     if found.st_size:
-        from damperfit.run.own_tables import is_own_log_file
+        from damperfit.run.log_files import is_own_log_file
 
         if not is_own_log_file(Path(name)):
             raise ConfigurationError(

@@ -44,7 +44,7 @@ from damperfit.io.files import sha256_of
 from damperfit.problem import Failure, Option, Problem
 from damperfit.queries.compared_runs import compared_record
 from damperfit.recording import natural_order
-from damperfit.run.labelling import labels_for
+from damperfit.run.logs import Labels
 from damperfit.tested.identity import identity_in
 from damperfit.tested.setting import ADJUSTER
 from damperfit.workers import Died, executor
@@ -459,9 +459,9 @@ def _dead_rows(job: Job, here: Mapping[FleetLog, Path]) -> Iterator[dict[str, An
     dead = [one for one in job.task.logs if one.place in said]
     if not dead:
         return
-    labels = labels_for([here[one] for one in job.task.logs], job.configuration, setting=None)
+    labels = Labels([here[one] for one in job.task.logs], job.configuration)
     for one in dead:
-        setting = labels.unread(here[one], job.configuration.reading)
+        setting = labels.unread(here[one], job.configuration)
         died = Failure(Problem("worker-died", said[one.place]), "WorkerDied")
         yield _failure(died, {}, log=one.file, setting=setting)
 

@@ -25,8 +25,7 @@ from damperfit.errors import ConfigurationError, DamperfitError
 from damperfit.fleets.parts import parts_in, read_facts_of
 from damperfit.io.formats import LOG_SUFFIXES
 from damperfit.recording import natural_order
-from damperfit.run.log_paths import matches, real_path
-from damperfit.run.own_tables import is_own_table
+from damperfit.run.log_files import is_own_table, matches, real_path
 from damperfit.store import remove_abandoned, temporary_folder
 from damperfit.workers import executor
 

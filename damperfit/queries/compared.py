@@ -25,7 +25,7 @@ from damperfit.queries.compared_runs import (
     read_run,
 )
 from damperfit.recording import natural_order
-from damperfit.run.log_paths import expand
+from damperfit.run.log_files import expand
 from damperfit.simulation import NAMED_SPEEDS
 from damperfit.tables.reading import is_part
 from damperfit.units.quantities import parse_quantity

@@ -18,10 +18,10 @@ from damperfit.io.files import open_regular, read_text
 from damperfit.problem import Option
 from damperfit.queries.settings import refuse_unfitted
 from damperfit.results import Run
-from damperfit.run.dampers import by_damper, folder_name
-from damperfit.run.log_paths import expand
+from damperfit.run.log_files import expand
 from damperfit.run.logs import Purpose, read_batch
-from damperfit.run.problems import log_warnings
+from damperfit.run.parting import by_damper, folder_name
+from damperfit.run.record import log_warnings
 from damperfit.tables.columns import (
     adjusters_in,
     column_names,

@@ -26,8 +26,7 @@ from damperfit.identification import unlimited_in, values_from_others
 from damperfit.io import read_log
 from damperfit.problem import Option, listed_names
 from damperfit.results import Run, Tested
-from damperfit.run.labelling import labels_for
-from damperfit.run.tested_at import conditioned_as_tested, facts_of
+from damperfit.run.logs import Labels, conditioned_as_tested, facts_of
 from damperfit.simulation import (
     Characteristics,
     Response,
@@ -255,7 +254,7 @@ def simulate_test(
 def _trace(log: Path, configuration: Configuration) -> Trace:
     try:
         recording = read_log(log, configuration.reading)
-        row = labels_for([log], configuration, setting=None).row(log)
+        row = Labels([log], configuration).row(log)
         facts, _ = facts_of(recording, log, configuration, row)
         return conditioned_as_tested(recording, configuration.conditioning, facts)
     except (DamperfitError, MemoryError):

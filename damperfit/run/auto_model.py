@@ -28,11 +28,17 @@ from damperfit.laws.other_layouts import LAYOUTS
 from damperfit.laws.search import follows_by_scope, search_laws
 from damperfit.problem import failure_lines
 from damperfit.reporting.laws import chosen_records, rival_records, tried_law_records
-from damperfit.run.dampers import of_one_damper
-from damperfit.run.duplicate_tests import once_each, without_contradictions, without_copies
-from damperfit.run.hold_out import named_files, part, with_transients
-from damperfit.run.log_paths import expand
+from damperfit.run.log_files import expand
 from damperfit.run.logs import read_batch
+from damperfit.run.parting import (
+    named_files,
+    of_one_damper,
+    once_each,
+    part,
+    with_transients,
+    without_contradictions,
+    without_copies,
+)
 from damperfit.workers import available_cores
 
 if TYPE_CHECKING:
@@ -44,7 +50,7 @@ if TYPE_CHECKING:
     from damperfit.identification.sharing import Follows
     from damperfit.laws import JudgedLaw, LawFit, LawSearch, Tried
     from damperfit.problem import Failure, Problem
-    from damperfit.run.hold_out import Parted
+    from damperfit.run.parting import Parted
     from damperfit.tested.setting import Setting
 
 __all__ = [

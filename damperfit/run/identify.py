@@ -12,7 +12,7 @@ from __future__ import annotations
 import logging
 import time
 from contextlib import contextmanager, nullcontext
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from importlib import import_module
 from itertools import chain
 from typing import TYPE_CHECKING, Any
@@ -21,11 +21,26 @@ from damperfit.configuration.what_is_tested import unmatched
 from damperfit.damper.warmed import Warmed
 from damperfit.errors import ConfigurationError, OutputError
 from damperfit.problem import Option
-from damperfit.run.dampers import by_damper, folder_name
-from damperfit.run.given_traces import with_traces
-from damperfit.run.hold_out import Parted, fitting, named_files, part, with_transients
-from damperfit.run.log_paths import expand
-from damperfit.run.logs import read_batch
+from damperfit.run.log_files import expand
+from damperfit.run.logs import read_batch, with_traces
+from damperfit.run.parting import (
+    Parted,
+    by_damper,
+    check_temperatures,
+    fitting,
+    folder_name,
+    named_files,
+    note_unpredicted,
+    of_one_damper,
+    once_each,
+    part,
+    with_reference,
+    with_rod_remark,
+    with_transients,
+    without_contradictions,
+    without_contradictory_motions,
+    without_copies,
+)
 from damperfit.store import check_writable, reserved
 from damperfit.workers import apart, available_cores, told_here
 
@@ -44,6 +59,7 @@ if TYPE_CHECKING:
     from damperfit.run.logs import LogBatch
     from damperfit.tables.reading import LogSignals
     from damperfit.tested.setting import Setting
+    from damperfit.uncertainty import HoldOutOptions
 
 
 _LOGGER = logging.getLogger(__name__)
@@ -77,12 +93,12 @@ class Watch:
     during_work: Callable[[], AbstractContextManager[object]] = nullcontext
 
 
-@dataclass(slots=True)
 class _Clock:
     """Seconds spent in each part of a run."""
 
-    laps: dict[str, float] = field(default_factory=dict)
-    started: float = field(default_factory=time.perf_counter)
+    def __init__(self) -> None:
+        self._laps: dict[str, float] = {}
+        self._started = time.perf_counter()
 
     @contextmanager
     def lap(self, name: str) -> Iterator[None]:
@@ -92,15 +108,15 @@ class _Clock:
             yield
         finally:
             spent = time.perf_counter() - begin
-            _LOGGER.debug("%s took %.3f s", name.removesuffix("_s"), spent)
-            self.laps[name] = round(self.laps.get(name, 0.0) + spent, 4)
+            _LOGGER.debug("%s took %.3f s", name, spent)
+            self._laps[f"{name}_s"] = round(self._laps.get(f"{name}_s", 0.0) + spent, 4)
 
     def read(self) -> dict[str, float]:
         """Return the seconds of each part, and of all."""
-        return self.laps | {"total_s": round(time.perf_counter() - self.started, 4)}
+        return self._laps | {"total_s": round(time.perf_counter() - self._started, 4)}
 
 
-@dataclass(slots=True, eq=False)
+@dataclass(slots=True, eq=False, repr=False)
 class Identified:
     """One damper, identified.
 
@@ -231,7 +247,7 @@ def identified(  # noqa: PLR0913 - what is asked of it
         configuration = with_given_start(configuration)
     paths = expand(logs) if logs or not traces else ()
     named = named_files(configuration.hold_out.patterns, paths)
-    with clock.lap("read_s"):
+    with clock.lap("read"):
         batch = read_batch(
             tuple(dict.fromkeys((*paths, *chain.from_iterable(named.values())))),
             configuration,
@@ -245,12 +261,9 @@ def identified(  # noqa: PLR0913 - what is asked of it
         raise ConfigurationError(
             "no logs among the files given: they are all parameter tables or tables of tests"
         )
+    if is_one:
+        of_one_damper(batch)
     groups = by_damper(batch)
-    if is_one and len(groups) > 1:
-        raise ConfigurationError(
-            f"logs of {len(groups)} dampers: {', '.join(groups)}; give the "
-            "logs of one, or let damperfit identify on the command line give each a result"
-        )
     beside = tuple(map(folder_name, groups)) if len(groups) > 1 else ()
     folder = configuration.output.folder
     prepared = []
@@ -272,67 +285,55 @@ def identified(  # noqa: PLR0913 - what is asked of it
         yield Identified(owner, own.output.folder, own, run, failures, beside)
 
 
-_AFTER_READING = ("judging", "duplicate_tests", "document")
+_AFTER_READING = ("judging", "record")
 
 
 def _prepared(
-    configuration: Configuration, parted: Parted, options: Any
+    configuration: Configuration, parted: Parted, options: HoldOutOptions
 ) -> tuple[Configuration, Parted]:
     """Leave out copies and contradictions among the logs of one damper; find its temperature."""
-    from damperfit.run.duplicate_tests import (
-        once_each,
-        with_rod_remark,
-        without_contradictions,
-        without_contradictory_motions,
-        without_copies,
-    )
-    from damperfit.run.temperatures import check_temperatures, with_reference
-
-    once = once_each(parted.batch)
-    check_temperatures(configuration, (*once.traces, *parted.held_out))
-    left = without_contradictions(
-        once,
+    batch = once_each(parted.batch)
+    check_temperatures(configuration, (*batch.traces, *parted.held_out))
+    batch = without_contradictions(
+        batch,
         is_averaging=configuration.rig.is_averaging,
         is_warmed=isinstance(configuration.damper, Warmed),
     )
-    left = without_contradictory_motions(left, configuration)
-    left, held_out = without_copies(left, parted.held_out)
-    left = with_rod_remark(left, configuration.damper)
-    parted = with_transients(replace(parted, batch=left, held_out=held_out), options)
-    return with_reference(configuration, left.traces), parted
+    batch = without_contradictory_motions(batch, configuration)
+    batch, held_out = without_copies(batch, parted.held_out)
+    batch = with_rod_remark(batch, configuration.damper)
+    parted = with_transients(replace(parted, batch=batch, held_out=held_out), options)
+    return with_reference(configuration, batch.traces), parted
 
 
 def _fitted(
     configuration: Configuration, parted: Parted, *, clock: _Clock, jobs: int, watch: Watch
 ) -> tuple[Run, tuple[Failure, ...]]:
     """Fit and judge the logs of one damper."""
-    from damperfit.run.document import run_of
-    from damperfit.run.hold_out import note_unpredicted
     from damperfit.run.judging import Mishaps, assessed, judge, with_profiles
+    from damperfit.run.record import run_of
     from damperfit.uncertainty import Bench
 
     batch = parted.batch
     watch.on_start(len({trace.setting for trace in batch.traces}))
-    with clock.lap("fit_s"):
+    with clock.lap("fit"):
         campaign = _fits(configuration, batch, jobs=jobs, watch=watch)
     mishaps = Mishaps(batch)
     if campaign.mishap is not None:
         mishaps.add(campaign.mishap)
     bench = Bench(configuration.damper, configuration.identification.solver, watch.cancelled, jobs)
-    with clock.lap("judge_s"):
+    with clock.lap("judge"):
         assessment = assessed(campaign, bench, mishaps)
-    if configuration.profile and campaign.fits and not watch.cancelled():
-        with clock.lap("profile_s"):
-            assessment = with_profiles(
-                campaign, assessment, bench, mishaps, names=configuration.profile
-            )
-    with clock.lap("judge_s"):
+    if (names := configuration.profile) and campaign.fits and not watch.cancelled():
+        with clock.lap("profile"):
+            assessment = with_profiles(campaign, assessment, bench, mishaps, names)
+    with clock.lap("judge"):
         campaign, judgement = judge(configuration, parted, campaign, assessment, mishaps, jobs=jobs)
     if not watch.cancelled():
         batch = note_unpredicted(parted, campaign, judgement.predictions, mishaps.failures)
     is_interrupted = watch.cancelled()
-    with clock.lap("characteristics_s"):
-        rows = _read_off(configuration, campaign, mishaps, jobs=jobs)
+    with clock.lap("characteristics"):
+        rows = _characteristics(configuration, campaign, mishaps, jobs=jobs)
     run, failures = run_of(
         configuration,
         batch,
@@ -378,7 +379,7 @@ def _fits(configuration: Configuration, batch: LogBatch, *, jobs: int, watch: Wa
     )
 
 
-def _read_off(
+def _characteristics(
     configuration: Configuration, campaign: Campaign, mishaps: Mishaps, *, jobs: int
 ) -> list[list[dict[str, Any]] | None]:
     """Return the characteristics of each log; None where it cannot be simulated."""

@@ -7,8 +7,8 @@ to do without, leave the log or the setting out, and it becomes a failure.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, TypeVar
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from damperfit.adjustment.clicks import Adjustment, compare_settings
 from damperfit.checks import Check, Subject, run_checks, unchecked
@@ -17,8 +17,7 @@ from damperfit.errors import ConfigurationError, InstallationError, OutputError,
 from damperfit.laws.other_layouts import times_in
 from damperfit.problem import Failure, Option, Problem
 from damperfit.recording import Trace
-from damperfit.run.logs import failure_of
-from damperfit.run.problems import MANY, failures_of
+from damperfit.run.record import MANY, failures_of
 from damperfit.uncertainty import (
     Assessment,
     Bench,
@@ -40,8 +39,8 @@ if TYPE_CHECKING:
     from damperfit.configuration.options import Configuration
     from damperfit.damper.model import Model
     from damperfit.identification import Campaign
-    from damperfit.run.hold_out import Parted
     from damperfit.run.logs import LogBatch
+    from damperfit.run.parting import Parted
     from damperfit.tested.setting import Setting
     from damperfit.uncertainty import Interval
 
@@ -55,8 +54,7 @@ _RETURNS = 1.06
 _DELIVERED, _OF_NO_USE = 1.5, 1e-4
 
 
-@dataclass(frozen=True, slots=True)
-class Judgement:
+class Judgement(NamedTuple):
     """What was found of the fits once they were done.
 
     Attributes
@@ -77,18 +75,18 @@ class Judgement:
     predictions: tuple[Prediction, ...] = ()
 
 
-@dataclass(slots=True)
 class Mishaps:
     """What damperfit itself got wrong so far, from any thread.
 
-    Attributes
+    Parameters
     ----------
     batch : LogBatch
         The logs of the run.
     """
 
-    batch: LogBatch
-    _found: list[Failure] = field(default_factory=list)
+    def __init__(self, batch: LogBatch) -> None:
+        self._batch = batch
+        self._found: list[Failure] = []
 
     @property
     def failures(self) -> tuple[Failure, ...]:
@@ -101,9 +99,9 @@ class Mishaps:
 
         def take(whose: Trace | Setting, error: Exception) -> None:
             if isinstance(whose, Trace):
-                path = next((log.path for log in self.batch.logs if log.log == whose.name), "")
                 mishap = mishap_of(error, f"{task} {whose.name}")
-                self._found.append(failure_of(mishap, whose.name, path, whose.setting))
+                path = self._batch.path_of(whose.name)
+                self.add(replace(mishap, log=whose.name, path=path), whose.setting)
             else:
                 self.add(mishap_of(error, f"{task} setting {whose}"), whose)
 
@@ -111,7 +109,7 @@ class Mishaps:
 
     def add(self, mishap: Failure, setting: Setting | None = None) -> None:
         """Take what a step over all settings, or one of them, has met, and went on."""
-        self._found.append(failure_of(mishap, setting=setting))
+        self._found.append(replace(mishap, setting=setting))
 
     def spared(self, task: str, step: Callable[[], _Result], instead: _Result) -> _Result:
         """Return what a step finds, or what the run goes on with where the step has an error.
@@ -151,18 +149,16 @@ def with_profiles(
     assessment: Assessment,
     bench: Bench,
     mishaps: Mishaps,
-    *,
     names: Sequence[str],
 ) -> Assessment:
     """Return the assessment with the profiles that were asked for.
 
     They come before the statuses: one that is flat has the last word on its parameter.
     """
+    take = mishaps.at(_TASK)
     return mishaps.spared(
         "following profiles",
-        lambda: profile_campaign(
-            campaign, assessment, bench, names=names, on_error=mishaps.at(_TASK)
-        ),
+        lambda: profile_campaign(campaign, assessment, bench, names=names, on_error=take),
         assessment,
     )
 
@@ -207,40 +203,10 @@ def judge(
         Adjustment(),
     )
     predictions = _predicted(configuration, parted, judged, assessment, mishaps, jobs=jobs)
-    no_objections: dict[Setting, tuple[Objection, ...]] = {}
-    found_against = mishaps.spared(
-        "looking for what a grade must not hide",
-        lambda: objections(
-            judged,
-            assessment,
-            configuration.conditioning.gas,
-            assumed=configuration.assumed_dimensions,
-        ),
-        no_objections,
-    )
-    no_air: dict[Setting, Objection] = {}
-    is_air_declared = (
-        "damper.ambient_pressure" in configuration.declared or configuration.is_assumed
-    )
-    air = mishaps.spared(
-        "looking for the air on the rod",
-        lambda: (
-            no_air
-            if is_air_declared
-            else air_objections(judged, assessment, damper, configuration.identification, jobs=jobs)
-        ),
-        no_air,
-    )
-    for setting, problem in _undelivered(configuration, judged):
-        mishaps.add(
-            Failure(replace(problem, subject=f"setting {setting}"), "DeliveryError"), setting
-        )
-        one = Objection("delivery", "", problem.message())
-        found_against[setting] = (*found_against.get(setting, ()), one)
-    missed = missed_predictions(predictions)
-    for setting, one in (*air.items(), *missed.items()):
-        found_against[setting] = (*found_against.get(setting, ()), one)
-    assessment = replace(assessment, objections=found_against)
+    against = _objections(configuration, judged, assessment, mishaps, jobs=jobs)
+    for setting, objection in missed_predictions(predictions).items():
+        against[setting] = (*against.get(setting, ()), objection)
+    assessment = replace(assessment, objections=against)
     checks = mishaps.spared(
         "checking the run",
         lambda: _checks(configuration, parted, judged, assessment, adjustment),
@@ -251,16 +217,49 @@ def judge(
     return judged, Judgement(assessment, adjustment, checks, predictions)
 
 
+def _objections(
+    configuration: Configuration,
+    campaign: Campaign,
+    assessment: Assessment,
+    mishaps: Mishaps,
+    *,
+    jobs: int,
+) -> dict[Setting, tuple[Objection, ...]]:
+    """Return what a grade must not hide, but for predictions: of fits, of delivery, of air."""
+    none: dict[Setting, tuple[Objection, ...]] = {}
+    against = mishaps.spared(
+        "looking for what a grade must not hide",
+        lambda: objections(
+            campaign,
+            assessment,
+            configuration.conditioning.gas,
+            assumed=configuration.assumed_dimensions,
+        ),
+        none,
+    )
+    air: dict[Setting, Objection] = {}
+    if "damper.ambient_pressure" not in configuration.declared and not configuration.is_assumed:
+        options = configuration.identification
+        air = mishaps.spared(
+            "looking for the air on the rod",
+            lambda: air_objections(campaign, assessment, configuration.damper, options, jobs=jobs),
+            air,
+        )
+    more = [*_undelivered(configuration, campaign, mishaps), *air.items()]
+    for setting, objection in more:
+        against[setting] = (*against.get(setting, ()), objection)
+    return against
+
+
 def _undelivered(
-    configuration: Configuration, campaign: Campaign
-) -> Iterator[tuple[Setting, Problem]]:
+    configuration: Configuration, campaign: Campaign, mishaps: Mishaps
+) -> Iterator[tuple[Setting, Objection]]:
     """Yield the settings at which a law that the logs chose is not fitted as it was chosen."""
-    advice, ways = "name the model{model}, and give its values as a start{start}", {
-        "model": Option("model", is_aside=True), "start": Option("start", is_aside=True)
-    }  # fmt: skip
-    if campaign.procedure != "plain":
-        advice = "fit each setting by itself{plain}"
-        ways = {"plain": Option("procedure", "plain", is_aside=True)}
+    advice = "fit each setting by itself{plain}"
+    ways = {"plain": Option("procedure", "plain", is_aside=True)}
+    if campaign.procedure == "plain":
+        advice = "name the model{model}, and give its values as a start{start}"
+        ways = {name: Option(name, is_aside=True) for name in ("model", "start")}
     for fit in campaign.fits:
         chosen = configuration.chosen_mse.get(fit.setting, math.inf)
         if fit.mse_percent > _DELIVERED * max(chosen, _OF_NO_USE):
@@ -269,7 +268,9 @@ def _undelivered(
                 f"{fit.mse_percent:.2g} %, by procedure {campaign.procedure}; these are not the "
                 f"parameters of the choice: {advice}"
             )
-            yield fit.setting, Problem("not-delivered", text, values=ways)
+            problem = Problem("not-delivered", text, f"setting {fit.setting}", values=ways)
+            mishaps.add(Failure(problem, "DeliveryError"), fit.setting)
+            yield fit.setting, Objection("delivery", "", problem.message())
 
 
 def _predicted(
@@ -293,8 +294,8 @@ def _predicted(
             return ()
 
     with executor(jobs) as pool:
-        found = [one for few in pool.map(predicted, parted.held_out) for one in few]
-    return tuple(sorted(found, key=lambda one: one.setting))
+        predictions = [one for few in pool.map(predicted, parted.held_out) for one in few]
+    return tuple(sorted(predictions, key=lambda one: one.setting))
 
 
 def with_other_layouts(assessment: Assessment, damper: Model, layouts: Sequence[str]) -> Assessment:
@@ -313,8 +314,7 @@ def with_other_layouts(assessment: Assessment, damper: Model, layouts: Sequence[
         return assessment
 
     def reaching(name: str, own: Interval) -> Interval:
-        stroke = name.partition("_")[0]
-        if stroke not in {"rebound", "compression"}:
+        if name.partition("_")[0] not in {"rebound", "compression"}:
             return own
         times = [times_in(layout, damper, name) for layout in layouts]
         low, high = min(times) / _RETURNS, max(times) * _RETURNS
@@ -343,14 +343,15 @@ def _checks(
     ]
     if len(lost) > MANY:
         missing.append(f"and {len(lost) - MANY} more")
-    subject = Subject(
-        campaign,
-        assessment,
-        adjustment,
-        missing=tuple(missing),
-        temperature=configuration.rig.temperature,
-        temperature_tolerance=configuration.rig.temperature_tolerance,
-        undeclared=configuration.not_measured,
-        whose=configuration.whose if configuration.is_assumed else "",
+    return run_checks(
+        Subject(
+            campaign,
+            assessment,
+            adjustment,
+            missing=tuple(missing),
+            temperature=configuration.rig.temperature,
+            temperature_tolerance=configuration.rig.temperature_tolerance,
+            undeclared=configuration.not_measured,
+            whose=configuration.whose if configuration.is_assumed else "",
+        )
     )
-    return run_checks(subject)

@@ -1,18 +1,27 @@
-"""Log files to traces, each read and conditioned; what cannot be becomes a `Failure` by itself."""
+"""Log files to traces, each labelled, read and conditioned; what cannot be becomes a `Failure`.
+
+Of what a log is a test: ``--setting`` and the table of tests go before the log's own preamble and
+columns, these before its name; what no source says is guessed from what differs between the names,
+and the guess is reported. Of what it was tested at: its preamble, [rig], its profile, the table of
+tests, the command line, each before those ahead of it.
+"""
 
 from __future__ import annotations
 
 import logging
 import os
+import re
 from collections import Counter
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from damperfit.conditioning import examine_raw
+import numpy as np
+
+from damperfit.conditioning import condition, examine_raw
 from damperfit.conditioning.polarity import CONTRADICTED, UNKNOWN, reversed_in
 from damperfit.errors import (
     ConfigurationError,
@@ -23,30 +32,56 @@ from damperfit.errors import (
     mishap_of,
 )
 from damperfit.identification.blas_threads import one_blas_thread
-from damperfit.io import is_tests_table, read_curves, read_logs
+from damperfit.io import (
+    Guess,
+    guess_settings,
+    is_tests_table,
+    one_of_several,
+    read_curves,
+    read_logs,
+    read_tests,
+    unclear_names,
+)
 from damperfit.io.files import sha256_of
 from damperfit.io.formats import FORMATS
-from damperfit.problem import Failure, Option, Problem
-from damperfit.recording import Finding
-from damperfit.run.labelling import FROM_NAME, GUESSED, labels_for
-from damperfit.run.own_tables import is_own_table
-from damperfit.run.tested_at import conditioned_as_tested, facts_of
+from damperfit.io.labels import file_setting
+from damperfit.io.options import SETTING_PATTERN
+from damperfit.io.tests_table import facts_in
+from damperfit.problem import Failure, Option, Problem, warning
+from damperfit.recording import Finding, natural_order
+from damperfit.run.log_files import is_own_table, real_path
 from damperfit.tables.documents import json_values
-from damperfit.tested.identity import Identity
+from damperfit.tested.adjuster_words import letters_of
+from damperfit.tested.identity import Identity, identity_in
+from damperfit.tested.setting import Setting, parse_place
 from damperfit.workers import apart
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
+    from damperfit.conditioning import ConditionOptions
     from damperfit.configuration.options import Configuration
+    from damperfit.io import TestRow, TestsTable
     from damperfit.recording import Recording, Trace
-    from damperfit.run.labelling import Labels
-    from damperfit.tested.setting import Setting
+    from damperfit.tested.setting import Place
 
 _LOGGER = logging.getLogger(__name__)
 _LARGE = 1_000_000  # bytes
 _MANY = 20  # files that are no logs and are named one by one
 _READ_IN_CHILD = {suffix for known in FORMATS if known.in_child for suffix in known.suffixes}
+_FROM_NAME = "setting: from the file name"
+_GUESSED = "setting: guessed from the file name"
+_FEW = 3  # rows of a table that are named
+# What is wrong with the whole command, not with one log.
+_USAGE = (ConfigurationError, InstallationError)
+# Names of the finding that says why a log is refused, by the class of the error.
+_REFUSALS = {
+    "ConditioningError": "unusable",
+    "QualityError": "strict",
+    "InternalError": "internal_error",
+}
+# What is wrong is said at once, not one by one over as many runs.
+_NO_SETTING_EITHER = ". Nor does the log say its adjuster setting: give {setting} too"
 
 
 class Ending(Enum):
@@ -67,8 +102,7 @@ class Purpose(Enum):
     INSPECT = "inspect"  # no samples are kept
 
 
-@dataclass(frozen=True, slots=True)
-class LogFacts:
+class LogFacts(NamedTuple):
     """What run.json and `inspect` tell about one log; never the samples.
 
     Attributes
@@ -91,7 +125,7 @@ class LogFacts:
         return {"log": self.log, "path": self.path, "sha256": self.sha256, **facts}
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class LogBatch:
     """All logs of a run.
 
@@ -115,11 +149,11 @@ class LogBatch:
         Whose test each log is, by its name.
     """
 
-    traces: tuple[Trace, ...]
-    logs: tuple[LogFacts, ...]
-    failures: tuple[Failure, ...]
-    skipped: tuple[str, ...]
-    n_good: int
+    traces: tuple[Trace, ...] = ()
+    logs: tuple[LogFacts, ...] = ()
+    failures: tuple[Failure, ...] = ()
+    skipped: tuple[str, ...] = ()
+    n_good: int = 0
     remarks: tuple[Problem | str, ...] = ()
     notes: tuple[str, ...] = ()
     identities: Mapping[str, Identity] = field(default_factory=dict)
@@ -141,6 +175,10 @@ class LogBatch:
             return Ending.SOME_FAILED if self.n_good else Ending.ALL_FAILED
         return Ending.GATE_MISSED if self.failures else Ending.COMPLETE
 
+    def path_of(self, log: str) -> str:
+        """Return the path of a log; empty where it is not known."""
+        return next((known.path for known in self.logs if known.log == log), "")
+
     def document(self) -> dict[str, Any]:
         """Return what `inspect` tells, as JSON values."""
         document: dict[str, Any] = json_values(
@@ -151,6 +189,322 @@ class LogBatch:
             }
         )
         return document
+
+
+# Whose test a log is, and at which setting
+
+
+class Labels:
+    """Who says what of the logs of a run, before they are read.
+
+    Parameters
+    ----------
+    logs : iterable of pathlib.Path
+        The logs.
+    configuration : Configuration
+        Adjusters, identity and table of tests.
+    setting : Setting, optional
+        What the command line says of all logs.
+    is_needed : bool
+        Whether each log must have a setting.
+
+    Raises
+    ------
+    ConfigurationError
+        A table of tests is wrong, with its line.
+    """
+
+    def __init__(
+        self,
+        logs: Iterable[Path],
+        configuration: Configuration,
+        setting: Setting | None = None,
+        *,
+        is_needed: bool = False,
+    ) -> None:
+        reading, table = configuration.reading, configuration.test.table
+        logs = list(logs)
+        self.adjusters = reading.adjusters
+        self.declared, self.is_needed = setting, is_needed
+        self.identity = configuration.test.identity
+        # Tables beside logs speak for those in their own folders alone.
+        self.is_beside = table is None
+        paths = [table] if table is not None else _tables_beside(logs)
+        self.tables: list[TestsTable] = [read_tests(path, reading.adjusters) for path in paths]
+        self.has_pattern = reading.setting_pattern != SETTING_PATTERN
+        is_open = setting is None and len(reading.adjusters) == 1
+        unlisted = [path.name for path in logs if self.row(path) is None]
+        # Names of which several numbers may be the setting do not say it.
+        self.unclear = (
+            unclear_names(unlisted) if is_open and not self.has_pattern else frozenset[str]()
+        )
+        unsaid = (n for n in unlisted if n in self.unclear or not _says(n, configuration))
+        self.guess = guess_settings(list(unsaid)) if is_open else Guess()
+
+    def row(self, path: Path) -> TestRow | None:
+        """Return the row of a log: the one that names most of its path, in the nearest table."""
+        best: tuple[tuple[int, int], TestRow] | None = None
+        log = real_path(path)
+        for table in self.tables:
+            folder = real_path(table.path).parent
+            if self.is_beside and not log.is_relative_to(folder):
+                continue
+            for name, row in table.rows.items():
+                parts = Path(name).parts
+                rank = len(parts), len(folder.parts)
+                if log.parts[-len(parts) :] == parts and (best is None or rank > best[0]):
+                    best = rank, row
+        return None if best is None else best[1]
+
+    def labelled(self, recording: Recording, path: Path) -> tuple[Recording, Identity]:
+        """Return the recording with its setting, None where nobody says it, and whose it is.
+
+        Raises
+        ------
+        ConfigurationError
+            The log says another setting than the command line, or is another damper's than the
+            configuration says.
+        """
+        row = self.row(path)
+        if path.name in self.unclear and _FROM_NAME in recording.notes:
+            rest = tuple(note for note in recording.notes if note != _FROM_NAME)
+            recording = replace(recording, setting=None, notes=rest)
+        own, listed = self._places(recording), dict(row.places) if row else {}
+        notes = [
+            f"{name}: {place} of the table of tests; the log says {own[name]}: check which is right"
+            for name, place in listed.items()
+            if name in own and own[name] != place
+        ]
+        setting = self._complete({**own, **listed})
+        if setting is None and row is None:
+            setting = recording.setting
+        if self.declared is not None:
+            if setting is not None and setting != self.declared:
+                raise ConfigurationError(
+                    f"{recording.name} says setting {setting}; leave "
+                    "the option out, or give it the logs that do not say theirs alone",
+                    where=Option("setting", self.declared),
+                )
+            setting = self.declared
+        if setting is None and path.name in self.guess.settings:
+            setting = self.guess.settings[path.name]
+            notes.append(_GUESSED)
+        stated = identity_in(recording.metadata)
+        identity = (row.identity.over(stated) if row else stated).over(self.identity)
+        for key in ("serial", "damper"):
+            mine, others = getattr(self.identity, key), getattr(identity, key)
+            if mine and others and mine != others:
+                raise ConfigurationError(
+                    f"test.{key}: found {mine!r}, but {recording.name} is of {key} {others!r}; "
+                    f"leave test.{key} out, and each {key} gets a result of its own"
+                )
+        return replace(recording, setting=setting, notes=(*recording.notes, *notes)), identity
+
+    def unread(self, path: Path, configuration: Configuration) -> Setting | None:
+        """Return the setting of a log that cannot be read, as it is stated from outside."""
+        if self.declared is not None:
+            return self.declared
+        options, _ = configuration.reading.for_file(path.name)
+        places: dict[str, Place] = {}
+        if path.name not in self.unclear:
+            with suppress(LogError):
+                named = file_setting(path.name, options.setting_pattern, self.adjusters)
+                places = dict(named.places)
+        row = self.row(path)
+        stated = self._complete({**places, **(row.places if row else {})})
+        return stated or self.guess.settings.get(path.name)
+
+    def is_unsaid(self, path: Path) -> bool:
+        """Whether a log must have a setting, and none is stated from outside."""
+        is_stated = self.declared is not None or self.row(path) is not None
+        return self.is_needed and not is_stated and path.name not in self.guess.settings
+
+    def missing(self, recording: Recording) -> LogError:
+        """Return why a log without a setting cannot be fitted, with what to write."""
+        row, name = self.row(Path(recording.path)), recording.name
+        if row is not None and not row.places and (columns := _clicks_of(row)):
+            declared = ", ".join(f'{column} = ""' for column in columns)
+            return LogError(
+                f"line {row.line} of the table of tests does not say its setting; it has "
+                f"{', '.join(columns)}: where these are adjusters, declare them in the "
+                f"configuration, [adjusters] {declared}; else name the column of the setting "
+                "'setting'",
+                subject=name,
+            )
+        if len(self.adjusters) > 1:
+            own = self._places(recording)
+            lacks = ", ".join(adjuster for adjuster in self.adjusters if adjuster not in own)
+            example = ", ".join(f"{adjuster}=8" for adjuster in self.adjusters)
+            return LogError(
+                f"the log does not give {lacks}; expected lines such as "
+                f"'# {self.adjusters[0]}: 8', columns, named groups of rig.setting_pattern, or a "
+                f"table tests.csv; or give {{setting}}",
+                setting=Option("setting", f"'{example}'"),
+                subject=name,
+            )
+        more = ", or {way}" if self.guess.way is not None else ""
+        return LogError(
+            f"the log does not say its adjuster setting; expected a line '# setting: 10', "
+            f"a column 'setting' or a name such as setting_10.csv; or give {{setting}}{more}",
+            setting=Option("setting", "N"),
+            way=self.guess.way,
+            subject=name,
+        )
+
+    @property
+    def tables_used(self) -> tuple[str, ...]:
+        """Which tables of tests were used, a sentence each."""
+        counts = [(table.path, len(table.rows)) for table in self.tables]
+        return tuple(
+            f"{path}: taken as the table of tests, {n} row{'s' * (n != 1)}" for path, n in counts
+        )
+
+    def remarks(self, logs: Sequence[LogFacts]) -> Iterator[Problem | str]:
+        """Yield what is doubtful in tables of tests and in labels, and what was guessed."""
+        for table in self.tables:
+            yield from table.notes
+            yield from _lost_rows(table)
+        if any(_GUESSED in log.facts.get("notes", ()) for log in logs):
+            yield self.guess.said or ""
+        if words := self._taken_as_words([log.facts.get("setting") for log in logs]):
+            yield words
+        if self.has_pattern or len(self.adjusters) > 1:
+            return
+        for log in logs:
+            name = Path(log.path).name
+            if _FROM_NAME in log.facts.get("notes", ()) and (number := one_of_several(name)):
+                yield warning(
+                    "one-of-several",
+                    f"of the numbers in its name the one after 's', {number}, is taken for the "
+                    "setting; if it is another, name what precedes it: {pattern}",
+                    name,
+                    pattern=Option("rig", r"s(?P<setting>\d+)", "setting_pattern"),
+                )
+
+    def _taken_as_words(self, settings: Sequence[Setting | None]) -> str:
+        """Say that labels such as "L6 H1" were taken as words; empty where none was."""
+        labels = [known.label for known in dict.fromkeys(settings) if known is not None]
+        letters = [letters_of(label) for label in labels]
+        if len(self.adjusters) > 1 or len(labels) < 2 or not letters[0]:
+            return ""
+        if any(sorted(others) != sorted(letters[0]) for others in letters):
+            return ""
+        declared = ", ".join(f'{letter} = ""' for letter in letters[0])
+        return (
+            f"settings such as '{labels[0]}' and '{labels[1]}' are taken as words, so there are no "
+            f"trends and no clicks: if the numbers are clicks, declare [adjusters] {declared}, or "
+            "longer names that begin with these letters"
+        )
+
+    def _places(self, recording: Recording) -> dict[str, Place]:
+        """Return where a log says that its adjusters stand."""
+        if recording.setting is not None:
+            return dict(recording.setting.places)
+        known = recording.metadata
+        return {name: parse_place(known[name]) for name in self.adjusters if name in known}
+
+    def _complete(self, places: Mapping[str, Place]) -> Setting | None:
+        if any(name not in places for name in self.adjusters):
+            return None
+        return Setting(tuple((name, places[name]) for name in self.adjusters))
+
+
+def _clicks_of(row: TestRow) -> list[str]:
+    """Return the names of a row's other columns that hold clicks, as adjusters are named."""
+    return [
+        re.sub(r"[\W_]+", "_", name.casefold()).strip("_")
+        for name, cell in row.identity.more
+        if re.fullmatch(r"[+-]?\d{1,3}(\.\d)?", cell)
+    ]
+
+
+def _tables_beside(logs: Iterable[Path]) -> list[Path]:
+    folders = dict.fromkeys(path.parent for path in logs)
+    return [folder / "tests.csv" for folder in folders if is_tests_table(folder / "tests.csv")]
+
+
+def _says(name: str, configuration: Configuration) -> bool:
+    options, _ = configuration.reading.for_file(name)
+    try:
+        return bool(file_setting(name, options.setting_pattern, options.adjusters).places)
+    except LogError:
+        return True
+
+
+def _lost_rows(table: TestsTable) -> Iterator[str]:
+    """Name the rows whose file is not there."""
+    folder = table.path.parent
+    lost = [
+        f"line {row.line} '{name}'"
+        for name, row in table.rows.items()
+        if not (folder / name).exists() and not list(folder.rglob(name))
+    ]
+    if lost:
+        more = f" and {len(lost) - _FEW} more" if len(lost) > _FEW else ""
+        yield f"{table.path}: no such file: {', '.join(lost[:_FEW])}{more}"
+
+
+# What a log was tested at
+
+
+def facts_of(
+    recording: Recording, path: Path, configuration: Configuration, row: TestRow | None
+) -> tuple[dict[str, float], tuple[str, ...]]:
+    """Return what is stated of one test, SI, by the nearest word, and which words say too little.
+
+    Parameters
+    ----------
+    recording : Recording
+        As logged.
+    path : pathlib.Path
+        Its file.
+    configuration : Configuration
+        [rig], profiles, and what was typed.
+    row : TestRow or None
+        Its row in the table of tests.
+    """
+    own, notes = facts_in(recording.metadata)
+    if recording.temperature is not None:
+        own.pop("temperature", None)
+    reading = configuration.reading
+    near, _ = reading.for_file(path.name)
+    facts = {**own, **near.tested_at, **(row.facts if row else {})}
+    for name in configuration.test.typed:
+        facts.pop(name, None)
+        if name in reading.tested_at:
+            facts[name] = reading.tested_at[name]
+    return facts, notes
+
+
+def conditioned_as_tested(
+    recording: Recording, options: ConditionOptions, facts: Mapping[str, float]
+) -> Trace:
+    """Return the trace of a recording with what is stated of this test alone.
+
+    Parameters
+    ----------
+    recording : Recording
+        As logged.
+    options : ConditionOptions
+        For all logs.
+    facts : mapping of str to float
+        Of this test, SI, temperature in degrees Celsius; empty: nothing is stated.
+    """
+    if "tare" in facts:
+        recording = replace(recording, force=recording.force - facts["tare"])
+    if "temperature" in facts:
+        temperature = np.full(len(recording.time), facts["temperature"])
+        recording = replace(recording, temperature=temperature)
+    if "skew" in facts:
+        options = replace(options, skew=facts["skew"])
+    pressure = facts.get("gas_pressure")
+    if pressure is not None and options.gas is not None:
+        options = replace(options, gas=replace(options.gas, pressure=pressure))
+    trace = condition(recording, options)
+    return trace if pressure is None else replace(trace, gas_pressure=pressure)
+
+
+# Reading
 
 
 def read_batch(  # noqa: PLR0913 - one more than usual, for what is done beside it
@@ -184,153 +538,83 @@ def read_batch(  # noqa: PLR0913 - one more than usual, for what is done beside 
     """
     is_table = {path: is_own_table(path) for path in paths}
     logs = [path for path in paths if not is_table[path] and not is_tests_table(path)]
-    labels = labels_for(logs, configuration, setting=setting)
-    labelled = _Labelled(labels, is_needed=purpose is Purpose.FIT)
-    keeps_traces = purpose is not Purpose.INSPECT
+    labels = Labels(logs, configuration, setting, is_needed=purpose is Purpose.FIT)
+    names = _distinct_names(logs)
+    is_inspected = purpose is Purpose.INSPECT
 
-    def one(pair: tuple[Path, str]) -> list[_Taken]:
-        (path, name), begin = pair, perf_counter()
-        taken = [] if cancelled() else _take_file(path, name, configuration, labelled)
-        for part in taken:
-            _note(part, perf_counter() - begin)
-        if not keeps_traces and [part.kind for part in taken] == [TimelessError.__name__]:
-            taken = [_take_curves(path, taken[0].facts, configuration)]
-        return taken if keeps_traces else [replace(part, trace=None) for part in taken]
+    def tests_of(path: Path) -> list[_Test]:
+        if cancelled():
+            return []
+        begin = perf_counter()
+        tests = _read_file(path, names[path], configuration, labels)
+        for test in tests:
+            _log(test.facts, perf_counter() - begin)
+        if is_inspected and [test.kind for test in tests] == [TimelessError.__name__]:
+            tests = [_read_as_curves(path, tests[0].facts, configuration)]
+        return [test._replace(trace=None) for test in tests] if is_inspected else tests
 
     threads = jobs if any(_gains_by_threads(path) for path in logs) else 1
-    pairs = list(zip(logs, _distinct_names(logs), strict=True))
     with one_blas_thread():  # more would spin between small products, on the next log's core
-        found = apart(one, pairs, jobs=jobs, cancelled=cancelled, threads=threads, beside=beside)
-        taken = [part for parts in found for part in parts]
-        names = {_shown(str(path)): name for path, name in pairs}
-        taken = _with_common_signs(taken, names, configuration, labelled)
-    if not keeps_traces:  # those that were read again
-        taken = [replace(part, trace=None) for part in taken]
-    return LogBatch(
-        traces=tuple(part.trace for part in taken if part.trace is not None),
-        logs=tuple(part.facts for part in taken),
-        failures=tuple(part.failure for part in taken if part.failure is not None),
-        skipped=tuple(_shown(str(path)) for path in paths if is_table[path]),
-        n_good=sum(part.failure is None for part in taken),
-        remarks=tuple(_label_remarks(labels, taken)),
-        notes=labels.tables_used,
-        identities={part.facts.log: part.identity for part in taken},
-    )
-
-
-def _with_common_signs(
-    taken: list[_Taken],
-    names: Mapping[str, str],
-    configuration: Configuration,
-    labelled: _Labelled,
-) -> list[_Taken]:
-    """Read logs that do not show their signs again, with those that the others of the rig show.
-
-    A rig has one convention. Where a sign is declared, or logs disagree, nothing is changed.
-    """
-    reading = configuration.reading
-    if {reading.reverse_displacement, reading.reverse_force} != {"detect"}:
-        return taken
-    shown = {tuple(part.facts.facts["reversed"]) for part in taken if part.shows_signs}
-    unknown = {part.facts.log: part.facts.path for part in taken if part.asks_for_signs}
-    if len(shown) != 1 or not unknown:
-        return taken
-    (channels,) = shown
-    reading = replace(
-        reading,
-        reverse_displacement="displacement" in channels,
-        reverse_force="force" in channels,
-    )
-    declared = replace(configuration, reading=reading)
-    how = f"{' and '.join(channels)} reversed" if channels else "nothing reversed"
-    note = f"signs as the other logs of the batch show them: {how}"
-    again = {
-        part.facts.log: part.with_note(note)
-        for path in dict.fromkeys(unknown.values())
-        for part in _take_file(Path(path), names[path], declared, labelled)
-    }
-    return [
-        again.get(part.facts.log, part) if part.facts.log in unknown else part for part in taken
-    ]
-
-
-def _note(part: _Taken, spent: float) -> None:
-    facts = part.facts.facts
-    _LOGGER.debug(
-        "%s: %s, setting %s, %s samples, %.3f s, sha256 %s",
-        part.facts.path,
-        facts.get("verdict"),
-        facts.get("setting"),
-        facts.get("n_samples_read", "no"),
-        spent,
-        part.facts.sha256 or "unknown",
-    )
-
-
-def _label_remarks(labels: Labels, taken: Sequence[_Taken]) -> Iterator[Problem | str]:
-    """Say what is doubtful in tables of tests, and what was guessed."""
-    yield from labels.notes
-    if any(GUESSED in part.facts.facts.get("notes", ()) for part in taken):
-        yield labels.guess.said or ""
-    if words := labels.taken_as_words(part.facts.facts.get("setting") for part in taken):
-        yield words
-    for part in taken:
-        notes = part.facts.facts.get("notes", ())
-        if FROM_NAME in notes and (said := labels.one_of_several(Path(part.facts.path).name)):
-            yield said
-
-
-def _gains_by_threads(path: Path) -> bool:
-    """Whether other logs can be read meanwhile: it is large, or read in a process of its own.
-
-    Small logs hold the interpreter's lock nearly all the time: in two threads they take longer than
-    one after the other.
-    """
-    with suppress(OSError, ValueError):
-        return path.suffix.lower() in _READ_IN_CHILD or path.stat().st_size > _LARGE
-    return False
-
-
-def _distinct_names(paths: Sequence[Path]) -> list[str]:
-    """Return file names; with as much of the folder as two equal names need to differ."""
-    counts = Counter(path.name for path in paths)
-    if max(counts.values(), default=0) <= 1:
-        return [_shown(path.name) for path in paths]
-    root = os.path.commonpath([os.path.abspath(path.parent) for path in paths])
-    return [
-        _shown(
-            path.name if counts[path.name] == 1 else Path(os.path.relpath(path, root)).as_posix()
+        found = apart(
+            tests_of, logs, jobs=jobs, cancelled=cancelled, threads=threads, beside=beside
         )
-        for path in paths
-    ]
+        tests = [test for tests in found for test in tests]
+        tests = _with_common_signs(tests, names, configuration, labels)
+    facts = tuple(test.facts for test in tests)
+    return LogBatch(
+        tuple(t.trace for t in tests if t.trace is not None) if not is_inspected else (),
+        facts,
+        tuple(test.failure for test in tests if test.failure is not None),
+        tuple(_shown(path) for path in paths if is_table[path]),
+        sum(test.failure is None for test in tests),
+        tuple(labels.remarks(facts)),
+        labels.tables_used,
+        {test.facts.log: test.identity for test in tests},
+    )
 
 
-def _shown(name: str) -> str:
-    """Return a file name as valid Unicode; bytes that are none (Latin-1 names) as escapes."""
-    return os.fsencode(name).decode("utf-8", "backslashreplace")
+def with_traces(batch: LogBatch, traces: Sequence[Trace], setting: Setting | None) -> LogBatch:
+    """Return the logs of a run with traces that are there already, as if they had been read.
+
+    Parameters
+    ----------
+    batch : LogBatch
+        What was read.
+    traces : sequence of Trace
+        As `condition` returned them.
+    setting : Setting, optional
+        Of traces that do not say theirs.
+
+    Raises
+    ------
+    ConfigurationError
+        Two logs have one name, by which tables tell them apart.
+    LogError
+        A trace has no setting.
+    """
+    if not traces:
+        return batch
+    given = [t if t.setting is not None else replace(t, setting=setting) for t in traces]
+    for trace in given:
+        if trace.setting is None:
+            raise LogError("this trace has no setting; give setting=N", subject=trace.name)
+    names = Counter([*(log.log for log in batch.logs), *(trace.name for trace in given)])
+    if twice := [name for name, count in names.items() if count > 1]:
+        raise ConfigurationError(
+            f"two logs are called {twice[0]}; give each trace a name of its own, as with "
+            "dataclasses.replace(trace, name=...)"
+        )
+    facts = (LogFacts(t.name, "", "", _facts_of_trace(t, len(t.force))) for t in given)
+    return replace(
+        batch,
+        traces=tuple(sorted([*batch.traces, *given], key=lambda trace: natural_order(trace.name))),
+        logs=(*batch.logs, *facts),
+        n_good=batch.n_good + len(given),
+        identities={**batch.identities, **{trace.name: Identity() for trace in given}},
+    )
 
 
-@dataclass(frozen=True, slots=True)
-class _Labelled:
-    """Who says what of the logs, and whether a log must have a setting."""
-
-    labels: Labels
-    is_needed: bool
-
-    def is_unsaid(self, path: Path) -> bool:
-        """Whether a log must have a setting, and none is stated from outside."""
-        labels = self.labels
-        is_stated = labels.declared is not None or labels.row(path) is not None
-        return self.is_needed and not is_stated and path.name not in labels.guess.settings
-
-    def check(self, recording: Recording) -> None:
-        """Refuse a log that must have a setting and has none."""
-        if recording.setting is None and self.is_needed:
-            raise self.labels.missing(recording.name, recording)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Taken:
+class _Test(NamedTuple):
     """One test: its facts, and either a trace or a failure."""
 
     facts: LogFacts
@@ -339,49 +623,78 @@ class _Taken:
     identity: Identity = Identity()
     shows_signs: bool = False
 
-    def with_note(self, note: str) -> _Taken:
-        """Return the same with a note among the facts."""
-        facts = self.facts.facts
-        notes = [*facts.get("notes", ()), note]
-        return replace(self, facts=replace(self.facts, facts=facts | {"notes": notes}))
+    @property
+    def kind(self) -> str:
+        """Which error it failed with; empty where it did not."""
+        return self.failure.kind if self.failure is not None else ""
 
     @property
     def asks_for_signs(self) -> bool:
         """Whether the log does not show which way its channels are counted."""
         if self.failure is not None:
             return self.failure.code == UNKNOWN
-        names = (finding["name"] for finding in self.facts.facts.get("findings", ()))
-        return any(name in {"direction", CONTRADICTED} for name in names)
-
-    @property
-    def kind(self) -> str:
-        """Which error it failed with; empty where it did not."""
-        return self.failure.kind if self.failure is not None else ""
+        names = {finding["name"] for finding in self.facts.facts.get("findings", ())}
+        return not names.isdisjoint({"direction", CONTRADICTED})
 
 
-def _take_file(
-    path: Path, name: str, configuration: Configuration, labelled: _Labelled
-) -> list[_Taken]:
+def _with_common_signs(
+    tests: list[_Test], names: Mapping[Path, str], configuration: Configuration, labels: Labels
+) -> list[_Test]:
+    """Read logs that do not show their signs again, with those that the others of the rig show.
+
+    A rig has one convention. Where a sign is declared, or logs disagree, nothing is changed.
+    """
+    reading = configuration.reading
+    if {reading.reverse_displacement, reading.reverse_force} != {"detect"}:
+        return tests
+    shown = {tuple(test.facts.facts["reversed"]) for test in tests if test.shows_signs}
+    unknown = {test.facts.log: test.facts.path for test in tests if test.asks_for_signs}
+    if len(shown) != 1 or not unknown:
+        return tests
+    (channels,) = shown
+    declared = replace(
+        configuration,
+        reading=replace(
+            reading,
+            reverse_displacement="displacement" in channels,
+            reverse_force="force" in channels,
+        ),
+    )
+    how = f"{' and '.join(channels)} reversed" if channels else "nothing reversed"
+    note = f"signs as the other logs of the batch show them: {how}"
+    again = {}
+    for path, name in names.items():
+        if _shown(path) not in unknown.values():
+            continue
+        for test in _read_file(path, name, declared, labels):
+            facts = test.facts.facts
+            facts |= {"notes": [*facts.get("notes", ()), note]}
+            again[test.facts.log] = test
+    return [
+        again.get(test.facts.log, test) if test.facts.log in unknown else test for test in tests
+    ]
+
+
+def _read_file(path: Path, name: str, configuration: Configuration, labels: Labels) -> list[_Test]:
     """Read one file, which may hold several tests."""
     try:
         recordings = read_logs(path, configuration.reading)
     except _USAGE:
         raise
     except Exception as error:  # noqa: BLE001 - whatever it is, the other logs go on
-        if isinstance(error, LogError) and not error.says_setting and labelled.is_unsaid(path):
+        if isinstance(error, LogError) and not error.says_setting and labels.is_unsaid(path):
             error = error.adding(_NO_SETTING_EITHER, setting=Option("setting", "N"))
-        known = LogFacts(
-            name,
-            _shown(str(path)),
-            _hash(path),
-            {"name": name, "setting": labelled.labels.unread(path, configuration.reading)},
+        facts = {"name": name, "setting": labels.unread(path, configuration)}
+        return [_failed(LogFacts(name, _shown(path), _hash(path), facts), error)]
+    return [
+        _conditioned(
+            replace(part, name=part.name.replace(path.name, name, 1)), path, configuration, labels
         )
-        return [_failed(known, error, task="reading the log")]
-    parts = [replace(part, name=part.name.replace(path.name, name, 1)) for part in recordings]
-    return [_take_test(part, path, configuration, labelled) for part in parts]
+        for part in recordings
+    ]
 
 
-def _take_curves(path: Path, known: LogFacts, configuration: Configuration) -> _Taken:
+def _read_as_curves(path: Path, known: LogFacts, configuration: Configuration) -> _Test:
     """Read a file without time as curves."""
     try:
         curves = read_curves(path, configuration.reading)
@@ -389,83 +702,70 @@ def _take_curves(path: Path, known: LogFacts, configuration: Configuration) -> _
         raise
     except Exception as error:  # noqa: BLE001 - the other files go on
         return _failed(known, error, task="reading the curves")
-    seen = {"curves": [curve.describe() for curve in curves], "notes": list(curves[0].notes)}
-    facts = {"name": known.log, "verdict": "curves", **seen}
-    return _Taken(replace(known, sha256=curves[0].sha256, facts=facts))
+    described = {"curves": [curve.describe() for curve in curves], "notes": list(curves[0].notes)}
+    facts = {"name": known.log, "verdict": "curves", **described}
+    return _Test(known._replace(sha256=curves[0].sha256, facts=facts))
 
 
-def _take_test(
-    recording: Recording, path: Path, configuration: Configuration, labelled: _Labelled
-) -> _Taken:
-    recording, identity = labelled.labels.labelled(recording, path)
-    row = labelled.labels.row(path)
-    tested_at, unsaid = facts_of(recording, path, configuration, row)
+def _conditioned(
+    recording: Recording, path: Path, configuration: Configuration, labels: Labels
+) -> _Test:
+    recording, identity = labels.labelled(recording, path)
+    tested_at, unsaid = facts_of(recording, path, configuration, labels.row(path))
     recording = replace(recording, notes=(*recording.notes, *unsaid))
     whose = {"test": identity.describe()} if identity.describe() else {}
-    known = LogFacts(
-        log=recording.name,
-        path=_shown(str(path)),
-        sha256=recording.sha256,
-        facts={
-            "name": recording.name,
-            "setting": recording.setting,
-            "n_samples_read": len(recording.time),
-            "notes": list(recording.notes),
-            **whose,
-        },
-    )
+    facts = {
+        "name": recording.name,
+        "setting": recording.setting,
+        "n_samples_read": len(recording.time),
+        "notes": list(recording.notes),
+        **whose,
+    }
+    known = LogFacts(recording.name, _shown(path), recording.sha256, facts)
+    has_no_setting = recording.setting is None and labels.is_needed
     try:
         try:
             trace = conditioned_as_tested(recording, configuration.conditioning, tested_at)
         except LogError as error:
-            if recording.setting is None and labelled.is_needed:
+            if has_no_setting:
                 raise error.adding(_NO_SETTING_EITHER, setting=Option("setting", "N")) from error
             raise
-        labelled.check(recording)
+        if has_no_setting:
+            raise labels.missing(recording)  # noqa: TRY301 - as of a log that cannot be read
     except _USAGE:
         raise
     except Exception as error:  # noqa: BLE001
-        return _failed(known, error, _seen_raw(recording), task="conditioning the log")
-    offset = configuration.log_offsets.get(trace.name, 0.0)
-    if offset:
+        return _failed(known, error, _raw_findings(recording), task="conditioning the log")
+    if offset := configuration.log_offsets.get(trace.name, 0.0):
         trace = replace(trace, force=trace.force - offset)
         tested_at = {**tested_at, "force_offset": offset}
-    sentences = (one.sentence for one in trace.findings)
-    facts = trace.describe() | {
-        **whose,
-        **({"tested_at": tested_at} if tested_at else {}),
-        "reversed": reversed_in(recording, trace),
-        "n_samples_read": len(recording.time),
-        "notes": list(dict.fromkeys([*recording.notes, *trace.notes, *sentences])),
-        "verdict": "warnings" if trace.warnings else "good",
-    }
-    known = replace(known, facts=facts)
+    told: dict[str, Any] = whose | ({"tested_at": tested_at} if tested_at else {})
+    told["reversed"] = reversed_in(recording, trace)
+    known = known._replace(
+        facts=_facts_of_trace(trace, len(recording.time), recording.notes, **told)
+    )
     if configuration.rig.is_strict and trace.warnings:
         more = f" (and {len(trace.warnings) - 1} more)" if len(trace.warnings) > 1 else ""
         text = "refused because of a warning, as strict quality was requested"
         refused = QualityError(f"{text}: {trace.warnings[0]}{more}", subject=recording.name)
         return _failed(known, refused, trace.findings)
-    return _Taken(known, trace, identity=identity, shows_signs=trace.shows_signs)
+    return _Test(known, trace, identity=identity, shows_signs=trace.shows_signs)
 
 
-# Names of the finding that says why a log is refused, by the class of the error.
-_REFUSALS = {
-    "ConditioningError": "unusable",
-    "QualityError": "strict",
-    "InternalError": "internal_error",
-}
-# What is wrong with the whole command, not with one log.
-_USAGE = (ConfigurationError, InstallationError)
+def _facts_of_trace(
+    trace: Trace, n_read: int, notes: Sequence[str] = (), **more: Any
+) -> dict[str, Any]:
+    sentences = (finding.sentence for finding in trace.findings)
+    return {
+        **trace.describe(),
+        **more,
+        "n_samples_read": n_read,
+        "notes": list(dict.fromkeys([*notes, *trace.notes, *sentences])),
+        "verdict": "warnings" if trace.warnings else "good",
+    }
 
 
-def failure_of(
-    mishap: Failure, log: str = "", path: str = "", setting: Setting | None = None
-) -> Failure:
-    """Return what is reported of a log or a setting that something ended the work on."""
-    return replace(mishap, log=log, path=path, setting=setting)
-
-
-def _seen_raw(recording: Recording) -> tuple[Finding, ...]:
+def _raw_findings(recording: Recording) -> tuple[Finding, ...]:
     """Return what a log shows that cannot be evaluated, if it can be looked at."""
     try:
         return examine_raw(recording)
@@ -479,19 +779,62 @@ def _failed(
     findings: tuple[Finding, ...] = (),
     *,
     task: str = "reading the log",
-) -> _Taken:
+) -> _Test:
     mishap = mishap_of(error, task)
-    failure = failure_of(mishap, known.log, known.path, known.facts["setting"])
+    failure = replace(mishap, log=known.log, path=known.path, setting=known.facts["setting"])
     is_of_log = mishap.problem.subject == known.log
     sentence = mishap.problem.message() if is_of_log else mishap.message
     refusal = Finding(_REFUSALS.get(mishap.kind, "unreadable"), "refusal", sentence)
-    refused = {"findings": [one.describe() for one in (refusal, *findings)], "verdict": "refused"}
-    facts = known.facts | refused | {"code": failure.code}
-    return _Taken(replace(known, facts=facts), failure=failure)
+    facts = {
+        **known.facts,
+        "findings": [finding.describe() for finding in (refusal, *findings)],
+        "verdict": "refused",
+        "code": failure.code,
+    }
+    return _Test(known._replace(facts=facts), failure=failure)
 
 
-# What is wrong is said at once, not one by one over as many runs.
-_NO_SETTING_EITHER = ". Nor does the log say its adjuster setting: give {setting} too"
+def _log(known: LogFacts, spent: float) -> None:
+    facts = known.facts
+    _LOGGER.debug(
+        "%s: %s, setting %s, %s samples, %.3f s, sha256 %s",
+        known.path,
+        facts.get("verdict"),
+        facts.get("setting"),
+        facts.get("n_samples_read", "no"),
+        spent,
+        known.sha256 or "unknown",
+    )
+
+
+def _gains_by_threads(path: Path) -> bool:
+    """Whether other logs can be read meanwhile: it is large, or read in a process of its own.
+
+    Small logs hold the interpreter's lock nearly all the time: in two threads they take longer than
+    one after the other.
+    """
+    with suppress(OSError, ValueError):
+        return path.suffix.lower() in _READ_IN_CHILD or path.stat().st_size > _LARGE
+    return False
+
+
+def _distinct_names(paths: Sequence[Path]) -> dict[Path, str]:
+    """Return file names; with as much of the folder as two equal names need to differ."""
+    counts = Counter(path.name for path in paths)
+    if max(counts.values(), default=0) <= 1:
+        return {path: _shown(path.name) for path in paths}
+    root = os.path.commonpath([os.path.abspath(path.parent) for path in paths])
+    return {
+        path: _shown(
+            path.name if counts[path.name] == 1 else Path(os.path.relpath(path, root)).as_posix()
+        )
+        for path in paths
+    }
+
+
+def _shown(path: str | Path) -> str:
+    """Return a file name as valid Unicode; bytes that are none (Latin-1 names) as escapes."""
+    return os.fsencode(path).decode("utf-8", "backslashreplace")
 
 
 def _hash(path: Path) -> str:

@@ -9,7 +9,7 @@ import re
 import pyarrow.parquet as pq
 import pytest
 
-from damperfit.run.own_tables import is_own_table
+from damperfit.run.log_files import is_own_table
 from damperfit.units.quantities import find_unit
 
 POUND = find_unit("lbf", "force").factor

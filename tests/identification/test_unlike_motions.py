@@ -14,8 +14,8 @@ from damperfit.errors import SimulationError
 from damperfit.identification import unlike_motions
 from damperfit.identification.unlike_motions import _meeting, _power
 from damperfit.io import read_log
-from damperfit.run.duplicate_tests import without_contradictory_motions
 from damperfit.run.logs import LogBatch
+from damperfit.run.parting import without_contradictory_motions
 from damperfit.tested.setting import Setting
 from tests import fakes
 from tests.conditioning.logs import sine_log, static_force

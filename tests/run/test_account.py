@@ -15,14 +15,17 @@ from damperfit.identification import Outcome, Sharing, Status
 from damperfit.problem import Failure, Problem, failure_lines
 from damperfit.recording import Finding
 from damperfit.reporting.records import gaps_in
-from damperfit.run.document import ending_of, procedure_sentences, profile_record, run_of
 from damperfit.run.judging import Judgement, Mishaps
 from damperfit.run.logs import Ending, LogBatch, LogFacts
-from damperfit.run.problems import (
+from damperfit.run.record import (
     MANY,
     corrections,
+    ending_of,
     gates_not_met,
     missing_logs,
+    procedure_sentences,
+    profile_record,
+    run_of,
     unconfirmed_tares,
     warnings_of,
 )

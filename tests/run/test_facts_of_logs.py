@@ -12,8 +12,7 @@ import pytest
 from damperfit.arguments import configured
 from damperfit.errors import ConfigurationError
 from damperfit.io import TestRow
-from damperfit.run.logs import read_batch
-from damperfit.run.tested_at import facts_of
+from damperfit.run.logs import facts_of, read_batch
 from tests.identification import rig
 
 LEVELS = ("preamble", "rig", "profile", "row", "typed")

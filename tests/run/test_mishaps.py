@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from damperfit.cli import main
-from damperfit.run import judging, logs, tested_at
+from damperfit.run import judging, logs
 from damperfit.synthetic import SampleOptions, make_samples
 from damperfit.uncertainty import assessment
 from tests.kept_fits import kept_fits
@@ -93,7 +93,7 @@ def _names_two(path, *_, **__) -> bool:
 
 READING = {
     "reading the log": (logs, "read_logs"),
-    "conditioning the log": (tested_at, "condition"),
+    "conditioning the log": (logs, "condition"),
 }
 
 
@@ -133,7 +133,7 @@ def test_inspect_goes_on_too(call, samples, monkeypatch, task) -> None:
 
 
 def test_where_it_happened_is_shown_with_debug(call, samples, monkeypatch) -> None:
-    monkeypatch.setattr(tested_at, "condition", broken_at(tested_at.condition, _names_two))
+    monkeypatch.setattr(logs, "condition", broken_at(logs.condition, _names_two))
     ended = call("inspect", samples / "setting_01.csv", samples / "setting_02.csv", "--debug")
     assert ended.code == 1
     assert "Traceback (most recent call last):" in ended.err
@@ -144,7 +144,7 @@ def test_looking_at_a_refused_log_may_fail_as_well(call, samples, monkeypatch) -
     def fail(*_) -> None:
         raise IndexError("list index out of range")
 
-    monkeypatch.setattr(tested_at, "condition", broken_at(tested_at.condition, _names_two))
+    monkeypatch.setattr(logs, "condition", broken_at(logs.condition, _names_two))
     monkeypatch.setattr(logs, "examine_raw", fail)
     ended = call("inspect", samples / "setting_01.csv", samples / "setting_02.csv")
     assert ended.code == 1
@@ -152,14 +152,14 @@ def test_looking_at_a_refused_log_may_fail_as_well(call, samples, monkeypatch) -
 
 
 def test_every_log_that_fails_so_is_code_3(call, samples, tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(tested_at, "condition", broken_at(tested_at.condition, lambda *_: True))
+    monkeypatch.setattr(logs, "condition", broken_at(logs.condition, lambda *_: True))
     assert identify(call, samples).code == 3
     assert len(record_of(tmp_path)["failures"]) == 3
 
 
 def test_memory_that_one_log_lacks_is_said_so(call, samples, tmp_path, monkeypatch) -> None:
     error = MemoryError("Unable to allocate 9.00 GiB")
-    monkeypatch.setattr(tested_at, "condition", broken_at(tested_at.condition, _names_two, error))
+    monkeypatch.setattr(logs, "condition", broken_at(logs.condition, _names_two, error))
     ended = identify(call, samples)
     assert ended.code == 1
     (failure,) = record_of(tmp_path)["failures"]
@@ -172,7 +172,7 @@ def test_memory_that_one_log_lacks_is_said_so(call, samples, tmp_path, monkeypat
 
 def test_whoever_wants_to_stop_is_not_held_up(call, samples, monkeypatch) -> None:
     error = KeyboardInterrupt()
-    monkeypatch.setattr(tested_at, "condition", broken_at(tested_at.condition, _names_two, error))
+    monkeypatch.setattr(logs, "condition", broken_at(logs.condition, _names_two, error))
     assert call("inspect", samples / "setting_02.csv").code == 130
 
 
@@ -280,10 +280,10 @@ def test_a_log_that_cannot_be_predicted_is_told(call, samples, tmp_path, monkeyp
 
 
 def test_a_log_that_cannot_be_parted_is_told(call, samples, tmp_path, monkeypatch) -> None:
-    from damperfit.run import hold_out
+    from damperfit.run import parting
 
-    broken = broken_at(hold_out.split_cycles, lambda trace, _: trace.setting == 2)
-    monkeypatch.setattr(hold_out, "split_cycles", broken)
+    broken = broken_at(parting.split_cycles, lambda trace, _: trace.setting == 2)
+    monkeypatch.setattr(parting, "split_cycles", broken)
     assert identify(call, samples, "--hold-out-cycles", "2").code == 1
     (failure,) = record_of(tmp_path)["failures"]
     assert (failure["log"], failure["kind"]) == ("setting_02.csv", "InternalError")

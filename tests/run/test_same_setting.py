@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from damperfit.recording import StretchFigures
-from damperfit.run.duplicate_tests import once_each, without_contradictions, without_copies
 from damperfit.run.logs import LogBatch, LogFacts
+from damperfit.run.parting import once_each, without_contradictions, without_copies
 from damperfit.tested.setting import Setting
 from tests.fakes import trace
 

@@ -14,8 +14,8 @@ from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import ConfigurationError
 from damperfit.identification import FitOptions, identify
 from damperfit.io import read_tests
-from damperfit.run.duplicate_tests import with_rod_remark, without_contradictions
-from damperfit.run.tested_at import conditioned_as_tested
+from damperfit.run.logs import conditioned_as_tested
+from damperfit.run.parting import with_rod_remark, without_contradictions
 from damperfit.simulation import motion_of, simulate
 from tests.identification import adjusted, rig
 from tests.run.test_same_setting import batch

@@ -35,9 +35,8 @@ from damperfit.queries.simulations import (
 )
 from damperfit.recording import Recording
 from damperfit.results import warmed_to
-from damperfit.run.duplicate_tests import without_contradictions
 from damperfit.run.identify import identified, written
-from damperfit.run.temperatures import check_temperatures, with_reference
+from damperfit.run.parting import check_temperatures, with_reference, without_contradictions
 from damperfit.simulation import Motion, SolverOptions, simulate
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty import assess, reconsider

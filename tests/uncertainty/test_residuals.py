@@ -13,7 +13,7 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, identify
 from damperfit.recording import Finding
-from damperfit.run.problems import unconfirmed_tares
+from damperfit.run.record import unconfirmed_tares
 from damperfit.uncertainty import assess
 from tests.identification.rig import recording
 from tests.identification.rig import short_trace as trace

@@ -13,9 +13,8 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.identification import FitOptions, Outcome, Sharing
 from damperfit.identification.outcome import Status
 from damperfit.recording import Finding
-from damperfit.run.document import _judged, profile_record
 from damperfit.run.judging import Judgement
-from damperfit.run.problems import unconfirmed_tares, unlike_frictions
+from damperfit.run.record import _judged, profile_record, unconfirmed_tares, unlike_frictions
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty import (
     Assessment,

@@ -1,11 +1,14 @@
-"""The account a run gives of itself: its tables, and run.json with how it ended and from what.
+"""The account that a run gives of itself: what it warns of, its tables, and run.json.
 
-`provenance` goes into the tables and depends on the good logs and the configuration alone, so
-that a bad log beside them changes no byte. `record` is run.json and tells everything.
+Of many problems alike the first alone is told, and how many more: hundreds of logs or settings with
+the same flaw are one sentence. The facts that go into the tables depend on the good logs and the
+configuration alone, so that a bad log beside them changes no byte; run.json tells everything.
 """
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,11 +18,12 @@ from damperfit.checks import missed_gates
 from damperfit.damper.cavitation import describe_cavitation
 from damperfit.errors import sparing
 from damperfit.identification import Status, describe_searches
+from damperfit.identification.sharing import listed_settings, of_settings
+from damperfit.problem import Failure, Option, Problem, warning
 from damperfit.reporting.markdown import markdown_report
 from damperfit.reporting.records import to_record
 from damperfit.results import Run
 from damperfit.run.logs import Ending
-from damperfit.run.problems import corrections, failures_of, gates_not_met, warnings_of
 from damperfit.tables.columns import (
     PAPER_QUANTITIES,
     SCHEMA_VERSION,
@@ -31,20 +35,226 @@ from damperfit.tables.files import lay_out
 from damperfit.tables.rows import make_tables, profile_rows, valve_rows
 from damperfit.tested.identity import common_identity
 from damperfit.tested.setting import ADJUSTER, Setting
-from damperfit.uncertainty import METHOD
+from damperfit.uncertainty import METHOD, prediction_warnings
 from damperfit.uncertainty.grades import doubted_cavitation
 from damperfit.units.quantities import engineering
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator, Sequence
+    from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 
     from damperfit.configuration.options import Configuration
-    from damperfit.identification import Campaign
-    from damperfit.problem import Failure, Problem
+    from damperfit.identification import Campaign, Fit
+    from damperfit.recording import Finding, Trace
     from damperfit.run.judging import Judgement, Mishaps
     from damperfit.run.logs import LogBatch
     from damperfit.tested.identity import Identity
     from damperfit.uncertainty import Assessment, MisfitProfile
+
+# Warnings, gates and failures
+
+MANY = 20  # sentences of one kind that are shown one by one; a damper has some twenty settings
+# Frictions of one damper at two settings: so many errors and times apart they are not one.
+_ERRORS_APART = 3.0
+_TIMES_APART = 2.0
+# What another law may mend; an offset it cannot.
+_OF_LAWS = frozenset({"bound", "beyond", "cavitation", "friction", "misfit", "prediction"})
+
+
+def warnings_of(
+    configuration: Configuration, batch: LogBatch, campaign: Campaign, judgement: Judgement
+) -> Iterator[Problem]:
+    """Yield what the reader should know before believing the numbers."""
+    assessment = judgement.assessment
+    yield from map(as_warning, (*batch.skipped_files, *batch.remarks))
+    yield from log_warnings(_fitted_traces(campaign))
+    yield from map(as_warning, campaign.warnings)
+    if campaign.sharing.friction_varies and campaign.sharing.spread is not None:
+        low, high = campaign.sharing.spread
+        yield warning(
+            "friction-varies",
+            f"friction goes from {low:.3g} to {high:.3g} N over the settings: one value for all "
+            "does not hold; free it{free}",
+            free=_freeing_friction(campaign),
+        )
+    yield from _at_settings([(fit.setting, said) for fit in campaign.fits for said in fit.warnings])
+    yield from unconfirmed_tares(campaign, assessment)
+    yield from unlike_frictions(campaign, assessment)
+    yield from map(as_warning, assessment.warnings)
+    withheld = [
+        setting
+        for setting, why in assessment.objections.items()
+        if any(one.kind in _OF_LAWS for one in why)
+    ]
+    if withheld and not configuration.chosen_law:
+        yield warning(
+            "other-model",
+            f"model {configuration.damper.name} does not describe {of_settings(withheld)}: let "
+            "the logs choose a model: identify the logs with {model}",
+            model=Option("model", "auto"),
+        )
+    yield from map(as_warning, prediction_warnings(judgement.predictions))
+
+
+def as_warning(said: Problem | str) -> Problem:
+    """Return a warning as a problem, where it is a sentence alone."""
+    return said if isinstance(said, Problem) else warning("said", said)
+
+
+def _freeing_friction(campaign: Campaign) -> Option:
+    """Return the option that gives each setting its own friction, all else as it was."""
+    fit = campaign.fits[0]
+    frictions = [one.name for one in fit.parameters.quantities if one.is_friction]
+    if campaign.sharing.jointly:
+        shared = (n for n in campaign.sharing.jointly if n not in frictions)
+        return Option("share", ",".join(shared), is_aside=True)
+    held = {*frictions, *campaign.sharing.found}
+    idle = {Status.FIXED, Status.SHARED}
+    own = [name for name, how in fit.status.items() if name not in held and how not in idle]
+    return Option("free", ",".join((*own, *frictions)), is_aside=True)
+
+
+def _at_settings(said: Sequence[tuple[Setting, Problem | str]]) -> Iterator[Problem]:
+    """Yield what is so at each setting; of many, the first, and which others have one."""
+    for setting, sentence in said[:1] if len(said) > MANY else said:
+        problem = replace(as_warning(sentence), subject=f"setting {setting}")
+        if len(said) > MANY:
+            others = listed_settings({other for other, _ in said[1:]})
+            problem = replace(problem, text=f"{problem.text} (with other numbers at {others})")
+        yield problem
+
+
+def log_warnings(traces: Iterable[Trace]) -> Iterator[Problem]:
+    """Yield one problem for each kind of warning, with the numbers of its first log."""
+    yield from _by_kind(traces, lambda finding: finding.severity == "warning")
+
+
+def corrections(campaign: Campaign) -> Iterator[Problem]:
+    """Yield what was put right in the logs that were fitted, one problem for each kind."""
+    yield from _by_kind(_fitted_traces(campaign), lambda finding: finding.is_correction)
+
+
+def _fitted_traces(campaign: Campaign) -> Iterator[Trace]:
+    return (log.trace for fit in campaign.fits for log in fit.logs)
+
+
+def _by_kind(traces: Iterable[Trace], is_meant: Callable[[Finding], bool]) -> Iterator[Problem]:
+    logs: dict[str, list[tuple[str, Problem]]] = {}
+    for trace in traces:
+        for one in filter(is_meant, trace.findings):
+            logs.setdefault(one.name, []).append((trace.name, one.problem))
+    for (name, problem), *others in logs.values():
+        also = f" and {len(others)} other log{'s' if len(others) > 1 else ''}" if others else ""
+        yield replace(problem, subject=f"{name}{also}")
+
+
+def unconfirmed_tares(campaign: Campaign, assessment: Assessment) -> Iterator[Problem]:
+    """Say where a fit has no room for the tare that a log was warned of, as when it cavitates."""
+
+    def is_doubted(fit: Fit) -> bool:
+        findings = (finding for log in fit.logs for finding in log.trace.findings)
+        is_warned = any(one.name == "tare" and one.severity == "warning" for one in findings)
+        offsets = (one.name for one in fit.parameters.quantities if one.is_offset)
+        return is_warned and all(fit.status[name] == Status.FIXED for name in offsets)
+
+    sound = {
+        one.setting
+        for one in assessment.diagnoses
+        if not one.is_structured and not math.isnan(one.noise_percent)
+    }
+    doubted = [fit.setting for fit in campaign.fits if fit.setting in sound and is_doubted(fit)]
+    if doubted:
+        yield warning(
+            "tare-not-confirmed",
+            "the warning tare is not confirmed: the fit matches the force to within its "
+            "noise without an offset",
+            of_settings(doubted),
+        )
+
+
+def unlike_frictions(campaign: Campaign, assessment: Assessment) -> Iterator[Problem]:
+    """Say where settings that were fitted apart have frictions that cannot be those of one damper.
+
+    With the bleed closed, a preload and a friction give nearly the same force at one speed.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        The fits.
+    assessment : Assessment
+        With the errors of noise and misfit.
+    """
+    known = {one.setting: one.intervals for one in assessment.uncertainties}
+    for quantity in campaign.fits[0].parameters.quantities if campaign.fits else ():
+        name = quantity.name
+        if not quantity.is_friction:
+            continue
+        found = sorted(
+            (getattr(fit.parameters, name), math.hypot(one.error, one.misfit), fit.setting)
+            for fit in campaign.fits
+            if fit.status[name] == Status.FITTED
+            and (one := known.get(fit.setting, {}).get(name)) is not None
+        )
+        if not found:
+            continue
+        (low, low_error, where_low), (high, high_error, where_high) = found[0], found[-1]
+        apart = high - low > _ERRORS_APART * math.hypot(low_error, high_error)
+        if apart and high > _TIMES_APART * low:
+            yield warning(
+                "unlike-frictions",
+                f"{quantity.symbol} is {low:.3g} N at setting {where_low} and {high:.3g} N at "
+                f"setting {where_high}, but friction belongs to the damper and not to its clicks: "
+                "a preloaded valve may be taken for friction; fit the settings together: {joint}",
+                joint=Option("procedure", "joint"),
+            )
+
+
+def gates_not_met(
+    configuration: Configuration, batch: LogBatch, campaign: Campaign
+) -> Iterator[Problem]:
+    """Yield the gates on logs, MSE and convergence that were not met."""
+    refused = [failure.log for failure in batch.failures if failure.is_left_out]
+    if refused:
+        n = len(refused) - 1
+        others = f" and {n} other log{'s' * (n > 1)}" if n else ""
+        yield warning("strict", f"strict quality: {refused[0]}{others} left out for warnings")
+    limit = configuration.output.max_mse_percent
+    above, unsound = [], []
+    for fit in campaign.fits:
+        if limit > 0.0 and not fit.mse_percent <= limit:  # "not <=" catches NaN too
+            text = f"MSE {fit.mse_percent:.3g} % is above {limit:g} %"
+            above.append((fit.setting, warning("mse-gate", text)))
+        if not fit.outcome.is_minimum:
+            text = f"the fit did not converge ({fit.outcome.value})"
+            unsound.append((fit.setting, warning("not-converged", text)))
+    if len(above) + len(unsound) > MANY:  # one sentence on many settings tells of one gate
+        yield from _at_settings(above)
+        yield from _at_settings(unsound)
+    else:
+        yield from _at_settings(sorted([*above, *unsound], key=lambda one: one[0]))
+
+
+def failures_of(
+    configuration: Configuration, batch: LogBatch, campaign: Campaign
+) -> tuple[Failure, ...]:
+    """Return the logs and settings without a result."""
+    return (*batch.failures, *campaign.failures, *missing_logs(configuration, batch))
+
+
+def missing_logs(configuration: Configuration, batch: LogBatch) -> Iterator[Failure]:
+    """Yield the settings that the configuration expects and no log claims to be; many as one."""
+    present = {log.facts.get("setting") for log in batch.logs}
+    missing = sorted(set(configuration.rig.settings) - present)
+    why = "no log, but the configuration expects one in rig.settings"
+    if len(missing) > MANY:
+        place = f"settings {listed_settings(missing)}"
+        yield Failure(Problem("missing-log", f"{why} for each", subject=place), "MissingLogError")
+        return
+    for setting in missing:
+        problem = Problem("missing-log", why, subject=f"setting {setting}")
+        yield Failure(problem, "MissingLogError", setting=setting)
+
+
+# Tables and run.json
 
 
 def run_of(  # noqa: PLR0913 - all that a run is made of
@@ -76,16 +286,15 @@ def run_of(  # noqa: PLR0913 - all that a run is made of
     is_interrupted : bool
         Whether the user has stopped it.
     """
-    damper, settings = configuration.damper, [fit.setting for fit in campaign.fits]
-    quantities = campaign.quantities or PAPER_QUANTITIES
-    used = {log.trace.name for fit in campaign.fits for log in fit.logs}
-    predicted = {one.trace.name for one in judgement.predictions}
-    origin = provenance(configuration, batch, campaign.procedure, used | predicted)
+    damper, fits = configuration.damper, campaign.fits
+    settings, quantities = [fit.setting for fit in fits], campaign.quantities or PAPER_QUANTITIES
+    used = {log.trace.name for fit in fits for log in fit.logs}
+    facts = _provenance(configuration, batch, campaign.procedure, used, judgement)
     rows: dict[str, list[dict[str, Any]]] = {"characteristics": list(characteristics)}
-    for fit in campaign.fits:
+    for fit in fits:
         with sparing(fit.setting, mishaps.at("reading the valves of")):
-            found = damper.valve_characteristics(fit.parameters, [one.trace for one in fit.logs])
-            rows.setdefault("valves", []).extend(valve_rows(fit.setting, found))
+            valves = damper.valve_characteristics(fit.parameters, [log.trace for log in fit.logs])
+            rows.setdefault("valves", []).extend(valve_rows(fit.setting, valves))
     if configuration.profile:
         wanted = (p for p in judgement.assessment.profiles if p.name in configuration.profile)
         rows["profiles"] = profile_rows(wanted)
@@ -95,9 +304,9 @@ def run_of(  # noqa: PLR0913 - all that a run is made of
         predictions=judgement.predictions,
         adjustment=judgement.adjustment,
         expected=configuration.rig.settings,
-        facts=origin,
+        facts=facts,
     ) | {
-        name: lay_out(name, of, facts=origin, settings=settings, quantities=quantities)
+        name: lay_out(name, of, facts=facts, settings=settings, quantities=quantities)
         for name, of in rows.items()
         if of or name != "valves"
     }
@@ -112,7 +321,7 @@ def run_of(  # noqa: PLR0913 - all that a run is made of
         "schema_version": SCHEMA_VERSION,
         "ending": ending.name.lower(),
         "exit_code": ending.value,
-        "test": identity_of(batch, used).describe(),
+        "test": _identity_of(batch, used).describe(),
         "configuration": configuration.document,
         "inputs": [log.describe() for log in batch.logs],
         "skipped": list(batch.skipped),
@@ -147,34 +356,26 @@ def ending_of(
     return Ending.GATE_MISSED if gates else Ending.COMPLETE
 
 
-def provenance(
-    configuration: Configuration, batch: LogBatch, procedure: str, used: Collection[str]
+def _provenance(
+    configuration: Configuration,
+    batch: LogBatch,
+    procedure: str,
+    fitted: Collection[str],
+    judgement: Judgement,
 ) -> dict[str, Any]:
-    """Return what the tables were made from; nothing in it depends on place, time or failures.
-
-    Parameters
-    ----------
-    configuration : Configuration
-        The complete configuration.
-    batch : LogBatch
-        What was read.
-    procedure : str
-        How it was fitted.
-    used : collection of str
-        Logs that were fitted or predicted.
-    """
-    document = {key: value for key, value in configuration.document.items() if key != "output"}
-    tested = identity_of(batch, used).describe()
+    """Return what the tables were made from; nothing in it depends on place, time or failures."""
+    used = {*fitted, *(one.trace.name for one in judgement.predictions)}
+    tested = _identity_of(batch, used).describe()
     return {
         "version": __version__,
         "procedure": procedure,
         **({"test": tested} if tested else {}),
-        "configuration": document,
+        "configuration": {k: v for k, v in configuration.document.items() if k != "output"},
         "inputs": {log.log: log.sha256 for log in batch.logs if log.log in used},
     }
 
 
-def identity_of(batch: LogBatch, names: Collection[str]) -> Identity:
+def _identity_of(batch: LogBatch, names: Collection[str]) -> Identity:
     """Return whose test some logs of a run are; no name: all. What differs is listed."""
     known = batch.identities
     return common_identity(one for name, one in known.items() if name in names or not names)

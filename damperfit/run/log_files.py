@@ -1,0 +1,382 @@
+"""Which files a call means: paths, patterns, folders, lists, data frames; and which are our own."""
+
+from __future__ import annotations
+
+import csv
+import glob
+import os
+import re
+from collections.abc import Iterable, Mapping
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+from damperfit.damper.purdy.parameters import QUANTITIES
+from damperfit.errors import ConfigurationError, LogError
+from damperfit.io.files import open_regular, read_text
+from damperfit.io.formats import LOG_SUFFIXES
+from damperfit.recording import Recording, Trace, natural_order
+from damperfit.units.quantities import units_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    import pandas as pd
+
+    from damperfit.conditioning import ConditionOptions
+
+
+# Paths and patterns
+
+
+def expand(patterns: Iterable[str]) -> tuple[Path, ...]:
+    """Return the files that paths and patterns name, each once, in natural order.
+
+    A named file that does not exist is kept where others do: reading it fails, and costs it alone.
+    So is a folder without logs; one of results is passed over, for the shell's ``*`` names it too.
+
+    Raises
+    ------
+    ConfigurationError
+        None of the files exists, or a pattern or a folder names none.
+    """
+    patterns = list(patterns)
+    paths: dict[Path, Path] = {}
+    for pattern in patterns:
+        for path in matches(pattern, keeps_missing=True):
+            paths.setdefault(real_path(path), path)
+    if not any(_is_there(path) and not _is_folder(path) for path in paths.values()):
+        for pattern in patterns:
+            matches(pattern)  # raises with what is missing, and where it was named
+    by_number = lambda path: (natural_order(path.name), natural_order(str(path)))  # noqa: E731
+    return tuple(sorted(paths.values(), key=by_number))
+
+
+def real_path(path: str | Path) -> Path:
+    """Return a path without links; itself where that cannot be, as of a loop of links."""
+    try:
+        return Path(os.path.realpath(path))
+    except (OSError, ValueError):  # the working folder is gone, or there is a NUL
+        return Path(path)
+
+
+def matches(pattern: str, *, keeps_missing: bool = False) -> list[Path]:
+    """Return the files that a path, a pattern, a folder or ``@list.txt`` names.
+
+    A folder stands for the logs in it, not below it: files with the suffix of a format that is
+    read. A list has one path or pattern a line, relative to where the command is run; empty lines
+    and those that begin with ``#`` count for nothing.
+
+    Parameters
+    ----------
+    pattern : str
+        As given.
+    keeps_missing : bool
+        Return a named file that does not exist, or a folder without logs, as well, for the reader
+        to report; nothing of a folder of results.
+
+    Raises
+    ------
+    ConfigurationError
+        There is none.
+    """
+    if pattern == "":  # as a path it would be the folder that one is in
+        raise ConfigurationError("'': expected a file or folder; '.' is this folder")
+    pattern = os.path.expanduser(pattern)  # noqa: PTH111 - a Path would raise on ~nobody
+    path = Path(pattern)
+    if _is_folder(path):
+        return _logs_in(path, keeps_missing=keeps_missing)
+    if _is_there(path):
+        return [path]
+    if pattern.startswith("@"):
+        return _listed(pattern, keeps_missing=keeps_missing)
+    if any(c in pattern for c in "*?["):
+        hits = [Path(hit) for hit in glob.glob(pattern, recursive=True)]
+        if files := [hit for hit in hits if not _is_folder(hit)]:
+            return files
+        why = "the pattern matches no file"
+        if hits:
+            why = (
+                f"the pattern matches only folders; for the logs in them give "
+                f"{pattern.rstrip('/')}/*.csv"
+            )
+        raise ConfigurationError(why, subject=pattern)
+    if keeps_missing and pattern.strip():
+        return [path]
+    if pattern == "-":
+        raise ConfigurationError("-: logs are not read from a pipe; give files, or write one first")
+    raise ConfigurationError("no such file", subject=pattern, code="no-such-file")
+
+
+def _logs_in(folder: Path, *, keeps_missing: bool) -> list[Path]:
+    try:
+        entries = sorted(folder.iterdir())
+    except OSError as error:
+        raise ConfigurationError(
+            f"cannot be read: {error.strerror or error}", subject=folder
+        ) from error
+    logs = [
+        path
+        for path in entries
+        if path.name[0] != "." and path.name.lower().endswith(LOG_SUFFIXES)
+        if not _is_folder(path)
+    ]
+    are_own = bool(logs) and all(map(is_own_table, logs))
+    if logs and not are_own:
+        return logs
+    if keeps_missing:
+        return [] if are_own else [folder]
+    if are_own:
+        why = "contains only files that damperfit wrote; give the folder with the logs"
+    else:
+        why = (
+            "no log in this folder; expected files such as .csv, .txt, .xlsx, .mat or .tdms; for "
+            f"logs in its subfolders give {folder}/*/*.csv"
+        )
+    raise ConfigurationError(why, subject=folder)
+
+
+def _listed(pattern: str, *, keeps_missing: bool) -> list[Path]:
+    path = Path(pattern[1:])
+    try:
+        lines = read_text(path).splitlines()
+    except (OSError, ValueError) as error:
+        why = getattr(error, "strerror", None) or error
+        raise ConfigurationError(
+            f"the list {path} cannot be read: {why}", subject=pattern
+        ) from error
+    paths: list[Path] = []
+    for number, line in enumerate(lines, start=1):
+        text = line.strip()
+        if not text or text.startswith("#"):
+            continue
+        if text.startswith("@"):
+            raise ConfigurationError(f"{path}:{number}: a list in a list is not followed: {text}")
+        try:
+            paths += matches(text, keeps_missing=keeps_missing)
+        except ConfigurationError as error:
+            raise ConfigurationError(
+                f"{path}:{number}: {error}; paths in a list count from where the command is run"
+            ) from error
+    if not paths:
+        raise ConfigurationError("the list names no log", subject=pattern)
+    return paths
+
+
+def _is_folder(path: Path) -> bool:
+    with suppress(OSError, ValueError):
+        return path.is_dir()
+    return False
+
+
+def _is_there(path: Path) -> bool:
+    """Whether there is a file, or nobody may look: then reading it says so."""
+    try:
+        path.lstat()
+    except PermissionError:
+        return True
+    except (OSError, ValueError):
+        return False
+    return True
+
+
+# What damperfit has written itself, so that nobody fits its results as if they were measured
+
+_SPEEDS = [f"setting,speed_{unit.replace('/', '_per_')}," for unit in units_of("velocity")]
+# How the tables in CSV begin, as far as their settings are of one adjuster.
+_HEADINGS = tuple(
+    text.encode()
+    for text in (
+        f"setting,{QUANTITIES[0].name},",
+        "setting,log,mse_percent,",
+        "setting,log,stretch,kind,",
+        "serial,damper,date,setting,",
+        *(speed + column for speed in _SPEEDS for column in ("stroke,", "force_")),
+    )
+)
+# How a line of --log-file begins: time with zone, level, process.
+_LOGGED = re.compile(
+    rb"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}[+-]\d\d:\d\d [A-Z]+ +damperfit\[\d+\] "
+)
+# How the text files of `export` that end as logs do begin: about the tables, tables of simulators.
+_EXPORTED = re.compile(rb"(?:#1\n# |#INFOFILE[^\n]*\n## )?damperfit [^\n:]+: results, setting ")
+_UNIT = re.compile(rb" \[[^\],;\n]*\]")  # behind a heading, as `export` writes it
+_BEGIN = 256  # bytes; no heading is longer, and no beginning of a line of --log-file
+
+
+def is_own_table(path: Path) -> bool:
+    """Whether a file is a table of results, by what it says of itself; run.json is one too.
+
+    So is what --log-file wrote, and what `export` wrote of tables and text.
+    """
+    with suppress(OSError):
+        if not path.is_file():
+            return False
+        with open_regular(path) as file:
+            begin = file.read(4096 if path.name == "run.json" else _BEGIN)
+        if begin.startswith(b"PAR1"):
+            return _is_own_parquet(path)
+        if path.name == "run.json":
+            return b'"schema_version"' in begin
+        if _LOGGED.match(begin) or _EXPORTED.match(begin):
+            return True
+        heading = _UNIT.sub(b"", begin.partition(b"\n")[0]).replace(b";", b",")
+        return heading.startswith(_HEADINGS) or _is_of_model(heading)
+    return False
+
+
+def _is_own_parquet(path: Path) -> bool:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        return b"damperfit" in (pq.read_schema(path).metadata or {})
+    except (OSError, pa.ArrowInvalid):
+        return False  # whoever reads it says what is wrong
+
+
+def _is_of_model(heading: bytes) -> bool:
+    """Whether a table begins with a setting and quantities of a model: results, or truth."""
+    first, *columns = heading.decode("ascii", "replace").split(",")[:3]
+    if first != "setting" or len(columns) < 2:
+        return False
+    from damperfit.damper.model import MODELS
+
+    names = {quantity.name for kind in MODELS.values() for quantity in kind().quantities}
+    return columns[0] in names and columns[1].strip() in names
+
+
+def is_own_log_file(path: Path) -> bool:
+    """Whether a file begins as --log-file writes it.
+
+    Raises
+    ------
+    OSError
+        The file cannot be read.
+    """
+    with open_regular(path) as file:
+        return _LOGGED.match(file.read(_BEGIN)) is not None
+
+
+# What Python gives: paths, patterns, data frames and arrays; recordings and traces
+
+_EXPECTED = (
+    "expected paths or patterns, or a mapping of labels to data frames, such as "
+    "{'R12 C8': frame} with columns time_s, displacement_mm and force_N"
+)
+
+
+@contextmanager
+def as_files(logs: object, *, call: str) -> Iterator[list[str]]:
+    """Yield paths of logs, whatever they were given as.
+
+    Frames are written to a temporary folder, with a table that says the setting of each; its label
+    is the setting's. The folder goes when the block ends.
+
+    Parameters
+    ----------
+    logs : path, pattern, data frame, or an iterable or mapping of such
+        What the user gave.
+    call : str
+        The function, for the message.
+
+    Raises
+    ------
+    ConfigurationError
+        It is nothing of the kind.
+    LogError
+        A frame has columns of different lengths, or none.
+    """
+    if isinstance(logs, Mapping) and logs:
+        with TemporaryDirectory(prefix="damperfit-frames-") as folder:
+            yield _written(logs, Path(folder), call)
+        return
+    if isinstance(logs, str | os.PathLike):
+        logs = [logs]
+    if isinstance(logs, Trace | Recording) or not isinstance(logs, Iterable):
+        raise ConfigurationError(f"found {type(logs).__name__}; {_EXPECTED}")
+    if _is_frame(logs):
+        raise ConfigurationError(
+            "found a data frame without a label; give {'10': frame}, where '10' is the "
+            "setting of the adjuster",
+        )
+    paths = list(logs)
+    if not paths:
+        raise ConfigurationError(f"found no log; {_EXPECTED}")
+    for path in paths:
+        if not isinstance(path, str | os.PathLike):
+            raise ConfigurationError(
+                f"found {type(path).__name__} in a list; {_EXPECTED}", subject=call
+            )
+        if path == "":  # it would be this folder
+            raise ConfigurationError(f"found ''; {_EXPECTED}")
+    yield [os.fspath(path) for path in paths]
+
+
+def in_memory(logs: object, options: ConditionOptions) -> tuple[object, list[Trace]]:
+    """Return what must be read yet, and what needs no reading: traces, recordings conditioned."""
+    from damperfit.conditioning import condition
+
+    if isinstance(logs, Trace | Recording):
+        logs = [logs]
+    is_whole = isinstance(logs, str | os.PathLike | Mapping) or _is_frame(logs)
+    if is_whole or not isinstance(logs, Iterable):
+        return logs, []
+    unread, traces = [], []
+    for log in logs:
+        if isinstance(log, Trace | Recording):
+            traces.append(log if isinstance(log, Trace) else condition(log, options))
+        else:
+            unread.append(log)
+    return unread, traces
+
+
+def _is_frame(value: object) -> bool:
+    return hasattr(value, "columns") and hasattr(value, "to_dict")
+
+
+def _written(frames: Mapping[Any, Any], folder: Path, call: str) -> list[str]:
+    from pyarrow import ArrowException
+
+    rows = []
+    for k, (label, value) in enumerate(frames.items()):
+        stem = re.sub(r"[^A-Za-z0-9+-]+", "-", str(label)).strip("-") or "log"
+        path = folder / f"{stem}_{k}.parquet"
+        try:
+            _frame(label, value, call).to_parquet(path, index=False)
+        except (ValueError, TypeError, ArrowException) as error:
+            raise LogError(
+                f"the data frame cannot be read as a log: {error}", subject=label
+            ) from error
+        rows.append((path.name, str(label)))
+    with (folder / "tests.csv").open("w", newline="", encoding="utf-8") as file:
+        csv.writer(file).writerows([("file", "setting"), *rows])
+    return [str(folder / name) for name, _ in rows]
+
+
+def _frame(label: object, value: object, call: str) -> pd.DataFrame:
+    import numpy as np
+    import pandas as pd
+
+    if isinstance(value, pd.DataFrame):
+        frame = value
+    elif isinstance(value, Mapping):
+        if value and all(np.ndim(column) == 0 for column in value.values()):
+            raise LogError("found single numbers; give columns of one length", subject=label)
+        try:
+            frame = pd.DataFrame(dict(value))
+        except ValueError as error:
+            raise LogError(f"{error}; give columns of one length", subject=label) from error
+    else:
+        raise ConfigurationError(
+            f"{label!r} is of type {type(value).__name__}; {_EXPECTED}", subject=call
+        )
+    if not len(frame.columns):
+        raise LogError(
+            "the data frame has no columns; expected time, displacement, force", subject=label
+        )
+    # Where time is the index of a frame it is a column of a log.
+    if frame.index.name is not None and frame.index.name not in frame.columns:
+        frame = frame.reset_index()
+    return frame.rename(columns=str)
