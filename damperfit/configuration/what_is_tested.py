@@ -150,11 +150,10 @@ def _parts(damper: Model) -> dict[str, tuple[str, ...]]:
 
 def _every_model() -> list[Model]:
     """One damper of every model, with everything that it may have."""
-    from damperfit.damper.network import Valve
+    from damperfit.damper.network import BLOW_OFFS, Valve
     from damperfit.damper.valve_dampers import DeclaredNetwork, ValveDamper
 
-    kinds = (("long", "port"), ("long", "rounded"), ("long", "lifting"))
-    valves = [Valve(bleed, blow_off) for bleed, blow_off in kinds]
+    valves = [Valve("long", kind) for kind in BLOW_OFFS if kind not in {"none", "linear"}]
     return [
         kind(rebound=valve, compression=valve)
         if issubclass(kind, ValveDamper) and kind is not DeclaredNetwork

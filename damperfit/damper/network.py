@@ -46,7 +46,7 @@ Friction is Coulomb's unless more is said of it::
 speed of a piston without mass would let it jump.
 
 A new number of a valve's law is a line in `PARTS` and a term of `core/passages.h`; a new kind of
-valve is a line in `BLEEDS` or `BLOW_OFFS`.
+valve is a line in `BLEEDS` or `BLOW_OFFS`, with its words below.
 """
 
 from __future__ import annotations
@@ -77,8 +77,10 @@ if TYPE_CHECKING:
 
 __all__ = [
     "BLEEDS",
+    "BLEED_WORDS",
     "BLOW_OFFS",
     "BLOW_OFF_PARTS",
+    "BLOW_OFF_WORDS",
     "BODY_NUMBERS",
     "LINEAR",
     "PARTS",
@@ -196,6 +198,24 @@ BLOW_OFFS: dict[str, tuple[str, ...]] = {
     "port": ("opening", "slope", "port"),
     "rounded": ("opening", "slope", "width"),
     "lifting": ("opening", "slope", "lift"),
+}
+# In words: of a law, and of a structure that has it in place of another; the search of laws tries
+# them in this order.
+BLEED_WORDS: dict[str, tuple[str, str]] = {
+    "none": ("", "without a bleed"),
+    "orifice": ("bleed", "with an orifice as bleed"),
+    "leak": ("laminar bleed", "with a laminar bleed"),
+    "long": ("part-laminar bleed", "with bleeds with a laminar part"),
+}
+BLOW_OFF_WORDS: dict[str, tuple[str, str]] = {
+    "none": ("", "without a blow-off"),
+    "linear": ("blow-off", "with a plain blow-off"),
+    "rounded": ("rounded blow-off", "with blow-offs that lift gradually"),
+    "lifting": (
+        "lifting blow-off",
+        "with blow-offs that lift further the harder they are pressed",
+    ),
+    "port": ("port blow-off", "with a port behind the blow-offs"),
 }
 # Numbers of blow-offs of any kind: a valve that does not open tells none of them.
 BLOW_OFF_PARTS = tuple(dict.fromkeys(part for parts in BLOW_OFFS.values() for part in parts))

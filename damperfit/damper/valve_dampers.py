@@ -400,7 +400,7 @@ def _of_valve(name: str, names: Collection[str]) -> Quantity:
         stroke=stroke,
         part=part,
         group="blow_off" if part in BLOW_OFF_PARTS else "bleed",
-        area_power=law.area_power if stroke in STROKES else 0.0,
+        area_power=law.area_power,
         idle=idle,
     )
 

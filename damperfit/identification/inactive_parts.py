@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from damperfit.damper.network import BLOW_OFF_PARTS
 from damperfit.damper.quantity import GAS_AMOUNT, STIFFNESS
 from damperfit.errors import FitCancelledError, SimulationError
 from damperfit.identification.fit_problem import edge_of, kept_within
@@ -31,7 +32,6 @@ __all__ = [
     "without_idle_parts",
 ]
 
-_BLOW_OFF = ("opening", "slope", "width", "lift", "port")
 # Friction at rest and the speed at which it has gone: two numbers of one part, but for a speed that
 # is lower than logs tell.
 _AT_REST = ("breakaway", "stribeck_speed")
@@ -114,9 +114,10 @@ def _part(fit: Fit, name: str) -> list[str]:
     if name in _AT_REST:
         is_speed_alone = name == _AT_REST[1] and edge != "above"
         return [name] if is_speed_alone else [two for two in _AT_REST if two in fit.status]
-    if one.part not in {"opening", "slope", "port"} or edge != "above" or one.stroke == "return":
+    is_shut = one.group == "blow_off" and one.area_power > 0.0 and edge == "above"
+    if not is_shut or one.stroke == "return":
         return [name]
-    return [two for two in (f"{one.stroke}_{part}" for part in _BLOW_OFF) if two in fit.status]
+    return [two for two in map(one.beside, BLOW_OFF_PARTS) if two in fit.status]
 
 
 def _is_above(values: Values, name: str) -> bool:
@@ -137,10 +138,10 @@ def _sentence(values: Values, name: str) -> str:
             f"{one.label} ({one.symbol}): the logs do not determine one below "
             f"{1e3 * one.plausible[0]:g} mm/s, at which it is held here."
         )
-    if one.part == "lift" and _is_above(values, name):
+    if one.area_power < 0.0 and _is_above(values, name):
         return (
             f"{one.label} ({one.symbol}): the logs do not determine one above "
-            f"{1e5 * one.plausible[1]:g} 1/bar, at which it is held here."
+            f"{one.plausible[1] / 10.0**one.power:g} {one.shown_unit}, at which it is held here."
         )
     return (
         f"{one.label} ({one.symbol}) does nothing here: it ran to the edge of its range, and the "

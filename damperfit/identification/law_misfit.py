@@ -114,6 +114,6 @@ class LawMisfit(FitProblem):
         found = {name: self.absent(name) for name in self.free if name not in known}
         for name in found:
             one = self.model.quantity(name)
-            if one.part == "bleed" and f"{one.stroke}_leak" in known:
+            if one.part == "bleed" and one.beside("leak") in known:
                 found[name] = one.plausible[0]
         return found

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.damper.mounting import NONE
+from damperfit.damper.network import BLOW_OFF_PARTS
 from damperfit.damper.quantity import FRICTION, STIFFNESS
 from damperfit.damper.valve_dampers import ValveDamper
 from damperfit.identification.sharing import of_settings
@@ -210,7 +211,7 @@ def _asked(fit: LawFit, name: str, tests: _Tests) -> tuple[str, str] | None:
     """What is not known, and the test."""
     stroke, _, part = name.partition("_")
     people = {"rebound": "rebound", "compression": "bump"}.get(stroke, "")
-    if people and part in {"opening", "slope", "port", "width", "lift"}:
+    if people and part in BLOW_OFF_PARTS:
         return f"where the blow-off opens in {people}, and how it goes on", tests.faster
     if people:
         return f"how large the bleed of {people} is", tests.slower

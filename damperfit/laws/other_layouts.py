@@ -14,7 +14,7 @@ from __future__ import annotations
 from dataclasses import fields
 from typing import TYPE_CHECKING
 
-from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube, ValveDamper
+from damperfit.damper.valve_dampers import STROKES, Monotube, ThroughFlow, TwinTube, ValveDamper
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -26,14 +26,9 @@ __all__ = ["LAYOUTS", "in_other_layouts", "times_in"]
 LAYOUTS: dict[str, type[ValveDamper]] = {
     kind.name: kind for kind in (TwinTube, Monotube, ThroughFlow)
 }
-_POWERS = {
-    "opening": 1.0, "width": 1.0, "lift": -1.0, "leak": 2.0, "slope": 2.0, "bleed": 1.5,
-    "port": 1.5,
-}  # fmt: skip
 _CALLED = {
     "twin_tube": "twin tube", "monotube": "monotube", "through_flow": "through-flow damper",
 }  # fmt: skip
-_STROKES = ("rebound", "compression")
 
 
 def times_in(layout: str, model: ValveDamper, name: str) -> float:
@@ -48,13 +43,13 @@ def times_in(layout: str, model: ValveDamper, name: str) -> float:
     name : str
         Of a quantity; 1 for what is none of a valve.
     """
-    stroke, _, part = name.partition("_")
-    if stroke not in _STROKES or part not in _POWERS:
+    quantity = model.quantity(name)
+    if quantity.stroke not in STROKES:
         return 1.0
     known = {one.name: getattr(model, one.name) for one in fields(model) if one.init}
     other = LAYOUTS[layout](**known)
-    place = _STROKES.index(stroke)
-    return float((model.pressed_areas[place] / other.pressed_areas[place]) ** _POWERS[part])
+    place = STROKES.index(quantity.stroke)
+    return float((model.pressed_areas[place] / other.pressed_areas[place]) ** quantity.area_power)
 
 
 def in_other_layouts(

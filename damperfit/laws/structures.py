@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from damperfit.damper.mounting import FIT, NONE
+from damperfit.damper.network import BLEED_WORDS, BLOW_OFF_WORDS
 from damperfit.laws.variants import (
     PARTS,
     RETURNS,
@@ -30,19 +31,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Structure", "moves"]
 
-_BLOW_OFFS = {
-    "none": "without a blow-off",
-    "linear": "with a plain blow-off",
-    "rounded": "with blow-offs that lift gradually",
-    "lifting": "with blow-offs that lift further the harder they are pressed",
-    "port": "with a port behind the blow-offs",
-}
-_BLEEDS = {
-    "none": "without a bleed",
-    "orifice": "with an orifice as bleed",
-    "leak": "with a laminar bleed",
-    "long": "with bleeds with a laminar part",
-}
 _FREED = (RETURNS, "drag", "gas_volume", "free_gas")
 
 
@@ -113,8 +101,8 @@ def _all_moves(structure: Structure) -> Iterator[tuple[str, Structure]]:
 
 def _other_valves(damper: ValveDamper) -> Iterator[tuple[str, dict[str, Any]]]:
     valves: dict[str, Valve] = {stroke: getattr(damper, stroke) for stroke in STROKES}
-    for part, kinds in (("blow_off", _BLOW_OFFS), ("bleed", _BLEEDS)):
-        for kind, words in kinds.items():
+    for part, kinds in (("blow_off", BLOW_OFF_WORDS), ("bleed", BLEED_WORDS)):
+        for kind, (_, words) in kinds.items():
             beside = "bleed" if part == "blow_off" else "blow_off"
             usable = {
                 stroke: replace(one, **{part: kind})

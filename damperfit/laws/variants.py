@@ -6,7 +6,7 @@ import dataclasses
 from typing import TYPE_CHECKING, cast
 
 from damperfit.damper.mounting import FIT, NONE, Mounting
-from damperfit.damper.network import Valve
+from damperfit.damper.network import BLEED_WORDS, BLOW_OFF_WORDS, Valve
 from damperfit.damper.quantity import STIFFNESS
 from damperfit.damper.rivals import Rival
 
@@ -125,11 +125,8 @@ def in_words(damper: Model, freed: Sequence[str] = ()) -> str:
 
 
 def _of_valve(valve: Valve) -> str:
-    blow_off = {"none": "", "linear": "blow-off"}.get(valve.blow_off, f"{valve.blow_off} blow-off")
-    return " and ".join(word for word in (_BLEEDS[valve.bleed], blow_off) if word)
-
-
-_BLEEDS = {"none": "", "orifice": "bleed", "leak": "laminar bleed", "long": "part-laminar bleed"}
+    words = BLEED_WORDS[valve.bleed][0], BLOW_OFF_WORDS[valve.blow_off][0]
+    return " and ".join(word for word in words if word)
 
 
 _FRICTION = {part: said for part, (owner, _, said) in PARTS.items() if owner == "friction"}

@@ -116,6 +116,7 @@ def made_up_values(damper: Model, setting: int, speed: float) -> Values:
     ConfigurationError
         The model is none of real valves: its numbers must be given.
     """
+    from damperfit.damper.network import PARTS
     from damperfit.damper.valve_dampers import Monotube, ValveDamper
 
     if not isinstance(damper, ValveDamper):
@@ -134,10 +135,6 @@ def made_up_values(damper: Model, setting: int, speed: float) -> Values:
         flow = _THROUGH_BLEED * damper.oil_density * area * speed
         opening, bleed = _OPENS * highest, math.sqrt(highest) / flow
         slope = (highest - opening) / flow
-        parts = {
-            "opening": opening, "slope": slope, "bleed": bleed, "leak": 0.1 * highest / flow,
-            "port": math.sqrt(0.1 * slope / flow), "width": 0.1 * opening,
-            "lift": 0.3 / (highest - opening),
-        }  # fmt: skip
-        known |= {f"{stroke}_{part}": one for part, one in parts.items()}
+        parts = {p: one.guess(opening, slope, highest, flow) for p, one in PARTS.items()}
+        known |= {f"{stroke}_{p}": number for p, number in (parts | {"bleed": bleed}).items()}
     return damper.values({name: one for name, one in known.items() if name in damper.names})

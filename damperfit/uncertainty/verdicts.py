@@ -38,7 +38,6 @@ __all__ = ["doubts", "reconsider", "undetermined", "verdicts", "with_least_openi
 # At this correlation knowing the one would shrink the error of the other to a third.
 _CORRELATED = 0.95
 # What oil meets once a blow-off is open.
-_BEHIND_OPENING = ("slope", "port")
 # Of a stroke's oil: a share below it is that of a passage which the logs do not show.
 _UNNOTICED = 0.01
 _FOUND = frozenset({Status.FITTED, Status.SHARED})
@@ -83,12 +82,15 @@ def _passes_from(name: str, one: Linearisation, damper: Model) -> float:
     """
     opening: float = getattr(one.fit.parameters, name)
     own = damper.damper if isinstance(damper, Warmed) else damper
-    stroke = name.removesuffix("_opening")
-    if not isinstance(own, ValveDamper) or f"{stroke}_slope" not in one.names:
+    if not isinstance(own, ValveDamper):
+        return opening
+    quantity = own.quantity(name)
+    stroke, slope_name = quantity.stroke, quantity.beside("slope")
+    if slope_name not in one.names:
         return opening
     area = own.pressed_areas[0 if stroke == "rebound" else 1]
     speed = max(part.peak_speed for log in one.fit.logs for part in log.trace.stretches)
-    slope: float = getattr(one.fit.parameters, f"{stroke}_slope")
+    slope: float = getattr(one.fit.parameters, slope_name)
     return opening + _UNNOTICED * own.oil_density * area * speed * slope
 
 
@@ -365,8 +367,8 @@ def _unopened(name: str, fit: Fit, known: Uncertainty) -> str:
             f"these logs do not open it: it opens above {least:.4g} {unit}, the highest pressure "
             f"on it in them, and any higher value fits as well; {value:.4g} {unit} is used{used}"
         )
-    stroke, _, part = name.rpartition("_")
-    if part in _BEHIND_OPENING and f"{stroke}_opening" in known.unopened:
+    quantity = fit.parameters.quantity(name)
+    if quantity.group == "blow_off" and quantity.beside("opening") in known.unopened:
         return "these logs do not determine it: they do not open the blow-off"
     return ""
 
