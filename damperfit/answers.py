@@ -31,8 +31,8 @@ if TYPE_CHECKING:
     from damperfit.queries.settings import ForcesBySetting, Question
     from damperfit.queries.simulations import ChosenParameters, SimulatedTest, Variation
     from damperfit.reporting.figures import Plot
-    from damperfit.reporting.forces import SweepMember
     from damperfit.reporting.sheet import Sheet
+    from damperfit.reporting.simulated import SweepMember
     from damperfit.run.logs import LogBatch
     from damperfit.store import FileSet
     from damperfit.units.shown_units import ShownUnits
@@ -280,7 +280,7 @@ class Simulation:
                 write_table(sets[-1].path(out.name), table, suffix=out.suffix)
             if plot is not None:
                 from damperfit.reporting.drawing import draw_plot
-                from damperfit.reporting.run_figures import cycle_plot
+                from damperfit.reporting.simulated import cycle_plot
 
                 sets.append(stack.enter_context(file_set(plot.parent, spares_others=spares_others)))
                 path, kind = sets[-1].path(plot.name), plot.suffix[1:].lower()
@@ -425,7 +425,7 @@ class Sweep:
         damper: str,
         wanted: Sequence[tuple[Variation, bool]],
     ) -> None:
-        from damperfit.reporting.forces import sweep_records
+        from damperfit.reporting.simulated import sweep_records
 
         self.damper, self.source, self.notes = damper, choice.source, configuration.notes
         self.model = configuration.damper
@@ -445,7 +445,7 @@ class Sweep:
         choice: ChosenParameters, configuration: Configuration, variation: Variation
     ) -> tuple[SweepMember, ...]:
         from damperfit.queries.simulations import run_sweep
-        from damperfit.reporting.forces import SweepMember
+        from damperfit.reporting.simulated import SweepMember
 
         return tuple(
             SweepMember(
@@ -461,7 +461,7 @@ class Sweep:
     @property
     def sentences(self) -> tuple[str, ...]:
         """What each variation does, in words."""
-        from damperfit.reporting.forces import sweep_sentence
+        from damperfit.reporting.simulated import sweep_sentence
 
         return tuple(sweep_sentence(one.name, members) for one, members, _ in self.sweeps)
 
@@ -475,7 +475,7 @@ class Sweep:
     def plots(self) -> tuple[Plot, ...]:
         """Its figures."""
         from damperfit.damper.purdy.reference import FAMILIES
-        from damperfit.reporting.run_figures import sweep_plot, sweep_pressure_plot
+        from damperfit.reporting.simulated import sweep_plot, sweep_pressure_plot
 
         plots = []
         known = {one.name: one for one in FAMILIES}

@@ -40,7 +40,7 @@ from damperfit.identification.sharing import of_settings
 from damperfit.io.files import read_bytes, read_text, sha256_of
 from damperfit.problem import Option, Problem, Words
 from damperfit.recording import natural_order
-from damperfit.reporting.records import checks_in, failures_in, units_in
+from damperfit.reporting.records import checks_in, failures_in, number_in, units_in
 from damperfit.store import file_set, settle
 from damperfit.tables.columns import PAPER_QUANTITIES, unknown_schema, values_from
 from damperfit.tables.documents import json_pieces
@@ -1471,8 +1471,7 @@ def _listed(record: Mapping[str, Any], key: str) -> list[Any]:
 
 
 def _numbers(rows: Sequence[Mapping[str, Any]], key: str) -> list[float]:
-    cells = (row.get(key) for row in rows)
-    return [float(one) for one in cells if isinstance(one, int | float) and math.isfinite(one)]
+    return [number for row in rows if (number := number_in(row, key)) is not None]
 
 
 def _in_unit(value: float, unit: str) -> str:

@@ -22,8 +22,8 @@ from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
 from damperfit.errors import ConfigurationError
 from damperfit.identification import Campaign, FitOptions, Status, compare, identify
 from damperfit.recording import Recording
-from damperfit.reporting.markdown import markdown_report
 from damperfit.reporting.page import html_report
+from damperfit.reporting.report import markdown_report
 from damperfit.reporting.run_figures import report_plots
 from damperfit.reporting.sheet import escape
 from damperfit.results import Run

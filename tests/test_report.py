@@ -22,7 +22,6 @@ from damperfit.reporting.forces import (
     segment_sheet,
 )
 from damperfit.reporting.laws import law_sentences, rival_sheet, tried_laws_sheet
-from damperfit.reporting.markdown import markdown_report
 from damperfit.reporting.records import (
     checks_in,
     failures_in,
@@ -31,6 +30,7 @@ from damperfit.reporting.records import (
     to_record,
     units_in,
 )
+from damperfit.reporting.report import markdown_report
 from damperfit.reporting.sheet import (
     Sheet,
     escape,
@@ -220,10 +220,21 @@ def test_a_setting_of_one_log_has_one_row_of_mse() -> None:
 def test_what_was_held_out_stands_beside_what_was_fitted() -> None:
     one = {
         "setting": 3, "log": "b.csv", "cycles": "last 3", "amplitude_m": 0.02, "frequency_Hz": 0.0,
-        "mse_percent": 0.5, "fitted_mse_percent": 0.1, "verdict": "worse than fitted",
+        "mse_percent": 0.5, "fitted_mse_percent": 0.1, "expected_mse_percent": 0.2,
+        "verdict": "worse than fitted",
     }  # fmt: skip
     (row,) = held_out_sheet([one]).rows
-    assert row == ("3", "b.csv", "last 3", "20.0", "varies", "0.500", "0.100", "worse than fitted")
+    assert row == (
+        "3",
+        "b.csv",
+        "last 3",
+        "20.0",
+        "varies",
+        "0.500",
+        "0.100",
+        "0.200",
+        "worse than fitted",
+    )
 
 
 # Forces

@@ -187,7 +187,8 @@ def test_what_the_run_told_is_shown(copy):
     assert page.index("setting 3 is off") < page.index("all below 1 %")  # what failed comes first
     assert "K_e rises by 10 MPa a setting." in page
     assert "r_m1, r_m3 strongly correlated" in page
-    assert "setting 2, b.csv, last 3 cycles: MSE 0.5 % (0.25 % expected), worse than" in page
+    assert "<td>b.csv</td><td>last 3</td>" in page.replace(" class=word", "")
+    assert "<td class=n>0.250</td><td>worse than fitted</td>" in page
     assert "warning: force is clipped &lt;/script&gt;" in page
     assert page.count("channels are 0.1 ms apart") == 1  # a note stands with its log alone
     (plot,) = (plot for plot in shown.overall if plot.name == "parameter_k_e")

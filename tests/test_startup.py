@@ -32,11 +32,11 @@ def test_importing_loads_no_heavy_library(module):
 
 
 def test_reports_but_for_the_page_load_nothing_that_draws():
-    names = "markdown, tables, forces, sheet, records, inspection, compared"
+    names = "report, tables, forces, sheet, records, inspection, compared"
     script = f"from damperfit.reporting import {names}; import sys; print(*sys.modules)"
     done = run([sys.executable, "-c", script])
     assert done.returncode == 0, done.stderr
-    assert "damperfit.reporting.markdown" in done.stdout.split()
+    assert "damperfit.reporting.report" in done.stdout.split()
     assert {"jinja2", "markupsafe", "matplotlib", "plotly"}.isdisjoint(done.stdout.split())
 
 

@@ -18,9 +18,9 @@ from damperfit.identification import Outcome
 from damperfit.reporting.drawing import compose, fixed_style
 from damperfit.reporting.forces import force_by_setting_sheet, force_sheets, measured_force_sheet
 from damperfit.reporting.inspection import finding_lines, inspection_sheet
-from damperfit.reporting.markdown import markdown_report
 from damperfit.reporting.page import html_report
 from damperfit.reporting.records import to_record
+from damperfit.reporting.report import markdown_report
 from damperfit.reporting.run_figures import report_plots
 from damperfit.reporting.sheet import text_table
 from damperfit.reporting.tables import check_lines, parameter_sheet

@@ -119,8 +119,8 @@ def _show(one: Identified) -> None:
 
 def _tell_people(one: Identified, *, is_quiet: bool) -> None:
     from damperfit.problem import listing, short_listing
-    from damperfit.reporting.markdown import listings
     from damperfit.reporting.records import law_in, sentences_in
+    from damperfit.reporting.report import withheld
 
     record, configuration = one.run.record, one.configuration
     for gate in record["gates_missed"]:
@@ -135,7 +135,7 @@ def _tell_people(one: Identified, *, is_quiet: bool) -> None:
         say(f"note: {line}")
     for warning in listing(one.run.warned):
         say(f"warning: {warning}")
-    for sentence in short_listing(listings(one.run)["Grades withheld"]):
+    for sentence in short_listing(withheld(one.run)):
         say(f"warning: grade withheld: {sentence}")
     for sentence in sentences_in(record, "undetermined"):
         say(f"note: {sentence}")

@@ -46,9 +46,9 @@ def inspect(how: Shown, **given: Any) -> int:
 
 
 def _show(batch: LogBatch, *, has_notes: bool) -> None:
-    from damperfit.reporting.forces import curve_sheet
     from damperfit.reporting.inspection import (
         VERDICT_COLOURS,
+        curve_sheet,
         finding_lines,
         inspection_sheet,
         stretch_sheet,

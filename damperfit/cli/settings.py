@@ -49,7 +49,7 @@ def settings(how: Shown, **given: Any) -> int:
 
 def _show_curves(done: SettingForces, *, is_quiet: bool) -> None:
     """Answer from curves that were measured without time."""
-    from damperfit.reporting.forces import curve_forces_sheet
+    from damperfit.reporting.inspection import curve_forces_sheet
 
     if done.sentence:
         print_lines(wrap(done.sentence, screen_columns()))

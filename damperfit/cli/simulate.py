@@ -44,7 +44,7 @@ def simulate(how: Shown, **given: Any) -> int:
 
 
 def _show(done: Simulation) -> None:
-    from damperfit.reporting.forces import (
+    from damperfit.reporting.simulated import (
         cycle_force_sheet,
         cycle_pressure_sheet,
         cycle_sparklines,

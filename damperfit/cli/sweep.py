@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from damperfit.damper.model import Model
     from damperfit.queries.simulations import Variation
-    from damperfit.reporting.forces import SweepMember
+    from damperfit.reporting.simulated import SweepMember
 
 __all__ = ["sweep"]
 
@@ -53,7 +53,7 @@ def _show(
     variation: Variation, members: Sequence[SweepMember], damper: Model, sentence: str
 ) -> None:
     from damperfit.queries.simulations import swept_units
-    from damperfit.reporting.forces import sweep_sheet
+    from damperfit.reporting.simulated import sweep_sheet
 
     sheet = sweep_sheet(variation.name, swept_units(damper)[variation.name], members)
     print_table(sheet)

@@ -27,7 +27,8 @@ from damperfit.damper.network import BODY_NUMBERS
 from damperfit.damper.purdy.parameters import Damper
 from damperfit.damper.valve_dampers import ValveDamper
 from damperfit.errors import ConfigurationError
-from damperfit.exporting.header import determined_line, rendered, taken_out, tested_range
+from damperfit.exporting.header import determined_line, rendered, taken_out
+from damperfit.reporting.report import tested_range
 from damperfit.reporting.sheet import printable
 
 if TYPE_CHECKING:

@@ -17,13 +17,13 @@ from damperfit import __version__
 from damperfit.damper.mounting import NONE
 from damperfit.damper.quantity import RIG
 from damperfit.exporting.tables import road_misses
+from damperfit.reporting.report import tested_range
 from damperfit.reporting.sheet import printable
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from damperfit.exporting.tables import ExportedRun, ForceTable, RoadMiss
-    from damperfit.results import Tested
 
 _OTHERS = 6  # settings whose MSE is listed one by one
 
@@ -73,22 +73,6 @@ def _lines(
     yield f"gas: {gas}"
     yield f"sign: {sign}"
     yield f"results: sha256 {run.run.digest or 'not known'}"
-
-
-def tested_range(tested: Tested) -> str:
-    """Return the range of the tests in words, as far as it is known."""
-    known = [f"{tested.n_logs} log{'s' * (tested.n_logs != 1)}"] if tested.n_logs else []
-    if tested.stroke is not None:
-        known.append(f"stroke to +-{1e3 * tested.stroke:.4g} mm")
-    if tested.speed is not None:
-        known.append(f"speed to {tested.speed:.4g} m/s")
-    for ends, unit in ((tested.frequencies, "Hz"), (tested.temperatures, "degC")):
-        if ends is not None:
-            low, high = (f"{end:.4g}" for end in ends)
-            known.append(f"{low} {unit}" if low == high else f"{low} to {high} {unit}")
-    if tested.temperatures is None:
-        known.append("temperature not logged")
-    return ", ".join(known)
 
 
 def one_line(text: str) -> str:

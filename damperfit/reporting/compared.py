@@ -19,13 +19,12 @@ from damperfit.reporting.figures import (
     setting_places,
 )
 from damperfit.reporting.forces import STROKE_WORDS
+from damperfit.reporting.report import Section, markdown
 from damperfit.reporting.sheet import (
     NOTHING,
     Column,
     Sheet,
-    escape,
     laid_out,
-    markdown_table,
     number,
     printable,
     with_interval,
@@ -33,7 +32,7 @@ from damperfit.reporting.sheet import (
 from damperfit.units.shown_units import SI
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -69,8 +68,9 @@ def comparison_sheets(
     return [(title, sheet) for title, sheet in sheets if sheet.rows]
 
 
-def _of_setting(line: Difference) -> str:
-    return "all" if line.subject.setting is None else str(line.subject.setting)
+_SETTING = Column(
+    "set", "", lambda line: "all" if line.subject.setting is None else str(line.subject.setting)
+)
 
 
 def _pair(units: ShownUnits, unit: str, digits: int = 4) -> Iterator[Column]:
@@ -121,7 +121,7 @@ def comparison_force_sheet(comparison: RunComparison, *, is_short: bool = False)
         return verdict_of(line, units, says_measured=has_model)
 
     columns = [
-        Column("set", "", _of_setting),
+        _SETTING,
         Column("speed", units.of("m/s"), lambda line: _speed(line.subject.speed, units)),
         Column("stroke", "", lambda line: _stroke(line.subject.stroke), is_number=False),
         *_pair(units, force),
@@ -154,7 +154,7 @@ def _parameter_sheet(comparison: RunComparison) -> Sheet:
     known = {line.subject.label: units.of(line.subject.unit) for line in lines if line.subject.unit}
     notes = [", ".join(f"{name} in {unit}" for name, unit in known.items())] if known else []
     columns = [
-        Column("set", "", _of_setting),
+        _SETTING,
         Column("parameter", "", lambda line: line.subject.label, is_number=False),
         *_pair(units, "", 5),
         Column("B - A", "%", lambda line: _change(line, units)[0]),
@@ -183,7 +183,7 @@ def _figure_sheet(comparison: RunComparison) -> Sheet:
         return f"{line.subject.label}, {units.of(line.subject.unit)}"
 
     columns = [
-        Column("set", "", _of_setting),
+        _SETTING,
         Column("figure", "", figure, is_number=False),
         *_pair(units, ""),
         _difference(units, "±95 %"),
@@ -249,39 +249,28 @@ def comparison_markdown(
 ) -> str:
     """Return comparisons, and forces held against bands, as one document, everything escaped.
 
-    Parameters
-    ----------
-    comparisons : sequence of RunComparison
-        One a pair.
-    points : sequence of Point
-        Forces held against bands.
-    source : str
-        The bands, as they were given.
-    alone : sequence of str
-        What has no partner.
+    Of the pairs, of the points and their bands as they were given, and of what has no partner.
     """
-    lines = ["# Comparison", "", *_list(alone)]
+    sections = [Section("Without a partner", "", alone)] if alone else []
     if points:
-        lines += ["", f"## Tolerance {escape(source)}", "", escape(tolerance_outcome(points)), ""]
-        lines += markdown_table(tolerance_sheet(points))
+        told = [tolerance_outcome(points)]
+        sections.append(Section(f"Tolerance {source}", "", told, [tolerance_sheet(points)]))
     for one in comparisons:
-        lines += ["", f"## {escape(one.second.name)} beside {escape(one.first.name)}", ""]
-        lines += _list(f"differs besides: {sentence}" for sentence in one.differing)
-        lines += ["", *_list((*one.sentences, *one.to_know, *one.remarks))]
-        for title, sheet in comparison_sheets(one):
-            lines += ["", f"### {escape(title)}", "", *markdown_table(sheet)]
-    return "\n".join(lines) + "\n"
-
-
-def _list(items: Iterable[str]) -> list[str]:
-    return [f"- {escape(item)}" for item in items]
+        besides = (f"differs besides: {sentence}" for sentence in one.differing)
+        told = [*besides, *one.sentences, *one.to_know, *one.remarks]
+        sections.append(Section(f"{one.second.name} beside {one.first.name}", "", told))
+        sections += [
+            Section(title, "below", (), [sheet]) for title, sheet in comparison_sheets(one)
+        ]
+    return markdown("Comparison", (), sections)
 
 
 # Rows for files and programs
 
+_Described = tuple[str, pa.DataType, str]
 _TEXT, _FLOAT, _TRUTH = pa.string(), pa.float64(), pa.bool_()
 # Name, kind and meaning of each column; what is compared tells its unit.
-_COLUMNS: tuple[tuple[str, pa.DataType, str], ...] = (
+_COLUMNS: tuple[_Described, ...] = (
     ("first", _TEXT, "the reference"),
     ("second", _TEXT, "the run beside it"),
     ("kind", _TEXT, "force, parameter or figure"),
@@ -304,7 +293,7 @@ _COLUMNS: tuple[tuple[str, pa.DataType, str], ...] = (
     ("told_from", _TEXT, "model or measured"),
     ("words", _TEXT, "the verdict in words"),
 )
-_POINT_COLUMNS: tuple[tuple[str, pa.DataType, str], ...] = (
+_POINT_COLUMNS: tuple[_Described, ...] = (
     ("run", _TEXT, "whose force it is"),
     ("setting", _TEXT, "adjuster setting"),
     ("speed_m_per_s", _FLOAT, "positive; empty where a whole setting is missing"),
@@ -344,11 +333,6 @@ def _finite(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def comparison_table(rows: Sequence[Mapping[str, Any]]) -> pa.Table:
-    """Return rows of one or more comparisons as a table."""
-    return _table(rows, _COLUMNS)
-
-
 def tolerance_rows(points: Sequence[Point]) -> list[dict[str, Any]]:
     """Return forces held against bands as rows; what is not known is None."""
     rows = (
@@ -363,14 +347,17 @@ def tolerance_rows(points: Sequence[Point]) -> list[dict[str, Any]]:
     return [dict(zip(names, row, strict=True)) for row in rows]
 
 
+def comparison_table(rows: Sequence[Mapping[str, Any]]) -> pa.Table:
+    """Return rows of one or more comparisons as a table."""
+    return _table(rows, _COLUMNS)
+
+
 def tolerance_table(rows: Sequence[Mapping[str, Any]]) -> pa.Table:
     """Return rows of forces held against bands as a table."""
     return _table(rows, _POINT_COLUMNS)
 
 
-def _table(
-    rows: Sequence[Mapping[str, Any]], columns: Sequence[tuple[str, pa.DataType, str]]
-) -> pa.Table:
+def _table(rows: Sequence[Mapping[str, Any]], columns: Sequence[_Described]) -> pa.Table:
     fields = [pa.field(name, kind, metadata={"description": said}) for name, kind, said in columns]
     return pa.Table.from_pylist([dict(row) for row in rows], schema=pa.schema(fields))
 
@@ -401,14 +388,7 @@ def comparison_record(comparison: RunComparison) -> dict[str, Any]:
 def junit_report(points: Sequence[Point], *, source: str) -> bytes:
     """Return a JUnit file, which build servers read: a test case a point, by run.
 
-    What could not be looked at has failed.
-
-    Parameters
-    ----------
-    points : sequence of Point
-        Forces held against bands.
-    source : str
-        The bands, as they were given.
+    What could not be looked at has failed. ``source`` are the bands, as they were given.
     """
 
     def counts(mine: Sequence[Point]) -> dict[str, str]:
@@ -451,8 +431,19 @@ def loop_plots(runs: Sequence[Run], setting: Setting, *, name: str) -> tuple[Plo
     groups = common_tests(runs, setting)
     if not groups:
         return ()
-    if any(not len(test.displacement) for group in groups for test in group):
-        return (_points(runs, groups, setting, name),)
+    if any(not len(test.displacement) for group in groups for test in group):  # without time
+        points = tuple(
+            Line(
+                *(test.velocity, test.force, run.name, _colour(k)),
+                setting=setting,
+                style="points" if k == 0 else "triangles",
+            )
+            for k, (run, group) in enumerate(zip(runs, groups, strict=True))
+            for test in group[:1]
+        )
+        panel = Panel("velocity", "m/s", "force", "N", points)
+        title = f"Setting {setting}: force against velocity"
+        return (Plot(f"{name}_force_velocity", title, (panel,)),)
     # Of several tests the mean: x, v and force over one cycle, begun where x passes its middle.
     loops = [np.mean([_aligned(test) for test in group], axis=0) for group in groups]
     closed = [np.column_stack([loop, loop[:, :1]]) for loop in loops]
@@ -487,26 +478,6 @@ def loop_plots(runs: Sequence[Run], setting: Setting, *, name: str) -> tuple[Plo
         caption = f"Mean measured cycles. Below: less {whose}, phase by phase."
         plots.append(Plot(f"{name}_force_{word}", title, panels, caption))
     return tuple(plots)
-
-
-def _points(
-    runs: Sequence[Run],
-    groups: Sequence[tuple[MeasuredTest, ...]],
-    setting: Setting,
-    name: str,
-) -> Plot:
-    """Return force over velocity of curves without time."""
-    lines = tuple(
-        Line(
-            *(test.velocity, test.force, run.name, _colour(k)),
-            setting=setting,
-            style="points" if k == 0 else "triangles",
-        )
-        for k, (run, group) in enumerate(zip(runs, groups, strict=True))
-        for test in group[:1]
-    )
-    panel = Panel("velocity", "m/s", "force", "N", lines)
-    return Plot(f"{name}_force_velocity", f"Setting {setting}: force against velocity", (panel,))
 
 
 def _colour(k: int) -> str:

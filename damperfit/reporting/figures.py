@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from damperfit.damper.model import PRESSURES
 from damperfit.tested.setting import Setting
 
 if TYPE_CHECKING:
@@ -24,8 +25,8 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-
 _MOST_TICKS = 20
+_BUCKETS = 500  # of one cycle: 3000 samples are drawn as they are
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -141,40 +142,36 @@ def plot_in_units(plot: Plot, units: ShownUnits) -> Plot:
     """Return a figure with forces, speeds and displacements scaled; other axes stay."""
     if units.is_si:
         return plot
-    return replace(plot, panels=tuple(_panel(panel, units) for panel in plot.panels))
 
-
-def _panel(panel: Panel, units: ShownUnits) -> Panel:
-    (x, x_unit), (y, y_unit) = (_scale(unit, units) for unit in (panel.x_unit, panel.y_unit))
-    return replace(
-        panel,
-        x_unit=x_unit,
-        y_unit=y_unit,
-        lines=tuple(_line(line, x, y) for line in panel.lines),
-        rules=tuple((y * at, word) for at, word in panel.rules),
-        bands=tuple((x * begin, x * end) for begin, end in panel.bands),
-        ticks=tuple(x * tick for tick in panel.ticks),
-        x_range=panel.x_range and (x * panel.x_range[0], x * panel.x_range[1]),
-        y_range=panel.y_range and (y * panel.y_range[0], y * panel.y_range[1]),
-    )
-
-
-def _scale(unit: str, units: ShownUnits) -> tuple[float, str]:
-    """Return the factor and the unit of an axis; figures have displacements in mm."""
-    if unit == "mm":
-        chosen = units.of("m")
+    def scale(unit: str) -> tuple[float, str]:
+        if unit != "mm":
+            return units.show(1.0, unit), units.of(unit)
+        chosen = units.of("m")  # figures have displacements in mm
         return (1.0, unit) if chosen == "m" else (1e-3 * units.show(1.0, "m"), chosen)
-    return units.show(1.0, unit), units.of(unit)
 
+    def scaled(factor: float, pairs: Any) -> Any:
+        return pairs if pairs is None else factor * pairs
 
-def _line(line: Line, x: float, y: float) -> Line:
-    return replace(
-        line,
-        x=x * line.x,
-        y=y * line.y,
-        low=None if line.low is None else y * line.low,
-        high=None if line.high is None else y * line.high,
-    )
+    def panel_in_units(panel: Panel) -> Panel:
+        (x, x_unit), (y, y_unit) = scale(panel.x_unit), scale(panel.y_unit)
+        lines = tuple(
+            replace(line, x=x * line.x, y=y * line.y, low=scaled(y, line.low),
+                    high=scaled(y, line.high))
+            for line in panel.lines
+        )  # fmt: skip
+        return replace(
+            panel,
+            x_unit=x_unit,
+            y_unit=y_unit,
+            lines=lines,
+            rules=tuple((y * at, word) for at, word in panel.rules),
+            bands=tuple((x * begin, x * end) for begin, end in panel.bands),
+            ticks=tuple(x * tick for tick in panel.ticks),
+            x_range=panel.x_range and (x * panel.x_range[0], x * panel.x_range[1]),
+            y_range=panel.y_range and (y * panel.y_range[0], y * panel.y_range[1]),
+        )
+
+    return replace(plot, panels=tuple(map(panel_in_units, plot.panels)))
 
 
 def setting_places(settings: Iterable[Setting | Place]) -> dict[Setting, float]:
@@ -185,12 +182,9 @@ def setting_places(settings: Iterable[Setting | Place]) -> dict[Setting, float]:
     >>> setting_places([3, 1]), list(setting_places(["soft", "hard"]).values())
     ({Setting(places=(('setting', 1),)): 1.0, Setting(places=(('setting', 3),)): 3.0}, [1.0, 2.0])
     """
-    known = sorted(map(Setting.of, settings))
-    numbers = [(one, one.number()) for one in known]
-    places = {one: number for one, number in numbers if number is not None}
-    if len(places) == len(numbers):
-        return places
-    return {one: 1.0 + k for k, one in enumerate(dict.fromkeys(known))}
+    known = sorted(set(map(Setting.of, settings)))
+    places = {one: number for one in known if (number := one.number()) is not None}
+    return places if len(places) == len(known) else {one: 1.0 + k for k, one in enumerate(known)}
 
 
 def setting_names(settings: Iterable[Setting | Place]) -> tuple[str, ...]:
@@ -227,17 +221,12 @@ def setting_axis(
 
 
 def setting_panel(
-    settings: Iterable[Setting | Place],
-    label: str,
-    unit: str,
-    lines: Iterable[Line],
-    **more: Any,
+    settings: Iterable[Setting | Place], label: str, unit: str, lines: Iterable[Line], **more: Any
 ) -> Panel:
     """Return a panel over the settings, with more fields of `Panel`."""
     known = list(settings)
     ticks, x_range = setting_axis(known)
-    names = setting_names(known)
-    axis: Any = {"ticks": ticks, "names": names, "x_range": x_range}
+    axis: Any = {"ticks": ticks, "names": setting_names(known), "x_range": x_range}
     return Panel("setting", "", label, unit, tuple(lines), **axis, **more)
 
 
@@ -245,15 +234,9 @@ def thin(n_buckets: int, *signals: FloatArray) -> NDArray[np.intp]:
     """Return the indices of samples that keep every peak of every signal.
 
     The samples are cut into ``n_buckets`` runs of equal length. From each run the samples with the
-    lowest and the highest value of each signal are kept, and the first and last sample of all.
-    No extreme value is lost, unlike in taking every n-th sample.
-
-    Parameters
-    ----------
-    n_buckets : int
-        Runs; at most ``2 n_buckets len(signals) + 2`` indices are returned.
-    *signals : numpy.ndarray
-        Shape (n,) each, all of one length. NaN is passed over.
+    lowest and the highest value of each signal are kept, and the first and last sample of all: at
+    most ``2 n_buckets len(signals) + 2``. No extreme value is lost, unlike in taking every n-th
+    sample. The signals have one length; NaN is passed over.
 
     Examples
     --------
@@ -273,6 +256,33 @@ def thin(n_buckets: int, *signals: FloatArray) -> NDArray[np.intp]:
             kept.add(int(start + np.argmin(low[start:stop])))
             kept.add(int(start + np.argmax(high[start:stop])))
     return np.array(sorted(kept), dtype=np.intp)
+
+
+def loop(x: FloatArray, y: FloatArray, cycle: slice) -> tuple[FloatArray, FloatArray]:
+    """Return the samples of a cycle that are drawn of one signal against another."""
+    kept = thin(_BUCKETS, x[cycle], y[cycle])
+    return x[cycle][kept], y[cycle][kept]
+
+
+def pressure_panel(
+    time: FloatArray, pressures: FloatArray, cycle: slice, *, setting: Setting | None = None
+) -> Panel:
+    """Return the chamber pressures over one cycle, cavitation shaded.
+
+    Shapes: time (n,), s; pressures (3, n), Pa absolute.
+    """
+    time, pressures = time[cycle] - time[cycle.start], pressures[:, cycle]
+    kept = thin(_BUCKETS, *pressures)
+    looks = zip(PRESSURES, pressures, CHAMBER_COLOURS, CHAMBER_STYLES, strict=True)
+    lines = tuple(
+        Line(time[kept], 1e-5 * pressure[kept], one.label, colour, setting=setting, style=style)
+        for one, pressure, colour, style in looks
+    )
+    is_dry = np.concatenate(([False], np.any(pressures <= 0.0, axis=0), [False]))
+    begins = np.flatnonzero(~is_dry[:-1] & is_dry[1:])
+    ends = np.flatnonzero(is_dry[:-1] & ~is_dry[1:]) - 1
+    bands = tuple((float(time[a]), float(time[b])) for a, b in zip(begins, ends, strict=True))
+    return Panel("time", "s", "absolute pressure", "bar", lines, bands=bands)
 
 
 # Every setting has one colour, on a ramp from blue (lowest) over purple to red (highest). It was

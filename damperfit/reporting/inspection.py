@@ -8,13 +8,25 @@ from __future__ import annotations
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from damperfit.io import ForceCurve
 from damperfit.problem import FEW, Problem, listed_names
+from damperfit.reporting.forces import STROKE_WORDS
 from damperfit.reporting.sheet import NOTHING, Column, Sheet, laid_out, number
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+    Facts = Mapping[str, Any]
 
 VERDICT_COLOURS = {"good": 32, "warnings": 33, "curves": 36, "refused": 31}  # ANSI
+_VERDICTS = {
+    "good": "good",
+    "warnings": "usable with warnings",
+    "curves": "curves without time, which cannot be fitted",
+    "refused": "refused",
+}
 _NOISE_NOTE = "* read above the filter's band; otherwise from the scatter between cycles"
 _WIDTH = 80
 _SHOWN_UNITS = {"m": (1e3, "mm"), "s": (1e3, "ms"), "Pa": (1e-5, "bar")}
@@ -22,47 +34,43 @@ MANY_ROWS = 60  # of a table; two screens
 _ROWS_OF_REFUSED = 5  # where none of many logs can be used
 _EACH = 3  # sentences of one kind of finding that are listed one by one
 _HEADINGS = {"refusal": "Refused", "warning": "Warnings: usable, but read them"}
+_CURVE_SPEEDS = (0.05, 0.1, 0.13, 0.26, 0.52)  # m/s, of the speeds that damper tests name
 
 
-def inspection_sheet(logs: Iterable[Mapping[str, Any]]) -> Sheet:
+# Tables
+
+
+def inspection_sheet(logs: Iterable[Facts]) -> Sheet:
     """Return one row per log: what was found in it, and whether it can be used."""
 
-    def cell(name: str) -> Callable[[Mapping[str, Any]], str]:
-        return lambda log: NOTHING if log.get(name) is None else str(log[name])
-
-    def cycles(log: Mapping[str, Any]) -> str:
+    def cycles(log: Facts) -> str:
         used = log.get("cycles_used")
         return NOTHING if used is None else f"{used} of {log.get('cycles_found')}"
 
     columns = [
-        Column("log", "", cell("name"), is_number=False),
-        Column("set", "", cell("setting")),
-        Column("samples", "", cell("n_samples_read")),
+        Column.text("log", "name", missing=NOTHING),
+        Column.text("set", "setting", is_number=True, missing=NOTHING),
+        Column.text("samples", "n_samples_read", is_number=True, missing=NOTHING),
         Column.of("rate", "Hz", "sample_rate_Hz"),
         Column("cycles", "used", cycles),
         Column.of("freq.", "Hz", "frequency_Hz"),
         Column.of("ampl.", "mm", "amplitude_m", factor=1e3),
         Column.of("temp.", "degC", "temperature_degC", digits=3),
-        Column("verdict", "", cell("verdict"), is_number=False),
+        Column.text("verdict", "verdict", missing=NOTHING),
     ]
-    shown, notes = _shown(list(logs))
-    return laid_out(shown, columns, *notes)
+    everything = list(logs)
+    if len(everything) <= MANY_ROWS:
+        return laid_out(everything, columns)
+    usable = [log for log in everything if log.get("verdict") != "refused"]
+    shown = usable[:MANY_ROWS] or everything[:_ROWS_OF_REFUSED]
+    left_out = f"{len(everything) - len(shown)} of {len(everything)} logs"
+    return laid_out(shown, columns, f"{left_out} have no row here; --json lists them all")
 
 
-def _shown(logs: Sequence[Mapping[str, Any]]) -> tuple[list[Mapping[str, Any]], tuple[str, ...]]:
-    """Return the logs that have a row: all, or of many the first that can be used."""
-    if len(logs) <= MANY_ROWS:
-        return list(logs), ()
-    usable = [log for log in logs if log.get("verdict") != "refused"]
-    shown = usable[:MANY_ROWS] or logs[:_ROWS_OF_REFUSED]
-    left_out = len(logs) - len(shown)
-    return list(shown), (f"{left_out} of {len(logs)} logs have no row here; --json lists them all",)
-
-
-def stretch_sheet(logs: Iterable[Mapping[str, Any]]) -> Sheet:
+def stretch_sheet(logs: Iterable[Facts]) -> Sheet:
     """Return one row per segment of the logs that are no single steady run; no rows without."""
 
-    def noise(row: Mapping[str, Any]) -> str:
+    def noise(row: Facts) -> str:
         is_spectral = row["noise_source"] == "above the filter"
         return number(row["noise_N"], digits=2) + "*" * bool(is_spectral)
 
@@ -74,7 +82,7 @@ def stretch_sheet(logs: Iterable[Mapping[str, Any]]) -> Sheet:
         names = [str(log["name"]), *("" for _ in segments[1:])]
         rows += [{**one, "name": name} for name, one in zip(names, segments, strict=False)]
     columns = [
-        Column("segments", "", lambda row: str(row["name"]), is_number=False),
+        Column.text("segments", "name"),
         Column.of("from", "s", "start_s"),
         Column("cycles", "", lambda row: str(row["cycles"]) if row["cycles"] else "moving"),
         Column.of("freq.", "Hz", "frequency_Hz", digits=3),
@@ -86,59 +94,86 @@ def stretch_sheet(logs: Iterable[Mapping[str, Any]]) -> Sheet:
         Column("noise", "N", noise),
     ]
     notes = [_NOISE_NOTE] if any("*" in noise(row) for row in rows) else []
-    if len(rows) > MANY_ROWS:
-        notes.append(
-            f"{len(rows) - MANY_ROWS} more segments have no row here; --json lists them all"
-        )
+    more = len(rows) - MANY_ROWS
+    notes += [f"{more} more segments have no row here; --json lists them all"] if more > 0 else []
     return laid_out(rows[:MANY_ROWS], columns, *notes)
 
 
+def curve_sheet(logs: Iterable[Facts]) -> Sheet:
+    """Return one row per curve and stroke of the files without time; no rows without."""
+    files = [log for log in logs if log.get("curves")]
+    curves = []
+    for log in files:
+        for facts in log["curves"]:
+            velocity, force = (np.array(facts[name]) for name in ("velocity_m_per_s", "force_N"))
+            file, label = str(log["name"]), str(facts["label"])
+            label = f"{file}: {label}" if len(files) > 1 and label != file else label
+            curves.append(ForceCurve("", "", "", label, velocity, force))
+    return curve_forces_sheet(curves, _CURVE_SPEEDS)
+
+
+def curve_forces_sheet(curves: Sequence[ForceCurve], speeds: Sequence[float]) -> Sheet:
+    """Return one row per curve and stroke: points, peaks and forces at some speeds, m/s."""
+    rows = []
+    for curve in curves:
+        name = curve.label
+        for stroke, word in STROKE_WORDS.items():
+            v, f = curve.points(stroke)
+            if not len(v):
+                continue
+            rows.append(
+                (
+                    *(name, word, str(len(v)), number(float(v.max()), digits=3)),
+                    number(float(f[np.argmax(np.abs(f))]), digits=4),
+                    *(number(curve.force_at(speed, stroke), digits=4) for speed in speeds),
+                    number(curve.hysteresis_at(0.5 * float(v.max()), stroke), digits=3),
+                )
+            )
+            name = ""
+    n = 5 + len(speeds) + any(row[-1] != NOTHING for row in rows)  # points have no hysteresis
+    more = len(rows) - MANY_ROWS
+    headings = ("curve", "stroke", "points", "to", "peak", *map("{:g}".format, speeds), "hyst.")
+    return Sheet(
+        headings=headings[:n],
+        units=("", "", "", "m/s", "N", *("m/s, N" for _ in speeds), "N")[:n],
+        rows=tuple(row[:n] for row in rows[:MANY_ROWS]),
+        is_number=(False, False, *(True,) * (n - 2)),
+        notes=(
+            "forces are read between measured points, of loops the mean of both branches",
+            *([f"{more} more rows are not shown; --json lists them all"] if more > 0 else []),
+        ),
+    )
+
+
+# Findings
+
+
 def finding_lines(
-    logs: Sequence[Mapping[str, Any]], *, has_notes: bool = True, columns: int = _WIDTH
+    logs: Sequence[Facts], *, has_notes: bool = True, columns: int = _WIDTH
 ) -> Iterator[str]:
     """Yield the findings of all logs as lines of at most so many columns, the worst first.
 
     A sentence that is true of several logs is shown once. Notes of several logs are shown as the
     range of their numbers, as each sentence differs; ``has_notes`` False leaves notes out.
     """
-    for line in _finding_lines(logs, has_notes=has_notes):
-        yield from _wrapped(line, columns)
-
-
-def _finding_lines(logs: Sequence[Mapping[str, Any]], *, has_notes: bool) -> Iterator[str]:
-    yield _verdicts(logs)
+    verdicts = [log.get("verdict", "good") for log in logs]
+    counts = (f"{verdicts.count(one)} {words}" for one, words in _VERDICTS.items()
+              if one in verdicts)  # fmt: skip
+    yield f"{len(logs)} log{'s' * (len(logs) != 1)}: {', '.join(counts)}"
     for severity, heading in _HEADINGS.items():
-        by_code = _by_code(logs, severity)
-        if by_code:
-            yield from ("", heading)
-        yield from map(_indented, _grouped(by_code))
+        if by_code := _by_code(logs, severity):
+            yield from ("", heading, *_indented(_grouped(by_code), columns))
     if has_notes:
-        notes = _by_code(logs, "note")
-        if notes:
-            yield from ("", "Notes")
-        yield from (_indented(_note(found, len(logs))) for found in notes.values())
-        yield from _reading_lines(logs)
+        if notes := _by_code(logs, "note"):
+            said = (_note(found, len(logs)) for found in notes.values())
+            yield from ("", "Notes", *_indented(said, columns))
+        if read := list(_read_as(logs)):
+            yield from ("", "Read as", *_indented(read, columns))
 
 
-def _verdicts(logs: Sequence[Mapping[str, Any]]) -> str:
-    counts = dict.fromkeys(VERDICT_COLOURS, 0)
-    for log in logs:
-        counts[log.get("verdict", "good")] += 1
-    words = {
-        "good": "good",
-        "warnings": "usable with warnings",
-        "curves": "curves without time, which cannot be fitted",
-        "refused": "refused",
-    }
-    parts = [f"{count} {words[verdict]}" for verdict, count in counts.items() if count]
-    return f"{len(logs)} log{'s' * (len(logs) != 1)}: {', '.join(parts)}"
-
-
-def _by_code(
-    logs: Sequence[Mapping[str, Any]], severity: str
-) -> dict[str, list[tuple[str, Mapping[str, Any]]]]:
+def _by_code(logs: Sequence[Facts], severity: str) -> dict[str, list[tuple[str, Facts]]]:
     """Return, by the code of a problem, the logs that have it, with their findings."""
-    by_code: dict[str, list[tuple[str, Mapping[str, Any]]]] = {}
+    by_code: dict[str, list[tuple[str, Facts]]] = {}
     for log in logs:
         for one in log.get("findings", ()):
             if one["severity"] == severity:
@@ -151,24 +186,27 @@ def _by_code(
     return by_code
 
 
-def _grouped(by_code: Mapping[str, list[tuple[str, Mapping[str, Any]]]]) -> Iterator[str]:
+def _grouped(by_code: Mapping[str, list[tuple[str, Facts]]]) -> Iterator[str]:
     """Yield a line for each sentence; one for each code where it differs from log to log."""
     for found in list(by_code.values())[:FEW]:
         sentences: dict[str, list[str]] = {}
         for log, one in found:
             sentences.setdefault(f"{one['name']}: {one['sentence']}", []).append(log)
         if len(sentences) <= _EACH:
-            yield from (f"{_named(names)}: {sentence}" for sentence, names in sentences.items())
+            for sentence, names in sentences.items():
+                n = len(set(names)) - 1
+                others = f" and {n} other log{'s' * (n > 1)}" if n else ""
+                yield f"{names[0]}{others}: {sentence}"
             continue
         sentence, (first, *_) = next(iter(sentences.items()))
-        others = [log for log in dict.fromkeys(log for log, _ in found) if log != first]
-        listed = listed_names(others, few=FEW)
-        yield f"{first}: {sentence}. With other numbers in {listed}"
+        others = listed_names([log for log in dict.fromkeys(log for log, _ in found)
+                               if log != first], few=FEW)  # fmt: skip
+        yield f"{first}: {sentence}. With other numbers in {others}"
     if len(by_code) > FEW:
         yield f"and {len(by_code) - FEW} more kinds; --json lists them all"
 
 
-def _note(found: Sequence[tuple[str, Mapping[str, Any]]], n_logs: int) -> str:
+def _note(found: Sequence[tuple[str, Facts]], n_logs: int) -> str:
     """Return a note of several logs once, with the range of its number."""
     (_, first), values = found[0], [one.get("value") for _, one in found]
     said = f"{first['name']}: {first['sentence']}"
@@ -181,7 +219,7 @@ def _note(found: Sequence[tuple[str, Mapping[str, Any]]], n_logs: int) -> str:
     return f"{said} ({len(found)} of {n_logs} logs{spread})"
 
 
-def _reading_lines(logs: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+def _read_as(logs: Sequence[Facts]) -> Iterator[str]:
     """Yield what was assumed in reading, each assumption once."""
     notes: dict[str, int] = {}
     for log in logs:
@@ -189,32 +227,15 @@ def _reading_lines(logs: Sequence[Mapping[str, Any]]) -> Iterator[str]:
         for note in log.get("notes", ()):
             if note not in told:
                 notes[note] = notes.get(note, 0) + 1
-    if notes:
-        yield from ("", "Read as")
     for note, n in list(notes.items())[:FEW]:
-        yield _indented(f"{note} ({n} of {len(logs)} logs)" if len(logs) > 1 else note)
+        yield f"{note} ({n} of {len(logs)} logs)" if len(logs) > 1 else note
     if len(notes) > FEW:
-        yield _indented(f"and {len(notes) - FEW} more; --json lists them all")
+        yield f"and {len(notes) - FEW} more; --json lists them all"
 
 
-def _named(names: Sequence[str]) -> str:
-    others = len(set(names)) - 1
-    return f"{names[0]} and {others} other log{'s' * (others > 1)}" if others else names[0]
-
-
-def _indented(text: str) -> str:
-    return "  " + " ".join(text.split())
-
-
-def _wrapped(line: str, columns: int) -> list[str]:
-    """Wrap what is indented; headings are short."""
-    if not line.startswith("  "):
-        return [line]
-    return wrap(
-        line.strip(),
-        columns,
-        initial_indent="  ",
-        subsequent_indent="    ",
-        break_long_words=False,
-        break_on_hyphens=False,
-    )
+def _indented(lines: Iterable[str], columns: int) -> Iterator[str]:
+    for line in lines:
+        yield from wrap(
+            " ".join(line.split()), columns, initial_indent="  ", subsequent_indent="    ",
+            break_long_words=False, break_on_hyphens=False,
+        )  # fmt: skip

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import base64
 import json
+from collections import Counter, defaultdict
 from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib import resources
@@ -23,7 +24,6 @@ from markupsafe import Markup, escape
 
 from damperfit import __version__
 from damperfit.errors import InstallationError
-from damperfit.problem import Problem, listing, short_listing
 from damperfit.reporting.compared import (
     comparison_sheets,
     difference_plots,
@@ -32,29 +32,11 @@ from damperfit.reporting.compared import (
     tolerance_sheet,
 )
 from damperfit.reporting.figures import plot_in_units, setting_colours
-from damperfit.reporting.forces import force_sheets, log_force_sheet, segment_sheet
-from damperfit.reporting.laws import rival_sheet, tried_laws_sheet
-from damperfit.reporting.markdown import lead, listings
-from damperfit.reporting.records import checks_in, findings_in, law_in, listed_in
-from damperfit.reporting.run_figures import has_several_speeds
-from damperfit.reporting.sheet import (
-    Sheet,
-    html_table,
-    number,
-    percent,
-    printable,
-    rows_in_units,
-    sheet_in_units,
-)
-from damperfit.reporting.tables import (
-    cavitation_sheet,
-    check_sheet,
-    check_summary,
-    mse_sheet,
-    parameter_line,
-    parameter_sheet,
-    remarks_on,
-)
+from damperfit.reporting.forces import log_force_sheet, segment_sheet
+from damperfit.reporting.records import checks_in
+from damperfit.reporting.report import Section, lead, report_sections, verdict
+from damperfit.reporting.sheet import html_table, printable, rows_in_units, sheet_in_units
+from damperfit.reporting.tables import parameter_line
 from damperfit.tested.setting import Setting
 
 if TYPE_CHECKING:
@@ -66,8 +48,6 @@ if TYPE_CHECKING:
     from damperfit.reporting.figures import Line, Panel, Plot
     from damperfit.reporting.run_figures import LogView, ReportPlots
     from damperfit.units.shown_units import ShownUnits
-
-    Row = Mapping[str, Any]
 
 _IDENTITY = ("damper", "serial", "date", "operator", "customer", "rig")
 _LOOKS = {"excellent": "well", "passed": "well", "poor": "ill", "FAILED": "ill"}
@@ -92,16 +72,24 @@ _WORDS = (
 
 
 def draw(template: str, **parts: object) -> str:
-    """Return a template of `report/assets` with these parts in it.
+    """Return a template of `reporting/assets` with these parts in it, by the names it has for them.
 
-    Parameters
-    ----------
-    template : str
-        File name.
-    **parts : object
-        By the names that the template has for them; text is escaped, but for what is `Markup`.
+    Text is escaped, but for what is `Markup`.
     """
     return _environment().get_template(template).render(parts)
+
+
+def _page(template: str, data: PlotData, colours: Mapping[Setting, str], **parts: object) -> str:
+    return draw(
+        template,
+        version=__version__,
+        style=asset("page.css"),
+        colours=colours,
+        data=data.script(colours),
+        plotly=plotly_script(),
+        script=asset("page.js"),
+        **parts,
+    )
 
 
 def page_text(text: object) -> Markup:
@@ -245,33 +233,26 @@ def plotly_script() -> Markup:
 def html_report(shown: ReportPlots, *, title: str) -> str:
     """Return a run as one self-contained HTML page.
 
-    Parameters
-    ----------
-    shown : ReportPlots
-        What to show.
-    title : str
-        Heading, as a rule the name of the folder; escaped here.
+    The title is the heading, as a rule the name of the folder; it is escaped here.
 
     Raises
     ------
     InstallationError
         plotly is not installed.
     """
-    run, units, data = shown.run, shown.units, PlotData()
+    run, data = shown.run, PlotData()
     overall = [data.add(plot) for plot in shown.overall]
     logs = list(_log_sections(shown, data))
-    checks, known = checks_in(run.record), listings(run)
-    procedure = [*known.pop("How it was done"), *_tests(shown)]
-    alarms = {name: known.pop(name) for name in ("Not done", "Gates not met")}
-    del known["Grades withheld"]  # the verdicts say why
-    warnings = known.pop("Warnings")
     identity = run.identity
-    return draw(
+    of: dict[str, list[Section]] = defaultdict(list)
+    for section in report_sections(run, shown.units):
+        of[section.place].append(section)
+    of["folded"].append(Section("What the words mean", "folded", _WORDS))
+    return _page(
         "page.html",
+        data,
+        shown.colours,
         title=title,
-        version=__version__,
-        style=asset("page.css"),
-        colours=shown.colours,
         places=list(dict.fromkeys(section["setting"] for section in logs)),
         identity=[
             (key, identity[key])
@@ -279,154 +260,47 @@ def html_report(shown: ReportPlots, *, title: str) -> str:
             if key in identity
         ],
         lead=lead(run),
-        forces=_in_units(force_sheets(rows_in_units(run.rows("adjustment"), units)), units),
-        first=overall[0] if overall else None,
-        alarms={"These results are incomplete": run.remarks, **alarms},
-        checks_title=f"Checks: {check_summary(checks)}",
-        failed=[check for check in checks if check.passed is False],
-        checks=check_sheet(checks),
-        listings=_each_once({"Warnings": warnings, "Verdicts": _verdicts(shown), **known}),
-        details_below={
-            "Warnings of each log": _log_findings(run.record),
-            "How it was done": procedure,
-            "What the words mean": _WORDS,
-        },
-        parameters=parameter_sheet(run.rows("parameters"), run.quantities),
-        overall=overall[1:],
-        tables=_tables(shown),
+        of=of,
+        failed=[check for check in checks_in(run.record) if check.passed is False],
+        figures=overall,
         logs=logs,
-        data=data.script(shown.colours),
-        plotly=plotly_script(),
-        script=asset("page.js"),
     )
-
-
-def _in_units(sheets: Sequence[Sheet], units: ShownUnits) -> list[Sheet]:
-    return [sheet_in_units(sheet, units) for sheet in sheets]
-
-
-def _each_once(known: Mapping[str, Sequence[str]]) -> dict[str, list[str]]:
-    """Return the listings without what stands in an earlier one."""
-    seen: set[str] = set()
-    new = {}
-    for title, items in known.items():
-        new[title] = [item for item in items if item not in seen]
-        seen.update(items)
-    return new
-
-
-def _tests(shown: ReportPlots) -> Iterator[str]:
-    """Yield how the rig was declared, what was tested, and what made the results."""
-    record, logs = shown.run.record, shown.logs
-    configuration = record.get("configuration")
-    rig = configuration.get("rig") if isinstance(configuration, dict) else None
-    if isinstance(rig, dict):
-        turned = [key for key in ("displacement", "force") if rig.get(f"reverse_{key}") is True]
-        yield (
-            f"Rig: filter in the rig {rig.get('filter', 'unknown')}, x = 0 at "
-            f"{rig.get('centre', 'unknown')}, signs reversed: {' and '.join(turned) or 'none'}."
-        )
-    if logs:
-        rates = [log.frequency for log in logs if log.frequency is not None]
-        heats = [log.temperature for log in logs if log.temperature is not None]
-        parts = [f"{len(logs)} log{'s' if len(logs) > 1 else ''}"]
-        parts += [f"{_spread(rates)} Hz"] if rates else []
-        parts.append(f"amplitude {_spread([1e3 * log.amplitude for log in logs])} mm")
-        parts.append(f"{_spread(heats)} degC" if heats else "temperature not logged")
-        yield f"Test: {shown.units.say_lengths(', '.join(parts))}."
-    if record.get("version"):
-        yield f"Made by damperfit {record['version']}."
-
-
-def _spread(values: Sequence[float]) -> str:
-    low, high = number(min(values), digits=3), number(max(values), digits=3)
-    return low if low == high else f"{low} to {high}"
-
-
-def _verdicts(shown: ReportPlots) -> list[str]:
-    """Return how the fits went that are less than good, or need a remark."""
-    rows = shown.run.rows("parameters")
-    doubtful = [
-        f"setting {row['setting']}: {_verdict(row, shown)}"
-        for row in rows
-        if row["grade"] not in {"excellent", "good"} or remarks_on(row, shown.run.quantities)
-    ]
-    if rows and not doubtful:
-        return ["every fit converged, good or better, without a remark"]
-    return short_listing(doubtful)
-
-
-def _verdict(row: Row, shown: ReportPlots) -> str:
-    """Return how the fit of one setting went, in words."""
-    words = row["grade"] or "no grade"
-    if row["mse_percent"] is not None:
-        words += f", MSE {percent(row['mse_percent'])} %"
-    remarks = remarks_on(row, shown.run.quantities)
-    reason = f"withheld because {row['grade_reason']}" if row.get("grade_reason") else ""
-    return "; ".join(part for part in (words, remarks, reason) if part)
-
-
-def _log_findings(record: Row) -> list[str]:
-    """Return the findings that matter; mere notes stand with their log."""
-    inputs = [entry for entry in listed_in(record, "inputs") if isinstance(entry, dict)]
-    findings = ((str(one.get("log", "log")), seen) for one in inputs for seen in findings_in(one))
-    return listing(
-        Problem(seen.name, seen.sentence, seen.severity, subject=name)
-        for name, seen in findings
-        if seen.severity != "note"
-    )
-
-
-def _tables(shown: ReportPlots) -> list[tuple[str, Sheet]]:
-    """Return the tables that are folded, by title; those without rows are left out."""
-    run, rows, law = shown.run, shown.run.rows("parameters"), law_in(shown.run.record)
-    settings = {row["setting"] for row in rows}
-    errors = [row for row in run.rows("mse") if row["setting"] in settings]
-    known = rows_in_units(run.rows("characteristics"), shown.units)
-    peaks = known if has_several_speeds(known) else []
-    sheets = (
-        ("Peak force against peak speed (PVP)", segment_sheet(peaks, has_setting=True)),
-        ("MSE by setting and log", mse_sheet(errors, rows, run.quantities)),
-        ("Model structures that were tried", tried_laws_sheet(law)),
-        ("Models from the literature on the same logs", rival_sheet(law)),
-        ("How near to cavitation", cavitation_sheet(rows)),
-    )
-    return [(title, sheet_in_units(sheet, shown.units)) for title, sheet in sheets if sheet.rows]
 
 
 def _log_sections(shown: ReportPlots, data: PlotData) -> Iterator[dict[str, Any]]:
-    """Yield what `log.html` shows of each log.
+    """Yield what the page shows of each log.
 
     The anchor is where the page can be entered: ``setting-12``, a second log of the setting has
     ``setting-12-log-2``.
     """
     rows = {row["setting"]: row for row in shown.run.rows("parameters")}
-    seen: dict[str, int] = {}
+    seen: Counter[str] = Counter()
     for log, plots in shown.by_log:
         name = str(log.setting.cell) if isinstance(log.setting.cell, int) else log.setting.slug
-        seen[name] = seen.get(name, 0) + 1
+        seen[name] += 1
         row, fastest = rows.get(log.setting), log.fastest
         own = rows_in_units(log.rows, shown.units)
         at_best = [one for one in own if fastest and one["stretch"] == fastest["stretch"]]
-        findings = log.findings
-        notes = [one.sentence for one in findings if one.severity == "note"]
+        notes = [one.sentence for one in log.findings if one.severity == "note"]
         forces = [log_force_sheet(at_best)] if at_best else []
         segments = [segment_sheet(own, has_setting=False)] if log.has_segments else []
         yield {
             "setting": log.setting,
             "anchor": f"setting-{name}" + (f"-log-{seen[name]}" if seen[name] > 1 else ""),
             "log": log.signals.log,
-            "verdict": _verdict(row, shown) if row else "",
+            "verdict": verdict(row, shown.run) if row else "",
             "parameters": parameter_line(row, shown.run.quantities) if row else "",
             "facts": _log_facts(log, shown.units),
-            "findings": [f"{f.severity}: {f.sentence}" for f in findings if f.severity != "note"],
+            "findings": [
+                f"{one.severity}: {one.sentence}" for one in log.findings if one.severity != "note"
+            ],
             "details": {
                 "Notes on the log": notes,
                 "How the log was read": [one for one in log.notes if one not in notes],
             },
             "figures": [data.add(plot) for plot in plots],
-            "forces": _in_units(forces, shown.units),
-            "segments": _in_units(segments, shown.units),
+            "forces": [sheet_in_units(one, shown.units) for one in forces],
+            "segments": [sheet_in_units(one, shown.units) for one in segments],
         }
 
 
@@ -454,16 +328,7 @@ def comparison_page(
 ) -> str:
     """Return comparisons, and forces held against bands, as one self-contained HTML page.
 
-    Parameters
-    ----------
-    comparisons : sequence of RunComparison
-        One a pair.
-    points : sequence of Point
-        Forces held against bands.
-    source : str
-        The bands, as they were given.
-    alone : sequence of str
-        What has no partner.
+    Of the pairs, of the points and their bands as they were given, and of what has no partner.
 
     Raises
     ------
@@ -471,12 +336,11 @@ def comparison_page(
         plotly is not installed.
     """
     data = PlotData()
-    groups: dict[str, list[RunComparison]] = {}
+    groups: dict[str, list[RunComparison]] = defaultdict(list)
     for one in comparisons:
-        groups.setdefault(one.first.shown_as, []).append(one)
-    colours = setting_colours(sorted({s for one in comparisons for s in one.settings}))
+        groups[one.first.shown_as].append(one)
     overall: list[Figure] = []
-    sections: list[dict[str, Any]] = []
+    settings_of: list[dict[str, Any]] = []
     for k, group in enumerate(groups.values()):
         more = f"_{k + 1}" if len(groups) > 1 else ""
         whose = f" ({group[0].first.name})" if len(groups) > 1 else ""
@@ -488,24 +352,19 @@ def comparison_page(
         for setting in sorted({setting for one in group for setting in one.settings}):
             having = [run for run in runs if setting in {test.setting for test in run.tests}]
             plots = loop_plots(having, setting, name=f"setting_{setting.slug}{more}")
-            figures = tuple(data.add(plot_in_units(plot, group[0].units)) for plot in plots)
-            sections.append(
-                {"setting": setting, "title": f"Setting {setting}{whose}", "figures": figures}
-            )
+            figures = [data.add(plot_in_units(plot, group[0].units)) for plot in plots]
+            title = f"Setting {setting}{whose}"
+            settings_of.append({"setting": setting, "title": title, "figures": figures})
     titles = [f"{one.second.name} beside {one.first.name}" for one in comparisons]
-    return draw(
+    return _page(
         "comparison.html",
+        data,
+        setting_colours(sorted({s for one in comparisons for s in one.settings})),
         title=" | ".join(titles[:3]) or "tolerance",
-        version=__version__,
-        style=asset("page.css"),
-        colours=colours,
         pairs=list(zip(titles, comparisons, map(comparison_sheets, comparisons), strict=True)),
         tolerance=(tolerance_outcome(points), tolerance_sheet(points)) if points else None,
         source=source,
         alone=list(alone),
         overall=overall,
-        sections=sections,
-        data=data.script(colours),
-        plotly=plotly_script(),
-        script=asset("page.js"),
+        sections=settings_of,
     )

@@ -10,33 +10,32 @@ A figure is a function that yields what it has of it, and a line in `FIGURES` or
 from __future__ import annotations
 
 import math
+from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from damperfit.damper.model import PRESSURES
 from damperfit.reporting.figures import (
-    CHAMBER_COLOURS,
-    CHAMBER_STYLES,
     SPEED_COLOURS,
     Line,
     Panel,
     Plot,
+    loop,
     plot_in_units,
+    pressure_panel,
     setting_colours,
     setting_names,
     setting_panel,
     setting_places,
     thin,
 )
-from damperfit.reporting.forces import STROKE_WORDS, sweep_sentence
+from damperfit.reporting.forces import STROKE_WORDS
 from damperfit.reporting.records import findings_in, listed_in, number_in, trends_in, units_in
 from damperfit.reporting.sheet import number
 from damperfit.reporting.tables import is_one_for_all, scale_of
 from damperfit.tested.setting import Setting, lines_of
-from damperfit.units.shown_units import SI, ShownUnits
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -46,15 +45,13 @@ if TYPE_CHECKING:
     from damperfit.adjustment.trends import Trend
     from damperfit.damper.quantity import Quantity
     from damperfit.recording import Finding
-    from damperfit.reporting.forces import SweepMember
     from damperfit.results import Run
-    from damperfit.simulation import Response
     from damperfit.tables.reading import LogSignals
+    from damperfit.units.shown_units import ShownUnits
 
     FloatArray = NDArray[np.float64]
     Row = Mapping[str, Any]
 
-_BUCKETS = 500  # of one cycle: 3000 samples are drawn as they are
 _LOG_BUCKETS = 200  # of a whole log: peaks of every cycle survive
 _CLOUD = 800  # points of a residual plot, besides the peaks
 _GAP = 1.5  # sample intervals
@@ -72,6 +69,7 @@ _FAR = 3.0  # heights of the fitted values: a value at a bound beyond it would f
 _STROKES = (("rebound", 1.0), ("bump", -1.0))
 _BAR, _CM3 = 1e5, 1e-6
 _DIRECTIONS = "rebound to the right and up, compression to the left and down"
+_HELD = {"absent", "not_identifiable"}
 
 
 # A log as it is looked at
@@ -105,10 +103,15 @@ class LogView:
         """Its segments: peak speeds and forces, energy, hysteresis."""
         return tuple(row for row in self.rows if row["point"] == "peak")
 
+    @cached_property
+    def steady(self) -> tuple[Row, ...]:
+        """Its segments that repeat."""
+        return tuple(row for row in self.peaks if row["cycles"])
+
     @property
     def is_moving(self) -> bool:
         """Whether nothing in it repeats."""
-        return bool(self.peaks) and not any(row["cycles"] for row in self.peaks)
+        return bool(self.peaks) and not self.steady
 
     @property
     def has_segments(self) -> bool:
@@ -118,25 +121,24 @@ class LogView:
     @property
     def fastest(self) -> Row | None:
         """Its fastest steady segment; None where nothing repeats, or no table tells."""
-        steady = [row for row in self.peaks if row["cycles"]]
-        return max(steady, key=lambda row: row["speed_rebound_m_per_s"] or 0.0, default=None)
+        return max(self.steady, key=lambda row: row["speed_rebound_m_per_s"] or 0.0, default=None)
 
     @cached_property
     def cycles(self) -> tuple[slice, ...]:
         """The last whole cycle of each steady segment; older runs tell of one, in the entry."""
-        time, found = self.signals.time, []
-        told = listed_in(self.facts, "stretches") or [self.facts]
-        for segment in (one for one in told if isinstance(one, dict)):
+        time, cycles = self.signals.time, []
+        for segment in listed_in(self.facts, "stretches") or [self.facts]:
+            if not isinstance(segment, dict) or segment.get("kind", "steady") != "steady":
+                continue
             rate = number_in(segment, "frequency_Hz")
-            is_steady = segment.get("kind", "steady") == "steady"
-            if not is_steady or rate is None or not rate > 0.0 or len(time) < _FEWEST:
+            if rate is None or not rate > 0.0 or len(time) < _FEWEST:
                 continue
             stop = number_in(segment, "figures_stop_s") or number_in(segment, "stop_s") or math.inf
             end = int(np.searchsorted(time, stop - _LATE))
             begin = int(np.searchsorted(time, time[end - 1] - 1.0 / rate - _LATE))
             if end - begin >= _FEWEST:
-                found.append(slice(begin, end))
-        return tuple(found)
+                cycles.append(slice(begin, end))
+        return tuple(cycles)
 
     @property
     def cycle(self) -> slice:
@@ -172,6 +174,11 @@ class LogView:
         """What its data show, the gravest first."""
         return findings_in(self.facts)
 
+    def line(self, x: FloatArray, y: FloatArray, label: str, colour: str, style: str, **more: Any
+             ) -> Line:  # fmt: skip
+        """Return a line of its setting, with more fields of `Line`."""
+        return Line(x, y, label, colour, self.setting, style, **more)
+
 
 def has_several_speeds(rows: Iterable[Row]) -> bool:
     """Whether a setting was tested at more than one speed, by its rows of characteristics."""
@@ -184,18 +191,10 @@ def has_several_speeds(rows: Iterable[Row]) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class ReportPlots:
-    """Everything that is drawn from a run.
-
-    Attributes
-    ----------
-    run : Run
-        Whose.
-    units : ShownUnits
-        Of forces, speeds and displacements in the plots.
-    """
+    """Everything that is drawn of ``run``, forces, speeds and displacements in ``units``."""
 
     run: Run
-    units: ShownUnits = SI
+    units: ShownUnits
 
     @cached_property
     def logs(self) -> tuple[LogView, ...]:
@@ -214,9 +213,8 @@ class ReportPlots:
     def colours(self) -> Mapping[Setting, str]:
         """Colour of each setting."""
         rows = (*self.run.rows("parameters"), *self.run.rows("mse"))
-        return setting_colours(
-            [*(row["setting"] for row in rows), *(one.setting for one in self.logs)]
-        )
+        settings = [one.setting for one in self.logs]
+        return setting_colours([*(row["setting"] for row in rows), *settings])
 
     @cached_property
     def overall(self) -> tuple[Plot, ...]:
@@ -227,18 +225,18 @@ class ReportPlots:
     @cached_property
     def by_log(self) -> tuple[tuple[LogView, tuple[Plot, ...]], ...]:
         """Each log; the valves of a setting stand with its first."""
-        found = []
-        counts: dict[Setting, int] = {}
+        plots_of = []
+        counts: Counter[Setting] = Counter()
         for log in self.logs:
             setting = log.setting
-            counts[setting] = counts.get(setting, 0) + 1
+            counts[setting] += 1
             more = f"_log_{counts[setting]}" if counts[setting] > 1 else ""
             name, colour = f"setting_{setting.slug}{more}", self.colours[setting]
             plots = [plot for figure in LOG_FIGURES for plot in figure(log, name, colour)]
             if not more:
-                plots += _valves(self.run.rows("valves"), setting, colour=colour)
-            found.append((log, tuple(plot_in_units(plot, self.units) for plot in plots)))
-        return tuple(found)
+                plots += _valves(self.run.rows("valves"), log, name, colour)
+            plots_of.append((log, tuple(plot_in_units(plot, self.units) for plot in plots)))
+        return tuple(plots_of)
 
     @property
     def plots(self) -> tuple[Plot, ...]:
@@ -261,35 +259,30 @@ def _emphasis(settings: Iterable[Setting]) -> set[Setting]:
 
 def _peak_forces(shown: ReportPlots) -> Iterator[Plot]:
     """Peak force against peak velocity: measured points, curves of the model and of the damper."""
-    rows = [row for log in shown.logs for row in log.peaks if row["cycles"]]
+    rows = [row for log in shown.logs for row in log.steady]
     if not has_several_speeds(rows):
         return
     settings = sorted({row["setting"] for row in rows})
     bold, lines = _emphasis(settings), []
     for setting in settings:
-        style = "wide" if setting in bold else "solid"
+        look = "wide" if setting in bold else "solid"
         for stroke, sign in _STROKES:
             own = [row for row in shown.run.rows("adjustment") if row["stroke"] == stroke]
             peak = f"speed_{stroke}_m_per_s"
-            for word, known, x, y, look in (
+            for word, known, x, y, style in (
                 ("damper at constant speed", own, "speed_m_per_s", "model_N", "dashed"),
-                ("model", rows, peak, f"simulated_{stroke}_N", style),
+                ("model", rows, peak, f"simulated_{stroke}_N", look),
                 ("measured", rows, peak, f"measured_{stroke}_N", "points"),
             ):
                 mine = (row for row in known if row["setting"] == setting)
                 pairs = {row[x]: row[y] for row in mine if row[x] and row.get(y) is not None}
                 if not pairs:
                     continue
-                at = sorted(pairs)
-                line = Line(
-                    sign * np.array(at),
-                    np.array([pairs[speed] for speed in at]),
-                    f"setting {setting}, {word}, {STROKE_WORDS[stroke]}",
-                    shown.colours[setting],
-                    setting,
-                    look,
-                    tag=setting.label if look == "wide" and sign > 0.0 else "",
-                )
+                at, force = np.array(sorted(pairs.items())).T
+                label = f"setting {setting}, {word}, {STROKE_WORDS[stroke]}"
+                tag = setting.label if style == "wide" and sign > 0.0 else ""
+                line = Line(sign * at, force, label, shown.colours[setting], setting, style,
+                            tag=tag)  # fmt: skip
                 lines.append(line)
     lines.sort(key=lambda line: ("dashed", "solid", "wide", "points").index(line.style))
     panel = Panel("peak velocity", "m/s", "peak force", "N", tuple(lines))
@@ -316,8 +309,9 @@ def _fan(shown: ReportPlots) -> Iterator[Plot]:
             colour = shown.colours[setting] if is_model else "ink"
             for k, (v, f, more) in enumerate(_strands(log, force)):
                 tag = setting.label if is_model and setting in bold and k == 0 else ""
-                label = f"setting {setting}, {word}{more}"
-                lines.append(Line(v, f, label, colour, setting, style, tag=tag))
+                lines.append(
+                    log.line(v, f, f"setting {setting}, {word}{more}", colour, style, tag=tag)
+                )
     panel = Panel("velocity", "m/s", "force", "N", tuple(lines))
     caption = (
         "Last cycle of every log; in the setting's colour: simulated, thin and dark: measured. "
@@ -334,8 +328,8 @@ def _absolute(shown: ReportPlots) -> Iterator[Plot]:
             # The means leap over zero: from there a line would join rebound and compression.
             for part in (v >= 0.0, v < 0.0) if more else (np.ones(len(v), dtype=bool),):
                 label = f"setting {log.setting}, measured{more}"
-                kept = np.abs(v[part]), force[part]
-                lines.append(Line(*kept, label, shown.colours[log.setting], log.setting, "thin"))
+                x, y, colour = np.abs(v[part]), force[part], shown.colours[log.setting]
+                lines.append(log.line(x, y, label, colour, "thin"))
     if not lines:
         return
     panel = Panel("absolute velocity", "m/s", "measured force", "N", tuple(lines))
@@ -347,27 +341,23 @@ def _absolute(shown: ReportPlots) -> Iterator[Plot]:
     yield Plot("absolute_velocity", title, (panel,), caption, (("measured", "thin"),))
 
 
-def _strands(view: LogView, force: FloatArray) -> Iterator[tuple[FloatArray, FloatArray, str]]:
+def _strands(log: LogView, force: FloatArray) -> Iterator[tuple[FloatArray, FloatArray, str]]:
     """Yield velocity and force of the last cycle, or means of both branches where none repeats."""
-    v, f = view.signals.velocity[view.cycle], force[view.cycle]
-    if not view.is_moving:
-        kept = thin(_BUCKETS, v, f)
-        yield v[kept], f[kept], ""
+    if not log.is_moving:
+        yield *loop(log.signals.velocity, force, log.cycle), ""
         return
-    for branch in _branches(v, f):
-        yield branch.velocity, branch.mean, f", mean, {branch.word} branch"
+    for word, velocity, mean in _branches(log.signals.velocity[log.cycle], force[log.cycle]):
+        yield velocity, mean, f", mean, {word} branch"
 
 
 def _means(logs: Sequence[LogView]) -> str:
     """Return what is drawn of logs without a cycle, as a sentence."""
     n = sum(log.is_moving for log in logs)
-    if not n:
-        return ""
     whose = "the logs" if n == len(logs) else f"{n} of {len(logs)} logs"
     return (
         f" Of {whose} no cycle repeats: the mean force by velocity is drawn, of the opening and "
         "of the closing branch."
-    )
+    ) * bool(n)
 
 
 def _named_speeds(shown: ReportPlots) -> Iterator[Plot]:
@@ -394,31 +384,28 @@ def _named_speeds(shown: ReportPlots) -> Iterator[Plot]:
 
 
 def _errors(shown: ReportPlots) -> Iterator[Plot]:
-    def positive(rows: Iterable[Row], name: str) -> list[Row]:
-        return [row for row in rows if 0.0 < (row[name] or 0.0) < math.inf]  # the axis is of powers
+    def positive(name: str) -> dict[Setting, float]:  # the axis is of powers
+        rows = (row for row in shown.run.rows("mse") if not row["log"])
+        return {row["setting"]: row[name] for row in rows if 0.0 < (row[name] or 0.0) < math.inf}
 
-    rows = (row for row in shown.run.rows("mse") if not row["log"])
-    whole = positive(rows, "mse_percent")
-    if not whole:
+    errors = positive("mse_percent")
+    if not errors:
         return
-    places = setting_places(row["setting"] for row in whole)
-
-    def points(rows: Sequence[Row], name: str) -> tuple[FloatArray, FloatArray]:
-        at = [places[row["setting"]] for row in rows]
-        return np.array(at), np.array([row[name] for row in rows])
-
+    places = setting_places(errors)
     lines = [
         Line(
-            *(*points([row], "mse_percent"), f"MSE, setting {row['setting']}"),
-            *(shown.colours[row["setting"]], row["setting"], "points"),
+            *(np.array([places[setting]]), np.array([error]), f"MSE, setting {setting}"),
+            *(shown.colours[setting], setting, "points"),
             in_legend=False,
         )
-        for row in whole
+        for setting, error in errors.items()
     ]
     caption = "Dots: MSE, 100 % would be no better than the mean force."
-    if floor := positive(whole, "noise_floor_percent"):
-        drawn = points(floor, "noise_floor_percent")
-        lines.insert(0, Line(*drawn, "noise floor", "muted", style="dashed"))
+    floors = {k: floor for k, floor in positive("noise_floor_percent").items() if k in places}
+    if floors:
+        at = np.array([places[setting] for setting in floors])
+        floor = Line(at, np.array([*floors.values()]), "noise floor", "muted", style="dashed")
+        lines.insert(0, floor)
         caption += (
             " Dashed: noise floor, the MSE that scatter of the force explains; above it: the "
             "model, or noise of the displacement."
@@ -436,37 +423,36 @@ def _parameters(shown: ReportPlots) -> Iterator[Plot]:
     is_numbered = not setting_names(places)
     for one in shown.run.quantities:
         name, scale = one.name, scale_of(one)
-        known = [row for row in rows if _is_shown(row, name)]
+        known = [
+            row
+            for row in rows
+            if row[name] is not None
+            and math.isfinite(row[name])
+            and row[f"{name}_status"] not in _HELD
+        ]
         is_default = one.default is not None and {row[name] for row in known} == {one.default}
         if not known or is_default or (len(rows) > 1 and is_one_for_all(rows, name)):
             continue  # a sentence tells it: twenty equal bars say no more
         y_range, far = _window(known, name, scale.factor)
         mine = [trend for trend in trends if trend.parameter == name and trend.points]
-        curves = _trends(mine, places, scale.factor, is_numbered=is_numbered)
         points = [
             _point(row, places[row["setting"]], one, shown.colours[row["setting"]], far)
             for row in known
         ]
-        lines = (*curves, *points)
-        panel = setting_panel(places, scale.symbol, scale.axis, lines, y_range=y_range)
+        lines = (*_trends(mine, places, scale.factor, is_numbered=is_numbered), *points)
+        panel = setting_panel(places, one.symbol, scale.axis, lines, y_range=y_range)
         caption = " ".join(_caption(rows, known, name, far))
         if mine and not is_numbered:
             caption += " Broken lines: trends along one adjuster with the others held."
-        named = dict.fromkeys((scale.symbol, scale.meaning))  # play is called play
+        named = dict.fromkeys((one.symbol, one.label))  # play is called play
         yield Plot(f"parameter_{name}", f"{', '.join(named)}, against setting", (panel,), caption)
-
-
-def _is_shown(row: Row, name: str) -> bool:
-    value = row[name]
-    is_known = value is not None and math.isfinite(value)
-    return is_known and row[f"{name}_status"] not in {"absent", "not_identifiable"}
 
 
 def _window(
     rows: Sequence[Row], name: str, factor: float
 ) -> tuple[tuple[float, float] | None, dict[Setting, float]]:
     """Return a range of y that fits the fitted values, and where others are drawn at its edge."""
-    trusted = [row for row in rows if row[f"{name}_status"] not in {"absent", "at_bound"}]
+    trusted = [row for row in rows if row[f"{name}_status"] != "at_bound"]
     ends = (row[f"{name}{end}"] for row in trusted for end in ("", "_ci_low", "_ci_high"))
     values = [factor * end for end in ends if end is not None and math.isfinite(end)]
     if not values:
@@ -548,9 +534,11 @@ def _trends(
 def _caption(
     rows: Sequence[Row], known: Sequence[Row], name: str, far: Mapping[Setting, float]
 ) -> Iterator[str]:
-    fitted = [row for row in known if row[f"{name}_status"] in {"fitted", None}]
-    others = (row for row in known if row not in fitted and row["setting"] not in far)
-    held = {str(row[f"{name}_status"]).replace("_", " ") for row in others}
+    held = {
+        str(row[f"{name}_status"]).replace("_", " ")
+        for row in known
+        if row[f"{name}_status"] not in {"fitted", None} and row["setting"] not in far
+    }
     if held:
         yield f"Open triangles: {', '.join(sorted(held))}."
     if any(row[f"{name}_ci_low"] is not None for row in known):
@@ -576,16 +564,13 @@ FIGURES: tuple[Callable[[ReportPlots], Iterator[Plot]], ...] = (
 # One log
 
 
-class _Branch(NamedTuple):
-    """Means of one branch: "opening", where the speed grows, or "closing"."""
+def _branches(
+    velocity: FloatArray, values: FloatArray
+) -> Iterator[tuple[str, FloatArray, FloatArray]]:
+    """Yield the means of both branches by velocity, at the middles of the bins.
 
-    word: str
-    velocity: FloatArray
-    mean: FloatArray
-
-
-def _branches(velocity: FloatArray, values: FloatArray) -> Iterator[_Branch]:
-    """Yield the means of both branches by velocity, at the middles of the bins."""
+    The branch is "opening", where the speed grows, or "closing".
+    """
     if len(velocity) < _BINS or np.ptp(velocity) == 0.0:
         return
     middle, place = _binned(velocity)
@@ -595,7 +580,7 @@ def _branches(velocity: FloatArray, values: FloatArray) -> Iterator[_Branch]:
         total = np.bincount(place[part], weights=values[part], minlength=_BINS)
         seen = count >= _FEW
         if seen.any():
-            yield _Branch(word, middle[seen], total[seen] / count[seen])
+            yield word, middle[seen], total[seen] / count[seen]
 
 
 def _binned(signal: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
@@ -604,74 +589,66 @@ def _binned(signal: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
     return 0.5 * (edges[1:] + edges[:-1]), np.clip(np.digitize(signal, edges) - 1, 0, _BINS - 1)
 
 
-def _both(view: LogView, colour: str) -> Iterator[tuple[str, FloatArray, str, str]]:
+def _both(log: LogView, colour: str) -> Iterator[tuple[str, FloatArray, str, str]]:
     """Yield word, force, colour and style: simulated in colour, measured thin on top of it."""
-    yield "simulated", view.signals.force, colour, "wide"
-    yield "measured", view.signals.force_measured, "ink", "thin"
+    yield "simulated", log.signals.force, colour, "wide"
+    yield "measured", log.signals.force_measured, "ink", "thin"
 
 
-def _loops(view: LogView, signal: FloatArray, colour: str) -> Iterator[Line]:
-    """Yield the last cycle of each steady segment."""
-    cycles = view.cycles or (view.cycle,)
-    for word, force, ink, style in _both(view, colour):
-        for cycle in cycles:
-            x, y = signal[cycle], force[cycle]
-            kept = thin(_BUCKETS, x, y)
-            is_first = cycle is cycles[0]
-            yield Line(x[kept], y[kept], word, ink, view.setting, style, in_legend=is_first)
+def _loops(log: LogView, signal: FloatArray, colour: str) -> tuple[list[Line], str]:
+    """Return the last cycle of each steady segment, and what that is in words."""
+    cycles = log.cycles or (log.cycle,)
+    lines = [
+        log.line(*loop(signal, force, cycle), word, ink, style, in_legend=cycle is cycles[0])
+        for word, force, ink, style in _both(log, colour)
+        for cycle in cycles
+    ]
+    which = "" if len(log.steady) == len(log.peaks) else "steady "
+    return lines, "Last cycle" + f" of each {which}segment" * log.has_segments
 
 
-def _last_cycle(view: LogView) -> str:
-    if not view.has_segments:
-        return "Last cycle"
-    is_steady = all(row["cycles"] for row in view.peaks)
-    return "Last cycle of each segment" if is_steady else "Last cycle of each steady segment"
-
-
-def _force_velocity(view: LogView, name: str, colour: str) -> Iterator[Plot]:
-    if view.is_moving:
+def _force_velocity(log: LogView, name: str, colour: str) -> Iterator[Plot]:
+    velocity = log.signals.velocity
+    if log.is_moving:
         lines = [
-            Line(
-                *(branch.velocity, branch.mean, word, ink, view.setting, style),
-                in_legend=branch.word == "opening",
-            )
-            for word, force, ink, style in _both(view, colour)
-            for branch in _branches(view.signals.velocity, force)
+            log.line(v, mean, word, ink, style, in_legend=branch == "opening")
+            for word, force, ink, style in _both(log, colour)
+            for branch, v, mean in _branches(velocity, force)
         ]
         begins = "Mean of the opening and of the closing branch"
     else:
-        lines, begins = [*_loops(view, view.signals.velocity, colour)], _last_cycle(view)
+        lines, begins = _loops(log, velocity, colour)
     panel = Panel("velocity", "m/s", "force", "N", tuple(lines))
-    title = f"Setting {view.setting}: force against velocity"
+    title = f"Setting {log.setting}: force against velocity"
     yield Plot(f"{name}_force_velocity", title, (panel,), f"{begins}; {_DIRECTIONS}.")
 
 
-def _force_displacement(view: LogView, name: str, colour: str) -> Iterator[Plot]:
-    fastest = view.fastest
-    if view.is_moving:
-        lines = [*_stroke_forces(view, colour)]
+def _force_displacement(log: LogView, name: str, colour: str) -> Iterator[Plot]:
+    fastest = log.fastest
+    if log.is_moving:
+        lines = [*_stroke_forces(log, colour)]
         caption = (
             "Mean over the samples of each stroke, rebound above and compression below; nine of "
             "ten samples lie within the shaded range, for the speeds differ that pass a place."
         )
     else:
-        lines = [*_loops(view, 1e3 * view.signals.displacement, colour)]
-        caption = f"{_last_cycle(view)}."
-        if fastest and not view.has_segments:
+        lines, begins = _loops(log, 1e3 * log.signals.displacement, colour)
+        caption = f"{begins}."
+        if fastest and not log.has_segments:
             energy = [number(fastest[f"{w}_energy_J"], digits=4) for w in ("measured", "simulated")]
             caption += f" Energy per cycle: {energy[0]} J measured, {energy[1]} J simulated."
     panel = Panel("displacement", "mm", "force", "N", tuple(lines))
-    title = f"Setting {view.setting}: force against displacement"
+    title = f"Setting {log.setting}: force against displacement"
     yield Plot(f"{name}_force_displacement", title, (panel,), caption)
 
 
-def _stroke_forces(view: LogView, colour: str) -> Iterator[Line]:
+def _stroke_forces(log: LogView, colour: str) -> Iterator[Line]:
     """Yield mean and range of the force by place: a band simulated, dotted lines measured."""
-    x, v = 1e3 * view.signals.displacement, view.signals.velocity
+    x, v = 1e3 * log.signals.displacement, log.signals.velocity
     if len(x) < _FEW_IN_RANGE or np.ptp(x) == 0.0:
         return
     middle, place = _binned(x)
-    for word, force, ink, style in _both(view, colour):
+    for word, force, ink, style in _both(log, colour):
         for part, is_first in ((v > 0.0, True), (v < 0.0, False)):
             groups = [force[part & (place == k)] for k in range(_BINS)]
             seen = [k for k, group in enumerate(groups) if len(group) >= _FEW_IN_RANGE]
@@ -680,32 +657,30 @@ def _stroke_forces(view: LogView, colour: str) -> Iterator[Line]:
             low, high = np.array([np.percentile(groups[k], _RANGE) for k in seen]).T
             at, mean = middle[seen], np.array([groups[k].mean() for k in seen])
             band = {"low": low, "high": high} if word == "simulated" else {}
-            yield Line(at, mean, word, ink, view.setting, style, in_legend=is_first, **band)
+            yield log.line(at, mean, word, ink, style, in_legend=is_first, **band)
             for end in () if band else (low, high):
                 label, is_named = "measured, 5 and 95 %", is_first and end is low
-                yield Line(at, end, label, ink, view.setting, "dotted", in_legend=is_named)
+                yield log.line(at, end, label, ink, "dotted", in_legend=is_named)
 
 
-def _peaks(view: LogView, name: str, colour: str) -> Iterator[Plot]:
+def _peaks(log: LogView, name: str, colour: str) -> Iterator[Plot]:
     """Peak force against peak speed, where more than one speed was run."""
-    steady = [row for row in view.peaks if row["cycles"]]
-    if len(steady) < 2:
+    if len(log.steady) < 2:
         return
     lines = []
     for stroke, sign in _STROKES:
         for word, ink, style in (("simulated", colour, "rings"), ("measured", "ink", "points")):
             names = (f"speed_{stroke}_m_per_s", f"{word}_{stroke}_N")
-            x, y = np.array(sorted(tuple(row[one] for one in names) for row in steady), float).T
-            is_first = stroke == "rebound"
-            lines.append(Line(sign * x, y, word, ink, view.setting, style, in_legend=is_first))
+            x, y = np.array(sorted(tuple(row[k] for k in names) for row in log.steady), float).T
+            lines.append(log.line(sign * x, y, word, ink, style, in_legend=stroke == "rebound"))
     panel = Panel("peak velocity", "m/s", "peak force", "N", tuple(lines))
     caption = "One point a segment and stroke: mean of its cycles."
-    title = f"Setting {view.setting}: peak force against peak velocity"
+    title = f"Setting {log.setting}: peak force against peak velocity"
     yield Plot(f"{name}_peaks", title, (panel,), caption)
 
 
-def _force_time(view: LogView, name: str, colour: str) -> Iterator[Plot]:
-    signals = view.signals
+def _force_time(log: LogView, name: str, colour: str) -> Iterator[Plot]:
+    signals = log.signals
     residual = signals.force_measured - signals.force
     kept = thin(_LOG_BUCKETS, signals.force_measured, signals.force, residual)
     time = signals.time - signals.time[0]
@@ -717,76 +692,53 @@ def _force_time(view: LogView, name: str, colour: str) -> Iterator[Plot]:
         for values in (time, signals.force, signals.force_measured, residual)
     )
     forces = (
-        Line(time, simulated, "simulated", colour, view.setting, "wide"),
-        Line(time, measured, "measured", "ink", view.setting, "thin"),
+        log.line(time, simulated, "simulated", colour, "wide"),
+        log.line(time, measured, "measured", "ink", "thin"),
     )
-    left = Line(time, residual, "residual", colour, view.setting, "thin", in_legend=False)
+    left = log.line(time, residual, "residual", colour, "thin", in_legend=False)
     panels = (
         Panel("time", "s", "force", "N", forces),
         Panel("time", "s", "residual", "N", (left,)),
     )
-    title = f"Setting {view.setting}: force over time"
+    title = f"Setting {log.setting}: force over time"
     yield Plot(f"{name}_force_time", title, panels, "Below: measured less simulated.")
 
 
-def _residual(view: LogView, name: str, colour: str) -> Iterator[Plot]:
-    signals = view.signals
-    residual = signals.force_measured - signals.force
+def _residual(log: LogView, name: str, colour: str) -> Iterator[Plot]:
+    velocity = log.signals.velocity
+    residual = log.signals.force_measured - log.signals.force
     # Peaks alone would make the cloud wider than it is.
     some = np.arange(0, len(residual), max(1, len(residual) // _CLOUD))
     kept = np.union1d(some, thin(_LOG_BUCKETS // 8, residual))
-    cloud = Line(
-        *(signals.velocity[kept], residual[kept], "residual", colour, view.setting, "points")
-    )
+    cloud = log.line(velocity[kept], residual[kept], "residual", colour, "points")
     styles = {"opening": "solid", "closing": "dashed"}
     means = [
-        Line(
-            *(branch.velocity, branch.mean, f"mean, {branch.word} branch", "ink"),
-            *(view.setting, styles[branch.word]),
-        )
-        for branch in _branches(signals.velocity, residual)
+        log.line(v, mean, f"mean, {branch} branch", "ink", styles[branch])
+        for branch, v, mean in _branches(velocity, residual)
     ]
     panel = Panel("velocity", "m/s", "residual", "N", (cloud, *means), rules=((0.0, ""),))
     caption = (
         "Measured less simulated. A cloud around zero is noise; where a mean leaves zero, "
         "the model lacks something."
     )
-    title = f"Setting {view.setting}: residual against velocity"
+    title = f"Setting {log.setting}: residual against velocity"
     yield Plot(f"{name}_residual", title, (panel,), caption)
 
 
-def _pressures(view: LogView, name: str, _: str) -> Iterator[Plot]:
-    signals = view.signals
-    time = signals.time[view.cycle] - signals.time[view.cycle.start]
-    pressures = signals.pressures[:, view.cycle]
-    panel = _pressure_panel(time, pressures, setting=view.setting)
+def _pressures(log: LogView, name: str, _: str) -> Iterator[Plot]:
+    signals = log.signals
+    panel = pressure_panel(signals.time, signals.pressures, log.cycle, setting=log.setting)
+    pressures = signals.pressures[:, log.cycle]
     shares = [100.0 * float(np.mean(pressure <= 0.0)) for pressure in pressures]
     dry = [f"chamber {i} for {share:.1f} %" for i, share in enumerate(shares, start=1) if share]
     caption = "No chamber cavitates."
     if dry:
         caption = f"Shaded: cavitation, {' and '.join(dry)} of the cycle."
     caption += f" Lowest pressure of this cycle {pressures.min() / _BAR:.3g} bar."
-    if view.has_segments and view.cycles:
+    if log.has_segments and log.cycles:
         caption = f"Last cycle of the fastest segment. {caption}"
-    title = f"Setting {view.setting}: chamber pressures, simulated"
+    title = f"Setting {log.setting}: chamber pressures, simulated"
     yield Plot(f"{name}_pressures", title, (panel,), caption)
-
-
-def _pressure_panel(
-    time: FloatArray, pressures: FloatArray, *, setting: Setting | None = None
-) -> Panel:
-    """Return the chamber pressures over one cycle, cavitation shaded."""
-    kept = thin(_BUCKETS, *pressures)
-    looks = zip(PRESSURES, pressures, CHAMBER_COLOURS, CHAMBER_STYLES, strict=True)
-    lines = tuple(
-        Line(time[kept], pressure[kept] / _BAR, one.label, colour, setting=setting, style=style)
-        for one, pressure, colour, style in looks
-    )
-    is_dry = np.concatenate(([False], np.any(pressures <= 0.0, axis=0), [False]))
-    begins = np.flatnonzero(~is_dry[:-1] & is_dry[1:])
-    ends = np.flatnonzero(is_dry[:-1] & ~is_dry[1:]) - 1
-    bands = tuple((float(time[a]), float(time[b])) for a, b in zip(begins, ends, strict=True))
-    return Panel("time", "s", "absolute pressure", "bar", lines, bands=bands)
 
 
 # What is drawn of each log, with the first part of the figure's name and the setting's colour.
@@ -800,12 +752,9 @@ LOG_FIGURES: tuple[Callable[[LogView, str, str], Iterator[Plot]], ...] = (
 )
 
 
-# Valves of a setting
-
-
-def _valves(rows: Sequence[Row], setting: Setting, *, colour: str) -> tuple[Plot, ...]:
-    """Return a setting's valves, flow against pressure, or nothing where the table has none."""
-    own = [row for row in rows if row["setting"] == setting]
+def _valves(rows: Sequence[Row], log: LogView, name: str, colour: str) -> Iterator[Plot]:
+    """Yield a setting's valves, flow against pressure; nothing where the table has none."""
+    own = [row for row in rows if row["setting"] == log.setting]
     lines: list[Line] = []
     openings = []
     for stroke, sign in _STROKES:
@@ -814,7 +763,7 @@ def _valves(rows: Sequence[Row], setting: Setting, *, colour: str) -> tuple[Plot
         for curve, ink, style in (("measured", "ink", "points"), ("law", colour, "wide")):
             x, y = sign * _curve(own, stroke, curve)
             if len(x):
-                lines.append(Line(x, y, curve, ink, setting, style, in_legend=is_first))
+                lines.append(log.line(x, y, curve, ink, style, in_legend=is_first))
         for row in own:
             is_opening = row["stroke"] == stroke and row["curve"] == "opening"
             if not is_opening or row["pressure_Pa"] is None:
@@ -825,17 +774,14 @@ def _valves(rows: Sequence[Row], setting: Setting, *, colour: str) -> tuple[Plot
                 at, label = np.array([pressure]), "blow-off opens"
                 flow = sign * np.interp(at, *law)
                 is_named = all(line.label != label for line in lines)
-                lines.append(
-                    Line(sign * at, flow, label, "muted", setting, "rings", in_legend=is_named)
-                )
+                lines.append(log.line(sign * at, flow, label, "muted", "rings", in_legend=is_named))
             if row["valve_force_N"] is not None:
                 more = "" if is_reached else ", which these logs do not reach"
                 where = f"{STROKE_WORDS[stroke]} at {pressure:.3g} bar"
                 openings.append(f"{where} ({row['valve_force_N']:.3g} N){more}")
     if not lines:
-        return ()
-    order = {"points": 0, "wide": 1, "rings": 2}
-    lines.sort(key=lambda line: order[line.style])
+        return
+    lines.sort(key=lambda line: ("points", "wide", "rings").index(line.style))
     panel = Panel("pressure across the valve", "bar", "flow", "cm³/s", tuple(lines))
     caption = (
         f"{_DIRECTIONS.capitalize()}. Points: what the piston displaces less what gives way, read "
@@ -844,8 +790,8 @@ def _valves(rows: Sequence[Row], setting: Setting, *, colour: str) -> tuple[Plot
     )
     if openings:
         caption += f" Blow-offs open in {'; in '.join(openings)}."
-    title = f"Setting {setting}: the valves, flow against pressure"
-    return (Plot(f"setting_{setting.slug}_valves", title, (panel,), caption),)
+    title = f"Setting {log.setting}: the valves, flow against pressure"
+    yield Plot(f"{name}_valves", title, (panel,), caption)
 
 
 def _curve(rows: Sequence[Row], stroke: str, curve: str) -> FloatArray:
@@ -857,47 +803,3 @@ def _curve(rows: Sequence[Row], stroke: str, curve: str) -> FloatArray:
         if row["pressure_Pa"] is not None and row["flow_m3_per_s"] is not None
     ]
     return np.array(points, dtype=np.float64).reshape(-1, 2).T
-
-
-# A simulated cycle, and a sweep
-
-
-def cycle_plot(response: Response, frequency: float, *, title: str = "") -> Plot:
-    """Return force against displacement and velocity over the last cycle, of ``frequency`` Hz."""
-    last = response.time >= response.time[-1] - (1.0 + 1e-9) / frequency
-    force = response.force[last]
-    panels = (
-        Panel("displacement (positive: rebound)", "mm", "force", "N",
-              (Line(1e3 * response.displacement[last], force, "force", "#0072b2"),)),
-        Panel("velocity (positive: rebound)", "m/s", "force", "N",
-              (Line(response.velocity[last], force, "force", "#0072b2"),)),
-    )  # fmt: skip
-    return Plot("cycle", title, panels)
-
-
-def sweep_plot(name: str, members: Sequence[SweepMember], *, file_name: str, title: str) -> Plot:
-    """Return the force-velocity loops of a sweep's members; x1 in the text colour."""
-    colours = tuple(setting_colours(range(len(members))).values())
-    lines = []
-    for member, colour in zip(members, colours, strict=True):
-        cycle = _last_cycle_of(member)
-        v, f = member.response.velocity[cycle], member.response.force[cycle]
-        kept = thin(_BUCKETS, v, f)
-        ink = "ink" if member.factor == 1.0 else colour
-        lines.append(Line(v[kept], f[kept], f"{name} x{member.factor:g}", ink))
-    panel = Panel("velocity", "m/s", "force", "N", tuple(lines))
-    return Plot(file_name, title, (panel,), sweep_sentence(name, members))
-
-
-def sweep_pressure_plot(member: SweepMember, *, file_name: str, title: str) -> Plot:
-    """Return the chamber pressures of one member, cavitation shaded."""
-    cycle = _last_cycle_of(member)
-    time = member.response.time[cycle] - member.response.time[cycle.start]
-    panel = _pressure_panel(time, member.response.pressures[:, cycle])
-    return Plot(file_name, title, (panel,), "Shaded: cavitation." if panel.bands else "")
-
-
-def _last_cycle_of(member: SweepMember) -> slice:
-    time = member.response.time
-    start = time[-1] - 1.0 / member.frequency
-    return slice(max(0, int(np.searchsorted(time, start)) - 1), len(time))

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from damperfit.damper.quantity import Quantity
     from damperfit.units.shown_units import ShownUnits
 
+NOTHING = "-"
 _COLUMNS = 80
 _COLOURS = {"excellent": 32, "passed": 32, "good": 33, "poor": 31, "FAILED": 31}  # ANSI
 _WORD = 12  # letters of a word that a narrow column does not tear
@@ -29,22 +30,16 @@ _SPECIAL = re.compile(r"([\\`*\[\]<>#|~&$@]|(?<![^\W_])_|_(?![^\W_]))")
 _LIST = re.compile(r"^(\d*)([-+.)])(?=\s|$|\2)")
 # Nearly all cells of a table: words and numbers in which there is nothing to look for.
 _PLAIN = re.compile(r"[0-9A-Za-z]+(?:\.[0-9A-Za-z]+)*")
+_UNEVEN, _LEAST = 1.25, 0.1
+_TWO_DIGITS = 19  # an error of these digits or fewer shows two of them, another one
+_OF_A_PARAMETER = ("", "_se", "_ci_low", "_ci_high", "_misfit_se")
 
 
 @dataclass(frozen=True, slots=True)
 class Sheet:
-    """A table of strings.
+    """A table of strings: headings, units, rows of cells; notes are lines below it.
 
-    Attributes
-    ----------
-    headings, units : tuple of str
-        One per column; units may be empty strings.
-    rows : tuple of tuple of str
-        Cells.
-    is_number : tuple of bool
-        Columns that are aligned to the right.
-    notes : tuple of str
-        Lines that belong below the table.
+    Numbers are aligned to the right; units may be empty strings.
     """
 
     headings: tuple[str, ...]
@@ -74,15 +69,22 @@ class Column(NamedTuple):
 
         return cls(heading, unit, cell)
 
+    @classmethod
+    def text(cls, heading: str, name: str, *, is_number: bool = False, missing: str = "") -> Column:
+        """Return a column of what rows hold by name, as it is written."""
+
+        def cell(row: Mapping[str, Any]) -> str:
+            value = row.get(name)
+            return missing if value is None else str(value)
+
+        return cls(heading, "", cell, is_number)
+
 
 def laid_out(rows: Iterable[Any], columns: Sequence[Column], *notes: str) -> Sheet:
     """Return a table of rows by its columns, with notes below it."""
+    headings, units, cells, is_number = zip(*columns, strict=True)
     return Sheet(
-        tuple(one.heading for one in columns),
-        tuple(one.unit for one in columns),
-        tuple(tuple(one.cell(row) for one in columns) for row in rows),
-        tuple(one.is_number for one in columns),
-        notes,
+        headings, units, tuple(tuple(cell(row) for cell in cells) for row in rows), is_number, notes
     )
 
 
@@ -278,8 +280,6 @@ def html_table(sheet: Sheet, *, caption: str = "", looks: Mapping[str, str] | No
 
 # Numbers
 
-NOTHING = "-"
-
 
 def number(value: float | None, *, digits: int = 5) -> str:
     """Return a number with ``digits`` significant digits and no exponent where that reads well.
@@ -342,10 +342,6 @@ def with_interval(
     return f"{shown} ({_round_at(ends[0], place)} to {_round_at(ends[1], place)})"
 
 
-_UNEVEN, _LEAST = 1.25, 0.1
-_TWO_DIGITS = 19  # an error of these digits or fewer shows two of them, another one
-
-
 def percent(value: float | None) -> str:
     """Return a percentage with three significant digits.
 
@@ -389,8 +385,6 @@ def stroke_ratio(rebound: float, bump: float) -> str:
 
 
 # Units of people
-
-_OF_A_PARAMETER = ("", "_se", "_ci_low", "_ci_high", "_misfit_se")
 
 
 def sheet_in_units(sheet: Sheet, units: ShownUnits) -> Sheet:

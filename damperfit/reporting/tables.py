@@ -49,10 +49,8 @@ _FEWEST, _MOST = 3, 60  # settings that a sparkline is drawn of
 
 
 class Scale(NamedTuple):
-    """How a parameter is shown: symbol, meaning, unit, power of ten, and both on an axis."""
+    """How a parameter is shown: its unit, its power of ten, and what stands on an axis."""
 
-    symbol: str
-    meaning: str
     unit: str
     power: int
     axis: str
@@ -81,51 +79,40 @@ def scale_of(quantity: Quantity) -> Scale:
     shown = quantity.shown_unit
     has_power = shown[:2] == "10"  # "10³ s √N / (m kg)" is for an axis alone
     unit = shown if shown and not has_power else quantity.unit
-    return Scale(quantity.symbol, quantity.label, unit, quantity.power, shown or quantity.unit)
+    return Scale(unit, quantity.power, shown or quantity.unit)
+
+
+# Parameters
 
 
 def parameter_sheet(
-    rows: Sequence[Row],
-    quantities: Sequence[Quantity] = PAPER_QUANTITIES,
-    *,
-    levels: str = "",
+    rows: Sequence[Row], quantities: Sequence[Quantity] = PAPER_QUANTITIES, *, levels: str = ""
 ) -> Sheet:
     """Return one row per setting: parameters with their 95 % intervals, MSE, grade, remarks.
 
-    What all settings have in common is a note below.
-
-    Parameters
-    ----------
-    rows : sequence of mapping
-        Of the table of parameters.
-    quantities : sequence of Quantity
-        What was fitted.
-    levels : str
-        Characters of a course over the settings below the table, from low to high.
+    What all settings have in common is a note below. ``levels`` are the characters, from low to
+    high, of a course over the settings below the table.
     """
     shown = _shown(rows, quantities)
-    own = [
-        one for one in shown if not (is_one_for_all(rows, one.name) and _may_be_shared(one, rows))
-    ]
+    shared = [one for one in shown if is_one_for_all(rows, one.name) and _may_be_shared(one, rows)]
+    own = [one for one in shown if one not in shared]
 
     def column(one: Quantity) -> Column:
         spread = " ±95 %" * any(" " in _value(row, one) for row in rows)
-        unit = f"{scale_of(one).short_unit}{spread}"
-        return Column(one.symbol, unit, lambda row: _cell(row, one))
+        return Column(
+            one.symbol, f"{scale_of(one).short_unit}{spread}", lambda row: _cell(row, one)
+        )
 
     columns = [
-        Column("set", "", lambda row: str(row["setting"])),
+        Column.text("set", "setting", is_number=True),
         *map(column, own),
         Column("MSE", "%", lambda row: percent(row["mse_percent"])),
-        Column("grade", "", lambda row: row["grade"] or NOTHING, is_number=False),
+        Column.text("grade", "grade", missing=NOTHING),
     ]
     if any(map(remarks_on, rows)):
         columns.append(Column("remarks", "", remarks_on, is_number=False))
-    once = shared_sentence(rows, [one for one in shown if one not in own])
     courses = _courses(rows, own, levels) if levels else ()
-    return laid_out(
-        rows, columns, *(once.split("; ") if once else ()), *courses, *_legend(rows, own)
-    )
+    return laid_out(rows, columns, *_shared(rows, shared), *courses, *_legend(rows, own))
 
 
 def _shown(rows: Sequence[Row], quantities: Sequence[Quantity]) -> list[Quantity]:
@@ -134,9 +121,7 @@ def _shown(rows: Sequence[Row], quantities: Sequence[Quantity]) -> list[Quantity
 
 
 def _is_idle(row: Row, one: Quantity) -> bool:
-    if one.default is None:
-        return False
-    is_default = row[one.name] in (None, one.default)
+    is_default = one.default is not None and row[one.name] in (None, one.default)
     return is_default and row[f"{one.name}_status"] in ("fixed", None)
 
 
@@ -153,16 +138,12 @@ def is_one_for_all(rows: Sequence[Row], name: str) -> bool:
     return bool(values) and held and max(values) - min(values) <= _SAME * abs(values[0])
 
 
-def shared_sentence(rows: Sequence[Row], quantities: Sequence[Quantity]) -> str:
-    """Return what all settings have in common, in a line; empty where there is nothing."""
-    said = []
-    for one in _shown(rows, quantities):
-        if not is_one_for_all(rows, one.name):
-            continue
+def _shared(rows: Sequence[Row], quantities: Sequence[Quantity]) -> Iterator[str]:
+    """Yield what all settings have in common, a line each."""
+    for one in quantities:
         row = next(row for row in rows if row[one.name] is not None)
         how = "shared by all settings" if row[f"{one.name}_status"] == "shared" else "fixed"
-        said.append(f"{one.symbol} = {scale_of(one).say(_value(row, one))}, {how}")
-    return "; ".join(said)
+        yield f"{one.symbol} = {scale_of(one).say(_value(row, one))}, {how}"
 
 
 def _value(row: Row, quantity: Quantity) -> str:
@@ -205,23 +186,24 @@ def parameter_line(row: Row, quantities: Sequence[Quantity] = PAPER_QUANTITIES) 
         if status == "absent":
             parts.append(f"no {one.label}")
         elif status == "not_identifiable":
-            parts.append(f"{scale.symbol} cannot be determined")
+            parts.append(f"{one.symbol} cannot be determined")
         elif bound := _bound(row, one):
             words = "below" if bound.startswith("<") else "above"
-            parts.append(f"{scale.symbol} {words} {scale.say(bound[1:])} (at bound)")
+            parts.append(f"{one.symbol} {words} {scale.say(bound[1:])} (at bound)")
         else:
             words = "" if status in {"fitted", None} else f" ({status.replace('_', ' ')})"
-            parts.append(f"{scale.symbol} = {scale.say(_value(row, one))}{words}")
+            parts.append(f"{one.symbol} = {scale.say(_value(row, one))}{words}")
     return f"{', '.join(parts)}." if parts else ""
 
 
 def _legend(rows: Sequence[Row], shown: Sequence[Quantity]) -> Iterator[str]:
     """Yield what units and marks of a table of parameters mean."""
     groups: dict[str, list[str]] = {}
-    for scale in map(scale_of, shown):
+    for one in shown:
+        scale = scale_of(one)
         if scale.short_unit != scale.unit:
             power = f"1e{scale.power} " if scale.power else ""
-            groups.setdefault(f"{power}{scale.unit}", []).append(scale.symbol)
+            groups.setdefault(f"{power}{scale.unit}", []).append(one.symbol)
     if groups:
         yield ", ".join(f"{_listed(symbols)} in {unit}" for unit, symbols in groups.items())
     used = {row[f"{one.name}_status"] for row in rows for one in shown}
@@ -274,27 +256,24 @@ def _courses(rows: Sequence[Row], shown: Sequence[Quantity], levels: str) -> Ite
     if len(seen) < _FEWEST or len(rows) > _MOST:
         return
     for one in shown:
-        scale = scale_of(one)
+        name, scale = one.name, scale_of(one)
         known = {
-            k: (row[one.name], row[f"{one.name}_se"] or 0.0)
+            k: (row[name], row[f"{name}_se"] or 0.0)
             for k, row in enumerate(rows)
-            if row[f"{one.name}_status"] not in _WITHOUT_VALUE and row[one.name] is not None
+            if row[f"{name}_status"] not in _WITHOUT_VALUE and row[name] is not None
         }
         if len(known) < _FEWEST:
             continue
-        values = [value for value, _ in known.values()]
         # Scaled to the height of a line, values that errors cannot tell apart would have a course.
         pairs = combinations(known.values(), 2)
         is_flat = not any(abs(a - b) > math.hypot(e, f) for (a, e), (b, f) in pairs)
-        heights = [
-            0.0 if is_flat else known[k][0] if k in known else None for k in range(len(rows))
-        ]
-        ends = " to ".join(
-            number(scale.factor * end, digits=4) for end in (min(values), max(values))
-        )
+        heights = {k: 0.0 if is_flat else value for k, (value, _) in known.items()}
+        marks = sparkline([0.0 if is_flat else heights.get(k) for k in range(len(rows))],
+                          levels=levels)  # fmt: skip
+        values = [scale.factor * value for value, _ in known.values()]
+        ends = f"{number(min(values), digits=4)} to {number(max(values), digits=4)}"
         flat = ", drawn flat: within their standard errors" if is_flat else ""
-        marks = sparkline(heights, levels=levels)
-        yield f"{scale.symbol:<4} {marks}  {ends} {scale.short_unit}{flat}"
+        yield f"{one.symbol:<4} {marks}  {ends} {scale.short_unit}{flat}"
     marks = sparkline([math.log10(error) if error else None for error in errors], levels=levels)
     ends = f"{percent(min(seen))} to {percent(max(seen))} %, on a scale of decades"
     yield f"{'MSE':<4} {marks}  {ends}"
@@ -303,12 +282,7 @@ def _courses(rows: Sequence[Row], shown: Sequence[Quantity], levels: str) -> Ite
 def remarks_on(row: Row, quantities: Sequence[Quantity] = ()) -> str:
     """Return what makes a setting less than plainly fitted, in words.
 
-    Parameters
-    ----------
-    row : mapping
-        Of the table of parameters.
-    quantities : sequence of Quantity
-        Those whose bounds and want of data are told too; a table marks them in their cells.
+    Bounds and want of data are told of these quantities; a table marks them in its cells.
     """
     outcome = (row.get("outcome") or "outcome unknown").replace("_", " ")
     share = row.get("cavitation_fraction")
@@ -319,6 +293,9 @@ def remarks_on(row: Row, quantities: Sequence[Quantity] = ()) -> str:
         if own:
             said = [one for one in said if one != words] + [f"{_listed(own)} {words}"]
     return "; ".join([*said, cavitates] if cavitates else said)
+
+
+# MSE, cavitation, checks, held out
 
 
 def mse_sheet(
@@ -343,10 +320,10 @@ def mse_sheet(
         return row["log"] or (fitted[0] if len(fitted) == 1 else "all logs")
 
     def remarks(row: Row) -> str:
-        if not row["log"]:
-            known = settings.get(row["setting"])
-            return remarks_on(known, quantities) if known else ""
-        return "held out: predicted, not fitted" if row.get("role") == "held_out" else ""
+        if row["log"]:
+            return "held out: predicted, not fitted" if row.get("role") == "held_out" else ""
+        known = settings.get(row["setting"])
+        return remarks_on(known, quantities) if known else ""
 
     # The only log of a setting says the same as the setting.
     rows = [row for row in everything if logs[row["setting"]] != [row["log"]]]
@@ -355,8 +332,8 @@ def mse_sheet(
         Column("log", "", log, is_number=False),
         Column("MSE", "%", lambda row: percent(row["mse_percent"])),
         Column("noise floor", "%", lambda row: percent(row["noise_floor_percent"])),
-        Column("grade", "", lambda row: row["grade"] or NOTHING, is_number=False),
-        Column("samples", "", lambda row: str(row["n_samples"])),
+        Column.text("grade", "grade", missing=NOTHING),
+        Column.text("samples", "n_samples", is_number=True),
         Column("remarks", "", remarks, is_number=False),
     ]
     return laid_out(rows, columns)
@@ -365,8 +342,7 @@ def mse_sheet(
 def grade_counts(rows: Iterable[Row]) -> str:
     """Return how many rows of a table have each grade, in words."""
     grades = [row["grade"] for row in rows]
-    counts = [f"{grades.count(g)} {g}" for g in _GRADES if g in grades]
-    return ", ".join(counts)
+    return ", ".join(f"{grades.count(grade)} {grade}" for grade in _GRADES if grade in grades)
 
 
 def cavitation_sheet(rows: Sequence[Row]) -> Sheet:
@@ -374,13 +350,10 @@ def cavitation_sheet(rows: Sequence[Row]) -> Sheet:
 
     Columns of another version may be missing; a setting that tells nothing has no row.
     """
-    known = [
-        row
-        for row in rows
-        if not (row.get("lowest_pressure") is row.get("r_m3_cavitation_margin") is None)
-    ]
+    telling = ("lowest_pressure", "r_m3_cavitation_margin")
+    known = [row for row in rows if any(row.get(name) is not None for name in telling)]
     columns = [
-        Column("setting", "", lambda row: str(row["setting"])),
+        Column.text("setting", "setting", is_number=True),
         Column.of("lowest pressure", "bar", "lowest_pressure", digits=3, factor=1e-5),
         Column("in chamber", "", lambda row: str(row.get("lowest_pressure_chamber") or NOTHING)),
         Column.of("cavitates", "% of cycle", "cavitation_fraction", digits=3, factor=100.0),
@@ -420,12 +393,7 @@ def check_sheet(checks: Sequence[Check]) -> Sheet:
 def held_out_sheet(predictions: Iterable[Row], *, is_narrow: bool = False) -> Sheet:
     """Return one row per prediction: its MSE beside the fitted logs', the verdict.
 
-    Parameters
-    ----------
-    predictions : iterable of mapping
-        What was held out, as in run.json.
-    is_narrow : bool
-        For a terminal: without amplitude and frequency.
+    ``is_narrow`` is for a terminal: without amplitude, frequency and the expected MSE.
     """
 
     def frequency(row: Row) -> str:
@@ -434,13 +402,16 @@ def held_out_sheet(predictions: Iterable[Row], *, is_narrow: bool = False) -> Sh
         return number(rate, digits=3) if rate and rate > 0.0 else "varies"
 
     columns = [
-        Column("set", "", lambda row: str(row.get("setting"))),
-        Column("held out", "", lambda row: str(row.get("log")), is_number=False),
-        Column("cycles", "", lambda row: str(row.get("cycles")), is_number=False),
+        Column.text("set", "setting", is_number=True),
+        Column.text("held out", "log"),
+        Column.text("cycles", "cycles"),
         Column.of("ampl.", "mm", "amplitude_m", digits=3, factor=1e3),
         Column("freq.", "Hz", frequency),
         Column("MSE", "%", lambda row: percent(row.get("mse_percent"))),
         Column("fitted", "%", lambda row: percent(row.get("fitted_mse_percent"))),
-        Column("verdict", "", lambda row: str(row.get("verdict")), is_number=False),
+        Column("expected", "%", lambda row: percent(row.get("expected_mse_percent"))),
+        Column.text("verdict", "verdict"),
     ]
-    return laid_out(predictions, columns[:3] + columns[5:] if is_narrow else columns)
+    if is_narrow:
+        columns = [*columns[:3], *columns[5:7], columns[-1]]
+    return laid_out(predictions, columns)

@@ -20,8 +20,8 @@ from damperfit.errors import sparing
 from damperfit.identification import Status, describe_searches
 from damperfit.identification.sharing import listed_settings, of_settings
 from damperfit.problem import Failure, Option, Problem, warning
-from damperfit.reporting.markdown import markdown_report
 from damperfit.reporting.records import to_record
+from damperfit.reporting.report import markdown_report
 from damperfit.results import Run
 from damperfit.run.logs import Ending
 from damperfit.tables.columns import (

@@ -11,7 +11,7 @@ import pytest
 from damperfit.errors import ConfigurationError
 from damperfit.identification import Campaign, Status
 from damperfit.queries.simulations import ChosenParameters, choose_parameters
-from damperfit.reporting.markdown import markdown_report
+from damperfit.reporting.report import markdown_report
 from damperfit.results import Run, Tested
 from damperfit.tables.files import write_table
 from damperfit.tables.rows import make_tables

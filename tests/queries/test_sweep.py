@@ -18,9 +18,14 @@ from damperfit.queries.simulations import (
     run_sweep,
     swept_units,
 )
-from damperfit.reporting.forces import SweepMember, sweep_sentence, sweep_sheet
-from damperfit.reporting.run_figures import sweep_plot, sweep_pressure_plot
 from damperfit.reporting.sheet import text_table
+from damperfit.reporting.simulated import (
+    SweepMember,
+    sweep_plot,
+    sweep_pressure_plot,
+    sweep_sentence,
+    sweep_sheet,
+)
 
 
 @pytest.fixture(scope="module")

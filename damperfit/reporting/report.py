@@ -1,0 +1,265 @@
+"""What a report of a run holds: sections of sentences and tables, for report.md and for the page.
+
+A sentence stands once, in the first section that has it. Text of logs is escaped by whoever writes
+the sections down.
+"""
+
+from __future__ import annotations
+
+from statistics import median
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from damperfit.adjustment.trends import in_few_words
+from damperfit.identification import Outcome
+from damperfit.identification.sharing import of_runs
+from damperfit.problem import Problem, failure_lines, listing, short_listing
+from damperfit.reporting.forces import force_sheets, measured_force_sheet, segment_sheet
+from damperfit.reporting.laws import law_sentences, rival_sheet, tried_laws_sheet
+from damperfit.reporting.records import (
+    checks_in,
+    failures_in,
+    findings_in,
+    gaps_in,
+    law_in,
+    listed_in,
+    predictions_in,
+    problems_in,
+    sentences_in,
+    trends_in,
+)
+from damperfit.reporting.sheet import (
+    Sheet,
+    escape,
+    markdown_table,
+    parameters_in_units,
+    percent,
+    rows_in_units,
+    sheet_in_units,
+)
+from damperfit.reporting.tables import (
+    cavitation_sheet,
+    check_sheet,
+    check_summary,
+    grade_counts,
+    held_out_sheet,
+    mse_sheet,
+    parameter_sheet,
+    remarks_on,
+)
+from damperfit.tested.identity import identity_sentence
+from damperfit.units.shown_units import SI, ShownUnits
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+
+    from damperfit.results import Run, Tested
+
+
+class Section(NamedTuple):
+    """A part of a report: sentences, and tables below them.
+
+    ``place`` is where the page has it: "alarm", "top", "checks", "words", "parameters", or, folded,
+    "tables" and "folded".
+    """
+
+    title: str
+    place: str
+    sentences: Sequence[str] = ()
+    sheets: Sequence[Sheet] = ()
+
+
+def lead(run: Run) -> str:
+    """Return how it went, in a line."""
+    rows = [row for row in run.rows("parameters") if row["mse_percent"] is not None]
+    if not rows:
+        return "No setting could be fitted."
+    known = {row["setting"]: row["mse_percent"] for row in rows}
+    worst = max(known, key=known.__getitem__)
+    checks = checks_in(run.record)
+    said = f"; {check_summary(checks)}" if checks else ""
+    return (
+        f"{len(known)} setting{'s' * (len(known) > 1)} fitted, {grade_counts(rows)}; MSE median "
+        f"{percent(median(known.values()))} %, worst {percent(known[worst])} % at setting "
+        f"{worst}{said}."
+    )
+
+
+def report_sections(run: Run, units: ShownUnits = SI) -> list[Section]:
+    """Return the parts of a report in their order; those without content are left out."""
+    seen: set[str] = set()
+    sections = []
+    for section in _sections(run, units):
+        sentences = [one for one in dict.fromkeys(section.sentences) if one not in seen]
+        seen.update(sentences)
+        sheets = [one for one in section.sheets if one.rows]
+        if sentences or sheets:
+            sections.append(section._replace(sentences=sentences, sheets=sheets))
+    return sections
+
+
+def _sections(run: Run, units: ShownUnits) -> Iterator[Section]:
+    def shown(sheet: Sheet) -> Sheet:
+        return sheet_in_units(sheet, units)
+
+    record, parameters = run.record, run.rows("parameters")
+    checks, law, gaps = checks_in(record), law_in(record), gaps_in(record)
+    forces = rows_in_units(run.rows("adjustment"), units)
+    segments = rows_in_units(run.rows("characteristics"), units)
+    missing = [f"no result for {of_runs(gaps)}"] if gaps else []
+    trends = in_few_words(trend.sentence for trend in trends_in(record) if trend.sentence)
+    errors = {
+        (str(one.get("setting")), one.get("log"), one.get("start_s")): one.get("mse_percent")
+        for one in listed_in(record, "stretches")
+        if isinstance(one, dict) and isinstance(one.get("log"), str)
+    }
+    yield Section("Not done", "alarm", [*failure_lines(failures_in(record)), *missing])
+    yield Section("These results are incomplete", "alarm", run.remarks)
+    yield Section("Gates not met", "alarm", [str(one) for one in listed_in(record, "gates_missed")])
+    yield Section("Force by setting", "top", sheets=[*map(shown, force_sheets(forces))])
+    yield Section("Model structure that the logs support", "words", law_sentences(law))
+    yield Section(
+        "Parameters",
+        "parameters",
+        sheets=[parameter_sheet(*parameters_in_units(parameters, run.quantities, units))],
+    )
+    yield Section(
+        "MSE by setting and log",
+        "tables",
+        sheets=[mse_sheet(run.rows("mse"), parameters, run.quantities)],
+    )
+    summary = [check_summary(checks)] if checks else []
+    yield Section("Checks", "checks", summary, [check_sheet(checks)])
+    yield Section("Warnings", "words", listing(problems_in(record)))
+    yield Section("What to do", "words", sorted(_advice(parameters)))
+    yield Section("Verdicts", "words", verdicts(run))
+    yield Section(
+        "Held out: predicted, not fitted", "words", sheets=[held_out_sheet(predictions_in(record))]
+    )
+    yield Section("Across the settings", "words", [*trends, *sentences_in(record, "force_offset")])
+    yield Section("Noise and lack of fit", "words", sentences_in(record, "noise_and_lack_of_fit"))
+    yield Section("Identifiability", "words", sentences_in(record, "identifiability"))
+    yield Section("Many starts", "words", sentences_in(record, "many_starts"))
+    yield Section("Cavitation", "words", sentences_in(record, "cavitation"))
+    yield Section("Warnings of each log", "folded", _log_findings(record))
+    yield Section(
+        "Peak force against peak speed (PVP)",
+        "tables",
+        sheets=[shown(segment_sheet(segments, has_setting=True, errors=errors))],
+    )
+    yield Section(
+        "Measured beside the model", "tables", sheets=[shown(measured_force_sheet(forces))]
+    )
+    yield Section("Model structures that were tried", "tables", sheets=[tried_laws_sheet(law)])
+    yield Section("Models of the literature", "tables", sheets=[rival_sheet(law)])
+    yield Section("How near to cavitation", "tables", sheets=[cavitation_sheet(parameters)])
+    yield Section("How it was done", "folded", list(_procedure(run, units)))
+
+
+def _advice(rows: Sequence[Any]) -> set[str]:
+    known = {one.value: one for one in Outcome if one is not Outcome.CONVERGED}
+    outcomes = (known.get(row.get("outcome")) for row in rows)
+    return {f"{one.value}: {one.advice}" for one in outcomes if one is not None}
+
+
+def withheld(run: Run) -> list[str]:
+    """Return which grades are withheld, and why."""
+    return [
+        f"setting {row['setting']}: {row['grade_reason']}"
+        for row in run.rows("parameters")
+        if row.get("grade_reason")
+    ]
+
+
+def verdicts(run: Run) -> list[str]:
+    """Return how the fits went that are less than good, or need a remark."""
+    rows = run.rows("parameters")
+    doubtful = [
+        f"setting {row['setting']}: {verdict(row, run)}"
+        for row in rows
+        if row["grade"] not in {"excellent", "good"} or remarks_on(row, run.quantities)
+    ]
+    if rows and not doubtful:
+        return ["every fit converged, good or better, without a remark"]
+    return short_listing(doubtful)
+
+
+def verdict(row: Any, run: Run) -> str:
+    """Return how the fit of one setting went, in words."""
+    words = row["grade"] or "no grade"
+    if row["mse_percent"] is not None:
+        words += f", MSE {percent(row['mse_percent'])} %"
+    remarks = remarks_on(row, run.quantities)
+    reason = f"withheld because {row['grade_reason']}" if row.get("grade_reason") else ""
+    return "; ".join(part for part in (words, remarks, reason) if part)
+
+
+def _log_findings(record: Any) -> list[str]:
+    """Return the findings that matter; mere notes stand with their log."""
+    inputs = [entry for entry in listed_in(record, "inputs") if isinstance(entry, dict)]
+    findings = ((str(one.get("log", "log")), seen) for one in inputs for seen in findings_in(one))
+    return listing(
+        Problem(seen.name, seen.sentence, seen.severity, subject=name)
+        for name, seen in findings
+        if seen.severity != "note"
+    )
+
+
+def _procedure(run: Run, units: ShownUnits) -> Iterator[str]:
+    """Yield how it was done, how the rig was declared, what was tested, what made the results."""
+    yield from map(str, listed_in(run.record, "procedure"))
+    configuration = run.record.get("configuration")
+    rig = configuration.get("rig") if isinstance(configuration, dict) else None
+    if isinstance(rig, dict):
+        turned = [key for key in ("displacement", "force") if rig.get(f"reverse_{key}") is True]
+        yield (
+            f"Rig: filter in the rig {rig.get('filter', 'unknown')}, x = 0 at "
+            f"{rig.get('centre', 'unknown')}, signs reversed: {' and '.join(turned) or 'none'}."
+        )
+    if run.tested.n_logs:
+        yield f"Test: {units.say_lengths(tested_range(run.tested))}."
+    if run.record.get("version"):
+        yield f"Made by damperfit {run.record['version']}."
+
+
+def tested_range(tested: Tested) -> str:
+    """Return the range of the tests in words, as far as it is known."""
+    known = [f"{tested.n_logs} log{'s' * (tested.n_logs != 1)}"] if tested.n_logs else []
+    if tested.stroke is not None:
+        known.append(f"stroke to +-{1e3 * tested.stroke:.4g} mm")
+    if tested.speed is not None:
+        known.append(f"speed to {tested.speed:.4g} m/s")
+    for ends, unit in ((tested.frequencies, "Hz"), (tested.temperatures, "degC")):
+        if ends is not None:
+            low, high = (f"{end:.4g}" for end in ends)
+            known.append(f"{low} {unit}" if low == high else f"{low} to {high} {unit}")
+    if tested.temperatures is None:
+        known.append("temperature not logged")
+    return ", ".join(known)
+
+
+# As Markdown
+
+
+def markdown_report(run: Run) -> str:
+    """Return the MSE report of a run: forces first, parameters second, then what to believe."""
+    identity = identity_sentence(run.identity)
+    lines = [f"Tested: {identity}."] if identity else []
+    if run.record.get("ending") == "interrupted":
+        lines.append("Interrupted: these are the settings that were finished.")
+    lines.append(f"{lead(run)} Excellent is an MSE below 1 %, good below 5 %.")
+    return markdown("MSE report", lines, report_sections(run))
+
+
+def markdown(title: str, paragraphs: Iterable[str], sections: Iterable[Section]) -> str:
+    """Return sections below a title as a document of Markdown, everything escaped."""
+    lines = [f"# {title}"]
+    for paragraph in paragraphs:
+        lines += ["", escape(paragraph)]
+    for section in sections:
+        level = "###" if section.place == "below" else "##"
+        lines += ["", f"{level} {escape(section.title)}"]
+        if section.sentences:
+            lines += ["", *(f"- {escape(one)}" for one in section.sentences)]
+        for sheet in section.sheets:
+            lines += ["", *markdown_table(sheet)]
+    return "\n".join(lines) + "\n"
