@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cache, partial
 
 import numpy as np
 import pytest
 
-from damperfit.conditioning import ConditionOptions, condition, design_filter, transients
+from damperfit.conditioning import ConditionOptions, condition, transients
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, Outcome, identify
 from damperfit.identification.fit_problem import FitProblem, linearise
 from damperfit.identification.log_facts import weights
-from damperfit.recording import Drive
 from damperfit.simulation import SolverOptions
 from damperfit.uncertainty import assess, predict
-from tests import fakes
 from tests.identification.least_errors import errors_of
 from tests.oracles.motions import logged, triangles
 
@@ -146,30 +143,3 @@ def test_triangles_come_as_near_as_a_log_lets_them(motion, damper):
     assert np.all(seen.least <= 1.02 * seen.behind_filter)
     met = np.all(np.abs(seen.of_logs) <= 100.0 * np.array(list(WITHIN.values())), axis=1)
     assert np.count_nonzero(met) >= 10
-
-
-def jumping(share, *, every=333):
-    """A trace whose drive has a share of its peak speed that the compared filter has cut off."""
-    plain = fakes.trace(1)
-    (stretch,) = plain.stretches
-    velocity = plain.velocity.copy()
-    velocity[stretch.first + 20 : stretch.stop : every] += share * stretch.peak_speed
-    design = design_filter("zero_phase", 30.0, sample_rate=500.0, order=4)
-    return replace(plain, drive=Drive(plain.displacement, velocity, 100.0), model_filter=design)
-
-
-@pytest.mark.parametrize(("share", "counts"), [(0.49, True), (0.51, False), (-0.51, False)])
-def test_beside_a_jump_of_half_the_speed_nothing_counts(share, counts):
-    (weight,) = weights([jumping(share)])
-    if counts:
-        assert weight is None
-        return
-    # 8.3 samples are the width of a filter of 30 Hz at 500 Hz: 0.6 before, 1.2 after.
-    assert np.flatnonzero(weight == 0.0).tolist() == list(range(15, 31))
-
-
-@pytest.mark.parametrize(("every", "counts"), [(51, False), (50, True)])
-def test_corners_that_are_more_than_a_third_are_what_a_stretch_tells(every, counts):
-    """Sixteen samples at each; seven of them are 112 of 333 samples, 0.336."""
-    (weight,) = weights([jumping(0.6, every=every)])
-    assert (weight is None) is counts

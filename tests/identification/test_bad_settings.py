@@ -13,7 +13,7 @@ from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import InstallationError, SimulationError
 from damperfit.identification import Campaign, FitOptions, Outcome, fit_problem, identify
 from damperfit.identification import fit_setting as one_setting
-from damperfit.identification.fit_problem import FitProblem, linearise
+from damperfit.identification.fit_problem import FitProblem
 from damperfit.identification.fit_setting import fit_setting, minimised
 from damperfit.identification.mean_cycle import settled
 from damperfit.recording import Trace
@@ -118,19 +118,6 @@ def test_a_bug_that_one_setting_meets_is_told_and_leaves_the_others(
     assert said.startswith(f"internal error while fitting, LinAlgError: Singular matrix {where}")
     assert "please report this line, with the log if it may be shown" in said
     assert "Traceback" in failure.trace
-
-
-@pytest.mark.parametrize("error", [ValueError("odd\nshape"), ZeroDivisionError(), MemoryError()])
-def test_any_error_stays_with_its_setting(logs, break_at, error: Exception) -> None:
-    break_at(logs[0], error)
-    campaign = identify(logs[:2], PURDY_DAMPER)
-    assert [fit.setting for fit in campaign.fits] == [6]
-    said = campaign.failures[0].message
-    assert "\n" not in said
-    if isinstance(error, MemoryError):
-        assert said.startswith("not enough memory for fitting")
-    else:
-        assert said.startswith(f"internal error while fitting, {type(error).__name__}: ")
 
 
 @pytest.mark.parametrize("procedure", PROCEDURES)
@@ -260,20 +247,3 @@ def test_a_second_start_that_fails_leaves_the_first_result(
     judged = fit_setting(problem, truth)
     assert judged.outcome is Outcome.CAVITATING
     assert judged.values.r_m3 == pytest.approx(4.2e6, rel=1e-3)
-
-
-def test_a_derivative_that_is_no_number_is_a_failed_trial(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    # A maximum over rows did not see a NaN that came after the first row.
-    def spoilt(*args: object, **kwargs: object) -> object:
-        response = simulate(*args, **kwargs)  # type: ignore[arg-type]
-        last = list(response.sensitivities.values())[-1]
-        last[len(last) // 2] = np.nan
-        return response
-
-    monkeypatch.setattr(fit_problem, "simulate", spoilt)
-    log, solver = trace(9, duration=4.0), SolverOptions(tolerance=1e-2)
-    problem = FitProblem(PURDY_DAMPER, (log,), ("r_m1", "k_e"), solver)
-    with pytest.raises(SimulationError, match="beyond any"):
-        linearise(problem, reference_parameters(9))

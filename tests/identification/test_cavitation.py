@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from damperfit.damper import cavitation as purdy_cavitation
 from damperfit.damper.cavitation import Cavitation, describe_cavitation, examine_cavitation
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters
 from damperfit.damper.purdy.reference import reference_parameters
@@ -88,14 +87,3 @@ def test_without_rebound_resistance_nothing_is_near() -> None:
     assert np.isnan(found.r_m3_margin)
     assert math.isnan(found.safe_gas_pressure)
     assert "may rise" not in describe_cavitation({10: found})[0]
-
-
-@pytest.mark.parametrize("setting", [1, 20])
-def test_a_quarter_second_forgets_the_start_as_a_whole_cycle_does(
-    setting: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    short = examined(reference_parameters(setting), setting)
-    monkeypatch.setattr(purdy_cavitation, "_SETTLING", 10.0)  # the slow twin: a cycle before
-    long = examined(reference_parameters(setting), setting)
-    assert short.r_m3_margin == pytest.approx(long.r_m3_margin, rel=1e-5)
-    assert short.safe_gas_pressure == pytest.approx(long.safe_gas_pressure, rel=1e-5)

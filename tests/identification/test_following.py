@@ -11,19 +11,13 @@ import pytest
 from scipy.optimize import least_squares
 
 from damperfit.damper.mounting import NONE, Mounting
-from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.damper.rivals import Bilinear
-from damperfit.damper.valve_dampers import Monotube
 from damperfit.identification import DETECT, Campaign, FitOptions, Outcome, compare, identify
-from damperfit.identification.campaign import ProcedureInput
-from damperfit.identification.following import _known
 from damperfit.identification.sharing import Unknown
-from damperfit.identification.tied_problem import TiedProblem, fit_jointly
 from damperfit.simulation import SolverOptions
 from damperfit.uncertainty import assess, profile_campaign
 from damperfit.uncertainty.profiles import Bench
 from tests.identification import adjusted
-from tests.identification.adjusted import DAMPER, FOLLOWS, HIGH, LOW, SETTINGS, at, log, numbers
+from tests.identification.adjusted import DAMPER, FOLLOWS, SETTINGS, at, log, numbers
 
 FINE = SolverOptions(tolerance=1e-3)
 FOUND = FitOptions("joint", share=(DETECT,), solver=FINE)
@@ -50,22 +44,6 @@ def test_the_logs_tell_what_follows_which_adjuster(found: Campaign) -> None:
             assert fit.status[name] == ("fitted" if name == "f_0" else "shared")
 
 
-@pytest.mark.parametrize(
-    "follows",
-    [
-        pytest.param({"rebound_bleed": (LOW,)}, marks=pytest.mark.slow),
-        pytest.param({"rebound_slope": (HIGH,)}, marks=pytest.mark.slow),
-        {"rebound_bleed": (LOW, HIGH), "compression_bleed": (HIGH,)},
-    ],
-)
-def test_an_adjuster_that_moves_less_or_more_is_told(follows) -> None:
-    logs = [log(one, follows=follows) for one in SETTINGS]
-    sharing = identify(logs, DAMPER, FOUND).sharing
-    own = {name for name, mine in follows.items() if len(mine) == 2}
-    assert set(sharing.free) - set(sharing.jointly) == {"f_0", *own}
-    assert sharing.follows == {k: v for k, v in follows.items() if k not in own}
-
-
 def test_what_one_adjuster_moves_is_told_without_a_second() -> None:
     logs = [replace(log(at(low, 1)), setting=low) for low in (6, 14)]
     sharing = identify(logs, DAMPER, FOUND).sharing
@@ -79,12 +57,6 @@ def test_settings_alike_share_everything() -> None:
     sharing = identify(logs, DAMPER, FOUND).sharing
     assert set(sharing.free) - set(sharing.jointly) == {"f_0"}
     assert not sharing.follows
-
-
-@pytest.mark.parametrize("damper", [Bilinear(), PURDY_DAMPER, Monotube()])
-def test_a_tare_is_each_settings_own_whatever_the_model(damper) -> None:
-    """A rig is tared before each test: settings that agree by chance share no offset."""
-    assert _known(damper, ["f_0"], ("l", "h")) == {"f_0": ("l", "h")}
 
 
 def test_declared_it_is_not_asked_of_the_logs(found: Campaign) -> None:
@@ -210,28 +182,6 @@ def test_named_parameters_are_shared_by_all_as_ever() -> None:
     assert campaign.sharing.jointly == ("f_f",)
     assert not campaign.sharing.follows
     assert campaign.fits[0].status["rebound_bleed"] == "fitted"
-
-
-def test_an_unknown_that_is_held_stays_where_it_starts(found: Campaign) -> None:
-    given = ProcedureInput(
-        {one.setting: (one,) for one in adjusted.logs()}, DAMPER, FOUND, 1, print, lambda: False
-    )
-    sharing = found.sharing
-    problems = {one: given.problem(one, sharing.free) for one in SETTINGS}
-    held = Unknown("rebound_opening", ((HIGH, 3),))
-    starts = {
-        fit.setting: fit.parameters.replace(rebound_opening=7e5)
-        if held.holds_at(fit.setting)
-        else fit.parameters
-        for fit in found.fits
-    }
-    problem = TiedProblem(problems, sharing.jointly, sharing.follows, frozenset({held}))
-    ended = fit_jointly(problem, starts)
-    assert [ended.parameters[one].rebound_opening for one in SETTINGS[1::2]] == pytest.approx(
-        [7e5, 7e5]
-    )
-    assert ended.parameters[SETTINGS[0]].rebound_opening != starts[SETTINGS[0]].rebound_opening
-    assert held.label not in ended.errors
 
 
 @pytest.mark.slow

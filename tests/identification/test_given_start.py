@@ -14,7 +14,7 @@ from damperfit.identification import (
     check_options,
 )
 from damperfit.identification.campaign import ProcedureInput
-from damperfit.tested.setting import Setting, nearest_setting
+from damperfit.tested.setting import Setting
 from tests.identification.rig import trace
 
 KNOWN = {"r_m3": 2.597e6, "f_f": 50.0}
@@ -49,23 +49,6 @@ def test_a_name_goes_before_the_table_what_is_fixed_before_both_and_the_range_be
     there = started(GivenStart({"r_m1": 2e4}, table))
     assert (there.r_m1, there.r_m2, there.r_m3) == (2e4, 2e6, KNOWN["r_m3"])
     assert there.k_e == PURDY_DAMPER.quantity("k_e").plausible[1]
-
-
-def test_a_setting_that_the_table_does_not_have_starts_from_the_nearest() -> None:
-    table = {Setting.of(k): {"k_e": 1e8 * k} for k in (1, 4, 9)}
-    assert started(GivenStart({}, table)).k_e == 4e8
-
-
-def test_the_nearest_setting_counts_words_before_clicks() -> None:
-    def two(a, b):
-        return Setting((("low", a), ("high", b)))
-
-    known = [two("soft", 3), two("hard", 4), two("hard", 9)]
-    assert nearest_setting(two("hard", 3), known) == two("hard", 4)
-    assert nearest_setting(two("hard", 7), known) == two("hard", 9)
-    assert nearest_setting(3, [Setting.of(1), Setting.of(5)]) == 1  # alike: the first
-    assert nearest_setting(3, []) is None
-    assert nearest_setting(3, [two(3, 3), Setting.of(50)]) == 50  # other adjusters are farthest
 
 
 @pytest.mark.parametrize(

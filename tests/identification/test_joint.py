@@ -13,11 +13,8 @@ from damperfit.conditioning import condition
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import ConfigurationError
-from damperfit.identification import PROCEDURES, Campaign, FitOptions, Outcome, compare, identify
+from damperfit.identification import Campaign, FitOptions, Outcome, compare, identify
 from damperfit.identification import joint as joint_procedure
-from damperfit.identification.following import Way
-from damperfit.identification.options import PROCEDURE_NAMES
-from damperfit.identification.sharing import Unknown
 from damperfit.identification.tied_problem import JointSolution, fit_jointly
 from damperfit.io import read_log
 from damperfit.tested.setting import Setting
@@ -28,10 +25,6 @@ from tests.identification.rig import trace, traces
 SAMPLES = Path(__file__).parents[2] / "sample_runs"
 OWN = ("r_m1", "r_m2", "k_e")
 SHARED = ("r_m3", "f_f")
-
-
-def test_every_procedure_has_its_name() -> None:
-    assert set(PROCEDURES) == set(PROCEDURE_NAMES)
 
 
 @pytest.mark.parametrize(
@@ -124,12 +117,6 @@ def test_shared_and_fixed_at_once_is_refused() -> None:
         identify([trace(1, duration=4.0)], PURDY_DAMPER, options)
 
 
-def test_jobs_give_the_same_bits() -> None:
-    logs = traces([1, 8, 15], noise=4.0, duration=5.0)
-    one, two = (identify(logs, PURDY_DAMPER, FitOptions("joint"), jobs=jobs) for jobs in (1, 2))
-    assert [fit.parameters for fit in one.fits] == [fit.parameters for fit in two.fits]
-
-
 def test_what_is_not_shared_is_the_settings_own() -> None:
     # Friction used to be held at the mean, "fixed", and R_m3 had half its error.
     frictions = {1: 30.0, 8: 50.0, 14: 70.0}
@@ -166,19 +153,6 @@ def test_rough_errors_of_the_joint_fit_are_those_of_the_judging(monkeypatch) -> 
         relative = judged[name].error / getattr(campaign.fits[0].parameters, name)
         # By sign changes and by the autocorrelation: alike within a third.
         assert solution.errors[name] == pytest.approx(relative, rel=0.4)
-
-
-@pytest.mark.parametrize(("error", "status"), [(0.32, "shared"), (0.35, "not_identifiable")])
-def test_a_shared_parameter_is_told_by_three_errors(error: float, status: str) -> None:
-    agreed = reference_parameters(5)
-    at = dict.fromkeys((Setting.of(5), Setting.of(6)), agreed)
-    solution = JointSolution(at, 1, True, 1.0, {}, {}, {}, {"r_m3": error, "f_f": 0.01})
-    way = Way(OWN, SHARED, {})
-    found = joint_procedure._statuses(solution, way)
-    assert found == {Unknown("r_m3"): status, Unknown("f_f"): "shared"}
-    beyond = replace(solution, parameters=dict.fromkeys(at, replace(agreed, f_f=1e7)))
-    found = joint_procedure._statuses(beyond, way)
-    assert found[Unknown("f_f")] == "at_bound"
 
 
 def test_a_setting_outside_of_the_joint_fit_lends_it_no_weight(three) -> None:
@@ -221,12 +195,3 @@ def test_a_joint_fit_is_weighed_by_what_its_end_leaves(monkeypatch, shift, n_fit
     assert asked == ["problem"] * n_fits
     assert ended.evaluations == 4 + 3 * n_fits
     assert joint_procedure._is_fairly_weighed(ended)
-
-
-def test_weights_that_do_not_settle_are_said(monkeypatch) -> None:
-    logs = traces([3, 12], noise=4.0, duration=4.0)
-    warned = identify(logs, PURDY_DAMPER, FitOptions("joint")).warnings
-    assert joint_procedure._WEIGHTS_MOVE not in warned
-    monkeypatch.setattr(joint_procedure, "_is_fairly_weighed", lambda _: False)
-    warned = identify(logs, PURDY_DAMPER, FitOptions("joint")).warnings
-    assert joint_procedure._WEIGHTS_MOVE in warned

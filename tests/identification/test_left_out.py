@@ -11,7 +11,7 @@ from damperfit.damper.network import Valve
 from damperfit.damper.rivals import BoucWen
 from damperfit.identification import Campaign, Fit, FitOptions, identify
 from damperfit.identification import inactive_parts as left_out
-from damperfit.identification.inactive_parts import does_nothing, is_nothing
+from damperfit.identification.inactive_parts import does_nothing
 from damperfit.identification.outcome import Outcome, Status
 from damperfit.recording import Trace
 from damperfit.uncertainty import assess
@@ -62,46 +62,6 @@ def test_the_grade_stands_where_nothing_strains_against_an_edge(strained: Fit, l
         assert bool(objections(campaign, assess(campaign, WITH_PLAY))) is is_withheld
 
 
-@pytest.mark.parametrize(
-    ("name", "side", "is_idle"),
-    [
-        ("play", 0, True), ("play", 1, False),
-        ("k_s", 1, True), ("k_s", 0, False), ("f_f", 0, True), ("f_f", 1, False),
-        ("rebound_bleed", 1, True), ("rebound_bleed", 0, False),
-        ("compression_opening", 1, True), ("compression_opening", 0, True),
-        ("compression_slope", 1, True), ("compression_slope", 0, True),
-        ("return_slope", 1, False), ("return_slope", 0, True),
-    ],
-)  # fmt: skip
-def test_only_at_one_edge_does_a_part_do_nothing(
-    lean: Fit, name: str, side: int, *, is_idle: bool
-) -> None:
-    """10 mm of play or a bleed that lets all through is no smaller law but a wrong one."""
-    edge = lean.parameters.quantity(name).plausible[side]
-    at = lean.parameters.replace({name: edge})
-    assert does_nothing(at, name) is is_idle
-    within = lean.parameters.replace({name: edge * (1.001 if side == 0 else 0.999)})
-    assert not does_nothing(within, name)
-
-
-@pytest.mark.parametrize(
-    ("name", "side", "factor", "is_none"),
-    [
-        ("f_f", 0, 1.0, True), ("f_f", 0, 100.0, True), ("f_f", 1, 1.0, False),
-        ("play", 0, 100.0, True), ("play", 1, 1.0, False),
-        ("k_s", 1, 1.0, True), ("k_s", 0, 1.0, False), ("k_s", 0, 100.0, False),
-        ("rebound_bleed", 1, 1.0, True), ("rebound_bleed", 0, 1.0, False),
-        ("compression_opening", 0, 1.0, True),
-    ],
-)  # fmt: skip
-def test_what_ran_to_an_edge_is_none_or_strains(
-    lean: Fit, name: str, side: int, factor: float, *, is_none: bool
-) -> None:
-    """A friction beside the noise lies within its range, and is none all the same."""
-    edge = lean.parameters.quantity(name).plausible[side]
-    assert is_nothing(lean.parameters.replace({name: factor * edge}), name) is is_none
-
-
 def test_a_port_that_lets_nothing_through_closes_its_blow_off(lean: Fit) -> None:
     model = replace(WITH_PLAY, rebound=Valve("orifice", "port"))
     values = model.values({one.name: 1.0 for one in model.quantities})
@@ -132,21 +92,6 @@ def test_a_blow_off_without_a_straight_part_is_held_there(lean: Fit) -> None:
         fit = replace(lean, parameters=at, status=dict.fromkeys(model.names, Status.FITTED))
         assert left_out._part(fit, "rebound_lift") == ["rebound_lift"]
     assert not does_nothing(values.replace({"rebound_lift": 0.999 * high}), "rebound_lift")
-
-
-@pytest.mark.parametrize(
-    ("kind", "name", "side", "is_idle"),
-    [
-        ("leak", "rebound_leak", 1, True), ("leak", "rebound_leak", 0, False),
-        ("long", "rebound_leak", 1, False), ("long", "rebound_leak", 0, True),
-        ("long", "rebound_bleed", 1, True), ("long", "rebound_bleed", 0, True),
-    ],
-)  # fmt: skip
-def test_a_part_of_a_long_bleed_does_nothing_when_it_is_wide(kind, name, side, *, is_idle) -> None:
-    model = replace(WITH_PLAY, rebound=Valve(kind, "linear"))
-    values = model.values({one.name: 1.0 for one in model.quantities})
-    edge = model.quantity(name).plausible[side]
-    assert does_nothing(values.replace({name: edge}), name) is is_idle
 
 
 @pytest.mark.parametrize(
@@ -194,16 +139,6 @@ def test_a_blow_off_that_never_opens_has_no_slope(strained: Fit) -> None:
     )
     part = left_out._part(replace(fit, parameters=loose), "rebound_slope")
     assert part == ["rebound_slope"]
-
-
-@pytest.mark.parametrize(("name", "value", "does"), [
-    ("sigma", 0.5, True), ("sigma", 0.51, False), ("sigma", 100.0, True), ("n", 1.0, True),
-    ("n", 1.01, False), ("n", 20.0, True), ("rho", 1.0, False), ("alpha", 1e6, False),
-])  # fmt: skip
-def test_the_edges_of_a_turn_are_laws_of_their_own(name: str, value: float, *, does: bool) -> None:
-    numbers = {"alpha": 500.0, "rho": 1e3, "sigma": 1.0, "n": 1.5, "c_r": 900.0, "c_b": 900.0}
-    values = BoucWen().values({**numbers, "k": 0.0, "f_0": 0.0, name: value})
-    assert does_nothing(values, name) is does
 
 
 def test_a_turn_at_an_edge_is_held_there_and_keeps_its_grade() -> None:

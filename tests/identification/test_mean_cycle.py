@@ -152,11 +152,3 @@ def test_logs_that_do_not_repeat_have_no_mean_cycle() -> None:
     log = trace(10, noise=4.0)
     moving = replace(log.stretches[0], kind="moving", cycle_starts=np.empty(0))
     assert settled([replace(log, stretches=(moving,))], is_thinned=False) is None
-
-
-@pytest.mark.parametrize("noise", [0.0, 0.02])
-def test_of_little_misfit_the_integrators_error_is_a_small_share(noise: float) -> None:
-    """Without noise the valves come back to a millionth, where 10 mN a step leave 1e-5."""
-    truth = reference_parameters(9)
-    found = minimised(problem([trace(9, noise=noise, duration=4.0)]), truth.replace(k_e=5e8))
-    assert found.values.r_m1 == pytest.approx(truth.r_m1, rel=3e-6 + 1e-3 * noise)

@@ -43,11 +43,6 @@ def array_bytes(*kept: Any) -> int:
     return sum(blocks.values())
 
 
-def test_arrays_are_counted_whole_and_once() -> None:
-    block = np.zeros(1000)
-    assert array_bytes({"a": (block[:2], [block[5:], block])}, block) == block.nbytes
-
-
 def test_a_log_that_is_judged_keeps_half_a_megabyte() -> None:
     logs = [trace(setting, noise=4.0) for setting in (3, 12)]
     assert all(len(log.force) > 0.85 * N_ROWS for log in logs)  # what is run up is cut

@@ -122,15 +122,6 @@ def test_minima_that_fit_equally_well_are_told(monkeypatch: pytest.MonkeyPatch) 
     assert "3 starts of which 1 could not be simulated: 2 minima, with MSE 0.01 %" in said
 
 
-def test_a_worse_minimum_is_listed_without_alarm(monkeypatch: pytest.MonkeyPatch) -> None:
-    here = reference_parameters(9)
-    worse = ended(replace(here, r_m1=0.1 * here.r_m1), 3.0)
-    best, found = searched(monkeypatch, ended(here, 0.01), worse)
-    assert best.values == here
-    assert [one.mse_percent for one in found.minima] == [0.01, 3.0]
-    assert found.warning == ""
-
-
 def test_a_flat_minimum_is_one_minimum(monkeypatch: pytest.MonkeyPatch) -> None:
     here = reference_parameters(9)
     flat = {"k_e": "not_identifiable"}

@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 from damperfit.conditioning import ConditionOptions, condition
-from damperfit.errors import SimulationError
 from damperfit.identification.law_misfit import LawMisfit
 from damperfit.identification.mean_cycle import settled
-from damperfit.identification.starts import best_fitting, best_of_starts
+from damperfit.identification.starts import best_of_starts
 from damperfit.recording import Recording, Trace
-from damperfit.simulation import Motion, SolverOptions, simulate, sine_motion
+from damperfit.simulation import Motion, SolverOptions, simulate
 from damperfit.tested.setting import Setting
 from tests.laws.valve_logs import VALUES, damper, moved
 
@@ -80,27 +79,6 @@ def test_motions_that_do_not_repeat_have_no_cycles() -> None:
     assert settled([mixed]) is None
     assert misfit(mixed).on_cycles().cycles is None
     assert settled([trace, trace]) is not None
-
-
-@pytest.mark.parametrize(("factor", "is_worth"), [(1.001, False), (0.999, True)])
-def test_a_log_as_short_as_its_cycles_is_simulated_whole(
-    monkeypatch: pytest.MonkeyPatch, factor: float, *, is_worth: bool
-) -> None:
-    trace = logged(MOTION)
-    found = settled([trace])
-    assert found is not None
-    simulated = sum(len(one.motion.displacement) for one in found.cycles)
-    limit = factor * len(trace.force) / simulated
-    monkeypatch.setattr("damperfit.identification.mean_cycle._WORTH", limit)
-    assert (settled([trace]) is not None) is is_worth
-
-
-def test_starts_that_cannot_be_simulated_are_left_out() -> None:
-    one = misfit(logged(sine_motion(0.02, 1.5, cycles=8, sample_rate=500.0))).on_cycles()
-    bad = TRUE.replace({"rebound_slope": float("nan")})
-    assert best_fitting(one, [bad, TRUE]) == [TRUE]
-    with pytest.raises(SimulationError, match="any of its starts"):
-        best_of_starts(one, [bad])
 
 
 def test_a_descent_from_afar_comes_to_the_true_values() -> None:

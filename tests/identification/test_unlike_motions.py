@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from damperfit.conditioning import condition
 from damperfit.configuration.loading import load_configuration
-from damperfit.errors import SimulationError
-from damperfit.identification import unlike_motions
-from damperfit.identification.unlike_motions import _meeting, _power
+from damperfit.identification.unlike_motions import _meeting
 from damperfit.io import read_log
 from damperfit.run.logs import LogBatch
 from damperfit.run.parting import without_contradictory_motions
 from damperfit.tested.setting import Setting
-from tests import fakes
 from tests.conditioning.logs import sine_log, static_force
 from tests.identification.rig import trace
 from tests.laws.valve_logs import VALUES, damper, log_text, moved
@@ -100,44 +96,3 @@ def test_five_per_cent_are_a_difference(more, differs):
     half = 0.5 * (static_force(np.array([speed])) - static_force(np.array([-speed])))[0]
     assert met.forces[0] == pytest.approx(half, rel=0.01)
     assert met.differs is differs
-
-
-def test_what_is_left_over_is_a_share_of_the_force_s_variance():
-    one = fakes.trace(1)
-    force = one.force - np.mean(one.force[one.compared])
-    assert _power(one, force) == pytest.approx(1.0)
-    assert _power(one, 0.5 * force) == pytest.approx(0.25)
-
-
-@pytest.mark.parametrize(("n", "is_read"), [(11, False), (12, True)])
-def test_a_stroke_has_twelve_samples_near_the_speed(n, is_read) -> None:
-    speed = np.concatenate([np.linspace(0.76, 0.94, n), np.linspace(0.1, 0.7, 40)])
-    velocity = np.concatenate([speed, -speed])
-    trace = SimpleNamespace(velocity=velocity, compared=slice(None))
-    found = unlike_motions._damping(trace, 500.0 * velocity, 1.0)
-    assert (found is not None) is is_read
-    assert not is_read or found == pytest.approx(0.85 * 500.0)
-
-
-@pytest.mark.parametrize(("left", "is_reported"), [(0.24, True), (0.26, False)])
-def test_fits_of_each_log_leave_a_quarter_of_what_both_miss(monkeypatch, left, is_reported) -> None:
-    force = np.sin(np.linspace(0.0, 20.0, 200))
-    log = SimpleNamespace(force=force, compared=slice(None))
-    met = SimpleNamespace(first=log, second=log, differs=True)
-
-    def missed(traces, *_):
-        of_each = np.sqrt(left if len(traces) == 1 else 1.0)
-        return [of_each * force for _ in traces]
-
-    monkeypatch.setattr(unlike_motions, "_missed", missed)
-    monkeypatch.setattr(unlike_motions, "_meeting", lambda *_: met)
-    assert unlike_motions._is_left_by_fits(met, None, None) is is_reported
-
-
-def test_a_log_that_cannot_be_fitted_contradicts_none(monkeypatch) -> None:
-    def fails(*_):
-        raise SimulationError("no")
-
-    monkeypatch.setattr(unlike_motions, "_missed", fails)
-    met = SimpleNamespace(first=None, second=None)
-    assert unlike_motions._is_left_by_fits(met, None, None) is False

@@ -9,14 +9,12 @@ import pytest
 
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper, Parameters
 from damperfit.damper.purdy.reference import reference_parameters
-from damperfit.errors import ConfigurationError, LogError, SimulationError
+from damperfit.errors import ConfigurationError, SimulationError
 from damperfit.identification import (
     Campaign,
     Fit,
     FitOptions,
     Outcome,
-    Status,
-    compare,
     fit_problem,
     identify,
     normalised_mse,
@@ -39,15 +37,6 @@ def test_mse_is_the_papers() -> None:
     off = 10.0 * rng.standard_normal(5000)
     expected = 100.0 * np.sum(off**2) / (5000 * np.var(force))
     assert normalised_mse(force, force + off) == pytest.approx(expected, rel=1e-12)
-
-
-def test_the_mse_of_a_fit_is_that_of_its_comparison() -> None:
-    log = trace(7, noise=4.0)
-    fit = identify([log], PURDY_DAMPER, FitOptions("plain", FREE, KNOWN)).fits[0]
-    force = compare(fit.parameters, log, PURDY_DAMPER, solver=SolverOptions(tolerance=1e-2)).force
-    expected = normalised_mse(log.force[log.compared], force[log.compared])
-    assert fit.mse_percent == pytest.approx(expected, rel=1e-9)
-    assert fit.logs[0].mse_percent == pytest.approx(expected, rel=1e-9)
 
 
 def test_a_setting_that_really_cavitates_says_so() -> None:
@@ -162,11 +151,6 @@ def test_options_that_cannot_be(options: FitOptions, text: str) -> None:
         identify([trace(1, duration=4.0)], PURDY_DAMPER, options)
 
 
-def test_a_trace_without_a_setting_is_refused() -> None:
-    with pytest.raises(LogError, match="the setting is not known"):
-        identify([replace(trace(1, duration=4.0), setting=None)], PURDY_DAMPER)
-
-
 def test_a_log_of_another_damper_is_called_poor_and_does_not_stop_the_run() -> None:
     # Used to fail the setting: the second pass started where the first had run out of the model.
     other = Damper(
@@ -194,19 +178,6 @@ def test_values_found_once_for_all_settings_are_shared() -> None:
     assert fit.status["k_e"] == "fitted"
 
 
-@pytest.mark.parametrize(
-    ("frictions", "varies"), [((50.0, 51.0, 49.0), False), ((30.0, 50.0, 70.0), True)]
-)
-def test_whether_one_friction_holds_for_all_settings(frictions, varies) -> None:
-    logs = [
-        trace(setting, replace(reference_parameters(setting), f_f=f_f), noise=2.0)
-        for setting, f_f in zip((1, 5, 10), frictions, strict=True)
-    ]
-    sharing = identify(logs, PURDY_DAMPER).sharing
-    assert sharing.friction_varies is varies
-    assert sharing.spread == pytest.approx((min(frictions), max(frictions)), rel=0.02)
-
-
 @pytest.mark.parametrize("procedure", ["paper", "joint"])
 def test_friction_that_varies_neither_bends_r_m3_nor_stays_unnamed(procedure) -> None:
     # Held at the mean friction, R_m3 of the lowest setting came out 31 % low.
@@ -222,28 +193,6 @@ def test_friction_that_varies_neither_bends_r_m3_nor_stays_unnamed(procedure) ->
     assert "f_f is shared by all settings and here too high" in first.sentence
 
 
-def test_small_frictions_that_noise_moves_are_not_called_different() -> None:
-    logs = [
-        trace(
-            setting,
-            replace(reference_parameters(setting), f_f=2.0),
-            noise=20.0,
-            seed=setting,
-            duration=10.0,
-        )
-        for setting in (1, 5, 10)
-    ]
-    sharing = identify(logs, PURDY_DAMPER).sharing
-    assert sharing.spread is not None
-    assert sharing.spread[1] > 1.5 * sharing.spread[0]
-    assert not sharing.friction_varies
-
-
-def test_no_log_at_all_is_an_error_of_the_project() -> None:
-    with pytest.raises(LogError, match="found no log to fit"):
-        identify([], PURDY_DAMPER)
-
-
 def test_a_held_value_with_a_lost_power_of_ten_is_refused() -> None:
     """Held at 2.597 for 2.597e6 it was fitted, with a warning."""
     known = {"r_m3": 2.597, "f_f": 50.0}
@@ -253,13 +202,3 @@ def test_a_held_value_with_a_lost_power_of_ten_is_refused() -> None:
         identify([trace(7)], PURDY_DAMPER, FitOptions("plain", FREE, known))
     sound = identify([trace(7)], PURDY_DAMPER, FitOptions("plain", FREE, {**known, "r_m3": 2.6e6}))
     assert sound.warnings == ()
-
-
-def test_a_status_is_one_of_six_words_as_tables_have_them() -> None:
-    words = ["fitted", "fixed", "shared", "at_bound", "not_identifiable", "absent"]
-    assert [status.value for status in Status] == words
-    assert [status for status in Status if status.has_failed] == words[3:5]
-    campaign = identify(traces([3], noise=4.0, duration=4.0), PURDY_DAMPER)
-    assert all(isinstance(status, Status) for status in campaign.fits[0].status.values())
-    with pytest.raises(ValueError, match="unknown"):
-        Status("unknown")

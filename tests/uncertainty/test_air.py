@@ -5,10 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 
-from damperfit.conditioning import condition
 from damperfit.configuration.loading import load_configuration
 from damperfit.damper.purdy.closed_forms import incompressible_force
 from damperfit.damper.purdy.parameters import Damper
@@ -18,8 +16,7 @@ from damperfit.simulation import simulate, sine_motion
 from damperfit.uncertainty import Assessment, assess
 from damperfit.uncertainty import grades as air
 from damperfit.uncertainty.grades import air_objections
-from tests.identification.rig import recording, short_trace
-from tests.quick_cycles import quick_cycle
+from tests.identification.rig import short_trace
 
 AIR = 101325.0
 ROD = {"rod_diameter": "22mm"}
@@ -51,14 +48,6 @@ def test_the_air_adds_its_pressure_times_the_rod_to_every_force():
     assert pytest.approx(38.52, abs=0.01) == FORCE
     assert WITH.sentence.endswith("air at 1.013 bar")
     assert "air" not in WITHOUT.sentence
-
-
-def test_samples_have_it_too():
-    y = reference_parameters(10)
-    without = quick_cycle(y, WITHOUT, amplitude=0.02, frequency=1.0)
-    phase = np.array([0.1, 0.6])
-    apart = replace(without, damper=WITH).force(phase) - without.force(phase)
-    assert apart == pytest.approx(FORCE, rel=1e-9)
 
 
 def test_where_the_logs_show_the_air_the_grade_is_withheld():
@@ -101,20 +90,3 @@ def test_a_model_that_misses_by_twice_its_noise_says_nothing(monkeypatch, of_the
     options = configuration.identification
     told = air_objections(campaign, seen, configuration.damper, options, jobs=1)
     assert bool(told) is is_told
-
-
-@pytest.mark.parametrize(("mean", "is_certain"), [(3.99, False), (4.01, True)])
-def test_the_squares_fall_by_four_standard_errors(mean, is_certain):
-    around = np.array([-1.0, 1.0] * 8)  # sixteen cycles
-    error = float(np.std(around, ddof=1)) / 4.0
-    assert air._is_certain((around + mean * error).tolist()) is is_certain
-    assert not air._is_certain([1.0])
-    assert air._is_certain([1.0, 1.1])  # two cycles are enough where they agree
-
-
-def test_what_the_force_at_rest_is_compared_with_knows_the_air():
-    for declared, expected in ((ROD, -174.9), (ROD | {"ambient_pressure": "1.013bara"}, -136.3)):
-        options = load_configuration(overlay={"damper": declared}).conditioning
-        trace = condition(recording(10, damper=WITH), options)
-        (said,) = [one.sentence for one in trace.findings if one.name == "tare"]
-        assert said.endswith(f"the gas force alone is {expected:.0f} N")

@@ -9,9 +9,7 @@ import numpy as np
 import pytest
 
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, Sharing, identify
-from damperfit.tables.rows import make_tables
 from damperfit.uncertainty import (
     Assessment,
     Uncertainty,
@@ -21,7 +19,6 @@ from damperfit.uncertainty import (
     uncertainties,
 )
 from damperfit.uncertainty.correlation import (
-    autocorrelation,
     correlation_length,
     cycle_covariance,
     larger,
@@ -29,8 +26,6 @@ from damperfit.uncertainty.correlation import (
     stationary_covariance,
     sums_by_cycle,
 )
-from damperfit.uncertainty.covariance import make_interval
-from damperfit.uncertainty.verdicts import doubts, verdicts
 from tests import fakes
 from tests.identification.rig import short_trace as trace
 from tests.identification.rig import short_traces as traces
@@ -42,13 +37,6 @@ KNOWN = {"r_m3": 2.597e6, "f_f": 50.0}
 
 def smooth_noise(rng: np.random.Generator, n: int, span: int) -> np.ndarray:
     return np.convolve(rng.standard_normal(n + span - 1), np.ones(span), "valid")
-
-
-def test_autocorrelation_is_that_of_the_definition() -> None:
-    r = np.random.default_rng(3).standard_normal(200)
-    expected = [r[: 200 - k] @ r[k:] / (r @ r) for k in range(6)]
-    assert autocorrelation(r, 5) == pytest.approx(expected, abs=1e-12)
-    assert autocorrelation(np.zeros(9), 2).tolist() == [1.0, 0.0, 0.0]
 
 
 def test_white_residuals_have_no_correlation_length_and_the_textbook_sum() -> None:
@@ -66,18 +54,6 @@ def test_the_correlation_length_is_found_and_a_repeating_misfit_is_cut_off() -> 
     assert 15 <= np.median(found) <= 22
     cycle = np.sin(2 * np.pi * np.arange(6000) / 500)
     assert correlation_length(cycle, longest=125) == 125
-
-
-def first_quiet_lag(residuals: np.ndarray, longest: int) -> int:
-    """Lag by lag: quiet for as long as the correlation itself lasted, and for five at least."""
-    rho = autocorrelation(residuals, longest)
-    run = 0
-    for lag in range(1, longest + 1):
-        bar = 2.5 * np.sqrt((2.0 * np.sum(rho[:lag] ** 2) - 1.0) / len(residuals))
-        run = run + 1 if abs(rho[lag]) < bar else 0
-        if run >= max(5, lag - run):
-            return lag - run
-    return longest
 
 
 @pytest.mark.parametrize("span", [1, 12])
@@ -190,22 +166,6 @@ def test_intervals_are_positive_and_named_for_what_the_logs_gave() -> None:
     assert first["r_m3"].error == second["r_m3"].error
 
 
-def test_the_jackknife_over_cycles_is_told_beside_the_errors_printed() -> None:
-    whole = {"noise": 4.0, "duration": 10.0}
-    sound = assess(identify(traces([1, 10], **whole), PURDY_DAMPER), PURDY_DAMPER)
-    ratios = [i.cycle_ratio for u in sound.uncertainties for i in u.intervals.values()]
-    known = [ratio for ratio in ratios if math.isfinite(ratio)]
-    assert len(known) == 6  # shared parameters have no cycles of their own
-    assert all(0.5 < ratio < 1.6 for ratio in known)
-    assert f"gives {np.median(known):.2g} times as much" in sound.cycle_check
-    low, high = np.quantile(known, (0.05, 0.95))
-    assert sound.cycle_check.endswith(f"from {low:.2g} to {high:.2g}).")
-    gas = replace(PURDY_DAMPER, gas_pressure=1.3 * PURDY_DAMPER.gas_pressure)
-    bent = assess(identify(traces([1, 10], damper=gas, **whole), PURDY_DAMPER), PURDY_DAMPER)
-    assert "cannot see a misfit that repeats" in bent.cycle_check
-    assert Assessment().cycle_check == ""
-
-
 def test_one_setting_alone_has_the_errors_of_the_fit_with_everything_free() -> None:
     log = trace(3, noise=4.0)
     shared = assess(identify([log], PURDY_DAMPER), PURDY_DAMPER).uncertainties[0]
@@ -225,20 +185,6 @@ def test_a_parameter_at_its_bound_has_no_interval_and_an_offset_may_be_negative(
     assert assess(limited, PURDY_DAMPER).uncertainties[0].intervals == {}
 
 
-def test_verdicts_say_what_cannot_be_told_and_what_is_tied() -> None:
-    truth = replace(reference_parameters(12), r_m3=2.6e3)
-    campaign = identify([trace(12, truth, noise=4.0)], PURDY_DAMPER, FitOptions("plain"))
-    fit = campaign.fits[0]
-    said = assess(campaign, PURDY_DAMPER).verdicts(campaign)[12]
-    assert fit.status["r_m3"] in {"not_identifiable", "at_bound"}
-    assert "do not tell it" in said["r_m3"] or "edge of its plausible range" in said["r_m3"]
-    assert said["r_m1"].startswith("fitted, 95 % from ")
-    paper = identify(traces([1, 10], noise=4.0), PURDY_DAMPER)
-    said = assess(paper, PURDY_DAMPER).verdicts(paper)[10]
-    assert "correlated with r_m3 (-0.9" in said["r_m1"]
-    assert said["f_0"] == "held at the value given"
-
-
 @pytest.mark.parametrize(("error", "status"), [(0.3, "shared"), (0.4, "not_identifiable")])
 def test_what_all_settings_share_is_three_errors_from_nothing(error: float, status: str) -> None:
     one = fakes.fit(1)
@@ -247,20 +193,6 @@ def test_what_all_settings_share_is_three_errors_from_nothing(error: float, stat
     (found,) = reconsider(shared, Assessment(uncertainties=(known,))).fits
     assert found.status["f_f"] == status
     assert found.outcome is one.outcome  # the setting's own fit is as it was
-
-
-@pytest.mark.parametrize(("correlation", "is_tie"), [(0.9, False), (0.96, True), (-0.96, True)])
-def test_a_tie_is_a_correlation_that_triples_an_error(correlation: float, *, is_tie: bool) -> None:
-    covariance = 1e-4 * np.array([[1.0, correlation], [correlation, 1.0]])
-    names = ("r_m1", "k_e")
-    one = fakes.fit(1)
-    known = Uncertainty(
-        1, {n: make_interval(getattr(one.parameters, n), 0.01) for n in names}, names, covariance
-    )
-    said = verdicts(one, known, Sharing(), {})
-    for name, other in (names, names[::-1]):
-        assert (f"correlated with {other} ({correlation:+.2f})" in said[name]) == is_tie
-    assert bool(doubts([one], {1: known}, Sharing(), {})) == is_tie
 
 
 @pytest.mark.parametrize(
@@ -281,43 +213,3 @@ def test_intervals_cover_the_truth_through_the_whole_procedure(
     assert 0.93 <= covered[:, :3].mean() <= 0.98
     assert np.abs(width - 1.0).max() < 3 / math.sqrt(2 * n)
     assert np.abs(bias).max() < 3 / math.sqrt(n)
-
-
-@pytest.mark.parametrize("share", [0.99, 1.01])
-@pytest.mark.parametrize("lost", ["low", "high", "both"])
-def test_a_limit_beyond_the_plausible_range_is_none(lost: str, share: float) -> None:
-    one = fakes.fit(1, status={"r_m2": "not_identifiable"})
-    least, most = one.parameters.quantity("r_m2").plausible
-    value = {"low": 20.0 * least, "high": most / 20.0, "both": math.sqrt(least * most)}[lost]
-    moved = replace(one, parameters=one.parameters.replace({"r_m2": value}))
-    error = share * min(math.log(value / least), math.log(most / value)) / 1.959964
-    known = Uncertainty(1, {"r_m2": make_interval(value, error)}, ("r_m2",), np.array([[error**2]]))
-    assessment = Assessment(uncertainties=(known,))
-    low, high = assessment.plausible_limits(moved, "r_m2")
-    is_beyond = share > 1.0
-    assert (low is None, high is None) == (
-        is_beyond and lost != "high",
-        is_beyond and lost != "low",
-    )
-    assert assessment.unlimited(moved) == (frozenset({"r_m2"}) if high is None else frozenset())
-    tables = make_tables(fakes.campaign(moved), assessment=assessment)
-    (row,) = tables["parameters"].to_pylist()
-    assert (row["r_m2_ci_low"], row["r_m2_ci_high"]) == (low, high)
-    has_error = not is_beyond or lost != "both"
-    assert (row["r_m2_se"] is not None) == (row["r_m2_misfit_se"] is not None) == has_error
-    fitted = replace(moved, status=fakes.fit(1).status)
-    assert None not in assessment.plausible_limits(fitted, "r_m2")
-    assert assessment.unlimited(fitted) == frozenset()
-
-
-def test_a_matrix_that_breaks_costs_its_setting_alone() -> None:
-    free = FitOptions(procedure="plain", free=FREE, fixed=KNOWN)
-    campaign = identify(traces([3, 9, 15]), PURDY_DAMPER, free)
-    found = list(linearise_settings(campaign, PURDY_DAMPER))
-    found[1] = replace(found[1], cycle_scores=found[1].cycle_scores[:2])
-    told = []
-    left = uncertainties(found, campaign.sharing, on_error=lambda setting, _: told.append(setting))
-    assert told == [9]
-    assert [one.setting for one in left] == [3, 15]
-    with pytest.raises(ValueError, match="mismatch"):
-        uncertainties(found, campaign.sharing)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import math
 from dataclasses import replace
 from types import SimpleNamespace
@@ -12,30 +11,20 @@ import numpy as np
 import pytest
 
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.identification import FitOptions, Outcome, Sharing
-from damperfit.recording import Finding
-from damperfit.statistics import fisher_quantile
+from damperfit.identification import Sharing
 from damperfit.uncertainty import (
     Prediction,
-    assess,
     assessment,
-    linearise_settings,
-    predict,
-    residuals,
 )
 from damperfit.uncertainty.flaws import seek_flaws
 from damperfit.uncertainty.linearisation import Linearisation, LogLinearisation
-from damperfit.uncertainty.prediction import prediction_warnings
-from damperfit.uncertainty.profiles import Bench
 from damperfit.uncertainty.residuals import (
     StretchResiduals,
     diagnose,
     independent_phases,
-    is_beyond_chance,
-    split_power,
 )
 from tests import fakes
-from tests.uncertainty.test_words import known
+from tests.uncertainty.test_status import known
 
 OMEGA = 2.0 * np.pi * 1.5
 
@@ -84,24 +73,6 @@ def test_a_flaw_is_named_that_explains_half_of_what_repeats(share: float, *, is_
     assert named(residuals) == (["offset"] if is_named else [])
 
 
-@pytest.mark.parametrize(("share", "is_tied"), [(0.83, False), (0.87, True)])
-def test_a_second_flaw_is_named_that_explains_nearly_as_much(share: float, *, is_tied) -> None:
-    rest = even(fakes.trace(1), 14)
-    gas = math.sqrt(share) + math.sqrt(1.0 - share) * (rest - rest.mean())
-    found = named(np.full(len(rest), 0.3), gas=gas)  # a gas 30 % off
-    assert found == (["offset", "gas_pressure"] if is_tied else ["offset"])
-
-
-def test_the_amount_of_a_flaw_is_that_of_its_unit() -> None:
-    rest = even(fakes.trace(1), 14)
-    (gas,) = seek_flaws(linearised(0.25 * rest, gas=rest), 0.0625)
-    assert (gas.name, gas.amount) == ("gas_pressure", pytest.approx(25.0))
-    assert gas.words == "a wrong gas pressure (25 % more than configured)"
-    (gas,) = seek_flaws(linearised(-0.25 * rest, gas=rest), 0.0625)
-    assert gas.words == "a wrong gas pressure (25 % less than configured)"
-    assert gas.share == pytest.approx(1.0, abs=2e-3)
-
-
 def folded(rng, span: int = 1, *, cycles: int = 200, phases: int = 400) -> np.ndarray:
     noise = rng.standard_normal(cycles * phases + span - 1)
     return np.convolve(noise, np.ones(span), "valid").reshape(cycles, phases)
@@ -112,13 +83,6 @@ def test_correlated_phases_count_by_the_sum_of_squared_correlations(span, expect
     # 400 phases; a moving mean of five: 1 + 2 (0.64 + 0.36 + 0.16 + 0.04) = 3.4.
     found = independent_phases(folded(np.random.default_rng(3), span))
     assert found == pytest.approx(expected, rel=0.05)
-
-
-@pytest.mark.parametrize("loud", [0.5, 0.25])
-def test_noise_in_part_of_the_cycle_counts_by_that_part(loud: float) -> None:
-    noise = folded(np.random.default_rng(4))
-    noise[:, int(loud * 400) :] *= 1e-3
-    assert independent_phases(noise) == pytest.approx(400.0 * loud, rel=0.05)
 
 
 @pytest.mark.parametrize(("span", "quiet"), [(4, 1.0), (1, 0.2)])
@@ -172,23 +136,6 @@ def test_a_misfit_of_less_than_the_integrator_makes_is_none(share, *, is_structu
     assert found.is_structured is is_structured
 
 
-def test_a_misfit_points_to_the_first_fault_of_its_log_and_counts_the_others() -> None:
-    seen = repeating(2.0, noise=0.1)
-    seen = replace(seen, fit=replace(seen.fit, mse_percent=1.5))  # direction explains no good fit
-    log = seen.fit.logs[0]
-    faults = tuple(
-        Finding(name, severity, "a sentence")
-        for name, severity in (
-            ("force_stuck", "note"), ("skew", "warning"), ("direction", "warning"),
-            ("force_clipping", "warning"), ("temperature", "warning"),
-        )
-    )  # fmt: skip
-    trace = replace(log.trace, findings=faults)
-    seen = replace(seen, fit=replace(seen.fit, logs=(replace(log, trace=trace),)))
-    said = diagnose(seen).sentence
-    assert said.endswith("; see the warning direction of setting_01.csv and 2 more")
-
-
 def prediction(ratio: float, **more) -> Prediction:
     plain = Prediction(3, fakes.trace(3), False, 0.2 * ratio, 0.1, 0.15, 0.2)
     return replace(plain, **more)
@@ -211,19 +158,6 @@ def test_a_prediction_is_worse_from_twice_and_none_from_ten_times(ratio, verdict
     assert one.describe()["verdict"] == verdict
 
 
-def test_the_worst_of_the_predictions_that_fail_is_named() -> None:
-    good, bad, worse = prediction(1.9), prediction(3.0), prediction(5.0)
-    worse = replace(worse, trace=fakes.trace(4))
-    assert prediction_warnings([good]) == ()
-    (said,) = prediction_warnings([good, bad, worse])
-    assert said.startswith("2 of 3 held-out logs are predicted worse than the fitted ones")
-    assert "most setting_04.csv: worse than fitted: 5 times" in said
-
-
-def test_a_fake_fit_has_converged() -> None:
-    assert fakes.fit(1).outcome is Outcome.CONVERGED
-
-
 @pytest.mark.parametrize("cycles", [1, 2])
 def test_noise_is_told_from_a_misfit_from_two_cycles_on(cycles: int) -> None:
     found = diagnose(repeating(0.0, noise=1.0, cycles=cycles))
@@ -233,18 +167,6 @@ def test_noise_is_told_from_a_misfit_from_two_cycles_on(cycles: int) -> None:
     single = f"MSE {found.mse_percent:.2g} %; a single cycle cannot separate noise from lack of fit"
     assert (found.sentence == single) is not is_reported
     assert ("% is noise" in found.sentence) is is_reported
-
-
-def test_a_stretch_of_one_cycle_costs_the_others_nothing(monkeypatch) -> None:
-    """It says nothing of what repeats, whether it comes first or last."""
-    ten, one = repeating(0.3, noise=1.0), repeating(0.0, noise=1.0, cycles=1)
-    parts = [next(residuals.residuals_by_stretch(given)) for given in (ten, one)]
-    alone = diagnose(ten)
-    assert math.isfinite(alone.runs_ratio)
-    for order in (parts, parts[::-1]):
-        monkeypatch.setattr(residuals, "residuals_by_stretch", lambda _, order=order: iter(order))
-        found = diagnose(ten)
-        assert (found.noise_percent, found.runs_ratio) == (alone.noise_percent, alone.runs_ratio)
 
 
 @pytest.mark.parametrize(
@@ -269,21 +191,6 @@ def test_a_common_friction_is_in_doubt_where_the_settings_own_differ(
     assert [hint.words for hint in found.hints] == ([] if words is None else [words])
 
 
-@pytest.mark.parametrize(("cycles", "is_reported"), [(1, False), (2, False), (3, True)])
-def test_a_correlation_at_a_cycle_takes_more_than_two_cycles(
-    cycles: int, *, is_reported: bool
-) -> None:
-    assert (
-        math.isfinite(diagnose(repeating(0.0, noise=1.0, cycles=cycles)).correlation) is is_reported
-    )
-
-
-@pytest.mark.parametrize("asked", [assess, linearise_settings, predict, Bench])
-def test_a_fit_is_judged_by_the_integration_that_it_was_fitted_with(asked) -> None:
-    """Coarser, its minimum would seem to lie elsewhere; finer, it would cost more for nothing."""
-    assert inspect.signature(asked).parameters["solver"].default == FitOptions().solver
-
-
 def part(residuals: np.ndarray, n_cycles: int, noise: float = 1.0) -> StretchResiduals:
     """Residuals of a stretch, laid over itself where it has cycles."""
     stretch: Any = SimpleNamespace(n_cycles=n_cycles, noise=noise)
@@ -291,21 +198,3 @@ def part(residuals: np.ndarray, n_cycles: int, noise: float = 1.0) -> StretchRes
         return StretchResiduals(stretch, 1e-3, residuals)
     folded = residuals.reshape(n_cycles, -1)
     return StretchResiduals(stretch, 1e-3, residuals, folded, folded - folded.mean(axis=0))
-
-
-@pytest.mark.parametrize(("share", "repeats"), [(1.002, True), (0.998, False)])
-def test_what_noise_has_once_in_a_million_repeats(share: float, *, repeats: bool) -> None:
-    parts = [part(np.random.default_rng(4).standard_normal(1500), 15)]
-    phases = independent_phases(parts[0].about)
-    bar = fisher_quantile(phases, 14.0 * phases, 1.0 - 1e-6)
-    assert is_beyond_chance(parts, share * bar) is repeats
-
-
-@pytest.mark.parametrize(("power", "is_more"), [(3.9, False), (4.1, True)])
-def test_where_nothing_repeats_four_times_the_noise_is_more_than_noise(
-    power: float, *, is_more: bool
-) -> None:
-    residuals = math.sqrt(power) * np.array([1.0, -1.0] * 50)
-    repeats, noise, is_beyond = split_power([part(residuals, 0)])
-    assert (repeats, noise) == pytest.approx((power - 1.0, 1.0))
-    assert is_beyond() is is_more

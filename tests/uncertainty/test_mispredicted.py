@@ -42,29 +42,6 @@ def test_a_repeat_and_a_setting_without_a_fit_are_no_test_of_a_fit() -> None:
     assert kinds(replace(PLAIN, is_unseen=True)) == []
 
 
-def test_the_worst_of_a_setting_is_said_with_both_numbers() -> None:
-    trace = replace(PLAIN.trace, name="slow.csv")
-    worse = replace(PLAIN, trace=trace, mse_percent=4321.0)
-    found = missed_predictions([PLAIN, worse, replace(PLAIN, setting=4, mse_percent=0.1)])
-    assert list(found) == [3]
-    assert found[3].sentence == (
-        "slow.csv, which was not fitted, is missed by an MSE of 4300 % where 0.05 % is expected: "
-        "the numbers hold for the motion that was fitted"
-    )
-
-
-def test_what_moves_beside_the_cycles_is_named() -> None:
-    stretches = tuple(
-        replace(one, cycle_starts=one.cycle_starts[:0]) for one in PLAIN.trace.stretches
-    )
-    trace = replace(PLAIN.trace, name="one.csv", stretches=stretches)
-    (one,) = missed_predictions([replace(PLAIN, trace=trace, is_part=True)]).values()
-    assert one.sentence.startswith(
-        "the run-up, coast-down or changes of speed of one.csv, which were not fitted, are missed "
-        "by an MSE of 0.8 % where 0.05 % is expected"
-    )
-
-
 def test_a_run_withholds_the_grade_of_a_setting_whose_hold_out_is_missed(tmp_path) -> None:
     """A straight line through 0.2 m/s fits that speed alone; friction has its share at another."""
     import numpy as np

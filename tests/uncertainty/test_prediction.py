@@ -26,7 +26,6 @@ from damperfit.uncertainty import (
 )
 from damperfit.uncertainty.prediction import _prediction
 from tests import fakes
-from tests.identification.adjusted import at
 from tests.identification.rig import recording
 
 SETTINGS = (1, 10, 20)
@@ -111,27 +110,6 @@ def test_a_log_that_drifts_shows_in_its_last_cycles() -> None:
     assert {one.cycles for one in found} == {"last 4"}
 
 
-def test_the_expected_mse_is_lack_of_fit_and_noise(monkeypatch) -> None:
-    monkeypatch.setattr(prediction, "PREDICTED_PERCENT", 0.0)  # of no consequence: another limit
-    fitted, other = log(10), log(10, amplitude=0.02, seed=9)
-    campaign = identify([fitted], PURDY_DAMPER)
-    known = predict(campaign, assess(campaign, PURDY_DAMPER), [other], damper=PURDY_DAMPER)[0]
-    assert known.fitted_mse_percent == campaign.fits[0].mse_percent
-    assert known.expected_mse_percent == pytest.approx(known.mse_percent, rel=0.3)
-    assert known.expected_mse_percent > known.noise_floor_percent  # of the force alone
-    # One cycle shows no noise of its own: that of the fitted log counts.
-    single = split_cycles(other, 1)[1]
-    alone = predict(campaign, assess(campaign, PURDY_DAMPER), [single], damper=PURDY_DAMPER)[0]
-    assert single.n_cycles == 1
-    assert 0.3 < alone.ratio < 3.0
-    # Without a diagnosis all of the fitted misfit counts as lack of fit.
-    blind = predict(campaign, Assessment(), [other], damper=PURDY_DAMPER)[0]
-    assert blind.expected_mse_percent - known.expected_mse_percent == pytest.approx(
-        assess(campaign, PURDY_DAMPER).diagnoses[0].noise_percent, rel=0.2
-    )
-    assert predict(campaign, Assessment(), [log(11)], damper=PURDY_DAMPER) == ()
-
-
 @pytest.mark.parametrize(("cycles", "held"), [(1, 1), (3, 3), (0.3, 2), (0.01, 1), (0.5, 3)])
 def test_the_last_cycles_are_held_out_and_nothing_is_lost(cycles: float, held: int) -> None:
     trace = log(10)
@@ -161,15 +139,6 @@ def test_the_fit_does_not_see_what_is_held_out() -> None:
     for part in (rest, replace(rest, force=spoilt)):
         found = identify([part], PURDY_DAMPER).fits[0].parameters
         assert found.r_m1 == pytest.approx(reference_parameters(10).r_m1, rel=0.02)
-
-
-def test_nearly_ten_times_is_not_said_to_be_ten() -> None:
-    fitted = log(10, seed=1)
-    (one,) = predicted([fitted], [log(10, seed=2)])
-    nearly = replace(one, mse_percent=9.96 * one.expected_mse_percent)
-    assert nearly.verdict.startswith("worse than fitted: 9.9 times the expected MSE")
-    beyond = replace(one, mse_percent=12.0 * one.expected_mse_percent)
-    assert beyond.verdict.startswith("not predicted: 12 times the expected MSE")
 
 
 def test_the_stroke_and_speed_that_were_fitted_are_no_test_of_the_model() -> None:
@@ -221,36 +190,3 @@ def test_another_test_has_an_offset_of_its_own_where_offsets_are_found(offset, s
                     _prediction(free, seen, model, 0.0)):  # fmt: skip
         assert counted.own_offset == 0.0
         assert counted.mse_percent > 0.0
-
-
-@pytest.mark.parametrize(("percent", "is_failed"), [
-    (0.007, False),
-    (2.0 * PREDICTED_PERCENT - 0.001, False),
-    (2.0 * PREDICTED_PERCENT + 0.001, True),
-])  # fmt: skip
-def test_what_is_missed_below_what_matters_is_no_failure(percent, is_failed) -> None:
-    """A slow log of one cycle has the noise of the displacement, which no other log shows."""
-    seen = fakes.trace(1, "slow.csv")
-    (one,) = seen.stretches
-    held = replace(seen, stretches=(replace(one, amplitude=0.5 * one.amplitude),))
-    rest = np.tile([1.0, -1.0], len(held.force))[: len(held.force)]
-    part = held.force[held.compared]
-    size = np.sqrt(0.01 * percent * np.var(part) / np.mean(rest[held.compared] ** 2))
-    fitted = replace(fakes.fit(1), mse_percent=0.0012)
-    found = _prediction(fitted, held, SimpleNamespace(force=held.force + size * rest), 0.0)
-    assert found.mse_percent == pytest.approx(percent)
-    assert found.expected_mse_percent == PREDICTED_PERCENT
-    assert found.is_failed is is_failed
-    assert (prediction_warnings([found]) == ()) is not is_failed
-    # The same test again has the same noise: what it has more has drifted.
-    again = _prediction(fitted, seen, SimpleNamespace(force=held.force + size * rest), 0.0)
-    assert again.is_same_motion
-    assert again.expected_mse_percent < PREDICTED_PERCENT
-
-
-def test_a_combined_setting_names_what_no_log_limits() -> None:
-    one = Prediction(at(14, 3), fakes.trace(9), False, 9.0, 0.1, 0.15, 0.2, is_unseen=True)
-    assert one.verdict.endswith("combined from settings that share its clicks")
-    other = replace(one, unlimited=("r_m1", "r_m2"))
-    assert other.verdict == f"{one.verdict}, whose logs do not determine r_m1, r_m2"
-    assert other.describe()["unlimited"] == ["r_m1", "r_m2"]

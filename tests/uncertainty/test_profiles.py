@@ -10,7 +10,6 @@ import pytest
 
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
-from damperfit.errors import ConfigurationError
 from damperfit.identification import Campaign, FitOptions, Outcome, identify
 from damperfit.identification.fit_problem import FitProblem
 from damperfit.identification.fit_setting import minimised
@@ -21,10 +20,7 @@ from damperfit.uncertainty import (
     Assessment,
     Bench,
     MisfitProfile,
-    ProfilePoint,
-    Stride,
     assess,
-    check_profile_names,
     profile_campaign,
     reconsider,
 )
@@ -202,34 +198,3 @@ def test_what_is_well_told_costs_nothing_more() -> None:
     judged = assess(campaign, PURDY_DAMPER)
     assert judged.profiles == ()
     assert reconsider(campaign, judged).fits[0].status == campaign.fits[0].status
-
-
-def test_a_budget_that_is_spent_leaves_no_verdict() -> None:
-    log = trace(6, noise=4.0, duration=5.0)
-    campaign = identify([log], PURDY_DAMPER, FitOptions("plain", FREE, KNOWN))
-    judged = assess(campaign, PURDY_DAMPER)
-    bench = Bench(PURDY_DAMPER)
-    short = profile_campaign(campaign, judged, bench, names=["k_e"], stride=Stride(budget=4))
-    profile = short.profiles[-1]
-    assert profile.shape == "not finished"
-    assert profile.evaluations <= 5
-    assert short.limits(6, "k_e") == judged.limits(6, "k_e")
-    stopped = Bench(PURDY_DAMPER, cancelled=lambda: True)
-    assert profile_campaign(campaign, judged, stopped, names=["k_e"]).profiles == ()
-
-
-@pytest.mark.parametrize(("rise", "is_better"), [(-0.4, False), (-0.6, True)])
-def test_a_better_minimum_is_clearly_below_the_fit(rise: float, *, is_better: bool) -> None:
-    points = tuple(
-        ProfilePoint(value, height, reference_parameters(1))
-        for value, height in ((1.0, rise), (2.0, 0.0), (3.0, 4.0))
-    )
-    profile = MisfitProfile(1, "k_e", points, None, 2.9, is_complete=True, evaluations=3)
-    assert profile.better == (points[0] if is_better else None)
-
-
-def test_names_that_cannot_be_profiled() -> None:
-    with pytest.raises(ConfigurationError, match=r"no parameter 'k_f' to profile.*Did you mean"):
-        check_profile_names(["k_f"], PURDY_DAMPER.names)
-    with pytest.raises(ConfigurationError, match="f_f is both fixed and to be profiled"):
-        check_profile_names(["f_f"], PURDY_DAMPER.names, fixed={"f_f": 50.0})

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -144,17 +143,6 @@ def test_another_valve_law_is_named() -> None:
     assert found.warnings[0].startswith("setting 10: ")
 
 
-def test_the_split_of_the_mse_adds_up() -> None:
-    log = recording(6, noise=4.0)
-    x = log.displacement / 0.032
-    found = judged([trace(1, noise=4.0), condition(replace(log, force=log.force + 20.0 * x**3))])
-    one = found.diagnoses[1]
-    quiet = judged(traces([1, 6], noise=4.0)).diagnoses[1]
-    assert one.noise_percent == pytest.approx(quiet.noise_percent, rel=0.1)
-    assert one.mse_percent > 5 * one.noise_percent
-    assert f"of which {one.noise_percent:.2g} % is noise: a misfit repeats" in one.sentence
-
-
 @pytest.mark.parametrize(
     "settings", [(12,), pytest.param((4, 12, 18), marks=pytest.mark.slow)], ids=["one", "three"]
 )
@@ -163,14 +151,6 @@ def test_flaws_are_named_at_other_settings_too(flaw: Flaw, settings: tuple[int, 
     # Many seeds by hand: python -m tests.uncertainty.flaws.
     for names in outcomes(flaw, settings, seed=7):
         assert flaw.expected in names if flaw.expected else names == ()
-
-
-def test_a_misfit_points_to_the_warning_on_its_log() -> None:
-    log = recording(10, noise=4.0)
-    clipped = replace(log, force=np.clip(log.force, None, 0.85 * log.force.max()))
-    found = judged([condition(clipped)], FitOptions(fixed=KNOWN)).diagnoses[0]
-    assert found.is_structured
-    assert f"; see the warning force_clipping of {log.name}" in found.sentence
 
 
 def test_a_weak_misfit_that_repeats_for_long_is_seen_below_white_noise() -> None:
@@ -196,16 +176,6 @@ def test_friction_that_rises_with_speed_is_less_at_low_speed() -> None:
     said = " ".join(judged(logs).warnings)
     assert "friction that depends on velocity" in said
     assert "N less at low speed" in said
-
-
-def test_a_large_misfit_is_told_without_an_exponent() -> None:
-    log = recording(10, noise=4.0, duration=5.0)
-    steep = 400.0 * np.tanh(speed(log) / 0.02)
-    said = " ".join(judged([condition(replace(log, force=log.force + steep))]).warnings)
-    assert "friction that depends on velocity (less at low speed)" in said
-    sticking = 400.0 * np.sign(speed(log)) * np.exp(-np.abs(speed(log)) / 0.03)
-    said = " ".join(judged([condition(replace(log, force=log.force + sticking))]).warnings)
-    assert re.search(r"\(\d{3} N more at low speed\)", said), said
 
 
 def test_a_tare_that_the_fit_has_no_room_for_is_not_confirmed() -> None:

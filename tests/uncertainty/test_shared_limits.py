@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 
@@ -12,8 +10,7 @@ from damperfit.identification import FitOptions, Status, identify
 from damperfit.recording import Recording
 from damperfit.simulation import simulate
 from damperfit.tested.setting import Setting
-from damperfit.uncertainty import assess, profiles, reconsider
-from damperfit.uncertainty.covariance import Interval, Uncertainty
+from damperfit.uncertainty import assess, reconsider
 from tests.laws.valve_logs import VALUES, damper, moved
 
 TRUE = 2e9  # N/m: the oil of this damper gives three hundred times as much
@@ -64,12 +61,3 @@ def test_it_is_one_profile_of_all_settings(found) -> None:
 def test_what_is_determined_is_not_followed(found) -> None:
     _, assessment = found
     assert {p.name for p in assessment.profiles if p.is_shared} == {"k_s"}
-
-
-@pytest.mark.parametrize("misfit", [0.0, 6.0, 12.0])
-def test_an_error_holds_the_misfit_too(misfit: float) -> None:
-    """In units of the value's logarithm, whatever the value."""
-    known = Uncertainty(
-        Setting.of(1), {"k_s": Interval(6.0, 0.0, 1.0, 1.0, misfit)}, ("k_s",), np.array([[0.04]])
-    )
-    assert profiles._whole_error(known, "k_s") == pytest.approx(0.2 * math.hypot(1.0, misfit / 6.0))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from damperfit.adjustment.clicks import compare_settings
-from damperfit.adjustment.force_at import Force, credible_forces, force_at, stage_of
+from damperfit.adjustment.force_at import force_at, stage_of
 from damperfit.conditioning import condition
 from damperfit.damper.mounting import FIT, Mounting
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
@@ -21,8 +21,7 @@ from damperfit.passed_speeds import at_speeds
 from damperfit.recording import Recording
 from damperfit.simulation import simulate, sine_motion
 from damperfit.tested.setting import Setting
-from damperfit.uncertainty import SpeedForces, assess
-from damperfit.uncertainty.speed_forces import MeasuredForce
+from damperfit.uncertainty import assess
 from tests.identification.rig import TIGHT, recording
 from tests.laws.valve_logs import VALUES, damper, moved
 from tests.uncertainty.flaws import speed
@@ -93,53 +92,6 @@ def test_intervals_for_a_wrong_model_hold_what_another_stroke_finds(both) -> Non
         whole = math.hypot(noise, a.misfit / at[0], b.misfit / at[1])
         assert apart < 1.96 * whole
         assert apart > 1.2 * noise
-
-
-@pytest.mark.parametrize("speed", [0.1, 0.13, 0.2, 0.3])
-def test_between_two_speeds_forces_lie_on_a_line(speed: float) -> None:
-    speeds = (0.1, 0.2, 0.3)
-    rows = [(100.0, 140.0, 150.0), (1.0, 2.0, math.nan), (3.0, 4.0, 9.0), (0.0, 1.0, 0.0)]
-    known = SpeedForces(Setting.of(1), "bump", 1.0, speeds, *rows, "pvp", (0.0,) * 3)
-    seen = known.at(speed)
-    found = (seen.force, seen.error, seen.difference, known.misfit_near(speed))
-    assert found == pytest.approx([np.interp(speed, speeds, row) for row in rows], nan_ok=True)
-    assert known.at(0.097) is known.at(0.307) is None  # a test repeats its speed within 2 %
-    assert known.at(0.305).force == pytest.approx(150.5)
-    assert replace(known, kind="").at(0.2) is None  # loops of older versions are as the filter left
-
-
-def one_force(difference: float, *, measured: float = 1000.0, error: float = 0.0) -> Force:
-    seen = MeasuredForce(
-        measured, error, error, 0.0, difference, math.nan, math.nan, measured, "pvp",
-        (0.1, 0.1),
-    )  # fmt: skip
-    plain = Force(Setting.of(1), 0.1, "rebound", 900.0, 1.0, 1.0, np.zeros(0))
-    return replace(plain, measured=seen, half_range=1500.0)
-
-
-def test_by_how_much_a_model_may_miss_the_measured_force() -> None:
-    assert one_force(20.1).disagrees
-    assert not one_force(19.9).disagrees
-    # Near its passage through zero half a per cent of half the range counts.
-    assert one_force(7.6, measured=3.0).disagrees
-    assert not one_force(7.4, measured=3.0).disagrees
-    # And three standard errors, where they are known.
-    assert not one_force(22.9, error=1.0).disagrees
-    assert one_force(23.1, error=1.0).disagrees
-    assert one_force(20.1, error=math.nan).disagrees
-    unmeasured = replace(one_force(20.1), measured=None)
-    assert not unmeasured.disagrees
-    assert unmeasured.as_measured.force == 900.0
-
-
-def test_where_one_setting_disagrees_all_are_told_as_measured() -> None:
-    agrees = replace(one_force(1.0), setting=Setting.of(2))
-    elsewhere = replace(agrees, speed=0.2)
-    told = credible_forces((one_force(100.0), agrees, elsewhere))
-    assert [one.is_measured for one in told] == [True, True, False]
-    # But where one was not measured there, all stay the model's.
-    told = credible_forces((one_force(100.0), replace(agrees, measured=None)))
-    assert [one.is_measured for one in told] == [False, False]
 
 
 def logged(model, values, motion, *, noise=0.0, stroke_noise=0.0):
@@ -247,34 +199,3 @@ def test_an_error_for_the_wrong_model_holds_what_another_stroke_moves() -> None:
     assert intervals["k_e"].misfit / values.k_e == pytest.approx(0.23, abs=0.02)
     # It knows nothing of what the parameters absorb.
     assert shortest.r_m1 - values.r_m1 > 5.0 * intervals["r_m1"].misfit
-
-
-def test_turning_one_adjuster_is_no_change_of_the_other_stroke() -> None:
-    """A turn of the compression adjuster was reported as rebound +179 %."""
-    model = replace(damper(), mounting=Mounting(FIT, "none", FIT))
-    numbers = {name: value for name, value in VALUES.items() if name != "play"} | RIG
-    clicks = {8: 2.9e4, 4: 7e4}
-    traces = []
-    for k, (rebound, compression) in enumerate((r, c) for r in clicks for c in clicks):
-        truth = model.values(
-            numbers, rebound_bleed=clicks[rebound], compression_bleed=clicks[compression]
-        )
-        trace = logged(model, truth, moved(SPEEDS[3:]), noise=1.0, stroke_noise=2e-6)
-        label = Setting((("rebound", rebound), ("compression", compression)))
-        traces.append(replace(trace, name=f"{k}.csv", setting=label))
-    free = ("rebound_bleed", "rebound_opening", "compression_bleed", "compression_opening", "f_f")
-    options = FitOptions(
-        "plain",
-        free=free,
-        fixed={name: getattr(truth, name) for name in truth.names if name not in free},
-        start=GivenStart({name: getattr(truth, name) for name in free}),
-    )
-    campaign = identify(traces, model, options)
-    shown = compare_settings(campaign, assess(campaign, model), model, speeds=SPEEDS[3:])
-    assert len(shown.clicks) == 2 * 2 * 2 * 3
-    for one in shown.clicks:
-        own = "rebound" if one.stroke == "rebound" else "compression"
-        if one.adjuster == own:
-            assert abs(one.percent) > 5.0
-        else:
-            assert abs(one.percent) < 0.2

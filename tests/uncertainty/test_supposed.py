@@ -9,9 +9,6 @@ import pytest
 
 from damperfit.damper.friction import with_pressed_seal
 from damperfit.damper.mounting import Friction
-from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.damper.purdy.reference import reference_parameters
-from damperfit.damper.warmed import Warmed
 from damperfit.identification import Campaign, FitOptions, identify
 from damperfit.uncertainty import Uncertainty, assess
 from damperfit.uncertainty.linearisation import linearise_at_fit
@@ -93,19 +90,6 @@ def test_a_seal_that_the_pressure_presses_is_within_the_intervals() -> None:
     opening = found.intervals["rebound_opening"]
     middle = math.sqrt(opening.low * opening.high)
     assert abs(truth["rebound_opening"] - middle) > 3.0 * opening.error
-
-
-def test_which_seals_may_be_pressed() -> None:
-    values = adjusted.DAMPER.values(adjusted.TRUTH)
-    model, pressed = with_pressed_seal(adjusted.DAMPER, values)
-    assert model.friction == Friction(seal_area=pressed.seal_area)
-    assert 0.0 < pressed.seal_area < pressed.quantity("seal_area").believable[1] / 3.0
-    assert pressed.f_f == values.f_f
-    assert with_pressed_seal(model, pressed) is None
-    assert with_pressed_seal(PURDY_DAMPER, reference_parameters(1)) is None
-    warm = Warmed(adjusted.DAMPER, 30.0, 40.0)
-    model, pressed = with_pressed_seal(warm, warm.values({**adjusted.TRUTH, "beta": 0.01}))
-    assert (model.temperature, pressed.names[-1]) == (40.0, "beta")
 
 
 def test_a_setting_without_friction_supposes_as_many_forms_as_the_others(log) -> None:

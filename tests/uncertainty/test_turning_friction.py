@@ -2,17 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from damperfit.damper.friction import _SPREAD, other_turns
-from damperfit.damper.mounting import Friction
-from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.damper.purdy.reference import reference_parameters
-from damperfit.damper.warmed import Warmed
-from tests.uncertainty.drag_coverage import NAMES, SHARP, TRUTH, TURNING, Seals, errors_of
+from damperfit.damper.friction import _SPREAD
+from tests.uncertainty.drag_coverage import NAMES, SHARP, TURNING, Seals, errors_of
 
 DRAG = NAMES.index("drag")
 
@@ -58,22 +52,3 @@ def test_two_straight_lines_lack_as_much_below_their_speeds_as_a_hyperbolic_tang
     lacking, truth = 1.0 - np.mean(lines, axis=0), 1.0 - np.tanh(v)
     for power in (0, 1):  # what a slow passage shows, and its first moment
         assert np.sum(v**power * lacking) == pytest.approx(np.sum(v**power * truth), rel=0.01)
-
-
-def test_which_frictions_may_turn_in_another_form() -> None:
-    values = SHARP.values(TRUTH)
-    ((weight, model, turning),) = other_turns(SHARP, values)
-    assert weight == 1.0
-    assert model.friction.turning_speed == turning.turning_speed == 1.5e-3
-    assert turning.drag == values.drag
-    slow, fast = other_turns(TURNING, TURNING.values({**TRUTH, "turning_speed": 2e-3}))
-    assert (slow[0], slow[1], fast[0], fast[1]) == (0.5, TURNING, 0.5, TURNING)
-    assert (slow[2].turning_speed + fast[2].turning_speed) / 2 == pytest.approx(2e-3)
-    assert other_turns(SHARP, values.replace(f_f=0.0)) == ()
-    bristles = replace(SHARP, friction=Friction(presliding=2e-5))
-    assert other_turns(bristles, bristles.values({**TRUTH, "presliding": 2e-5})) == ()
-    assert other_turns(PURDY_DAMPER, reference_parameters(1)) == ()
-    warm = Warmed(SHARP, 30.0, 40.0)
-    ((_, model, turning),) = other_turns(warm, warm.values({**TRUTH, "beta": 0.01}))
-    assert (model.damper.friction.turning_speed, model.temperature) == (1.5e-3, 40.0)
-    assert turning.names[-1] == "beta"

@@ -11,9 +11,7 @@ import pytest
 
 from damperfit.conditioning import condition
 from damperfit.damper.mounting import Mounting
-from damperfit.damper.network import Valve
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.damper.valve_dampers import ThroughFlow, TwinTube
 from damperfit.damper.warmed import Warmed
 from damperfit.identification import FitOptions, Sharing, identify
 from damperfit.identification.options import GivenStart
@@ -21,9 +19,8 @@ from damperfit.identification.outcome import Status
 from damperfit.recording import Recording
 from damperfit.simulation import simulate
 from damperfit.tested.setting import Setting
-from damperfit.uncertainty import Assessment, Uncertainty, assess, reconsider
+from damperfit.uncertainty import Uncertainty, assess, reconsider
 from damperfit.uncertainty.covariance import make_interval
-from damperfit.uncertainty.linearisation import _pressed_on
 from damperfit.uncertainty.verdicts import verdicts, with_least_openings
 from tests import fakes
 from tests.laws.valve_logs import VALUES, damper, moved
@@ -115,26 +112,3 @@ def test_a_hundredth_of_a_strokes_oil_is_a_blow_off_that_opens(share, is_open) -
     flow = MODEL.oil_density * MODEL.annulus_area * fakes.trace(1).fastest.peak_speed
     one = linearised(1, 5e5, 9e5, slope=4e5 / (share * flow))
     assert unopened(one) == ({} if is_open else {NAME: 9e5})
-
-
-def judged_limits(value: float, above: float):
-    fit = fakes.fit(1, status={"r_m2": "not_identifiable"})
-    fit = replace(fit, parameters=fit.parameters.replace({"r_m2": value}))
-    known = Uncertainty(fit.setting, {}, (), np.eye(1), unopened={"r_m2": above})
-    return Assessment(uncertainties=(known,)).plausible_limits(fit, "r_m2")
-
-
-def test_the_limit_below_an_opening_that_is_used_is_its_limit() -> None:
-    assert judged_limits(2e6, 1e6) == (1e6, None)
-    assert judged_limits(9e5, 1e6) == (None, None)
-
-
-def test_of_passages_that_share_an_opening_the_most_counts_and_one_that_lifts_has_none() -> None:
-    pressures = np.array([[5.0, 9.0, 1.0], [1.0, 2.0, 4.0], [3.0, 3.0, 3.0]])
-    linear, rounded = Valve("orifice", "linear"), Valve("orifice", "rounded")
-    one = ThroughFlow(rebound=linear, compression=rounded)
-    assert _pressed_on(one, pressures) == {NAME: 6.0}
-    assert _pressed_on(Warmed(one, 20.0), pressures) == {NAME: 6.0}
-    both = TwinTube(rebound=linear, compression=linear)
-    assert _pressed_on(both, pressures) == {NAME: 7.0, "compression_opening": 1.0}
-    assert _pressed_on(PURDY_DAMPER, pressures) == {}

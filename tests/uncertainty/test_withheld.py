@@ -12,14 +12,11 @@ from damperfit.damper.cavitation import Cavitation
 from damperfit.damper.model import values_type
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.quantity import Quantity
-from damperfit.damper.rivals import Biviscous, RestoringForceSurface
 from damperfit.identification import Fit, Status
-from damperfit.identification.fit_problem import edge_of
-from damperfit.laws import ENOUGH_PERCENT
 from damperfit.recording import Finding
 from damperfit.uncertainty import Assessment, Diagnosis, objections
 from damperfit.uncertainty.flaws import Hint
-from damperfit.uncertainty.grades import LIMITS, jump_ratio, offset_mismatch, what_spreads
+from damperfit.uncertainty.grades import LIMITS, jump_ratio, offset_mismatch
 from tests import fakes
 from tests.fakes import campaign
 
@@ -75,18 +72,6 @@ def test_a_quantity_at_its_bound_is_told_with_the_limit() -> None:
     (reason,) = objections(campaign(one), Assessment())[one.setting]
     assert (reason.kind, reason.quantity) == ("bound", "r_m1")
     assert "R_m1 ran to the edge of its range (below 10 " in reason.sentence
-
-
-def test_the_edge_that_a_value_ran_into() -> None:
-    tiny = having(f_f=2.65e-261, r_m2=1e10).parameters
-    assert edge_of(tiny, "f_f") == ("below", 1e-3)
-    assert edge_of(tiny, "r_m2") == ("above", 1e10)
-    assert edge_of(having(f_f=0.5).parameters, "f_f") == ("below", 0.5)
-    # Friction that is nothing beside the noise, and an offset, which has no logarithm.
-    assert edge_of(having(f_f=10.9).parameters, "f_f") == ("below", 10.9)
-    low, high = having().parameters.quantity("f_0").plausible
-    assert edge_of(having(f_0=low).parameters, "f_0") == ("below", low)
-    assert edge_of(having(f_0=high).parameters, "f_0") == ("above", high)
 
 
 @pytest.mark.parametrize(
@@ -166,10 +151,6 @@ def test_an_offset_far_from_that_of_the_log() -> None:
     assert reason.sentence == f"f_0 is -218 N where the log shows {seen:.0f} N"
 
 
-def test_a_grade_and_the_search_for_a_law_agree_on_what_leaves_nothing() -> None:
-    assert LIMITS.nothing_percent == ENOUGH_PERCENT
-
-
 def rubbing(friction: float) -> Fit:
     """A fit of a log whose force has a jump of twice the friction at each reversal, no more."""
     one = fit(1)
@@ -188,14 +169,6 @@ def test_friction_beyond_the_jump_at_the_reversals(ratio: float, *, is_withheld:
     assert jump_ratio(one, 50.0) == pytest.approx(ratio, rel=1e-6)
     assert kinds(one, told()) == (["friction"] if is_withheld else [])
     assert kinds(one, told(misses=False)) == []
-
-
-def test_an_elastic_mounting_spreads_the_jump() -> None:
-    one = rubbing(1.0)
-    spring = Quantity("k_s", "k_s", "", "", "N/m", (1e3, 1e10))
-    values = values_type((*one.parameters.quantities, spring))(*one.parameters.numbers, 5e5)
-    assert np.isnan(jump_ratio(replace(one, parameters=values), 50.0))
-    assert np.isnan(jump_ratio(replace(one, logs=()), 50.0))
 
 
 def lagging(one: Fit, lag: float) -> Fit:
@@ -220,32 +193,11 @@ def test_a_late_jump_is_that_of_a_late_friction() -> None:
         assert jump_ratio(lagging(one, short), 50.0) == pytest.approx(1.0, rel=1e-3)
 
 
-@pytest.mark.parametrize(("lag", "said"), [
-    (0.0199, ""),
-    (0.0201, "the force channel lags by 20 ms, which spreads the jump at a reversal"),
-])  # fmt: skip
-def test_a_lag_as_long_as_the_jump_is_read_over_spreads_it(lag: float, said: str) -> None:
-    one = lagging(rubbing(50.0), lag)
-    assert what_spreads(one) == said
-    assert np.isnan(jump_ratio(one, 50.0)) == bool(said)
-
-
 def test_a_force_that_jumps_against_the_motion_tells_nothing_of_friction() -> None:
     one = rubbing(50.0)
     (log,) = one.logs
     turned = replace(log, trace=replace(log.trace, force=-log.trace.force))
     assert np.isnan(jump_ratio(replace(one, logs=(turned,)), 50.0))
-
-
-def test_coefficients_and_yield_forces_are_neither_tare_nor_friction() -> None:
-    for kind in (RestoringForceSurface, Biviscous):
-        found = kind().quantities
-        assert [one.name for one in found if one.is_offset] == (
-            ["f_0"] if kind is Biviscous else []
-        )
-        assert not any(one.is_friction for one in found)
-    assert [one.name for one in PURDY_DAMPER.quantities if one.is_friction] == ["f_f"]
-    assert [one.name for one in PURDY_DAMPER.quantities if one.is_offset] == ["f_0"]
 
 
 def of_gas(name: str = "gas_volume", share: float = 0.95) -> Hint:
@@ -286,18 +238,6 @@ def test_a_misfit_of_another_gas_spring_or_rod(mse, noise, hints, *, is_withheld
     assert bool(said) is is_withheld
     if said:
         assert "the rest is as from a wrong gas or rod volume (29 N at full stroke)" in said[0][1]
-
-
-def test_dimensions_are_the_damper_s_and_not_a_setting_s() -> None:
-    much, little = (replace(told(mse, mse / 40.0), hints=(of_gas(),)) for mse in (0.05, 0.005))
-    other, white = told(0.05), told(0.005, 0.0049, misses=False)
-    assert [setting for setting, _ in about_dimensions(much, little, other, white)] == [1, 2]
-    assert about_dimensions(little, little) == []
-    # At a soft setting a wrong gas pressure looks like an offset.
-    offset = replace(much, hints=(of_gas("offset"),))
-    assert [setting for setting, _ in about_dimensions(offset, little)] == [2]
-    assert about_dimensions(replace(offset, hints=(of_gas("offset", 0.89),)), little) == []
-    assert about_dimensions(other, little) == []
 
 
 ASSUMED = "[damper] is not declared, and with the dimensions of a generic damper"
