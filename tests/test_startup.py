@@ -87,9 +87,9 @@ def test_inspect_loads_nothing_that_fits_judges_or_writes_tables():
     judging += (
         "damper.rivals",
         "damper.valve_dampers",
-        "io.excel",
+        "io.foreign",
         "io.groups",
-        "io.parquet",
+        "io.binary",
         "identification.sharing",
     )
     assert loaded.isdisjoint(f"damperfit.{one}" for one in (*judging, "tables.rows"))

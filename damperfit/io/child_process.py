@@ -28,7 +28,7 @@ from threading import Event, Lock, Timer
 from typing import Any, NamedTuple
 
 from damperfit.errors import LogError
-from damperfit.io.channels import visible
+from damperfit.io.columns import visible
 from damperfit.io.files import Source
 from damperfit.io.options import ReadOptions
 from damperfit.own_process import child_environment

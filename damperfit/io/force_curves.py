@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from damperfit.errors import LogError
-from damperfit.io.channels import (
+from damperfit.io.columns import (
     has_channel,
     joined_problems,
     split_name,

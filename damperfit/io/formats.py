@@ -1,7 +1,7 @@
 """The formats that can be read, and how a file is known to be one: by content, then by suffix.
 
 Every reader makes `Table`s of a file: named columns whose values are loaded when it is known which
-of them are channels (`channels`, `recordings`).
+of them are channels (`columns`, `recordings`).
 """
 
 from __future__ import annotations
@@ -35,12 +35,17 @@ class Column(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Samples:
-    """Raw values of the channels asked for, blanks as NaN, a clock in seconds from its start."""
+    """Raw values of the channels asked for, blanks as NaN, a clock in seconds from its start.
+
+    A channel that has a clock of its own has it in `times`, s; the others are in the rows of the
+    channel "time", where there is one.
+    """
 
     channels: Mapping[str, FloatArray]
-    place: Callable[[int], str]  # where a sample stands, as in "line 17"
-    notes: tuple[str, ...] = ()
+    place: Callable[[int], str] = lambda index: f"row {index + 1}"  # of a sample
+    times: Mapping[str, FloatArray] = field(default_factory=dict)
     findings: tuple[Finding, ...] = ()  # what was left out and makes the log doubtful
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -93,14 +98,14 @@ _MAT73 = (b"MATLAB 7.3 MAT-file", b"\x89HDF")
 _OFFICE = (b"PK\x03\x04", b"\xd0\xcf\x11\xe0")
 _MDF = (b"MDF     ", b"UnFinMF ")
 FORMATS = (
-    Format("Parquet", "parquet:read_parquet", (".parquet", ".pq"), (b"PAR1",)),
-    Format("MATLAB", "matlab:read_matlab", (".mat",), (b"MATLAB 5.0 MAT-file",), in_child=True),
-    Format("MATLAB 7.3", "matlab:read_matlab", (".mat", ".h5"), _MAT73, in_child=True),
-    Format("TDMS", "tdms:read_tdms", (".tdms",), (b"TDSm",)),
-    Format("MDF", "mdf:read_mdf", (".mf4", ".mdf"), _MDF, in_child=True),
-    Format("Excel", "excel:read_excel", (".xlsx", ".xls"), _OFFICE),
+    Format("Parquet", "binary:read_parquet", (".parquet", ".pq"), (b"PAR1",)),
+    Format("MATLAB", "foreign:read_matlab", (".mat",), (b"MATLAB 5.0 MAT-file",), in_child=True),
+    Format("MATLAB 7.3", "foreign:read_matlab", (".mat", ".h5"), _MAT73, in_child=True),
+    Format("TDMS", "binary:read_tdms", (".tdms",), (b"TDSm",)),
+    Format("MDF", "foreign:read_mdf", (".mf4", ".mdf"), _MDF, in_child=True),
+    Format("Excel", "foreign:read_excel", (".xlsx", ".xls"), _OFFICE),
     Format("JSON", "json_log:read_json", (".json", ".jsonl", ".ndjson")),
-    Format("LabVIEW text", "lvm:read_lvm", (".lvm",), (b"LabVIEW Measurement",)),
+    Format("LabVIEW text", "text:read_lvm", (".lvm",), (b"LabVIEW Measurement",)),
     Format("text", "text:read_delimited", (".csv", ".txt", ".tsv", ".dat", ".asc", ".log")),
 )
 _JSON, _, _TEXT = FORMATS[-3:]  # any suffix may stand for text
@@ -112,14 +117,14 @@ LOG_SUFFIXES = (*_PLAIN, *(f"{suffix}.gz" for suffix in _PLAIN))
 # What is known by its first bytes and not read, and why.
 _PICKLE = "this is a Python pickle, which could run code; write CSV or Parquet"
 _ARCHIVE = "this is an archive; unpack it and give the logs in it"
-_REFUSED = (
-    (b"\x93NUMPY", "this is a NumPy array without names or units; write CSV or Parquet"),
-    *((b"\x80" + bytes([protocol]), _PICKLE) for protocol in (2, 3, 4, 5)),
-    *((magic, _ARCHIVE) for magic in (b"7z\xbc\xaf\x27\x1c", b"Rar!\x1a\x07")),
-    *((magic, _ARCHIVE) for magic in (b"BZh", b"\xfd7zXZ\0", b"\x28\xb5\x2f\xfd")),
-    (b"%PDF", "this is a PDF; export the log as delimited text"),
-    (b"SQLite format 3\0", "this is a database; export the log as delimited text"),
-)
+_REFUSED = {
+    b"\x93NUMPY": "this is a NumPy array without names or units; write CSV or Parquet",
+    **{b"\x80" + bytes([protocol]): _PICKLE for protocol in (2, 3, 4, 5)},
+    **dict.fromkeys((b"7z\xbc\xaf\x27\x1c", b"Rar!\x1a\x07", b"BZh"), _ARCHIVE),
+    **dict.fromkeys((b"\xfd7zXZ\0", b"\x28\xb5\x2f\xfd"), _ARCHIVE),
+    b"%PDF": "this is a PDF; export the log as delimited text",
+    b"SQLite format 3\0": "this is a database; export the log as delimited text",
+}
 _TAR = 257  # where a tar archive says "ustar"
 
 
@@ -131,20 +136,21 @@ def find_format(source: Source) -> Format:
     LogError
         It is of a kind that is not read, or does not begin as its suffix says.
     """
+    data, name = source.data, source.name
     for known in FORMATS:
-        if known.magic and source.data.startswith(known.magic):
+        if known.magic and data.startswith(known.magic):
             return known
-    refused = next((why for magic, why in _REFUSED if source.data.startswith(magic)), "")
-    if refused or source.data.startswith(b"ustar", _TAR):
-        raise LogError(refused or _ARCHIVE, subject=source.name)
-    if is_json(source.data):
+    refused = next((why for magic, why in _REFUSED.items() if data.startswith(magic)), "")
+    if refused or data.startswith(b"ustar", _TAR):
+        raise LogError(refused or _ARCHIVE, subject=name)
+    if is_json(data):
         return _JSON
-    suffix = PurePath(source.name).suffix.lower()
+    suffix = PurePath(name).suffix.lower()
     named = next((known for known in FORMATS if suffix in known.suffixes), _TEXT)
-    if named is not _TEXT and is_binary(source.data):
+    if named is not _TEXT and is_binary(data):
         raise LogError(
             f"is named like {named.name} and does not begin like it; it is damaged "
             "or of a version that is not read",
-            subject=source.name,
+            subject=name,
         )
     return _TEXT

@@ -1,7 +1,7 @@
 """Formats that keep channels in groups (TDMS, MDF, MATLAB): which groups are tests.
 
 A group whose channels are named like time, displacement and force is a test of its own. Where no
-group is, the channels of all groups together are one test.
+group is, the channels of all groups together are one test, each on the clock of its own group.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from typing import NamedTuple
 import numpy as np
 
 from damperfit.errors import LogError
-from damperfit.io.channels import choose_channels, split_name, visible, words_of_name
 from damperfit.io.child_process import ChildAnswer, ChildReader, ask_child, check_size
+from damperfit.io.columns import choose_channels, split_name, visible, words_of_name
 from damperfit.io.files import Source
 from damperfit.io.formats import Column, FloatArray, Samples, Table
 from damperfit.io.options import ReadOptions
-from damperfit.recording import Finding
+from damperfit.units.quantities import find_unit, is_unit
 
 __all__ = ["Group", "GroupChannel", "answer_of_groups", "group_tables", "groups_of_child"]
 
@@ -34,6 +34,30 @@ class GroupChannel(NamedTuple):
     load: Callable[[], FloatArray]
     start: float = 0.0  # time of the first value, s
     interval: float | None = None  # between values, s, where the file says so
+    stamps: GroupChannel | None = None  # the times of its values, where its group has them
+
+    @property
+    def is_time(self) -> bool:
+        """Say whether it is named like time."""
+        return bool(_TIME.intersection(words_of_name(split_name(self.name)[0])))
+
+    @property
+    def clock(self) -> tuple[object, ...] | None:
+        """What tells the times of its values; channels of equal clocks go together."""
+        if self.stamps is not None:
+            return (self.stamps.name, self.stamps.load)
+        return None if self.interval is None else (self.start, self.interval)
+
+    def times(self, name: str) -> FloatArray:
+        """Return the times of its values, s."""
+        if self.stamps is not None:
+            unit = self.stamps.unit or split_name(self.stamps.name)[1] or "s"
+            seconds = find_unit(unit if is_unit(unit, "time") else "s", "time")
+            return seconds.to_si(_values("time", self.stamps, name))
+        step = self.interval
+        if step is None or not np.isfinite(step) or step <= 0.0:
+            raise LogError(f"the interval between values is {step} s", subject=name)
+        return self.start + step * np.arange(self.length, dtype=np.float64)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,14 +71,13 @@ class Group:
 
     @property
     def makes_time(self) -> bool:
-        """Say whether time comes from the interval between values: no channel holds it."""
-        names = [words_of_name(split_name(channel.name)[0]) for channel in self.channels]
-        has_interval = any(channel.interval is not None for channel in self.channels)
-        return has_interval and not any(_TIME.intersection(words) for words in names)
+        """Say whether time comes from the clocks of the channels: none of them holds it."""
+        has_clock = any(channel.clock is not None for channel in self.channels)
+        return has_clock and not any(channel.is_time for channel in self.channels)
 
     @property
     def columns(self) -> tuple[Column, ...]:
-        """The channels as columns, and behind them the time that the interval makes."""
+        """The channels as columns, and behind them the time that their clocks make."""
         columns = [Column(channel.name.strip(), channel.unit) for channel in self.channels]
         return (*columns, *([Column("time", "s")] * self.makes_time))
 
@@ -74,9 +97,7 @@ def group_tables(
         raise LogError("no channels of numbers", subject=name)
     tests = filled if len(filled) == 1 else [group for group in filled if _is_test(group, options)]
     if not tests:
-        channels = tuple(channel for group in filled for channel in group.channels)
-        metadata = {key: text for group in filled[::-1] for key, text in group.metadata.items()}
-        tests = [Group("", channels, metadata, is_cut=any(group.is_cut for group in filled))]
+        tests = [_together(filled)]
     elif left_out := [group.name for group in filled if group not in tests]:
         names = ", ".join(visible(group) for group in left_out[:10])
         notes = (*notes, f"groups left out, as they are not tests: {names}")
@@ -91,15 +112,35 @@ def _is_test(group: Group, options: ReadOptions) -> bool:
     return True
 
 
+def _together(groups: Sequence[Group]) -> Group:
+    """Return the channels of all groups; where several have stamps, each with its group's."""
+    stamps = [next((one for one in group.channels if one.is_time), None) for group in groups]
+    if sum(one is not None for one in stamps) > 1:
+        channels = tuple(
+            channel._replace(stamps=own)
+            for group, own in zip(groups, stamps, strict=True)
+            for channel in group.channels
+            if channel is not own
+        )
+    else:
+        channels = tuple(channel for group in groups for channel in group.channels)
+    metadata = {key: text for group in groups[::-1] for key, text in group.metadata.items()}
+    return Group("", channels, metadata, is_cut=any(group.is_cut for group in groups))
+
+
 def _table(group: Group, options: ReadOptions, name: str, notes: tuple[str, ...]) -> Table:
     def load(wanted: Mapping[str, int]) -> Samples:
         n = len(group.channels)
         chosen = {channel: group.channels[i] for channel, i in wanted.items() if i < n}
-        if "time" in wanted and "time" not in chosen and not group.is_cut:
-            clocks = {(column.interval, column.start) for column in chosen.values()}
-            if len(clocks) > 1 and all(interval for interval, _ in clocks):
-                return _on_one_clock(chosen, options, name)
         lengths = {channel: column.length for channel, column in chosen.items()}
+        makes_time = "time" in wanted and "time" not in chosen
+        clocks = {column.clock for column in chosen.values()}
+        claimed = 8 * sum(lengths.values())
+        check_size(claimed, limit=options.max_bytes, what="the log", name=name)
+        if makes_time and len(clocks) > 1 and None not in clocks and not group.is_cut:
+            values = {channel: _values(channel, column, name) for channel, column in chosen.items()}
+            times = {channel: column.times(name) for channel, column in chosen.items()}
+            return Samples({**values, "time": times["force"]}, times=times)
         n_common = min(lengths.values(), default=0)
         said: tuple[str, ...] = ()
         if len(set(lengths.values())) > 1:
@@ -109,19 +150,23 @@ def _table(group: Group, options: ReadOptions, name: str, notes: tuple[str, ...]
                     f"channels of different length: {shown} values; log them together", subject=name
                 )
             said = (f"kept: the first {n_common} values, which all channels have, of {shown}",)
-        claimed = 8 * sum(lengths.values())
-        check_size(claimed, limit=options.max_bytes, what="the log", name=name)
-        loaded = {
-            channel: _values(channel, column, name)[:n_common] for channel, column in chosen.items()
+        values = {
+            channel: _values(channel, one, name)[:n_common] for channel, one in chosen.items()
         }
-        if "time" in wanted and "time" not in chosen:
-            loaded["time"] = _time(chosen, n_common, name)
-        return Samples(loaded, lambda index: f"row {index + 1}", said)
+        if makes_time:
+            if len(clocks) > 1:
+                raise LogError(
+                    "channels of different rate or start; log them together", subject=name
+                )
+            values["time"] = next(iter(chosen.values())).times(name)[:n_common]
+        return Samples(values, notes=said)
 
     if group.name:
         notes = (*notes, f"group: {visible(group.name)}")
     if group.makes_time:
-        notes = (*notes, "time: from the interval between values")
+        by = "the interval between values"
+        by = by if any(one.interval is not None for one in group.channels) else "each group's own"
+        notes = (*notes, f"time: from {by}")
     return Table(group.columns, load, group.metadata, notes)
 
 
@@ -136,70 +181,19 @@ def _values(channel: str, column: GroupChannel, name: str) -> FloatArray:
     return values
 
 
-def _on_one_clock(chosen: Mapping[str, GroupChannel], options: ReadOptions, name: str) -> Samples:
-    """Return channels that start or run differently at the times of the force, where all are."""
-    claimed = 8 * sum(column.length for column in chosen.values())
-    check_size(claimed, limit=options.max_bytes, what="the log", name=name)
-    times = {
-        channel: column.start + _interval(column, name) * np.arange(column.length)
-        for channel, column in chosen.items()
-    }
-    shown = ", ".join(
-        f"{channel} every {column.interval} s from {column.start:g} s"
-        for channel, column in chosen.items()
-    )
-    time = times["force"]
-    first = max(t.min(initial=np.inf) for t in times.values())
-    last = min(t.max(initial=-np.inf) for t in times.values())
-    tolerance = 1e-6 * _interval(chosen["force"], name)  # starts are differences of stamps
-    time = time[(time >= first - tolerance) & (time <= last + tolerance)]
-    if 2 * len(time) < chosen["force"].length:
-        raise LogError(
-            f"channels of different rate or start: {shown}; log them together", subject=name
-        )
-    channels = {
-        channel: np.interp(time, times[channel], _values(channel, column, name))
-        for channel, column in chosen.items()
-    }
-    words = f"channels of different rate or start, read at the times of the force: {shown}"
-    finding = Finding("own_rows", "warning", words, is_correction=True)
-    channels["time"] = time
-    return Samples(channels, lambda index: f"row {index + 1}", findings=(finding,))
-
-
-def _interval(column: GroupChannel, name: str) -> float:
-    interval = column.interval
-    if interval is None or not np.isfinite(interval) or interval <= 0.0:
-        raise LogError(f"the interval between values is {interval} s", subject=name)
-    return interval
-
-
-def _time(chosen: Mapping[str, GroupChannel], n: int, name: str) -> FloatArray:
-    steps = {channel: (column.interval, column.start) for channel, column in chosen.items()}
-    if len(set(steps.values())) > 1:
-        shown = ", ".join(
-            f"{channel} every {step} s from {start:g} s" for channel, (step, start) in steps.items()
-        )
-        raise LogError(
-            f"channels of different rate or start: {shown}; log them together", subject=name
-        )
-    first = next(iter(chosen.values()))
-    return first.start + _interval(first, name) * np.arange(n, dtype=np.float64)
-
-
 def groups_of_child(reader: ChildReader, source: Source, options: ReadOptions) -> list[Group]:
     """Return the groups of channels that a child finds in a log; as `ask_child`."""
     answer = ask_child(reader, source, options)
     parts = iter(answer.parts)
+
+    def held(name: str, unit: str | None, length: int) -> GroupChannel:
+        values = np.frombuffer(next(parts), dtype=np.float64)
+        return GroupChannel(name, unit, length, lambda: values)
+
     return [
-        Group(name, tuple(_held(channel, next(parts)) for channel in channels), metadata)
+        Group(name, tuple(held(*channel) for channel in channels), metadata)
         for name, channels, metadata in answer.said
     ]
-
-
-def _held(channel: tuple[str, str | None, int], values: bytes) -> GroupChannel:
-    name, unit, length = channel
-    return GroupChannel(name, unit, length, lambda: np.frombuffer(values, dtype=np.float64))
 
 
 def answer_of_groups(groups: Sequence[Group]) -> ChildAnswer:

@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 
 from damperfit.errors import LogError
-from damperfit.io.channels import mentions_channel, visible
 from damperfit.io.child_process import check_size
+from damperfit.io.columns import mentions_channel, visible
 from damperfit.io.files import Source, to_utf8
 from damperfit.io.formats import Column, Samples, Table
 from damperfit.io.options import EXTRAS, ReadOptions

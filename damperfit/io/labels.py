@@ -20,7 +20,7 @@ from pathlib import PurePath
 from typing import NamedTuple
 
 from damperfit.errors import LogError
-from damperfit.io.channels import visible
+from damperfit.io.columns import visible
 from damperfit.io.options import SETTING_PATTERN
 from damperfit.problem import Option, Problem, note
 from damperfit.tested.adjuster_words import adjuster_of

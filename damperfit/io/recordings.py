@@ -16,7 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from damperfit.errors import LogError
-from damperfit.io.channels import ChannelChoice, choose_channels, has_channel, joined_problems
+from damperfit.io.clocks import on_one_clock, rate_of_stamps
+from damperfit.io.columns import (
+    OWN_TIME,
+    ChannelChoice,
+    choose_channels,
+    has_channel,
+    joined_problems,
+)
 from damperfit.io.files import Source
 from damperfit.io.formats import FloatArray, Samples, Table
 from damperfit.io.labels import (
@@ -26,7 +33,6 @@ from damperfit.io.labels import (
     preamble_setting,
     setting_in_words,
 )
-from damperfit.io.loggers import mended, rate_of_stamps
 from damperfit.io.options import EXTRAS, ReadOptions
 from damperfit.recording import Recording
 from damperfit.statistics import median
@@ -90,25 +96,28 @@ def make_recordings(
     )
 
 
+# Write buffers of one record.
+
+
 def _join_buffers(blocks: Sequence[Sequence[Recording]]) -> list[Recording]:
     """Return the tests in blocks, in the order of the file, those joined whose time runs on."""
     records: list[list[Recording]] = []
-    first_blocks: list[int] = []
+    breaks: list[str] = []
     for number, block in enumerate(blocks, start=1):
         for i, part in enumerate(block):
             if i == 0 and records and _runs_on(records[-1][-1], part):
                 records[-1].append(part)
-            else:
-                records.append([part])
-                first_blocks.append(number)
+                continue
+            if records:
+                breaks.append(_break(records[-1][-1], part, number))
+            records.append([part])
     joined = [record for record in records if len(record) > 1]
     if not joined:
         return [record[0] for record in records]
+    more = [f"and {len(breaks) - _LISTED} more"] if len(breaks) > _LISTED else []
     note = f"{sum(map(len, joined))} blocks joined, as time runs on by one step from each to the"
-    note += " next"
-    if len(records) > 1:
-        note += f", into {len(joined)} of {len(records)} tests"
-    note += _breaks(records, first_blocks)
+    note += f" next, into {len(joined)} of {len(records)} tests" if breaks else " next"
+    note = "; ".join([note, *breaks[:_LISTED], *more])
     return [_joined(record, note) for record in records]
 
 
@@ -123,22 +132,18 @@ def _runs_on(before: Recording, after: Recording) -> bool:
     return all(_LEAST_STEP < between / step < _LARGEST_STEP for step in steps)
 
 
-def _breaks(records: Sequence[Sequence[Recording]], first_blocks: Sequence[int]) -> str:
+def _break(before: Recording, after: Recording, block: int) -> str:
     """Tell where time does not run on: what is missing there, or where it goes back to."""
-    breaks = []
-    for (before, after), block in zip(pairwise(records), first_blocks[1:], strict=True):
-        end, start = before[-1].time[-1], after[0].time[0]
-        how = f"{start - end:.4g} s later" if start > end else f"{end - start:.4g} s earlier"
-        breaks.append(f"block {block} begins at {start:.6g} s, {how} than the block before ends")
-    more = [f"and {len(breaks) - _LISTED} more"] if len(breaks) > _LISTED else []
-    return "".join(f"; {text}" for text in [*breaks[:_LISTED], *more])
+    end, start = before.time[-1], after.time[0]
+    how = f"{abs(start - end):.4g} s {'later' if start > end else 'earlier'}"
+    return f"block {block} begins at {start:.6g} s, {how} than the block before ends"
 
 
 def _joined(record: Sequence[Recording], note: str) -> Recording:
     first = record[0]
     notes = [text for part in record for text in part.notes]
-    title = [text for text in first.notes if text.startswith(_TITLE)]
     if len(record) > 1:
+        title = [text for text in first.notes if text.startswith(_TITLE)]
         notes = [*title, *(text for text in notes if not text.startswith(_TITLE))]
 
     def whole(name: str) -> Any:
@@ -151,46 +156,45 @@ def _joined(record: Sequence[Recording], note: str) -> Recording:
     return replace(first, **channels, notes=every_note, findings=findings)
 
 
+# One table.
+
+
 def _table_parts(table: Table, source: Source, options: ReadOptions) -> list[Recording]:
     """Return the tests in one table; their names are still the file's."""
     name = source.name
-    rate, rate_notes = _sample_rate(table, options)
+    rate, rate_note = _sample_rate(table, options)
     choices, notes = choose_channels(
         table.columns, options, where=name, needs_time=rate == 0.0, hint=table.hint
     )
     samples = table.load({channel: choice.column for channel, choice in choices.items()})
     if not len(samples.channels["force"]):
         raise LogError("no data rows", subject=name)
-    samples = mended(samples)
+    samples = _timed(samples, choices, table, options, name)
     channels = _si_channels(samples, choices, options, name)
-    extra_notes = []
-    for channel in EXTRAS:
-        values = channels.get(channel, np.empty(0))
-        if n_bad := int(np.count_nonzero(~np.isfinite(values))):
-            extra_notes.append(f"{channel}: left out; {n_bad} of {len(values)} values are missing")
-            del channels[channel]
-    cuts = _cuts(samples, channels, options, name)
-    sign_notes = []
+    more_notes = [
+        f"{channel}: {options.scales.get(channel, 1.0):g} times the log plus "
+        f"{options.offsets.get(channel, 0.0):g}, as declared"
+        for channel in sorted({*options.scales, *options.offsets} & choices.keys())
+    ]
     signs: dict[str, Any] = {}
     for channel in ("displacement", "force"):
         is_reversed = getattr(options, f"reverse_{channel}")
         signs[f"reverse_{channel}"] = is_reversed if isinstance(is_reversed, bool) else None
         if is_reversed is True:
             channels[channel] = -channels[channel]
-            sign_notes.append(f"{channel}: sign reversed, as declared")
-    scale_notes = [
-        f"{channel}: {options.scales.get(channel, 1.0):g} times the log plus "
-        f"{options.offsets.get(channel, 0.0):g}, as declared"
-        for channel in sorted({*options.scales, *options.offsets} & choices.keys())
-    ]
+            more_notes.append(f"{channel}: sign reversed, as declared")
+    for channel in EXTRAS:
+        values = channels.get(channel, np.empty(0))
+        if n_bad := int(np.count_nonzero(~np.isfinite(values))):
+            more_notes.append(f"{channel}: left out; {n_bad} of {len(values)} values are missing")
+            del channels[channel]
     is_own_time = "time" in channels and options.sample_rate == 0.0
-    titles = (f"{_TITLE}{table.part}",) if table.part else ()
+    more_notes += [] if is_own_time else [rate_note]
     findings = (*table.findings, *samples.findings)
     said = (*table.notes, *samples.notes, *(finding.sentence for finding in findings))
-    notes = (*titles, *said, *notes, *scale_notes, *sign_notes, *extra_notes)
-    notes = (*notes, *(() if is_own_time else rate_notes))
+    notes = (*((f"{_TITLE}{table.part}",) if table.part else ()), *said, *notes, *more_notes)
     parts = []
-    for start, stop in cuts:
+    for start, stop in _cuts(samples, channels, options, name):
         part: dict[str, Any] = {channel: values[start:stop] for channel, values in channels.items()}
         if not is_own_time:
             part["time"] = np.arange(stop - start) / rate
@@ -215,16 +219,43 @@ def _table_parts(table: Table, source: Source, options: ReadOptions) -> list[Rec
     return parts
 
 
-def _sample_rate(table: Table, options: ReadOptions) -> tuple[float, tuple[str, ...]]:
-    """Return the declared rate, or the preamble's, or 0; Hz."""
+def _sample_rate(table: Table, options: ReadOptions) -> tuple[float, str]:
+    """Return the declared rate, or the preamble's, or 0; Hz; and a note."""
     if options.sample_rate > 0.0:
-        return options.sample_rate, (f"time: {options.sample_rate:g} Hz, as declared",)
+        return options.sample_rate, f"time: {options.sample_rate:g} Hz, as declared"
     for key in _RATE_KEYS:
         with suppress(KeyError, ValueError):
             rate = float(table.metadata[key].removesuffix("Hz").strip())
             if 0.0 < rate < 1e9:
-                return rate, (f"time: {rate:g} Hz, from the preamble",)
-    return 0.0, ()
+                return rate, f"time: {rate:g} Hz, from the preamble"
+    return 0.0, ""
+
+
+def _timed(
+    samples: Samples,
+    choices: Mapping[str, ChannelChoice],
+    table: Table,
+    options: ReadOptions,
+    name: str,
+) -> Samples:
+    """Return samples that all have one clock, as logged."""
+    clock = choices.get("time")
+    own = {
+        channel.removeprefix(OWN_TIME): samples.channels[channel]
+        for channel in choices
+        if channel.startswith(OWN_TIME)
+    }
+    if clock is not None and clock.unit is not None and own:
+        ratio = {one: choices[OWN_TIME + one].unit for one in own}
+        times = {
+            one: unit.to_si(own[one]) / clock.unit.factor for one, unit in ratio.items() if unit
+        }
+        channels = {one: v for one, v in samples.channels.items() if not one.startswith(OWN_TIME)}
+        samples = replace(samples, channels=channels, times=times)
+    is_wall_clock = (
+        clock is not None and options.sample_rate == 0.0 and table.columns[clock.column].is_clock
+    )
+    return on_one_clock(samples, is_wall_clock=is_wall_clock, name=name)
 
 
 def _si_channels(
@@ -232,15 +263,16 @@ def _si_channels(
 ) -> dict[str, FloatArray]:
     channels = {}
     problems = []
-    for channel, choice in choices.items():
-        logged = values = samples.channels[channel]
-        if choice.unit is None:
+    for channel, logged in samples.channels.items():
+        unit = choices[channel].unit
+        if unit is None:
             continue
+        values = logged
         with np.errstate(over="ignore", invalid="ignore"):
             if channel in options.scales or channel in options.offsets:
                 values = values * options.scales.get(channel, 1.0)
                 values += options.offsets.get(channel, 0.0)
-            si = np.ascontiguousarray(choice.unit.to_si(values), dtype=np.float64)
+            si = np.ascontiguousarray(unit.to_si(values), dtype=np.float64)
         channels[channel] = si
         if channel not in EXTRAS:
             problem = _not_finite(logged, channel, samples)
@@ -266,6 +298,9 @@ def _not_finite(values: FloatArray, channel: str, samples: Samples) -> str:
         f"{samples.place(int(bad[0]))}: {channel} is blank, NaN or infinite, in "
         f"{len(bad)} of {len(values)} rows in all; repair the log or remove these rows"
     )
+
+
+# Tests in one table.
 
 
 def _cuts(
@@ -326,6 +361,9 @@ def _backwards(
         f"{name}, {samples.place(i)}: time {what}: {time[i]:.9g} s after {time[i - 1]:.9g} s; "
         f"time must increase ({len(late)} such row{'s' * (len(late) > 1)}); {advice}"
     )
+
+
+# Its setting.
 
 
 def _label(

@@ -1,9 +1,12 @@
-"""Delimited text of every dialect, in one block or in several (MTS).
+"""Delimited text of every dialect, in one block or in several (MTS, LabVIEW).
 
 Text logs have no format. Names stand above the rows of numbers, units in them, in a row of their
-own or nowhere; above that may stand prose, entries ``key: value`` and rows that look like data. MTS
-793 heads each test with a line "Data Acquisition", and the file with a line that names language and
-decimal mark; Instron's entries have a value and a unit. `dialect` finds how a log is written.
+own or nowhere; above that may stand prose, entries ``key: value`` and rows that look like data. The
+first row of data is where rows of mostly numbers with one count of fields begin. MTS 793 heads each
+test with a line "Data Acquisition", and the file with a line that names language and decimal mark;
+Instron's entries have a value and a unit; LabVIEW's .lvm
+(https://www.ni.com/docs/en-US/bundle/labview/page/labview-measurement-file-format.html) has
+segments, each with a header that gives units.
 
 Traps. A rig that is still writing leaves a last line without an end, and -12 of -1234 is a number
 too. Every row may end in a separator, which shifts the columns of a careless reader by one. A
@@ -14,8 +17,9 @@ buffers whose titles alone tell time.
 
 from __future__ import annotations
 
+import csv
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -23,28 +27,38 @@ import numpy as np
 from numpy.typing import NDArray
 
 from damperfit.errors import LogError
-from damperfit.io.channels import has_channel, visible
-from damperfit.io.dialect import LINE, NUMBER, Dialect, fields_of, find_dialect, metadata_of
+from damperfit.io.columns import has_channel, mentions_channel, visible
 from damperfit.io.files import Source, to_utf8
 from damperfit.io.formats import Column, FloatArray, Samples, Table
-from damperfit.io.options import EXTRAS, Declarations, ReadOptions
+from damperfit.io.options import EXTRAS, SEPARATORS, ReadOptions
 from damperfit.recording import Finding
 from damperfit.statistics import median
+from damperfit.units.quantities import is_unit
 
-__all__ = [
-    "Block",
-    "clock_seconds",
-    "is_stamp",
-    "joined_samples",
-    "read_block",
-    "read_delimited",
-    "rows_dropped",
-]
+__all__ = ["clock_seconds", "is_stamp", "read_delimited", "read_lvm", "rows_dropped"]
+
+_HEAD_BYTES = 262_144
+_HEAD_LINES = (40, 1_000)  # tried in turn: nearly all preambles are short
+_MAX_COLUMNS = 2_000
+_MARKS = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar", " ": "blanks"}  # runs of these
+_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
+_COMMA = re.compile(r"[+-]?(?:\d+,\d*|,\d+)(?:[eE][+-]?\d+)?", re.ASCII)
+# A comma that may as well part thousands. "0,125" may not: no group starts with a zero.
+_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(?:,\d{3})+", re.ASCII)
+_GROUPED = re.compile(r"[+-]?\d{1,3}(?P<mark>[ ,.'])\d{3}(?:(?P=mark)\d{3})*(?:[.,]\d+)?", re.ASCII)
+_NOT_FINITE = re.compile(r"[+-]?(?:nan|inf|infinity)", re.IGNORECASE)
+_VALUE = re.compile(
+    rf"{_NUMBER.pattern}|{_COMMA.pattern}|[+-]?(?i:nan|inf)|\d+[-/.:]\d+[-/.:]\d(?s:.*)", re.ASCII
+)
+_ENTRY = re.compile(r"[#%;\s]*(?P<key>[^:=,;\t]{1,60}?)\s*[:=]\s*(?P<value>.*?)[\s;,]*")
+_LINE = re.compile(rb"([^\r\n]*)(\r\n|\n|\r|\Z)")
+_LINE_END = re.compile(rb"\r\n|\n|\r")
+_EVENTS = re.compile(r"events?|markers?|comments?|remarks?|notes?", re.IGNORECASE)
 
 # Wall-clock stamps to seconds from the first one. The date is only compared with the one above, so
-# that day and month need not be told apart; each change of date is one day.
+# that day and month need not be told apart; each change of date is one day. In the common subset
+# of Python's and Arrow's regular expressions.
 _DAY = 86_400.0  # s
-# In the common subset of Python's and Arrow's regular expressions.
 _PATTERN = (
     r"^\s*(?P<date>\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}[T ]+)?"
     r"(?P<hour>\d{1,2}):(?P<minute>\d{2}):(?P<second>\d{2})(?:[.,](?P<fraction>\d{1,9}))?"
@@ -54,9 +68,6 @@ _STAMP = re.compile(_PATTERN, re.ASCII)
 
 _BLANK = ["", "nan", "NaN", "NAN"]
 _THREADED = 4_000_000  # bytes; below it, starting threads costs more than it saves
-_GROUPED = re.compile(r"[+-]?\d{1,3}(?P<mark>[ ,.'])\d{3}(?:(?P=mark)\d{3})*(?:[.,]\d+)?", re.ASCII)
-_NOT_FINITE = re.compile(r"[+-]?(?:nan|inf|infinity)", re.IGNORECASE)
-_LINE_END = re.compile(rb"\r\n|\n|\r")
 _PIECE = 1_000_000  # bytes
 
 # A line that begins a block of MTS text. What stands above the first one is the file's preamble.
@@ -67,15 +78,517 @@ _MTS793 = re.compile(
 )
 # What a row of data begins with; stands in no line of names or units.
 _DATA = re.compile(rb'(?m)^[ \t"]*[+-]?[.,]?\d')
-_EVENTS = re.compile(r"events?|markers?|comments?|remarks?|notes?", re.IGNORECASE)
 _MAX_PREAMBLE = 100_000  # bytes; what is longer is no preamble
-_FIRST_LINE = re.compile(rb"[^\r\n]*")
-
 _TITLE_TIME = re.compile(
     r"\b(?:Time|Zeit):\s*(\d+(?:[.,]\d+)?)\s*(?:s|sec|seconds?|Sek)\b", re.IGNORECASE
 )
 _FEWEST = 3  # blocks: one step between two of them could be anything
 _STEADY = 0.01  # of a step
+
+_LVM_END = re.compile(rb"(?m)^\*\*\*End_of_Header\*\*\*[^\n]*\n")
+_LVM_SEGMENT = re.compile(rb"(?m)^(?:Notes|Channels)\b")  # what a segment's header begins with
+_LVM_ENTRY = re.compile(r"(?m)^(\w+)\t([^\r\n]*?)\s*$")
+
+
+# Files: text in one block or in several.
+
+
+class _Block(NamedTuple):
+    """Bytes of one table with its names, and where they stand in the file."""
+
+    data: bytes
+    first_line: int
+    decimal: str = ""
+    title: str = ""
+    preamble: tuple[str, ...] = ()  # lines above the first block
+
+
+def read_delimited(source: Source, options: ReadOptions) -> tuple[Table, ...]:
+    """Return the tables of a delimited text log: one, or one for each block.
+
+    Raises
+    ------
+    LogError
+        The file is no text, has no rows of numbers, or its rows do not fit its names.
+    """
+    name, drops = source.name, options.bad_rows == "drop"
+    data, notes = to_utf8(source.data, name=name, encoding=options.encoding, allows_nul=drops)
+    if n_lines := options.skip_lines:
+        ends = [end for _, end in zip(range(n_lines), _LINE_END.finditer(data), strict=False)]
+        if len(ends) < n_lines:
+            raise LogError(f"fewer lines than the {n_lines} to skip (skip_lines)", subject=name)
+        data = data[ends[-1].end() :]
+        notes = (*notes, f"{n_lines} lines skipped, as declared")
+    if header := _MTS793.match(data):
+        notes = (*notes, f"MTS 793 export, language {header['language'].decode()}")
+    blocks = _blocks(data, n_lines + 1, header["decimal"].decode() if header else "", name)
+    empty = [block for block in blocks if block.title and not _DATA.search(block.data)]
+    if 0 < len(empty) < len(blocks):
+        others = f" and {len(empty) - 1} more" if len(empty) > 1 else ""
+        notes = (*notes, f"left out: the block in line {empty[0].first_line}{others}, without rows")
+        blocks = [block for block in blocks if block not in empty]
+    tables = tuple(_table(block, name, notes, options) for block in blocks)
+    return _with_time_of_titles(tables, options)
+
+
+def _blocks(data: bytes, first_line: int, decimal: str, name: str) -> list[_Block]:
+    """Return the whole text, or the pieces that MTS heads with "Data Acquisition"."""
+    has_blocks = data.find(b"Data Acquisition", 0, _MAX_PREAMBLE) >= 0
+    starts = list(_BLOCK.finditer(data)) if has_blocks else []
+    if not starts:
+        return [_Block(data, first_line, decimal)]
+    blocks = []
+    above = data[: starts[0].start()]
+    preamble = tuple(above[:_MAX_PREAMBLE].decode("utf-8", "replace").splitlines())
+    line = first_line + len(_LINE_END.findall(above))
+    ends = [begin.start() for begin in starts[1:]] + [len(data)]
+    for begin, end in zip(starts, ends, strict=True):
+        piece = data[begin.end() : end]
+        line += 1
+        title = begin[0].decode("utf-8", "replace").strip().replace("\t", " ")
+        if piece.strip():
+            blocks.append(_Block(piece, line, decimal, title, preamble))
+        line += len(_LINE_END.findall(piece))
+    if not blocks:
+        raise LogError(f"no data rows after 'Data Acquisition' in line {line - 1}", subject=name)
+    return blocks
+
+
+def read_lvm(source: Source, options: ReadOptions) -> tuple[Table, ...]:
+    """Return a table for each segment of a LabVIEW measurement file.
+
+    Raises
+    ------
+    LogError
+        There is no segment with names and rows.
+    """
+    data, notes = to_utf8(source.data, name=source.name, encoding=options.encoding)
+    ends = list(_LVM_END.finditer(data))
+    facts = dict(_LVM_ENTRY.findall(data[: ends[0].start()].decode() if ends else ""))
+    preamble = tuple(f"{key}: {text}" for key, text in facts.items())
+    separator = {"Comma": ","}.get(facts.get("Separator", ""), "\t")
+    tables = []
+    for k, end in enumerate(ends[1:], start=1):
+        following = ends[k + 1].start() if k + 1 < len(ends) else len(data)
+        begins = _LVM_SEGMENT.search(data, end.end(), following)  # the next segment's header
+        stop = begins.start() if begins and following < len(data) else len(data)
+        head = data[ends[k - 1].end() : end.start()].decode("utf-8")
+        names, _, rows = data[end.end() : stop].partition(b"\n")
+        rows = rows.rstrip() + b"\n" if stop < len(data) else rows
+        columns = names.decode("utf-8").rstrip("\r").split(separator)
+        label = next((line for line in head.splitlines() if line.startswith("Y_Unit_Label")), "")
+        units = ["s", *(unit.strip() for unit in label.split(separator)[1:])]
+        columns[0] = "time" if columns[0] == "X_Value" else columns[0]
+        if columns[-1] == "Comment":  # in the rows that have one
+            columns.pop()
+            mark, width = separator.encode(), len(columns)
+            fields = (row.rstrip(b"\r").split(mark)[:width] for row in rows.split(b"\n"))
+            rows = b"\n".join(map(mark.join, fields))
+        heading = [f"{name} ({unit})" for name, unit in zip(columns, units, strict=False)]
+        text = separator.join([*heading, *columns[len(heading) :]]).encode() + b"\n" + rows
+        line, decimal = data.count(b"\n", 0, end.end()) + 1, facts.get("Decimal_Separator", "")
+        block = _Block(text, line, decimal, f"segment {k}", preamble)
+        tables.append(_table(block, source.name, notes, options))
+    if not tables:
+        raise LogError("a LabVIEW measurement file without a segment", subject=source.name)
+    return tuple(tables)
+
+
+def _with_time_of_titles(tables: tuple[Table, ...], options: ReadOptions) -> tuple[Table, ...]:
+    """Return blocks without a column for time as one table, where their titles tell its rate.
+
+    Where whole buffers follow each other at a steady rate they are one record, and its sample rate
+    is their rows by the time between their titles. One title says neither whether it stands for the
+    first row or the last, nor how long the block took.
+    """
+    stamps = [match for table in tables if (match := _TITLE_TIME.search(table.part))]
+    has_time = any(has_channel("time", table.columns, options) for table in tables)
+    if has_time or options.sample_rate > 0.0 or len(stamps) < len(tables):
+        return tables
+    rate = _rate(tables, np.array([float(stamp[1].replace(",", ".")) for stamp in stamps]))
+    if rate is None:
+        hint = (
+            "only the titles of its blocks give a time, and no steady rate; if the rate is known: "
+            "--rig sample_rate=HZ"
+        )
+        return tuple(replace(table, hint=table.hint or hint) for table in tables)
+    first = tables[0]
+    note = f"{len(tables)} blocks joined; time: {rate:g} Hz, by the times in their titles"
+    whole = replace(
+        first,
+        load=lambda wanted: _joined([table.load(wanted) for table in tables]),
+        metadata={**first.metadata, "sample rate": repr(rate)},
+        notes=(*first.notes, note),
+        findings=tuple(dict.fromkeys(one for table in tables for one in table.findings)),
+        may_run_on=False,
+    )
+    return (whole,)
+
+
+def _rate(tables: Sequence[Table], times: FloatArray) -> float | None:
+    """Return the sample rate, Hz; None where the blocks are not known to be one record."""
+    kinds = [(table.columns, table.metadata) for table in tables]
+    if len(tables) < _FEWEST or kinds.count(kinds[0]) < len(kinds):
+        return None
+    try:
+        rows = [len(table.load({"any": 0}).channels["any"]) for table in tables]
+    except LogError:  # said with the place when the channels are read
+        return None
+    # The last buffer may not be full: its step is as long as itself, or as the one before.
+    steps = np.diff(times if rows[-1] == rows[0] else times[:-1])
+    if len(set(rows[:-1])) > 1 or rows[-1] > rows[0] or not len(steps):
+        return None
+    usual = median(steps)
+    if not usual > 0.0 or np.abs(steps / usual - 1.0).max() > _STEADY:
+        return None
+    return rows[0] * len(steps) / float(steps.sum())
+
+
+# Dialects: separator, decimal mark, names row, units row, first row of data.
+
+
+@dataclass(frozen=True, slots=True)
+class _Dialect:
+    """How a text log is written."""
+
+    separator: str  # " " is any run of blanks
+    decimal: str
+    names: tuple[str, ...]  # above the data; empty when the log has none
+    units: tuple[str, ...]
+    names_line: int  # from 1; 0 without names
+    data_line: int
+    data_offset: int  # byte where the first row of data starts
+    preamble: tuple[str, ...]  # lines above the names
+    is_short: bool = False  # most rows have one field less than there are names
+    hint: str = ""  # why a line that holds names was not taken for them
+
+    def notes(self) -> tuple[str, ...]:
+        """Return what differs from comma, point and '#' lines."""
+        foreign = sum(not line.lstrip().startswith("#") for line in self.preamble)
+        return (
+            *([f"separator: {_MARKS[self.separator]}"] if self.separator != "," else []),
+            *(["decimal mark: comma"] if self.decimal != "." else []),
+            *([f"preamble: {_counted(foreign, 'line')} above the names"] if foreign else []),
+        )
+
+
+class _Row(NamedTuple):
+    """One line of the head that is not blank, parted by one separator."""
+
+    number: int  # of the line, from 1, blank lines counted
+    offset: int  # byte where it starts
+    text: str
+    fields: Sequence[str] = ()
+    share: float = 0.0  # of the fields that are not blank, how many are values
+
+    @property
+    def is_data(self) -> bool:
+        return self.share >= 0.5 and len(self.fields) >= 2
+
+    def names_by(self, separator: str) -> list[str]:
+        """Return the fields where they may be names of channels."""
+        names = _fields(self.text, separator)
+        is_row = len(names) >= 2 and ":" not in self.text and mentions_channel(names)
+        return names if is_row else []
+
+
+def _counted(n: int, what: str) -> str:
+    return f"{n} {what}{'s' * (n != 1)}"
+
+
+def _fields(text: str, separator: str) -> list[str]:
+    """Return the fields of one line, without quotes and blanks around them."""
+    if separator == " ":
+        return text.replace('"', "").split()
+    if '"' in text:
+        try:
+            row = next(csv.reader([text], delimiter=separator, skipinitialspace=True))
+        except (csv.Error, StopIteration):
+            row = text.split(separator)
+        return [field.strip().strip('"').strip() for field in row]
+    return [field.strip() for field in text.split(separator)]
+
+
+def _metadata(preamble: Iterable[str]) -> dict[str, str]:
+    """Return the ``key: value`` lines of a preamble, keys in lower case."""
+    pairs = [match for line in preamble if (match := _ENTRY.fullmatch(line))]
+    return {pair["key"].strip("#%\" '").lower(): pair["value"].strip('" ') for pair in pairs}
+
+
+def _find_dialect(block: _Block, options: ReadOptions, name: str) -> _Dialect:
+    """Return how a text is written; refuses one without rows of numbers."""
+    head: list[_Row] = []
+    for n_lines in _HEAD_LINES:
+        head = _head(block, n_lines, name)
+        if best := _best_separator(head, options):
+            return _dialect(*best, block, options, name)
+    shown, what = head[0], "no rows of numbers found"
+    for row, below in zip(reversed(head), [None, *reversed(head)], strict=False):
+        if any(row.names_by(separator) for separator in _MARKS):
+            what = f"no {'rows of numbers' if below else 'data rows'} after the names in line"
+            found = f"; line {below.number} is {visible(below.text)}" if below else ""
+            raise LogError(f"{what} {row.number}{found}", code="no-rows", subject=name)
+    text = f"{what}; line {shown.number} is {visible(shown.text)}"
+    raise LogError(text, code="no-rows", subject=name)
+
+
+def _head(block: _Block, n_lines: int, name: str) -> list[_Row]:
+    """Return the first lines of UTF-8 text that are not blank."""
+    head: list[_Row] = []
+    end = min(len(block.data), _HEAD_BYTES)
+    for number, match in enumerate(_LINE.finditer(block.data, 0, end), start=block.first_line):
+        is_cut = match.end() == end < len(block.data)
+        if is_cut and not head:
+            raise LogError(
+                f"{name}, line {number}: longer than {_HEAD_BYTES} bytes; this is not a log"
+            )
+        if is_cut or len(head) == n_lines:
+            break
+        text = match[1].decode("utf-8", "replace")
+        if text.strip():
+            head.append(_Row(number, match.start(), text))
+    if not head:
+        raise LogError("nothing but blank lines", subject=name)
+    return head
+
+
+def _best_separator(
+    head: Sequence[_Row], options: ReadOptions
+) -> tuple[str, list[_Row], int] | None:
+    """Return the separator that makes most fields numbers, its rows, and the first of data."""
+    best: tuple[str, list[_Row], int] | None = None
+    best_score = 0.0
+    asked = SEPARATORS.get(options.separator)
+    for separator in _MARKS if asked is None else (asked,):
+        if separator != " " and not any(separator in line.text for line in head):
+            continue
+        rows = [_parted(line, separator, options) for line in head]
+        start = _first_data(rows)
+        if start is None:
+            continue
+        # Over all lines, so that a separator that fits only some of them does not win.
+        score = sum(row.share for row in rows[start:] if len(row.fields) >= 2)
+        if score > best_score + 1e-9:
+            best, best_score = (separator, rows, start), score
+        if score == len(rows) - start:
+            break  # every field of every row is a number
+    return best
+
+
+def _parted(line: _Row, separator: str, options: ReadOptions) -> _Row:
+    fields = _fields(line.text, separator)
+    filled = [field.replace(options.thousands or "\0", "") for field in fields if field]
+    is_comment = line.text.lstrip().startswith(("#", "%", "//"))
+    values = sum(_VALUE.fullmatch(field) is not None for field in filled)
+    share = 0.0 if is_comment or not filled else values / len(filled)
+    return line._replace(fields=fields, share=share)
+
+
+def _first_data(rows: Sequence[_Row]) -> int | None:
+    """Return the first of the rows of data, or None.
+
+    It must be followed by rows with as many fields; rows of numbers right above it with another
+    count belong to the data too (they are ragged, and said to be so later).
+    """
+    for i, row in enumerate(rows):
+        ahead = rows[i : i + 4]
+        same = [r for r in ahead if r.is_data and len(r.fields) == len(row.fields)]
+        if row.is_data and len(same) >= min(3, len(ahead)):
+            return next((j for j in range(i, 0, -1) if not rows[j - 1].is_data), 0)
+    return None
+
+
+def _dialect(
+    separator: str,
+    rows: Sequence[_Row],
+    start: int,
+    block: _Block,
+    options: ReadOptions,
+    name: str,
+) -> _Dialect:
+    first = rows[start]
+    if len(first.fields) > _MAX_COLUMNS:
+        raise LogError(
+            f"{name}, line {first.number}: {len(first.fields)} columns, more than the limit "
+            f"of {_MAX_COLUMNS}"
+        )
+    start, names_at, units_at = _heading(rows, start)
+    names = [] if names_at is None else list(rows[names_at].fields)
+    units = () if units_at is None else rows[units_at].fields
+    if names and names[0].startswith("#"):
+        names[0] = names[0].lstrip("# ")
+    whole = rows[start:-1] or rows[start:]  # the last row of the head may be cut
+    decimal = options.decimal or block.decimal
+    decimal = decimal or _decimal(rows[start:], separator, options.thousands)
+    offset = rows[start].offset
+    is_open = not options.decimal and not block.decimal and separator != ","
+    if is_open and block.data.find(b".", offset) < 0 <= block.data.find(b",", offset):
+        decimal = ","  # the first rows may hold whole numbers only, as of a machine at rest
+    return _Dialect(
+        separator=separator,
+        decimal=decimal,
+        names=tuple(names),
+        units=tuple(unit.strip("()[] ") for unit in units),
+        names_line=0 if names_at is None else rows[names_at].number,
+        data_line=rows[start].number,
+        data_offset=offset,
+        preamble=tuple(row.text for row in rows[: start if names_at is None else names_at]),
+        is_short=2 * sum(len(row.fields) == len(names) - 1 for row in whole) > len(whole),
+        hint="" if names else _odd_names(rows[:start], separator, first),
+    )
+
+
+def _odd_names(above: Sequence[_Row], separator: str, first: _Row) -> str:
+    """Say which line above the rows holds names, though not as many as there are fields."""
+    for row in reversed(above):
+        for mark in (separator, *(mark for mark in _MARKS if mark != separator)):
+            if names := row.names_by(mark):
+                by, of_rows = (
+                    f" (separator: {_MARKS[one]})" * (mark != separator)
+                    for one in (mark, separator)
+                )
+                return (
+                    f"line {row.number} has {len(names)} names{by}, "
+                    f"line {first.number} has {len(first.fields)} fields{of_rows}"
+                )
+    return ""
+
+
+def _heading(rows: Sequence[_Row], start: int) -> tuple[int, int | None, int | None]:
+    """Return the first row of data, the names row and the units row.
+
+    Text rows right above the numbers are names, units, or rows of data with text in them.
+    """
+    n = len(rows[start].fields)
+    above = start
+    while above > 0 and start - above < 3 and _is_heading(rows[above - 1], n):
+        above -= 1
+    named = [i for i in reversed(range(above, start)) if mentions_channel(rows[i].fields)]
+    # "s;V;V" may be names, but stands below them where there are others.
+    named.sort(key=lambda i: _is_units_row(rows[i].fields))
+    if named:
+        (names_at, *_), below = named, named[0] + 1
+        if below < start and _is_units_row(rows[below].fields):
+            return below + 1, names_at, below
+        return below, names_at, None
+    if start - above > 1 and _is_units_row(rows[start - 1].fields):
+        return start, start - 2, start - 1
+    return start, start - 1 if start > above else None, None
+
+
+def _is_heading(row: _Row, n_fields: int) -> bool:
+    is_near = abs(len(row.fields) - n_fields) <= 1
+    is_entry = row.text.lstrip().startswith("#") and not mentions_channel(row.fields)
+    return len(row.fields) >= 2 and is_near and not is_entry
+
+
+def _is_units_row(fields: Sequence[str]) -> bool:
+    stripped = [field.strip("()[] ") for field in fields]
+    others = [field for field in stripped if not is_unit(field)]
+    return len(others) < len(stripped) and not mentions_channel(others)
+
+
+def _decimal(rows: Sequence[_Row], separator: str, thousands: str) -> str:
+    """Return the decimal mark that the first rows show.
+
+    Between commas, "1,234" in quotes has thousands or decimals. It has decimals where no number
+    has a point and others, such as "0,5" or "-12,25", cannot have thousands; more than one in ten
+    of them, so that a damaged field does not decide.
+    """
+    if thousands:
+        return "," if thousands == "." else "."
+    fields = [field for row in rows for field in row.fields]
+    commas = sum(bool(_COMMA.fullmatch(field)) for field in fields)
+    points = sum("." in field and bool(_NUMBER.fullmatch(field)) for field in fields)
+    if separator != ",":
+        return "," if commas > points else "."
+    grouped = sum(bool(_THOUSANDS.fullmatch(field)) for field in fields)
+    return "," if not points and commas - grouped > commas / 10 else "."
+
+
+# Tables: names over rows.
+
+
+def _table(block: _Block, name: str, notes: tuple[str, ...], options: ReadOptions) -> Table:
+    """Return the table of a block; as `read_delimited`."""
+    dialect = _find_dialect(block, options, name)
+    start = dialect.data_offset
+    rows, cut = _without_cut_row(block.data, start, name)
+    notes = (*notes, *dialect.notes())
+    if dialect.separator == " ":
+        rows, start = re.sub(rb"[ \t]+", b"\t", rows[start:]), 0
+        rows = re.sub(rb"(?m)^\t|\t(?=\r?$)", b"", rows)
+        dialect = replace(dialect, separator="\t")
+    if len(dialect.names) >= 2 and _EVENTS.fullmatch(dialect.names[-1]) and b'"' not in rows:
+        # The last column, which only rows with an event may have, is given to every row.
+        n_before, mark = len(dialect.names) - 2, dialect.separator.encode()
+        lines = _LINE_END.sub(b"\n", rows[start:]).split(b"\n")
+        rows = b"\n".join(row + mark * (row.count(mark) == n_before) for row in lines)
+        dialect, start = replace(dialect, is_short=False), 0
+    first = _LINE.match(rows, start)
+    fields = _fields(first[1].decode("utf-8", "replace") if first else "", dialect.separator)
+    names, n_fields, odd = _width(fields, dialect, name)
+    clocks = frozenset(i for i, field in enumerate(fields[: len(names)]) if is_stamp(field))
+    text = _Rows(name, rows, start, dialect, len(names), n_fields, clocks, options)
+    text.check_quotes()
+    units = dialect.units[: len(names)] or ("",) * len(names)
+    return Table(
+        columns=tuple(
+            Column(column, unit or None, i in clocks)
+            for i, (column, unit) in enumerate(zip(names, units, strict=True))
+        ),
+        load=text.load,
+        metadata=_metadata([*block.preamble, *dialect.preamble]),
+        notes=notes,
+        part=block.title,
+        may_run_on=bool(block.title),
+        hint=dialect.hint or next((one.sentence for one in odd if one.name == "short_rows"), ""),
+        findings=(*odd, *cut),
+    )
+
+
+def _without_cut_row(text: bytes, start: int, name: str) -> tuple[bytes, tuple[Finding, ...]]:
+    """Drop a last row without line end: -12 may be what was written of -1234."""
+    if text.endswith((b"\n", b"\r")):
+        return text, ()
+    end = max(text.rfind(b"\n", start), text.rfind(b"\r", start)) + 1 or start
+    if not text[end:].strip():
+        return text[:end], ()
+    if end == start:
+        raise LogError("no data rows; the only one has no line end and may be cut", subject=name)
+    words = "no final newline; the last row may be cut and was dropped; is the log whole?"
+    return text[:end], (Finding("cut_row", "warning", words, 1.0),)
+
+
+def _width(
+    fields: list[str], dialect: _Dialect, name: str
+) -> tuple[tuple[str, ...], int, tuple[Finding, ...]]:
+    """Return names, number of fields in a row, and findings.
+
+    A separator at the end may add a field; of names one more than fields the last has no values.
+    """
+    names = dialect.names or ("",) * len(fields)
+    is_short = dialect.is_short
+    fields = fields[: len(names) - 1] if is_short else fields
+    widths = {len(names), len(fields)} if is_short else {len(names)}
+    if dialect.units and len(dialect.units) not in widths:
+        raise LogError(
+            f"{name}, line {dialect.names_line + 1}: {len(dialect.units)} units for "
+            f"{len(names)} names in line {dialect.names_line}"
+        )
+    if is_short:
+        note = (
+            f"line {dialect.names_line} has {len(names)} names and every row {len(fields)} "
+            f"fields: the last, {visible(names[-1])}, was taken to have no values"
+        )
+        return names[:-1], len(fields), (Finding("short_rows", "warning", note),)
+    if len(fields) == len(names) + 1 and not fields[-1]:
+        note = "every row ends in a separator; the empty last column was left out"
+        return names, len(names) + 1, (Finding("extra_separator", "warning", note),)
+    return names, len(names), ()
+
+
+# Rows: numbers and stamps.
 
 
 def is_stamp(text: str) -> bool:
@@ -145,7 +658,7 @@ def rows_dropped(n_bad: int, first_bad: str) -> tuple[Finding, ...]:
     """Return the finding that rows were dropped; none where there were none."""
     if not n_bad:
         return ()
-    sentence = f"{n_bad} row{'s' * (n_bad != 1)} that cannot be read dropped; {first_bad}"
+    sentence = f"{_counted(n_bad, 'row')} that cannot be read dropped; {first_bad}"
     return (Finding("rows_dropped", "warning", sentence, float(n_bad)),)
 
 
@@ -161,24 +674,31 @@ class _Rows:
     name: str  # of the log, for messages
     rows: bytes
     start: int  # of the first row; a copy of a large log without its head would cost time
-    dialect: Dialect
+    dialect: _Dialect
     n_names: int
     n_fields: int  # in a row; one more than names when every row ends in a separator
     clocks: frozenset[int]  # columns of wall-clock stamps
-    declared: Declarations
+    options: ReadOptions
 
     @property
     def drops_bad_rows(self) -> bool:
-        return self.declared.bad_rows == "drop"
+        return self.options.bad_rows == "drop"
 
     @property
     def has_quotes(self) -> bool:
         return self.rows.find(b'"', self.start) >= 0
 
+    def check_quotes(self) -> None:
+        """Refuse a row whose quote does not close, where rows are not dropped."""
+        if self.drops_bad_rows or not self.has_quotes:
+            return
+        for number, line in self.lines():
+            _check_quotes(line, f"{self.name}, line {number}")
+
     def lines(self) -> Iterator[tuple[int, str]]:
         """Yield number and text of each row that is not blank."""
         for number, match in enumerate(
-            LINE.finditer(self.rows, self.start), start=self.dialect.data_line
+            _LINE.finditer(self.rows, self.start), start=self.dialect.data_line
         ):
             if match[1]:
                 yield number, match[1].decode("utf-8", "replace")
@@ -198,25 +718,24 @@ class _Rows:
         """
         if (columns := self._fast(wanted)) is not None:
             return Samples(columns, self.place)
-        pieces = []
-        for rows in [self] if self.clocks else self._cut():
-            columns = None if rows is self else rows._fast(wanted)  # noqa: SLF001  # its own class
-            fast = columns and Samples(columns, rows.place)
-            pieces.append((fast, 0, "") if fast else rows._slow(wanted))  # noqa: SLF001
-        n_bad = sum(n for _, n, _ in pieces)
-        first_bad = next((first for _, _, first in pieces if first), "")
-        samples = joined_samples([samples for samples, _, _ in pieces])
+        bad: list[str] = []
+        pieces = [
+            Samples(fast, rows.place)
+            if rows is not self and (fast := rows._fast(wanted)) is not None  # noqa: SLF001  # own
+            else rows._slow(wanted, bad)  # noqa: SLF001  # its own class
+            for rows in ([self] if self.clocks else self._cut())
+        ]
+        samples = _joined(pieces)
         if not len(next(iter(samples.channels.values()))):
-            raise LogError(
-                f"no data rows{'; first: ' * bool(first_bad)}{first_bad}", subject=self.name
-            )
-        return replace(samples, findings=rows_dropped(n_bad, first_bad))
+            first = f"; first: {bad[0]}" if bad else ""
+            raise LogError(f"no data rows{first}", subject=self.name)
+        return replace(samples, findings=rows_dropped(len(bad), bad[0] if bad else ""))
 
     def _cut(self) -> Iterator[_Rows]:
         """Yield the rows in pieces of whole lines."""
         start, line, end = self.start, self.dialect.data_line, len(self.rows)
         while start < end:
-            last = LINE.match(self.rows, min(start + _PIECE, end))
+            last = _LINE.match(self.rows, min(start + _PIECE, end))
             stop = last.end() if last else end
             rows = self.rows[start:stop]
             yield replace(self, rows=rows, start=0, dialect=replace(self.dialect, data_line=line))
@@ -226,22 +745,22 @@ class _Rows:
     def _fast(self, wanted: Mapping[str, int]) -> dict[str, FloatArray] | None:
         """Return columns as pyarrow reads them; None where it refuses, or rows must be dropped."""
         import pyarrow as pa
-        from pyarrow import csv
+        from pyarrow import csv as arrow
 
         names = [f"{i}" for i in range(self.n_fields)]
         extra = names[self.n_names :]  # anything in it is an error
         chosen = dict.fromkeys(names[i] for i in sorted(wanted.values()))
         types = {name: pa.string() if int(name) in self.clocks else pa.float64() for name in chosen}
         try:
-            table = csv.read_csv(
+            table = arrow.read_csv(
                 pa.BufferReader(pa.py_buffer(self.rows).slice(self.start)),
-                read_options=csv.ReadOptions(
+                read_options=arrow.ReadOptions(
                     column_names=names, use_threads=len(self.rows) > _THREADED
                 ),
-                parse_options=csv.ParseOptions(
+                parse_options=arrow.ParseOptions(
                     delimiter=self.dialect.separator, quote_char='"' if self.has_quotes else False
                 ),
-                convert_options=csv.ConvertOptions(
+                convert_options=arrow.ConvertOptions(
                     column_types={**types, **dict.fromkeys(extra, pa.null())},
                     include_columns=[*chosen, *extra],
                     null_values=_BLANK,
@@ -257,26 +776,26 @@ class _Rows:
         except (pa.ArrowException, ValueError):
             return None
         read = {channel: columns[names[index]] for channel, index in wanted.items()}
+        whole = [columns[name] for name in chosen if int(name) in self.clocks]
         if self.drops_bad_rows:
-            needed = [read[channel] for channel in wanted if channel not in EXTRAS]
-            if not all(np.isfinite(values).all() for values in needed):
-                return None
-        clocks = [columns[name] for name in chosen if int(name) in self.clocks]
-        return None if any(np.isnan(values).any() for values in clocks) else read
+            whole += [values for channel, values in read.items() if channel not in EXTRAS]
+        is_good = all(
+            not np.isnan(values).any() and (not self.drops_bad_rows or np.isfinite(values).all())
+            for values in whole
+        )
+        return read if is_good else None
 
-    def _slow(self, wanted: Mapping[str, int]) -> tuple[Samples, int, str]:
-        """Read field by field: the values, how many rows were dropped, and why the first was."""
+    def _slow(self, wanted: Mapping[str, int], bad: list[str]) -> Samples:
+        """Read field by field; why a row was dropped goes to `bad`."""
         lines: list[int] = []
         values: list[list[float | str]] = []
-        n_bad, first_bad = 0, ""
         for number, line in self.lines():
             try:
                 row = self._values(line, wanted, f"{self.name}, line {number}")
             except LogError as error:
                 if not self.drops_bad_rows:
                     raise
-                n_bad += 1
-                first_bad = first_bad or str(error)
+                bad.append(str(error) if not bad else "")
                 continue
             lines.append(number)
             values.append(row)
@@ -285,17 +804,16 @@ class _Rows:
             column = [row[k] for row in values]
             is_clock = index in self.clocks
             columns[channel] = clock_seconds(column) if is_clock else np.array(column, float)
-        return Samples(columns, lambda i: f"line {lines[i]}"), n_bad, first_bad
+        return Samples(columns, lambda i: f"line {lines[i]}")
 
     def _values(self, line: str, wanted: Mapping[str, int], where: str) -> list[float | str]:
-        if line.count('"') % 2:
-            raise LogError("a quote opens and does not close in the line", subject=where)
-        fields = fields_of(line, self.dialect.separator)
+        _check_quotes(line, where)
+        fields = _fields(line, self.dialect.separator)
         if len(fields) != self.n_fields:
             has_names = self.dialect.names_line and not self.dialect.is_short
             line_above = self.dialect.names_line if has_names else self.dialect.data_line
             raise LogError(
-                f"found {len(fields)} field{'s' * (len(fields) != 1)}, expected "
+                f"found {_counted(len(fields), 'field')}, expected "
                 f"{self.n_names} fields as in line {line_above}{self._advice}",
                 subject=where,
             )
@@ -305,29 +823,27 @@ class _Rows:
                 f"expected {self.n_names} fields",
                 subject=where,
             )
-        return [
-            self._value(fields[index], channel, where, is_clock=index in self.clocks)
-            for channel, index in wanted.items()
-        ]
+        return [self._value(fields[index], index, channel, where) for channel, index in
+                wanted.items()]  # fmt: skip
 
     @property
     def _advice(self) -> str:
         drop = "; repair the row, or drop such rows by rig.bad_rows = 'drop'"
         return "" if self.drops_bad_rows else drop
 
-    def _value(self, field: str, channel: str, where: str, *, is_clock: bool) -> float | str:
+    def _value(self, field: str, index: int, channel: str, where: str) -> float | str:
         shown = f"{channel} is {visible(field)}, expected"
-        if is_clock:
+        if index in self.clocks:
             if not is_stamp(field):
                 raise LogError(f"{shown} a time of day", subject=where)
             return field
-        plain = field
+        plain, thousands = field, self.options.thousands
         grouped = _GROUPED.fullmatch(field)
-        if self.declared.thousands and grouped and grouped["mark"] == self.declared.thousands:
-            plain = plain.replace(self.declared.thousands, "")
+        if grouped and grouped["mark"] == thousands:
+            plain = plain.replace(thousands, "")
         if self.dialect.decimal == ",":
             plain = "?" if "." in plain else plain.replace(",", ".")
-        if not plain or NUMBER.fullmatch(plain) or _NOT_FINITE.fullmatch(plain):
+        if not plain or _NUMBER.fullmatch(plain) or _NOT_FINITE.fullmatch(plain):
             value = float(plain or "nan")
             if self.drops_bad_rows and channel not in EXTRAS and not np.isfinite(value):
                 raise LogError(f"{shown} a finite number", subject=where)
@@ -340,233 +856,20 @@ class _Rows:
         raise LogError(f"{shown} a number{hint}", subject=where)
 
 
-def joined_samples(parts: Sequence[Samples]) -> Samples:
-    """Return the rows of several tables behind each other."""
+def _check_quotes(line: str, where: str) -> None:
+    if line.count('"') % 2:
+        raise LogError("a quote opens and does not close in the line", subject=where)
+
+
+def _joined(parts: Sequence[Samples]) -> Samples:
+    """Return the rows of several pieces behind each other."""
     names = parts[0].channels
-    lengths = [len(part.channels[name]) for part in parts for name in [*names][:1]]
-    ends = np.cumsum(lengths)
+    ends = np.cumsum([len(next(iter(part.channels.values()))) for part in parts])
 
     def place(index: int) -> str:
         k = min(int(np.searchsorted(ends, index, side="right")), len(parts) - 1)
-        return parts[k].place(index - int(ends[k]) + lengths[k])
+        return parts[k].place(index - (int(ends[k - 1]) if k else 0))
 
-    return Samples(
-        {name: np.concatenate([part.channels[name] for part in parts]) for name in names},
-        place,
-        tuple(dict.fromkeys(note for part in parts for note in part.notes)),
-        tuple(dict.fromkeys(finding for part in parts for finding in part.findings)),
-    )
-
-
-class Block(NamedTuple):
-    """Bytes of one table with its names, and where they stand in the file."""
-
-    data: bytes
-    first_line: int
-    decimal: str = ""
-    title: str = ""
-    preamble: tuple[str, ...] = ()  # lines above the first block
-
-
-def read_delimited(source: Source, options: ReadOptions) -> tuple[Table, ...]:
-    """Return the tables of a delimited text log: one, or one for each block.
-
-    Raises
-    ------
-    LogError
-        The file is no text, has no rows of numbers, or its rows do not fit its names.
-    """
-    name, drops = source.name, options.bad_rows == "drop"
-    data, notes = to_utf8(source.data, name=name, encoding=options.encoding, allows_nul=drops)
-    skipped = 0
-    for _ in range(options.skip_lines):
-        end = _LINE_END.search(data, skipped)
-        if end is None:
-            n_lines = options.skip_lines
-            raise LogError(f"fewer lines than the {n_lines} to skip (skip_lines)", subject=name)
-        skipped = end.end()
-    if skipped:
-        data = data[skipped:]
-        notes = (*notes, f"{options.skip_lines} lines skipped, as declared")
-    if header := _MTS793.match(data):
-        notes = (*notes, f"MTS 793 export, language {header['language'].decode()}")
-    blocks = _blocks(data, options.skip_lines + 1, name)
-    empty = [block for block in blocks if block.title and not _DATA.search(block.data)]
-    if 0 < len(empty) < len(blocks):
-        others = f" and {len(empty) - 1} more" if len(empty) > 1 else ""
-        notes = (*notes, f"left out: the block in line {empty[0].first_line}{others}, without rows")
-        blocks = [block for block in blocks if block not in empty]
-    tables = tuple(read_block(block, name, notes, options) for block in blocks)
-    return _with_time_of_titles(tables, options)
-
-
-def _blocks(data: bytes, first_line: int, name: str) -> list[Block]:
-    """Return the whole text, or the pieces that MTS heads with "Data Acquisition"."""
-    has_blocks = data.find(b"Data Acquisition", 0, _MAX_PREAMBLE) >= 0
-    starts = list(_BLOCK.finditer(data)) if has_blocks else []
-    header = _MTS793.match(data)
-    decimal = header["decimal"].decode() if header else ""
-    if not starts:
-        return [Block(data, first_line, decimal)]
-    blocks = []
-    above = data[: starts[0].start()]
-    preamble = tuple(above[:_MAX_PREAMBLE].decode("utf-8", "replace").splitlines())
-    line = first_line + len(_LINE_END.findall(above))
-    ends = [begin.start() for begin in starts[1:]] + [len(data)]
-    for begin, end in zip(starts, ends, strict=True):
-        piece = data[begin.end() : end]
-        line += 1
-        title = begin[0].decode("utf-8", "replace").strip().replace("\t", " ")
-        if piece.strip():
-            blocks.append(Block(piece, line, decimal, title, preamble))
-        line += len(_LINE_END.findall(piece))
-    if not blocks:
-        raise LogError(f"no data rows after 'Data Acquisition' in line {line - 1}", subject=name)
-    return blocks
-
-
-def read_block(block: Block, name: str, notes: tuple[str, ...], options: ReadOptions) -> Table:
-    """Return the table of a block; as `read_delimited`."""
-    dialect = find_dialect(block.data, options, name=name, first_line=block.first_line)
-    start = dialect.data_offset
-    rows, cut = _without_cut_row(block.data, start, name)
-    if not options.decimal and block.decimal:
-        dialect = replace(dialect, decimal=block.decimal)
-    is_open = not options.decimal and not block.decimal and dialect.separator != ","
-    if is_open and rows.find(b".", start) < 0 <= rows.find(b",", start):
-        # The first rows may hold whole numbers only, as of a machine at rest.
-        dialect = replace(dialect, decimal=",")
-    notes = (*notes, *dialect.notes())
-    if dialect.separator == " ":
-        rows, start = re.sub(rb"[ \t]+", b"\t", rows[start:]), 0
-        rows = re.sub(rb"(?m)^\t|\t(?=\r?$)", b"", rows)
-        dialect = replace(dialect, separator="\t")
-    if len(dialect.names) >= 2 and _EVENTS.fullmatch(dialect.names[-1]) and b'"' not in rows:
-        rows, start = _with_events(rows[start:], dialect), 0
-        dialect = replace(dialect, is_short=False)
-    first = _FIRST_LINE.match(rows, start)
-    fields = fields_of(first[0].decode("utf-8", "replace") if first else "", dialect.separator)
-    names, n_fields, odd = _width(fields, dialect, name)
-    clocks = frozenset(i for i, field in enumerate(fields[: len(names)]) if is_stamp(field))
-    text = _Rows(name, rows, start, dialect, len(names), n_fields, clocks, options)
-    if not text.drops_bad_rows and text.has_quotes:
-        for number, line in text.lines():
-            if line.count('"') % 2:
-                raise LogError(
-                    f"{name}, line {number}: a quote opens and does not close in the line"
-                )
-    units = dialect.units[: len(names)] or ("",) * len(names)
-    return Table(
-        columns=tuple(
-            Column(column, unit or None, i in clocks)
-            for i, (column, unit) in enumerate(zip(names, units, strict=True))
-        ),
-        load=text.load,
-        metadata=metadata_of([*block.preamble, *dialect.preamble]),
-        notes=notes,
-        part=block.title,
-        may_run_on=bool(block.title),
-        hint=dialect.hint or next((one.sentence for one in odd if one.name == "short_rows"), ""),
-        findings=(*odd, *cut),
-    )
-
-
-def _without_cut_row(text: bytes, start: int, name: str) -> tuple[bytes, tuple[Finding, ...]]:
-    """Drop a last row without line end: -12 may be what was written of -1234."""
-    if text.endswith((b"\n", b"\r")):
-        return text, ()
-    end = max(text.rfind(b"\n", start), text.rfind(b"\r", start)) + 1 or start
-    if not text[end:].strip():
-        return text[:end], ()
-    if end == start:
-        raise LogError("no data rows; the only one has no line end and may be cut", subject=name)
-    words = "no final newline; the last row may be cut and was dropped; is the log whole?"
-    return text[:end], (Finding("cut_row", "warning", words, 1.0),)
-
-
-def _with_events(rows: bytes, dialect: Dialect) -> bytes:
-    """Give the last column, which only rows with an event may have, to every row."""
-    n_before = len(dialect.names) - 2
-    separator = dialect.separator.encode()
-    lines = _LINE_END.sub(b"\n", rows).split(b"\n")
-    return b"\n".join(
-        line + separator if line.count(separator) == n_before else line for line in lines
-    )
-
-
-def _width(
-    fields: list[str], dialect: Dialect, name: str
-) -> tuple[tuple[str, ...], int, tuple[Finding, ...]]:
-    """Return names, number of fields in a row, and findings.
-
-    A separator at the end may add a field; of names one more than fields the last has no values.
-    """
-    names = dialect.names or ("",) * len(fields)
-    is_short = dialect.is_short
-    fields = fields[: len(names) - 1] if is_short else fields
-    widths = {len(names), len(fields)} if is_short else {len(names)}
-    if dialect.units and len(dialect.units) not in widths:
-        raise LogError(
-            f"{name}, line {dialect.names_line + 1}: {len(dialect.units)} units for "
-            f"{len(names)} names in line {dialect.names_line}"
-        )
-    if is_short:
-        note = (
-            f"line {dialect.names_line} has {len(names)} names and every row {len(fields)} "
-            f"fields: the last, {visible(names[-1])}, was taken to have no values"
-        )
-        return names[:-1], len(fields), (Finding("short_rows", "warning", note),)
-    if len(fields) == len(names) + 1 and not fields[-1]:
-        note = "every row ends in a separator; the empty last column was left out"
-        return names, len(names) + 1, (Finding("extra_separator", "warning", note),)
-    return names, len(names), ()
-
-
-def _with_time_of_titles(tables: tuple[Table, ...], options: ReadOptions) -> tuple[Table, ...]:
-    """Return blocks without a column for time as one table, where their titles tell its rate.
-
-    Where whole buffers follow each other at a steady rate they are one record, and its sample rate
-    is their rows by the time between their titles. One title says neither whether it stands for the
-    first row or the last, nor how long the block took.
-    """
-    stamps = [match for table in tables if (match := _TITLE_TIME.search(table.part))]
-    has_time = any(has_channel("time", table.columns, options) for table in tables)
-    if has_time or options.sample_rate > 0.0 or len(stamps) < len(tables):
-        return tables
-    rate = _rate(tables, np.array([float(stamp[1].replace(",", ".")) for stamp in stamps]))
-    if rate is None:
-        hint = (
-            "only the titles of its blocks give a time, and no steady rate; if the rate is known: "
-            "--rig sample_rate=HZ"
-        )
-        return tuple(replace(table, hint=table.hint or hint) for table in tables)
-    first = tables[0]
-    note = f"{len(tables)} blocks joined; time: {rate:g} Hz, by the times in their titles"
-    whole = replace(
-        first,
-        load=lambda wanted: joined_samples([table.load(wanted) for table in tables]),
-        metadata={**first.metadata, "sample rate": repr(rate)},
-        notes=(*first.notes, note),
-        findings=tuple(dict.fromkeys(one for table in tables for one in table.findings)),
-        may_run_on=False,
-    )
-    return (whole,)
-
-
-def _rate(tables: Sequence[Table], times: FloatArray) -> float | None:
-    """Return the sample rate, Hz; None where the blocks are not known to be one record."""
-    kinds = [(table.columns, table.metadata) for table in tables]
-    if len(tables) < _FEWEST or kinds.count(kinds[0]) < len(kinds):
-        return None
-    try:
-        rows = [len(table.load({"any": 0}).channels["any"]) for table in tables]
-    except LogError:  # said with the place when the channels are read
-        return None
-    # The last buffer may not be full: its step is as long as itself, or as the one before.
-    steps = np.diff(times if rows[-1] == rows[0] else times[:-1])
-    if len(set(rows[:-1])) > 1 or rows[-1] > rows[0] or not len(steps):
-        return None
-    usual = median(steps)
-    if not usual > 0.0 or np.abs(steps / usual - 1.0).max() > _STEADY:
-        return None
-    return rows[0] * len(steps) / float(steps.sum())
+    findings = dict.fromkeys(finding for part in parts for finding in part.findings)
+    channels = {name: np.concatenate([part.channels[name] for part in parts]) for name in names}
+    return Samples(channels, place, findings=tuple(findings))

@@ -107,7 +107,7 @@ def mdf(scenario: Scenario) -> bytes:
     time = data.pop("time")
     ones = np.full(len(time), float(scenario.setting))
     named = [(name, CHANNELS[name], values) for name, values in data.items()]
-    return mdf_writer.written(time, [*named, ("setting", "", ones)])
+    return mdf_writer.written((time, [*named, ("setting", "", ones)]))
 
 
 def excel(scenario: Scenario) -> bytes:

@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 _WRITER = ChildReader("MDF", "mdf", "asammdf", f"{__name__}:answer")
 
 
-def written(time: np.ndarray, signals: Sequence[tuple[str, str, np.ndarray]]) -> bytes:
-    """One group of signals, each a name, a unit and its values."""
-    return _asked_for(pickle.dumps((time, signals)))
+def written(*groups: tuple[np.ndarray, Sequence[tuple[str, str, np.ndarray]]]) -> bytes:
+    """Groups of signals at times, each a name, a unit and its values."""
+    return _asked_for(pickle.dumps(groups))
 
 
 @cache
@@ -34,10 +34,10 @@ def _asked_for(data: bytes) -> bytes:
 def answer(data: bytes, limit: int) -> ChildAnswer:
     import asammdf
 
-    time, signals = pickle.loads(data)  # noqa: S301 - our own
     sink = io.BytesIO()
     with asammdf.MDF(version="4.10") as file:
-        file.append([_signal(asammdf, time, *one) for one in signals])
+        for time, signals in pickle.loads(data):  # noqa: S301 - our own
+            file.append([_signal(asammdf, time, *one) for one in signals])
         file.save(sink, overwrite=True)
     return ChildAnswer(None, [sink.getvalue()])
 

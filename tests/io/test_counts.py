@@ -60,7 +60,7 @@ def test_a_channel_of_text_hides_none_behind_it(put) -> None:
     time = np.arange(9.0)
     text = ("note", "", np.array([b"abc"] * 9))
     numbers = ("displacement", "mm", 2.0 * time), ("force", "N", 3.0 * time)
-    path = put(mdf_writer.written(time, [text, *numbers]), "a_s1.mf4")
+    path = put(mdf_writer.written((time, [text, *numbers])), "a_s1.mf4")
     recording = read_log(path, ReadOptions(max_bytes=10_000))
     np.testing.assert_array_equal(recording.time, time)
     np.testing.assert_array_equal(recording.force, 3.0 * time)

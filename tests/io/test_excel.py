@@ -10,7 +10,7 @@ from xml.sax.saxutils import escape
 
 import pytest
 
-from damperfit.io import excel
+from damperfit.io import foreign
 
 pytest.importorskip("python_calamine")
 
@@ -137,6 +137,6 @@ def test_sheets_are_written_out_as_text(tmp_path) -> None:
     texts: list[str] = []
     rows = "".join(row(*["abc", "de", 1.5], texts=texts) for _ in range(9))
     data = workbook(rows, texts)
-    answer = excel.sheets_in(data, 10_000)
+    answer = foreign.sheets_in(data, 10_000)
     assert answer.parts == [b"abc\tde\t1.5\n" * 9]
     assert answer.said == {"sheets": ["s1"], "n_formulas": 0}

@@ -7,6 +7,8 @@ import pytest
 
 from damperfit.errors import LogError
 from damperfit.io import ReadOptions, read_log
+from tests.io import mdf_writer
+from tests.io.binary_logs import needs
 
 N = 600
 TIME = np.arange(N) / 500.0
@@ -46,6 +48,35 @@ def segments(*starts: int) -> str:
     return head
 
 
+def clock(late: float) -> str:
+    """Rows by a wall clock that is set in the middle of the motion."""
+    stamps = 36_000.0 + TIME + np.where(np.arange(N) > 301, late, 0.0)
+    rows = (
+        f"10:{int(t - 36_000) // 60:02}:{t % 60:06.3f},{x:.6f},{f:.6f}"
+        for t, x, f in zip(stamps, X, F, strict=True)
+    )
+    return "\n".join(["clock,displacement_mm,force_N", *rows]) + "\n"
+
+
+def apart(n_x: int = N // 2) -> str:
+    """Two columns of time, the displacement at half the rate."""
+    rows = [f"{t:.6f},{f:.6f}" for t, f in zip(TIME, F, strict=True)]
+    slow = [f",{t:.6f},{x:.6f}" for t, x in zip(TIME[::2], X[::2], strict=True)]
+    slow += [",,"] * (N - len(slow))
+    lines = (a + b for a, b in zip(rows, slow, strict=True))
+    return "\n".join(["Time (s),Force (N),Time (s),Displacement (mm)", *lines]) + "\n"
+
+
+def changes(tick: float = 1e-3) -> str:
+    """Rows of a logger that writes what differs from the row before, at 5 N and 0.05 mm."""
+    time = np.arange(0.0, 2.0, tick)
+    swing = np.where(time < 0.5, 0.0, 2.0 * np.pi * 1.5 * (time - 0.5))
+    x, f = 20.0 * np.sin(swing), 300.0 * np.sin(swing + 1.0)
+    values = np.stack([np.rint(x / 0.05) * 0.05, np.rint(f / 5.0) * 5.0])
+    kept = np.concatenate(([True], np.any(np.diff(values) != 0.0, axis=0)))
+    return text(time[kept], *values[:, kept])
+
+
 ALL = slice(None)
 HALF = slice(None, None, 2)
 READ = {
@@ -63,6 +94,10 @@ READ = {
     ),
     "slower displacement": (text(x=blank(X, HALF)), slice(0, N - 1), "own_rows"),
     "slower force": (text(f=blank(F, HALF)), HALF, "own_rows"),
+    "two columns of time": (apart(), slice(0, N - 1), "own_rows"),
+    "a clock set forward": (clock(0.8), ALL, "clock_set"),
+    "a clock set back": (clock(-0.5), ALL, "clock_set"),
+    "changes only": (changes(), None, "values_held"),
     "hours": (text(TIME / 3600.0, names=NAMES.replace("_s", "_h"), form=".12f"), ALL, ""),
     "days": (text(TIME / 86_400.0, names=NAMES.replace("_s", "_days"), form=".14f"), ALL, ""),
     "timestamps": (text(names=NAMES.replace("time", "timestamps")), ALL, ""),
@@ -85,6 +120,7 @@ def test_what_is_read(tmp_path, log, rows, finding) -> None:
     recording = read_log(path)
     assert [one.name for one in recording.findings] == ([finding] if finding else [])
     if rows is None:
+        assert finding != "values_held" or np.allclose(np.diff(recording.time), 1e-3)
         return
     np.testing.assert_allclose(recording.time - recording.time[0], TIME[rows], atol=1e-5)
     off = recording.force - F[rows]  # a counter does not say where it began, and rounds
@@ -165,3 +201,15 @@ def test_channels_of_tdms_that_start_at_different_times_are_read_on_one_clock(tm
     np.testing.assert_allclose(recording.time, TIME[15:], atol=1e-9)
     np.testing.assert_allclose(recording.force, F[15:])
     np.testing.assert_allclose(recording.displacement, 1e-3 * X[15:], atol=1e-9)
+
+
+def test_channels_of_mdf_groups_with_rasters_of_their_own_are_read_together(tmp_path) -> None:
+    needs("asammdf")
+    rasters = [(TIME[::2], [("displacement", "mm", X[::2])]), (TIME, [("force", "N", F)])]
+    path = tmp_path / "log.mf4"
+    path.write_bytes(mdf_writer.written(*rasters))
+    recording = read_log(path)
+    assert [one.name for one in recording.findings] == ["own_rows"]
+    np.testing.assert_allclose(recording.time, TIME[: N - 1])
+    np.testing.assert_allclose(recording.force, F[: N - 1])
+    np.testing.assert_allclose(1e3 * recording.displacement, X[: N - 1], atol=0.01)

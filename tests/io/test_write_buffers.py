@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
 from damperfit.errors import LogError
 from damperfit.io import ReadOptions, read_log, read_logs
-from damperfit.io.recordings import _breaks
 from tests.io.mts_files import RATE, Record, blocks_of, export, moved_on, record
 
 SHORT = blocks_of(record(0.25), buffer=32)  # eight blocks
@@ -77,14 +74,6 @@ def test_of_many_breaks_the_first_are_told(tmp_path) -> None:
     assert note.count("begins at") == 3
     assert note.endswith("; and 39 more")
     assert len(note) < 400
-
-
-@pytest.mark.parametrize(("n", "more"), [(3, ""), (4, "; and 1 more")])
-def test_three_breaks_are_told_one_by_one(n, more) -> None:
-    runs = [[SimpleNamespace(time=np.array([10.0 * k, 10.0 * k + 1.0]))] for k in range(n + 1)]
-    said = _breaks(runs, range(1, n + 2))
-    assert said.startswith("; block 2 begins at 10 s, 9 s later than the block before ends; ")
-    assert said.partition("block 4 begins at 30 s, 9 s later than the block before ends")[2] == more
 
 
 def test_time_that_starts_again_begins_another_test(tmp_path) -> None:

@@ -2,7 +2,7 @@
 
 A name may be any of several languages, with its unit in brackets or behind it, in all the notations
 that rigs write; a column with the channel's unit goes before one without, fewer other words before
-more.
+more. Two columns of time that stand each left of channels of their own are two clocks.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from damperfit.problem import Option
 from damperfit.units.quantities import QuantityError, Unit, find_unit, is_unit, units_of
 
 __all__ = [
+    "OWN_TIME",
     "ChannelChoice",
     "choose_channels",
     "has_channel",
@@ -30,6 +31,8 @@ __all__ = [
     "visible",
     "words_of_name",
 ]
+
+OWN_TIME = "time of "  # and the name of the channel that it is of
 
 # English, German, French, Italian, Spanish.
 _WORDS = {
@@ -142,6 +145,13 @@ def choose_channels(
     hint : str
         Why names may be missing; said where a channel is not found.
 
+    Returns
+    -------
+    dict
+        By channel; a clock that a channel has for itself under `OWN_TIME` and its name.
+    tuple of str
+        Notes.
+
     Raises
     ------
     LogError
@@ -152,13 +162,17 @@ def choose_channels(
     notes: list[str] = []
     lost: list[str] = []
     problems: list[LogError] = []
+    clocks = _clocks(columns, options)
     for channel in _WORDS:
         if not has_channel(channel, columns, options):
             is_needed = channel not in {*EXTRAS, "setting"} and (channel != "time" or needs_time)
             lost += [channel] if is_needed else []
             continue
         try:
-            index, note = _column_of(channel, columns, options, where)
+            index: int | None = clocks.get("force")
+            note = ""
+            if channel != "time" or index is None:
+                index, note = _column_of(channel, columns, options, where)
             notes += [note] if note else []
             if index is None:
                 continue
@@ -173,15 +187,39 @@ def choose_channels(
         problems.insert(0, LogError(_missing(lost, columns, hint), code="no-column"))
     if problems:
         raise joined_problems(problems, where)
+    for channel, clock in clocks.items():
+        if channel in chosen and clock != clocks["force"]:
+            own = _with_unit("time", clock, columns[clock], options, where)
+            chosen[f"{OWN_TIME}{channel}"] = own
     for name in options.adjusters:
-        named = [i for i, column in enumerate(columns) if _plain_name(column) == name.casefold()]
+        named = [
+            i
+            for i, column in enumerate(columns)
+            if "_".join(words_of_name(split_name(column.name)[0])) == name.casefold()
+        ]
         if name not in chosen and len(named) == 1:
             chosen[name] = ChannelChoice(named[0], name, None)
     return chosen, tuple(notes)
 
 
-def _plain_name(column: Column) -> str:
-    return "_".join(words_of_name(split_name(column.name)[0]))
+def _clocks(columns: Sequence[Column], options: ReadOptions) -> dict[str, int]:
+    """Return the column of time left of each channel, where there is not one for all."""
+    if options.columns.get("time", "") != "":
+        return {}
+    ranked = _candidates("time", columns)
+    stamps = [i for *_, i in ranked if any(is_unit(u, "time") for u in _units_of(columns[i]))]
+    clocks: dict[str, int] = {}
+    for channel in ("force", "displacement", *EXTRAS):
+        found = [i for *_, i in sorted(_candidates(channel, columns)) if i not in stamps]
+        left = [i for i in stamps if found and i < found[0]]
+        if left:
+            clocks[channel] = left[-1]
+    is_apart = {"force", "displacement"} <= clocks.keys()
+    return clocks if is_apart and clocks["force"] != clocks["displacement"] else {}
+
+
+def _units_of(column: Column) -> tuple[str | None, str | None]:
+    return column.unit, split_name(column.name)[1]
 
 
 def has_channel(channel: str, columns: Sequence[Column], options: ReadOptions) -> bool:

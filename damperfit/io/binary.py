@@ -1,0 +1,396 @@
+"""Parquet and NI TDMS: binary logs that are read in this process.
+
+Parquet (https://parquet.apache.org/docs/file-format/): "PAR1", then pages of values, each behind a
+header, then a footer that says where everything is, its length, and "PAR1". Units are in names or
+in the metadata of fields. Page checksums are verified by pyarrow only when asked, and writers write
+them only when asked (pandas does not): without them one flipped bit changes a value and nobody can
+know, which is said in a note. The footer has no checksum, so what it says twice is compared. A
+megabyte may hold 10^8 rows: the rows are counted before one is read. Times may be stamps.
+
+TDMS (https://www.ni.com/en/support/documentation/supplemental/07/tdms-file-format-internal-structure.html)
+through npTDMS, after a look at the skeleton of the file. Each segment starts with 28 bytes: "TDSm",
+contents, version, bytes to the next segment, bytes to its values. Then it says what its channels
+are, then come their values. There are no checksums: a flipped bit in a value is a value. A damaged
+length moves the values by some bytes, and npTDMS reads on: so what a segment says of its channels
+is walked here, and must end where the values begin, but for zeros that fill up a disk's sector. A
+rig that stops while writing leaves a segment whose length is 2^64 - 1. A file cut between two
+segments is whole and cannot be told from one. npTDMS reads what is left of a cut file without a
+word, so the bytes of the values read are counted against the segments. A kind of number that is
+misread, as 8-byte floats for 8-byte integers, gives integers that no measurement has: beyond 2^53
+they are refused. Lengths may be anything up to 2^64.
+"""
+
+from __future__ import annotations
+
+import io
+import struct
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from damperfit.errors import LogError
+from damperfit.io.child_process import check_size, load_library, refusing_damage
+from damperfit.io.columns import visible
+from damperfit.io.files import Source
+from damperfit.io.formats import Column, FloatArray, Samples, Table
+from damperfit.io.groups import Group, GroupChannel, group_tables
+from damperfit.io.options import ReadOptions
+from damperfit.problem import Option
+from damperfit.recording import Finding
+
+__all__ = ["read_parquet", "read_tdms"]
+
+_MAGIC = b"PAR1"
+_NEXT_NUMBER = b"\x15"
+_NO_PAGE_CHECKSUMS = "Parquet without page checksums: a damaged value could not be seen"
+_TICKS = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}  # in a second
+
+_LEAD_IN = 28
+# Bits of the contents.
+_HAS_METADATA, _HAS_VALUES, _IS_BIG_ENDIAN, _IS_DAQMX = 1 << 1, 1 << 3, 1 << 6, 1 << 7
+_OPEN = 0xFFFF_FFFF_FFFF_FFFF  # length of a segment that was never closed
+_NO_VALUES, _AS_BEFORE = 0xFFFF_FFFF, 0  # length of what is said of a channel's values
+_TEXT = 0x20
+# Kind of a property -> bytes: integers, floats (with a unit), bool, time stamp, complex.
+_SIZES = {
+    0: 0, 1: 1, 2: 2, 3: 4, 4: 8, 5: 1, 6: 2, 7: 4, 8: 8, 9: 4, 10: 8, 11: 16, 0x19: 4, 0x1A: 8,
+    0x1B: 16, 0x21: 1, 0x44: 16, 0x08000C: 8, 0x10000D: 16,
+}  # fmt: skip
+_MAX_WHOLE = 1 << 53  # the last up to which a float is exact
+_UNITS = ("unit_string", "unit", "NI_UnitDescription", "Unit")
+_NO_CHECKSUMS = "TDMS has no checksums: a damaged value could not be seen"
+
+
+# Parquet.
+
+
+def read_parquet(source: Source, options: ReadOptions) -> tuple[Table, ...]:
+    """Return the table of a Parquet log.
+
+    Raises
+    ------
+    LogError
+        The file is cut or damaged, or says it holds more than the limit.
+    """
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    name = source.name
+    if len(source.data) < 12 or not source.data.endswith(_MAGIC):
+        raise LogError("truncated Parquet; the end of the file is missing", subject=name)
+    with refusing_damage("Parquet", name=name):
+        file = parquet.ParquetFile(pa.BufferReader(source.data), page_checksum_verification=True)
+        schema = file.schema_arrow
+        metadata = _texts(schema.metadata)
+        fields = [schema.field(i) for i in range(len(schema))]
+    n_rows = max(file.metadata.num_rows, sum(max(n, 0) for n in _rows_of_groups(file)))
+    claimed = max(n_rows, 0) * 8 * 4  # four channels of float64 are all that is ever loaded
+    check_size(claimed, limit=options.max_bytes, what=f"a table of {n_rows} rows", name=name)
+    return (
+        Table(
+            columns=tuple(_column(field) for field in fields),
+            load=lambda wanted: _load(file, fields, wanted, name),
+            metadata=metadata,
+            notes=() if _has_checksums(source.data) else (_NO_PAGE_CHECKSUMS,),
+        ),
+    )
+
+
+def _rows_of_groups(file: Any) -> list[int]:
+    return [file.metadata.row_group(i).num_rows for i in range(file.metadata.num_row_groups)]
+
+
+def _has_checksums(data: bytes) -> bool:
+    """Say whether the first page has a checksum; all pages come from one writer.
+
+    A page header is in Thrift's compact form: each 32-bit number is 0x15 and the number in groups
+    of seven bits. The first three are kind and two sizes, the fourth is the checksum.
+    """
+    at = len(_MAGIC)
+    for _ in range(3):
+        if data[at : at + 1] != _NEXT_NUMBER:
+            return False
+        at += 1
+        while at < len(data) and data[at] & 0x80:
+            at += 1
+        at += 1
+    return data[at : at + 1] == _NEXT_NUMBER
+
+
+def _column(field: Any) -> Column:
+    import pyarrow as pa
+
+    said = _texts(field.metadata)
+    is_duration = pa.types.is_duration(field.type)
+    unit = "s" if is_duration else said.get("unit") or said.get("units")
+    return Column(field.name.strip(), unit, _is_clock(field.type))
+
+
+def _is_clock(kind: Any) -> bool:
+    import pyarrow as pa
+
+    return bool(pa.types.is_timestamp(kind) or pa.types.is_time(kind))
+
+
+def _texts(metadata: Mapping[bytes, bytes] | None) -> dict[str, str]:
+    """Return what is short readable text, keys in lower case."""
+    return {
+        key.decode("utf-8", "replace").lower(): value.decode("utf-8", "replace")
+        for key, value in (metadata or {}).items()
+        if len(value) <= 1000 and not key.startswith((b"ARROW:", b"PARQUET:", b"pandas"))
+    }
+
+
+def _load(file: Any, fields: list[Any], wanted: Mapping[str, int], name: str) -> Samples:
+    import pyarrow as pa
+
+    for channel, index in wanted.items():
+        kind = fields[index].type
+        is_number = pa.types.is_integer(kind) or pa.types.is_floating(kind)
+        is_time = _is_clock(kind) or pa.types.is_duration(kind)
+        if not (is_number or pa.types.is_decimal(kind) or is_time):
+            raise LogError(f"{channel} is of type {kind}, expected numbers", subject=name)
+    columns = sorted({fields[index].name for index in wanted.values()})
+    with refusing_damage("Parquet", name=name):
+        table = file.read(columns=columns, use_threads=False)
+        # The counts of the columns are left alone: asking for a damaged one ends the process.
+        n_declared, n_held = file.metadata.num_rows, sum(_rows_of_groups(file))
+        if not n_declared == n_held == table.num_rows:
+            raise LogError(
+                f"damaged Parquet: {n_declared} rows are declared, {n_held} held and "
+                f"{table.num_rows} read; copy the log again",
+                subject=name,
+            )
+        table.validate(full=True)
+        return Samples(
+            {channel: _numbers(table.column(fields[i].name)) for channel, i in wanted.items()}
+        )
+
+
+def _numbers(column: Any) -> FloatArray:
+    """Return numbers, durations in seconds, stamps and times of day in seconds from the first.
+
+    The difference is taken in whole ticks: as floats, stamps are good to 0.2 us only.
+    """
+    import pyarrow as pa
+
+    kind = column.type
+    if not (_is_clock(kind) or pa.types.is_duration(kind)):
+        values = column.cast(pa.float64()).to_numpy(zero_copy_only=False)
+        return np.asarray(values, dtype=np.float64)
+    ticks = (column.cast(pa.int32()) if kind.bit_width == 32 else column).cast(pa.int64())
+    is_known = np.asarray(column.is_valid().to_numpy(zero_copy_only=False), dtype=np.bool_)
+    counts = ticks.fill_null(0).to_numpy().astype(np.int64)
+    if not pa.types.is_duration(kind) and is_known.any():
+        counts = counts - counts[np.argmax(is_known)]
+    if pa.types.is_time(kind):  # each midnight begins the count anew
+        day = np.int64(86_400 * _TICKS[kind.unit])
+        counts[1:] += day * np.cumsum(np.diff(counts) < -day // 2)
+    return np.where(is_known, counts / _TICKS[kind.unit], np.nan)
+
+
+# TDMS.
+
+
+class _Extent(NamedTuple):
+    """How much of a file is there, in bytes."""
+
+    n_stored: int  # of values in the file
+    cut_at: int = -1  # where the segment starts that is not whole; -1: all are
+    n_missing: int = 0  # of that segment; -1: nothing tells how many
+
+
+def read_tdms(source: Source, options: ReadOptions) -> tuple[Table, ...]:
+    """Return a table for each group that is a test.
+
+    Raises
+    ------
+    LogError
+        The file is cut or damaged, or claims more than the limit; or npTDMS is not installed.
+    """
+    name, data = source.name, source.data
+    extent = _extent(data, name)
+    nptdms = load_library("nptdms", extra="tdms", reads="TDMS", name=name)
+    with refusing_damage("TDMS file", name=name):
+        lengths = _lengths(nptdms, data)
+        n_values = sum(lengths.values())
+        check_size(n_values, limit=options.max_bytes, what="the file", name=name)
+        if n_values > 8 * extent.n_stored:
+            raise LogError(
+                f"damaged TDMS file: {n_values} values are declared, but only "
+                f"{extent.n_stored} bytes are there; copy the log again",
+                subject=name,
+            )
+        lost = _lost(nptdms, data, extent, lengths, limit=options.max_bytes)
+        if lost and not options.allow_truncated:
+            raise LogError(
+                f"truncated TDMS file: {lost}; copy the log again, or keep what all "
+                "channels have by {allow_truncated}",
+                allow_truncated=Option("allow_truncated"),
+                subject=name,
+            )
+        file = nptdms.TdmsFile.read(io.BytesIO(data))
+        groups = [_group(group, file, name, is_cut=bool(lost)) for group in file.groups()]
+        n_read = sum(_n_bytes(channel) for group in file.groups() for channel in group.channels())
+    if n_read > extent.n_stored or (n_read < extent.n_stored and not lost):
+        raise LogError(
+            f"truncated or damaged TDMS file: {extent.n_stored} bytes of values are "
+            f"declared but {n_read} can be read; copy the log again",
+            subject=name,
+        )
+    tables = group_tables(groups, options, name=name, notes=(_NO_CHECKSUMS,))
+    if not lost:
+        return tables
+    cut = Finding("truncated", "warning", f"the end of the file is missing: {lost}")
+    return tuple(replace(table, findings=(cut,)) for table in tables)
+
+
+def _extent(data: bytes, name: str) -> _Extent:
+    """Return how many bytes of values the segments hold, and whether the last one is whole."""
+    at = total = 0
+    while at < len(data):
+        if at and at + _LEAD_IN > len(data) and b"TDSm".startswith(data[at : at + 4]):
+            return _Extent(total, at, -1)
+        if at + _LEAD_IN > len(data) or data[at : at + 4] != b"TDSm":
+            raise LogError(f"truncated or damaged TDMS file: no segment at byte {at}", subject=name)
+        (contents,) = struct.unpack_from("<I", data, at + 4)
+        order = ">" if contents & _IS_BIG_ENDIAN else "<"
+        _, n_bytes, n_before_values = struct.unpack_from(f"{order}IQQ", data, at + 8)
+        if contents & _IS_DAQMX:
+            raise LogError(
+                "raw DAQmx values in TDMS are not supported; export as CSV", subject=name
+            )
+        values_at, end = at + _LEAD_IN + n_before_values, at + _LEAD_IN + n_bytes
+        is_sound = values_at <= end if contents & _HAS_VALUES else values_at == end
+        if is_sound and values_at <= len(data):
+            said_to = _end_of_metadata(data[:values_at], at + _LEAD_IN, order, contents)
+            is_sound = 0 <= said_to <= values_at and not any(data[said_to:values_at])
+        if n_bytes != _OPEN and not is_sound:
+            raise LogError(
+                f"damaged TDMS file: the segment at byte {at} is inconsistent", subject=name
+            )
+        if n_bytes == _OPEN or end > len(data):
+            has_values = contents & _HAS_VALUES and values_at <= len(data)
+            held = len(data) - values_at if has_values else 0
+            is_known = n_bytes != _OPEN and values_at <= len(data)
+            return _Extent(total + held, at, end - len(data) if is_known else -1)
+        total += end - values_at
+        at = end
+    return _Extent(total)
+
+
+def _end_of_metadata(data: bytes, at: int, order: str, contents: int) -> int:
+    """Return the byte after what a segment says of its channels; -1: the data end before."""
+
+    def number() -> int:
+        nonlocal at
+        at += 4
+        return int(struct.unpack_from(f"{order}I", data, at - 4)[0])
+
+    def skip_text() -> None:
+        nonlocal at
+        n_bytes = number()
+        at += n_bytes
+
+    if not contents & _HAS_METADATA:
+        return at if at == len(data) else -1
+    try:
+        for _ in range(number()):
+            skip_text()
+            n_index = number()  # the length counts itself
+            at += n_index - 4 if n_index not in {_NO_VALUES, _AS_BEFORE} else 0
+            for _ in range(number()):
+                skip_text()
+                kind = number()
+                if kind == _TEXT:
+                    skip_text()
+                else:
+                    at += _SIZES[kind]
+    except (struct.error, KeyError):
+        return -1
+    return at
+
+
+def _lengths(nptdms: Any, data: bytes) -> dict[tuple[str, str], int]:
+    """Return how many values each channel has, by names of group and channel."""
+    metadata = nptdms.TdmsFile.read_metadata(io.BytesIO(data))
+    return {
+        (str(group.name), str(channel.name)): len(channel)
+        for group in metadata.groups()
+        for channel in group.channels()
+    }
+
+
+def _lost(
+    nptdms: Any, data: bytes, extent: _Extent, held: Mapping[tuple[str, str], int], *, limit: int
+) -> str:
+    """Return what a cut file has lost, in words; empty when it is whole.
+
+    npTDMS says how long channels were meant to be when the missing bytes are put back as zeros.
+    """
+    if extent.cut_at < 0:
+        return ""
+    where = f"the segment at byte {extent.cut_at} is not whole"
+    if extent.n_missing < 0:
+        found = ", ".join(f"{visible(name)} has {n}" for (_, name), n in [*held.items()][:10])
+        return f"{where} and how much is missing is not known; values left: {found or 'none'}"
+    if len(data) + extent.n_missing > limit:
+        return f"{where}; {extent.n_missing} bytes are missing"
+    whole = _lengths(nptdms, data + bytes(extent.n_missing))
+    counts = {name: (n - held.get(name, 0), n) for name, n in whole.items()}
+    shown = [f"{visible(name)} lost {k} of {n}" for (_, name), (k, n) in counts.items() if k]
+    return f"{where}; values: {', '.join(shown[:10]) or 'none lost'}"
+
+
+def _n_bytes(channel: Any) -> int:
+    """Return how many bytes the values of a channel take in the file."""
+    values = channel[:]
+    size = getattr(channel.data_type, "size", None)
+    if size is not None:
+        return int(size) * len(values)
+    return sum(4 + len(str(text).encode("utf-8")) for text in values)  # an offset and the text
+
+
+def _group(group: Any, file: Any, name: str, *, is_cut: bool) -> Group:
+    properties = {**file.properties, **group.properties}
+    metadata = {str(key).lower(): str(text)[:1000] for key, text in properties.items()}
+    stamps = [channel.properties.get("wf_start_time") for channel in group.channels()]
+    first = min((stamp for stamp in stamps if isinstance(stamp, np.datetime64)), default=None)
+    channels = tuple(
+        _channel(channel, name, first)
+        for channel in group.channels()
+        if channel.dtype.kind in "fiuM" and len(channel)
+    )
+    return Group(str(group.name), channels, metadata, is_cut=is_cut)
+
+
+def _channel(channel: Any, name: str, first: np.datetime64 | None) -> GroupChannel:
+    properties = channel.properties
+    units = [str(properties[key]) for key in _UNITS if properties.get(key)]
+    interval, stamp = properties.get("wf_increment"), properties.get("wf_start_time")
+    start = float(properties.get("wf_start_offset", 0.0))
+    if isinstance(stamp, np.datetime64) and first is not None:
+        start += 1e-9 * int(np.subtract(stamp, first).astype("timedelta64[ns]").astype(np.int64))
+    return GroupChannel(
+        name=str(channel.name),
+        unit="s" if channel.dtype.kind == "M" else next(iter(units), None),
+        length=len(channel),
+        load=lambda: _floats(channel[:], f"{name}: {visible(str(channel.name))}"),
+        start=start,
+        interval=None if interval is None else float(interval),
+    )
+
+
+def _floats(values: NDArray[Any], where: str) -> FloatArray:
+    if values.dtype.kind == "M":
+        return np.asarray((values - values[0]) / np.timedelta64(1, "ns") * 1e-9, dtype=np.float64)
+    is_whole = values.dtype.kind in "iu" and values.dtype.itemsize == 8
+    if is_whole and len(values) and max(-int(values.min()), int(values.max())) > _MAX_WHOLE:
+        raise LogError(
+            f"{where} holds whole numbers beyond {_MAX_WHOLE}, which no measurement has; its data "
+            "type may be damaged: copy the log again"
+        )
+    return np.asarray(values, dtype=np.float64)

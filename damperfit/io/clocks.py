@@ -1,0 +1,338 @@
+"""Every channel is (time, value); one step brings them onto the clock of the force.
+
+What loggers do to clocks and channels is found from the record alone and put right, with a finding:
+
+- A counter of k bits that rolls over jumps by 2^k of its steps while the motion is smooth.
+- A wall clock that is set while rows run on jumps once, and the motion does not.
+- A logger that writes only what differs from the row before holds its values until the next row: of
+  every tick between, the values are those of the last row.
+- A channel that is slower than the rows is blank between its values, or has stamps, a start or a
+  rate of its own: each value is used once, at its own time, and what was sampled at other times
+  than the force is interpolated to these.
+
+Where a converter's last value is repeated, nothing tells when it was taken: that is a warning.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from damperfit.errors import LogError
+from damperfit.io.formats import FloatArray, Samples
+from damperfit.io.options import EXTRAS
+from damperfit.recording import Finding
+from damperfit.statistics import median
+
+__all__ = ["on_one_clock", "rate_of_stamps"]
+
+_FEWEST = 50  # rows; of fewer nothing is said
+_CLOCK_BITS = (16, 24, 32)
+_BITS = (10, 12, 14, 16, 18, 20, 24, 32)  # of encoders and converters
+_ROLLED = 0.75  # of the range: a step as large is a jump, or nothing rolls over
+_SMOOTH = 0.25  # of the range: no step is larger once the jumps are taken out
+_LATE = 3.0  # usual steps; where more are missing, a clock may have been set
+_BLANK = 0.25  # of a channel's rows; fewer blanks are damage
+_LONGEST = 20  # rows between two values; a longer blank is a hole
+_REPEATED = 0.95  # of runs of one value that have one length
+_STEADY = 0.05  # of the usual step, by which all others may differ where a clock was set
+_MOST_SET = 3  # times that somebody sets a clock
+_LIKE = 0.25  # of the motion of a row: what the row over such a jump may differ by
+_HELD, _ONE_STEP = 0.02, 0.95  # of steps longer than a tick; of these with a change of two quanta
+_DENSE = 20  # ticks a row; more is no logger that writes changes
+_COMMON = 0.5  # of the force that the other channels must have too
+
+Bools = NDArray[np.bool_]
+
+
+def on_one_clock(samples: Samples, *, is_wall_clock: bool = False, name: str = "") -> Samples:
+    """Return samples with counters unrolled, clocks put right and all channels at the same times.
+
+    Parameters
+    ----------
+    samples : Samples
+        Time, and every clock of a channel, in seconds.
+    is_wall_clock : bool
+        Time is by a clock that somebody may set.
+    name : str
+        Log, for messages.
+
+    Raises
+    ------
+    LogError
+        Channels have clocks of their own, and less than half of the force is in the time of all.
+    """
+    if len(samples.channels["force"]) < _FEWEST:
+        return _together(samples, name) if samples.times else samples
+    with np.errstate(over="ignore", invalid="ignore"):  # what is no number is refused later
+        samples = _unrolled(samples)
+        if is_wall_clock:
+            samples = _unset(samples)
+        samples = _unheld(samples)
+        return _together(samples, name)
+
+
+def _with(samples: Samples, finding: Finding, **channels: FloatArray) -> Samples:
+    """Return samples with channels replaced, and why."""
+    return replace(
+        samples,
+        channels={**samples.channels, **channels},
+        findings=(*samples.findings, finding),
+    )
+
+
+# Counters.
+
+
+def _unrolled(samples: Samples) -> Samples:
+    time = samples.channels.get("time")
+    if time is not None and (bits := _clock_bits(time)):
+        jumps = np.concatenate(([0.0], np.cumsum(np.diff(time) < 0.0)))
+        finding = _rolled("time", bits, int(jumps[-1]), "a clock")
+        samples = _with(samples, finding, time=time + jumps * 2.0**bits)
+    for channel in ("displacement", "force"):
+        values = samples.channels[channel]
+        if period := _period(values):
+            bits, quantum = period
+            unrolled = np.unwrap(values, period=quantum * 2.0**bits)
+            n_jumps = np.count_nonzero(np.abs(np.diff(values - unrolled)) > quantum)
+            finding = _rolled(channel, bits, int(n_jumps), "a counter")
+            samples = _with(samples, finding, **{channel: unrolled})
+        if n_rows := _repeats(samples.channels[channel]):
+            words = (
+                f"{channel}: each value stands in {n_rows} rows, so its converter is slower than "
+                f"the rows and friction and openings are doubtful; log at the converter's rate"
+            )
+            finding = Finding("values_repeated", "warning", words, float(n_rows))
+            samples = _with(samples, finding)
+    return samples
+
+
+def _rolled(channel: str, bits: int, n_jumps: int, what: str) -> Finding:
+    times = "once" if n_jumps == 1 else f"{n_jumps} times"
+    sentence = f"{channel}: {what} of {bits} bits rolls over {times}; put right"
+    return Finding("rolled_over", "note", sentence, float(n_jumps), is_correction=True)
+
+
+def _clock_bits(time: FloatArray) -> int:
+    """Return the bits of a clock that counts whole ticks and rolls over; 0 of any other."""
+    steps = np.diff(time)
+    if not np.min(steps) < 0.0 or not np.any(steps > 0.0):
+        return 0
+    if not (np.max(time) < 2.0 ** _CLOCK_BITS[-1] and np.all(time == np.rint(time))):
+        return 0
+    back, usual = steps[steps < 0.0], median(steps[steps > 0.0])
+    for bits in _CLOCK_BITS:
+        onward = back + 2.0**bits
+        is_one = np.max(time) < 2.0**bits and onward.min() > 0.0
+        if is_one and onward.max() <= _LATE * usual:
+            return bits
+    return 0
+
+
+def _period(values: FloatArray) -> tuple[int, float] | None:
+    """Return bits and quantum of a counter that rolls over in a channel; None of any other."""
+    steps = np.diff(values)
+    span = float(np.max(values) - np.min(values))
+    if not max(float(np.max(steps)), -float(np.min(steps))) > _ROLLED * span:  # nor of blanks
+        return None
+    quantum = _quantum(steps)
+    bits = math.ceil(math.log2(span / quantum))
+    period = quantum * 2.0**bits
+    if bits not in _BITS or _ROLLED * period > span:
+        return None
+    rest = np.abs(np.diff(np.unwrap(values, period=period)))
+    return (bits, quantum) if float(np.max(rest)) < _SMOOTH * period else None
+
+
+def _quantum(steps: FloatArray) -> float:
+    """Return the smallest step that is one; 0 where there is none."""
+    sizes = np.abs(steps[steps != 0.0])
+    return float(f"{np.min(sizes):.9g}") if len(sizes) else 0.0
+
+
+def _repeats(values: FloatArray) -> int:
+    """Return how many rows each value stands in where a converter is slower than the rows; or 0."""
+    is_new = values[1:] != values[:-1]
+    if 2 * np.count_nonzero(is_new) > len(values):
+        return 0
+    starts = np.flatnonzero(np.concatenate(([True], is_new)))
+    runs = np.diff(starts)
+    usual = int(median(runs)) if len(runs) else 0
+    is_held = 2 <= usual <= _LONGEST and float(np.mean(runs % usual == 0)) >= _REPEATED
+    return usual if is_held else 0
+
+
+# Clocks.
+
+
+def _unset(samples: Samples) -> Samples:
+    """Take out the jumps of a clock that was set while rows and motion ran on."""
+    time, x = samples.channels["time"], samples.channels["displacement"]
+    steps = np.diff(time)
+    usual = median(steps)
+    jumps = np.flatnonzero(np.abs(steps / usual - 1.0) > _STEADY) if usual > 0.0 else np.empty(0)
+    if not 0 < len(jumps) <= _MOST_SET or not all(_runs_on(x, int(i)) for i in jumps):
+        return samples
+    time = time.copy()
+    told = []
+    for i in map(int, jumps):
+        told.append(f"by {abs(steps[i]):.6g} s {'on' if steps[i] > 0.0 else 'back'} after {{}}")
+        told[-1] = told[-1].format(samples.place(i))
+        time[i + 1 :] -= steps[i] - usual
+    words = (
+        f"the clock was set {', '.join(told)}, where rows and motion run on every {usual:.6g} s; "
+        f"put right; if that is wrong, split the log there, else declare rig.sample_rate = "
+        f"'{1.0 / usual:.6g}Hz' to say so"
+    )
+    finding = Finding("clock_set", "warning", words, float(len(jumps)), is_correction=True)
+    return _with(samples, finding, time=time)
+
+
+def _runs_on(x: FloatArray, i: int) -> bool:
+    """Say whether a motion goes on from row i to the next as it did before and does behind."""
+    beside = np.diff(x[max(i - 5, 0) : i + 7])
+    at = min(i, 5)
+    others = np.delete(beside, at)
+    speed = median(others)
+    noise = 2.0 * float(np.std(others))
+    return abs(speed) > noise and abs(beside[at] - speed) <= _LIKE * abs(speed) + noise
+
+
+def _unheld(samples: Samples) -> Samples:
+    """Bridge what a logger left out that writes a row only where a value has changed."""
+    time = samples.channels.get("time")
+    if time is None or samples.times:
+        return samples
+    steps = np.diff(time)
+    if not (len(steps) and np.min(steps) > 0.0):
+        return samples
+    tick = float(np.min(steps))
+    ticks = np.rint(steps / tick)
+    n_ticks = int(np.sum(ticks))
+    is_long = ticks > 1.0
+    share = float(np.mean(is_long))
+    if share < _HELD or n_ticks > _DENSE * len(time) or np.max(np.abs(steps / tick - ticks)) > 0.1:
+        return samples
+    changes = np.stack(
+        [np.abs(np.diff(samples.channels[one])) for one in ("displacement", "force")]
+    )
+    quanta = np.array([[_quantum(row)] for row in changes])
+    if not (np.all(quanta > 0.0) and np.all(changes.sum(axis=0) > 0.0)):
+        return samples
+    largest = np.max(np.rint(changes / quanta), axis=0)
+    if float(np.mean(largest[is_long] <= 2.0)) < _ONE_STEP:
+        return samples
+    rows = np.repeat(np.arange(len(time)), np.append(ticks, 1.0).astype(np.int64))
+    words = (
+        f"values are held until the next row, which is written when one changes by "
+        f"{quanta[1, 0]:.3g} or {quanta[0, 0]:.3g} as logged: {n_ticks + 1 - len(time)} of "
+        f"{n_ticks + 1} rows bridged"
+    )
+    finding = Finding("values_held", "note", words, share, is_correction=True)
+    held = {name: values[rows] for name, values in samples.channels.items()}
+    held["time"] = time[0] + tick * np.arange(n_ticks + 1)
+    place = samples.place
+    return replace(_with(samples, finding, **held), place=lambda i: place(int(rows[i])))
+
+
+def rate_of_stamps(time: FloatArray) -> str:
+    """Return the rows a second where several rows share a stamp, in as few digits as it is known.
+
+    Empty where stamps do not only repeat.
+    """
+    steps = np.diff(time)
+    ahead = steps[steps > 0.0]
+    if not len(ahead) or float(np.min(steps)) < 0.0 or len(ahead) > 0.9 * len(steps):
+        return ""
+    span = float(time[-1] - time[0])
+    rate, doubt = len(steps) / span, 2.0 * float(np.min(ahead)) / span
+    texts = (f"{rate:.{digits}g}" for digits in range(1, 8))
+    return next((f"{float(text):g}" for text in texts if abs(float(text) / rate - 1) <= doubt), "")
+
+
+# One clock for all.
+
+
+def _together(samples: Samples, name: str) -> Samples:
+    """Return each channel at the times of the force: its own rows, interpolated where needed."""
+    channels = samples.channels
+    rows = np.arange(len(channels["force"]), dtype=np.float64)
+    time = channels.get("time", rows)
+    measured = [one for one in ("force", "displacement", *EXTRAS) if one in channels]
+    times = {one: samples.times.get(one, time) for one in measured}
+    own = {one: _own_rows(channels[one], times[one]) for one in measured}
+    force = times["force"]
+    apart = {
+        one
+        for one in measured
+        if not own[one].all() or not (times[one] is force or np.array_equal(times[one], force))
+    }
+    if not apart:
+        return samples
+    stamps = {one: times[one][own[one]] for one in measured}
+    if not all(len(t) > 1 and np.all(np.diff(t) > 0.0) for t in stamps.values()):
+        return samples if not samples.times else replace(samples, times={})
+    needed = [stamps[one] for one in measured if one not in EXTRAS]
+    slack = 1e-6 * float(np.min(np.diff(stamps["force"])))  # starts are differences of stamps
+    first, last = max(t[0] for t in needed) - slack, min(t[-1] for t in needed) + slack
+    kept = own["force"] & (times["force"] >= first) & (times["force"] <= last)
+    if samples.times and np.count_nonzero(kept) < _COMMON * np.count_nonzero(own["force"]):
+        spans = ", ".join(f"{one} from {t[0]:g} to {t[-1]:g} s" for one, t in stamps.items())
+        raise LogError(f"channels of different rate or start: {spans}; log them together",
+                       subject=name)  # fmt: skip
+    at = np.flatnonzero(kept)
+    clock = times["force"][at]
+    n_rows = len(time)
+    together = {
+        one: np.interp(clock, stamps[one], channels[one][own[one]])
+        if one in apart
+        else channels[one][at]
+        for one in measured
+    }
+    together |= {
+        one: values[at]
+        for one, values in channels.items()
+        if one not in together and len(values) == n_rows
+    }
+    if "time" in channels:
+        together["time"] = clock
+    findings = tuple(
+        _own_clock(one, stamps[one], len(own[one])) for one in measured if one in apart
+    )
+    return Samples(
+        together,
+        lambda i: samples.place(int(at[i])),
+        findings=(*samples.findings, *findings),
+        notes=samples.notes,
+    )
+
+
+def _own_clock(channel: str, stamps: FloatArray, n_rows: int) -> Finding:
+    if len(stamps) < n_rows:
+        words = f"a value of its own in {len(stamps)} of {n_rows} rows"
+    else:
+        step = median(np.diff(stamps))
+        words = f"a clock of its own, every {step:.6g} s from {stamps[0]:.6g} s"
+    words = f"{channel}: {words}; each value is used once, at the times of the force"
+    share = len(stamps) / n_rows
+    return Finding("own_rows", "note", words, share, is_correction=True)
+
+
+def _own_rows(values: FloatArray, time: FloatArray) -> Bools:
+    """Return the rows in which a slow channel has a value of its own; all of any other channel."""
+    every = np.ones(len(values), dtype=np.bool_)
+    if np.isfinite(values.sum()):
+        return every
+    is_own = ~np.isnan(values)
+    at = np.flatnonzero(is_own)
+    if len(at) < 2:
+        return every
+    # A shorter channel beside a longer one ends in rows without time and value.
+    n_there = int(np.flatnonzero(is_own | ~np.isnan(time))[-1]) + 1
+    is_tail = n_there == len(at) < len(values)
+    is_slow = len(at) <= (1.0 - _BLANK) * len(values) and int(np.max(np.diff(at))) <= _LONGEST
+    return is_own if is_slow or is_tail else every
