@@ -1,26 +1,32 @@
 """A command of a function: its options are the function's keywords, and it prints what comes back.
 
-The command has no option of its own but those that say how it talks (`PRESENTATION`).
+The command has no option of its own but those that say how it talks (`PRESENTATION`). Its help has
+panels, by what the options are for.
 """
 
 from __future__ import annotations
 
-from contextlib import contextmanager
 from functools import wraps
 from inspect import Parameter, Signature, signature, unwrap
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
+from typer.core import TyperCommand, TyperGroup
 
 from damperfit import __version__
-from damperfit.keywords import PYTHON_ONLY, Keyword, keyword_of, option_of
+from damperfit.errors import ConfigurationError
+from damperfit.keywords import PANELS, PYTHON_ONLY, keyword_of, option_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from damperfit.run.identify import Watch
+__all__ = ["Commands", "PanelledCommand", "Shown", "command", "of_presentation", "with_options"]
 
-__all__ = ["Shown", "command", "looking_on", "of_presentation", "with_options"]
+_WHOLE = 1000  # characters of a summary: none is that long
+# What may be given several times; all else is one text, for `damperfit.arguments` to read.
+_SEVERAL = {"texts", "names", "quantities", "values", "pairs", "paths", "arguments"}
+_COMMON = ("json", "quiet", "debug", "version")
 
 
 class Shown(NamedTuple):
@@ -31,17 +37,6 @@ class Shown(NamedTuple):
     debug: bool = False
     github_summary: bool = False
     list: bool = False
-
-
-# What may be given several times; all else is one text, for `damperfit.arguments` to read.
-_SEVERAL = {"texts", "names", "quantities", "values", "pairs", "paths", "arguments"}
-_COMMON = ("json", "quiet", "debug", "version")
-
-
-def _print_version(is_wanted: bool) -> None:
-    if is_wanted:
-        typer.echo(f"damperfit {__version__}")
-        raise typer.Exit
 
 
 def command(
@@ -72,53 +67,77 @@ def command(
         def typed(*arguments: Any, **given: Any) -> int:
             given.update(zip((one.name for one in keywords), arguments, strict=False))
             given.pop("version", None)
+            given.pop("log_file", None)  # opened by `main`, so that wrong usage stands in it
             how = Shown(**{one: given.pop(one) for one in Shown._fields if one in given})
-            return run(how, **given)
+            try:
+                return run(how, **given)
+            except KeyboardInterrupt:  # typer ends without a word
+                raise typer.Abort from None
 
         parameters = [
             _parameter(called, one)
             for one in keywords
             if not {one.name, f"{called}.{one.name}"} & {*PYTHON_ONLY}
-        ] + [of_presentation(one) for one in shown]
+        ]
+        parameters += [of_presentation(one) for one in (*shown, "log_file")]
         if takes_context:
             one = Parameter("context", Parameter.KEYWORD_ONLY, annotation=typer.Context)
             parameters.insert(0, one)
+        typed.__name__ = called
         return with_options(typed, parameters)
 
     return decorated
 
 
-def _parameter(command: str, one: Parameter) -> Parameter:
+def _parameter(called: str, one: Parameter) -> Parameter:
     """The option, or argument, of a keyword; its default is the keyword's."""
-    known = keyword_of(command, one.name)
+    known = keyword_of(called, one.name)
     assert known is not None, one.name
-    default = None if one.default in (Parameter.empty, ()) else one.default
-    if known.kind in {"argument", "arguments"}:
-        return _argument(one, known)
-    several: Any = list[str] if known.kind in _SEVERAL else str
-    kind: Any = bool if known.kind == "flag" else several
-    info = typer.Option(
-        option_of(one.name), *known.names, metavar=known.metavar or None, help=known.help,
-        rich_help_panel=known.panel,
-    )  # fmt: skip
-    if kind is str and default is not None:
-        default = str(default)
-    annotation = kind if known.kind == "flag" or default is not None else kind | None
-    return Parameter(
-        one.name, Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[annotation, info]
-    )
-
-
-def _argument(one: Parameter, known: Keyword) -> Parameter:
-    kind: Any = list[str] if known.kind in _SEVERAL else str
     is_needed = one.default is Parameter.empty
-    default: Any = Parameter.empty if is_needed else one.default
-    if not is_needed and (known.kind == "arguments" or default is None):
-        kind, default = kind | None, None
-    info = typer.Argument(metavar=known.metavar, help=known.help)
-    return Parameter(
-        one.name, Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[kind, info]
-    )
+    default = None if one.default in (Parameter.empty, ()) else one.default
+    kind: Any = list[str] if known.kind in _SEVERAL else str
+    if known.kind in {"argument", "arguments"}:
+        if known.kind == "arguments" or default is None:
+            default, kind = None, kind if is_needed else kind | None
+        info = typer.Argument(metavar=known.metavar, help=known.help)
+        default = Parameter.empty if is_needed else default
+    else:
+        if known.kind == "flag":
+            kind = bool
+        elif default is None:
+            kind = kind | None
+        elif kind is str:
+            default = str(default)
+        info = _option(one.name, known)
+    return _typed(one.name, kind, info, default)
+
+
+def of_presentation(name: str) -> Parameter:
+    """Return an option that says how a command talks."""
+    known = keyword_of("", name)
+    assert known is not None, name
+    how = {"callback": _print_version, "is_eager": True} if name == "version" else {}
+    if known.kind == "flag":
+        return _typed(name, bool, _option(name, known, **how), default=False)
+    return _typed(name, str | None, _option(name, known, **how), None)
+
+
+def _option(name: str, known: Any, **how: Any) -> Any:
+    return typer.Option(
+        option_of(name), *known.names, metavar=known.metavar or None, help=known.help,
+        rich_help_panel=known.panel, **how,
+    )  # fmt: skip
+
+
+def _typed(name: str, kind: Any, info: Any, default: Any) -> Parameter:
+    annotation = Annotated[kind, info]
+    return Parameter(name, Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
+
+
+def _print_version(is_wanted: bool) -> None:
+    if is_wanted:
+        typer.echo(f"damperfit {__version__}")
+        raise typer.Exit
 
 
 def with_options(run: Callable[..., Any], parameters: Sequence[Parameter]) -> Callable[..., Any]:
@@ -128,50 +147,66 @@ def with_options(run: Callable[..., Any], parameters: Sequence[Parameter]) -> Ca
     return run
 
 
-def of_presentation(name: str) -> Parameter:
-    """Return an option that says how a command talks."""
-    known = keyword_of("", name)
-    assert known is not None, name
-    eager: dict[str, Any] = (
-        {"callback": _print_version, "is_eager": True} if name == "version" else {}
-    )
-    info = typer.Option(
-        option_of(name), *known.names, metavar=known.metavar or None, help=known.help,
-        rich_help_panel=known.panel, **eager,
-    )  # fmt: skip
-    kind: Any = bool if known.kind == "flag" else str | None
-    default = False if known.kind == "flag" else None
-    return Parameter(
-        name, Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[kind, info]
-    )
+class Commands(TyperGroup):
+    """The commands, each with its whole sentence, wrapped where the terminal is narrow."""
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write them under one heading."""
+        commands = [(name, self.get_command(ctx, name)) for name in self.list_commands(ctx)]
+        with formatter.section("Commands"):
+            formatter.write_dl(
+                [(name, one.get_short_help_str(_WHOLE)) for name, one in commands if one]
+            )
 
 
-def looking_on(*, is_quiet: bool, **more: Any) -> Watch:
-    """Return who looks on while a command works: a bar, and a signal that ends it.
+class PanelledCommand(TyperCommand):
+    """A command whose help has panels."""
 
-    Parameters
-    ----------
-    is_quiet : bool
-        Whether there is no bar.
-    **more : callable
-        Further fields of `Watch`.
-    """
-    from damperfit.cli.interrupt import stop_on_signal
-    from damperfit.cli.progress import Bar, progress
-    from damperfit.run.identify import Watch
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Refuse words that no argument takes; a lone number is meant as setting."""
+        ctx.allow_extra_args = True
+        rest: list[str] = super().parse_args(ctx, args)
+        if rest and not ctx.resilient_parsing:
+            words = " ".join(rest)
+            known = {name for param in self.params for name in param.opts}
+            hint = ""
+            if "--setting" in known and words.isdecimal():
+                hint += f"; for setting {words} give --setting {words}"
+            if "--parameters" in known and Path(words).exists():
+                hint += f"; for the results there give --parameters {words}"
+            raise ConfigurationError(
+                f"unexpected argument{'s' * (len(rest) > 1)} {words}{hint}; see damperfit "
+                f"{ctx.info_name} --help",
+                code="unexpected-argument",
+                subject=ctx.info_name,
+            )
+        return rest
 
-    here: dict[str, Any] = {"bar": Bar(), "cancelled": lambda: False}
+    def collect_usage_pieces(self, ctx: Any) -> list[str]:
+        """Return what follows the command's name in its usage."""
+        return ["[OPTIONS]", *(_word(param) for param in self._arguments(ctx))]
 
-    @contextmanager
-    def working() -> Iterator[None]:
-        with stop_on_signal() as cancelled, progress(is_wanted=not is_quiet) as bar:
-            here.update(bar=bar, cancelled=cancelled)
-            yield
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        """Write arguments, then the options panel by panel."""
+        rows: dict[str, list[tuple[str, str]]] = {"Arguments": []}
+        for param in self._arguments(ctx):
+            help_text = getattr(param, "help", None) or ""
+            needed = "[required]" if param.required else ""
+            rows["Arguments"].append((_word(param), " ".join(filter(None, (help_text, needed)))))
+        for param in self.get_params(ctx):
+            record = None if param.param_type_name == "argument" else param.get_help_record(ctx)
+            if record is not None:
+                panel = getattr(param, "rich_help_panel", None) or PANELS[-1]
+                rows.setdefault(panel, []).append(record)
+        for panel in ("Arguments", *PANELS):
+            if rows.get(panel):
+                with formatter.section(panel):
+                    formatter.write_dl(rows[panel])
 
-    return Watch(
-        on_start=lambda number: here["bar"].start(number),  # noqa: PLW0108 - the bar of then
-        on_fit=lambda done: here["bar"].advance(done),  # noqa: PLW0108
-        cancelled=lambda: bool(here["cancelled"]()),
-        during_work=working,
-        **more,
-    )
+    def _arguments(self, ctx: Any) -> Iterator[Any]:
+        return (one for one in self.get_params(ctx) if one.param_type_name == "argument")
+
+
+def _word(param: Any) -> str:
+    word = str(param.metavar or (param.name or "").upper())
+    return word if param.required or word.startswith("[") else f"[{word}]"

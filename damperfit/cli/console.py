@@ -1,17 +1,25 @@
-"""Talking to people and programs: results on stdout, remarks on stderr, nothing unescaped."""
+"""Talking to people and programs: results on stdout, remarks on stderr and into the log file.
+
+Nothing reaches a terminal unescaped. The log file (``--log-file``) has what a command says and
+does, a line each with its time, appended.
+"""
 
 from __future__ import annotations
 
 import json
 import logging
 import os
+import re
 import shutil
+import stat
 import sys
+import time
 from contextlib import suppress
-from io import StringIO
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from damperfit.cli.log_file import record
+from damperfit.errors import ConfigurationError, OutputError
+from damperfit.problem import Option
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -22,18 +30,23 @@ if TYPE_CHECKING:
     from damperfit.reporting.sheet import Sheet
 
 __all__ = [
+    "LogFile",
+    "append_summary",
     "one_line",
     "print_json",
     "print_lines",
     "print_renderable",
     "print_table",
+    "record",
     "say",
     "say_failures",
     "say_lines",
     "screen_columns",
     "shield_streams",
     "spark_levels",
+    "summary_file",
     "unprinted",
+    "wrapped",
 ]
 
 _PIPE_WIDTH = 80
@@ -100,19 +113,45 @@ def print_lines(lines: Iterable[str]) -> None:
     _print(text)
 
 
+def wrapped(*texts: str, widest: int = 0, indent: str = "") -> list[str]:
+    """Return texts in lines that the screen takes.
+
+    Parameters
+    ----------
+    *texts : str
+        Each begins a line.
+    widest : int
+        Columns that are not exceeded on a wide screen either; 0: none.
+    indent : str
+        Of the lines that follow the first of a text.
+    """
+    from textwrap import wrap
+
+    columns = min(screen_columns(), widest or sys.maxsize)
+    return [line for one in texts for line in wrap(one, columns, subsequent_indent=indent)]
+
+
 def print_renderable(renderable: RenderableType) -> None:
     """Write a text of rich to stdout: coloured on a terminal, plain and 80 wide in a pipe."""
+    from io import StringIO
+
     from rich.console import Console
 
+    def rendered(**how: Any) -> None:
+        Console(highlight=False, markup=False, emoji=False, **how).print(renderable)
+
+    text = StringIO()  # plain also where FORCE_COLOR is set
+    rendered(file=text, width=_PIPE_WIDTH, color_system=None)
+    plain = [line.rstrip() for line in text.getvalue().splitlines()]
     if not sys.stdout.isatty():
-        print_lines(_plain(renderable))
+        print_lines(plain)
         return
     try:
-        Console(file=sys.stdout, highlight=False, markup=False, emoji=False).print(renderable)
+        rendered(file=sys.stdout)
     except OSError as error:
         _refused.append(error)
         _to_nowhere(sys.stdout)
-    record(logging.INFO, "\n".join(_plain(renderable)))
+    record(logging.INFO, "\n".join(plain))
 
 
 def print_table(sheet: Sheet, colours: Mapping[str, int] | None = None) -> None:
@@ -134,18 +173,6 @@ def print_table(sheet: Sheet, colours: Mapping[str, int] | None = None) -> None:
     if sys.stdout.isatty() and not is_plain:
         text = text_table(sheet, screen_columns(), colours=colours or {})
     _print(text)
-
-
-def _plain(renderable: RenderableType) -> list[str]:
-    """Return the lines of a table or a text, plain also where FORCE_COLOR is set."""
-    from rich.console import Console
-
-    text = StringIO()
-    console = Console(
-        file=text, width=_PIPE_WIDTH, highlight=False, markup=False, emoji=False, color_system=None
-    )
-    console.print(renderable)
-    return [line.rstrip() for line in text.getvalue().splitlines()]
 
 
 def screen_columns() -> int:
@@ -225,3 +252,191 @@ def _to_nowhere(stream: Any) -> None:
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, stream.fileno())
         os.close(nowhere)
+
+
+# The log file
+
+_LOGGER = logging.getLogger("damperfit")
+# Without it a record of the library would reach stderr where no log file is asked for.
+_LOGGER.addHandler(logging.NullHandler())
+_kept: list[logging.Handler] = []
+# Streams that this process was given; the shell's >(gzip) is one of them.
+_STREAM = re.compile(r"/dev/(stdout|stderr|fd/\d+)")
+_FORMAT = "%(asctime)s.%(msecs)03d%(zone)s %(levelname)-7s damperfit[%(process)d] %(message)s"
+
+
+def record(level: int, text: str) -> None:
+    """Keep a text in the log file, if there is one, a record for each line.
+
+    Parameters
+    ----------
+    level : int
+        Of the module `logging`.
+    text : str
+        As the terminal shows it.
+    """
+    for line in text.splitlines() if _kept else ():
+        if line.strip():
+            _LOGGER.log(level, "%s", line)
+
+
+class LogFile:
+    """The log file that a command line names, however wrong the rest of it is; or none.
+
+    Parameters
+    ----------
+    arguments : sequence of str
+        The command line.
+
+    Raises
+    ------
+    ConfigurationError
+        The file cannot be written, or holds something else.
+    """
+
+    def __init__(self, arguments: Sequence[str]) -> None:
+        import shlex
+
+        from damperfit import __version__
+
+        self._begin = time.perf_counter()
+        name = _log_file_of(arguments)
+        if name is None:
+            return
+        place = Option("log_file", name)
+        try:
+            _refuse_others(name, place)
+            handler = _Appended(name)
+        except (OSError, ValueError) as error:
+            reason = getattr(error, "strerror", None) or error
+            raise ConfigurationError(f"cannot be written: {reason}", where=place) from error
+        handler.setFormatter(_Line(_FORMAT, datefmt="%Y-%m-%dT%H:%M:%S"))
+        _LOGGER.addHandler(handler)
+        _LOGGER.setLevel(logging.DEBUG)
+        _LOGGER.propagate = False
+        _kept.append(handler)
+        try:
+            folder = str(Path.cwd())
+        except OSError:
+            folder = "a folder that is gone"
+        record(logging.INFO, f"$ damperfit {shlex.join(arguments)}")
+        python = f"Python {sys.version.split()[0]} on {sys.platform}"
+        record(logging.DEBUG, f"damperfit {__version__}, {python}, in {folder}")
+
+    def close(self, exit_code: int) -> None:
+        """Keep how the command ended, and close the file."""
+        spent = time.perf_counter() - self._begin
+        record(logging.INFO, f"ended with code {exit_code} after {spent:.2f} s")
+        while _kept:
+            handler = _kept.pop()
+            _LOGGER.removeHandler(handler)
+            handler.close()
+            _LOGGER.setLevel(logging.NOTSET)
+            _LOGGER.propagate = True
+
+
+def _log_file_of(arguments: Sequence[str]) -> str | None:
+    option = "--log-file"
+    ours = arguments[: arguments.index("--")] if "--" in arguments else arguments
+    found = None
+    for one, following in zip(ours, (*ours[1:], None), strict=True):
+        if one == option:
+            found = following
+        elif one.startswith(f"{option}="):
+            found = one.partition("=")[2]
+    return found
+
+
+class _Appended(logging.Handler):
+    """Appends each record at once and in one piece, for two runs may share the file."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__()
+        self._file = os.open(name, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o666)
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Append a record; a full disk ends no fit."""
+        with suppress(OSError):
+            os.write(self._file, f"{self.format(record)}\n".encode("utf-8", "backslashreplace"))
+
+    def close(self) -> None:
+        """Close the file."""
+        with suppress(OSError):
+            os.close(self._file)
+        super().close()
+
+
+class _Line(logging.Formatter):
+    """A record on one line, its time with the zone."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        offset = time.strftime("%z", time.localtime(record.created))
+        record.zone = f"{offset[:3]}:{offset[3:]}"
+        return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in super().format(record))
+
+
+def _refuse_others(name: str, place: Option) -> None:
+    """Refuse what holds other things than records, or may make a writer wait for ever."""
+    if _STREAM.fullmatch(name):
+        return
+    try:
+        found = Path(name).stat() if name else None
+    except FileNotFoundError:
+        return  # it is made, or making it says what is wrong
+    if found is None or stat.S_ISDIR(found.st_mode):
+        raise IsADirectoryError(None, "expected the name of a file")
+    if stat.S_ISCHR(found.st_mode):
+        return
+    if not stat.S_ISREG(found.st_mode):
+        raise OSError(None, "expected a regular file, found a pipe, a socket or a disk")
+    if found.st_size:
+        from damperfit.run.log_files import is_own_log_file
+
+        if not is_own_log_file(Path(name)):
+            raise ConfigurationError(
+                "is there already and does not begin as a log file of damperfit; nothing was "
+                "written to it, name another file",
+                where=place,
+                code="not-a-log-file",
+            )
+
+
+# The summary page of a job on GitHub Actions
+
+_MOST_BYTES = 1_000_000  # Actions refuses a step's summary above 1 MiB as a whole
+
+
+def summary_file() -> Path:
+    """Return where GitHub Actions collects the summary of a job.
+
+    Raises
+    ------
+    ConfigurationError
+        This is none of its jobs.
+    """
+    name = os.environ.get("GITHUB_STEP_SUMMARY", "")
+    if not name:
+        raise ConfigurationError(
+            "GITHUB_STEP_SUMMARY is not set; it is only inside GitHub Actions",
+            where=Option("github_summary"),
+            code="no-job",
+        )
+    return Path(name)
+
+
+def append_summary(path: Path, report: str, *, instead: str) -> None:
+    """Add Markdown to the summary of a job; of what is too long only a line that says so.
+
+    Raises
+    ------
+    OutputError
+        It cannot be written.
+    """
+    text = report.encode("utf-8", "backslashreplace")
+    try:
+        with path.open("ab") as file:
+            file.write(text if len(text) < _MOST_BYTES else f"{instead}\n".encode())
+    except OSError as error:
+        raise OutputError(
+            f"cannot write {path}: {error.strerror}", where=Option("github_summary")
+        ) from error

@@ -137,7 +137,7 @@ def _answer(question: str, default: str) -> str:
 
 
 def _inspected(logs: list[str], out: Path, *, is_quiet: bool) -> int:
-    from damperfit.cli.inspect import inspect
+    from damperfit.cli.commands import inspect
 
     print_lines([f"$ damperfit inspect {_shown(logs)} --config {shlex.quote(str(out))}"])
     return inspect(logs, config=out, quiet=is_quiet)

@@ -9,36 +9,20 @@ import os
 import sys
 import traceback
 from copy import copy
-from functools import cache, wraps
-from inspect import signature
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import typer
 
-from damperfit.cli.command import of_presentation, with_options
-from damperfit.cli.compare import compare
-from damperfit.cli.config import config
-from damperfit.cli.console import say, say_lines, shield_streams, unprinted
-from damperfit.cli.doctor import doctor
-from damperfit.cli.export import export
-from damperfit.cli.fleet import fleet
-from damperfit.cli.help import show_help
-from damperfit.cli.identify import identify
+from damperfit.cli import commands
+from damperfit.cli.command import Commands, PanelledCommand, of_presentation, with_options
+from damperfit.cli.console import LogFile, record, say, say_lines, shield_streams, unprinted
 from damperfit.cli.init import init
-from damperfit.cli.inspect import inspect
-from damperfit.cli.log_file import LogFile, log_file_of, record
-from damperfit.cli.models import models
-from damperfit.cli.panels import PanelledCommand, UncutCommands
-from damperfit.cli.report import report
-from damperfit.cli.samples import samples
-from damperfit.cli.settings import settings
-from damperfit.cli.simulate import simulate
-from damperfit.cli.sweep import sweep
 from damperfit.errors import ConfigurationError, DamperfitError
 from damperfit.own_process import CLOSED_STREAMS, begin
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
 __all__ = ["app", "main"]
 
@@ -47,36 +31,12 @@ _INTERRUPTED = 130
 # for any takes a fifteenth of its time.
 _NEW_OBJECTS = 200_000
 _TELLS_OF_ALL = "help"
-_WRITERS = {
-    "identify",
-    "fleet",
-    "export",
-    "samples",
-    "report",
-    "sweep",
-    "init",
-}  # of files, by themselves
+# Of files, by themselves.
+_WRITERS = {"identify", "fleet", "export", "samples", "report", "sweep", "init"}
 _BUG = 70  # "internal software error" of sysexits.h; none of the documented codes
 
 
-def _as_registered(command: Callable[..., int]) -> Callable[..., int]:
-    """Return a command with the option of all, whose interruption reaches `main`.
-
-    Typer ends without a word. The log file is opened by `main`, so that wrong usage stands in it.
-    """
-
-    @wraps(command)
-    def call(*arguments: Any, log_file: Any = None, **options: Any) -> int:
-        try:
-            return command(*arguments, **options)
-        except KeyboardInterrupt:
-            raise typer.Abort from None
-
-    own = signature(command).parameters.values()
-    return with_options(call, [*own, of_presentation("log_file")])
-
-
-class _Commands(typer.Typer):
+class _App(typer.Typer):
     """Typer makes every command before it runs one; here only the one that is typed first."""
 
     def __call__(self, argv: Sequence[str], **how: Any) -> Any:
@@ -98,32 +58,22 @@ def _name_of(command: Any) -> str:
     return str(command.name or command.callback.__name__)
 
 
-app = _Commands(
+app = _App(
     name="damperfit",
-    cls=UncutCommands,
+    cls=Commands,
     add_completion=True,
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
     epilog="Example: damperfit identify sample_runs/*.csv",
 )
-for _command in (
-    identify,
-    report,
-    settings,
-    compare,
-    simulate,
-    sweep,
-    models,
-    fleet,
-    export,
-    inspect,
-    samples,
-    config,
-    init,
-    doctor,
+for _name in (
+    *("identify", "report", "settings", "compare", "simulate", "sweep", "models", "fleet"),
+    *("export", "inspect", "samples", "config"),
 ):
-    app.command(cls=PanelledCommand)(_as_registered(_command))
-app.command(_TELLS_OF_ALL, cls=PanelledCommand)(_as_registered(show_help))
+    app.command(cls=PanelledCommand)(getattr(commands, _name))
+for _command in (init, commands.doctor):
+    app.command(cls=PanelledCommand)(_command)
+app.command(_TELLS_OF_ALL, cls=PanelledCommand)(commands.show_help)
 
 
 def _root(**_: Any) -> None:
@@ -159,7 +109,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     os.environ["MPLBACKEND"] = "agg"  # figures are files; a notebook's backend is not for us
     try:
-        kept = LogFile(log_file_of(argv), argv)
+        kept = LogFile(argv)
     except ConfigurationError as error:
         say(f"damperfit: {error}")
         return error.exit_code

@@ -10,7 +10,7 @@ import typer
 
 from damperfit import errors
 from damperfit.cli import main
-from damperfit.cli.identify import _worst
+from damperfit.cli.commands import _worst
 from damperfit.run.logs import Ending
 
 door = sys.modules["damperfit.cli.main"]  # the package has the function under this name

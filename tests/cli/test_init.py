@@ -181,8 +181,8 @@ def test_doctor_says_what_mends_a_broken_core(monkeypatch, capsys):
     def broken() -> str:
         raise ImportError("undefined symbol")
 
-    monkeypatch.setattr("damperfit.cli.doctor._core", broken)
-    monkeypatch.setattr("damperfit.cli.doctor._version", lambda _: "")
+    monkeypatch.setattr("damperfit.cli.commands._core", broken)
+    monkeypatch.setattr("damperfit.cli.commands._version", lambda _: "")
     assert main(["doctor"]) == 1
     said = capsys.readouterr().out
     assert "core       FAILS: ImportError: undefined symbol; to mend it: pip install" in said

@@ -14,7 +14,7 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
-from damperfit.cli.interrupt import stop_on_signal
+from damperfit.cli.watching import stop_on_signal
 from damperfit.configuration.loading import load_configuration
 from damperfit.run.identify import Watch, written
 

@@ -12,7 +12,7 @@ import pandas as pd
 import pyarrow as pa
 import pytest
 
-from damperfit.cli.fleet import _held_lines
+from damperfit.cli.commands import _held_lines
 from damperfit.cli.main import main
 from damperfit.comparison import Tolerance, parse_tolerance
 from damperfit.comparison.tolerance import Band

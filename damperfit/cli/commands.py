@@ -1,0 +1,837 @@
+"""The commands: each calls its function and prints what comes back."""
+
+from __future__ import annotations
+
+import math
+import platform
+import sys
+import time
+from dataclasses import asdict, replace
+from itertools import chain
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from damperfit import __version__, api
+from damperfit.cli.command import Shown, command
+from damperfit.cli.console import (
+    append_summary,
+    one_line,
+    print_json,
+    print_lines,
+    print_renderable,
+    print_table,
+    say,
+    say_failures,
+    say_lines,
+    screen_columns,
+    spark_levels,
+    summary_file,
+    wrapped,
+)
+from damperfit.cli.watching import looking_on
+from damperfit.errors import ConfigurationError, DamperfitError, SimulationError, did_you_mean
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+    from damperfit.answers import FleetDone, SettingForces
+    from damperfit.comparison import RunComparison
+    from damperfit.configuration.options import Configuration
+    from damperfit.fleets.survey import HeldFleet
+    from damperfit.run.auto_model import LawChoice
+    from damperfit.run.identify import Identified
+
+__all__ = [
+    "compare",
+    "config",
+    "doctor",
+    "export",
+    "fleet",
+    "identify",
+    "inspect",
+    "models",
+    "report",
+    "samples",
+    "settings",
+    "show_help",
+    "simulate",
+    "sweep",
+]
+
+_WIDEST = 80  # columns of sentences: longer lines are hard to read
+_MANY = 20  # failures of a fleet that are listed one by one; the parts hold them all
+_ALL_FAILED = 3
+
+
+def _tell(how: Shown, *, notes: Iterable[object] = (), warnings: Iterable[object] = ()) -> None:
+    """Say what people should know, unless they asked for quiet."""
+    if not how.quiet:
+        for note in notes:
+            say(f"note: {note}")
+        for warning in warnings:
+            say(f"warning: {warning}")
+
+
+def _tables(*sheets: Any) -> None:
+    """Print tables one below the other; those without rows are left out."""
+    for k, sheet in enumerate(one for one in sheets if one.rows):
+        if k:
+            print_lines([""])
+        print_table(sheet)
+
+
+def _plural(number: int, word: str) -> str:
+    return f"{number} {word}{'' if number == 1 else 's'}"
+
+
+# identify
+
+
+@command(api.identify, shown=("github_summary", "json", "quiet", "debug", "version"))
+def identify(how: Shown, **given: Any) -> int:
+    """Read logs, fit every setting, write tables and the MSE report.
+
+    Example: damperfit identify sample_runs/*.csv --out results
+    """
+    summary = summary_file() if how.github_summary else None
+
+    def tell(line: str) -> None:
+        if not how.quiet:
+            say(line)
+
+    def tell_choice(choice: LawChoice, asked: Configuration, made: Configuration) -> None:
+        tell(f"damperfit: the logs support {choice.supported}.")
+        for one in choice.alike:
+            tell(f"note: these logs cannot tell apart: {one[0].lower()}{one[1:]}")
+        named, taken = asked.identification.procedure, made.identification.procedure
+        if "identification.procedure" in asked.declared and named != taken:
+            tell(
+                f"note: procedure {named} fits the paper's model alone; the law that the logs "
+                f"support is fitted by {taken}"
+            )
+
+    watch = looking_on(
+        is_quiet=how.quiet,
+        on_law=lambda title: tell(f"damperfit: tried {title}"),
+        on_choice=tell_choice,
+    )
+    found = api.identify_each(**given, watch=watch)
+    for one in found:
+        say_failures(one.failures, is_debug=how.debug)
+        _tell_of_run(one, how)
+        if summary is not None:
+            instead = "The MSE report is too long for a summary; it is in report.md."
+            append_summary(summary, one.run.report_text, instead=instead)
+        if not how.json and one.run.settings:
+            _show_run(one)
+    if how.json:
+        documents = {one.owner: one.run.document() for one in found}
+        print_json(found[0].run.document() if len(found) == 1 else {"dampers": documents})
+    for one in found:
+        if one.error is not None:
+            raise one.error
+    return _worst({one.run.exit_code for one in found})
+
+
+def _worst(codes: set[int]) -> int:
+    """Return the exit code of all: that of one, where all ended alike, else the gravest."""
+    if len(codes) == 1:
+        return int(codes.pop())
+    # Where one damper failed altogether others did not: that is a failure in part.
+    codes = {1 if code == _ALL_FAILED else code for code in codes}
+    return next((code for code in (130, 1, 4) if code in codes), 0)
+
+
+def _show_run(one: Identified) -> None:
+    from damperfit.reporting.forces import force_sheets
+    from damperfit.reporting.records import checks_in, predictions_in
+    from damperfit.reporting.sheet import parameters_in_units, rows_in_units, sheet_in_units
+    from damperfit.reporting.tables import check_lines, held_out_sheet, parameter_sheet
+
+    run, configuration = one.run, one.configuration
+    if one.beside:
+        print_lines([f"damper {one.owner}", ""])
+    tables, units = run.tables, configuration.output.units
+    forces = force_sheets(rows_in_units(tables["adjustment"].to_pylist(), units))
+    rows, quantities = parameters_in_units(tables["parameters"].to_pylist(), run.quantities, units)
+    sheets = [sheet_in_units(sheet, units) for sheet in forces]
+    sheets.append(parameter_sheet(rows, quantities, levels=spark_levels()))
+    if held_out := predictions_in(run.record):
+        sheets.append(held_out_sheet(held_out, is_narrow=True))
+    _tables(*sheets)
+    told = run.record.get("procedure") or [configuration.damper_sentence]  # as it was fitted
+    checks = wrapped(*map(one_line, check_lines(checks_in(run.record))))
+    print_lines(["", *wrapped(told[0]), "", *checks, *([""] if one.beside else [])])
+
+
+def _tell_of_run(one: Identified, how: Shown) -> None:
+    from damperfit.problem import listing, short_listing
+    from damperfit.reporting.records import law_in, sentences_in
+    from damperfit.reporting.report import withheld
+
+    record, configuration = one.run.record, one.configuration
+    for gate in record["gates_missed"]:
+        say(f"damperfit: {gate}")
+    if how.quiet:
+        return
+    physics = " ".join(law_in(record).get("sentences", ()))
+    if physics:
+        say(f"damperfit: {physics}")
+    corrected = (sentences_in(record, about) for about in ("tables_of_tests", "corrections"))
+    _tell(how, notes=chain(configuration.notes, *corrected), warnings=listing(one.run.warned))
+    grades = short_listing(withheld(one.run))
+    _tell(how, warnings=(f"grade withheld: {sentence}" for sentence in grades))
+    _tell(how, notes=sentences_in(record, "undetermined"))
+    if one.error is None or one.is_written:
+        profiles = ", the profiles in profiles.csv" if configuration.profile else ""
+        say(f"damperfit: {_summary_of_run(one)}{profiles}")
+
+
+def _summary_of_run(one: Identified) -> str:
+    n_fits, n_all = len(one.run.settings), len(one.failures)
+    n_failed = sum(not failure.is_left_out for failure in one.failures)
+    done = f"{_plural(n_fits, 'setting')} fitted"
+    done += f", {n_failed} failed" if n_failed else ""
+    done += f", {n_all - n_failed} left out" if n_all > n_failed else ""
+    if one.is_interrupted and not n_fits:
+        return "interrupted before a setting was finished; nothing was written"
+    if one.keeps_earlier:
+        return f"{done}; nothing was written: the earlier results in {one.folder} stay"
+    return f"{'interrupted; ' * one.is_interrupted}{done}; results in {one.folder}"
+
+
+# inspect, models
+
+
+@command(api.inspect)
+def inspect(how: Shown, **given: Any) -> int:
+    """Show what is in the logs and what is wrong with them; fit nothing.
+
+    Example: damperfit inspect runs/*.csv
+    """
+    batch = api.inspect(**given).batch
+    say_failures(batch.failures, is_debug=how.debug)
+    _tell(how, notes=batch.notes, warnings=(*batch.skipped_files, *batch.remarks))
+    facts = [log.facts for log in batch.logs]
+    if how.json:
+        print_json(batch.document())
+    elif facts:
+        from damperfit.reporting.inspection import (
+            VERDICT_COLOURS,
+            curve_sheet,
+            finding_lines,
+            inspection_sheet,
+            stretch_sheet,
+        )
+
+        print_table(inspection_sheet(facts), VERDICT_COLOURS)
+        for sheet in (stretch_sheet(facts), curve_sheet(facts)):
+            if sheet.rows:
+                print_lines([""])
+                print_table(sheet)
+        columns = min(screen_columns(), _WIDEST)
+        lines = finding_lines(facts, has_notes=not how.quiet, columns=columns)
+        print_lines(["", *map(one_line, lines)])
+    return int(batch.ending.value)
+
+
+@command(api.models)
+def models(how: Shown, **given: Any) -> int:
+    """Fit one damper law after the other to the logs and say which one they support.
+
+    Example: damperfit models runs/*.csv --config damper.toml --hold-out '*_check.csv'
+    """
+
+    def tell(title: str) -> None:
+        if not how.quiet:
+            say(f"damperfit: tried {title}")
+
+    choice = api.models(**given, on_law=tell)
+    _tell(how, notes=(*choice.assumed, *choice.remarks))
+    say_failures(choice.failures, is_debug=how.debug)
+    if how.json:
+        print_json(choice.document())
+    else:
+        _show_choice(choice)
+    return int(bool(choice.failures or choice.lost))
+
+
+def _show_choice(choice: LawChoice) -> None:
+    from damperfit.reporting.laws import chosen_sheet, rival_sheet, tried_laws_sheet
+
+    document = choice.document()
+    print_table(tried_laws_sheet(document, is_narrow=True))
+    reasons = (f"{law.tried.title}: {law.reason}" for law in choice.search.laws)
+    sentences = " ".join((f"The logs support {choice.supported}.", *choice.sentences))
+    print_lines(["", *wrapped(*reasons), "", *wrapped(sentences), ""])
+    print_table(chosen_sheet(choice.fits))
+    if choice.undecided:
+        print_lines(["", "What these logs leave open:", *wrapped(*choice.undecided)])
+    if choice.rivals:
+        print_lines([""])
+        print_table(rival_sheet(document))
+    if choice.lost:
+        from damperfit.identification.sharing import of_settings
+
+        print_lines([f"The chosen law cannot be simulated at {of_settings(choice.lost)}."])
+
+
+# simulate, sweep, settings
+
+
+@command(api.simulate)
+def simulate(how: Shown, **given: Any) -> int:
+    """Print forces, energy and pressures of one setting.
+
+    Example: damperfit simulate --setting 10 --amplitude 32mm --frequency 1.5Hz
+    """
+    done = api.simulate(**given)
+    if not how.quiet:
+        say(f"damperfit: {done.damper}")
+        say(f"damperfit: {done.test.choice.source}")
+    _tell(how, notes=(*done.configured_notes, *done.notes), warnings=done.warnings)
+    if how.json:
+        print_json(done.document())
+    elif not how.quiet or given["out"] is None:
+        from damperfit.reporting.simulated import (
+            cycle_force_sheet,
+            cycle_pressure_sheet,
+            cycle_sparklines,
+        )
+
+        test = done.test
+        figures, levels = test.characteristics, spark_levels()
+        print_lines([done.title, ""])
+        print_table(cycle_force_sheet(figures))
+        if not math.isnan(figures.pressure_ranges[0][0]):
+            print_lines([""])
+            print_table(cycle_pressure_sheet(figures))
+        cycle = cycle_sparklines(
+            test.response, test.frequency, columns=screen_columns(), levels=levels
+        )
+        print_lines(["", "last cycle", *cycle])
+    return 0
+
+
+@command(api.sweep)
+def sweep(how: Shown, **given: Any) -> int:
+    """Scale one parameter by factors and show what it does to the force.
+
+    Example: damperfit sweep --setting 10 --vary r_m1=0.8,1,1.2
+    """
+    from damperfit.queries.simulations import swept_units
+    from damperfit.reporting.simulated import sweep_sheet
+
+    out = given["out"] or Path("sweep")
+    done = api.sweep(**{**given, "out": out})
+    if not how.quiet:
+        say(f"damperfit: {done.damper}")
+        say(f"damperfit: {done.source}")
+    _tell(how, notes=done.notes, warnings=done.warnings)
+    if how.json:
+        facts = {"damper": done.damper, "source": done.source}
+        print_json(facts | {"rows": done.records, "sentences": list(done.sentences)})
+    else:
+        units = swept_units(done.model)
+        for (variation, members, _), sentence in zip(done.sweeps, done.sentences, strict=True):
+            print_table(sweep_sheet(variation.name, units[variation.name], members))
+            print_lines([*wrapped(sentence), ""])
+    if not how.quiet:
+        say(f"damperfit: sweep.csv and {_plural(len(done.plots), 'figure')} written to {out}")
+    return 0
+
+
+@command(api.settings)
+def settings(how: Shown, **given: Any) -> int:
+    """Show force by setting and what a click changes; find the setting for a force.
+
+    Example: damperfit settings --force 900N --velocity 0.2m/s
+    """
+    done = api.settings(**{**given, "results": given["results"] or []})
+    for remark in done.remarks:
+        say(f"damperfit: {done.places[0]}: {remark}")
+    if done.curves is not None:
+        print_json(done.document()) if how.json else _show_curves(done, how)
+        return 0
+    if done.forces is not None and how.debug:
+        for trace in done.forces.traces:
+            say_lines(trace)
+    for note in done.notes:
+        say(f"note: {note}")
+    print_json(done.document()) if how.json else _show_forces(done, how)
+    return 1 if done.remarks else 0
+
+
+def _show_curves(done: SettingForces, how: Shown) -> None:
+    """Answer from curves that were measured without time."""
+    from damperfit.reporting.inspection import curve_forces_sheet
+
+    if done.sentence:
+        print_lines(wrapped(done.sentence))
+        if how.quiet:
+            return
+        print_lines([""])
+    _tell(how, notes=done.notes)
+    if done.curves is not None:
+        print_table(curve_forces_sheet(done.curves.curves, done.curves.speeds[-5:]))
+
+
+def _show_forces(done: SettingForces, how: Shown) -> None:
+    from damperfit.reporting.forces import (
+        force_by_setting_sheet,
+        force_sheets,
+        measured_force_sheet,
+    )
+    from damperfit.reporting.sheet import rows_in_units, sheet_in_units
+    from damperfit.tables.rows import adjustment_rows
+
+    forces, question, units = done.forces, done.question, done.units
+    if forces is None:
+        return
+    if forces.wanted:
+        answers = [one.said_in(units) for one in forces.wanted]
+        print_lines(answers if how.quiet else [*wrapped(*answers), ""])
+        if how.quiet:
+            return
+    rows = rows_in_units(adjustment_rows(forces.forces, forces.clicks), units)
+    print_lines([f"force by setting, {forces.source}", ""])
+    both = question.stroke is None or (question.speed is not None and question.force is not None)
+    strokes = ("rebound", "bump") if both else (question.stroke or "",)
+    if question.speed is not None:
+        sheets = [force_by_setting_sheet(rows, strokes)]
+    else:
+        sheets = list(force_sheets(rows, strokes))
+    measured = measured_force_sheet(rows)
+    for sheet in sheets:
+        print_table(sheet_in_units(sheet, units))
+        if measured.rows or question.speed is None:
+            print_lines([""])
+    if measured.rows:
+        print_table(sheet_in_units(measured, units))
+
+
+# compare
+
+
+@command(api.compare, shown=("github_summary", "json", "quiet", "debug", "version"))
+def compare(how: Shown, runs: list[Path], **given: Any) -> int:
+    """Show what differs between runs, and whether it is more than chance.
+
+    A folder of folders stands for all in it; two such are paired by name.
+
+    Example: damperfit compare before after
+    """
+    summary = summary_file() if how.github_summary else None
+    done = api.compare(*runs, **given)
+    if given["save"] is not None and not how.quiet:
+        say(f"damperfit: {given['save']} written: give it as A or B of a later comparison")
+    found, out = done.compared, given["out"]
+    if len(runs) == 1 and given["save"] is not None and not found.points:
+        return 0
+    for remark in (*found.remarks, *found.alone):
+        say(f"damperfit: {remark}")
+    for one in found.comparisons if how.debug else ():
+        for trace in one.traces:
+            say_lines(trace)
+    if how.json:
+        print_json(done.document())
+    else:
+        from damperfit.reporting.compared import tolerance_outcome, tolerance_sheet
+
+        for one in found.comparisons:
+            _show_pair(one, how)
+        if found.points:
+            print_lines([f"tolerance {done.tolerance}: {tolerance_outcome(found.points)}", ""])
+            if not how.quiet:
+                print_table(tolerance_sheet(found.points, is_short=True))
+    if summary is not None:
+        append_summary(summary, done.markdown, instead="The comparison is too long for a summary.")
+    if out is not None and not how.quiet:
+        say(f"damperfit: {out}/comparison.html written, with Markdown, JSON and tables")
+    return 1 if found.remarks else 0 if done.is_met else 4
+
+
+def _show_pair(comparison: RunComparison, how: Shown) -> None:
+    from damperfit.reporting.compared import comparison_sheets
+
+    lines = [f"A: {comparison.first.place}", f"B: {comparison.second.place}"]
+    if comparison.repeats:
+        names = ", ".join(str(run.place) for run in comparison.repeats)
+        lines.append(f"yardstick: the scatter of A and its repeats {names}")
+    lines += [*(f"differs besides: {one}" for one in comparison.differing), *comparison.sentences]
+    lines += [f"note: {one}" for one in comparison.to_know]
+    print_lines([*wrapped(*lines, indent="  "), ""])
+    for title, sheet in () if how.quiet else comparison_sheets(comparison, is_short=True):
+        print_lines([title, ""])
+        print_table(sheet)
+        print_lines([""])
+
+
+# report, export, samples
+
+
+@command(api.report)
+def report(how: Shown, **given: Any) -> int:
+    """Write report.html, one page that opens anywhere, from a results folder.
+
+    Units are those of the run unless --units says otherwise.
+    Damper and rig are those of the run; a --config is only checked.
+
+    Example: damperfit report results --figures svg
+    """
+    files = api.report(**given)
+    for remark in files.remarks:
+        say(f"damperfit: {given['results']}: {remark}")
+    if how.json:
+        print_json({"files": [str(path) for path in files], "remarks": list(files.remarks)})
+    elif not how.quiet:
+        more = f" and {len(files) - 1} figures" if len(files) > 1 else ""
+        say(f"damperfit: {files[0]} written{more}")
+    return 1 if files.remarks else 0
+
+
+@command(api.export, shown=("list", "json", "quiet", "debug", "version"))
+def export(how: Shown, **given: Any) -> int:
+    """Hand an identified damper over to a simulator or a spreadsheet.
+
+    Example: damperfit export results --to csv
+    """
+    from damperfit.exporting import find_target
+    from damperfit.units.shown_units import SI, parse_units
+
+    if how.list:
+        _show_targets(is_json=how.json)
+        return 0
+    files = api.export(**given)
+    target, made = find_target(given["to"]), files.made
+    for remark in files.remarks:
+        say(f"damperfit: {given['results']}: {remark}")
+    code = 1 if files.remarks else 0
+    if made is None:
+        return code
+    if how.json:
+        document: dict[str, object] = {
+            "target": target.name,
+            "units": target.units,
+            "sign": target.sign,
+            "files": [str(path) for path in files],
+            "remarks": list(files.remarks),
+            "notes": list(files.notes),
+        }
+        document |= {"lost_in_a_table": made.lost} if made.lost else {}
+        document["determined"] = [
+            {
+                "setting": one.setting.cell,
+                "speed_m_per_s": None if math.isnan(one.determined) else one.determined,
+            }
+            for one in made.tables
+        ]
+        rows = [{**asdict(one), "setting": one.setting.cell} for one in files.checked]
+        print_json(document | ({"check": rows} if given["check"] else {}))
+        return code
+    if not how.quiet:
+        shown = SI if given["units"] is None else parse_units(given["units"])
+        more = f" and {len(files) - 1} more" if len(files) > 1 else ""
+        used = target.units if shown.is_si else f"{shown.of('m/s')}, {shown.of('N')}"
+        say(f"damperfit: {files[0]} written{more}; {used}; {target.sign}")
+        notes = [made.lost] if made.lost else []
+        if given["extend"] is not None:
+            tested = max(one.tested for one in made.tables)
+            notes.append(f"beyond {tested:.4g} m/s the tables are untested")
+        _tell(how, notes=(*notes, *files.notes, made.determined))
+    if files.checked:
+        print_lines([f"check, {one}" for one in files.checked])
+    return code
+
+
+def _show_targets(*, is_json: bool) -> None:
+    from damperfit.exporting import TARGETS
+
+    rows = [
+        {
+            "target": one.name,
+            "title": one.title,
+            "file": one.file.format(stem="damper", setting="N"),
+            "units": one.units,
+            "sign": one.sign,
+            "place": one.place,
+        }
+        for one in TARGETS.values()
+    ]
+    if is_json:
+        print_json({"targets": rows})
+        return
+    for row in rows:
+        print_lines(wrapped(f"{row['target']}: {row['title']}", indent="  "))
+        goes = {**row, "goes": f"to {row['place']}"}
+        for word in ("file", "units", "sign", "goes"):
+            head = f"  {word:<7}"
+            print_lines(wrapped(f"{head}{goes[word]}", indent=" " * len(head)))
+
+
+@command(api.samples)
+def samples(how: Shown, **given: Any) -> int:
+    """Write make-believe rig logs with known parameters.
+
+    Example: damperfit samples my_runs --settings 1-5
+    """
+    files = api.samples(**given, watch=looking_on(is_quiet=how.quiet))
+    written = [str(path) for path in files]
+    if not how.quiet:
+        say(f"damperfit: {files.notes[0]}")
+    if how.json:
+        print_json({"logs": written[:-2], "files": written})
+    elif not how.quiet:
+        print_lines(written)
+    return 0
+
+
+# fleet
+
+
+@command(api.fleet)
+def fleet(how: Shown, **given: Any) -> int:
+    """Fit many dampers, one part each; finished ones are not fitted again.
+
+    Example: damperfit fleet runs --out fleet --collect
+    """
+    fault = None
+    try:
+        found = api.fleet(**given, watch=looking_on(is_quiet=how.quiet, of_fleet=True))
+    except DamperfitError as error:
+        if not hasattr(error, "done"):
+            raise
+        fault, found = error, error.done  # parts are done, and could not be collected
+    _tell_of_fleet(found, how)
+    if not how.quiet and found.n_rows is not None:
+        table = found.folder / "fleet.parquet"
+        say(f"damperfit: {found.n_rows} rows of the fleet in {table} and .csv")
+        if found.page is not None:
+            say(f"damperfit: {found.page} written, with tables of dampers and outliers")
+    if fault is not None:
+        raise fault
+    if how.json:
+        print_json(found.document())
+    else:
+        print_lines([*(_fleet_summary(found) if given["logs"] else ()), *_held_lines(found.held)])
+    return found.code
+
+
+def _held_lines(held: HeldFleet | None) -> list[str]:
+    if held is None:
+        return []
+    lines = [
+        f"{point.run or 'unknown'}{f', setting {point.setting}' if str(point.setting) else ''}"
+        f"{f', {point.speed:g} m/s {point.stroke}' if point.stroke else ''}: {point.words}"
+        for point in held.worst[:_MANY]
+    ]
+    more = len(held.worst) - _MANY
+    if more > 0:
+        lines.append(f"and {more} more damper{'s' * (more > 1)}; --report lists them")
+    return [f"tolerance {held.source}: {held.sentence}", *lines]
+
+
+def _tell_of_fleet(found: FleetDone, how: Shown) -> None:
+    done, n_tasks, out = found.done, found.n_tasks, found.folder
+    lines = [f"{one.owner or 'logs'}: {line}" for one in done for line in one.failures]
+    for line in lines[:_MANY]:
+        say(f"damperfit: {line}")
+    if len(lines) > _MANY:
+        say(f"damperfit: and {len(lines) - _MANY} more failures; the parts in {out} hold them all")
+    for one in done:
+        for gate in one.gates:
+            say(f"damperfit: {one.owner or 'logs'}: {gate}")
+    n_before = sum(one.n_failures for one in done) - len(lines)
+    if n_before and not how.quiet:
+        verb, them = ("counts", "it") if n_before == 1 else ("count", "them")
+        count = _plural(n_before, "failure")
+        say(f"damperfit: {count} of an earlier run {verb} too; the parts hold {them}")
+    if found.is_stopped:
+        left = n_tasks - len(done)
+        say(
+            f"damperfit: interrupted; {left} of {n_tasks} dampers left, the same command goes on "
+            "with them"
+        )
+    elif n_tasks and not how.quiet:
+        say(f"damperfit: parts in {out}")
+
+
+def _fleet_summary(found: FleetDone) -> list[str]:
+    counts = found.counts
+    words = {
+        "fitted": "fitted now",
+        "known": "done before",
+        "failed": "without any fit",
+        "later": "not done, tried again next time",
+    }
+    parts = ", ".join(
+        f"{counts[key]} {word}" for key, word in words.items() if counts[key] or key == "fitted"
+    )
+    n_settings = sum(one.n_settings for one in found.done)
+    n_logs = sum(one.n_logs for one in found.done)
+    dampers = _plural(found.n_tasks, "damper")
+    return [f"{dampers}: {parts}; {n_logs} logs, {n_settings} settings with a fit"]
+
+
+# config, help, doctor
+
+
+def _config(config: Path | None = None) -> None:
+    """Take what the command takes."""
+
+
+@command(_config, name="config")
+def config(how: Shown, config: Path | None) -> int:
+    """Print the complete configuration in force, as TOML.
+
+    Example: damperfit config > my_damper.toml
+    """
+    from damperfit.configuration import loading
+    from damperfit.tables.documents import json_values
+
+    found = loading.load_configuration(config)
+    if how.json:
+        print_json(json_values(found.document))
+    else:
+        print_lines(loading.configuration_toml(found).splitlines())
+    return 0
+
+
+def _help(topic: str | None = None) -> None:
+    """Take what the command takes."""
+
+
+@command(_help, name="help", takes_context=True)
+def show_help(how: Shown, context: typer.Context, topic: str | None) -> int:
+    """Show a page of the manual, or list the pages.
+
+    Example: damperfit help trust
+    """
+    from damperfit.manual import TOPICS, read_page
+
+    commands = {} if context.parent is None else getattr(context.parent.command, "commands", {})
+    if topic is None:
+        pages = [read_page(one) for one in TOPICS]
+        if how.json:
+            print_json({"topics": {page.topic: page.title for page in pages}})
+            return 0
+        wide = max(map(len, TOPICS))
+        lines = [f"{page.topic:{wide}}  {page.title}" for page in pages]
+        last = "damperfit help TOPIC shows one of them, or what a command takes."
+        print_lines([*lines, "", last])
+    elif topic.strip().lower() in TOPICS:
+        from rich.markdown import Markdown
+
+        from damperfit.cli.pages import filled
+
+        page = read_page(topic)
+        page = replace(page, source=filled(page.source))
+        if how.json:
+            print_json({"topic": page.topic, "title": page.title, "text": page.text})
+        else:
+            print_renderable(Markdown(page.text, hyperlinks=False))
+    elif topic in commands:
+        text = commands[topic].get_help(typer.Context(commands[topic], context.parent, topic))
+        record = {"command": topic, "text": text}
+        print_json(record) if how.json else print_lines(text.splitlines())
+    else:
+        hint = did_you_mean(topic.strip().lower(), (*TOPICS, *commands))
+        raise ConfigurationError(
+            f"help {topic}: there is no such topic.{hint} damperfit help lists them",
+            code="unknown-topic",
+        )
+    return 0
+
+
+_MOST_OFF = 1e-3  # of a value that is known
+# Extra, the distribution that it brings, what it is for.
+_EXTRAS = (
+    ("tdms", "npTDMS", "TDMS logs"),
+    ("mdf", "asammdf", "MDF logs"),
+    ("mat73", "h5py", "MATLAB 7.3 logs"),
+    ("excel", "python-calamine", "Excel logs"),
+    ("cluster", "distributed", "fleet --scheduler"),
+    ("fmu", "ziglang", "FMU libraries of other platforms"),
+)
+
+
+@command(None, name="doctor", shown=("json", "debug", "version"))
+def doctor(how: Shown) -> int:
+    """Show what works on this machine: version, core, extras, a one-second fit.
+
+    Example: damperfit doctor
+    """
+    python = f"{platform.python_version()}, {platform.system()} {platform.machine()}"
+    found = {"damperfit": __version__, "python": python, "executable": sys.executable}
+    checks = {name: _tried(check) for name, check in (("core", _core), ("fit", _fit))}
+    extras = {extra: _version(name) for extra, name, _ in _EXTRAS}
+    if how.json:
+        results = {name: {"works": ok, "said": text} for name, (ok, text) in checks.items()}
+        print_json({**found, "checks": results, "extras": extras})
+    else:
+        lines = list(found.items())
+        lines += [
+            (name, f"{'works: ' if ok else 'FAILS: '}{text}") for name, (ok, text) in checks.items()
+        ]
+        for extra, name, purpose in _EXTRAS:
+            missing = f"not there: pip install 'damperfit[{extra}]'"
+            there = f"{name} {extras[extra]}" if extras[extra] else missing
+            lines.append((extra, f"{purpose}: {there}"))
+        print_lines([f"{name:<10} {text}" for name, text in lines])
+    return 0 if all(ok for ok, _ in checks.values()) else 1
+
+
+def _tried(check: Callable[[], str]) -> tuple[bool, str]:
+    try:
+        return True, check()
+    except Exception as error:  # noqa: BLE001 - whatever it is, it is what the user wants to know
+        advice = "pip install --force-reinstall damperfit"
+        return False, f"{type(error).__name__}: {error}; to mend it: {advice}"
+
+
+def _version(distribution: str) -> str:
+    """Return the version of what is installed; empty where it is not."""
+    from importlib import metadata  # slow to load, and every command registers this one
+
+    try:
+        return metadata.version(distribution)
+    except metadata.PackageNotFoundError:
+        return ""
+
+
+def _core() -> str:
+    from damperfit.damper import _core as core
+
+    return str(core.__file__)
+
+
+def _fit() -> str:
+    """Fit a synthetic log of the reference set and compare with what it was made from."""
+    from damperfit.conditioning import condition
+    from damperfit.damper.purdy.parameters import PURDY_DAMPER
+    from damperfit.damper.purdy.reference import reference_parameters
+    from damperfit.identification import FitOptions
+    from damperfit.identification import identify as fitted
+    from damperfit.recording import Recording
+    from damperfit.simulation import simulate as simulated
+    from damperfit.simulation import sine_motion
+    from damperfit.tested.setting import Setting
+
+    begun = time.perf_counter()
+    truth = reference_parameters(10)
+    seen = simulated(truth, PURDY_DAMPER, sine_motion(0.032, 1.5, cycles=5, sample_rate=1000.0))
+    signals = (seen.time, seen.displacement, seen.force)
+    log = Recording("made up", "", "", Setting.of(10), *signals)
+    quantities = PURDY_DAMPER.quantities
+    own = tuple(q.name for q in quantities if not q.is_shared and q.default is None)
+    held = {q.name: getattr(truth, q.name) for q in quantities if q.name not in own}
+    options = FitOptions(procedure="plain", free=own, fixed=held)
+    (fit,) = fitted([condition(log)], PURDY_DAMPER, options).fits
+    adjusted = quantities[0]
+    off = abs(getattr(fit.parameters, adjusted.name) / getattr(truth, adjusted.name) - 1.0)
+    if off > _MOST_OFF:
+        raise SimulationError(f"{adjusted.symbol} of a synthetic log is {100.0 * off:.2g} % off")
+    taken = time.perf_counter() - begun
+    return f"{adjusted.symbol} of a synthetic log within {100.0 * off:.1g} %, {taken:.1f} s"

@@ -1,0 +1,137 @@
+"""Looking on while a command works: a progress bar on a terminal, and signals that end it.
+
+Ctrl-C, SIGTERM and SIGHUP: the first asks the run to finish what it has, the second ends it.
+"""
+
+from __future__ import annotations
+
+import signal
+import sys
+import threading
+import time
+from contextlib import ExitStack, contextmanager
+from typing import TYPE_CHECKING, Any
+
+from damperfit.cli.console import say
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from damperfit.run.identify import Watch
+
+__all__ = ["looking_on", "stop_on_signal"]
+
+_APART = 0.1  # s; a fit of a fast model takes less than to draw a line
+
+
+@contextmanager
+def stop_on_signal(
+    promise: str = "finished settings will be written",
+) -> Iterator[Callable[[], bool]]:
+    """Yield a function that says whether the user wants the run to stop.
+
+    Parameters
+    ----------
+    promise : str
+        What becomes of the work done so far, for the user.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield lambda: False  # Python delivers signals to the main thread only
+        return
+    stop = threading.Event()
+
+    def handle(number: int, frame: Any) -> None:
+        if stop.is_set():
+            raise KeyboardInterrupt
+        stop.set()
+        say(f"damperfit: stopping; {promise} (again to end at once)")
+
+    watched = [signal.SIGINT, signal.SIGTERM]
+    hung_up = getattr(signal, "SIGHUP", None)  # not on Windows
+    if hung_up is not None and signal.getsignal(hung_up) is not signal.SIG_IGN:  # as by nohup
+        watched.append(hung_up)
+    before = [signal.signal(number, handle) for number in watched]
+    try:
+        yield stop.is_set
+    finally:
+        for number, handler in zip(watched, before, strict=True):
+            signal.signal(number, handler)
+
+
+def looking_on(*, is_quiet: bool, of_fleet: bool = False, **more: Any) -> Watch:
+    """Return who looks on while a command works.
+
+    Parameters
+    ----------
+    is_quiet : bool
+        Whether there is no bar.
+    of_fleet : bool
+        Whether dampers are counted, with their rate and the time left, and not settings.
+    **more : callable
+        Further fields of `Watch`.
+    """
+    from damperfit.run.identify import Watch
+
+    is_shown = not is_quiet and sys.stderr.isatty()
+    here: dict[str, Any] = {"bar": None, "cancelled": lambda: False, "drawn": 0.0}
+    promise = ("dampers that are done are kept",) if of_fleet else ()
+
+    @contextmanager
+    def working() -> Iterator[None]:
+        with stop_on_signal(*promise) as cancelled, ExitStack() as stack:
+            here["cancelled"] = cancelled
+            if is_shown:
+                here["bar"] = stack.enter_context(_bar(of_fleet=of_fleet))
+                here["task"] = here["bar"].add_task(
+                    "dampers" if of_fleet else "reading logs", total=None
+                )
+            yield
+
+    def draw() -> None:
+        if time.monotonic() >= here["drawn"]:
+            here["bar"].refresh()
+            here["drawn"] = time.monotonic() + _APART
+
+    def start(number: int) -> None:
+        if here["bar"] is not None:
+            words = "dampers" if of_fleet else "fitting settings"
+            here["bar"].update(here["task"], total=number, description=words)
+            draw()
+
+    def advance(_done: object) -> None:
+        if here["bar"] is not None:
+            here["bar"].advance(here["task"])
+            draw()
+
+    return Watch(
+        on_start=start,
+        on_fit=advance,
+        cancelled=lambda: bool(here["cancelled"]()),
+        during_work=working,
+        **more,
+    )
+
+
+def _bar(*, of_fleet: bool) -> Any:
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        ProgressColumn,
+        TextColumn,
+        TimeRemainingColumn,
+    )
+    from rich.text import Text
+
+    class Rate(ProgressColumn):
+        """Dampers a minute."""
+
+        def render(self, task: Any) -> Text:
+            speed = task.finished_speed or task.speed
+            return Text("" if speed is None else f"{60.0 * speed:.0f} a minute")
+
+    columns = [TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn()]
+    columns += [Rate(), TimeRemainingColumn()] if of_fleet else []
+    # Drawn by whoever counts: beside a thread that draws no copy of this process can be made.
+    return Progress(*columns, console=Console(stderr=True), transient=True, auto_refresh=of_fleet)
