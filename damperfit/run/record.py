@@ -79,7 +79,7 @@ def warnings_of(
     yield from _at_settings([(fit.setting, said) for fit in campaign.fits for said in fit.warnings])
     yield from unconfirmed_tares(campaign, assessment)
     yield from unlike_frictions(campaign, assessment)
-    yield from map(as_warning, assessment.warnings)
+    yield from assessment.warnings
     withheld = [
         setting
         for setting, why in assessment.objections.items()
@@ -92,7 +92,7 @@ def warnings_of(
             "the logs choose a model: identify the logs with {model}",
             model=Option("model", "auto"),
         )
-    yield from map(as_warning, prediction_warnings(judgement.predictions))
+    yield from prediction_warnings(judgement.predictions)
 
 
 def as_warning(said: Problem | str) -> Problem:
@@ -402,8 +402,8 @@ def _told(
             "tables_of_tests": list(batch.notes),
             "corrections": [str(one) for one in corrections(campaign)],
             "noise_and_lack_of_fit": list(assessment.sentences),
-            "identifiability": list(assessment.doubts(campaign)),
-            "undetermined": list(assessment.undetermined(campaign)),
+            "identifiability": list(map(str, assessment.doubts(campaign))),
+            "undetermined": list(map(str, assessment.undetermined(campaign))),
             "many_starts": list(describe_searches(campaign.searches)),
             "cavitation": list(
                 describe_cavitation(

@@ -42,8 +42,8 @@ if TYPE_CHECKING:
     from damperfit.damper.model import Model
     from damperfit.errors import OnError
     from damperfit.identification import Campaign, Fit
+    from damperfit.problem import Problem
     from damperfit.tested.setting import Setting
-    from damperfit.uncertainty.covariance import Interval
     from damperfit.uncertainty.grades import Objection
     from damperfit.uncertainty.linearisation import Linearisation
 
@@ -93,12 +93,8 @@ class Assessment:
     objections: Mapping[Setting, tuple[Objection, ...]] = field(default_factory=dict)
 
     @cached_property
-    def _intervals(self) -> dict[Setting, Mapping[str, Interval]]:
-        return {one.setting: one.intervals for one in self.uncertainties}
-
-    @cached_property
-    def _unopened(self) -> dict[Setting, Mapping[str, float]]:
-        return {one.setting: one.unopened for one in self.uncertainties}
+    def _known(self) -> dict[Setting, Uncertainty]:
+        return {one.setting: one for one in self.uncertainties}
 
     def profile(self, setting: Setting, name: str) -> MisfitProfile | None:
         """Return the closest finished profile of a parameter at a setting, if there is one."""
@@ -112,7 +108,8 @@ class Assessment:
         or the profile is flat. A profile follows noise: with a misfit the wider limits hold.
         """
         profile = self.telling(setting).get(name)
-        known = self._intervals.get(setting, {}).get(name)
+        errors = self._known.get(setting)
+        known = None if errors is None else errors.intervals.get(name)
         if profile is not None and (
             profile.is_flat or (profile.is_complete and profile.is_doubtful)
         ):
@@ -133,7 +130,8 @@ class Assessment:
             least, most = fit.parameters.quantity(name).plausible
             low = None if low is None or low < least else low
             high = None if high is None or high > most else high
-            above = self._unopened.get(fit.setting, {}).get(name, math.inf)
+            errors = self._known.get(fit.setting)
+            above = math.inf if errors is None else errors.unopened.get(name, math.inf)
             low = above if low is None and above < getattr(fit.parameters, name) else low
         return low, high
 
@@ -160,17 +158,13 @@ class Assessment:
             for one in self.uncertainties
         }
 
-    def doubts(self, campaign: Campaign) -> tuple[str, ...]:
+    def doubts(self, campaign: Campaign) -> tuple[Problem, ...]:
         """Return what a reader must know of the parameters before using them."""
-        known = {one.setting: one for one in self.uncertainties}
-        telling = {setting: self.telling(setting) for setting in known}
-        return doubts(campaign.fits, known, campaign.sharing, telling)
+        return doubts(campaign, self)
 
-    def undetermined(self, campaign: Campaign) -> tuple[str, ...]:
+    def undetermined(self, campaign: Campaign) -> tuple[Problem, ...]:
         """Return the part of the doubts on parameters at a bound or not identifiable."""
-        known = {one.setting: one for one in self.uncertainties}
-        telling = {setting: self.telling(setting) for setting in known}
-        return undetermined(campaign.fits, known, campaign.sharing, telling)
+        return undetermined(campaign, self)
 
     def telling(self, setting: Setting) -> dict[str, MisfitProfile]:
         """Return the profiles that speak of a setting: its own, and R_m3's from its source."""
@@ -182,8 +176,8 @@ class Assessment:
         return found
 
     @property
-    def warnings(self) -> tuple[str, ...]:
-        """One sentence for each kind of misfit that repeats, with the settings it is seen at."""
+    def warnings(self) -> tuple[Problem, ...]:
+        """One for each kind of misfit that repeats, with the settings it is seen at."""
         groups: dict[str, list[Diagnosis]] = defaultdict(list)
         for one in self.diagnoses:
             if one.is_structured:
@@ -282,10 +276,7 @@ def assess(
     all_settings = linearised
     linearised = [one for one in linearised if one.fit.setting in judged]
     diagnoses = [one for one in diagnoses if one.setting in judged]
-    known = tuple(
-        with_least_openings(one, mine, all_settings, campaign.sharing, damper)
-        for one, mine in zip(errors, linearised, strict=True)
-    )
+    known = with_least_openings(errors, all_settings, campaign.sharing, damper)
     bench = Bench(damper, solver, cancelled, jobs)
 
     def doubtful(pair: tuple[Linearisation, Uncertainty]) -> tuple[MisfitProfile, ...]:

@@ -24,6 +24,7 @@ from damperfit.identification import (
     values_from_others,
 )
 from damperfit.laws import PREDICTED_PERCENT
+from damperfit.problem import Problem, warning
 from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty.grades import LIMITS, Objection
@@ -323,21 +324,27 @@ def _rounded(ratio: float) -> str:
     return f"{float(f'{ratio:.2g}'):.0f}"
 
 
-def prediction_warnings(predictions: Sequence[Prediction]) -> tuple[str, ...]:
-    """Return one sentence for all predictions that fail, led by the worst; none where none does."""
+def prediction_warnings(predictions: Sequence[Prediction]) -> tuple[Problem, ...]:
+    """Return one problem for all predictions that fail, led by the worst; none where none does."""
     failed = [one for one in predictions if one.is_failed]
     if not failed:
         return ()
     worst = max(failed, key=lambda one: one.ratio)
-    said = (
-        f"{len(failed)} of {len(predictions)} held-out logs are predicted worse than the fitted "
-        f"ones, most {worst.trace.name}: {worst.verdict}; "
+    what = (
+        "repeats of fitted tests differ from them: the rig or the damper has drifted"
+        if worst.is_same_motion
+        else "the parameters hold for the tests that were fitted, not for the damper"
     )
-    if worst.is_same_motion:
-        return (
-            f"{said}repeats of fitted tests differ from them: the rig or the damper has drifted",
-        )
-    return (f"{said}the parameters hold for the tests that were fitted, not for the damper",)
+    found = warning(
+        "drifted" if worst.is_same_motion else "not-predicted",
+        "{n_failed} of {n} held-out logs are predicted worse than the fitted ones, most {log}: "
+        "{verdict}; " + what,
+        n_failed=len(failed),
+        n=len(predictions),
+        log=worst.trace.name,
+        verdict=worst.verdict,
+    )
+    return (found,)
 
 
 def predict(

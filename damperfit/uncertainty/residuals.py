@@ -20,6 +20,7 @@ import numpy as np
 from damperfit.conditioning.gas_force import YIELDS, held_shares
 from damperfit.identification.fit_setting import EXCELLENT
 from damperfit.identification.sharing import listed_settings
+from damperfit.problem import Problem, warning
 from damperfit.statistics import fisher_chance, mean_of, median, variance_of
 from damperfit.uncertainty.correlation import autocorrelation, independent
 from damperfit.uncertainty.flaws import Hint, seek_flaws
@@ -274,13 +275,23 @@ def _yields(diagnosis: Diagnosis) -> str:
     )
 
 
-def group_warning(group: Sequence[Diagnosis]) -> str:
-    """Return the sentence of the setting with the largest misfit, for all settings of its kind."""
+def group_warning(group: Sequence[Diagnosis]) -> Problem:
+    """Return what is said of the setting with the largest misfit, for all settings of its kind."""
     worst = max(group, key=lambda one: one.mse_percent)
-    if len(group) == 1:
-        return f"setting {worst.setting}: {worst.sentence}."
-    listed = listed_settings(one.setting for one in group)
-    return f"settings {listed}, most at {worst.setting}: {worst.sentence}."
+    text, where = "setting {setting}: {words}.", ""
+    if len(group) > 1:
+        text = "settings {settings}, most at {setting}: {words}."
+        where = listed_settings(one.setting for one in group)
+    return warning(
+        "misfit",
+        text,
+        settings=where or str(worst.setting),
+        setting=worst.setting,
+        words=worst.sentence,
+        mse_percent=worst.mse_percent,
+        noise_percent=worst.noise_percent,
+        flaw=worst.hints[0].name if worst.hints else "",
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

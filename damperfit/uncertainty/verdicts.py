@@ -15,10 +15,11 @@ from damperfit.identification.fit_setting import NOT_FIT_TO_SHARE, NOT_FOUND, is
 from damperfit.identification.inactive_parts import is_nothing
 from damperfit.identification.outcome import Outcome, Status
 from damperfit.identification.sharing import of_settings, unknown_at
+from damperfit.problem import Problem, warning
 from damperfit.statistics import NORMAL_95
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -44,35 +45,30 @@ _FOUND = frozenset({Status.FITTED, Status.SHARED})
 
 
 def with_least_openings(
-    known: Uncertainty,
-    mine: Linearisation,
+    known: Sequence[Uncertainty],
     linearised: Sequence[Linearisation],
     sharing: Sharing,
     damper: Model,
-) -> Uncertainty:
-    """Return a setting's errors with the openings that no log reaches, and what each is above.
+) -> tuple[Uncertainty, ...]:
+    """Return the errors of all settings with the openings that no log reaches.
 
-    Parameters
-    ----------
-    known : Uncertainty
-        Of the setting.
-    mine : Linearisation
-        Of the same setting.
-    linearised : sequence of Linearisation
-        Of all settings: another that shares the opening may press on it more.
-    sharing : Sharing
-        Which do.
-    damper : Model
-        The damper.
+    Of a blow-off that does not open the logs tell a lower limit of its preload, the highest
+    pressure on it at any setting with the same number, and nothing more.
     """
-    if not mine.pressed:
-        return known
-    found = {}
-    for name in mine.pressed:
-        alike = list(_alike(name, mine, linearised, sharing))
-        if all(one.pressed[name] < _passes_from(name, one, damper) for one in alike):
-            found[name] = max(one.pressed[name] for one in alike)
-    return replace(known, unopened=found)
+
+    def least(mine: Linearisation) -> dict[str, float]:
+        highest = {}
+        for name in mine.pressed:
+            alike = [mine]
+            if name in sharing.found_at(mine.fit.setting):
+                own = unknown_at(name, sharing.follows, mine.fit.setting)
+                alike += [one for one in linearised if own.holds_at(one.fit.setting)]
+            if all(one.pressed[name] < _passes_from(name, one, damper) for one in alike):
+                highest[name] = max(one.pressed[name] for one in alike)
+        return highest
+
+    by_setting = {one.fit.setting: one for one in linearised}
+    return tuple(replace(one, unopened=least(by_setting[one.setting])) for one in known)
 
 
 def _passes_from(name: str, one: Linearisation, damper: Model) -> float:
@@ -82,27 +78,13 @@ def _passes_from(name: str, one: Linearisation, damper: Model) -> float:
     """
     opening: float = getattr(one.fit.parameters, name)
     own = damper.damper if isinstance(damper, Warmed) else damper
-    if not isinstance(own, ValveDamper):
-        return opening
-    quantity = own.quantity(name)
-    stroke, slope_name = quantity.stroke, quantity.beside("slope")
-    if slope_name not in one.names:
+    stroke = name.removesuffix("_opening")
+    if not isinstance(own, ValveDamper) or f"{stroke}_slope" not in one.names:
         return opening
     area = own.pressed_areas[0 if stroke == "rebound" else 1]
     speed = max(part.peak_speed for log in one.fit.logs for part in log.trace.stretches)
-    slope: float = getattr(one.fit.parameters, slope_name)
+    slope: float = getattr(one.fit.parameters, f"{stroke}_slope")
     return opening + _UNNOTICED * own.oil_density * area * speed * slope
-
-
-def _alike(
-    name: str, one: Linearisation, all_of: Sequence[Linearisation], sharing: Sharing
-) -> Iterator[Linearisation]:
-    """The setting, and others with the same number."""
-    yield one
-    setting = one.fit.setting
-    if name in sharing.found_at(setting):
-        own = unknown_at(name, sharing.follows, setting)
-        yield from (other for other in all_of if own.holds_at(other.fit.setting))
 
 
 def reconsider(campaign: Campaign, assessment: Assessment) -> Campaign:
@@ -114,83 +96,55 @@ def reconsider(campaign: Campaign, assessment: Assessment) -> Campaign:
     noise, is no bound that a fit strains against: the logs do not tell it from none.
     """
     known = {one.setting: one for one in assessment.uncertainties}
-    fits = []
-    for fit in campaign.fits:
-        flat = {
-            name
-            for name, profile in assessment.telling(fit.setting).items()
-            if profile.is_flat and fit.status[name] in _FOUND
-        }
-        flat |= {
-            name
-            for name in campaign.sharing.found
-            if fit.status[name] == Status.SHARED and _is_unfit(fit, name, known.get(fit.setting))
-        }
-        flat |= _anywhere(fit, assessment)
-        lost = flat.intersection(campaign.sharing.found)
-        lost |= {
-            name for name in campaign.sharing.found if fit.status[name] == Status.NOT_IDENTIFIABLE
-        }
-        flat |= _carried(fit, lost, known.get(fit.setting))
-        at_bound = {name for name, status in fit.status.items() if status == Status.AT_BOUND}
-        none = {name for name in at_bound if is_nothing(fit.parameters, name)}
-        own = none | {name for name in flat if fit.status[name] == Status.FITTED}
-        is_strained = fit.outcome is Outcome.AT_BOUND and not none >= at_bound
-        outcome = fit.outcome
-        if own and outcome in {Outcome.CONVERGED, Outcome.AT_BOUND} and not is_strained:
-            outcome = Outcome.NOT_IDENTIFIABLE
-        status = {**fit.status, **dict.fromkeys(flat | none, Status.NOT_IDENTIFIABLE)}
-        fits.append(replace(fit, status=status, outcome=outcome))
-    return replace(campaign, fits=tuple(fits))
+    fits = tuple(
+        _reconsidered(fit, known.get(fit.setting), campaign.sharing, assessment)
+        for fit in campaign.fits
+    )
+    return replace(campaign, fits=fits)
 
 
-def _is_unfit(fit: Fit, name: str, known: Uncertainty | None) -> bool:
-    """Whether a shared value is less than three errors away from nothing, or from any other."""
-    if known is None or name not in known.names:
-        return False
-    quantity, value = fit.parameters.quantity(name), getattr(fit.parameters, name)
-    return is_loose(quantity, value, _error(quantity, known), NOT_FIT_TO_SHARE)
+def _reconsidered(
+    fit: Fit, known: Uncertainty | None, sharing: Sharing, assessment: Assessment
+) -> Fit:
+    profiles, values = assessment.telling(fit.setting), fit.parameters
 
+    def is_unfit(name: str, share: float) -> bool:
+        """Whether the printed error of noise is so large a share of the value."""
+        if known is None or name not in known.names:
+            return False
+        one, error = values.quantity(name), known.error(name)
+        error = error if one.is_logarithmic else error / one.size
+        return is_loose(one, getattr(values, name), error, share)
 
-def _anywhere(fit: Fit, assessment: Assessment) -> set[str]:
-    """What was found with an interval as wide as of what no log tells; a profile decides itself."""
-    profiles = assessment.telling(fit.setting)
-    found = set()
+    lost = set()
     for name, status in fit.status.items():
-        if name in profiles:
+        if status not in _FOUND:
             continue
-        low, high = assessment.limits(fit.setting, name)
-        quantity = fit.parameters.quantity(name)
-        if status in _FOUND and low and high and quantity.is_logarithmic:
-            error = math.log(high / low) / (2.0 * NORMAL_95)
-            if is_loose(quantity, 1.0, error, NOT_FOUND):
-                found.add(name)
-    return found
-
-
-def _error(quantity: Quantity, known: Uncertainty) -> float:
-    """Its printed error of noise, of its logarithm or in its size."""
-    place = known.names.index(quantity.name)
-    error = math.sqrt(abs(float(known.covariance[place, place])))
-    return error if quantity.is_logarithmic else error / quantity.size
-
-
-def _carried(fit: Fit, lost: set[str], known: Uncertainty | None) -> set[str]:
-    """What a setting finds only beside a shared slope of either sign that the logs do not tell."""
-    is_told = all(fit.parameters.quantity(name).is_logarithmic for name in lost)
-    if known is None or is_told:
-        return set()
-    return {
-        name
-        for name in known.names
-        if fit.status[name] == Status.FITTED
-        and is_loose(
-            one := fit.parameters.quantity(name),
-            getattr(fit.parameters, name),
-            _error(one, known),
-            NOT_FOUND,
-        )
-    }
+        if name in profiles:
+            is_lost = profiles[name].is_flat
+        else:  # an interval as wide as of what no log tells
+            low, high = assessment.limits(fit.setting, name)
+            one, is_lost = values.quantity(name), False
+            if low and high and one.is_logarithmic:
+                error = math.log(high / low) / (2.0 * NORMAL_95)
+                is_lost = is_loose(one, 1.0, error, NOT_FOUND)
+        is_shared = name in sharing.found and status == Status.SHARED
+        if is_lost or (is_shared and is_unfit(name, NOT_FIT_TO_SHARE)):
+            lost.add(name)
+    # What a setting finds only beside a shared slope of either sign that the logs do not tell.
+    slopes = {n for n in sharing.found if n in lost or fit.status[n] == Status.NOT_IDENTIFIABLE}
+    if not all(values.quantity(name).is_logarithmic for name in slopes):
+        fitted = (name for name, status in fit.status.items() if status == Status.FITTED)
+        lost |= {name for name in fitted if is_unfit(name, NOT_FOUND)}
+    at_bound = {name for name, status in fit.status.items() if status == Status.AT_BOUND}
+    none = {name for name in at_bound if is_nothing(values, name)}
+    own = none | {name for name in lost if fit.status[name] == Status.FITTED}
+    is_strained = fit.outcome is Outcome.AT_BOUND and not none >= at_bound
+    outcome = fit.outcome
+    if own and outcome in {Outcome.CONVERGED, Outcome.AT_BOUND} and not is_strained:
+        outcome = Outcome.NOT_IDENTIFIABLE
+    changed = dict.fromkeys(lost | none, Status.NOT_IDENTIFIABLE)
+    return replace(fit, status={**fit.status, **changed}, outcome=outcome)
 
 
 def verdicts(
@@ -209,82 +163,67 @@ def verdicts(
     profiles : mapping of str to MisfitProfile
         By parameter, where the misfit was followed; of shared ones too.
     """
-    correlation = known.correlation
+    partners: dict[str, str] = {}
+    for one, other, value in sorted(_ties(known), key=lambda tie: abs(tie[2])):
+        partners[one] = f", correlated with {other} ({value:+.2f})"
+        partners[other] = f", correlated with {one} ({value:+.2f})"
     return {
-        name: _verdict(name, fit, known, profiles.get(name), sharing, correlation)
+        name: _verdict(name, fit, known, profiles.get(name), sharing, partners.get(name, ""))
         for name in fit.parameters.names
     }
 
 
-def undetermined(
-    campaign_fits: Iterable[Fit],
-    known: Mapping[Setting, Uncertainty],
-    sharing: Sharing,
-    profiles: Mapping[Setting, Mapping[str, MisfitProfile]],
-) -> tuple[str, ...]:
-    """Return one sentence for each way in which parameters are at a bound or not determined.
-
-    Parameters
-    ----------
-    campaign_fits : iterable of Fit
-        All settings.
-    known : mapping of Setting to Uncertainty
-        By setting.
-    sharing : Sharing
-        How the shared parameters were found.
-    profiles : mapping of Setting to mapping of str to MisfitProfile
-        By setting and parameter.
-    """
-    said: dict[tuple[str, str], list[Setting]] = defaultdict(list)
-    for fit in campaign_fits:
+def undetermined(campaign: Campaign, assessment: Assessment) -> tuple[Problem, ...]:
+    """Return each way in which parameters are at a bound or not determined, with its settings."""
+    known = {one.setting: one for one in assessment.uncertainties}
+    where: dict[tuple[str, Status, str], list[Setting]] = defaultdict(list)
+    for fit in campaign.fits:
         if fit.setting not in known:
             continue
-        mine = profiles.get(fit.setting, {})
-        for name in fit.parameters.names:
-            if fit.status[name].has_failed:
-                words = _verdict(name, fit, known[fit.setting], mine.get(name), sharing)
-                said[name, words].append(fit.setting)
+        profiles = assessment.telling(fit.setting)
+        for name, status in fit.status.items():
+            if status.has_failed:
+                profile = profiles.get(name)
+                words = _verdict(name, fit, known[fit.setting], profile, campaign.sharing, "")
+                where[name, status, words].append(fit.setting)
     return tuple(
-        f"{name} at {of_settings(settings)}: {words}" for (name, words), settings in said.items()
+        warning(
+            "at-bound" if status == Status.AT_BOUND else "not-determined",
+            "{quantity} at {settings}: {words}",
+            quantity=name,
+            settings=of_settings(settings),
+            words=words,
+        )
+        for (name, status, words), settings in where.items()
     )
 
 
-def doubts(
-    campaign_fits: Iterable[Fit],
-    known: Mapping[Setting, Uncertainty],
-    sharing: Sharing,
-    profiles: Mapping[Setting, Mapping[str, MisfitProfile]],
-) -> tuple[str, ...]:
-    """Return what a reader must know before using the numbers: what is `undetermined`, and ties.
-
-    Parameters
-    ----------
-    campaign_fits : iterable of Fit
-        All settings.
-    known : mapping of Setting to Uncertainty
-        By setting.
-    sharing : Sharing
-        How the shared parameters were found.
-    profiles : mapping of Setting to mapping of str to MisfitProfile
-        By setting and parameter.
-    """
-    fits = tuple(campaign_fits)
+def doubts(campaign: Campaign, assessment: Assessment) -> tuple[Problem, ...]:
+    """Return what a reader must know before using the numbers: what is `undetermined`, and ties."""
+    fitted = {fit.setting for fit in campaign.fits}
     ties: dict[tuple[str, str], list[tuple[Setting, float]]] = defaultdict(list)
-    for fit in fits:
-        if fit.setting in known:
-            for one, other, value in _ties(known[fit.setting]):
-                ties[one, other].append((fit.setting, value))
-    sentences = list(undetermined(fits, known, sharing, profiles))
+    for known in assessment.uncertainties:
+        for one, other, value in _ties(known) if known.setting in fitted else ():
+            ties[one, other].append((known.setting, value))
+    problems = list(undetermined(campaign, assessment))
     for (one, other), where in ties.items():
-        values = [value for _, value in where]
-        spread = f"{min(values):+.2f}" + (
-            f" to {max(values):+.2f}" if max(values) - min(values) > 0.005 else ""
+        low, high = min(value for _, value in where), max(value for _, value in where)
+        spread = f"{low:+.2f} to {high:+.2f}" if high - low > 0.005 else f"{low:+.2f}"
+        text = (
+            "{quantity} and {other} are strongly correlated at {settings} ({correlation}): the "
+            "logs determine their combination better than each"
         )
-        sentences.append(
-            f"{one} and {other} are strongly correlated at {of_settings(s for s, _ in where)} "
-            f"({spread}): the logs determine their combination better than each"
+        at = of_settings(setting for setting, _ in where)
+        problems.append(
+            warning("correlated", text, quantity=one, other=other, settings=at, correlation=spread)
         )
-    return tuple(sentences)
+    return tuple(problems)
+
+
+def _ties(known: Uncertainty) -> Iterator[tuple[str, str, float]]:
+    matrix = known.correlation
+    for i, j in zip(*np.nonzero(np.abs(np.triu(matrix, 1)) > _CORRELATED), strict=True):
+        yield known.names[i], known.names[j], float(matrix[i, j])
 
 
 _NOT_FITTED: dict[Status, str] = {
@@ -299,7 +238,7 @@ def _verdict(
     known: Uncertainty,
     profile: MisfitProfile | None,
     sharing: Sharing,
-    correlation: FloatArray | None = None,
+    tied: str,
 ) -> str:
     status, unit = fit.status[name], fit.parameters.quantity(name).unit
     if status in _NOT_FITTED:
@@ -311,7 +250,6 @@ def _verdict(
     interval = known.intervals.get(name)
     if interval is None:
         return _without_interval(status, profile, unit, _unopened(name, fit, known))
-    tied = "" if correlation is None else _tied(name, known, correlation)
     whose = sharing.whose(name, fit.setting) if name in sharing.found_at(fit.setting) else ""
     where = (
         _span(interval.low, interval.high, fit.parameters.quantity(name))
@@ -406,20 +344,3 @@ def _seen(profile: MisfitProfile, unit: str) -> str:
     if low is not None:
         return f"flat upward, only a lower limit: 95 % above {low:.4g} {unit}"
     return "flat upward and downward: no limit at all"
-
-
-def _ties(known: Uncertainty) -> Iterable[tuple[str, str, float]]:
-    matrix = known.correlation
-    for i, one in enumerate(known.names):
-        for j in range(i + 1, len(known.names)):
-            if abs(matrix[i, j]) > _CORRELATED:
-                yield one, known.names[j], float(matrix[i, j])
-
-
-def _tied(name: str, known: Uncertainty, correlation: FloatArray) -> str:
-    row = correlation[known.names.index(name)].copy()
-    row[known.names.index(name)] = 0.0
-    if not len(row) or not np.max(np.abs(row)) > _CORRELATED:
-        return ""
-    partner = int(np.argmax(np.abs(row)))
-    return f", correlated with {known.names[partner]} ({row[partner]:+.2f})"

@@ -152,7 +152,7 @@ def test_little_rebound_resistance_is_flat_downward_with_an_upper_limit() -> Non
             low, high = judged.limits(fit.setting, name)
             slack = 0.5 * (high - low)
             assert low - slack < getattr(truth, name) < high + slack
-    assert any(text.startswith("r_m3 at settings 1, 10: ") for text in judged.doubts(campaign))
+    assert any(str(one).startswith("r_m3 at settings 1, 10: ") for one in judged.doubts(campaign))
 
 
 def test_a_short_slow_stroke_leaves_the_bulk_modulus_flat_upward() -> None:

@@ -77,8 +77,8 @@ def test_a_channel_two_milliseconds_late_is_named(late: int) -> None:
         assert one.correlation > 0.9
         assert one.runs_ratio < 0.5
     assert len(found.warnings) == 1
-    assert "channel delay" in found.warnings[0]
-    assert ("late" if late > 0 else "early") in found.warnings[0]
+    assert "channel delay" in str(found.warnings[0])
+    assert ("late" if late > 0 else "early") in str(found.warnings[0])
 
 
 @pytest.mark.parametrize("factor", [1.2, pytest.param(0.8, marks=pytest.mark.slow)])
@@ -89,7 +89,7 @@ def test_gas_wrong_by_a_fifth_is_named(factor: float) -> None:
         assert one.hints[0].name == "gas_pressure"
         assert one.hints[0].family == "position"
         assert one.hints[0].amount == pytest.approx(100 * (factor - 1), abs=1.0)
-    assert "wrong gas pressure" in found.warnings[0]
+    assert "wrong gas pressure" in str(found.warnings[0])
     # Where an offset explains 0.85 and more of it, both are named.
     assert any("offset" in {hint.name for hint in one.hints} for one in found.diagnoses)
 
@@ -106,7 +106,7 @@ def test_friction_that_depends_on_velocity_is_named(fall: float) -> None:
     for one in found.diagnoses:
         assert one.hints[0].name == "friction_with_speed"
         assert one.hints[0].family == "the sign of v"
-    assert "friction that depends on velocity" in found.warnings[0]
+    assert "friction that depends on velocity" in str(found.warnings[0])
 
 
 @pytest.mark.slow
@@ -120,7 +120,9 @@ def test_r_m3_that_cannot_be_seen_is_named_and_said_to_stand_for_nothing() -> No
     campaign = identify(logs, PURDY_DAMPER, FitOptions())
     judged = assess(campaign, PURDY_DAMPER)
     assert any("do not determine R_m3" in text for text in campaign.warnings)
-    assert judged.doubts(campaign)[0].startswith("r_m3 at settings 1, 10, 20: these logs do not")
+    assert str(judged.doubts(campaign)[0]).startswith(
+        "r_m3 at settings 1, 10, 20: these logs do not"
+    )
     assert "is used for all settings, instead of 0: any value below" in " ".join(
         judged.doubts(campaign)
     )
@@ -140,7 +142,7 @@ def test_another_valve_law_is_named() -> None:
     assert not found.diagnoses[0].is_structured
     assert found.diagnoses[1].hints[0].name == "valve_law_bump"
     assert found.diagnoses[1].hints[0].amount == pytest.approx(60.0, rel=0.1)
-    assert found.warnings[0].startswith("setting 10: ")
+    assert str(found.warnings[0]).startswith("setting 10: ")
 
 
 @pytest.mark.parametrize(
@@ -173,7 +175,7 @@ def test_friction_that_rises_with_speed_is_less_at_low_speed() -> None:
         v = speed(log)
         rising = 20.0 * np.sign(v) * np.sqrt(np.abs(v) / 0.3)
         logs.append(condition(replace(log, force=log.force + rising)))
-    said = " ".join(judged(logs).warnings)
+    said = " ".join(map(str, judged(logs).warnings))
     assert "friction that depends on velocity" in said
     assert "N less at low speed" in said
 

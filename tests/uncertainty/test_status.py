@@ -240,5 +240,6 @@ def test_a_verdict_says_how_a_parameter_was_found_and_its_limits(status, limits,
     told = verdicts(fit, judged, Sharing(taken={"r_m3": 1}), profiles)
     assert told["r_m3"].startswith(said)
     assert told["r_m1"].endswith("correlated with r_m2 (+0.98)")
-    tie = doubts((fit,), {1: judged}, Sharing(), {1: profiles})[-1]
-    assert tie.startswith("r_m1 and r_m2 are strongly correlated at setting 1 (+0.98)")
+    tie = doubts(fakes.campaign(fit), Assessment(uncertainties=(judged,)))[-1]
+    assert tie.code == "correlated"
+    assert str(tie).startswith("r_m1 and r_m2 are strongly correlated at setting 1 (+0.98)")

@@ -92,7 +92,7 @@ def unopened(*each, is_shared: bool = True, damper=MODEL):
     settings = tuple(one.fit.setting for one in each)
     sharing = Sharing(jointly=(NAME,) if is_shared else (), settings=settings)
     known = Uncertainty(settings[0], {}, (), np.eye(1))
-    return with_least_openings(known, each[0], each, sharing, damper).unopened
+    return with_least_openings([known], each, sharing, damper)[0].unopened
 
 
 @pytest.mark.parametrize(
