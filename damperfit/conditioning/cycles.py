@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_left, insort
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -219,6 +220,7 @@ def _keeps_level(values: FloatArray, first: int, stop: int, allowed: float) -> b
 
 
 _HYSTERESIS = 0.25  # of the amplitude
+_NEWTON = 4  # steps, of a crossing
 _MIN_SHARE = 0.1  # of all cycles; noise has many, but hardly two alike in a row
 
 
@@ -408,9 +410,30 @@ def crossings(
     sign : float
         1; or -1, where x falls.
     """
-    x, v = (np.ascontiguousarray(values, np.float64) for values in (x, velocity))
-    at = np.empty(len(x) // 2 + 1)
-    return at[: compiled_core().crossings(x, v, at, hysteresis, level, sign)].copy()
+    y = sign * (x - level)
+    beyond = np.flatnonzero(np.abs(y) > hysteresis)
+    is_above = y[beyond] > 0.0
+    risen = beyond[1:][is_above[1:] & ~is_above[:-1]]
+    if not len(risen):
+        return np.empty(0)
+    is_below = y < 0.0
+    rises = np.flatnonzero(is_below[:-1] & ~is_below[1:])
+    before = rises[np.searchsorted(rises, risen) - 1]
+    y0, c1, c2, c3 = _hermite(y, sign * velocity, before)
+    chord = y[before + 1] - y0
+    u = -y0 / chord
+    for _ in range(_NEWTON):
+        # Near a turning point in noise the slope may vanish; the chord's is safe there.
+        slope = c1 + u * (2.0 * c2 + 3.0 * c3 * u)
+        slope = np.where(slope > 0.2 * chord, slope, chord)
+        u = np.clip(u - (y0 + u * (c1 + u * (c2 + c3 * u))) / slope, 0.0, 1.0)
+    return np.asarray(before + u)
+
+
+def _hermite(y: FloatArray, v: FloatArray, at: IntArray) -> tuple[FloatArray, ...]:
+    """Return the coefficients of the cubic pieces from samples to the next."""
+    y0, y1, v0, v1 = y[at], y[at + 1], v[at], v[at + 1]
+    return y0, v0, 3.0 * (y1 - y0) - 2.0 * v0 - v1, 2.0 * (y0 - y1) + v0 + v1
 
 
 def clean_cycles(stretch: Stretch) -> FloatArray:
@@ -439,10 +462,17 @@ def _tops(
     x: FloatArray, velocity: FloatArray, boundaries: FloatArray, level: float, *, sign: float = 1.0
 ) -> FloatArray:
     """Return the top of each cycle: that of the Hermite piece beside its highest sample."""
-    x, v = (np.ascontiguousarray(values, np.float64) for values in (x, velocity))
-    tops = np.empty(len(boundaries) - 1)
-    compiled_core().tops(x, v, boundaries, tops, level, sign)
-    return tops
+    y, v = sign * (x - level), sign * velocity
+    cuts = np.ceil(boundaries).astype(np.int64).tolist()
+    highest = np.array(
+        [begin + int(np.argmax(y[begin : max(end, begin + 1)])) for begin, end in pairwise(cuts)]
+    )
+    left = np.clip(np.where(v[highest] > 0.0, highest, highest - 1), 0, len(y) - 2)
+    y0, c1, c2, c3 = _hermite(y, v, left)
+    # The slope falls through zero here; this root allows c3 = 0.
+    below = np.sqrt(np.maximum(c2 * c2 - 3.0 * c3 * c1, 0.0)) - c2
+    u = np.clip(np.divide(c1, below, out=np.zeros_like(c1), where=below > 0.0), 0.0, 1.0)
+    return np.asarray(np.maximum(y[highest], y0 + u * (c1 + u * (c2 + c3 * u))))
 
 
 def _whole_cycles(crossings: FloatArray, period: float, n: int) -> int:

@@ -485,10 +485,16 @@ def noise_ratio(
 
 def _without_scatter(unlike: FloatArray, signal: FloatArray, size: int) -> None:
     """Take off what is another level or size of each half cycle, in place: it is no noise."""
-    for first in range(0, len(unlike), size):
-        part = slice(first, first + size)
-        form = np.stack([np.ones_like(signal[part]), signal[part]], axis=1)
-        unlike[part] -= form @ np.linalg.lstsq(form, unlike[part], rcond=None)[0]
+    begins = np.arange(0, len(unlike), size)
+    lengths = np.diff([*begins, len(unlike)])
+
+    def middle(values: FloatArray) -> FloatArray:
+        return np.repeat(np.add.reduceat(values, begins) / lengths, lengths)
+
+    unlike -= middle(unlike)
+    form = signal - middle(signal)
+    power = np.maximum(np.add.reduceat(form * form, begins), 1e-300)
+    unlike -= np.repeat(np.add.reduceat(form * unlike, begins) / power, lengths) * form
 
 
 def falls_off(displacement: FloatArray, force: FloatArray, interval: float) -> bool:

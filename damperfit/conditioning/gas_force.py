@@ -32,7 +32,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.compiled_core import compiled_core
 from damperfit.passed_speeds import in_both_strokes
 from damperfit.statistics import mean_of, median
 
@@ -104,7 +103,6 @@ def _shares(v: FloatArray, forces: FloatArray) -> FloatArray:
     return np.asarray((out - into) / np.maximum(np.ptp(forces, axis=1), 1e-300))
 
 
-_COLUMNS = 7  # 1, x, sgn(v), and v and v^2 of each stroke
 _MADE_UP = 1e-15  # of the largest of a matrix
 # What both estimates may be wrong by together. Oil at 1e8 Pa exceeds it at setting 10
 # (`python -m tests.conditioning.corrections_grid`).
@@ -267,17 +265,16 @@ def _frequency(trace: Trace) -> float:
 
 def _branches(x: FloatArray, v: FloatArray, f: FloatArray) -> tuple[float, float, float]:
     """Return the constant, and the force in v^2 at peak speed of rebound and bump, N."""
-    channels = [np.ascontiguousarray(channel) for channel in (x, v, f)]
-    span, fastest = float(np.ptp(x)), float(np.abs(v).max())
-    products, found = np.empty((_COLUMNS, _COLUMNS)), np.zeros(_COLUMNS)
-    along = np.empty(_COLUMNS)
-    compiled_core().strokes(*channels, found, products, along, span, fastest)
+    u, is_out, is_in = v / float(np.abs(v).max()), v > 0.0, v < 0.0
+    columns = np.stack(
+        [np.ones_like(x), x / float(np.ptp(x)), np.sign(v), u * is_out, u * is_in, u * u * is_out,
+         u * u * is_in]
+    )  # fmt: skip
     # The products of the columns have the square of their condition; what that costs in digits, a
     # second step on what is left gives back. On the columns themselves it takes far longer.
-    inverse = _inverse(products)
-    found += inverse @ along
-    compiled_core().strokes(*channels, found, products, along, span, fastest)
-    found += inverse @ along
+    inverse = _inverse(columns @ columns.T)
+    found = inverse @ (columns @ f)
+    found += inverse @ (columns @ (f - found @ columns))
     return float(found[0]), float(found[5]), -float(found[6])
 
 

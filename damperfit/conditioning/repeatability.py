@@ -19,7 +19,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from damperfit.compiled_core import compiled_core
 from damperfit.conditioning.channels import noise_of
 from damperfit.conditioning.cycles import clean_cycles
 from damperfit.conditioning.filters import apply_filter, settling_samples
@@ -64,6 +63,7 @@ __all__ = [
 # passes.
 
 _FEWEST_PHASES = 8
+_TAPS = 4  # samples that a place between them is read from
 _BY_CYCLES = "scatter between cycles"
 
 
@@ -130,11 +130,14 @@ def scatter_between_cycles(trace: Trace, stretch: Stretch) -> float:
     phases = phases[(phases * n_phases >= ahead) & ((1.0 - phases) * n_phases > behind)]
     if len(phases) < _FEWEST_PHASES:
         return math.nan
-    scatter, lags = _scatter(trace.force, starts, phases)
+    (values,), weights = _folded(trace.force[None], starts, phases)
+    scatter = float(np.mean(np.var(values, axis=0, ddof=1)))
     design = trace.model_filter
     correlation = _autocorrelation(design.sections.tobytes(), design.is_zero_phase)
-    kept = float(lags @ correlation) / (stretch.n_cycles * len(phases))
-    return float(scatter / kept)
+    # Sums of the products of weights that stand 0, 1, 2, 3 samples apart.
+    products = weights @ weights.T
+    lags = np.array([(2.0 if k else 1.0) * np.trace(products, k) for k in range(_TAPS)])
+    return float(scatter * weights.shape[1] / (lags @ correlation))
 
 
 def noise_beside_motion(trace: Trace) -> float:
@@ -148,31 +151,37 @@ def noise_beside_motion(trace: Trace) -> float:
     if len(starts) < 3 or math.isnan(floor):
         return math.nan
     n_phases = max(8, round(mean_of(np.diff(starts))))
-    products = _beside(trace, starts, n_phases)
+    v = trace.velocity
+    channels = np.stack([trace.displacement, v, v * np.abs(v), trace.force])
+    read, _ = _folded(channels, starts, np.arange(n_phases) / n_phases)
+    off = (read - read.mean(axis=1, keepdims=True)).reshape(len(channels), -1)
+    products = off @ off.T
     size = np.maximum(np.sqrt(np.diag(products)), 1e-300)
     alike = products / size / size[:, np.newaxis]
     explained = alike[:3, 3] @ np.linalg.lstsq(alike[:3, :3], alike[:3, 3], rcond=None)[0]
     return floor * max(1.0 - float(explained), 0.0)
 
 
-def _scatter(force: FloatArray, starts: FloatArray, phases: FloatArray) -> tuple[float, FloatArray]:
-    """Return the variance of the cycles, mean over the phases, read by a cubic through four.
+def _folded(
+    channels: FloatArray, starts: FloatArray, phases: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return channels at each phase of each cycle, (k, cycles, phases), by a cubic through four.
 
-    And the sums of the products of its weights that stand 0, 1, 2, 3 samples apart.
+    And the weights of the four, (4, places). Beyond the ends the outermost four are read on.
     """
-    folded, lags = np.empty((len(starts) - 1, len(phases))), np.empty(4)
-    found = compiled_core().scatter(np.ascontiguousarray(force), starts, phases, folded, lags)
-    return found, lags
-
-
-def _beside(trace: Trace, starts: FloatArray, n_phases: int) -> FloatArray:
-    """Return products of what x, v, v |v| and f of cycles differ by from their mean, (4, 4)."""
-    channels = (trace.displacement, trace.velocity, trace.force)
-    products, room = np.empty((4, 4)), np.empty((len(starts) - 1 + len(trace.force), 4))
-    compiled_core().beside(
-        *(np.ascontiguousarray(channel) for channel in channels), starts, products, room, n_phases
-    )
-    return products
+    at = (starts[:-1, None] + np.diff(starts)[:, None] * phases).ravel()
+    first = np.clip(at, 1.0, channels.shape[1] - 3.0).astype(np.int64) - 1
+    u = at - first - 1.0
+    less, more, most = u - 1.0, u + 1.0, u - 2.0
+    weights = np.array(
+        [-u * less * most / 6.0, more * less * most / 2.0, -more * u * most / 2.0,
+         more * u * less / 6.0]
+    )  # fmt: skip
+    rows = np.ascontiguousarray(channels.T)  # side by side, for all are read at each place
+    read = weights[0, :, None] * rows[first]
+    for tap in range(1, _TAPS):
+        read += weights[tap, :, None] * rows[first + tap]
+    return read.T.reshape(len(channels), len(starts) - 1, len(phases)), weights
 
 
 @lru_cache(maxsize=64)
@@ -183,7 +192,7 @@ def _autocorrelation(sections: bytes, is_zero_phase: bool) -> FloatArray:  # noq
     impulse = np.zeros(2 * reach + 1)
     impulse[reach] = 1.0
     answer = apply_filter(design, impulse)
-    sums = np.array([answer[: len(answer) - k] @ answer[k:] for k in range(4)])
+    sums = np.array([answer[: len(answer) - k] @ answer[k:] for k in range(_TAPS)])
     return np.asarray(sums / sums[0])
 
 

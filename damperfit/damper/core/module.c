@@ -5,7 +5,6 @@
 
 #include "hysteresis.h"
 #include "network.h"
-#include "repeats_module.h"
 #include "signals_module.h"
 
 enum { BODY, NUMBERS, PASSAGES, NET_X, NET_V, NET_JUMPS, NET_WHICH, NET_PRESSURES, NET_MASSES, NET_FORCE,
@@ -201,10 +200,8 @@ static PyMethodDef METHODS[] = {
     {"simulate_network", simulate_network, METH_VARARGS,
      "simulate_network(body, numbers, passages, displacement, velocity, jumps, which, pressures,\n"
      "                 masses, force, sensitivities, interval, rounding, floating_piston,\n"
-     "                 tolerance, dead_band, max_steps_per_sample, lead, is_lead_unseen=False)\n"
-     "-> (code, steps, rejected, newton, sample). Fills the last four buffers. A lead above 0 lets\n"
-     "parts of the motion that settle within so many samples run side by side; where nobody asks for\n"
-     "the first so many they settle roughly and those are NaN."},
+     "                 tolerance, dead_band, max_steps_per_sample)\n"
+     "-> (code, steps, rejected, newton, sample). Fills the last four buffers."},
     {"follow", follow, METH_VARARGS,
      "follow(numbers, layout, displacement, velocity, force, slopes, interval, rounding)\n"
      "-> (code, sample). Fills force and its slopes, a row of numbers for each sample."},
@@ -219,12 +216,6 @@ static PyMethodDef METHODS[] = {
      "spline_slopes(samples, slopes, scratch)\nFills the slopes of the spline, by sample."},
     {"between", df_py_between, METH_VARARGS,
      "between(signal, positions, values, rows)\nFills each row's values at fractional samples."},
-    {"crossings", df_py_crossings, METH_VARARGS,
-     "crossings(x, v, at, reach, level, sign) -> n\n"
-     "Fills the fractional samples at which sign (x - level) rises through 0."},
-    {"tops", df_py_tops, METH_VARARGS,
-     "tops(x, v, boundaries, tops, level, sign)\n"
-     "Fills the top of sign (x - level) in each cycle between boundaries."},
     {"turns", df_py_turns, METH_VARARGS,
      "turns(x, turns, reach) -> n. Fills the samples (64-bit integers) at which x turns."},
     {"without_smooth", df_py_without_smooth, METH_VARARGS,
@@ -236,14 +227,6 @@ static PyMethodDef METHODS[] = {
     {"at_speeds", df_py_at_speeds, METH_VARARGS,
      "at_speeds(v, speeds, rows, counts, means, squares, sign)\n"
      "Fills what rows are where sign v passes rising speeds, on the way up and on the way down."},
-    {"scatter", df_py_scatter, METH_VARARGS,
-     "scatter(y, starts, phases, folded, lags) -> variance of the cycles, mean over the phases."},
-    {"beside", df_py_beside, METH_VARARGS,
-     "beside(x, v, f, starts, products, room, n_phases)\n"
-     "Fills products of what x, v, v |v| and f of each cycle differ by from their means."},
-    {"strokes", df_py_strokes, METH_VARARGS,
-     "strokes(x, v, f, found, products, along, span, fastest)\n"
-     "Fills the products of seven columns, and what they are along the force less `found`."},
     {"triangle", df_py_triangle, METH_VARARGS,
      "triangle(columns, triangle, width)\nFills R of the columns, which are written over."},
     {"fold", df_py_fold, METH_VARARGS,

@@ -1,33 +1,12 @@
-/* What cycles laid over each other tell, and sums over the strokes of a motion. */
+/* Mean cycles, what signals are at given speeds, triangles of columns. */
 #ifndef DAMPERFIT_REPEATS_H
 #define DAMPERFIT_REPEATS_H
 
 #include <stddef.h>
-#include <stdint.h>
 
 #ifdef __cplusplus
 extern "C" {
 #endif
-
-enum { DF_LAGS = 4, DF_BESIDE = 4, DF_STROKE_COLUMNS = 7 };
-
-/* Cycles laid over each other: y, n >= 4 samples, read at each phase (0 to 1) of each cycle by the
-   cubic through four samples. folded: n_cycles x n_phases; lags: sums over all places of the
-   products of weights 0 to 3 samples apart. Returns the mean over the phases of the cycles'
-   variance, two cycles at least. */
-double df_scatter(size_t n, const double *y, size_t n_cycles, const double *starts, size_t n_phases,
-                  const double *phases, double *folded, double *lags);
-
-/* Products, summed over all phases, of what displacement, velocity, its square with its sign, and
-   force of each cycle differ by from their means over the cycles. products: 4 x 4; room:
-   4 (n_cycles + n). */
-void df_beside(size_t n, const double *x, const double *v, const double *f, size_t n_cycles,
-               const double *starts, size_t n_phases, double *products, double *room);
-
-/* Products of the columns 1, x/span, sign of v, and v/fastest and its square in rebound and in bump
-   apart; and what they are along the force less `found` of each. products: 7 x 7. */
-void df_strokes(size_t n, const double *x, const double *v, const double *f, double span,
-                double fastest, const double *found, double *products, double *along);
 
 enum { DF_FOLDED = 3 };
 
@@ -40,6 +19,13 @@ void df_fold(size_t n, const double *const y[DF_FOLDED], size_t n_cycles, const 
 /* R of columns of n >= width numbers each, by Householder's reflections, zeros below its diagonal.
    columns: width x n, written over; triangle: width x width. */
 void df_triangle(size_t n, size_t width, double *columns, double *triangle);
+
+/* Signals (n_rows of n samples) on the straight lines between samples where sign v passes speeds,
+   which rise; on the way up, then on the way down. Of each way and speed: how often (counts, 2 x
+   n_speeds), mean, and sum of squares about the mean (means, squares: 2 x n_speeds x n_rows); of what
+   is never passed 0. */
+void df_at_speeds(size_t n, const double *v, double sign, size_t n_speeds, const double *speeds,
+                  size_t n_rows, const double *rows, double *counts, double *means, double *squares);
 
 #ifdef __cplusplus
 }

@@ -1,4 +1,4 @@
-/* Filters, spline slopes and interpolation. No allocation, no globals, re-entrant. */
+/* Filters, spline slopes, interpolation and turns. No allocation, no globals, re-entrant. */
 #include "signals.h"
 #include "taps.h"
 
@@ -182,4 +182,29 @@ void df_between(size_t n, size_t n_rows, const double *y, size_t n_at, const dou
         for (size_t row = 0; row < n_rows; row++, from += n)
             values[row * n_at + k] = df_weighed(weight, from);
     }
+}
+
+size_t df_turns(size_t n, const double *x, double reach, int64_t *turns)
+{
+    size_t found = 0, low = 0, high = 0;
+    int rising = 0; /* 1, -1; 0 until the first turn */
+    for (size_t k = 0; k < n; k++) {
+        const int is_inside = k && k + 1 < n;
+        if (is_inside && !((x[k] - x[k - 1]) * (x[k + 1] - x[k]) <= 0.0))
+            continue;
+        if (x[k] > x[high])
+            high = k;
+        if (x[k] < x[low])
+            low = k;
+        if (rising >= 0 && x[high] - x[k] > reach) {
+            turns[found++] = (int64_t)high;
+            rising = -1;
+            low = high = k;
+        } else if (rising <= 0 && x[k] - x[low] > reach) {
+            turns[found++] = (int64_t)low;
+            rising = 1;
+            low = high = k;
+        }
+    }
+    return found;
 }

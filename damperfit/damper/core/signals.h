@@ -1,8 +1,9 @@
-/* What is done to sampled signals: recursive filters, slopes of splines, values between samples. */
+/* What is done to sampled signals: recursive filters, slopes of splines, values between samples, turns. */
 #ifndef DAMPERFIT_SIGNALS_H
 #define DAMPERFIT_SIGNALS_H
 
 #include <stddef.h>
+#include <stdint.h>
 
 #ifdef __cplusplus
 extern "C" {
@@ -49,6 +50,10 @@ void df_spline_slopes(size_t n, const double *y, double *slopes, double *scratch
 /* Values of rows of n samples at fractional ones, through the eight around each; n >= 8. */
 void df_between(size_t n, size_t n_rows, const double *y, size_t n_at, const double *at,
                 double *values);
+
+/* Samples at which x turns, peaks and valleys by turns; a turn counts where the way back from it is
+   more than reach. turns: n; returns how many. */
+size_t df_turns(size_t n, const double *x, double reach, int64_t *turns);
 
 #ifdef __cplusplus
 }

@@ -1,12 +1,14 @@
-/* Python binding of signals.h and cycles.h: rows of doubles in and out, the GIL released while they run. */
+/* Python binding of signals.h, ends.h and repeats.h: rows of doubles in and out, the GIL released meanwhile. */
 #define PY_SSIZE_T_CLEAN
 #define Py_LIMITED_API 0x030B0000
 #include <Python.h>
 
 #include "buffers.h"
-#include "cycles.h"
+#include "ends.h"
+#include "repeats.h"
 #include "signals.h"
 #include "signals_module.h"
+#include "taps.h"
 
 PyObject *df_py_filter(PyObject *self, PyObject *args)
 {
@@ -132,52 +134,6 @@ PyObject *df_py_between(PyObject *self, PyObject *args)
     return df_done(&b);
 }
 
-PyObject *df_py_crossings(PyObject *self, PyObject *args)
-{
-    (void)self;
-    enum { X, V, AT, N };
-    PyObject *o[N];
-    double reach, level, sign;
-    if (!PyArg_ParseTuple(args, "OOOddd:crossings", &o[X], &o[V], &o[AT], &reach, &level, &sign))
-        return NULL;
-    df_buffers b;
-    if (!df_borrow(&b, o, N, AT))
-        return NULL;
-    const Py_buffer *v = b.view;
-    const Py_ssize_t n = df_count(&v[X]);
-    if (v[V].len != v[X].len || df_count(&v[AT]) < n / 2 + 1)
-        return df_refused(&b, "crossings: as many velocities as places, and room for half as many");
-    size_t found;
-    Py_BEGIN_ALLOW_THREADS
-    found = df_crossings((size_t)n, v[X].buf, v[V].buf, level, sign, reach, v[AT].buf);
-    Py_END_ALLOW_THREADS
-    df_release(&b);
-    return PyLong_FromSize_t(found);
-}
-
-PyObject *df_py_tops(PyObject *self, PyObject *args)
-{
-    (void)self;
-    enum { X, V, BOUNDARIES, TOPS, N };
-    PyObject *o[N];
-    double level, sign;
-    if (!PyArg_ParseTuple(args, "OOOOdd:tops", &o[X], &o[V], &o[BOUNDARIES], &o[TOPS], &level,
-                          &sign))
-        return NULL;
-    df_buffers b;
-    if (!df_borrow(&b, o, N, TOPS))
-        return NULL;
-    const Py_buffer *v = b.view;
-    const Py_ssize_t n = df_count(&v[X]), n_tops = df_count(&v[TOPS]);
-    if (n < 2 || v[V].len != v[X].len || df_count(&v[BOUNDARIES]) != n_tops + 1)
-        return df_refused(&b, "tops: two samples or more with velocities, and boundaries of each top");
-    Py_BEGIN_ALLOW_THREADS
-    df_tops((size_t)n, v[X].buf, v[V].buf, level, sign, (size_t)n_tops, v[BOUNDARIES].buf,
-            v[TOPS].buf);
-    Py_END_ALLOW_THREADS
-    return df_done(&b);
-}
-
 PyObject *df_py_turns(PyObject *self, PyObject *args)
 {
     (void)self;
@@ -200,12 +156,123 @@ PyObject *df_py_turns(PyObject *self, PyObject *args)
     return PyLong_FromSize_t(found);
 }
 
-/* Whether samples rise, and there are so many. */
-static int are_rising(const int64_t *samples, Py_ssize_t n, Py_ssize_t n_there)
+PyObject *df_py_without_smooth(PyObject *self, PyObject *args)
 {
-    for (Py_ssize_t k = 0; k < n; k++)
-        if (samples[k] < 0 || samples[k] >= n_there || (k && samples[k] <= samples[k - 1]))
-            return 0;
-    return 1;
+    (void)self;
+    enum { LAG, FORCE, COLUMNS, SUMS, N };
+    PyObject *o[N];
+    double reach, kink, power;
+    if (!PyArg_ParseTuple(args, "OOOOdd:without_smooth", &o[LAG], &o[FORCE], &o[COLUMNS], &o[SUMS],
+                          &reach, &kink))
+        return NULL;
+    df_buffers b;
+    if (!df_borrow(&b, o, N, COLUMNS))
+        return NULL;
+    const Py_buffer *v = b.view;
+    const Py_ssize_t n = df_count(&v[LAG]), row = n > 0 ? df_count(&v[COLUMNS]) / n : 0;
+    if (n < 1 || v[FORCE].len != v[LAG].len || (row != DF_SMOOTH + 1 && row != DF_BENT + 1) ||
+        df_count(&v[COLUMNS]) != n * row || df_count(&v[SUMS]) != (n + 1) * row)
+        return df_refused(&b, "without_smooth: as many forces as lags, and five or seven columns");
+    Py_BEGIN_ALLOW_THREADS
+    power = df_without_smooth((size_t)n, v[LAG].buf, v[FORCE].buf, reach, (int)row - 1, kink,
+                              v[COLUMNS].buf, v[SUMS].buf);
+    Py_END_ALLOW_THREADS
+    df_release(&b);
+    return PyFloat_FromDouble(power);
 }
 
+PyObject *df_py_steps(PyObject *self, PyObject *args)
+{
+    (void)self;
+    enum { LAG, COLUMNS, SUMS, DELAYS, REST, HEIGHTS, SCRATCH, N };
+    PyObject *o[N];
+    double power, width, least;
+    if (!PyArg_ParseTuple(args, "OOOOOOOddd:steps", &o[LAG], &o[COLUMNS], &o[SUMS], &o[DELAYS],
+                          &o[REST], &o[HEIGHTS], &o[SCRATCH], &power, &width, &least))
+        return NULL;
+    df_buffers b;
+    if (!df_borrow(&b, o, N, REST))
+        return NULL;
+    const Py_buffer *v = b.view;
+    const Py_ssize_t n = df_count(&v[LAG]), row = n > 0 ? df_count(&v[COLUMNS]) / n : 0;
+    if (n < 1 || (row != DF_SMOOTH + 1 && row != DF_BENT + 1) || df_count(&v[COLUMNS]) != n * row ||
+        df_count(&v[SUMS]) != (n + 1) * row || v[REST].len != v[DELAYS].len ||
+        v[HEIGHTS].len != v[DELAYS].len || df_count(&v[SCRATCH]) < n)
+        return df_refused(&b, "steps: columns and sums of each lag, rest and height of each delay");
+    Py_BEGIN_ALLOW_THREADS
+    df_steps((size_t)n, v[LAG].buf, (int)row - 1, v[COLUMNS].buf, v[SUMS].buf, power, width, least,
+             (size_t)df_count(&v[DELAYS]), v[DELAYS].buf, v[REST].buf, v[HEIGHTS].buf,
+             v[SCRATCH].buf);
+    Py_END_ALLOW_THREADS
+    return df_done(&b);
+}
+
+PyObject *df_py_at_speeds(PyObject *self, PyObject *args)
+{
+    (void)self;
+    enum { V, SPEEDS, ROWS, COUNTS, MEANS, SQUARES, N };
+    PyObject *o[N];
+    double sign;
+    if (!PyArg_ParseTuple(args, "OOOOOOd:at_speeds", &o[V], &o[SPEEDS], &o[ROWS], &o[COUNTS],
+                          &o[MEANS], &o[SQUARES], &sign))
+        return NULL;
+    df_buffers b;
+    if (!df_borrow(&b, o, N, COUNTS))
+        return NULL;
+    const Py_buffer *v = b.view;
+    const Py_ssize_t n = df_count(&v[V]), n_speeds = df_count(&v[SPEEDS]);
+    const Py_ssize_t n_rows = n > 0 ? df_count(&v[ROWS]) / n : 0;
+    if (n < 1 || df_count(&v[ROWS]) != n * n_rows || df_count(&v[COUNTS]) != 2 * n_speeds ||
+        df_count(&v[MEANS]) != 2 * n_speeds * n_rows || v[SQUARES].len != v[MEANS].len)
+        return df_refused(&b, "at_speeds: rows as long as the velocity, and room for each speed");
+    Py_BEGIN_ALLOW_THREADS
+    df_at_speeds((size_t)n, v[V].buf, sign, (size_t)n_speeds, v[SPEEDS].buf, (size_t)n_rows,
+                 v[ROWS].buf, v[COUNTS].buf, v[MEANS].buf, v[SQUARES].buf);
+    Py_END_ALLOW_THREADS
+    return df_done(&b);
+}
+
+PyObject *df_py_fold(PyObject *self, PyObject *args)
+{
+    (void)self;
+    enum { X, V, F, STARTS, MEANS, BESIDE, ROOM, N };
+    PyObject *o[N];
+    if (!PyArg_ParseTuple(args, "OOOOOOO:fold", &o[X], &o[V], &o[F], &o[STARTS], &o[MEANS], &o[BESIDE], &o[ROOM]))
+        return NULL;
+    df_buffers b;
+    if (!df_borrow(&b, o, N, MEANS))
+        return NULL;
+    const Py_buffer *v = b.view;
+    const Py_ssize_t n = df_count(&v[X]), n_cycles = df_count(&v[STARTS]) - 1, n_phases = df_count(&v[BESIDE]);
+    if (n < DF_TAPS || v[V].len != v[X].len || v[F].len != v[X].len || n_cycles < 1 ||
+        df_count(&v[MEANS]) != DF_FOLDED * n_phases || df_count(&v[ROOM]) != n_cycles)
+        return df_refused(&b, "fold: channels of one length, where cycles begin, and room for all of them");
+    const double *const y[DF_FOLDED] = {v[X].buf, v[V].buf, v[F].buf};
+    Py_BEGIN_ALLOW_THREADS
+    df_fold((size_t)n, y, (size_t)n_cycles, v[STARTS].buf, (size_t)n_phases, v[MEANS].buf, v[BESIDE].buf,
+            v[ROOM].buf);
+    Py_END_ALLOW_THREADS
+    return df_done(&b);
+}
+
+PyObject *df_py_triangle(PyObject *self, PyObject *args)
+{
+    (void)self;
+    enum { COLUMNS, TRIANGLE, N };
+    PyObject *o[N];
+    Py_ssize_t width;
+    if (!PyArg_ParseTuple(args, "OOn:triangle", &o[COLUMNS], &o[TRIANGLE], &width))
+        return NULL;
+    df_buffers b;
+    if (!df_borrow(&b, o, N, COLUMNS))
+        return NULL;
+    const Py_buffer *v = b.view;
+    const Py_ssize_t n = width > 0 ? df_count(&v[COLUMNS]) / width : 0;
+    if (width < 1 || n < width || df_count(&v[COLUMNS]) != n * width ||
+        df_count(&v[TRIANGLE]) != width * width)
+        return df_refused(&b, "triangle: columns of one length, no shorter than they are many");
+    Py_BEGIN_ALLOW_THREADS
+    df_triangle((size_t)n, (size_t)width, v[COLUMNS].buf, v[TRIANGLE].buf);
+    Py_END_ALLOW_THREADS
+    return df_done(&b);
+}
