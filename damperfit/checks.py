@@ -1,7 +1,8 @@
 """Named checks of a run, each passed, failed or not evaluated, with the reason; which are gates.
 
 A check that cannot be evaluated has passed None and says why. A reason names the settings it speaks
-of. A check that nobody looked at is a gate not met: it must not be let through.
+of. A check that nobody looked at is a gate not met: it must not be let through. What moves no force
+by more than 1 % fails no check: it is a note in the reason of one that passed.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from damperfit.adjustment.clicks import Adjustment
+    from damperfit.adjustment.trends import Trend
     from damperfit.damper.quantity import Quantity
     from damperfit.identification import Campaign, Fit
     from damperfit.recording import Trace
@@ -42,6 +44,7 @@ __all__ = [
 
 
 _EXPLAINED = 0.5  # share of the MSE
+_MATTERS = 0.01  # of the force, or of a parameter, which moves the force by no more
 _SOME = 20  # logs or settings that are named one by one: a damper has some twenty settings
 _FIRST = 5  # of more
 _Verdict = tuple[bool | None, str]
@@ -122,24 +125,20 @@ def _mse_below_1_percent(subject: Subject) -> _Verdict:
 
 def _no_parameter_at_bound(subject: Subject) -> _Verdict:
     bad = _with_status(subject, Status.AT_BOUND, "lies at the edge of its plausible range")
-    return (
-        (False, bad)
-        if bad
-        else (True, "no fitted parameter ran to the edge of its plausible range")
-    )
+    return not bad, bad or "no fitted parameter ran to the edge of its plausible range"
 
 
 def _all_parameters_identifiable(subject: Subject) -> _Verdict:
     bad = _with_status(subject, Status.NOT_IDENTIFIABLE, "is not determined by the logs")
-    return (False, bad) if bad else (True, "the logs determine every parameter that was fitted")
+    return not bad, bad or "the logs determine every parameter that was fitted"
 
 
 def _with_status(subject: Subject, status: Status, words: str) -> str:
-    found = {
+    parts = {
         name: [fit for fit in subject.fits if fit.status[name] == status]
         for name in subject.fits[0].parameters.names
     }
-    return "; ".join(f"{name} {words} at {_settings(fits)}" for name, fits in found.items() if fits)
+    return "; ".join(f"{name} {words} at {_settings(fits)}" for name, fits in parts.items() if fits)
 
 
 def _no_cavitation(subject: Subject) -> _Verdict:
@@ -164,8 +163,8 @@ def _trend_monotone(subject: Subject) -> _Verdict:
     judged = [trend for trend in trends if trend.monotone is not None]
     if not judged:
         return None, _no_trend(subject)
-    bad = [trend.sentence for trend in judged if not trend.monotone]
-    if bad:
+    turning = [trend for trend in judged if not trend.monotone]
+    if bad := [trend.sentence for trend in turning if _turn_of(trend) > _MATTERS]:
         return False, "; ".join(bad)
     lines: dict[str, list[str]] = defaultdict(list)
     for trend in judged:
@@ -173,10 +172,16 @@ def _trend_monotone(subject: Subject) -> _Verdict:
         by += f" ({trend.held})" if trend.held else ""
         lines[by].append(f"{trend.parameter} {_DIRECTIONS[trend.direction or '']}")
     said = "; with ".join(f"{by} {', '.join(trends)}" for by, trends in lines.items())
-    undetermined = [
-        f"; {trend.parameter} is not determined" for trend in trends if trend.monotone is None
-    ]
-    return True, f"with {said}, within errors and scatter{''.join(undetermined)}"
+    notes = [f"; {one.parameter} is not determined" for one in trends if one.monotone is None]
+    notes += [f"; {one.parameter} turns by less than 1 %" for one in turning]
+    return True, f"with {said}, within errors and scatter{''.join(notes)}"
+
+
+def _turn_of(trend: Trend) -> float:
+    """Return by how much of itself a parameter goes against its direction, at most."""
+    found = {point.setting: point.found for point in trend.points}
+    turns = [(found.get(a), found.get(b)) for a, b in trend.reversals]
+    return max((abs(b / a - 1.0) if a and b else math.inf for a, b in turns), default=math.inf)
 
 
 _DIRECTIONS = {"rising": "rises", "falling": "falls", "flat": "stays constant"}
@@ -190,8 +195,9 @@ def _no_outlier_setting(subject: Subject) -> _Verdict:
     off: dict[tuple[str, str, float], list[str]] = defaultdict(list)
     for trend in judged:
         for one in trend.outliers:
-            said_off = f"{trend.parameter} {100.0 * one.deviation:+.1f} %"
-            off[trend.adjuster, trend.held, one.setting].append(said_off)
+            if abs(one.deviation) > _MATTERS:
+                said_off = f"{trend.parameter} {100.0 * one.deviation:+.1f} %"
+                off[trend.adjuster, trend.held, one.setting].append(said_off)
     if off:
         said = (
             f"{adjuster} {clicks:g}{f' with {held}' if held else ''} ({', '.join(parameters)})"
@@ -201,7 +207,9 @@ def _no_outlier_setting(subject: Subject) -> _Verdict:
     mixed_up = [trend for trend in trends if trend.is_erratic and not trend.outliers_judged]
     if mixed_up:
         return None, "; ".join(trend.sentence for trend in mixed_up)
-    return True, f"no setting is off the trend of {', '.join(t.parameter for t in judged)}"
+    small = [one for trend in judged for one in trend.outliers]
+    more = " by more than 1 %" if small else ""
+    return True, f"no setting is off the trend of {', '.join(t.parameter for t in judged)}{more}"
 
 
 def _no_trend(subject: Subject) -> str:
@@ -232,13 +240,20 @@ def _every_click_counts(subject: Subject) -> _Verdict:
 def _residuals_white(subject: Subject) -> _Verdict:
     known, unknown = _diagnoses(subject)
     structured = [one for one in known if one.is_structured]
-    if structured:
-        worst = max(structured, key=lambda one: one.mse_percent)
-        where = of_settings(one.setting for one in structured)
-        return False, f"the misfit repeats from cycle to cycle at {where}: {worst.sentence}"
-    if unknown:
-        return None, unknown
-    return True, "no misfit repeats from cycle to cycle"
+    large = [one for one in structured if _repeats_by(one) > _MATTERS]
+    worst = max(structured, key=_repeats_by, default=None)
+    if worst is None or (unknown and not large):
+        return (None, unknown) if unknown else (True, "no misfit repeats from cycle to cycle")
+    most = f"{100.0 * _repeats_by(worst):.2g} % of the force at setting {worst.setting}"
+    if large:
+        where = of_settings(one.setting for one in large)
+        return False, f"the misfit repeats from cycle to cycle at {where}, most {most}"
+    return True, f"what repeats of the misfit is below 1 % of the force: at most {most}"
+
+
+def _repeats_by(one: Diagnosis) -> float:
+    """Return the rms of what repeats over that of the force about its mean."""
+    return math.sqrt(one.repeating_percent / 100.0)
 
 
 def _noise_floor_explained(subject: Subject) -> _Verdict:
@@ -246,7 +261,9 @@ def _noise_floor_explained(subject: Subject) -> _Verdict:
     short = [
         one
         for one in known
-        if one.is_structured and one.noise_percent < _EXPLAINED * one.mse_percent
+        if one.is_structured
+        and one.noise_percent < _EXPLAINED * one.mse_percent
+        and _repeats_by(one) > _MATTERS
     ]
     if short:
         worst = min(short, key=lambda one: one.noise_percent / one.mse_percent)
@@ -258,7 +275,10 @@ def _noise_floor_explained(subject: Subject) -> _Verdict:
         )
     if unknown:
         return None, unknown
-    return True, "noise explains half of the MSE or more, or nothing repeats, at every setting"
+    return True, (
+        "noise explains half of the MSE or more, or what repeats is below 1 % of the force, at "
+        "every setting"
+    )
 
 
 def _diagnoses(subject: Subject) -> tuple[list[Diagnosis], str]:

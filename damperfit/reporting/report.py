@@ -171,16 +171,13 @@ def withheld(run: Run) -> list[str]:
 
 
 def verdicts(run: Run) -> list[str]:
-    """Return how the fits went that are less than good, or need a remark."""
-    rows = run.rows("parameters")
-    doubtful = [
+    """Return how the fits went that are less than good; what checks and tables mark is left out."""
+    marked = {None, "converged", "at_bound", "not_identifiable"}
+    return short_listing(
         f"setting {row['setting']}: {verdict(row, run)}"
-        for row in rows
-        if row["grade"] not in {"excellent", "good"} or remarks_on(row, run.quantities)
-    ]
-    if rows and not doubtful:
-        return ["every fit converged, good or better, without a remark"]
-    return short_listing(doubtful)
+        for row in run.rows("parameters")
+        if row["grade"] not in {"excellent", "good"} or row.get("outcome") not in marked
+    )
 
 
 def verdict(row: Any, run: Run) -> str:
