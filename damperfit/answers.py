@@ -680,6 +680,7 @@ class FleetDone:
 
     def collect(self, bands: Tolerance | None, *, is_reported: bool) -> None:
         """Make the one table of all parts, its page, and hold its forces against bands."""
+        from damperfit.fleets.parts import SUMMARY
         from damperfit.fleets.parts import collect as collected
 
         table = collected(self.folder)
@@ -693,8 +694,8 @@ class FleetDone:
         if is_reported:
             from damperfit.fleets.page import write_page
 
-            write_page(self.folder, found, self.held)
-            self.page = self.folder / "fleet.html"
+            write_page(self.folder / SUMMARY, found, self.held)
+            self.page = self.folder / SUMMARY / "fleet.html"
 
     def __repr__(self) -> str:
         return f"<FleetDone: {self.n_tasks} dampers, {self.counts}>"

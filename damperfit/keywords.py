@@ -71,7 +71,7 @@ _TABLE: dict[str, dict[str, tuple[Any, ...]]] = {
         ),
         "debug": ("flag", "", "Show the traceback of an error."),
         "version": ("flag", "", "Print the version and exit.", "", ("-V",)),
-        "results": ("argument", "RESULTS", "Folder that identify wrote, or fleet/serial=D003."),
+        "results": ("argument", "RESULTS", "Folder that identify wrote, or fleet/serial-D003."),
         "settings.results": (
             "arguments", "RESULTS",
             "Folder that identify wrote, or files of measured curves.  [default: results]",
@@ -284,7 +284,7 @@ _TABLE: dict[str, dict[str, tuple[Any, ...]]] = {
         "report": ("flag", "", "Also write report.html, as damperfit report does."),
         "fleet.report": (
             "flag", "",
-            "Also write the tables and one page of the fleet: fleet.html.",
+            "Also write the tables and one page of the fleet: _fleet/fleet.html.",
         ),
         "figures": (
             "text", "KIND",
@@ -297,7 +297,7 @@ _TABLE: dict[str, dict[str, tuple[Any, ...]]] = {
         "list": ("flag", "", "Show the targets with file, units and sign."),
         "github_summary": ("flag", "", "Append the report to the summary of the job."),
         "save": ("path", "FILE.json", "Keep A as a baseline."),
-        "collect": ("flag", "", "Then write one table of all parts: fleet.parquet, .csv."),
+        "collect": ("flag", "", "Then write one table of all parts: _fleet/fleet.parquet, .csv."),
         "units": (
             "text", "LIST",
             ("Units of force, speed and length, as in N,mm/s or lbf,in/s or daN.  [default: those "

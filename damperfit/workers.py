@@ -424,7 +424,7 @@ def _begin() -> None:
 
 _AHEAD = 4  # items given to each thread of the cluster before one is done
 _PATIENCE = "10s"
-_ALONE = 60.0  # s without a worker
+_ALONE = 15.0  # s without a worker
 
 
 class Cluster:

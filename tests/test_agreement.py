@@ -119,7 +119,7 @@ class Outlets:
     def fleet(self) -> pd.Series:
         out = self.folder / "fleet"
         self.command("fleet", self.log, "--out", str(out), "--jobs", "1")
-        (part,) = out.glob("serial=*/part-*.parquet")
+        (part,) = out.glob("serial-*/part-*.parquet")
         return pd.read_parquet(part).iloc[0]
 
     @cached_property

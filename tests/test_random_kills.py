@@ -94,7 +94,7 @@ def test_fleet_goes_on_to_the_table_of_an_undisturbed_one(tmp_path: Path, texts)
         put(tmp_path / "logs" / f"D{k}", texts)
     logs, quiet = tmp_path / "logs", tmp_path / "quiet"
     whole = seconds("fleet", logs, "--out", quiet, "--jobs", 2, "--collect")
-    names = ("fleet.parquet", "fleet.csv")
+    names = ("_fleet/fleet.parquet", "_fleet/fleet.csv")
     expected = [(quiet / name).read_bytes() for name in names]
     n_killed = 0
     for k in range(KILLS):
@@ -112,6 +112,6 @@ def test_fleet_goes_on_to_the_table_of_an_undisturbed_one(tmp_path: Path, texts)
             assert not list(out.rglob(".damperfit-*"))
         else:
             n_killed += killed(process, after)
-            assert len(list(out.glob("serial=*/part-*.parquet"))) <= 4
+            assert len(list(out.glob("serial-*/part-*.parquet"))) <= 4
     print(f"{n_killed} of {KILLS} killed at work")
     assert n_killed > KILLS // 3

@@ -606,7 +606,7 @@ def fleet(how: Shown, **given: Any) -> int:
         fault, found = error, error.done  # parts are done, and could not be collected
     _tell_of_fleet(found, how)
     if not how.quiet and found.n_rows is not None:
-        table = found.folder / "fleet.parquet"
+        table = found.folder / "_fleet" / "fleet.parquet"
         say(f"damperfit: {found.n_rows} rows of the fleet in {table} and .csv")
         if found.page is not None:
             say(f"damperfit: {found.page} written, with tables of dampers and outliers")

@@ -331,7 +331,6 @@ def fleet_page(found: Survey, held: HeldFleet | None = None, *, title: str) -> s
         groups=groups,
         dampers=damper_sheet(found.dampers, most=MOST_LINES),
         data=data.script({}),
-        plotly=plotly_script(),
         script=asset("page.js"),
     )
 
@@ -342,7 +341,7 @@ def write_page(folder: Path, found: Survey, held: HeldFleet | None = None) -> No
     Parameters
     ----------
     folder : pathlib.Path
-        Of the fleet.
+        Inside that of the fleet.
     found : Survey
         What its table tells.
     held : HeldFleet, optional
@@ -355,7 +354,7 @@ def write_page(folder: Path, found: Survey, held: HeldFleet | None = None) -> No
     OutputError
         The files cannot be written.
     """
-    page = fleet_page(found, held, title=folder.resolve().name)
+    page = fleet_page(found, held, title=folder.resolve().parent.name)
     tables = {
         "dampers": pa.Table.from_pylist([asdict(one) for one in found.dampers]),
         "outliers": pa.Table.from_pylist(
@@ -366,6 +365,7 @@ def write_page(folder: Path, found: Survey, held: HeldFleet | None = None) -> No
         tables["tolerance"] = tolerance_table(tolerance_rows(held.missed))
     with file_set(folder) as files:
         files.path("fleet.html").write_bytes(page.encode("utf-8", "backslashreplace"))
+        files.path("plotly.min.js").write_text(plotly_script(), encoding="utf-8")
         for name, table in tables.items():
             write_table(files.path(f"{COLLECTED}_{name}.csv"), table, suffix=".csv")
 

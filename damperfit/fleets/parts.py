@@ -1,10 +1,12 @@
 """Parts on the disk: one Parquet file a damper, in folders by serial number that any tool can read.
 
-    OUT/serial=D003/part-KEY.parquet
+    OUT/serial-D003/part-KEY.parquet      rows of one damper; the serial number is a column of text
+    OUT/_fleet/fleet.parquet              one table of all, which readers of OUT as a data set skip
 
 A part is written beside its place and renamed, so that it is there whole or not at all; which part
 a damper's logs give follows from the key alone. Its bytes depend on the logs, the configuration and
-the version, never on the clock or the worker.
+the version, never on the clock or the worker. What is known besides the rows stands in the footer,
+outside of the schema, which would hold it a second time; what of run.json is compared is packed.
 """
 
 from __future__ import annotations
@@ -22,33 +24,21 @@ import pyarrow.parquet as pq
 from damperfit.errors import ConfigurationError, OutputError
 from damperfit.recording import natural_order
 from damperfit.store import file_set, remove_abandoned, replaced
-from damperfit.tables.reading import RECORD
+from damperfit.tables.reading import PART_FOLDERS, RECORD, packed, serial_in, unpacked
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator
     from pathlib import Path
-
-__all__ = [
-    "COLLECTED",
-    "SERIAL",
-    "SYMBOL",
-    "collect",
-    "forget_earlier",
-    "part_path",
-    "parts_in",
-    "read_facts_of",
-    "renew_facts",
-    "tidy",
-    "touch",
-    "write_part",
-]
 
 SERIAL = "serial"
 SYMBOL = b"symbol"  # in the metadata of a quantity's column
 COLLECTED = "fleet"  # name of the one table
+SUMMARY = "_fleet"  # of the folder of all that tells of the whole fleet
 _NAMELESS = "__unknown__"
 _LONGEST = 180  # characters of a folder's name
 _FACTS = b"damperfit"
+_TOLD = {b"unit", SYMBOL}  # of a column; what it means stands in the manual
+_BROKEN = (OSError, pa.ArrowInvalid, ValueError)
 
 
 def part_path(folder: Path, owner: str, key: str) -> Path:
@@ -58,24 +48,24 @@ def part_path(folder: Path, owner: str, key: str) -> Path:
     --------
     >>> from pathlib import Path
     >>> part_path(Path("out"), "SN 12/34", "ab").as_posix()
-    'out/serial=SN%2012%2F34/part-ab.parquet'
+    'out/serial-SN%2012%2F34/part-ab.parquet'
     """
     name = quote(owner or _NAMELESS, safe="", errors="surrogateescape")
     if len(name) > _LONGEST:  # of what a disk takes as a name
         digest = hashlib.sha256(owner.encode("utf-8", "surrogateescape")).hexdigest()
         name = f"{name[: _LONGEST - 20].rpartition('%')[0] or name[:100]}-{digest[:16]}"
-    return folder / f"{SERIAL}={name}" / f"part-{key}.parquet"
+    return folder / f"{SERIAL}-{name}" / f"part-{key}.parquet"
 
 
 def owner_in(path: Path) -> str:
     """Return whose a part is, from its folder."""
-    owner = unquote(path.parent.name.removeprefix(f"{SERIAL}="), errors="replace")
+    owner = unquote(serial_in(path.parent), errors="replace")
     return "" if owner == _NAMELESS else owner
 
 
 def parts_in(folder: Path) -> list[Path]:
     """Return the parts of a fleet's folder, by serial number."""
-    found = folder.glob(f"{SERIAL}=*/part-*.parquet")
+    found = [path for name in PART_FOLDERS for path in folder.glob(f"{name}/part-*.parquet")]
     return sorted(found, key=lambda path: (natural_order(owner_in(path)), path.name))
 
 
@@ -91,8 +81,8 @@ def write_part(
     table : pyarrow.Table
         Its rows.
     facts : dict
-        For the schema's ``damperfit`` entry; "logs" are the hashes of its logs, "places" where
-        they stand, "seen" by place what `damperfit.fleets.sources.Seen` holds.
+        What is known besides: "logs" are the hashes of its logs, "places" where they stand, "seen"
+        by place what `damperfit.fleets.sources.KnownObject` holds.
     record : dict, optional
         What of run.json is compared.
 
@@ -101,15 +91,60 @@ def write_part(
     OutputError
         It cannot be written.
     """
-    text = json.dumps(facts, sort_keys=True).encode()
-    of_run = json.dumps(record or {}, sort_keys=True).encode()
-    table = table.replace_schema_metadata({_FACTS: text, RECORD: of_run})
+    if SERIAL not in table.column_names:
+        serials = pa.array([owner_in(path)] * table.num_rows, pa.string())
+        table = table.add_column(0, SERIAL, serials)
+    fields = [
+        field.with_metadata(
+            {key: text for key, text in (field.metadata or {}).items() if key in _TOLD}
+        )
+        for field in table.schema
+    ]
+    table = table.cast(pa.schema(fields))
+    footer = {_FACTS.decode(): json.dumps(facts, sort_keys=True)}
+    if record:
+        footer[RECORD.decode()] = packed(record)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with replaced(path) as file:
-            pq.write_table(table, file, write_page_checksum=True)
+        with (
+            replaced(path) as file,
+            pq.ParquetWriter(
+                file, table.schema, write_page_checksum=True, write_statistics=False
+            ) as writer,
+        ):
+            writer.write_table(table)
+            writer.add_key_value_metadata(footer)
     except OSError as error:
         raise OutputError(f"cannot be written: {error.strerror or error}", subject=path) from error
+
+
+def read_facts_of(path: Path) -> dict[str, Any]:
+    """Return what a part tells besides its rows; nothing where it is damaged."""
+    try:
+        facts = json.loads((pq.read_metadata(path).metadata or {}).get(_FACTS, b"{}"))
+    except _BROKEN:
+        return {}
+    return facts if isinstance(facts, dict) else {}
+
+
+def renew_facts(path: Path, **changed: Any) -> None:
+    """Write a part anew with other facts; its rows stay.
+
+    Raises
+    ------
+    OutputError
+        It cannot be written.
+    """
+    try:
+        table = _read(path)
+        record = unpacked((pq.read_metadata(path).metadata or {}).get(RECORD, b""))
+    except _BROKEN:
+        return  # whoever collects it says that it is damaged
+    write_part(path, table, read_facts_of(path) | changed, record)
+
+
+def _read(path: Path) -> pa.Table:
+    return pq.ParquetFile(path, page_checksum_verification=True).read()
 
 
 def forget_earlier(folder: Path) -> None:
@@ -123,10 +158,11 @@ def forget_earlier(folder: Path) -> None:
     for path in sorted(parts_in(folder), key=_latest_first):
         facts = read_facts_of(path)
         logs = {("", one) for one in facts.get("places", ())}
-        logs |= {(path.parent.name, one) for one in facts.get("logs", ())}
+        logs |= {(serial_in(path.parent), one) for one in facts.get("logs", ())}
         if logs & seen:
             with suppress(OSError):
                 path.unlink()
+                path.parent.rmdir()  # but for other tests of the damper
         else:
             seen |= logs
 
@@ -144,36 +180,11 @@ def touch(path: Path) -> None:
         os.utime(path)
 
 
-def read_facts_of(path: Path) -> dict[str, Any]:
-    """Return what a part tells besides its rows; nothing where it is damaged."""
-    try:
-        metadata = pq.read_schema(path).metadata or {}
-        found = json.loads(metadata.get(_FACTS, b"{}"))
-    except (OSError, pa.ArrowInvalid, ValueError):
-        return {}
-    return found if isinstance(found, dict) else {}
-
-
-def renew_facts(path: Path, **changed: Any) -> None:
-    """Write a part anew with other facts; its rows stay.
-
-    Raises
-    ------
-    OutputError
-        It cannot be written.
-    """
-    try:
-        table = pq.ParquetFile(path, page_checksum_verification=True).read()
-        record = json.loads((table.schema.metadata or {}).get(RECORD, b"{}"))
-    except (OSError, pa.ArrowInvalid, ValueError):
-        return  # whoever collects it says that it is damaged
-    write_part(path, table, read_facts_of(path) | changed, record)
-
-
 def tidy(folder: Path) -> None:
     """Remove what killed workers left; the files of those that may be at work stay."""
-    for damper in folder.glob(f"{SERIAL}=*"):
-        remove_abandoned(damper)
+    for name in PART_FOLDERS:
+        for damper in folder.glob(name):
+            remove_abandoned(damper)
 
 
 def _tables(folder: Path) -> Iterator[pa.Table]:
@@ -181,19 +192,20 @@ def _tables(folder: Path) -> Iterator[pa.Table]:
         try:
             if not path.exists():  # another run has just replaced it
                 continue
-            table = pq.ParquetFile(path, page_checksum_verification=True).read()
+            table = _read(path).replace_schema_metadata(None)
         except (OSError, pa.ArrowInvalid) as error:
             raise ConfigurationError(
                 f"damaged ({error}); remove it, and the next damperfit fleet makes it again",
                 subject=path,
             ) from error
-        yield table.replace_schema_metadata(None).add_column(
-            0, SERIAL, pa.array([owner_in(path)] * table.num_rows, pa.string())
-        )
+        if SERIAL not in table.column_names:  # of an earlier version: the folder alone told it
+            serials = pa.array([owner_in(path)] * table.num_rows, pa.string())
+            table = table.add_column(0, SERIAL, serials)
+        yield table
 
 
 def collect(folder: Path) -> pa.Table:
-    """Make one table of all parts, ``fleet.parquet`` and ``fleet.csv`` in the same folder.
+    """Make one table of all parts, ``fleet.parquet`` and ``fleet.csv`` in the folder ``_fleet``.
 
     Rows stand by serial number, then as in the part; equal parts give equal bytes.
 
@@ -207,13 +219,13 @@ def collect(folder: Path) -> pa.Table:
     from damperfit.tables.files import write_table
 
     forget_earlier(folder)
-    tables: Sequence[pa.Table] = list(_tables(folder))
+    tables = list(_tables(folder))
     if not tables:
         raise ConfigurationError(
             "no parts of a fleet there; run damperfit fleet LOGS first", subject=folder
         )
     table = pa.concat_tables(tables, promote_options="default").combine_chunks()
-    with file_set(folder) as files:
+    with file_set(folder / SUMMARY) as files:
         for suffix in (".parquet", ".csv"):
             write_table(files.path(COLLECTED + suffix), table, suffix=suffix)
     return table

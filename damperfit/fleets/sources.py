@@ -278,7 +278,9 @@ def _below(folder: Path, root: Path) -> list[FleetLog]:
 
     files: list[Path] = []
     for place, folders, names in os.walk(folder, onerror=refuse):
-        folders[:] = sorted(name for name in folders if not name.startswith((".", "serial=")))
+        folders[:] = sorted(
+            name for name in folders if not name.startswith((".", "serial-", "serial="))
+        )
         files += (Path(place, name) for name in names if _is_log(name))
     return [FleetLog(str(path), path.relative_to(root).as_posix()) for path in _without_own(files)]
 

@@ -9,11 +9,14 @@ from __future__ import annotations
 
 import csv
 import json
+from base64 import b64decode, b64encode
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 from urllib.parse import unquote
+from zlib import compress, decompress
+from zlib import error as zlib_error
 
 import numpy as np
 import pyarrow as pa
@@ -43,7 +46,8 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.float64]
 
 
-RECORD = b"damperfit_record"  # of the schema's metadata of a fleet's part
+RECORD = b"damperfit_record"  # in the footer of a fleet's part
+PART_FOLDERS = ("serial-*", "serial=*")  # the latter of earlier versions
 _OWN = ("version", "schema_version", "test", "configuration")  # of a table, not of run.json
 _BROKEN = (OSError, ValueError, TypeError, KeyError, csv.Error, pa.ArrowException)
 _MANY = 6  # columns that are named when they are missing
@@ -301,7 +305,29 @@ def read_known_numbers(path: Path) -> dict[Setting, dict[str, float]]:
 
 def _parts_of(folder: Path) -> list[Path]:
     """Return the parts in the folder of one serial number."""
-    return sorted(folder.glob("part-*.parquet")) if folder.name.startswith("serial=") else []
+    is_ours = folder.name.startswith(("serial-", "serial="))
+    return sorted(folder.glob("part-*.parquet")) if is_ours else []
+
+
+def serial_in(folder: Path) -> str:
+    """Return the serial number that a folder of parts is called by, as it is spelled there."""
+    return folder.name.removeprefix("serial-").removeprefix("serial=")
+
+
+def packed(record: Mapping[str, Any]) -> str:
+    """Return a record as text for the footer of a part."""
+    return b64encode(compress(json.dumps(record, sort_keys=True).encode(), 9)).decode()
+
+
+def unpacked(text: bytes) -> dict[str, Any]:
+    """Return the record that a footer holds; of earlier versions it was not packed."""
+    if not text:
+        return {}
+    try:
+        found = json.loads(text if text.startswith(b"{") else decompress(b64decode(text)))
+    except zlib_error as error:
+        raise ValueError(str(error)) from error
+    return found if isinstance(found, dict) else {}
 
 
 def is_part(path: Path) -> bool:
@@ -340,8 +366,9 @@ def read_part(
     """
     path = part_in(path)
     try:
-        table = pq.ParquetFile(regular(path), page_checksum_verification=True).read()
-        record = json.loads((table.schema.metadata or {}).get(RECORD, b"{}"))
+        file = pq.ParquetFile(regular(path), page_checksum_verification=True)
+        table, record = file.read(), unpacked((file.metadata.metadata or {}).get(RECORD, b""))
+        table = table.select([name for name in table.column_names if name != "serial"])
     except (OSError, pa.ArrowInvalid, ValueError) as error:
         raise ConfigurationError(
             f"damaged ({error}); remove it, and the next damperfit fleet makes it again",
@@ -397,4 +424,4 @@ def title_of(place: Path) -> str:
     if not is_part(place):
         return place.resolve().name or str(place)
     serial = place if place.is_dir() else place.parent
-    return unquote(serial.name.removeprefix("serial="), errors="replace")
+    return unquote(serial_in(serial), errors="replace")

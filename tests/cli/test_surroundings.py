@@ -147,7 +147,7 @@ def test_a_dask_worker_executes_nothing_of_the_folder_that_it_is_started_in(logs
             worker.terminate()
             worker.wait(30.0)
     assert ended.returncode == 0, ended.stderr
-    assert list((tmp_path / "fleet").glob("serial=*/part-*.parquet"))
+    assert list((tmp_path / "fleet").glob("serial-*/part-*.parquet"))
     assert not mark.exists(), mark.read_text()
 
 

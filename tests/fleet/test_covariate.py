@@ -7,10 +7,10 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
+import damperfit
 from damperfit.arguments import covaried
 from damperfit.cli.main import main
 from damperfit.errors import ConfigurationError
-from damperfit.queries.settings import read_adjuster_results
 from tests.fleet.test_fleet_command import Here
 from tests.run.test_warmth import BETA, COLD, WARM, known_at, recording
 
@@ -44,7 +44,7 @@ def fleet(tmp_path_factory):
 
 
 def test_each_damper_tells_beta_and_all_are_told_at_one_temperature(fleet: Path) -> None:
-    table = pd.read_parquet(fleet / "fleet.parquet").set_index("serial")
+    table = pd.read_parquet(fleet / "_fleet" / "fleet.parquet").set_index("serial")
     for name in ("D1", "D2"):
         row = table.loc[name]
         assert row["reference_temperature_degC"] == 26.0  # not the mean of its logs
@@ -55,7 +55,8 @@ def test_each_damper_tells_beta_and_all_are_told_at_one_temperature(fleet: Path)
 
 def test_a_part_is_asked_for_at_another_temperature(fleet: Path) -> None:
     cold, warm = (
-        read_adjuster_results(fleet / "serial=D1", temperature=asked) for asked in (None, "60degC")
+        damperfit.settings(fleet / "serial-D1", temperature=asked).forces
+        for asked in (None, "60degC")
     )
     assert cold.source.endswith(" and 26 degC")
     assert warm.source.endswith(" and 60 degC")
@@ -65,7 +66,9 @@ def test_a_fleet_without_it_has_no_such_column(three, tmp_path, monkeypatch) -> 
     monkeypatch.setattr("damperfit.workers.Processes", Here)
     out = tmp_path / "out"
     assert main(["fleet", str(three / "D1"), "--out", str(out), "--collect", "--quiet"]) == 0
-    assert not {"beta", "reference_temperature_degC"} & set(pd.read_parquet(out / "fleet.parquet"))
+    assert not {"beta", "reference_temperature_degC"} & set(
+        pd.read_parquet(out / "_fleet" / "fleet.parquet")
+    )
 
 
 @pytest.mark.parametrize(

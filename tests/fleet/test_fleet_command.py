@@ -49,7 +49,7 @@ def run(*arguments: str) -> int:
 
 
 def table_of(folder: Path) -> pd.DataFrame:
-    return pd.read_parquet(folder / "fleet.parquet")
+    return pd.read_parquet(folder / "_fleet" / "fleet.parquet")
 
 
 def test_every_damper_gets_a_part_and_all_one_table(three, tmp_path, here, capsys):
@@ -62,7 +62,10 @@ def test_every_damper_gets_a_part_and_all_one_table(three, tmp_path, here, capsy
         [serial, setting] for serial in ("D1", "D2", "D10") for setting in ("1", "10")
     ]
     assert found["r_m1"].tolist() == pytest.approx(3 * [14000.0, 23945.0], rel=0.01)
-    assert pq.read_schema(out / "fleet.parquet").field("r_m1").metadata[b"symbol"] == b"R_m1"
+    assert (
+        pq.read_schema(out / "_fleet" / "fleet.parquet").field("r_m1").metadata[b"symbol"]
+        == b"R_m1"
+    )
     assert found["force_rebound_300_mm_per_s_N"].notna().all()
     assert found["force_rebound_1050_mm_per_s_N"].isna().all()  # faster than the test
 
@@ -127,7 +130,7 @@ def test_shares_together_are_the_whole(three, tmp_path, here):
     for k in (1, 2, 3):
         run(three, "--out", shared, "--part", f"{k}/3")
     run("--out", shared, "--collect")
-    for name in ("fleet.parquet", "fleet.csv"):
+    for name in ("_fleet/fleet.parquet", "_fleet/fleet.csv"):
         assert (whole / name).read_bytes() == (shared / name).read_bytes()
 
 

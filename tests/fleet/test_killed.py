@@ -37,7 +37,9 @@ def command(logs: Path, out: Path, *more: str) -> list[str]:
 
 def finished(logs: Path, out: Path, *more: str) -> tuple[bytes, bytes]:
     subprocess.run(command(logs, out, "--collect", *more), check=True, capture_output=True)
-    return (out / "fleet.parquet").read_bytes(), (out / "fleet.csv").read_bytes()
+    return (out / "_fleet" / "fleet.parquet").read_bytes(), (
+        out / "_fleet" / "fleet.csv"
+    ).read_bytes()
 
 
 def children(pid: int) -> list[int]:
@@ -55,7 +57,7 @@ def children(pid: int) -> list[int]:
 
 def wait_for_part(out: Path, running: subprocess.Popen, number: int = 1) -> None:
     until = time.monotonic() + 120.0
-    while len(list(out.glob("serial=*/part-*.parquet"))) < number:
+    while len(list(out.glob("serial-*/part-*.parquet"))) < number:
         assert running.poll() is None
         assert time.monotonic() < until
         time.sleep(0.02)
@@ -70,7 +72,7 @@ def test_a_kill_loses_nothing(logs, tmp_path, who):
     if who == "the run":
         running.kill()
         running.communicate()
-        assert len(list(out.glob("serial=*/part-*.parquet"))) < N_DAMPERS
+        assert len(list(out.glob("serial-*/part-*.parquet"))) < N_DAMPERS
     else:
         workers = children(running.pid)
         assert workers
@@ -89,7 +91,7 @@ def test_workers_and_order_make_no_difference(logs, tmp_path):
     out = tmp_path / "shuffled"
     shuffled = [sys.executable, "-m", "damperfit", "fleet", *names, "--out", str(out), "--collect"]
     subprocess.run(shuffled, check=True, capture_output=True)
-    assert (out / "fleet.parquet").read_bytes() == undisturbed[0]
+    assert (out / "_fleet" / "fleet.parquet").read_bytes() == undisturbed[0]
 
 
 def test_two_runs_at_once_into_one_folder(logs, tmp_path):

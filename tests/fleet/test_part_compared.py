@@ -30,7 +30,7 @@ def test_a_serial_is_compared_as_its_results_folder_is(three, tmp_path, here, ca
     assert run(three, "--out", out) == 0
     assert main(["identify", str(three / "D1"), "--out", str(results), "--quiet"]) == 0
     capsys.readouterr()
-    (pair,) = compared(capsys, results, out / "serial=D1")["comparisons"]
+    (pair,) = compared(capsys, results, out / "serial-D1")["comparisons"]
     forces = [one for one in pair["lines"] if one["kind"] == "force"]
     assert {str(one["setting"]) for one in forces} == {"1", "10"}
     assert all(one["difference"] == pytest.approx(0.0, abs=1e-6) for one in forces)
@@ -58,7 +58,7 @@ def taken(tmp_path_factory, texts):
     list(run_fleet(configuration, tasks, folder / "fleet", InTurn()))
     logs = str(folder / "logs" / "SN 1")
     assert main(["identify", logs, "--out", str(folder / "results"), "--quiet"]) == 0
-    return folder / "results", folder / "fleet" / "serial=SN%201"
+    return folder / "results", folder / "fleet" / "serial-SN%201"
 
 
 def test_a_page_of_one_damper_stands_beside_the_parts_and_they_are_read_as_before(taken, capsys):
@@ -131,7 +131,7 @@ def test_one_test_is_simulated_with_the_damper_of_the_part(taken, capsys):
 
 def test_a_damaged_part_is_called_so(taken, tmp_path, capsys):
     (file,) = taken[1].glob("part-*.parquet")
-    damaged = tmp_path / "serial=X" / file.name
+    damaged = tmp_path / "serial-X" / file.name
     damaged.parent.mkdir()
     damaged.write_bytes(file.read_bytes()[:-9])
     for command in (["report"], ["settings"], ["export", "--to", "csv"]):

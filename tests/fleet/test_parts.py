@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import os
 from pathlib import Path
 
+import pandas as pd
 import pyarrow as pa
 import pyarrow.dataset as ds
 import pyarrow.parquet as pq
@@ -39,21 +41,38 @@ def test_any_name_of_a_damper_comes_back_from_its_folder(tmp_path, owner):
     assert part.parent.parent == tmp_path
 
 
-def test_other_tools_read_the_folders_as_one_table(tmp_path):
-    for owner, value in (("SN 1/2", 1.0), ("D2", 2.0)):
+@pytest.mark.parametrize("owners", [("SN 1/2", "D2"), ("007", "12")])
+def test_other_tools_read_the_folders_as_one_table_with_serials_as_text(tmp_path, owners):
+    for owner, value in zip(owners, (1.0, 2.0), strict=True):
         write_part(part_path(tmp_path, owner, "k"), rows(value), facts(owner))
-    table = ds.dataset(tmp_path, format="parquet", partitioning="hive").to_table()
-    assert dict(zip(table["serial"].to_pylist(), table["r_m1"].to_pylist(), strict=True)) == {
-        "SN 1/2": 1.0,
-        "D2": 2.0,
-    }
+    collect(tmp_path)  # its table is none of the parts
+    readers = (
+        pd.read_parquet,
+        lambda path: ds.dataset(path, format="parquet").to_table().to_pandas(),
+    )
+    for read in readers:
+        table = read(tmp_path)
+        assert dict(zip(table["serial"], table["r_m1"], strict=True)) == dict(
+            zip(owners, (1.0, 2.0), strict=True)
+        )
+
+
+def test_a_part_of_an_earlier_version_is_read_and_replaced(tmp_path):
+    old = tmp_path / "serial=007" / "part-old.parquet"
+    old.parent.mkdir()
+    told = {b"damperfit": json.dumps(facts("x", places=("/a.csv",)))}
+    pq.write_table(rows(1.0).replace_schema_metadata(told), old)
+    assert collect(tmp_path)["serial"].to_pylist() == ["007"]
+    write_part(part_path(tmp_path, "007", "new"), rows(2.0), facts("x", places=("/a.csv",)))
+    assert collect(tmp_path)["r_m1"].to_pylist() == [2.0]
+    assert not old.parent.exists()
 
 
 def test_rows_stand_by_serial_number(tmp_path):
     for owner in ("D10", "D2", "D1"):
         write_part(part_path(tmp_path, owner, "k"), rows(1.0), facts(owner))
     assert collect(tmp_path)["serial"].to_pylist() == ["D1", "D2", "D10"]
-    lines = (tmp_path / "fleet.csv").read_text().splitlines()
+    lines = (tmp_path / "_fleet" / "fleet.csv").read_text().splitlines()
     assert [line.split(",")[0] for line in lines] == ["serial", "D1", "D2", "D10"]
 
 
@@ -118,7 +137,7 @@ def test_equal_parts_give_equal_bytes(tmp_path):
             write_part(part_path(tmp_path / name, owner, "k"), rows(1.0, 2.0), facts(owner))
         collect(tmp_path / name)
     for suffix in (".parquet", ".csv"):
-        first, second = (tmp_path / name / f"fleet{suffix}" for name in ("a", "b"))
+        first, second = (tmp_path / name / "_fleet" / f"fleet{suffix}" for name in ("a", "b"))
         assert first.read_bytes() == second.read_bytes()
 
 
@@ -146,7 +165,7 @@ def test_parts_of_different_columns_make_one_table(tmp_path):
 
 
 def test_what_a_killed_worker_left_goes_and_what_a_living_one_writes_stays(tmp_path):
-    folder = tmp_path / "serial=D1"
+    folder = tmp_path / "serial-D1"
     folder.mkdir()
     (folder / ".damperfit-new-killed").write_bytes(b"half")
     with replaced(folder / "part-a.parquet") as file:
@@ -166,4 +185,4 @@ def test_a_part_carries_its_page_checksums(tmp_path):
 
 
 def test_the_example_of_the_readme_stands(tmp_path):
-    assert part_path(Path("out"), "D003", "KEY") == Path("out/serial=D003/part-KEY.parquet")
+    assert part_path(Path("out"), "D003", "KEY") == Path("out/serial-D003/part-KEY.parquet")

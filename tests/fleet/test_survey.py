@@ -275,11 +275,13 @@ def test_the_page_of_parts_that_are_there(parts, capsys):
     assert main(["fleet", "--report", "--out", str(parts)]) == 0
     said = capsys.readouterr()
     assert "fleet.html written" in said.err
-    assert {path.name for path in parts.iterdir() if path.is_file()} >= {
+    assert {path.name for path in (parts / "_fleet").iterdir()} >= {
         *("fleet.html", "fleet.parquet", "fleet.csv", "fleet_dampers.csv", "fleet_outliers.csv"),
     }
-    assert len(pd.read_csv(parts / "fleet_dampers.csv")) == 10
-    outliers = pd.read_csv(parts / "fleet_outliers.csv")
+    assert (parts / "_fleet" / "fleet.html").stat().st_size < 1e6  # its script stands beside it
+    assert (parts / "_fleet" / "plotly.min.js").exists()
+    assert len(pd.read_csv(parts / "_fleet" / "fleet_dampers.csv")) == 10
+    outliers = pd.read_csv(parts / "_fleet" / "fleet_outliers.csv")
     assert outliers[["damper", "series", "value"]].to_numpy().tolist() == [["D3", REBOUND, 5000.0]]
 
 
@@ -288,14 +290,14 @@ def test_a_fleet_out_of_its_tolerance_ends_with_4(parts, capsys):
     out = capsys.readouterr().out
     assert out.startswith("tolerance 5%: 1 of 10 dampers are outside the tolerance, at 1 of 60")
     assert "D3, setting 2, 0.26 m/s rebound: FAILS" in out
-    assert not (parts / "fleet.html").exists()
+    assert not (parts / "_fleet" / "fleet.html").exists()
     arguments = ["fleet", "--tolerance", "5%", "--report", "--json", "--out", str(parts)]
     assert main(arguments) == 4
     document = json.loads(capsys.readouterr().out)
     assert document["dampers_out_of_tolerance"] == ["D3"]
     assert [point["run"] for point in document["points"]] == ["D3"]
-    assert len(pd.read_csv(parts / "fleet_tolerance.csv")) == 1
-    assert "1 of 10 dampers are outside" in (parts / "fleet.html").read_text()
+    assert len(pd.read_csv(parts / "_fleet" / "fleet_tolerance.csv")) == 1
+    assert "1 of 10 dampers are outside" in (parts / "_fleet" / "fleet.html").read_text()
     assert main(["fleet", "--tolerance", "400%", "--out", str(parts)]) == 0
 
 

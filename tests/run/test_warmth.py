@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+import damperfit
 from damperfit.arguments import configured, covaried
 from damperfit.cli.main import main
 from damperfit.conditioning import ConditionOptions, condition
@@ -26,7 +27,6 @@ from damperfit.identification import FitOptions, Outcome, Status, identify
 from damperfit.identification.campaign import ProcedureInput
 from damperfit.identification.fit_setting import NOT_FIT_TO_SHARE, is_loose
 from damperfit.identification.procedures import with_first_beta
-from damperfit.queries.settings import read_adjuster_results
 from damperfit.queries.simulations import (
     choose_parameters,
     damper_of,
@@ -34,7 +34,7 @@ from damperfit.queries.simulations import (
     simulate_test,
 )
 from damperfit.recording import Recording
-from damperfit.results import warmed_to
+from damperfit.results import Run, warmed_to
 from damperfit.run.identify import identified, written
 from damperfit.run.parting import check_temperatures, with_reference, without_contradictions
 from damperfit.simulation import Motion, SolverOptions, simulate
@@ -302,16 +302,16 @@ def test_a_run_tells_beta_and_the_temperature_of_its_resistances(results) -> Non
 
 
 def test_results_are_asked_for_at_another_temperature(results) -> None:
-    there = read_adjuster_results(results, temperature="60degC")
+    there = damperfit.settings(results, temperature="60degC").forces
     assert there.source.endswith(" and 60 degC")
-    assert read_adjuster_results(results).source.endswith(" and 43 degC")
-    (stage, _) = there.stages
+    assert damperfit.settings(results).forces.source.endswith(" and 43 degC")
+    run = Run.load(results, temperature="60degC")
     motion = Motion(1e-3, *wave())
-    found = simulate(stage.parameters, there.damper, motion).force
+    found = simulate(run.settings[0].values, run.damper, motion).force
     true = simulate(known_at(1, WARM), PURDY_DAMPER, motion).force
     assert float(np.max(np.abs(found - true))) < 0.01 * float(np.ptp(true))
-    with pytest.raises(ConfigurationError, match="--temperature hot: "):
-        read_adjuster_results(results, temperature="hot")
+    with pytest.raises(ConfigurationError, match="temperature.*hot"):
+        damperfit.settings(results, temperature="hot")
 
 
 def wave():
