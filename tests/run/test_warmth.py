@@ -310,7 +310,7 @@ def test_results_are_asked_for_at_another_temperature(results) -> None:
     found = simulate(run.settings[0].values, run.damper, motion).force
     true = simulate(known_at(1, WARM), PURDY_DAMPER, motion).force
     assert float(np.max(np.abs(found - true))) < 0.01 * float(np.ptp(true))
-    with pytest.raises(ConfigurationError, match="temperature.*hot"):
+    with pytest.raises(ConfigurationError, match="hot"):
         damperfit.settings(results, temperature="hot")
 
 
