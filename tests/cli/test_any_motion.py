@@ -10,7 +10,6 @@ import pytest
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.simulation import Motion, simulate
-from tests.io.mts_files import blocks_of, export, record
 from tests.oracles.motions import MOTIONS
 
 
@@ -59,14 +58,3 @@ def test_settings_use_the_fastest_speed_that_was_run(steps, run, tmp_path):
     beyond = run("settings", out, "--velocity", "0.31m/s")
     assert beyond.code == 0
     assert "0.31 m/s was never tested at setting 10 (tested: up to 0.3 m/s)" in beyond.err
-
-
-def test_one_record_in_79_write_buffers_is_one_log(run, tmp_path):
-    # Used to be 79 tests, 78 of them refused.
-    path = tmp_path / "specimen_s3.dat"
-    path.write_bytes(export(blocks_of(record())).encode())
-    told = run("inspect", path)
-    assert told.code == 0
-    table = told.out.split("segments")[1].split("\n\n")[0].splitlines()[2:]
-    assert len([row for row in table if not row.startswith("*")]) == 13  # 0.2 to 10 Hz
-    assert told.out.count("blocks joined") == 1

@@ -33,14 +33,6 @@ FIRST = ("init", "doctor", "help")
 HEAVY = ("numpy", "scipy", "pandas", "pyarrow", "matplotlib", "pydantic")
 
 
-def test_importing_the_command_line_loads_no_numerics() -> None:
-    code = f"import sys, damperfit.cli; print([m for m in {HEAVY!r} if m in sys.modules])"
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT
-    )
-    assert done.stdout.strip() == "[]"
-
-
 @pytest.mark.parametrize("arguments", [["--help"], [], ["-h"]])
 def test_help_lists_every_command_and_loads_no_numerics(arguments) -> None:
     code = (
@@ -83,22 +75,6 @@ def test_inspect_tells_what_is_in_the_logs_and_fits_nothing(run, logs, tmp_path)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_inspect_as_json_has_notes_and_hash(run, logs) -> None:
-    (one,) = json.loads(run("inspect", logs / "setting_03.csv", "--json").out)["logs"]
-    assert (one["log"], one["setting"], len(one["sha256"])) == ("setting_03.csv", 3, 64)
-    assert one["cycles_found"] >= one["cycles_used"] >= 3
-    assert isinstance(one["notes"], list)
-
-
-def test_inspect_goes_on_after_a_bad_log(run, logs, tmp_path) -> None:
-    (tmp_path / "bad_s9.csv").write_bytes(b"")
-    ended = run("inspect", "bad_s9.csv", logs / "setting_01.csv")
-    assert ended.code == 1
-    assert "bad_s9.csv" in ended.err
-    assert "setting_01.csv" in ended.out
-    assert run("inspect", "bad_s9.csv").code == 3
-
-
 def test_samples_are_the_same_for_the_same_seed(run, tmp_path) -> None:
     arguments = ("--settings", "4,6-7", "--cycles", "4", "--seed", "7")
     ended = run("samples", "a", *arguments)
@@ -115,26 +91,6 @@ def test_samples_are_the_same_for_the_same_seed(run, tmp_path) -> None:
     assert [Path(log).name for log in document["logs"]] == names[1:4]
     for name in names:
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
-
-
-def test_python_dash_m_does_the_same(spawn) -> None:
-    ended = spawn("--version")
-    assert (ended.code, ended.out) == (0, f"damperfit {__version__}\n")
-
-
-def test_a_full_standard_output_is_one_line(tmp_path) -> None:
-    if not Path("/dev/full").exists():
-        pytest.skip("no /dev/full here")
-    done = subprocess.run(
-        ["bash", "-c", f"{sys.executable} -m damperfit config > /dev/full"],
-        capture_output=True,
-        text=True,
-        check=False,
-        cwd=ROOT,
-    )
-    assert done.returncode == 1
-    assert len(done.stderr.splitlines()) == 1
-    assert "No space left" in done.stderr
 
 
 def test_what_goes_into_a_file_is_utf_8_whatever_the_locale(tmp_path) -> None:

@@ -65,12 +65,7 @@ def test_two_folders_of_logs_are_two_runs(run, raw) -> None:
     assert {line["kind"] for line in found["lines"]} == {"force", "figure"}
 
 
-def test_two_tests_of_one_damper_are_the_same(run, raw) -> None:
-    (found,) = _document(run, raw / "before", raw / "again")["comparisons"]
-    assert not [line for line in found["lines"] if line["is_sure"]]
-
-
-@pytest.mark.parametrize("form", ["pattern", "list", "results"])
+@pytest.mark.parametrize("form", ["pattern", "results"])
 def test_a_pattern_a_list_and_a_folder_are_the_same_run(run, raw, form) -> None:
     whole = _forces(_document(run, raw / "before", raw / "after")["comparisons"][0])
     if form == "pattern":
@@ -106,23 +101,6 @@ def test_a_bad_log_costs_itself(run, raw) -> None:
     assert "Traceback" not in ended.err
 
 
-def test_logs_without_a_setting_are_compared_as_tested(run, raw) -> None:
-    for name in ("before", "after"):
-        Path(name).mkdir()
-        text = (raw / name / "setting_02.csv").read_text().replace("# setting: 2\n", "")
-        Path(name, "wednesday.csv").write_text(text)
-    found = _document(run, "before", "after")["comparisons"][0]
-    assert found["settings"] == ["as tested"]
-    assert "before: no log says its setting: it is compared as tested" in found["notes"]
-    shutil.copy(raw / "before" / "setting_01.csv", "before")
-    shutil.copy(raw / "after" / "setting_01.csv", "after")
-    mixed = _document(run, "before", "after", code=1)
-    assert mixed["comparisons"][0]["settings"] == [1]
-    assert mixed["remarks"][0].startswith(
-        "before: wednesday.csv: does not say its adjuster setting, and others do; give it a line"
-    )
-
-
 def test_folders_of_serials_and_serials_in_the_logs_are_paired(run, raw) -> None:
     for when, source in (("old", "before"), ("new", "again")):
         for serial in ("S1", "S2") if when == "old" else ("S2", "S3"):
@@ -147,17 +125,6 @@ def test_folders_of_serials_and_serials_in_the_logs_are_paired(run, raw) -> None
     assert "logs of 2 dampers (S1, S2); a baseline is of one" in refused.err
 
 
-def test_a_folder_whose_logs_all_fail_costs_itself_among_others(run, raw) -> None:
-    for when, source in (("old", "before"), ("new", "again")):
-        for serial in ("S1", "S2"):
-            shutil.copytree(raw / source, Path(when, serial))
-    for path in Path("new/S1").glob("*.csv"):
-        path.write_text("nothing\n")
-    told = _document(run, "old", "new", code=1)
-    assert [one["first"]["place"] for one in told["comparisons"]] == ["old/S2"]
-    assert told["remarks"][0].startswith("new/S1: none of its logs can be used: setting_01.csv: ")
-
-
 def test_folders_of_curves_without_time(run) -> None:
     for when, factor in (("old", 1.0), ("new", 1.1)):
         Path(when).mkdir()
@@ -174,83 +141,3 @@ def test_folders_of_curves_without_time(run) -> None:
     for line in forces.values():
         assert line["percent"] == pytest.approx(10.0)
         assert line["verdict"] == "untold"
-
-
-def test_tolerance_junit_page_and_baseline(run, raw) -> None:
-    places = raw / "before", raw / "after"
-    arguments = (*places, "--measured", "--quiet", "--junit", "j.xml", "--out", "out")
-    missed = run("compare", *arguments, "--tolerance", "3%,4N")
-    assert missed.code == 4, missed.err
-    assert 'failures="0"' not in Path("j.xml").read_text()
-    assert 'data-name="setting_02_force_velocity"' in Path("out/comparison.html").read_text()
-    assert run("compare", *arguments, "--tolerance", "8%,15N").code == 0
-    assert run("compare", places[0], "--measured", "--save", "base.json").code == 0
-    kept, whole = (
-        _forces(_document(run, one, places[1])["comparisons"][0])
-        for one in ("base.json", places[0])
-    )
-    assert kept.keys() == whole.keys()
-    for key, line in kept.items():
-        assert line["difference"] == pytest.approx(whole[key]["difference"], abs=1e-3)
-        assert line["verdict"] == whole[key]["verdict"]
-    refused = run("compare", "base.json", "base.json")
-    assert refused.code == 2
-    assert "base.json: a baseline of measured curves, nothing was fitted" in refused.err
-    Path("bands.csv").write_text("speed,stroke,setting,low,high\n0.26,rebound,2,400,520\n")
-    assert run("compare", places[0], "--measured", "--tolerance", "bands.csv").code == 0
-    assert run("compare", places[1], "--measured", "--tolerance", "bands.csv").code == 4
-
-
-def test_rig_keys_and_the_configuration_say_how_logs_are_read(run, raw) -> None:
-    for name in ("before", "after"):
-        Path(name).mkdir()
-        text = (raw / name / "setting_02.csv").read_text().replace("force_N", "load")
-        Path(name, "setting_02.csv").write_text(_changed(text, lambda force: force / 1e3))
-    whole = _forces(_document(run, raw / "before", raw / "after")["comparisons"][0])
-    given = ("--rig", "columns.force=load", "--rig", "units.force=kN")
-    found = _forces(_document(run, "before", "after", *given)["comparisons"][0])
-    for key, line in found.items():
-        assert line["first_value"] == pytest.approx(whole[key]["first_value"], abs=0.1)
-    Path("rig.toml").write_text('[rig]\ncolumns.force = "load"\nunits.force = "kN"\n')
-    same = _forces(_document(run, "before", "after", "--config", "rig.toml")["comparisons"][0])
-    assert same == found
-    refused = run("compare", "before", "after", "--rig", "units.force=kN")
-    assert refused.code == 2
-    assert "--rig units.force=kN has no effect: no log is read without --measured" in refused.err
-
-
-def test_a_setting_tested_with_other_motions_is_named(run, raw) -> None:
-    shutil.copytree(raw / "again", "again")
-    lines = []
-    for line in Path("again/setting_02.csv").read_text().splitlines():
-        time, *rest = line.split(",")
-        lines.append(",".join([f"{0.5 * float(time):.4f}", *rest]) if line[:1].isdigit() else line)
-    Path("again/setting_02.csv").write_text("\n".join(lines) + "\n")
-    found = _document(run, raw / "before", "again")["comparisons"][0]
-    assert "setting 2: no motion is common to both: not compared" in found["notes"]
-
-
-@pytest.mark.parametrize(
-    ("arguments", "code", "said"),
-    [
-        (("BEFORE", "empty"), 2, "empty: no results of damperfit identify"),
-        (("BEFORE", "nowhere/*.csv"), 2, "nowhere/*.csv: the pattern matches no file"),
-        (("BEFORE", "@nowhere.txt"), 2, "the list nowhere.txt cannot be read"),
-        (("BEFORE",), 2, "one run alone has nothing to be compared with"),
-        (("BEFORE", "bad"), 3, "bad: none of its logs can be used: setting_01.csv: "),
-        (("BEFORE", "bad/setting_01.csv"), 3, "setting_01.csv: "),
-        (("BEFORE", "missing.csv"), 2, "missing.csv: no such file or folder"),
-        (("BEFORE", "AGAIN", "--repeats", "BEFORE"), 2, "is A itself; give further runs"),
-        (("BEFORE", "AGAIN", "--rig", "units.farce=kN"), 2, "farce"),
-    ],
-)
-def test_bad_input_is_one_sentence(run, raw, arguments, code, said) -> None:
-    Path("empty").mkdir()
-    Path("bad").mkdir()
-    Path("bad/setting_01.csv").write_text("nothing\n")
-    places = {"BEFORE": raw / "before", "AGAIN": raw / "again"}
-    ended = run("compare", *(places.get(one, one) for one in arguments), "--measured")
-    assert ended.code == code
-    assert said in ended.err
-    assert ended.out == ""
-    assert len(ended.err.splitlines()) == 1

@@ -30,13 +30,6 @@ CODES = {
 }
 
 
-def test_every_deliberate_error_has_its_code() -> None:
-    raised = {name for name in errors.__all__ if name.endswith("Error")}
-    assert set(CODES) == raised
-    for name, code in CODES.items():
-        assert getattr(errors, name).exit_code == code
-
-
 RAISED = [
     *(
         pytest.param(getattr(errors, name)("what, where, what to do"), code, "what, where", id=name)
@@ -78,12 +71,6 @@ def test_what_a_command_raises_ends_in_one_line_and_a_code(
     assert "Traceback" not in seen.err
     assert says in seen.err
     assert seen.err.count("\n") == bool(says)
-
-
-@pytest.mark.parametrize("code", [None, 0, 1, 3, 4])
-def test_what_a_command_returns_is_the_code(code, monkeypatch) -> None:
-    monkeypatch.setattr(door, "app", lambda *_, **__: code)
-    assert main(["config"]) == (code or 0)
 
 
 def test_without_arguments_the_help_is_shown(capsys) -> None:

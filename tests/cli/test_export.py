@@ -14,13 +14,6 @@ def results(tmp_path_factory):
     return make_results(tmp_path_factory.mktemp("export") / "results")
 
 
-def test_the_list_needs_no_results(run) -> None:
-    ended = run("export", "--list")
-    assert ended.code == 0
-    assert "csv: table of force" in ended.out
-    assert "sign   rebound is positive" in ended.out
-
-
 def test_a_folder_is_made_and_a_file_keeps_its_name(run, results, tmp_path) -> None:
     for out, expected in (("new/folder", "new/folder/damper.csv"), ("front.csv", "front.csv")):
         ended = run("export", results, "--to", "csv", "--out", tmp_path / out, "--json")
@@ -32,42 +25,6 @@ def test_remarks_end_with_one_and_are_told(run, results) -> None:
     ended = run("export", results, "--to", "csv", "--out", "there")
     assert ended.code == 1
     assert "the damper of the run is not known" in ended.err
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (("--to", "csw"), "--to csw: expected one of"),
-        ((), "no target: give --to"),
-        (("--to", "csv", "--out", "front.dpr"), "csv writes .csv files"),
-    ],
-)
-def test_misuse_is_one_line_and_writes_nothing(run, results, tmp_path, arguments, said) -> None:
-    ended = run("export", results, *arguments)
-    assert ended.code == 2
-    assert said in ended.err
-    assert len(ended.err.splitlines()) == 1
-    assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (("--to", "adams", "--units", "lbf"), "--units lbf: adams has units and marks of its own"),
-        (("--to", "xlsx", "--decimal", ","), "--decimal ,: xlsx has units and marks of its own"),
-        (("--to", "csv", "--decimal", ";"), "expected . or ,"),
-        (("--to", "csv", "--units", "ell"), "--units ell: no unit 'ell'"),
-        (("--to", "modelica", "--extend", "0.5m/s"), "modelica holds no table here"),
-        (("--to", "carsim", "--extend", "0.1m/s"), "expected a speed above the tested"),
-    ],
-)
-def test_options_that_a_target_does_not_heed_are_refused(
-    run, results, tmp_path, arguments, said
-) -> None:
-    ended = run("export", results, *arguments)
-    assert ended.code == 2
-    assert said in ended.err
-    assert not list(tmp_path.iterdir())
 
 
 def test_what_a_table_loses_is_told(run, results, tmp_path) -> None:

@@ -32,33 +32,6 @@ QUICK = (
 )
 LIMITED = ("--rig", f"max_log_bytes={LIMIT}")
 
-# Row of the list -> the test that proves it.
-ELSEWHERE = {
-    "F22 written with checksums": "test_parquet_carries_units_provenance_and_page_checksums",
-    "F22 every bit": "test_a_flipped_bit_in_parquet_never_changes_a_number",
-    "F29 cut anywhere": "test_a_cut_never_changes_a_number",
-    "F31 damaged TDMS": "test_a_flipped_bit_in_tdms_changes_its_own_value_at_most",
-    "F36 pipe": "test_a_pipe_is_refused_and_not_waited_for",
-    "F36 device": "test_a_device_is_refused",
-    "F37 changed while read": "test_a_file_replaced_while_it_is_read",
-    "F58 a reader killed": "test_a_log_that_breaks_its_child_costs_itself_alone",
-    "F59 Ctrl-C": "test_the_command_ends_with_130_and_no_temporary_file",
-    "F59 finished kept": "test_finished_settings_are_written_when_the_user_stops",
-    "F61 full disk": "test_a_full_disk_leaves_the_old_results_whole",
-    "F61 failed rename": "test_a_rename_that_fails_takes_the_earlier_ones_back",
-    "F61 killed": "test_a_run_killed_at_any_call_leaves_one_whole_set",
-    "F61 read-only": "test_a_read_only_folder_is_one_line",
-    "F62 a link for a file": "test_an_output_that_is_a_link_is_replaced_and_its_target_kept",
-    "F62 a link for the folder": "test_a_linked_folder_is_written_to_where_it_points",
-    "F63 names as paths": "test_no_name_leads_out_of_the_folder",
-    "F64 formulas": "test_cells_that_start_like_a_formula_get_an_apostrophe",
-    "F64 negative numbers": "test_a_negative_number_is_never_touched",
-    "F65 page": "test_every_text_is_escaped",
-    "F65 terminal and Markdown": "test_nothing_that_a_log_says_becomes_markup",
-    "F66 unknown key": "test_a_mistake_is_told_with_its_place",
-    "F66 no configuration": "test_files_that_are_no_configuration_are_refused",
-}
-
 
 @pytest.fixture(scope="module")
 def good(logs) -> Good:
@@ -112,69 +85,7 @@ def test_a_faulty_file_has_its_sentence(batch, good, name) -> None:
     np.testing.assert_allclose(read.force, expected["force_N"], rtol=1e-12)
 
 
-def test_the_good_ones_went_on(batch) -> None:
-    _, _, document = batch
-    failed = {failure["log"] for failure in document["failures"]}
-    read = {facts["log"] for facts in document["logs"]} - failed
-    assert {"setting_01.csv", "setting_02.csv"} <= read
-
-
 # What is no faulty file
-
-
-@pytest.mark.parametrize("command", ["inspect", "identify"])
-@pytest.mark.parametrize(
-    ("log", "says"),
-    [
-        ("nowhere.csv", "no such file"),
-        (".", "no log in this folder"),
-        ("*.nothing", "matches no file"),
-    ],
-)
-def test_f01_a_path_that_is_no_file_is_wrong_usage(run, tmp_path, command, log, says) -> None:
-    ended = run(command, log)
-    assert ended.code == 2
-    assert says in ended.err
-    assert log in ended.err
-    assert not list(tmp_path.iterdir())
-
-
-def test_f02_a_file_that_may_not_be_read(run, logs, tmp_path, monkeypatch) -> None:
-    for name in ("setting_01.csv", "setting_02.csv"):
-        shutil.copy(logs / name, tmp_path)
-    opened = os.open
-
-    def refuse(path, *arguments, **how):  # root may read whatever its mode says
-        if str(path).endswith("setting_02.csv"):
-            raise PermissionError(13, "Permission denied")
-        return opened(path, *arguments, **how)
-
-    monkeypatch.setattr(os, "open", refuse)
-    ended = run("inspect", "*.csv")
-    assert ended.code == 1
-    assert "setting_02.csv: file unreadable: Permission denied" in ended.err
-    assert "setting_01.csv" in ended.out
-
-
-def test_f10_bad_rows_are_dropped_on_request_and_counted(run, good, tmp_path) -> None:
-    path = tmp_path / "setting_1.csv"
-    path.write_bytes(good.with_row("0.020,OVR,2,26"))
-    ended = run("inspect", path, "--rig", "bad_rows=drop")
-    assert ended.code == 0
-    assert "1 row that cannot be read dropped" in ended.out
-
-
-def test_f29_a_cut_log_is_kept_on_request(run, good, tmp_path) -> None:
-    pytest.importorskip("nptdms")
-    (path,) = _write(tmp_path, ["F29 TDMS cut"], good)
-    assert run("inspect", path).code == 3
-    ended = run("inspect", path, "--allow-truncated", "--json")
-    assert ended.code == 0
-    (facts,) = json.loads(ended.out)["logs"]
-    n = len(good.rows)
-    assert facts["n_samples_read"] == n - 100
-    assert any(f"kept: the first {n - 100} values" in note for note in facts["notes"])
-    assert run("inspect", path, "--rig", "allow_truncated=true").code == 0
 
 
 def test_f60_a_core_that_does_not_load_is_one_sentence(run, logs, monkeypatch) -> None:
@@ -210,7 +121,7 @@ QUICK = (
 )
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_any_bad_files_leave_the_results_of_the_good_ones(
     run, good, logs, alone, tmp_path, seed
 ) -> None:
@@ -234,16 +145,3 @@ def _closed(real):
         return real(path, *rest, **how)
 
     return refuse
-
-
-def test_a_folder_that_may_not_be_entered_fails_alone(run, tmp_path, good, monkeypatch) -> None:
-    (tmp_path / "setting_01.csv").write_bytes(good.text())
-    locked = tmp_path / "no"
-    locked.mkdir()
-    (locked / "setting_03.csv").write_bytes(good.text())
-    # Who runs the tests may be root, whom no folder is closed to.
-    for owner, name in ((Path, "lstat"), (Path, "is_dir"), (Path, "is_file"), (os, "open")):
-        monkeypatch.setattr(owner, name, _closed(getattr(owner, name)))
-    ended = run("inspect", "setting_01.csv", "no/setting_03.csv")
-    assert ended.code == 1
-    assert "setting_03.csv: file unreadable: Permission denied" in ended.out + ended.err

@@ -68,15 +68,6 @@ def test_held_out_logs_are_predicted_and_told_everywhere(run, two_amplitudes):
     assert json.loads(Path("results/run.json").read_text(encoding="utf-8"))["held_out"] == []
 
 
-def test_a_pattern_may_name_further_files(run, two_amplitudes):
-    others = two_amplitudes / "setting_01_16mm.csv"
-    ended = run("identify", f"{two_amplitudes}/*_32mm.csv", "--hold-out", others, "--json")
-    assert ended.code == 0
-    document = json.loads(ended.out)
-    assert [one["log"] for one in document["held_out"]] == ["setting_01_16mm.csv"]
-    assert [row["role"] for row in document["mse"]].count("held_out") == 1
-
-
 def test_cycles_are_held_out_and_counted(run, logs):
     ended = run("identify", f"{logs}/*.csv", "--hold-out-cycles", "2")
     assert ended.code == 0
@@ -89,47 +80,6 @@ def test_cycles_are_held_out_and_counted(run, logs):
         assert after["r_m1"] != before["r_m1"]
 
 
-def test_the_page_and_its_tables_know_what_was_held_out(run, two_amplitudes):
-    run("identify", f"{two_amplitudes}/*.csv", "--hold-out", "*_16mm.csv")
-    assert run("report", "results").code == 0
-    assert "held out: predicted, not fitted" in Path("results/report.html").read_text("utf-8")
-
-
-def test_the_configuration_holds_out_too(run, two_amplitudes):
-    text = '[identification]\nhold_out = ["*_16mm.csv"]\nhold_out_cycles = 2\n'
-    Path("hold.toml").write_text(text, encoding="utf-8")
-    ended = run("identify", f"{two_amplitudes}/*.csv", "--config", "hold.toml", "--json")
-    found = [(one["log"], one["cycles"]) for one in json.loads(ended.out)["held_out"]]
-    assert found == [
-        ("setting_01_16mm.csv", "all"),
-        ("setting_01_32mm.csv", "last 2"),
-        ("setting_02_16mm.csv", "all"),
-        ("setting_02_32mm.csv", "last 2"),
-    ]
-
-
-@pytest.mark.parametrize(
-    ("pattern", "said"),
-    [
-        ("*_99mm.csv", "matches no log and names no other"),
-        ("*", "every log is held out"),
-    ],
-)
-def test_a_pattern_that_leaves_nothing_is_refused(run, two_amplitudes, pattern, said):
-    ended = run("identify", f"{two_amplitudes}/*.csv", "--hold-out", pattern)
-    assert ended.code == 2
-    assert said in ended.err
-    assert "Traceback" not in ended.err
-    assert not Path("results").exists()
-
-
-@pytest.mark.parametrize("cycles", ["2.5", "-1"])
-def test_cycles_are_a_share_or_a_whole_number(run, logs, cycles):
-    ended = run("identify", f"{logs}/*.csv", "--hold-out-cycles", cycles)
-    assert ended.code == 2
-    assert "--hold-out-cycles: expected" in ended.err
-
-
 def test_a_setting_that_is_only_held_out_is_a_failure_of_that_log(run, two_amplitudes):
     ended = run("identify", f"{two_amplitudes}/*.csv", "--hold-out", "setting_01*.csv")
     assert ended.code == 1
@@ -137,12 +87,6 @@ def test_a_setting_that_is_only_held_out_is_a_failure_of_that_log(run, two_ampli
         "setting_01_16mm.csv: held out, but cannot be predicted: setting 1 has no fit" in ended.err
     )
     assert [row["setting"] for row in rows("parameters.csv")] == ["2"]
-
-
-def test_too_few_cycles_to_hold_out_cost_that_log_alone(run, two_amplitudes):
-    ended = run("identify", f"{two_amplitudes}/*_32mm.csv", "--hold-out-cycles", "50")
-    assert ended.code == 3
-    assert "none is left to fit" in ended.err
 
 
 def test_segments_are_held_out_by_frequency_or_speed(run, two_speeds):
@@ -156,21 +100,6 @@ def test_segments_are_held_out_by_frequency_or_speed(run, two_speeds):
     by_frequency = run("identify", two_speeds, "--hold-out", "2.5Hz-10Hz", "--out", "other")
     assert by_frequency.code == 0
     assert Path("other/mse.csv").read_text() == Path("results/mse.csv").read_text()
-
-
-@pytest.mark.parametrize(
-    ("limits", "words"),
-    [
-        ("20Hz-", "no log has a segment"),
-        ("-20Hz", "none is left to fit"),
-        ("4Hz-2Hz", "the upper limit lies below"),
-    ],
-)
-def test_a_range_that_parts_nothing_is_refused(run, two_speeds, limits, words):
-    ended = run("identify", two_speeds, f"--hold-out={limits}")
-    assert ended.code == 2
-    assert words in ended.err
-    assert not Path("results").exists()
 
 
 @pytest.fixture(scope="module")

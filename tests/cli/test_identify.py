@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import hashlib
 import json
-import os
 import resource
 import shutil
 from pathlib import Path
@@ -49,10 +48,6 @@ def results(logs, tmp_path_factory) -> Path:
     return folder
 
 
-def test_it_writes_every_file_and_nothing_else(results) -> None:
-    assert {path.name for path in results.iterdir()} == FILES
-
-
 def test_the_parameters_are_the_true_ones(logs, results) -> None:
     truth = values_in(logs / "truth.csv")
     found = values_in(results / "parameters.parquet")
@@ -87,60 +82,11 @@ def test_run_json_tells_the_whole_story(logs, results) -> None:
         assert hashlib.sha256((results / name).read_bytes()).hexdigest() == known
 
 
-def test_the_mse_is_that_of_the_responses(results) -> None:
-    table = pq.read_table(results / "responses.parquet").to_pandas()
-    mse = {
-        row["setting"]: row["mse_percent"]
-        for row in pq.read_table(results / "mse.parquet").to_pylist()
-        if row["log"] == ""
-    }
-    for setting, rows in table.groupby("setting"):
-        misfit = rows["force_measured_N"] - rows["force_N"]
-        expected = 100.0 * (misfit**2).mean() / rows["force_measured_N"].var(ddof=0)
-        assert mse[setting] == pytest.approx(expected, rel=1e-9)
-
-
-def test_json_is_one_document_and_nothing_else(run, logs) -> None:
-    ended = run("identify", logs / "setting_01.csv", "--json", "--quiet")
-    document = json.loads(ended.out)
-    assert document["parameters"][0]["setting"] == 1
-    assert document["mse"][1]["log"] == "setting_01.csv"
-    assert ended.err == ""
-
-
 def test_the_number_of_workers_and_the_order_of_logs_change_no_byte(run, logs, tmp_path) -> None:
     names = [logs / f"setting_0{i}.csv" for i in (1, 2, 3)]
     run("identify", *names, "--jobs", "1", "--out", "one", "--quiet")
     run("identify", *reversed(names), "--jobs", "4", "--out", "four", "--quiet")
     assert _bytes(tmp_path / "one") == _bytes(tmp_path / "four")
-
-
-BAD = {
-    "empty.csv": b"",
-    "header_only_setting_8.csv": b"# setting: 8\ntime_s,displacement_mm,force_N\n",
-    "text_setting_9.csv": b"# setting: 9\ntime_s,displacement_mm,force_N\n0,1,2\n0.1,OVR,3\n",
-    "page_setting_4.csv": b"<!DOCTYPE html><html><body>404</body></html>",
-    "noise_setting_5.csv": bytes(range(256)) * 4,
-}
-
-
-def test_bad_logs_fail_alone_and_change_no_byte_of_the_others(run, logs, results, tmp_path) -> None:
-    bad = tmp_path / "bad"
-    bad.mkdir()
-    for name, content in BAD.items():
-        (bad / name).write_bytes(content)
-    ended = run("identify", logs / "setting_*.csv", bad / "*.csv", "--out", "out", "--quiet")
-    assert ended.code == 1
-    assert _bytes(tmp_path / "out") == _bytes(results)
-    failures = _record(tmp_path / "out")["failures"]
-    assert {failure["log"] for failure in failures} == set(BAD)
-    lines = ended.err.splitlines()
-    assert len(lines) == len(BAD)  # one line each
-    for failure in failures:
-        assert failure["message"]
-        assert any(failure["message"] in line and failure["log"] in line for line in lines)
-    report = (tmp_path / "out" / "report.md").read_text()
-    assert "## Not done" in report
 
 
 def test_when_every_log_fails_the_code_is_3_and_the_tables_are_empty(run, tmp_path) -> None:
@@ -158,78 +104,6 @@ def test_a_gate_that_is_not_met_is_code_4_and_everything_is_written(run, logs, t
     assert "setting 1: MSE" in ended.err
     assert {path.name for path in (tmp_path / "results").iterdir()} == FILES
     assert run("identify", logs / "setting_01.csv", "--max-mse", "1").code == 0
-
-
-def test_a_missing_file_among_logs_costs_itself_alone(run, logs, tmp_path) -> None:
-    ended = run("identify", logs / "setting_01.csv", "nope_02.csv", "-q")
-    assert ended.code == 1
-    assert ended.err.splitlines() == ["damperfit: nope_02.csv: no such file"]
-    document = json.loads((tmp_path / "results" / "run.json").read_text())
-    assert document["exit_code"] == 1
-    assert [one["log"] for one in document["failures"]] == ["nope_02.csv"]
-    assert [line.split(",")[0] for line in _rows(tmp_path / "results")] == ["1"]
-
-
-def _rows(folder: Path) -> list[str]:
-    return (folder / "parameters.csv").read_text().splitlines()[1:]
-
-
-def test_a_pattern_of_folders_is_told_from_one_of_nothing(run, tmp_path) -> None:
-    (tmp_path / "left").mkdir()
-    ended = run("identify", "le*")
-    assert ended.code == 2
-    assert "le*: the pattern matches only folders; for the logs in them give le*/*.csv" in ended.err
-
-
-def test_folders_that_a_star_names_too_cost_no_log(run, logs, tmp_path) -> None:
-    """The folder of an earlier run is passed over; one without logs fails alone."""
-    (tmp_path / "results").mkdir()
-    (tmp_path / "results" / "parameters.csv").write_bytes((logs / "truth.csv").read_bytes())
-    log = logs / "setting_01.csv"
-    ended = run("inspect", log, "results")
-    assert (ended.code, "results" in ended.out + ended.err) == (0, False)
-    (tmp_path / "empty").mkdir()
-    ended = run("inspect", log, "empty", "results")
-    assert ended.code == 1
-    assert "2 logs: 1 good, 1 refused" in ended.out
-    assert "empty: is a folder; name the logs in it" in ended.err
-    ended = run("inspect", "results", "empty")
-    assert (ended.code, "contains only files that damperfit wrote" in ended.err) == (2, True)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        (["nope.csv"], "nope.csv: no such file"),
-        (["nope*.csv"], "nope*.csv: the pattern matches no file"),
-        (["."], "no log in this folder"),
-        (["nope.csv", "neither.csv"], "nope.csv: no such file"),
-        (["LOG", "nope*.csv"], "nope*.csv: the pattern matches no file"),
-        (["LOG", "--config", "nope.toml"], "nope.toml: cannot be read"),
-        (["LOG", "--frree", "r_m1"], "No such option: --frree"),
-        (["LOG", "--free", "r_m9"], "r_m9"),
-        (["LOG", "--fix", "r_m1"], "--fix r_m1: expected NAME=VALUE"),
-        (["LOG", "--fix", "k_e=soft"], "k_e = soft"),
-        (["LOG", "--free", "r_m1", "--fix", "r_m1=1e4"], "both free and fixed"),
-        (["LOG", "--procedure", "papr"], "Did you mean 'paper'"),
-        (["LOG", "--max-mse", "nan"], "--max-mse"),
-        (["LOG", "--jobs", "0"], "--jobs"),
-        (["LOG", "--out", "a_file"], "not a folder"),
-        (["TRUTH"], "parameter tables"),
-        ([], "Missing argument"),
-    ],
-)
-def test_wrong_usage_is_code_2_one_line_and_nothing_touched(
-    run, logs, tmp_path, arguments, says
-) -> None:
-    (tmp_path / "a_file").write_text("x")
-    real = {"LOG": logs / "setting_01.csv", "TRUTH": logs / "truth.csv"}
-    ended = run("identify", *(real.get(a, a) for a in arguments))
-    assert ended.code == 2
-    assert says in ended.err
-    assert len(ended.err.splitlines()) == 1
-    assert ended.out == ""
-    assert [path.name for path in tmp_path.iterdir()] == ["a_file"]
 
 
 def test_a_parameter_table_among_the_logs_is_left_out_aloud(run, logs) -> None:
@@ -297,39 +171,6 @@ def test_a_full_disk_leaves_the_old_results_whole(spawn, logs, results, tmp_path
     assert "earlier results there are untouched" in ended.err
     assert "Traceback" not in ended.err
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
-
-
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
-def test_a_write_protected_folder_is_told_before_any_work(run, logs, tmp_path) -> None:
-    (tmp_path / "locked").mkdir(mode=0o500)
-    ended = run("identify", logs / "setting_01.csv", "--out", "locked")
-    assert ended.code == 1
-    assert "write-protected" in ended.err
-
-
-def test_an_output_that_is_a_link_is_replaced_and_its_target_kept(run, logs, tmp_path) -> None:
-    precious = tmp_path / "precious.csv"
-    precious.write_text("precious")
-    (tmp_path / "results").mkdir()
-    (tmp_path / "results" / "parameters.csv").symlink_to(precious)
-    assert run("identify", logs / "setting_01.csv").code == 0
-    assert precious.read_text() == "precious"
-    assert not (tmp_path / "results" / "parameters.csv").is_symlink()
-
-
-def test_hostile_names_are_shown_and_never_obeyed(run, logs, tmp_path) -> None:
-    name = "=[red]x[bold]\x1b[31m<b>_setting_1.csv"
-    shutil.copy(logs / "setting_01.csv", tmp_path / name)
-    (tmp_path / "bad").mkdir()
-    (tmp_path / "bad" / name.replace("1.csv", "2.csv")).write_bytes(b"")
-    ended = run("identify", name, "bad/*.csv")
-    assert ended.code == 1
-    assert "\x1b" not in ended.out + ended.err
-    assert "[red]" in ended.err
-    report = (tmp_path / "results" / "report.md").read_text()
-    assert "\x1b" not in report
-    assert "<b>" not in report.replace("\\<b\\>", "")
-    assert "'=[red]" in (tmp_path / "results" / "mse.csv").read_text()
 
 
 def test_no_traceback_without_debug_and_one_with_it(run) -> None:

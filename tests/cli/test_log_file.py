@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import os
 import re
 import shutil
 from pathlib import Path
@@ -74,16 +73,6 @@ def test_a_bug_leaves_its_traceback_there_and_a_line_on_the_terminal(
     assert any(level == "DEBUG" and "test_log_file.py" in text for level, text in told)
 
 
-@pytest.mark.parametrize("name", ["", ".", "nowhere/run.log", "a\0b"])
-def test_one_that_cannot_be_written_is_wrong_usage(run, logs, tmp_path, name) -> None:
-    ended = run("inspect", logs / "setting_01.csv", "--log-file", name)
-    assert ended.code == 2
-    assert ended.err.count("\n") == 1
-    assert "--log-file" in ended.err
-    assert "cannot be written" in ended.err
-    assert not list(tmp_path.iterdir())
-
-
 def test_without_it_nothing_is_kept_and_the_logger_is_as_before(run, logs, tmp_path) -> None:
     logger = logging.getLogger("damperfit")
     before = (list(logger.handlers), logger.level, logger.propagate)
@@ -112,42 +101,3 @@ def test_a_file_that_holds_anything_else_is_left_alone(run, logs, tmp_path, text
     assert (ended.code, ended.err.count("\n")) == (2, 1)
     assert f"--log-file {kept}: is there already and does not begin as a log file" in ended.err
     assert kept.read_bytes() == before
-
-
-def test_among_the_logs_it_is_no_log(run, logs, tmp_path) -> None:
-    folder = tmp_path / "lf"
-    folder.mkdir()
-    shutil.copy(logs / "setting_01.csv", folder)
-    for more in (["--log-file", folder / "run.txt"], []):  # while it is written, and afterwards
-        for given in (folder, f"{folder}/*"):
-            ended = run("inspect", given, *more)
-            assert ended.code == 0, ended.err
-            assert "unreadable" not in ended.out + ended.err
-            assert (
-                f"{folder}/run.txt: written by damperfit, not a log; skipped"
-                in ended.err + ended.out
-            )
-    (folder / "setting_01.csv").unlink()
-    assert "contains only files that damperfit wrote" in run("inspect", folder).err
-
-
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no pipes with names")
-def test_a_pipe_that_nobody_reads_is_refused(run, tmp_path) -> None:
-    pipe = tmp_path / "pipe"
-    os.mkfifo(pipe)
-    reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)  # or a failure would wait for ever
-    ended = run("config", "--log-file", pipe)
-    os.close(reader)
-    assert (ended.code, ended.err.count("\n")) == (2, 1)
-    assert f"--log-file {pipe}: cannot be written: expected a regular file" in ended.err
-
-
-@pytest.mark.skipif(os.name == "nt", reason="the working folder cannot be deleted")
-def test_a_working_folder_that_is_gone_is_said(run, tmp_path, monkeypatch) -> None:
-    gone = tmp_path / "gone"
-    gone.mkdir()
-    monkeypatch.chdir(gone)
-    gone.rmdir()
-    kept = tmp_path / "run.log"
-    assert run("models", "--quiet", "--log-file", kept).code in (0, 2)
-    assert any("in a folder that is gone" in text for _, text in records(kept))

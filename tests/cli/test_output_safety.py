@@ -7,16 +7,14 @@ import json
 import os
 import shutil
 import signal
-import tempfile
 import warnings
 from pathlib import Path
 
 import pytest
 
-from damperfit import results as writing
 from damperfit.cli import main
 from damperfit.results import Run
-from damperfit.run import identify, judging
+from damperfit.run import identify
 
 QUICK = (
     *("--procedure", "plain", "--free", "r_m1,r_m2,k_e"),
@@ -61,7 +59,7 @@ def results(logs, tmp_path_factory) -> Path:
 
 
 @pytest.mark.skipif(os.name != "posix", reason="needs SIGKILL")
-@pytest.mark.parametrize("reads", ["report", "settings", "simulate", "identify"])
+@pytest.mark.parametrize("reads", ["report", "identify"])
 def test_what_a_killed_run_half_wrote_is_ended_by_whoever_comes_next(
     run, logs, results, tmp_path, reads
 ) -> None:
@@ -129,23 +127,6 @@ def test_two_runs_into_one_folder_at_once_are_refused_before_they_work(
     assert _contents(folder).keys() == _contents(results).keys()
 
 
-def test_a_read_only_folder_is_one_line(run, logs, results, tmp_path, monkeypatch) -> None:
-    folder = tmp_path / "results"
-    shutil.copytree(results, folder)
-    before = _contents(folder)
-
-    def refuse(*_, **__):  # root may write whatever the mode says
-        raise OSError(30, "Read-only file system")
-
-    monkeypatch.setattr(tempfile, "mkdtemp", refuse)
-    ended = run("identify", logs / "setting_01.csv", *QUICK)
-    assert ended.code == 1
-    (line,) = [line for line in ended.err.splitlines() if "cannot be written" in line]
-    assert line.endswith("Read-only file system; earlier results there are untouched")
-    monkeypatch.undo()
-    assert _contents(folder) == before
-
-
 def test_a_linked_folder_is_written_to_where_it_points(run, logs, results, tmp_path) -> None:
     """The folder that the user names may be a link; files in it are replaced, never followed."""
     real = tmp_path / "real"
@@ -161,37 +142,6 @@ def test_a_linked_folder_is_written_to_where_it_points(run, logs, results, tmp_p
     assert not any(path.is_symlink() for path in real.iterdir())
     assert (tmp_path / "results").is_symlink()
     assert set(_contents(real)) == set(_contents(results))
-
-
-def test_a_folder_that_vanishes_during_the_run_is_made_again(
-    run, logs, results, tmp_path, monkeypatch
-) -> None:
-    shutil.copytree(results, tmp_path / "results")
-    judge = judging.assess
-
-    def vanish(*arguments, **how):
-        shutil.rmtree(tmp_path / "results")
-        return judge(*arguments, **how)
-
-    monkeypatch.setattr(judging, "assess", vanish)
-    assert run("identify", logs / "setting_01.csv", *QUICK).code == 0
-    assert set(_contents(tmp_path / "results")) == set(_contents(results))
-
-
-def test_a_folder_that_vanishes_while_it_is_written_to_is_one_line(
-    run, logs, tmp_path, monkeypatch
-) -> None:
-    write = writing.write_responses
-
-    def vanish(*arguments, **how):
-        shutil.rmtree(tmp_path / "results")
-        return write(*arguments, **how)
-
-    monkeypatch.setattr(writing, "write_responses", vanish)
-    ended = run("identify", logs / "setting_01.csv", *QUICK, "--quiet")
-    assert ended.code == 1
-    (line,) = ended.err.splitlines()
-    assert "results: cannot be written" in line
 
 
 # What a log may say, and every place where it is shown

@@ -109,7 +109,6 @@ ROWS = {
 
 @pytest.mark.parametrize("fault", ROWS)
 def test_each_fault_of_a_signal_is_told(run, tmp_path, rows, fault) -> None:
-    import re
 
     change, (verdict, name, says) = ROWS[fault]
     write(tmp_path / "log_s2.csv", change(rows))
@@ -129,26 +128,6 @@ def test_the_good_log_is_good(run, tmp_path, rows) -> None:
     (log,) = json.loads(run("inspect", "log_s2.csv", "--json", "--strict").out)["logs"]
     assert log["verdict"] == "good"
     assert {one["severity"] for one in log["findings"]} == {"note"}
-
-
-def test_people_see_verdict_and_findings_in_80_columns(run, logs, tmp_path, rows) -> None:
-    write(tmp_path / "clipped_s3.csv", ROWS["F45 clipped"][0](rows))
-    write(tmp_path / "gap_s4.csv", ROWS["F40 gap"][0](rows))
-    ended = run("inspect", "*.csv", logs / "setting_01.csv")
-    lines = ended.out.splitlines()
-    assert ended.code == 1
-    assert max(map(len, lines)) <= 80
-    verdicts = {line.split()[0]: line.split()[-1] for line in lines[2:5]}
-    assert verdicts == {
-        "clipped_s3.csv": "warnings",
-        "gap_s4.csv": "refused",
-        "setting_01.csv": "good",
-    }
-    assert "3 logs: 1 good, 1 usable with warnings, 1 refused" in lines
-    assert lines.index("Refused") < lines.index("Warnings: usable, but read them")
-    assert "  clipped_s3.csv: force_clipping: the force is clipped at 380 N:" in ended.out
-    assert "Notes" in lines
-    assert "Notes" not in run("inspect", "*.csv", "--quiet").out.splitlines()
 
 
 def test_strict_quality_leaves_a_log_out_and_ends_with_4(run, logs, tmp_path, rows) -> None:
@@ -184,25 +163,6 @@ def test_a_cut_last_line_fails_strict_quality(run, tmp_path, rows, command) -> N
     assert run(command, "cut_s2.csv", "--config", "strict.toml").code == 4
 
 
-def test_warnings_of_one_kind_are_one_line(run, tmp_path, rows) -> None:
-    for setting in (2, 3, 4):
-        hot = column(repeated(rows, setting), 3, lambda _, __, s=setting: f"{27 + s}.0")
-        write(tmp_path / f"hot_s{setting}.csv", hot)
-    told = [line for line in run("identify", "*.csv").err.splitlines() if "outside 26" in line]
-    assert len(told) == 1
-    assert told[0].startswith("warning: hot_s2.csv and 2 other logs: 29.0 degC")
-
-
-def test_bad_rows_dropped_as_declared_are_a_warning(run, tmp_path, rows) -> None:
-    broken = column(rows, 2, lambda n, c: "OVR" if n == 1000 else c)
-    write(tmp_path / "log_s2.csv", broken)
-    (tmp_path / "drop.toml").write_text('[rig]\nbad_rows = "drop"\n')
-    ended = run("inspect", "log_s2.csv", "--config", "drop.toml", "--json")
-    (log,) = json.loads(ended.out)["logs"]
-    names = {one["name"]: one["severity"] for one in log["findings"]}
-    assert (names["rows_dropped"], names["missing_samples"]) == ("warning", "note")
-
-
 def test_settings_in_one_file_are_parts_and_twice_one_setting_is_one_fit(
     run, tmp_path, rows
 ) -> None:
@@ -221,79 +181,3 @@ def test_settings_in_one_file_are_parts_and_twice_one_setting_is_one_fit(
     document = json.loads(run("identify", "a_s2.csv", "b_s2.csv", "--json").out)
     (row,) = document["parameters"]
     assert (row["setting"], row["n_logs"]) == (2, 2)
-
-
-@pytest.mark.parametrize(
-    ("setting", "cell"), [("2.5", "2.5"), ("-3", -3), ("soft", "soft"), ("1000000", 1_000_000)]
-)
-def test_a_setting_is_a_label(run, tmp_path, rows, setting, cell) -> None:
-    write(tmp_path / "log.csv", rows, head=[f"# setting: {setting}", *HEAD])
-    ended = run("inspect", "log.csv", "--json")
-    assert ended.code == 0
-    (log,) = json.loads(ended.out)["logs"]
-    assert (log["verdict"], log["setting"]) == ("good", cell)
-
-
-@pytest.mark.parametrize("setting", ["?", "nan", "-inf", "1e3", "1000001", "x" * 41])
-def test_a_setting_that_is_no_label_is_refused(run, tmp_path, rows, setting) -> None:
-    write(tmp_path / "log.csv", rows, head=[f"# setting: {setting}", *HEAD])
-    ended = run("inspect", "log.csv", "--json")
-    assert ended.code == 3
-    (log,) = json.loads(ended.out)["logs"]
-    assert log["findings"][0]["name"] == "unreadable"
-    assert setting in log["findings"][0]["sentence"]
-
-
-def test_settings_that_are_missing_are_gaps_with_code_1(run, logs, tmp_path) -> None:
-    (tmp_path / "all.toml").write_text("[rig]\nsettings = [1, 2, 3]\n")
-    names = (logs / "setting_01.csv", logs / "setting_03.csv")
-    ended = run("identify", *names, "--config", "all.toml", "--json")
-    assert ended.code == 1
-    table = json.loads(ended.out)["parameters"]
-    assert [(row["setting"], row["r_m1"] is None) for row in table] == [
-        (1, False),
-        (2, True),
-        (3, False),
-    ]
-
-
-def test_one_kind_of_warning_in_many_logs_is_told_once() -> None:
-    from damperfit.reporting.inspection import finding_lines
-
-    def log(n: int) -> dict:
-        found = {"name": "tare", "severity": "warning", "sentence": f"{n} N off", "value": n}
-        return {"name": f"log_{n}.csv", "verdict": "warnings", "findings": [{**found, "unit": "N"}]}
-
-    few = "\n".join(finding_lines([log(n) for n in range(3)]))
-    assert "log_2.csv: tare: 2 N off" in few
-    many = list(finding_lines([log(n) for n in range(5)]))
-    assert many[-2].startswith("  log_0.csv: tare: 0 N off. With other numbers in log_1.csv,")
-
-
-def test_notes_of_many_logs_stand_in_the_units_of_the_field(run, rows, tmp_path) -> None:
-    for setting, shift in ((2, 5.0), (3, 7.5)):
-        moved = column(rows, 1, number(lambda _, value, shift=shift: value + shift))
-        write(tmp_path / f"log_s{setting}.csv", moved)
-    shown = run("inspect", "log_*.csv").out
-    said = " ".join(shown.split())
-    found = r"mid_stroke: mid-stroke of the log \(5.* to 7\.\d+ mm\) .* \(2 of 2 logs\)"
-    assert re.search(found, said), shown
-    # No note of several logs is a bare number.
-    assert "displacement_steps: the displacement has steps of" in said
-
-
-def test_a_spike_that_breaks_the_run_of_steady_cycles_is_warned_of(run, rows, tmp_path) -> None:
-    wild = column(rows, 1, lambda n, cell: "500.0" if n == 3 * len(rows) // 5 else cell)
-    write(tmp_path / "log_s2.csv", wild)
-    ended = run("inspect", "log_s2.csv", "--json")
-    (log,) = json.loads(ended.out)["logs"]
-    (found,) = (f for f in log["findings"] if f["name"] == "unsteady_cycles")
-    assert (log["verdict"], found["severity"]) == ("warnings", "warning")
-    assert "beyond a break at time" in found["sentence"]
-
-
-def test_a_name_that_contradicts_the_preamble_is_noted(run, rows, tmp_path) -> None:
-    write(tmp_path / "setting_06.csv", rows, head=["# setting: 2", *HEAD])
-    (log,) = json.loads(run("inspect", "setting_06.csv", "--json").out)["logs"]
-    assert log["setting"] == 2
-    assert any("the file name says 6" in note for note in log["notes"])

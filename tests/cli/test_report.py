@@ -62,11 +62,3 @@ def test_the_report_joins_the_summary_of_a_job(run, logs, tmp_path, monkeypatch)
     assert run("identify", logs / "setting_01.csv", "--github-summary").code == 0
     text = summary.read_text(encoding="utf-8")
     assert text == "before\n" + Path("results/report.md").read_text(encoding="utf-8")
-
-
-def test_a_summary_outside_actions_is_refused_before_any_work(run, logs, monkeypatch):
-    monkeypatch.delenv("GITHUB_STEP_SUMMARY", raising=False)
-    ended = run("identify", logs / "setting_01.csv", "--github-summary")
-    assert ended.code == 2
-    assert "GITHUB_STEP_SUMMARY is not set" in ended.err
-    assert not Path("results").exists()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import shutil
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -71,14 +70,6 @@ def test_a_table_and_replacements_are_told(run, logs) -> None:
     assert parameters["r_m2"] == reference_parameters(3).r_m2
 
 
-def test_the_configuration_says_which_damper_and_test(run, tmp_path) -> None:
-    (tmp_path / "c.toml").write_text('[rig]\namplitude = "10mm"\nfrequency = "3Hz"\n')
-    ended = run("simulate", "--setting", "1", "--config", "c.toml", "--quiet", "--json")
-    assert json.loads(ended.out)["frequency_Hz"] == 3.0
-    ended = run("simulate", "--setting", "1", "--config", "c.toml", "--frequency", "2")
-    assert "sine of 10 mm at 2 Hz" in ended.out
-
-
 def test_a_triangle_moves_at_constant_speed(run, tmp_path) -> None:
     assert run("simulate", "--setting", "1", "--wave", "triangle", "--out", "t.parquet").code == 0
     velocity = np.array(pq.read_table(tmp_path / "t.parquet")["velocity_m_per_s"])
@@ -111,83 +102,3 @@ def test_a_recorded_displacement_gives_the_force_of_the_log(run, logs, tmp_path)
 def test_the_loops_are_drawn_in_each_format(run, tmp_path, kind, start) -> None:
     assert run("simulate", "--setting", "5", "--plot", f"loops.{kind}").code == 0
     assert (tmp_path / f"loops.{kind}").read_bytes().startswith(start)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        ([], "give --setting N"),
-        (_sets(*SET_M[:4]), "no parameters for f_f"),
-        (["--setting", "0"], "setting 0"),
-        (["--setting", "21"], "setting 21"),
-        (["--setting", "ten"], "--setting"),
-        (["--setting", "1", "--set", "k_e"], "expected NAME=VALUE"),
-        (["--setting", "1", "--set", "ke=1"], "Did you mean 'k_e'"),
-        (["--setting", "1", "--set", "k_e=5mm"], "k_e = 5mm: expected a number in Pa"),
-        (["--setting", "1", *_sets("f_f=1", "f_f=2")], "f_f is given twice"),
-        (["--setting", "1", "--amplitude", "3kg"], "--amplitude: no unit of length 'kg'"),
-        (["--setting", "1", "--amplitude", "200mm"], "beyond the damper's travel"),
-        (
-            ["--setting", "1", "--wave", "square"],
-            "--wave: expected 'sine' or 'triangle'",
-        ),
-        (
-            ["--setting", "1", "--cycles", "0.5"],
-            "--cycles: expected 1 or more",
-        ),
-        (["--setting", "1", "--out", "x.xlsx"], "--out x.xlsx"),
-        (["--setting", "1", "--plot", "x.gif"], "--plot x.gif"),
-        (["--setting", "1", "--parameters", "none.csv"], "none.csv: cannot be read"),
-        (["--setting", "1", "--displacement", "none.csv"], "none.csv: no such file"),
-    ],
-)
-def test_wrong_usage_is_code_2_one_line_and_no_file(run, tmp_path, arguments, says) -> None:
-    ended = run("simulate", *arguments)
-    assert ended.code == 2
-    assert says in ended.err
-    assert len(ended.err.splitlines()) == 1
-    assert ended.out == ""
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_a_model_that_cannot_be_simulated_is_code_1(run) -> None:
-    ended = run("simulate", *_sets(*SET_M[:3], "k_e=-1", "f_f=50"), "--quiet")
-    assert ended.code in {1, 2}
-    assert len(ended.err.splitlines()) == 1
-
-
-def test_an_existing_link_is_replaced(run, tmp_path) -> None:
-    (tmp_path / "kept.csv").write_text("kept")
-    (tmp_path / "o.csv").symlink_to(tmp_path / "kept.csv")
-    asked = ("simulate", "--setting", "1", "--out", "o.csv", "--quiet")
-    assert run(*asked).code == 2
-    assert (tmp_path / "o.csv").is_symlink()
-    assert run(*asked, "--overwrite").code == 0
-    assert not (tmp_path / "o.csv").is_symlink()
-    assert (tmp_path / "kept.csv").read_text() == "kept"
-    assert shutil.which("true")
-
-
-def test_few_samples_a_cycle_are_warned_of(run) -> None:
-    assert "warning" not in run("simulate", "--setting", "10").err
-    assert "33.3 samples a cycle" in run("simulate", "--setting", "10", "--sample-rate", "50Hz").err
-
-
-def test_a_triangle_has_no_force_at_speeds_that_it_does_not_hold(run) -> None:
-    shown = run("simulate", "--setting", "10", "--wave", "triangle")
-    assert "force at 0." not in shown.out
-    told = json.loads(run("simulate", "--setting", "10", "--wave", "triangle", "--json").out)
-    assert told["characteristics"]["hysteresis_rebound"] is None
-    assert told["characteristics"]["speed_forces"] == []
-
-
-def test_one_cycle_can_be_simulated(run) -> None:
-    assert run("simulate", "--setting", "10", "--cycles", "1").code == 0
-
-
-def test_an_offset_of_the_rig_is_told(run) -> None:
-    said = "the rig's force offset of 12 N is in these forces"
-    ended = run("simulate", "--setting", "3", "--set", "f_0=12", "--json")
-    assert f"note: {said}" in " ".join(ended.err.split())
-    assert json.loads(ended.out)["notes"][0].startswith(said)
-    assert json.loads(run("simulate", "--setting", "3", "--json").out)["notes"] == []

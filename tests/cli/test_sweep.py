@@ -6,8 +6,6 @@ import csv
 import json
 from pathlib import Path
 
-from damperfit.queries.simulations import ChosenParameters
-
 
 def test_a_family_is_table_figure_and_sentence(run):
     ended = run("sweep", "--setting", "10", "--vary", "R_m1=0.8,1,1.2", "--figures", "svg")
@@ -27,11 +25,3 @@ def test_the_papers_figures_at_once(run, undrawn):
     assert len(json.loads(ended.out)["rows"]) == 15
     figures = sorted(path.name[:8] for path in Path("paper").glob("*.png"))
     assert figures == [f"figure_{number}" for number in range(4, 10)]
-
-
-def test_what_was_tested_is_held_against_the_fastest_member(run, undrawn, monkeypatch):
-    monkeypatch.setattr(
-        ChosenParameters, "warnings", lambda _, speed, *__: [f"fastest {speed:.2g}"]
-    )
-    ended = run("sweep", "--setting", "10", "--vary", "amplitude=0.8,1.2,1")
-    assert "warning: fastest 0.36" in ended.err

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import re
 
 import pyarrow.parquet as pq
 import pytest
@@ -61,12 +60,3 @@ def test_the_page_shows_them_and_report_repeats_them_unless_others_are_given(bot
     assert "in/s" not in page.read_text(encoding="utf-8")
     record = json.loads((both / "us" / "run.json").read_text(encoding="utf-8"))
     assert record["configuration"]["output"]["units"] == "lbf,in/s"
-
-
-def test_forces_of_the_terminal_are_converted(run, logs) -> None:
-    def friction(*more) -> float:
-        ended = run("identify", logs / "setting_02.csv", "--out", "there", *more)
-        assert ended.code in (0, 4)
-        return float(re.search(r"f_f = ([0-9.]+)", ended.out)[1])
-
-    assert friction("--units", "lbf") == pytest.approx(friction() / POUND, rel=0.02)
