@@ -9,9 +9,7 @@ import numpy as np
 import pytest
 
 from damperfit.conditioning import ConditionOptions, GasFacts, OffsetFacts, condition
-from damperfit.conditioning.gas_force import ForceLevel, force_level
-from damperfit.conditioning.polarity import find_signs
-from damperfit.damper.purdy.closed_forms import gas_pressure
+from damperfit.conditioning.gas_force import force_level
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper, Parameters
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import ConditioningError
@@ -160,11 +158,6 @@ def test_a_tare_is_told_with_what_to_do(setting) -> None:
     assert found(known, "tare")[0].severity == "note"
 
 
-def test_signs_declared_for_a_tared_log_leave_no_doubt_about_the_direction() -> None:
-    log = replace(log_of(10, tare=130.4), reverse_displacement=False, reverse_force=False)
-    assert not found(condition(log, PURDY), "direction")
-
-
 @pytest.mark.parametrize("tare", [175.0, 200.0, 260.0])  # the level is 0.3 to 1 times the gas's
 def test_a_cell_zeroed_before_mounting_is_no_doubt_about_declared_signs(tare) -> None:
     log = log_of(10, tare=tare)
@@ -174,20 +167,6 @@ def test_a_cell_zeroed_before_mounting_is_no_doubt_about_declared_signs(tare) ->
         {"reverse_force": False, "reverse_displacement": False},
     ):
         assert not found(condition(replace(log, **signs), PURDY), "direction")
-
-
-@pytest.mark.parametrize(("tare", "words"), [(65.0, "part of the gas"), (-200.0, "not the gas")])
-def test_another_offset_is_told_in_newtons(tare, words) -> None:
-    (finding,) = found(condition(log_of(5, tare=tare), PURDY), "tare")
-    assert finding.value == pytest.approx(tare, abs=10.0)
-    assert finding.severity == "warning"
-    assert finding.sentence.startswith(words)
-
-
-def test_a_force_with_its_gas_is_no_news() -> None:
-    (finding,) = found(condition(log_of(10), PURDY), "tare")
-    assert finding.severity == "note"
-    assert finding.sentence.startswith("gas force present")
 
 
 def digressive(*, level):
@@ -213,15 +192,6 @@ def test_a_loop_without_energy_is_doubted_not_judged() -> None:
     (finding,) = found(trace, "force_polarity")
     assert finding.severity == "warning"
     assert "hardly any energy" in finding.sentence
-
-
-@pytest.mark.parametrize("setting", [1, 10, 20])
-def test_an_offset_the_size_of_twice_the_gas_is_not_taken_for_reversed_channels(setting) -> None:
-    # The level is +130 N, but rebound curves more than bump, so rebound it is.
-    trace = condition(log_of(setting, tare=2.0 * 130.4), PURDY)
-    assert not any(one.is_correction for one in trace.findings)
-    assert found(trace, "direction")[0].severity == "warning"
-    assert found(trace, "tare")[0].value == pytest.approx(260.8, abs=15.0)
 
 
 def swapped(log):
@@ -254,14 +224,6 @@ def test_a_declared_centre_is_as_the_log_counts() -> None:
     assert middle == pytest.approx(-0.001, abs=5e-5)  # positive in rebound, the log in bump
     (finding,) = found(trace, "mid_stroke")
     assert finding.value == pytest.approx(-0.001, abs=5e-5)
-
-
-@pytest.mark.parametrize(("centre", "is_asked"), [(0.0, False), (0.006, True), (0.05, False)])
-def test_mid_stroke_is_reported_with_its_number(centre, is_asked) -> None:
-    (finding,) = found(condition(mirrored(log_of(1), (1, 1), centre=centre), PURDY), "mid_stroke")
-    assert finding.value == pytest.approx(centre, abs=2e-5)
-    assert finding.unit == "m"
-    assert ("rig.centre = '0mm'" in finding.sentence) == is_asked
 
 
 def wandering(offset, *, reach=0.042):
@@ -335,14 +297,6 @@ def test_a_velocity_in_another_unit_or_of_another_sign_is_told() -> None:
     assert "does not follow" in found(condition(noise, PURDY), "velocity_channel")[0].sentence
 
 
-def test_the_gas_force_here_is_that_of_the_physics() -> None:
-    from damperfit.conditioning.gas_force import gas_force
-
-    x = np.linspace(-0.05, 0.05, 11)
-    expected = -PURDY_DAMPER.rod_area * gas_pressure(PURDY_DAMPER, x)
-    assert gas_force(gas_of(PURDY_DAMPER), x) == pytest.approx(expected, rel=1e-14)
-
-
 STRANGE = {
     "a force that dies": lambda f: np.where(np.arange(len(f)) < 5, -1.0, -130.4),
     "a single spike": lambda f: np.where(np.arange(len(f)) == 2000, 1e4, 0.0),
@@ -365,17 +319,6 @@ def test_strange_forces_are_told_or_refused_and_nothing_else(force, scale) -> No
             trace = condition(log, replace(PURDY, skew=skew))
             values = [one.value or 0.0 for one in trace.findings]
         assert np.isfinite(values).all()
-
-
-@pytest.mark.parametrize(("uncertainty", "is_certain"), [(60.0, True), (80.0, False)])
-def test_a_level_within_twice_its_uncertainty_reverses_nothing(uncertainty, is_certain):
-    log = log_of(10)
-    level = ForceLevel(130.0, 130.0, uncertainty, -130.0, -0.2, 0.1)
-    signs = find_signs(condition(log), log, level)
-    assert signs.reversed_channels == (("displacement", "force") if is_certain else ())
-    assert [one.severity for one in signs.findings] == (
-        ["note", "note"] if is_certain else ["warning"]
-    )
 
 
 def test_the_level_is_known_where_samples_fall_right_on_the_reversals() -> None:

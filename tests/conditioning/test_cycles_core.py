@@ -7,13 +7,10 @@ import pytest
 
 from damperfit.compiled_core import compiled_core
 from damperfit.conditioning import apply_filter, design_filter
-from damperfit.conditioning.channels import Channel, find_spikes
 from damperfit.conditioning.cycles import _tops, crossings, cycles_of, turning_points
 from damperfit.conditioning.delay import _REACH, _in_order, _scan, _without_smooth
-from damperfit.conditioning.drive import _errors, _Spectrum
-from damperfit.conditioning.gas_force import _branches, _inverse
 from damperfit.conditioning.repeatability import _cycle_means
-from damperfit.passed_speeds import at_speeds, in_both_strokes
+from damperfit.passed_speeds import at_speeds
 from tests.oracles import cycles as slow
 
 RANDOM = np.random.default_rng(14)
@@ -65,12 +62,6 @@ def test_crossings_and_tops_of_a_sine_are_where_they_are_known(sign, period, pha
     assert not len(crossings(x, v, 1.1, level=0.2, sign=sign))
 
 
-def test_a_motion_without_a_turn_has_no_passage() -> None:
-    seen = cycles_of(np.linspace(0.0, 1.0, 50) ** 2)
-    assert len(seen.passages) <= 1
-    assert len(seen.period) == 0
-
-
 @pytest.mark.parametrize(
     "starts", [[0.0, 10.5, 33.2, 98.0], [-3.0, 120.0], [5.5, 5.75, 6.0], [7.0, 60.0, 20.0]]
 )
@@ -78,14 +69,6 @@ def test_means_of_cycles_are_those_of_the_slow_twin(starts) -> None:
     values, starts = motion(99, 20.0, 0.1)[0] + 3.0, np.array(starts)
     expected = slow.cycle_means(values, starts)
     assert _cycle_means(values, starts) == pytest.approx(expected, rel=1e-11)
-
-
-def test_a_spike_is_found_in_values_that_lie_apart_in_memory() -> None:
-    both = np.zeros((100, 2))
-    both[:, 0] = np.sin(np.arange(100) / 9.0)
-    both[50, 0] += 1.0
-    channel = Channel("displacement", "mm", 1e3, both[:, 0], both[:, 1], np.arange(100.0))
-    assert find_spikes(channel, 2.0, noise=0.0).tolist() == [50]
 
 
 @pytest.mark.parametrize("kink", [None, 1e-3])
@@ -107,65 +90,12 @@ def test_steps_are_those_laid_on_one_by_one(width: float, kink: float | None) ->
     assert np.array_equal(scan.jumps[0], -scan.jumps[1])
 
 
-def test_a_column_that_the_others_make_up_takes_nothing() -> None:
-    # Five places of samples do not tell six columns: the rest is that of the five.
-    lag = np.repeat(np.linspace(-0.02, 0.02, 5), 12)
-    force = RANDOM.standard_normal(60)
-    side = _without_smooth(lag, force, kink=1e-3)
-    places = np.repeat(np.eye(5), 12, axis=0)
-    rest = force - places @ np.linalg.lstsq(places, force, rcond=None)[0]
-    assert side.power == pytest.approx(rest @ rest, rel=1e-9)
-    # A step between two places is made up as well; its height is none.
-    assert np.array_equal(_scan([side], np.array([1e-3]), width=0.0).jumps, [[0.0]])
-
-
-def test_a_singular_matrix_is_inverted_where_it_can_be() -> None:
-    rows = RANDOM.standard_normal((5, 3))
-    products = rows @ rows.T
-    assert np.allclose(_inverse(products), np.linalg.pinv(products, 1e-12), rtol=1e-6)
-
-
-def test_the_errors_of_corners_are_those_of_the_filters_gain() -> None:
-    frequency = np.linspace(0.0, 500.0, 300)
-    seen = _Spectrum(frequency, *RANDOM.uniform(0.0, 1.0, (2, 300)))
-    corners = np.array([30.0, 60.0, 350.0])
-    for corner, found in zip(corners, _errors(seen, corners, 1000.0, 4), strict=True):
-        ratio = np.tan(np.pi * np.minimum(frequency, 499.0) / 1000.0)
-        ratio /= np.tan(np.pi * corner / 1000.0)
-        gain = 1.0 / (1.0 + (np.sqrt(2.0) - 1.0) * ratio**8)
-        expected = np.sum(seen.motion * (1.0 - gain) ** 2 + seen.noise * gain**2)
-        assert found == pytest.approx(expected, rel=1e-12)
-
-
-@pytest.mark.parametrize("wave", [np.sin, lambda a: np.arcsin(np.sin(a)), lambda a: np.sin(a) ** 3])
-def test_branches_are_those_of_a_fit_on_the_columns_themselves(wave) -> None:
-    angle = np.linspace(0.0, 60.0, 5000)
-    x = wave(angle)
-    v = apply_filter(design_filter("zero_phase", 30.0, sample_rate=500.0), np.gradient(x))
-    f = 300.0 * np.sign(v) + 1e4 * v + 40.0 * x + 5.0 + RANDOM.standard_normal(len(v))
-    u = v / np.abs(v).max()
-    out, into = np.maximum(u, 0.0), np.minimum(u, 0.0)
-    columns = [np.ones_like(u), x / np.ptp(x), np.sign(u), out, into, out**2, into**2]
-    best = np.linalg.lstsq(np.stack(columns, axis=-1), f, rcond=None)[0]
-    assert _branches(x, v, f) == pytest.approx((best[0], best[5], -best[6]), rel=1e-7, abs=1e-6)
-
-
 @pytest.mark.parametrize("rows", [2, 3, 4, 5])
 def test_signals_side_by_side_are_filtered_as_each_alone(rows: int) -> None:
     design = design_filter("zero_phase", 30.0, sample_rate=500.0)
     signals = RANDOM.standard_normal((rows, 400))
     alone = np.stack([apply_filter(design, one) for one in signals])
     assert np.array_equal(apply_filter(design, signals), alone)
-
-
-@pytest.mark.parametrize("of", MOTIONS)
-def test_both_strokes_are_those_of_each(of) -> None:
-    signal, v = motion(*of)
-    both, speeds = np.stack([signal, signal**2]), (0.0, 0.1, 9.0)
-    found = in_both_strokes(v, both, speeds)
-    for k, sign in enumerate((1.0, -1.0)):
-        for one, other in zip(found, at_speeds(v, both, speeds, sign=sign), strict=True):
-            np.testing.assert_array_equal(one[k], other)
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])

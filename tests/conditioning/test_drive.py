@@ -71,15 +71,6 @@ def test_hum_at_an_order_of_the_motion_is_no_motion(mains, cycles):
     assert trace.drive.corner == 30.0
 
 
-def test_an_order_of_a_triangle_at_the_mains_is_motion():
-    """Order 25 of 2 Hz; its neighbours 23 and 27 are as large."""
-    time = np.arange(8000) / 1000.0
-    x = 0.064 / np.pi * np.arcsin(np.sin(4.0 * np.pi * time))
-    noise = 1e-6 * np.random.default_rng(1).standard_normal(len(time))
-    log = recording(time, x + noise, static_force(np.gradient(x, 1e-3)))
-    assert condition(log).drive.corner > 150.0
-
-
 @pytest.mark.parametrize(
     "options",
     [
@@ -101,20 +92,6 @@ def test_a_triangle_keeps_its_corners():
     assert at_the_truth(replace(trace, drive=compared)) > 0.1
     without_noise = condition(logged("triangle", force_noise=0.0, displacement_noise=0.0))
     assert at_the_truth(without_noise) < 0.0004
-
-
-@pytest.mark.parametrize(("share", "is_reported"), [(0.015, False), (0.025, True)])
-def test_motion_beyond_half_the_rigs_corner_is_told(share, is_reported):
-    log = with_harmonic(share, order=15)  # 22.5 Hz, which the filter passes
-    trace = condition(log, ConditionOptions(rig_filter="zero_phase", rig_filter_corner=40.0))
-    told = [one for one in trace.findings if one.name == "drive"]
-    assert [one.severity for one in told] == ["warning"] * is_reported
-
-
-def test_a_corner_that_rises_is_told():
-    told = [one for one in condition(with_harmonic(0.05)).findings if one.name == "drive"]
-    assert [one.severity for one in told] == ["note"]
-    assert not [one for one in condition(sine_log()).findings if one.name == "drive"]
 
 
 def noisy_sine(rate, phase, *, noise=3e-6):

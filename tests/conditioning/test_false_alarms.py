@@ -225,15 +225,6 @@ def test_a_cut_of_a_record_was_not_filtered_in_the_rig(frequency, cycles):
     assert "rig_filter" not in told(logged(crank(frequency, cycles), noise=(1e-6, 1.0)))
 
 
-def warming(*, size=None, warm=True, curve=1.0):
-    x = sine(2.0, 0.01, 60)
-    share = np.linspace(0.0, 1.0, len(x)) ** curve
-    size = 86.7 + (71.8 - 86.7) * share if size is None else size
-    temperature = 38.0 + 36.0 * share if warm else None
-    law = lambda _, v: size * v / np.abs(v).max()  # noqa: E731
-    return logged(x, law, noise=(2e-6, 0.3), warm=temperature)
-
-
 def test_a_mean_force_that_goes_with_the_peaks_and_the_temperature_is_told_once():
     """Rebound loses 140 N and bump 80 N: the mean drifts by 22 N, and no amplifier is at fault."""
     x = sine(2.0, 0.02, 60)
@@ -247,42 +238,6 @@ def test_a_mean_force_that_goes_with_the_peaks_and_the_temperature_is_told_once(
     assert set(by_temperature) == {"force_trend"}
     unknown = told(logged(x, law, noise=(2e-6, 0.3)))
     assert "check amplifier and temperature" in unknown["force_drift"].sentence
-
-
-@pytest.mark.parametrize("curve", [0.5, 1.0, 2.0])
-def test_peaks_that_follow_the_temperature_are_told_as_that(curve):
-    found = told(warming(curve=curve))
-    assert set(found) == {"force_trend"}
-    sentence = found["force_trend"].sentence
-    assert "the peak force goes from 8" in sentence
-    assert "to 72" in sentence
-    assert "degC: a trend, not scatter" in sentence
-    assert found["force_trend"].value == pytest.approx(-15.0, abs=2.5)
-
-
-def test_without_a_temperature_the_trend_is_told_alone():
-    found = told(warming(warm=False))
-    assert "degC" not in found["force_trend"].sentence
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_scatter_is_told_as_scatter(seed):
-    random = np.random.default_rng(seed)
-    size = 80.0 * np.repeat(1.0 + 0.03 * random.standard_normal(60), 500)
-    assert set(told(warming(size=size))) == {"cycle_scatter"}
-
-
-def test_scatter_about_a_trend_is_told_beside_it():
-    random = np.random.default_rng(1)
-    size = np.linspace(86.7, 71.8, 30000) * np.repeat(1.0 + 0.03 * random.standard_normal(60), 500)
-    assert set(told(warming(size=size))) == {"cycle_scatter", "force_trend"}
-
-
-@pytest.mark.parametrize(("share", "is_reported"), [(0.025, False), (0.06, True)])
-def test_a_trend_that_would_not_be_scatter_is_none(share, is_reported):
-    # Evenly distributed, a trend has a deviation of 0.29 of itself; 1 % and two errors are 1.2 %.
-    size = 80.0 * (1.0 - share * np.linspace(0.0, 1.0, 30000))
-    assert ("force_trend" in told(warming(size=size))) is is_reported
 
 
 @pytest.mark.parametrize(("share", "drifts"), [(0.0, False), (0.001, False), (0.02, True)])

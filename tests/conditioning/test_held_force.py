@@ -44,13 +44,6 @@ def test_preloads_that_are_unlike_are_no_offset(with_gas) -> None:
     assert offset_mismatch(fit, "f_0", with_gas.gas)[0] > LIMITS.offset
 
 
-def test_they_are_not_said_to_count_bump_positive(with_gas) -> None:
-    trace = condition(logged(sine(2.5, 0.02, 20), preloaded(900.0, 150.0)), with_gas)
-    (found,) = (one for one in trace.findings if one.name == "direction")
-    assert "as if both channels were positive in bump" not in found.sentence
-    assert "no gas force distinguishes rebound from bump" in found.sentence
-
-
 def test_a_level_is_told_where_nothing_is_held(with_gas) -> None:
     law = preloaded(60.0, 60.0)
     trace = condition(logged(sine(2.5, 0.02, 20), lambda x, v: law(x, v) + 2000.0 * v), with_gas)

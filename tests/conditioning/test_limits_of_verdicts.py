@@ -9,7 +9,7 @@ import pytest
 
 from damperfit.conditioning import ConditionOptions, condition
 from damperfit.errors import ConditioningError
-from tests.conditioning.logs import sine_log, static_force
+from tests.conditioning.logs import sine_log
 from tests.conditioning.test_quality import (
     LOG,
     OPTIONS,
@@ -101,29 +101,3 @@ def test_a_motion_or_force_that_no_rig_makes_is_refused(change, options, says) -
         return
     with pytest.raises(ConditioningError, match=says):
         condition(log, ConditionOptions(**options))
-
-
-@pytest.mark.parametrize(("factor", "verdict"), [(1.08, "note"), (0.92, "note"), (1.12, "warning")])
-def test_a_logged_velocity_is_a_tenth_off_at_most(factor, verdict) -> None:
-    log = sine_log()
-    velocity = factor * np.gradient(log.displacement, log.time)
-    assert severity(replace(log, velocity=velocity), "velocity_channel") == verdict
-
-
-@pytest.mark.parametrize(("share", "verdict"), [(0.98, "none"), (-0.98, "refused")])
-def test_a_damper_takes_energy(share, verdict) -> None:
-    log = sine_log()
-    log = replace(log, force=share * log.force)
-    if verdict == "none":
-        assert severity(log, "force_polarity") == "none"
-        return
-    with pytest.raises(ConditioningError, match=r"delivers .* J per cycle"):
-        condition(log)
-
-
-def test_what_absorbs_hardly_any_energy_is_doubted() -> None:
-    log = sine_log()
-    for share, verdict in ((0.3, "none"), (0.02, "warning")):
-        v = np.gradient(log.displacement, log.time)
-        force = 30_000.0 * (log.displacement - 0.0123) + share * static_force(v)
-        assert severity(replace(log, force=force), "force_polarity") == verdict

@@ -17,7 +17,6 @@ from damperfit.conditioning import (
     differentiate,
     examine_raw,
 )
-from damperfit.conditioning.findings import bridge_spikes
 from damperfit.damper.purdy.closed_forms import incompressible_force
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
@@ -224,14 +223,6 @@ CLEAN = [
 ]
 
 
-@pytest.mark.one_in(5)
-@pytest.mark.parametrize(("rate", "wave", "noise", "bits"), CLEAN)
-def test_a_clean_log_gives_no_warning(rate, wave, noise, bits):
-    setting = 1 if bits else 20
-    recording = made(wave, setting=setting, rate=rate, noise=noise, bits=bits, cycles=7)
-    assert warned(recording) == {}
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("setting", range(1, 21))
 def test_clean_logs_of_every_setting_rate_and_seed(setting):
@@ -261,14 +252,6 @@ def test_a_triangle_is_known_by_its_harmonics():
     assert "triangle" in one.sentence
 
 
-def test_another_test_than_the_nominal_one_is_a_note():
-    found = {one.name: one for one in condition(made(frequency=0.5), OPTIONS).findings}
-    assert (found["frequency"].severity, found["amplitude"].severity) == ("note", "note")
-    assert "a different test from the 1.5 Hz" in found["frequency"].sentence
-    near = {one.name: one for one in condition(made(frequency=1.53), OPTIONS).findings}
-    assert "2 % above the 1.5 Hz" in near["frequency"].sentence
-
-
 def test_stamps_that_are_right_are_a_note_however_uneven():
     t = LOG.time + np.random.default_rng(4).uniform(-0.3, 0.3, len(LOG.time)) * 0.002
     x, v = moved("sine", t)
@@ -292,14 +275,6 @@ def test_spikes_are_bridged_only_when_declared():
 
     assert off(bridged) < 3.0
     assert off(kept) > 60.0
-
-
-@pytest.mark.parametrize("offset", [-1e6, 1e6])
-def test_an_offset_hides_no_spike_from_being_bridged(offset):
-    recording, _, _ = FAULTS["spikes in force"]
-    shifted = replace(recording, force=recording.force + offset)
-    found = bridge_spikes(shifted, condition(recording, OPTIONS)).findings
-    assert [one.value for one in found if one.name == "force_spikes_bridged"] == [3.0]
 
 
 def test_a_force_spike_beyond_the_limits_of_a_log_is_bridged_too():
@@ -333,19 +308,6 @@ def test_rest_at_the_end_of_the_stroke_is_no_clipping_and_no_stand():
     assert one.value > 4.0
 
 
-def test_a_refused_log_still_shows_its_channels():
-    recording = spiked(made(cycles=2), "force", [500], 0.8)
-    with pytest.raises(ConditioningError):
-        condition(recording, OPTIONS)
-    assert "force_spikes" in {one.name for one in examine_raw(recording) if _warns(one)}
-
-
-def test_no_window_of_temperature_asks_for_none():
-    options = replace(OPTIONS, nominal=replace(TEST, temperature_tolerance=np.inf))
-    assert warned(at(LOG, None), options) == {}
-    assert warned(at(LOG, LOG.temperature + 30.0), options) == {}
-
-
 def test_unsteady_cycles_are_told():
     t = np.arange(15_000) / 500.0
     size = np.where((t > 10) & (t < 21), 1.0, 1.0 + 0.3 * np.sin(2 * np.pi * 0.37 * t))
@@ -372,14 +334,6 @@ def test_the_noise_told_is_that_of_the_velocity_behind_the_filter(rate):
     assert told == pytest.approx(share, rel=0.1)
 
 
-def test_a_drift_is_told_from_the_first_cycle_to_the_last():
-    log = made(noise=(0.0, 0.0))
-    trace = condition(with_(log, "force", log.force + 20.0 * log.time), OPTIONS)
-    (drift,) = (o for o in trace.findings if o.name == "force_drift")
-    told = float(re.findall(r"drifts by \+([\d.]+) N", drift.sentence)[0])
-    assert told == pytest.approx(20.0 / 1.5 * (trace.n_cycles - 1), rel=5e-3)
-
-
 @pytest.mark.parametrize(("noise", "severity"), [(0.3, "warning"), (0.6, "note"), (1.2, "note")])
 def test_noise_of_half_a_step_turns_coarse_steps_of_the_force_into_scatter(noise, severity):
     log = made(noise=(0.0, 8e-6))
@@ -388,21 +342,3 @@ def test_noise_of_half_a_step_turns_coarse_steps_of_the_force_into_scatter(noise
     trace = condition(with_(log, "force", step * np.rint(blurred / step)), OPTIONS)
     (found,) = (o for o in trace.findings if o.name == "force_steps")
     assert found.severity == severity
-
-
-@pytest.mark.parametrize(
-    ("third", "shape"), [(1.0 / 9.0, ", as of a triangle wave"), (0.07, ""), (0.16, "")]
-)
-def test_a_triangle_is_told_by_its_third_harmonic(third, shape):
-    t = np.arange(5000) / 500.0
-    x = 0.03 * (np.sin(3 * np.pi * t) - third * np.sin(9 * np.pi * t))
-    force = 400.0 * np.tanh(4.0 * np.cos(3 * np.pi * t))
-    log = Recording("log.csv", "log.csv", "", 1, t, x, force)
-    trace = condition(log, ConditionOptions(filter="none"))
-    (found,) = (o for o in trace.findings if o.name == "harmonics")
-    assert f"3rd {100.0 * third:.2g} %{shape};" in found.sentence
-
-
-def test_a_motion_just_above_the_filter_is_refused():
-    with pytest.raises(ConditioningError, match=r"not below the filter corner of 1\.2 Hz"):
-        condition(made(cycles=60), ConditionOptions(filter_corner=1.2))

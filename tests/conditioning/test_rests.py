@@ -7,7 +7,7 @@ import pytest
 
 from damperfit.conditioning import ConditionOptions, condition
 from damperfit.conditioning.drive import dwell_lengths, dwells_of
-from tests.conditioning.logs import recording, sine_log, static_force
+from tests.conditioning.logs import recording, static_force
 
 RATE = 1000.0
 NOISE = 3e-6
@@ -50,26 +50,10 @@ def test_crests_of_sines_are_no_rests(frequency, noise, step):
     assert dwells_of(x, 2e-4) == []
 
 
-@pytest.mark.parametrize(("milliseconds", "is_found"), [(20, True), (19, False)])
-def test_a_rest_has_20_ms(milliseconds, is_found):
-    """Looks begin at every tenth of them, and so does the rest."""
-    x = np.concatenate([np.full(90, 0.01), np.zeros(milliseconds), np.full(110, -0.01)])
-    levels = [level for _, level in dwells_of(x + np.linspace(0.0, 1e-12, len(x)), 1e-3)]
-    assert any(abs(level) < 1e-6 for level in levels) is is_found
-
-
 @pytest.mark.parametrize(("milliseconds", "is_found"), [(28, True), (17, False)])
 def test_a_dwell_of_28_ms_is_a_rest_and_one_of_17_is_none(milliseconds, is_found):
     x, _ = dwelling(dwell=1e-3 * milliseconds, width=1)
     assert bool(dwells_of(x, 1e-3)) is is_found
-
-
-@pytest.mark.parametrize(("n", "is_found"), [(10, True), (9, False)])
-def test_a_rest_has_ten_samples(n, is_found):
-    """At 200 Hz; looks begin at every fifth sample."""
-    x = np.concatenate([np.full(100, 0.01), np.zeros(n), np.full(100, -0.01)])
-    levels = [level for _, level in dwells_of(x + np.linspace(0.0, 1e-12, len(x)), 5e-3)]
-    assert any(abs(level) < 1e-6 for level in levels) is is_found
 
 
 def test_a_model_is_driven_without_noise_where_the_motion_rests():
@@ -91,9 +75,3 @@ def test_a_model_is_driven_without_noise_where_the_motion_rests():
         f"the motion rests {len(lengths)} times where it is compared, for 0.096 s at most: what "
         "friction holds there is not known, and the model has none"
     )
-
-
-def test_a_sine_is_left_alone():
-    trace = condition(sine_log())
-    assert trace.drive.displacement is trace.displacement
-    assert not [one for one in trace.findings if one.name == "rests"]

@@ -88,11 +88,3 @@ def test_a_running_mean_of_the_force_is_told() -> None:
     mean = np.convolve(raw.force, np.full(25, 1.0 / 25.0))[: len(raw.force)]
     names = [one.name for one in condition(replace(raw, force=mean)).findings]
     assert "force_smoothed" in names
-
-
-def test_a_fast_motion_cannot_be_judged() -> None:
-    """Its harmonics reach to where noise is looked for."""
-    fast = logs.sine_log(frequency=26.0, amplitude=0.003, rate=300.0, cycles=80)
-    (finding,) = (one for one in condition(fast).findings if one.name == "rig_filter")
-    assert finding.severity == "note"
-    assert "cannot be judged" in finding.sentence

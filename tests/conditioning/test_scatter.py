@@ -74,10 +74,6 @@ def test_it_is_what_noise_costs_a_perfect_model(kind, cycles, rate):
     assert np.mean(found) == pytest.approx(expected, rel=0.06 if trace.n_cycles < 5 else 0.02)
 
 
-def test_equal_cycles_have_none():
-    assert noise_floor(condition(smooth_log(15.0, 1000.0))) < 1e-9
-
-
 def test_a_force_that_drifts_is_scatter():
     log = smooth_log(15.0, 1000.0)
     trace = condition(replace(log, force=log.force + 20.0 * (log.time - log.time.mean())))
@@ -108,20 +104,3 @@ def test_beside_what_repeats_too_little_or_does_nothing_no_noise_is_told() -> No
     assert not math.isnan(noise_beside_motion(cycles(2)))
     six = cycles(6)
     assert math.isnan(noise_beside_motion(replace(six, force=np.full(len(six.force), 7.0))))
-
-
-SIZES = np.repeat([1.0, -1.0, 0.5, -0.5, 1.0, -1.0], 200)
-
-
-def test_a_displacement_that_differs_explains_a_force_that_does() -> None:
-    one = cycles(6)
-    moved = 1e-3 * SIZES
-    both = replace(one, displacement=one.displacement + moved, force=one.force + 2e4 * moved)
-    assert noise_beside_motion(both) < 0.01 * noise_floor(both)
-
-
-def test_a_speed_that_differs_explains_a_force_by_its_square() -> None:
-    one = cycles(6)
-    velocity = (1.0 + 0.2 * SIZES) * one.velocity
-    both = replace(one, velocity=velocity, force=2e4 * velocity * np.abs(velocity))
-    assert noise_beside_motion(both) < 0.01 * noise_floor(both)

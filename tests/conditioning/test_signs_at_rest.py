@@ -51,13 +51,6 @@ def test_a_rest_shows_the_signs_of_both_channels(options, displacement, force):
     assert trace.shows_signs
 
 
-@pytest.mark.parametrize(("rest", "tare"), [(0.2, 0.0), (0.6, GAS)])
-def test_a_short_rest_or_a_tared_cell_shows_nothing(options, rest, tare):
-    trace = condition(digressive(mirror=-1.0, rest=rest, tare=tare), options)
-    assert not reversed_channels(trace)
-    assert not trace.shows_signs
-
-
 def test_logs_without_a_rest_are_counted_as_the_others_of_the_batch(tmp_path):
     paths = []
     for k, rest in enumerate([0.6, 0.0, 0.7, 0.0]):

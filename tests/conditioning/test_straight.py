@@ -67,27 +67,6 @@ def test_a_corner_just_inside_a_part_has_its_line_from_beyond(corners, is_found)
     assert drive_of_lines(x, 1.0 / RATE, slice(0, 200)) is not None
 
 
-def test_turns_are_found_at_any_rate():
-    """At 5 kHz neighbours differ by a fifth of it: they alone would not show a corner."""
-    x = zigzag(5.0 * CORNERS, SPEEDS, n=7000, noise=5e-6, rate=5000.0)
-    found = drive_of_lines(x, 2e-4, EVERY)
-    np.testing.assert_allclose(found.jumps[:, 0], 5.0 * CORNERS, atol=0.1)
-
-
-@pytest.mark.parametrize(("n", "is_line"), [(13, True), (12, False)])
-def test_a_line_has_ten_samples(n, is_line):
-    """Beside the corner two samples on either side are left out: 13 leave 10."""
-    x = zigzag([200.0, 200.0 + n], np.array([0.2, -0.2, 0.2]), n=600, noise=0.0)
-    assert (drive_of_lines(x, 1.0 / RATE, EVERY) is not None) is is_line
-
-
-@pytest.mark.parametrize(("apart", "is_found"), [(63, True), (57, False)])
-def test_corners_near_each_other_are_found_over_4_ms(apart, is_found):
-    """At 5 kHz 20 samples to either side of both and between; over 16 ms they are one bend."""
-    x = zigzag([900.0, 900.0 + apart], np.array([0.2, -0.2, 0.2]), n=2000, noise=0.0, rate=5000.0)
-    assert (drive_of_lines(x, 2e-4, EVERY) is not None) is is_found
-
-
 def test_corners_of_a_noisy_sensor_are_found():
     """40 um: over 4 ms a turn by 0.16 m/s is six times that."""
     corners = np.array([400.4, 1100.7, 1800.2])

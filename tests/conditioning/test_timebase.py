@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -86,15 +84,6 @@ def test_rows_lost_at_the_resolution_of_the_stamps_are_noticed(lost):
     assert error(log) < 1e-8  # the spline over two lost samples
 
 
-def test_a_rate_just_below_the_resolution_is_no_lost_row():
-    t = np.arange(9000) / 952.0
-    log = make_uniform(logged(t, np.round(t, 3)))
-    assert len(log.force) == 9000
-    (one,) = log.findings
-    assert (one.name, one.severity) == ("rounded_time", "note")
-    assert one.sentence == "time stamps are rounded to 0.001 s; sampled at 952 Hz"
-
-
 def test_a_gap_is_refused_with_row_and_size():
     t = np.delete(np.arange(3000), np.arange(500, 506)) / 300.0
     with pytest.raises(ConditioningError, match=r"gap of 0\.02333 s after row 500"):
@@ -104,23 +93,9 @@ def test_a_gap_is_refused_with_row_and_size():
     assert "4 missing" in make_uniform(logged(t, t)).findings[0].sentence
 
 
-def test_a_pause_between_two_tests_is_refused():
-    t = np.concatenate([np.arange(1000), np.arange(5000, 6000)]) / 300.0
-    with pytest.raises(ConditioningError, match="after row 1000"):
-        make_uniform(logged(t, t))
-
-
 @pytest.mark.parametrize("share", [0.06, 0.1])
 def test_too_many_missing_samples_are_refused(share):
     kept = np.flatnonzero(np.random.default_rng(1).uniform(size=3000) > share)
     t = kept / 300.0
     with pytest.raises(ConditioningError, match=r"of \d+ samples are missing, first after row"):
         make_uniform(logged(t, t))
-
-
-def test_units_of_time_do_not_matter():
-    t = np.arange(3000) / 300.0
-    stamps = np.round(t * 1e3) * 1e-3  # logged in whole milliseconds
-    source = logged(t, stamps)
-    again = make_uniform(replace(source, time=stamps + 100.0))
-    assert make_uniform(source).interval == pytest.approx(again.interval, rel=1e-12)

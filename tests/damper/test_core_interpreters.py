@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import subprocess
 import sys
 from pathlib import Path
@@ -56,11 +55,3 @@ def test_other_interpreters_of_a_process_have_a_core_of_their_own() -> None:
     command = [sys.executable, "-c", _IN_ANOTHER, str(_core.__file__), root]
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
     assert done.returncode == 0, done.stderr
-
-
-def test_the_module_is_made_in_two_phases() -> None:
-    # In one, Python 3.12 and later refuse it beside the first interpreter.
-    library = ctypes.PyDLL(str(_core.__file__))
-    library.PyInit__core.restype = ctypes.c_void_p  # borrowed, so no object yet
-    made = ctypes.cast(library.PyInit__core(), ctypes.py_object).value
-    assert type(made).__name__ == "moduledef"

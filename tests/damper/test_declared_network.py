@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import re
 import tomllib
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-import damperfit
 from damperfit.configuration.loading import configuration_toml, load_configuration
 from damperfit.damper.mounting import Mounting
 from damperfit.damper.valve_dampers import (
-    LAWS,
     DeclaredNetwork,
     DeclaredPassage,
     Monotube,
@@ -184,30 +180,6 @@ def test_what_is_no_passage_is_refused_with_its_place(changed, said):
         declared_passages([good, good | changed])
     with pytest.raises(ConfigurationError, match="passage 1 lacks to, law"):
         declared_passages([{"from": 1, "name": "one"}])
-
-
-def test_the_words_of_a_law_stand_in_its_refusal_and_in_the_manual():
-    with pytest.raises(ConfigurationError) as refused:
-        declared_passages([{"from": 1, "to": 2, "name": "one", "law": "blow_off"}])
-    assert f"there are {', '.join(LAWS)}." in str(refused.value)
-    page = (Path(damperfit.__file__).parent / "manual/pages/models.md").read_text(encoding="utf-8")
-    table = page.partition("| `law` of a passage |")[2].partition("\n\n")[0]
-    rows = [line.split("|")[1:4:2] for line in table.splitlines()[2:]]
-    told = {law.strip(" `"): [*re.findall(r"`(\w+)`", numbers)] for law, numbers in rows}
-    assert {law: set(parts) for law, parts in told.items()} == {
-        law: set(parts) for law, parts in LAWS.items()
-    }
-    assert f"# {', '.join(LAWS)}\n" in page
-
-
-def test_a_refusal_names_the_file(tmp_path):
-    path = tmp_path / "damper.toml"
-    path.write_text(TOML.replace('law = "rounded"', 'law = "round"'))
-    with pytest.raises(
-        ConfigurationError, match=r"damper.toml.*passage 3: no law 'round'"
-    ) as found:
-        load_configuration(path)
-    assert "\n" not in str(found.value)
 
 
 def test_a_layout_that_cannot_be_is_refused():

@@ -12,7 +12,7 @@ from damperfit.configuration.loading import load_configuration
 from damperfit.damper.mounting import Friction, Mounting
 from damperfit.damper.network import simulate_network
 from damperfit.damper.valve_dampers import ThroughFlow
-from damperfit.errors import ConfigurationError, SimulationError
+from damperfit.errors import ConfigurationError
 from damperfit.identification import FitOptions, identify
 from damperfit.simulation import SolverOptions, sine_motion
 from tests.damper.test_network import CASES, FRICTION, SHARP, check_slopes, run
@@ -172,24 +172,6 @@ def test_a_turn_within_a_sample_is_found():
     assert np.max(np.abs(one - other)) < 0.2
 
 
-def test_the_bias_of_a_usual_tolerance_is_below_it():
-    for mounting in (RIGID, ELASTIC, PLAY):
-        usual = run("b", options=SolverOptions(tolerance=1e-2), per_cycle=300, **mounting, **ALL)
-        sharp = run("b", options=SHARP, per_cycle=300, **mounting, **ALL)
-        assert np.sqrt(np.mean((usual.force - sharp.force)[600:] ** 2)) < 0.15
-
-
-@pytest.mark.parametrize(
-    "wrong",
-    [{"presliding": -1e-5}, {"breakaway": -1.0, "stribeck_speed": 0.1}, {"seal_area": -1e-9},
-     {"turning_speed": -1e-3},
-     {"stribeck_speed": -0.1}, {"breakaway": 5.0}],
-)  # fmt: skip
-def test_what_is_no_friction_is_refused(wrong):
-    with pytest.raises(SimulationError):
-        run("b", cycles=1, per_cycle=50, **wrong)
-
-
 def fitted(values, free=None, **friction):
     """A through-flow damper with such a friction, its log, and what a fit of it finds."""
     model = dataclasses.replace(
@@ -213,43 +195,11 @@ def test_a_presliding_friction_is_found_again():
     assert truth.presliding == 1.5e-4
 
 
-def test_stribecks_friction_is_found_again():
-    _, fit = fitted(
-        {"breakaway": 40.0, "stribeck_speed": 0.03}, breakaway="fit", stribeck_speed="fit"
-    )
-    assert fit.parameters.breakaway == pytest.approx(40.0, rel=0.1)
-    assert fit.parameters.stribeck_speed == pytest.approx(0.03, rel=0.1)
-
-
 def test_the_speed_within_which_friction_turns_is_found_again():
     truth = {"turning_speed": 2e-2, "f_f": 40.0, "return_slope": 2.5e5}
     _, fit = fitted(truth, turning_speed="fit")
     assert fit.parameters.turning_speed == pytest.approx(2e-2, rel=0.05)
     assert fit.parameters.f_f == pytest.approx(40.0, rel=0.05)
-
-
-@pytest.mark.parametrize("mounting", [RIGID, ELASTIC], ids=["rigid", "elastic"])
-def test_below_the_solvers_dead_band_friction_turns_as_it_did(mounting):
-    sharp = run("b", cycles=1, sensitivities=("turning_speed",), **mounting)
-    below = run("b", cycles=1, sensitivities=("turning_speed",), turning_speed=0.9e-4, **mounting)
-    above = run("b", cycles=1, sensitivities=("turning_speed",), turning_speed=2e-3, **mounting)
-    np.testing.assert_array_equal(below.force, sharp.force)
-    assert not below.sensitivities["turning_speed"].any()
-    assert np.max(np.abs(above.force - sharp.force)) > 1.0
-
-
-def test_free_gas_is_found_where_it_is_freed():
-    free = (*(name for name in VALVES if name != "drag"), "free_gas")
-    _, fit = fitted({"free_gas": 0.01}, free=free)
-    assert fit.parameters.free_gas == pytest.approx(0.01, rel=0.1)
-    assert damper(ThroughFlow).quantity("free_gas").default == 0.0
-
-
-def test_what_is_known_is_held_and_what_is_none_is_no_quantity():
-    plain, known = ThroughFlow(), ThroughFlow(friction=Friction(presliding=3e-5, seal_area="fit"))
-    assert set(known.names) - set(plain.names) == {"presliding", "seal_area"}
-    assert known.quantity("presliding").default == 3e-5
-    assert known.quantity("seal_area").default is None
 
 
 @pytest.mark.parametrize(

@@ -6,19 +6,11 @@ from dataclasses import replace
 
 import pytest
 
-from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
 from damperfit.identification import DETECT, FitOptions, Status, identify
 from tests.identification import adjusted
 from tests.identification.adjusted import DAMPER, FOLLOWS, SETTINGS, log
 
 GAS = ("gas_pressure", "gas_volume", "gas_exponent")
-
-
-@pytest.mark.parametrize("kind", [TwinTube, Monotube, ThroughFlow])
-def test_it_is_held_as_declared(kind) -> None:
-    damper = kind(gas_pressure=9e5, gas_volume=4e-5, gas_exponent=1.2)
-    assert [damper.quantity(name).default for name in GAS] == [9e5, 4e-5, 1.2]
-    assert damper.conditions == ()
 
 
 def test_one_volume_and_one_pressure_are_found_from_all_settings() -> None:

@@ -79,27 +79,6 @@ def test_an_elastic_mounting_has_jumps_too():
     np.testing.assert_allclose(force[1:], exact[::100][1 : len(force)], atol=1.0)
 
 
-def test_a_jump_at_a_sample_and_one_by_nothing():
-    """At a sample the speed is that after it; friction has turned there."""
-    truth = reference_parameters(10)
-    v = np.full(101, 0.1)
-    x = 1e-4 * np.arange(101.0)
-    even = Motion(1e-3, x, v)
-    nothing = replace(even, jumps=np.array([[20.5, 20.5e-4, 0.1, 0.1], [60.0, 60e-4, 0.1, 0.1]]))
-    plain = simulate(truth, PURDY_DAMPER, even, options=TIGHT).force
-    np.testing.assert_allclose(
-        simulate(truth, PURDY_DAMPER, nothing, options=TIGHT).force, plain, atol=1e-3
-    )
-    back = np.where(np.arange(101) < 50, x, 1e-2 - x)
-    turned = Motion(
-        1e-3, back, np.where(np.arange(101) < 50, v, -v), jumps=np.array([[50.0, 5e-3, 0.1, -0.1]])
-    )
-    force = simulate(truth, PURDY_DAMPER, turned, options=TIGHT).force
-    np.testing.assert_allclose(force[:50], plain[:50], atol=1e-3)
-    # Chambers need time; friction does not.
-    assert force[50] == pytest.approx(plain[50] - 2.0 * truth.f_f, abs=0.01)
-
-
 def test_two_jumps_within_a_sample():
     truth = reference_parameters(10)
     jumps = np.array([[10.25, 1.025e-3, 0.1, -0.1], [10.75, 0.975e-3, -0.1, 0.1]])

@@ -13,7 +13,6 @@ from damperfit.damper.valve_dampers import TwinTube
 from damperfit.damper.valves import valve_starts
 from damperfit.errors import ConfigurationError
 from damperfit.simulation import SolverOptions, sine_motion, triangle_motion
-from damperfit.synthetic import any_model
 from tests import fakes
 
 MOTION = sine_motion(0.009, 6.0, cycles=5, sample_rate=2000)
@@ -40,13 +39,6 @@ def test_a_mass_takes_its_acceleration_and_changes_nothing_in_the_damper() -> No
     exact = -2.0 * (2 * np.pi * 6.0) ** 2 * MOTION.displacement
     np.testing.assert_allclose(loaded.force - bare.force, exact, atol=2e-4 * np.max(exact))
     np.testing.assert_array_equal(loaded.pressures, bare.pressures)
-
-
-def test_it_takes_no_work_over_a_cycle() -> None:
-    bare, loaded = response(Mounting(NONE)), response(Mounting(NONE, NONE, NONE, 2.0))
-    cycles = slice(-2000 * 3 // 6 - 1, None)  # three of them
-    work = np.trapezoid((loaded.force - bare.force)[cycles], MOTION.displacement[cycles])
-    assert abs(work) < 1e-4 * np.trapezoid(bare.force[cycles], MOTION.displacement[cycles])
 
 
 def test_the_channel_reads_the_mass_late_too() -> None:
@@ -81,11 +73,6 @@ def test_a_jump_of_the_speed_keeps_its_momentum() -> None:
     assert np.sum(found[jump]) * motion.interval == pytest.approx(-2 * 0.16, rel=1e-9)
 
 
-@pytest.mark.parametrize(("speeds", "expected"), [([0.3], [0.0]), ([0.0, 0.2], [2.0, 2.0])])
-def test_as_few_samples_as_a_motion_may_have(speeds, expected) -> None:
-    np.testing.assert_allclose(acceleration(np.array(speeds), 0.1), expected)
-
-
 def test_a_log_before_its_load_cell_is_what_the_damper_had() -> None:
     log = fakes.trace(1)
     assert before_load_cell(log) is log
@@ -112,8 +99,3 @@ def test_a_mass_that_was_weighed_is_taken_off_before_valves_are_read() -> None:
 def test_what_is_no_mass_is_refused(wrong) -> None:
     with pytest.raises(ConfigurationError, match="moving_mass: found"):
         Mounting(moving_mass=wrong)
-
-
-def test_made_up_logs_of_any_model_have_one() -> None:
-    model = TwinTube(mounting=Mounting(FIT, NONE, NONE, FIT))
-    assert any_model.made_up_values(model, 1, 1.0).moving_mass > 0.0

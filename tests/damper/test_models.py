@@ -8,17 +8,6 @@ import sys
 import pytest
 
 from damperfit.damper.model import MODELS
-from damperfit.damper.rivals import RIVALS
-
-
-@pytest.mark.parametrize("name", MODELS)
-def test_a_model_is_called_as_it_says(name: str) -> None:
-    assert MODELS[name].name == name
-
-
-def test_every_rival_is_among_the_models() -> None:
-    assert len(MODELS) == len(set(MODELS))
-    assert tuple(MODELS.values())[-len(RIVALS) :] == RIVALS
 
 
 def test_there_is_no_model_of_another_name() -> None:

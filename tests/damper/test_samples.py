@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import csv
 import dataclasses
-import subprocess
-import sys
-from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from pathlib import Path
 
@@ -16,7 +13,7 @@ from scipy.signal import butter, sosfilt
 
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper, Parameters
 from damperfit.damper.purdy.reference import reference_parameters
-from damperfit.errors import ConfigurationError, OutputError, SimulationError
+from damperfit.errors import ConfigurationError, SimulationError
 from damperfit.synthetic import SampleOptions, make_samples, steady_cycle
 from damperfit.synthetic import logs as logs_of_samples
 from tests.oracles import model
@@ -57,29 +54,11 @@ def by_scipy(monkeypatch):
     monkeypatch.setattr(logs_of_samples, "steady_cycle", by_radau)
 
 
-@pytest.mark.parametrize("setting", [7, pytest.param(1, marks=pytest.mark.slow)])
-def test_the_quick_cycles_of_other_tests_are_as_good_as_these(setting):
-    phases = np.arange(1200) / 1200
-    truth = reference_parameters(setting)
-    quick = quick_cycle(truth, PURDY_DAMPER, amplitude=0.032, frequency=1.5)
-    assert np.max(np.abs(quick.force(phases) - purdy_cycle(truth).force(phases))) < 0.02
-
-
 @pytest.mark.parametrize(("parameters", "rows"), GOLDEN)
 def test_steady_cycle_has_the_golden_forces(parameters, rows):
     cycle = purdy_cycle(parameters)
     assert cycle.gap <= 1e-9
     assert np.max(np.abs(cycle.force(np.array(PHASES)) - np.array(rows)[:, 0])) < 0.006
-
-
-@pytest.mark.parametrize("setting", [1, pytest.param(20, marks=pytest.mark.slow)])
-def test_steady_cycle_is_the_oracle_s(setting):
-    """Two right-hand sides written apart: 1e-3 N at every phase, reversals included."""
-    phases = np.arange(1200) / 1200
-    time = np.concatenate([[0.0], (1 + phases) / 1.5])
-    parameters = reference_parameters(setting)
-    twin = model.solve(parameters, PURDY_DAMPER, model.sine(0.032, 1.5), time, rtol=1e-11)
-    assert np.max(np.abs(purdy_cycle(parameters).force(phases) - twin.force[1:])) < 1e-3
 
 
 @pytest.mark.slow
@@ -161,15 +140,6 @@ def test_truth_holds_every_digit(tmp_path):
             assert float(row[name]) == getattr(true, name)
 
 
-def test_readme_says_plainly_what_the_files_are(tmp_path):
-    make_samples(tmp_path, CLEAN)
-    text = (tmp_path / "README.md").read_text(encoding="utf-8")
-    assert "No damper was ever measured" in text
-    assert "Synthetic" in text
-    assert "500 Hz" in text
-    assert all(len(line) <= 100 for line in text.splitlines())
-
-
 def test_noise_and_steps_are_as_asked(tmp_path):
     noisy = SampleOptions(settings=(7,))
     [clean_log], [log] = make_samples(tmp_path / "a", CLEAN), make_samples(tmp_path / "b", noisy)
@@ -182,16 +152,6 @@ def test_noise_and_steps_are_as_asked(tmp_path):
         assert abs(correlation) < 0.06
     assert np.max(np.abs(noisy_force * 10 - np.round(noisy_force * 10))) < 1e-9
     assert np.max(np.abs(noisy_x * 1e6 - np.round(noisy_x * 1e6))) < 1e-7
-
-
-def test_steps_alone(tmp_path):
-    coarse = dataclasses.replace(CLEAN, force_resolution=2.5, displacement_resolution=2e-5)
-    [clean_log], [log] = make_samples(tmp_path / "a", CLEAN), make_samples(tmp_path / "b", coarse)
-    _, _, x, force, _ = read(clean_log)
-    _, _, stepped_x, stepped_force, _ = read(log)
-    assert np.max(np.abs(stepped_force - force)) <= 1.25 + 1e-9
-    assert np.max(np.abs(np.round(stepped_force / 2.5) * 2.5 - stepped_force)) < 1e-9
-    assert np.max(np.abs(stepped_x - x)) <= 1e-5 + 1e-12
 
 
 def test_rig_filter_is_a_causal_butterworth_on_both_channels(tmp_path):
@@ -217,15 +177,6 @@ def test_rig_filter_is_a_causal_butterworth_on_both_channels(tmp_path):
         assert np.max(np.abs(found[: len(slow)] - slow)) < bar
 
 
-def test_noise_passes_the_rig_filter(tmp_path):
-    filtered = SampleOptions(settings=(7,), rig_filter=30.0, force_resolution=0.0)
-    still = dataclasses.replace(filtered, force_noise=0.0, displacement_noise=0.0)
-    [log], [quiet] = make_samples(tmp_path / "a", filtered), make_samples(tmp_path / "b", still)
-    gap = read(log)[3] - read(quiet)[3]
-    # white noise over 250 Hz, 30 Hz of it left (noise bandwidth of order 4: 1.026 corners)
-    assert np.std(gap) == pytest.approx(4.0 * np.sqrt(1.026 * 30 / 250), rel=0.15)
-
-
 def test_same_seed_same_bytes_other_seed_other_bytes(tmp_path):
     options = SampleOptions(settings=(4, 11))
     first = [log.read_bytes() for log in make_samples(tmp_path / "a", options)]
@@ -233,12 +184,6 @@ def test_same_seed_same_bytes_other_seed_other_bytes(tmp_path):
     other = make_samples(tmp_path / "c", dataclasses.replace(options, seed=1))
     assert first == again
     assert all(log.read_bytes() != before for log, before in zip(other, first, strict=True))
-
-
-def test_a_log_does_not_depend_on_its_company(tmp_path):
-    alone = make_samples(tmp_path / "a", SampleOptions(settings=(11,)))
-    together = make_samples(tmp_path / "b", SampleOptions(settings=(2, 11)))
-    assert alone[0].read_bytes() == together[1].read_bytes()
 
 
 @pytest.mark.parametrize(
@@ -292,25 +237,3 @@ def test_a_stroke_without_room_for_the_gas_is_refused(tmp_path):
     with pytest.raises(SimulationError, match="gas"):
         make_samples(tmp_path / "a", dataclasses.replace(CLEAN, damper=damper))
     assert not list((tmp_path / "a").glob("*"))
-
-
-def test_a_folder_that_cannot_be_made(tmp_path):
-    (tmp_path / "file").write_text("in the way", encoding="utf-8")
-    with pytest.raises(OutputError, match="file"):
-        make_samples(tmp_path / "file", CLEAN)
-
-
-def test_threads_may_make_samples_at_once(tmp_path):
-    """No hidden state: two at once give what one gives alone."""
-    with ThreadPoolExecutor(2) as pool:
-        results = list(pool.map(lambda name: make_samples(tmp_path / name, CLEAN), ["a", "b"]))
-    assert results[0][0].read_bytes() == results[1][0].read_bytes()
-
-
-def test_samples_need_no_compiled_core():
-    code = (
-        "import sys, damperfit.synthetic; "
-        "sys.exit(any(m in sys.modules for m in ('damperfit.simulation', 'damperfit.damper._core',"
-        " 'pandas', 'pyarrow')))"
-    )
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

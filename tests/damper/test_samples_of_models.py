@@ -12,10 +12,10 @@ from damperfit.cli import main
 from damperfit.conditioning import condition
 from damperfit.damper.model import MODELS
 from damperfit.damper.valve_dampers import Monotube
-from damperfit.errors import ConfigurationError, SimulationError
+from damperfit.errors import ConfigurationError
 from damperfit.identification import compare, normalised_mse
 from damperfit.io import read_log
-from damperfit.synthetic import SampleOptions, make_samples, simulated_cycle
+from damperfit.synthetic import SampleOptions, make_samples
 from damperfit.synthetic.any_model import made_up_values
 from tests.test_every_model import TRUTH
 
@@ -65,24 +65,6 @@ def test_a_model_of_the_literature_needs_its_numbers(tmp_path: Path, kind: str) 
     force = compare(values, trace, damper).force[trace.compared]
     assert normalised_mse(trace.force[trace.compared], force) < 0.1
     assert truth_in(tmp_path / "b") == {1: dict(zip(values.names, values.numbers, strict=True))}
-
-
-def test_numbers_of_another_model_are_refused(tmp_path: Path) -> None:
-    damper = MODELS["twin_tube"]()
-    others = made_up_values(MODELS["through_flow"](), 3, 0.3)
-    lacking = MODELS["purdy"]().values(dict.fromkeys(MODELS["purdy"]().names, 1.0))
-    assert others.names != lacking.names
-    with pytest.raises(ConfigurationError, match="name their own model"):
-        make_samples(tmp_path, SampleOptions(damper=damper, settings=(3,)), parameters={3: lacking})
-
-
-def test_what_does_not_settle_is_no_sample(monkeypatch: pytest.MonkeyPatch) -> None:
-    from damperfit.synthetic import any_model
-
-    damper = MODELS["twin_tube"]()
-    monkeypatch.setattr(any_model, "_PERIODIC", 0.0)
-    with pytest.raises(SimulationError, match="no steady cycle"):
-        simulated_cycle(made_up_values(damper, 1, 0.3), damper, amplitude=0.02, frequency=1.5)
 
 
 def test_the_command_makes_logs_of_a_model(tmp_path: Path, capsys) -> None:

@@ -9,7 +9,6 @@ import pytest
 
 from damperfit.damper.mounting import Mounting
 from damperfit.damper.network import Valve, law_flow, simulate_network
-from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
 from damperfit.damper.valves import valve_characteristics
 from damperfit.simulation import sine_motion
@@ -56,24 +55,6 @@ def test_a_wrong_law_leaves_what_the_loops_show(kind) -> None:
     wrong = values.replace(rebound_opening=2.5e5, compression_slope=1.5 * values.compression_slope)
     for one in valve_characteristics(model, wrong, [log(model, values)]):
         assert np.percentile(np.abs(misses(one)), 90) > 0.05
-
-
-def test_an_opening_that_no_log_reaches_is_told_all_the_same() -> None:
-    model = damper(TwinTube)
-    values = truth(model, rebound_opening=9e7)
-    rebound, _ = valve_characteristics(model, values, [log(model, values)])
-    assert rebound.opening == 9e7
-    assert rebound.law_drop.max() < 9e7
-
-
-def test_a_bleed_alone_has_no_opening_and_a_models_valves_may_be_none() -> None:
-    model = damper(ThroughFlow)
-    bleed = ThroughFlow(rebound=Valve("orifice", "none"), gas_pressure=5e5)
-    values = truth(bleed)
-    rebound, bump = valve_characteristics(bleed, values, [log(bleed, values)])
-    assert rebound.opening is None
-    assert bump.opening is not None
-    assert PURDY_DAMPER.valve_characteristics(values, [log(model, truth(model))]) == ()
 
 
 @pytest.mark.parametrize("bleed", ["none", "orifice", "leak", "long"])

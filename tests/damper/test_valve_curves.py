@@ -102,11 +102,3 @@ def test_a_valve_that_never_opens_has_no_knee_but_a_place_to_start_from():
     opened = curve.conductance * max(0.0, curve.highest - curve.opening)
     assert opened < 0.25 * total
     assert 0.0 < curve.opening < curve.highest
-
-
-def test_a_stroke_without_force_is_told_from_one_that_presses():
-    found = loops(through_flow(), VALUES | {"return_slope": 2e5})
-    up = [dataclasses.replace(one, force=np.abs(one.force) + 50.0) for one in found]
-    reading = read_valves(up, *sides(through_flow(), VALUES), offset=0.0)
-    assert reading.compression.highest == 0.0
-    assert not reading.compression.has_knee

@@ -9,7 +9,6 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 
-from damperfit.damper.model import Model
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.damper.rivals import BoucWen, Linear
@@ -116,20 +115,6 @@ def test_it_has_what_its_damper_has_and_one_quantity_more() -> None:
 
 
 # What it says itself; all else that a model says of itself is its damper's.
-OWN = {"quantities", "names", "values_type", "plain", "sentence", "condition", "procedures"}
-
-
-def said_of(model) -> dict[str, object]:
-    names = [name for name in vars(Model) if not name.startswith("_")]
-    return {n: getattr(model, n) for n in names if not callable(getattr(model, n))}
-
-
-@EVERY
-def test_whatever_a_model_says_of_itself_it_says_of_its_damper(name: str) -> None:
-    model, _ = warmed(name)
-    ours, its = said_of(model), said_of(model.damper)
-    assert {"determined_together", "signals", "flaws", "gas", "kinks"} <= set(its)
-    assert {n: ours[n] for n in its if n not in OWN} == {n: its[n] for n in its if n not in OWN}
 
 
 def test_what_temperature_does_nothing_to_is_refused() -> None:
