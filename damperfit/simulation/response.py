@@ -35,7 +35,7 @@ class SolverOptions:
         Limit of work between two samples.
     rounding : float
         Of a network only: pressure below which the root of an orifice is rounded, Pa. 100 Pa cost
-        less than 0.03 N (`tests/damper/test_rounded_root.py`) and make its sensitivities smoother.
+        less than 0.03 N (`tests/damper/test_core.py`) and make its sensitivities smoother.
     """
 
     tolerance: float = 3e-3

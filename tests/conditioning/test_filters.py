@@ -1,22 +1,39 @@
-"""Filters: gain, phase, delay, edges, against difference equations and SciPy."""
+"""Filters, slopes and values between samples; the corner that follows the motion."""
 
 from __future__ import annotations
+
+import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.interpolate import CubicSpline
 from scipy.signal import butter, sosfilt, sosfiltfilt
 
-from damperfit.conditioning import apply_filter, design_filter
+from damperfit.compiled_core import compiled_core
+from damperfit.conditioning import (
+    ConditionOptions,
+    apply_filter,
+    condition,
+    design_filter,
+    differentiate,
+)
 from damperfit.conditioning.filters import (
     complete_causal,
     completed,
+    fading_samples,
+    fitting_corner,
     gain_at,
     settling_samples,
+    with_corner,
 )
+from damperfit.configuration.loading import load_configuration
 from damperfit.errors import ConditioningError
+from tests.conditioning.logs import recording, sine_log, static_force
 from tests.oracles import filtering
+from tests.oracles.filtering import measured_gain_and_phase
 
 rates = st.floats(100.0, 5000.0)
 orders = st.integers(1, 6)
@@ -126,3 +143,227 @@ def test_a_corner_that_is_offered_is_one_that_is_taken(rate, offered):
         design_filter("zero_phase", 0.5 * rate, sample_rate=rate)
     corner = float(offered.removesuffix("Hz"))
     assert design_filter("zero_phase", corner, sample_rate=rate).is_zero_phase
+
+
+# The compiled filters, slopes and interpolation beside SciPy's, their slow twins.
+
+RANDOM = np.random.default_rng(7)
+
+
+@pytest.mark.parametrize("order", [1, 2, 3, 4, 5, 8])
+@pytest.mark.parametrize("corner", [2.0, 30.0, 240.0])
+def test_a_design_passes_what_scipys_passes(order: int, corner: float) -> None:
+    ours = design_filter("causal", corner, sample_rate=500.0, order=order).sections
+    theirs = butter(order, corner, fs=500.0, output="sos")
+    assert ours.shape == theirs.shape
+    z = np.exp(-1j * np.linspace(0.0, 0.99 * np.pi, 300))[:, None] ** np.arange(3)
+    passed = [np.prod((z @ one[:, :3].T) / (z @ one[:, 3:].T), axis=1) for one in (ours, theirs)]
+    assert np.allclose(*passed, rtol=1e-9, atol=1e-13)
+
+
+@pytest.mark.parametrize("shape", [(2,), (400,), (3, 400)])
+@pytest.mark.parametrize("order", [1, 3, 4])
+def test_both_passes_are_scipys(order: int, shape: tuple[int, ...]) -> None:
+    design = completed(design_filter("causal", 30.0, sample_rate=500.0, order=order), 30.0, order)
+    signal = 100.0 + RANDOM.standard_normal(shape)
+    pad = min(fading_samples(design), shape[-1] - 1)
+    expected = sosfiltfilt(design.sections, signal, padlen=pad)
+    found = apply_filter(design, signal)
+    assert np.allclose(found, expected, rtol=0.0, atol=1e-9)
+    assert not np.shares_memory(found, signal)
+
+
+@pytest.mark.parametrize("n", [4, 5, 6, 50, 3000])
+def test_slopes_are_those_of_scipys_spline(n: int) -> None:
+    y = np.cumsum(RANDOM.standard_normal(n))
+    expected = CubicSpline(np.arange(n), y)(np.arange(n), 1) / 0.002
+    assert np.allclose(differentiate(y, 0.002), expected, rtol=0.0, atol=1e-9 / 0.002)
+
+
+def test_values_between_samples_are_those_of_a_polynomial() -> None:
+    grid = np.arange(12.0)
+    at = np.array([0.0, 0.3, 3.5, 7.25, 10.9, 11.0])
+    powers = np.stack([(grid / 6.0 - 1.0) ** k for k in range(8)])
+    found = np.empty((8, len(at)))
+    compiled_core().between(powers, at, found, 8)
+    assert np.allclose(found, [(at / 6.0 - 1.0) ** k for k in range(8)], rtol=0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments"),
+    [
+        ("run_filter", (np.ones(7), np.ones(2), np.ones(9), np.ones(9), np.ones(9), 1, 0, 0)),
+        ("run_filter", (np.ones(6), np.ones(3), np.ones(9), np.ones(9), np.ones(9), 1, 0, 0)),
+        ("run_filter", (np.ones(6), np.ones(2), np.ones(9), np.ones(8), np.ones(9), 1, 0, 0)),
+        ("run_filter", (np.ones(6), np.ones(2), np.ones(9), np.ones(9), np.ones(9), 2, 0, 0)),
+        ("run_filter", (np.ones(6), np.ones(2), np.ones(9), np.ones(9), np.ones(9), 0, 0, 0)),
+        ("run_filter", (np.ones(6), np.ones(2), np.ones(9), np.ones(9), np.ones(9), 1, 9, 0)),
+        ("run_filter", (np.ones(6), np.ones(2), np.ones(9), np.ones(9), np.ones(9), 1, 1, 0)),
+        ("run_filter", (np.ones(198), np.ones(66), np.ones(9), np.ones(9), np.ones(9), 1, 0, 1)),
+        ("behind_lag", (np.ones(5), np.ones(5), 2, 0.5, 0.3, 0.2)),
+        ("behind_lag", (np.ones(6), np.ones(5), 2, 0.5, 0.3, 0.2)),
+        ("behind_lag", (np.ones(6), np.ones(6), -2, 0.5, 0.3, 0.2)),
+        ("lag_slope", (np.ones(5), np.ones(4), np.ones(5), 0.5, 0.1, 0.1)),
+        ("lag_slope", (np.ones(5), np.ones(5), np.ones(4), 0.5, 0.1, 0.1)),
+        ("spline_slopes", (np.ones(3), np.ones(3), np.ones(3))),
+        ("spline_slopes", (np.ones(5), np.ones(4), np.ones(5))),
+        ("spline_slopes", (np.ones(5), np.ones(5), np.ones(4))),
+        ("between", (np.ones(7), np.ones(2), np.ones(2), 1)),
+        ("between", (np.ones(16), np.ones(2), np.ones(2), 2)),
+        ("between", (np.ones(17), np.ones(2), np.ones(4), 2)),
+    ],
+)
+def test_buffers_of_another_size_are_refused(name: str, arguments: tuple[object, ...]) -> None:
+    with pytest.raises(ValueError, match=name):
+        getattr(compiled_core(), name)(*arguments)
+
+
+# Differentiation: exact on cubics, stated gain error on sines, stated noise gain.
+
+numbers = st.floats(-10.0, 10.0)
+
+
+@given(st.lists(numbers, min_size=4, max_size=4), st.integers(4, 60), st.floats(1e-4, 1.0))
+def test_cubics_are_exact(coefficients, n, interval):
+    cubic = np.polynomial.Polynomial(coefficients)
+    t = np.arange(n) * interval
+    scale = np.abs(cubic(t)).max() / interval + 1e-300
+    assert np.abs(differentiate(cubic(t), interval) - cubic.deriv()(t)).max() <= 1e-12 * scale
+
+
+def test_quartics_are_not():
+    t = np.arange(20.0)
+    assert np.abs(differentiate(t**4, 1.0) - 4 * t**3).max() > 0.1
+
+
+@pytest.mark.parametrize(
+    ("rate", "frequency", "loss"),
+    [(1000.0, 1.5, 4.4e-11), (1000.0, 10.0, 8.7e-8), (100.0, 1.5, 4.4e-7), (100.0, 10.0, 9.1e-4)],
+)
+def test_sines_lose_what_the_text_says(rate, frequency, loss):
+    omega = 2 * np.pi * frequency
+    t = np.arange(round(4 * rate)) / rate
+    slope = differentiate(np.sin(omega * t), 1.0 / rate)
+    gain, phase = measured_gain_and_phase(
+        slope, frequency=frequency, sample_rate=rate, window=slice(60, -60)
+    )
+    assert 1.0 - gain / omega == pytest.approx(loss, rel=0.02, abs=2e-12)
+    assert phase == pytest.approx(90.0, abs=1e-8)
+
+
+def test_noise_is_amplified_as_the_text_says():
+    noise = np.random.default_rng(5).normal(size=400_000)
+    assert np.std(differentiate(noise, 1e-3)) == pytest.approx(1180.0, rel=0.01)
+    quiet = apply_filter(design_filter("zero_phase", 30.0, sample_rate=1000.0), noise)
+    assert np.std(quiet) == pytest.approx(0.245, rel=0.02)
+    assert np.std(differentiate(quiet, 1e-3)) == pytest.approx(28.0, rel=0.02)
+
+
+# A corner that follows the motion, and refusals that offer the one that fits.
+
+AUTO = ConditionOptions(auto_corner=True)
+
+
+@pytest.mark.parametrize(
+    ("frequency", "rate", "corner"),
+    [
+        (0.2, 1000.0, 30.0),
+        (1.5, 500.0, 30.0),
+        (1.6, 500.0, 32.0),
+        (10.0, 1024.0, 200.0),
+        (10.0, 300.0, 120.0),
+        (1.0, 50.0, 20.0),
+        (0.0, 1000.0, 30.0),
+    ],
+)
+def test_twenty_harmonics_pass(frequency, rate, corner):
+    assert fitting_corner(frequency, rate) == corner
+
+
+def found(trace):
+    return {one.name: one for one in trace.findings}
+
+
+def test_the_corner_follows_the_fastest_speed_and_is_said():
+    parts = [
+        a * np.sin(2 * np.pi * f * np.arange(round(6 / f * 1024)) / 1024.0)
+        for f, a in ((0.5, 0.03), (5.0, 0.01), (1.0, 0.03))
+    ]
+    x = np.concatenate(parts)
+    log = recording(np.arange(len(x)) / 1024.0, x, static_force(np.gradient(x, 1 / 1024.0)))
+    trace = condition(log, AUTO)
+    assert "-3 dB at 100 Hz" in trace.model_filter.description
+    assert found(trace)["filter_corner"].sentence == (
+        "filter corner 100 Hz, to fit the fastest motion of 5 Hz"
+    )
+    sweep = (
+        np.sin(
+            2
+            * np.pi
+            * (0.3 + 0.5 * 3.7 / 20.0 * np.arange(20480) / 1024.0)
+            * np.arange(20480)
+            / 1024.0
+        )
+        * 0.01
+    )
+    log = recording(np.arange(20480) / 1024.0, sweep, static_force(np.gradient(sweep, 1 / 1024.0)))
+    assert found(condition(log, AUTO))["filter_corner"].value == pytest.approx(80.0, rel=0.1)
+
+
+def test_the_paper_s_test_keeps_30_hz_also_with_auto():
+    seen = [condition(sine_log(), options) for options in (ConditionOptions(), AUTO)]
+    assert np.array_equal(seen[0].force, seen[1].force)
+    assert "filter_corner" not in found(seen[0])
+
+
+def test_a_knee_that_30_hz_hides_is_seen():
+    log = sine_log(frequency=8.0, amplitude=0.006, cycles=20)
+    jump = [np.diff(condition(log, options).force).max() for options in (ConditionOptions(), AUTO)]
+    assert jump[1] > 1.5 * jump[0]
+
+
+@pytest.mark.parametrize(("frequency", "is_reported"), [(3.6, False), (3.9, True)])
+def test_fewer_than_eight_harmonics_are_told(frequency, is_reported):
+    told = found(condition(sine_log(frequency=frequency, amplitude=0.01)))
+    assert ("filter_corner" in told) is is_reported
+    if is_reported:
+        assert "conditioning.filter_corner = 'auto' takes 78 Hz" in told["filter_corner"].sentence
+
+
+@pytest.mark.parametrize(
+    "more", [{"auto_corner": False}, {"rig_filter": "causal"}, {"filter": "none"}]
+)
+def test_a_corner_that_is_not_ours_to_choose_stands(more):
+    """Behind a filter in the rig the simulated force must pass that one, whatever the motion."""
+    options = replace(AUTO, **more)
+    assert with_corner(sine_log(frequency=5.0), options) == (options, ())
+
+
+def offered(log, options):
+    with pytest.raises(ConditioningError) as refusal:
+        condition(log, options)
+    key, corner = re.search(r"set ([a-z_.]+) = '([0-9.]+)Hz'", str(refusal.value)).groups()
+    return key, float(corner)
+
+
+def test_a_refusal_offers_a_corner_that_fits():
+    slow = sine_log(rate=50.0)
+    key, corner = offered(slow, ConditionOptions())
+    assert (key, corner) == ("conditioning.filter_corner", 20.0)
+    assert condition(slow, ConditionOptions(filter_corner=corner)).n_cycles > 5
+    assert condition(slow, AUTO).n_cycles > 5
+    key, corner = offered(slow, ConditionOptions(rig_filter="causal"))
+    assert key == "rig.filter_corner"
+    fast = sine_log(frequency=12.0, amplitude=0.003, cycles=60)
+    key, corner = offered(fast, ConditionOptions(filter_corner=10.0))
+    assert (key, corner) == ("conditioning.filter_corner", 240.0)
+    assert condition(fast, replace(ConditionOptions(), filter_corner=corner)).n_cycles > 5
+
+
+def test_the_configuration_knows_the_word(tmp_path):
+    path = tmp_path / "rig.toml"
+    path.write_text('[conditioning]\nfilter_corner = "auto"\n')
+    assert load_configuration(path).conditioning.auto_corner
+    path.write_text('[conditioning]\nfilter_corner = "60Hz"\n')
+    options = load_configuration(path).conditioning
+    assert (options.auto_corner, options.filter_corner) == (False, 60.0)

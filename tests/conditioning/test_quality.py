@@ -1,4 +1,4 @@
-"""Findings: each is found in a log made faulty and not in its clean twin."""
+"""Findings: each fault with number and place, and no other alarm."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import butter, sosfilt
 
 from damperfit.conditioning import (
     ConditionOptions,
@@ -17,11 +18,15 @@ from damperfit.conditioning import (
     differentiate,
     examine_raw,
 )
+from damperfit.conditioning.duplicates import copies_in
 from damperfit.damper.purdy.closed_forms import incompressible_force
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import ConditioningError
 from damperfit.recording import Finding, Recording
+from tests.conditioning import logs
+from tests.conditioning.logs import sine_log, static_force
+from tests.identification.rig import recording
 
 TEST = NominalTest(frequency=1.5, amplitude=0.032, temperature=26.0, temperature_tolerance=1.0)
 OPTIONS = ConditionOptions(nominal=TEST)
@@ -342,3 +347,134 @@ def test_noise_of_half_a_step_turns_coarse_steps_of_the_force_into_scatter(noise
     trace = condition(with_(log, "force", step * np.rint(blurred / step)), OPTIONS)
     (found,) = (o for o in trace.findings if o.name == "force_steps")
     assert found.severity == severity
+
+
+# Rows that a logger repeats while it drops out; a rest of the rig is none.
+
+
+def frozen(log, rows: int):
+    x, force = log.displacement.copy(), log.force.copy()
+    for first in range(1000, 9000, 1000):
+        x[first : first + rows], force[first : first + rows] = x[first], force[first]
+    return replace(log, displacement=x, force=force)
+
+
+def warnings(log):
+    return [found.name for found in condition(log).findings if found.severity == "warning"]
+
+
+@pytest.mark.parametrize(("rows", "is_told"), [(30, True), (4, False)])
+def test_frozen_rows_are_told(rows, is_told):
+    assert ("frozen_rows" in warnings(frozen(sine_log(), rows))) is is_told
+
+
+def test_a_rest_of_the_rig_is_not_frozen():
+    time = np.arange(8000) / 1000.0
+    x = 0.032 * np.sin(3.0 * np.pi * np.clip(time - 1.0, 0.0, None))
+    log = logs.recording(time, x, static_force(np.gradient(x, time)))
+    assert "frozen_rows" not in warnings(log)
+
+
+# An undeclared filter in the rig is remarked on; a raw log is not.
+
+
+@pytest.mark.parametrize("rate", [300.0, 1000.0])
+@pytest.mark.parametrize("setting", [1, 20])
+def test_a_raw_log_is_not_suspected(setting: int, rate: float) -> None:
+    assert condition(recording(setting, noise=4.0, rate=rate)).warnings == ()
+    assert condition(recording(setting, noise=0.5, rate=rate)).warnings == ()
+
+
+@pytest.mark.parametrize("corner", [30.0, 60.0])
+def test_a_filtered_log_is_suspected_until_it_is_declared(corner: float) -> None:
+    raw = recording(10, noise=4.0)
+    sections = butter(4, corner, fs=1000.0, output="sos")
+    log = replace(
+        raw,
+        displacement=sosfilt(sections, raw.displacement),
+        force=sosfilt(sections, raw.force),
+    )
+    assert "rig.filter" in condition(log).warnings[0]
+    declared = ConditionOptions(rig_filter="causal", rig_filter_corner=corner)
+    assert condition(log, declared).warnings == ()
+
+
+def wandering(*, force_noise=4.0, corner=0.0, rate=1000.0):
+    """A random motion to 3 Hz and the force of a damper with friction, raw or behind a filter."""
+    random = np.random.default_rng(2)
+    time = np.arange(round(15.0 * rate)) / rate
+    rates = np.arange(0.2, 3.0, 1.0 / 15.0)
+    phases = 2.0 * np.pi * (rates[:, None] * time + random.random((len(rates), 1)))
+    sizes = 0.01 * random.standard_normal(len(rates)) / np.sqrt(rates)
+    x, v = sizes @ np.sin(phases), (2.0 * np.pi * rates * sizes) @ np.cos(phases)
+    log = logs.recording(time, x, logs.static_force(v))
+    noise = random.standard_normal((2, len(time)))
+    channels = np.stack([x, log.force]) + np.array([[3e-6], [force_noise]]) * noise
+    if corner:
+        sections = butter(2, corner, fs=rate, output="sos")
+        begin = channels[:, :1]
+        channels = begin + sosfilt(sections, channels - begin)
+    return replace(log, displacement=channels[0], force=channels[1])
+
+
+@pytest.mark.parametrize("corner", [30.0, 60.0, 100.0])
+def test_a_filtered_motion_that_does_not_repeat_is_suspected(corner: float) -> None:
+    """Its noise is read far above the motion, where that filter has taken it away."""
+    log = wandering(corner=corner)
+    warnings = [one for one in condition(log).findings if one.name == "rig_filter"]
+    assert [one.severity for one in warnings] == ["warning"]
+    assert "errors are too small: noise is read where that filter" in warnings[0].sentence
+    declared = ConditionOptions(rig_filter="causal", rig_filter_corner=corner)
+    assert not [one for one in condition(log, declared).findings if one.name == "rig_filter"]
+
+
+@pytest.mark.parametrize("force_noise", [0.3, 4.0])
+def test_a_raw_motion_that_does_not_repeat_is_not_suspected(force_noise: float) -> None:
+    log = wandering(force_noise=force_noise)
+    assert not [one for one in condition(log).findings if one.name == "rig_filter"]
+
+
+@pytest.mark.parametrize(
+    ("order", "corner", "is_told"),
+    [(1, 10.0, True), (1, 20.0, True), (4, 30.0, True), (2, 100.0, False), (4, 120.0, False)],
+)
+def test_a_force_that_is_smoothed_alone_is_told_where_it_does_harm(order, corner, is_told) -> None:
+    raw = recording(10, noise=4.0)
+    sections = butter(order, corner, fs=1000.0, output="sos")
+    names = [
+        one.name for one in condition(replace(raw, force=sosfilt(sections, raw.force))).findings
+    ]
+    assert ("force_smoothed" in names) is is_told
+    assert "rig_filter" not in names
+
+
+def test_a_running_mean_of_the_force_is_told() -> None:
+    raw = recording(10, noise=4.0)
+    mean = np.convolve(raw.force, np.full(25, 1.0 / 25.0))[: len(raw.force)]
+    names = [one.name for one in condition(replace(raw, force=mean)).findings]
+    assert "force_smoothed" in names
+
+
+# A copy is told by its noise: tests of an adjuster that does nothing are tests of their own.
+
+
+def noisy(seed: int, newtons: float = 0.3):
+    log = sine_log(rate=500.0)
+    random = np.random.default_rng(seed)
+    force = log.force + newtons * random.standard_normal(len(log.force))
+    displacement = log.displacement + 2e-6 * random.standard_normal(len(log.force))
+    return replace(log, name=f"log_{seed}.csv", displacement=displacement, force=force)
+
+
+@pytest.mark.parametrize("newtons", [0.2, 1.0, 4.0])
+def test_the_same_motion_recorded_twice_is_no_copy(newtons):
+    traces = [condition(noisy(seed, newtons)) for seed in (1, 2, 3)]
+    assert not copies_in(traces, {trace.name: trace.name for trace in traces})
+
+
+@pytest.mark.parametrize("digits", [1, 2, 6])
+def test_a_copy_of_fewer_digits_is_found(digits):
+    log = noisy(1)
+    copy = replace(log, name="copy.csv", force=np.round(log.force, digits))
+    traces = [condition(log), condition(copy)]
+    assert list(copies_in(traces, {trace.name: trace.name for trace in traces})) == ["log_1.csv"]

@@ -1,18 +1,29 @@
-"""Quantities and values of a model: order, changes, copies, refusals."""
+"""Models, quantities and values; the cylinder, the reference set, starts."""
 
 from __future__ import annotations
 
 import copy
 import dataclasses
+import math
 import pickle
+import subprocess
+import sys
+from dataclasses import replace
 
+import numpy as np
 import pytest
+from scipy.optimize import nnls
 
-from damperfit.damper.model import Values, values_type
-from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters
+from damperfit.damper.model import MODELS, Values, values_type
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper, Parameters
 from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.damper.purdy.starting import nonnegative_least_squares
 from damperfit.damper.quantity import Quantity
+from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
 from damperfit.errors import ConfigurationError
+from damperfit.identification import DETECT, FitOptions, Status, identify
+from tests.identification import adjusted
+from tests.identification.adjusted import DAMPER, FOLLOWS, SETTINGS, log
 
 QUANTITIES = (
     Quantity("c", "c", "damping", "viscous damping", "N s/m", (1.0, 1e6)),
@@ -48,3 +59,141 @@ def test_values_of_a_model_take_the_defaults_and_miss_what_has_none() -> None:
     del known["k_e"]
     with pytest.raises(ConfigurationError, match="purdy needs a value of k_e"):
         PURDY_DAMPER.values(known)
+
+
+# Models by their names: each is found where it is said to be, and none is loaded in vain.
+
+
+def test_there_is_no_model_of_another_name() -> None:
+    assert "auto" not in MODELS
+    assert 3 not in MODELS
+    assert MODELS.get("auto") is None
+    with pytest.raises(KeyError, match="auto"):
+        MODELS["auto"]
+
+
+def test_one_model_loads_no_other() -> None:
+    script = (
+        "import sys; from damperfit.damper.model import MODELS; MODELS['purdy']; "
+        "print(len(MODELS), *sys.modules)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True
+    )
+    n_models, *loaded = done.stdout.split()
+    assert int(n_models) == len(MODELS)
+    assert "damperfit.damper.purdy.parameters" in loaded
+    others = {"damperfit.damper.rivals", "damperfit.damper.valve_dampers"}
+    assert others.isdisjoint(loaded)
+
+
+# Areas and volumes by hand, and which of them each stroke of a layout presses with.
+
+LENGTHS = {
+    "rod_diameter": 0.02,
+    "piston_diameter": 0.04,
+    "chamber_1_length": 0.1,
+    "chamber_2_length": 0.2,
+}
+ROD, PISTON = math.pi * 1e-4, math.pi * 4e-4
+ANNULUS = math.pi * 3e-4
+
+
+@pytest.mark.parametrize("kind", [Damper, TwinTube, Monotube, ThroughFlow])
+def test_areas_and_volumes_are_those_of_circles(kind) -> None:
+    damper = kind(**LENGTHS)
+    areas = damper.rod_area, damper.piston_area, damper.annulus_area
+    assert areas == pytest.approx((ROD, PISTON, ANNULUS))
+    volumes = damper.chamber_1_volume, damper.chamber_2_volume
+    assert volumes == pytest.approx((0.1 * ANNULUS, 0.2 * PISTON))
+
+
+@pytest.mark.parametrize(
+    ("kind", "areas"),
+    [
+        (TwinTube, (ANNULUS, ROD)),
+        (Monotube, (ANNULUS, ANNULUS)),
+        (ThroughFlow, (ANNULUS, PISTON)),
+    ],
+)
+def test_each_stroke_presses_with_its_area(kind, areas) -> None:
+    assert kind(**LENGTHS).pressed_areas == pytest.approx(areas)
+
+
+# The gas of a damper with real valves: held as declared, or found by the logs of all settings.
+
+GAS = ("gas_pressure", "gas_volume", "gas_exponent")
+
+
+def test_one_volume_and_one_pressure_are_found_from_all_settings() -> None:
+    # Declared a third too high and a fifth too low, as from a gauge and a guess.
+    wrong = replace(DAMPER, gas_pressure=1.35 * DAMPER.gas_pressure, gas_volume=4.8e-5)
+    free = ("rebound_bleed", "rebound_opening", "rebound_slope", "compression_bleed", "k_e", "f_f")
+    options = FitOptions(
+        "joint", free=(*free, "gas_pressure", "gas_volume"), fixed={"f_0": 8.0},
+        share=(DETECT,), follows=FOLLOWS,
+    )  # fmt: skip
+    campaign = identify(adjusted.logs(), wrong, options)
+    for fit in campaign.fits:
+        assert fit.parameters.gas_pressure == pytest.approx(DAMPER.gas_pressure, rel=0.01)
+        assert fit.parameters.gas_volume == pytest.approx(6e-5, rel=0.02)
+        assert fit.status["gas_pressure"] is fit.status["gas_volume"] is Status.SHARED
+        assert fit.status["gas_exponent"] is Status.FIXED
+
+
+def test_the_exponent_is_told_by_what_the_gas_does_to_the_force() -> None:
+    wrong = replace(DAMPER, gas_exponent=1.0)
+    fitted = identify(
+        [log(SETTINGS[0], noise=0.1)], wrong,
+        FitOptions("plain", free=(*adjusted.TRUTH, "gas_exponent")),
+    )  # fmt: skip
+    assert fitted.fits[0].parameters.gas_exponent == pytest.approx(1.3, rel=0.02)
+
+
+# The synthetic reference set: the formulas of its docstring, in numbers worked out by hand.
+
+E = [
+    *(0, 0.08, -0.12, 0.05, -0.06, 0.14, -0.10, 0.02, -0.04, 0.09),
+    *(-0.13, 0.11, -0.02, -0.08, 0.15, -0.09, 0.04, 0.12, -0.11, 0.06),
+]
+
+
+def test_all_twenty_settings_follow_the_formulas():
+    for setting in range(1, 21):
+        k = setting - 1
+        y = reference_parameters(setting)
+        assert y.r_m1 == (49000 if setting == 20 else pytest.approx(14000 + 700 * k + 45 * k * k))
+        assert y.r_m2 == (17e6 if setting == 20 else pytest.approx(2e6 * np.exp(k / 10)))
+        assert (y.r_m3, y.f_f, y.f_0) == (2.597e6, 50.0, 0.0)
+        assert y.k_e == pytest.approx((5e8 + 1.2e7 * k + 8e5 * k * k) * (1 + E[k]))
+
+
+@pytest.mark.parametrize("setting", [0, 21, -1, 2.5])
+def test_other_settings_are_refused(setting):
+    with pytest.raises(ConfigurationError, match="1 to 20"):
+        reference_parameters(setting)
+
+
+# Least squares without negative values, beside SciPy's.
+
+
+@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize("k", [1, 3, 6])
+def test_least_squares_are_scipys(seed: int, k: int) -> None:
+    random = np.random.default_rng([seed, k])
+    columns = random.standard_normal((50, k))
+    values = columns @ random.standard_normal(k) + 0.3 * random.standard_normal(50)
+    expected = nnls(columns, values)[0]
+    assert np.allclose(nonnegative_least_squares(columns, values), expected, atol=1e-10)
+
+
+def test_columns_that_are_one_another_are_shared_out() -> None:
+    column = np.linspace(1.0, 2.0, 9)
+    found = nonnegative_least_squares(np.column_stack([column, column, 0.0 * column]), 3.0 * column)
+    assert found[0] + found[1] == pytest.approx(3.0)
+    assert found.min() >= 0.0
+
+
+def test_what_only_negative_values_explain_is_left() -> None:
+    columns = np.eye(3)
+    assert nonnegative_least_squares(columns, -np.ones(3)).tolist() == [0.0, 0.0, 0.0]

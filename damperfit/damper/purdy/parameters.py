@@ -266,7 +266,7 @@ class Damper(Cylinder, OilModel):
 
 
 # The root of valve 1 is rounded within 1 Pa of zero, so that its slope stays finite at a reversal:
-# 100 Pa cost 0.01 to 0.02 N, 1 Pa cannot be seen (`tests/damper/test_rounded_root.py`).
+# 100 Pa cost 0.01 to 0.02 N, 1 Pa cannot be seen (`tests/damper/test_core.py`).
 _ROUNDING = 1.0
 
 

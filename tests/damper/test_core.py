@@ -1,0 +1,304 @@
+"""The compiled core: known answers, jumps, rounding, interpreters."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from damperfit.damper import _core
+from damperfit.damper.network import purdy, simulate_network
+from damperfit.damper.purdy import parameters
+from damperfit.damper.purdy.closed_forms import incompressible_force
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters
+from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.errors import SimulationError
+from damperfit.simulation import Motion, SolverOptions, simulate, sine_motion
+from tests.laws.valve_logs import VALUES, damper
+from tests.oracles.motions import _force, triangles
+
+# What it costs that the root of an orifice is rounded near no pressure, N.
+
+STANDARD = sine_motion(0.032, 1.5, cycles=3, sample_rate=1000.0)
+TIGHT = 1e-6  # N a step: the integrator's own error is far below
+
+
+def worst(one, other) -> float:
+    return float(np.max(np.abs(one.force - other.force)))
+
+
+@pytest.mark.parametrize(("rounding", "least", "most"), [(1.0, 0.0, 1e-4), (100.0, 0.01, 0.02)])
+@pytest.mark.parametrize("setting", [1, 10, 20])
+def test_a_pascal_cannot_be_seen_in_the_papers_damper(
+    setting: int, rounding: float, least: float, most: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = []
+    for one in (rounding, 0.01):
+        monkeypatch.setattr(parameters, "_ROUNDING", one)
+        values, options = reference_parameters(setting), SolverOptions(tolerance=TIGHT)
+        found.append(simulate(values, PURDY_DAMPER, STANDARD, options=options))
+    assert least < worst(*found) < most
+
+
+def test_what_a_hundred_pascals_cost_a_damper_of_valves() -> None:
+    """The default, of `SolverOptions.rounding`."""
+    assert SolverOptions().rounding == 100.0
+    model = damper()
+    found = [
+        simulate(model.values(VALUES), model, STANDARD, options=SolverOptions(TIGHT, rounding=one))
+        for one in (100.0, 0.1)
+    ]
+    assert worst(*found) < 0.02
+
+
+# The compiled core in several interpreters of one process.
+
+# In a process of its own: NumPy says of itself that it is not made for this.
+_IN_ANOTHER = """
+import sys
+try:
+    import _interpreters as interpreters
+except ImportError:
+    import _xxsubinterpreters as interpreters
+core, root = sys.argv[1:]
+alone = f'''
+import importlib.util
+spec = importlib.util.spec_from_file_location("_core", {core!r})
+module = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(module)
+try:
+    module.simulate_network(*[b""] * 11, 1.0, 1.0, False, 1.0, 1.0, 1)
+except (BufferError, ValueError) as error:
+    assert "bytes" in str(error) or "writable" in str(error), error
+'''
+whole = f'''
+import sys, warnings
+warnings.simplefilter("ignore")
+sys.path.insert(0, {root!r})
+from damperfit.damper.purdy.parameters import PURDY_DAMPER
+from damperfit.damper.purdy.reference import reference_parameters
+from damperfit.simulation import simulate, sine_motion
+motion = sine_motion(0.032, 1.5, cycles=2, sample_rate=500)
+peak = simulate(reference_parameters(10), PURDY_DAMPER, motion).force.max()
+assert 1500.0 < peak < 1600.0, peak
+'''
+def run(code, *how):
+    one = interpreters.create(*how)
+    failed = getattr(interpreters, "exec", interpreters.run_string)(one, code)
+    assert not failed, failed
+    interpreters.destroy(one)
+is_old = sys.version_info < (3, 12)
+for turn in range(3):
+    run(alone)  # with a lock of its own from 3.12 on
+if is_old:  # from 3.12 on NumPy refuses
+    run(whole)
+"""
+
+
+def test_other_interpreters_of_a_process_have_a_core_of_their_own() -> None:
+    root = str(Path(__file__).parents[2])
+    command = [sys.executable, "-c", _IN_ANOTHER, str(_core.__file__), root]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
+    assert done.returncode == 0, done.stderr
+
+
+# Where the core's equations have solutions on paper: after a step with the rod held.
+#
+# With a gas spring so long that P_3 stays put, valve 1 empties chamber 1 by sqrt(D) = sqrt(D_0) -
+# k_1 t/(2 R_m1) until the flow ends, and valve 3 fills chamber 2 by D = D_0 exp(-k_2 t/R_m3); k_i
+# = K_e/(rho_0 V_i). They take the place of a manufactured solution, for which the kernel would
+# need a source term.
+
+DAMPER = replace(PURDY_DAMPER)
+object.__setattr__(DAMPER, "gas_length", 1e5)  # so much gas as no damper may be declared with
+Y = Parameters(r_m1=3e4, r_m2=4e6, r_m3=2.597e6, k_e=4e8, f_f=0.0)
+STEP, INTERVAL = 2e-5, 1e-5
+
+
+def _held_after_a_step(n: int, tolerance: float):
+    x = np.full(n, STEP)
+    x[0] = 0.0
+    motion = Motion(INTERVAL, x, np.zeros(n))
+    return simulate(Y, DAMPER, motion, options=SolverOptions(tolerance=tolerance))
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-6])
+def test_valve_1_empties_a_chamber_by_a_parabola(tolerance: float) -> None:
+    response = _held_after_a_step(400, tolerance)
+    d = response.pressures[0] - response.pressures[2]
+    assert d[1] > 1e4
+    k_1 = Y.k_e / (DAMPER.oil_density * (DAMPER.chamber_1_volume - STEP * DAMPER.annulus_area))
+    t = INTERVAL * np.arange(400)
+    root = np.sqrt(d[1]) - k_1 * (t - t[1]) / (2.0 * Y.r_m1)
+    flows = (t >= t[1]) & (root > 0.05 * np.sqrt(d[1]))
+    assert 5 < np.count_nonzero(flows) < 395
+    error = (d - root**2)[flows] * DAMPER.annulus_area
+    # Every step may add its tolerance; nothing is forgotten before the flow ends.
+    assert np.max(np.abs(error)) < tolerance * np.count_nonzero(flows)
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-6])
+def test_valve_3_fills_a_chamber_by_an_exponential(tolerance: float) -> None:
+    response = _held_after_a_step(400, tolerance)
+    d = response.pressures[2] - response.pressures[1]
+    assert d[1] > 1e4
+    k_2 = Y.k_e / (DAMPER.oil_density * (DAMPER.chamber_2_volume + STEP * DAMPER.piston_area))
+    t = INTERVAL * np.arange(400)
+    exact = d[1] * np.exp(-k_2 * (t - t[1]) / Y.r_m3)
+    error = (d - exact)[1:] * DAMPER.piston_area
+    # Every step may add its tolerance, and the flow forgets at this rate.
+    assert np.max(np.abs(error)) < 1.1 * tolerance / (k_2 * INTERVAL / Y.r_m3)
+
+
+def test_locked_oil_is_a_spring() -> None:
+    # Valves as good as shut: the masses stay, and the pressures follow the volumes, eq. (7).
+    y = Parameters(r_m1=1e12, r_m2=1e18, r_m3=1e18, k_e=4e8, f_f=0.0)
+    t = INTERVAL * np.arange(2000)
+    x = 1e-4 * np.sin(2 * np.pi * 100 * t)
+    v = 1e-4 * 2 * np.pi * 100 * np.cos(2 * np.pi * 100 * t)
+    response = simulate(y, PURDY_DAMPER, Motion(INTERVAL, x, v))
+    v_1 = PURDY_DAMPER.chamber_1_volume - x * PURDY_DAMPER.annulus_area
+    v_2 = PURDY_DAMPER.chamber_2_volume + x * PURDY_DAMPER.piston_area
+    p_1 = y.k_e * (PURDY_DAMPER.chamber_1_volume / v_1 - 1.0) + PURDY_DAMPER.gas_pressure
+    p_2 = y.k_e * (PURDY_DAMPER.chamber_2_volume / v_2 - 1.0) + PURDY_DAMPER.gas_pressure
+    np.testing.assert_allclose(response.pressures[0], np.maximum(p_1, 0.0), rtol=1e-6)
+    np.testing.assert_allclose(response.pressures[1], np.maximum(p_2, 0.0), rtol=1e-6)
+
+
+@pytest.mark.parametrize("setting", [1, 10, 20])
+@pytest.mark.parametrize("amplitude", [0.032, 0.003, 0.0003])
+@pytest.mark.parametrize("k_e", [4e12, 5e12, 1e13, 1e14, 1e15])
+def test_oil_as_stiff_as_may_be_gives_the_incompressible_force(
+    setting: int, amplitude: float, k_e: float
+) -> None:
+    # Newton's goal of 1e-3 Pa lay below the rounding of K_e from 4.5e12 Pa on: step limit.
+    y = replace(reference_parameters(setting), k_e=k_e)
+    motion = sine_motion(amplitude, 1.5, cycles=3, sample_rate=1000)
+    options = SolverOptions(tolerance=1e-2)
+    response = simulate(y, PURDY_DAMPER, motion, sensitivities=["k_e"], options=options)
+    expected = incompressible_force(y, PURDY_DAMPER, motion.displacement, motion.velocity)
+    # Inside the dead band and in the first instants the two have different friction.
+    is_moving = (np.abs(motion.velocity) > 3e-4) & (np.arange(len(motion.displacement)) > 200)
+    error = np.abs(response.force - expected)[is_moving]
+    # What is left is the oil's give, 1e12 N Pa/K_e at setting 20, and two steps' tolerance.
+    assert np.max(error) < 2e-2 + 1e12 / k_e
+    # f_inf - f goes with 1/K_e, so that K_e df/dK_e is f_inf - f: no digits are lost in it.
+    give = np.max(np.abs(k_e * response.sensitivities["k_e"][200:]))
+    assert give < 1.5 * 0.9e12 / k_e + 1e-3
+    assert response.work.newton_iterations < 6 * response.work.steps
+
+
+# A motion whose speed jumps between two samples: the core turns where it turns.
+
+RATE = 500.0
+TIGHT_TEST_JUMPS = SolverOptions(tolerance=1e-5)
+DRIVE = triangles(0.1037, 0.2411, cycles=2, amplitude=0.011)
+
+
+def sampled(drive=DRIVE, *, rate=RATE):
+    time = np.arange(round(drive.duration * rate)) / rate
+    x, v = (np.array([f(t) for t in time.tolist()]) for f in (drive.displacement, drive.velocity))
+    jumps = [
+        (
+            one * rate,
+            drive.displacement(one),
+            drive.velocity(one - 1e-9),
+            drive.velocity(one + 1e-9),
+        )
+        for one in drive.corners
+        if 0.0 < one < time[-1]
+    ]
+    return Motion(1.0 / rate, x, v, jumps=np.array([j for j in jumps if j[2] != j[3]]))
+
+
+@pytest.mark.parametrize("setting", [1, 20])
+def test_as_the_slow_twin_that_stops_at_each_corner(setting):
+    motion = sampled()
+    truth = reference_parameters(setting)
+    time = np.arange(len(motion.displacement)) / RATE
+    force = simulate(truth, PURDY_DAMPER, motion, options=TIGHT_TEST_JUMPS).force
+    # LSODA at 1e-9 is itself 0.03 N off at corners; without jumps the core is 300 N off.
+    np.testing.assert_allclose(force, _force(truth, PURDY_DAMPER, DRIVE, time), atol=0.06)
+    without = simulate(truth, PURDY_DAMPER, replace(motion, jumps=np.empty((0, 4)))).force
+    assert np.max(np.abs(without - force)) > 100.0
+
+
+def test_derivatives_go_over_jumps():
+    truth, motion = reference_parameters(10), sampled()
+    names = ("r_m1", "r_m2", "r_m3", "k_e", "f_f")
+    seen = simulate(truth, PURDY_DAMPER, motion, sensitivities=names, options=TIGHT_TEST_JUMPS)
+    for name in names:
+        ends = [
+            simulate(
+                replace(truth, **{name: getattr(truth, name) * factor}),
+                PURDY_DAMPER,
+                motion,
+                options=SolverOptions(tolerance=1e-7),
+            ).force
+            for factor in (1.0 - 1e-3, 1.0 + 1e-3)
+        ]
+        slope = (ends[1] - ends[0]) / (2e-3 * getattr(truth, name))
+        far = np.max(np.abs(slope))
+        np.testing.assert_allclose(seen.sensitivities[name], slope, atol=2e-3 * far)
+
+
+def test_an_elastic_mounting_has_jumps_too():
+    """Beside a motion that is sampled so finely that its corners need none."""
+    truth = reference_parameters(5)
+    values = {name: getattr(truth, name) for name in ("r_m1", "r_m2", "r_m3", "k_e", "f_f")}
+    values |= {"k_s": 5e6, "play": 1e-4, "drag": 40.0}
+    motion, fine = sampled(), sampled(rate=100.0 * RATE)
+    force, exact = (
+        simulate_network(purdy(), values, PURDY_DAMPER, one, options=TIGHT_TEST_JUMPS).force
+        for one in (motion, replace(fine, jumps=np.empty((0, 4))))
+    )
+    np.testing.assert_allclose(force[1:], exact[::100][1 : len(force)], atol=1.0)
+
+
+def test_two_jumps_within_a_sample():
+    truth = reference_parameters(10)
+    jumps = np.array([[10.25, 1.025e-3, 0.1, -0.1], [10.75, 0.975e-3, -0.1, 0.1]])
+    x = 1e-4 * np.arange(60.0) - np.where(np.arange(60) > 10, 1e-4, 0.0)
+    motion = Motion(1e-3, x, np.full(60, 0.1), jumps=jumps)
+    quarter = np.arange(237) / 4.0
+    way = np.interp(quarter, [0.0, 10.25, 10.75, 60.0], [0.0, 1.025e-3, 0.975e-3, 5.9e-3])
+    speed = np.where((quarter >= 10.25) & (quarter < 10.75), -0.1, 0.1)
+    at = jumps.copy()
+    at[:, 0] *= 4.0
+    finer = Motion(2.5e-4, way, speed, jumps=at)
+    force, same = (
+        simulate(truth, PURDY_DAMPER, one, options=TIGHT_TEST_JUMPS).force
+        for one in (motion, finer)
+    )
+    np.testing.assert_allclose(force, same[::4], atol=0.02)
+
+
+@pytest.mark.parametrize(
+    ("jumps", "says"),
+    [
+        (np.zeros(4), "of shape"),
+        (np.zeros((2, 3)), "of shape"),
+        ([[1.0, 0.0, 0.1, np.nan]], "not finite"),
+        ([[0.0, 0.0, 0.1, -0.1]], "after the first sample"),
+        ([[9.1, 0.0, 0.1, -0.1]], "not after the last"),
+        ([[3.0, 0.0, 0.1, -0.1], [3.0, 0.0, 0.1, -0.1]], "in order of time"),
+    ],
+)
+def test_what_is_no_jump_is_refused(jumps, says):
+    with pytest.raises(SimulationError, match=says):
+        Motion(1e-3, np.zeros(10), np.zeros(10), jumps=np.asarray(jumps))
+
+
+def test_a_part_of_a_motion_has_the_jumps_in_it():
+    motion = sampled()
+    part = motion.until(100, 240)
+    inside = (motion.jumps[:, 0] > 100.0) & (motion.jumps[:, 0] <= 239.0)
+    assert 0 < np.count_nonzero(inside) < len(motion.jumps)
+    np.testing.assert_array_equal(part.jumps[:, 0] + 100.0, motion.jumps[inside, 0])
+    np.testing.assert_array_equal(part.jumps[:, 1:], motion.jumps[inside, 1:])
+    assert part.start_time == pytest.approx(0.2)
+    np.testing.assert_array_equal(part.velocity, motion.velocity[100:240])
