@@ -93,53 +93,26 @@ EXCELLENT = 1.0
 class FitResult:
     """Where the fit of one setting ended, and what it says of each quantity.
 
-    Attributes
-    ----------
-    free : tuple of str
-        What moved.
-    values : Values
-        Best point found.
-    mse_percent : float
-        Eq. (22) there, each stretch with its weight.
-    jacobian : numpy.ndarray
-        The triangle R, at most (k, k), of the derivative J of the residuals by u: R^T R = J^T J.
-    gradient : numpy.ndarray
-        Shape (k,): J^T r.
-    evaluations, failed_trials : int
-        Simulations of the whole setting, and those that could not be integrated.
-    ending : int
-        As `Minimum.status`: 0 is the limit of evaluations.
-    gradient_cosine : float
-        Largest cosine between the residuals and a column of the Jacobian.
-    n_independent : float
-        Independent samples among the residuals: twice their sign changes. White residuals change
-        sign at every other sample; those behind a low-pass of B Hz 1.15 B times a second, where
-        2 B samples a second are independent.
-    is_cavitating : bool
-        Whether a chamber is at zero pressure somewhere in what is compared.
-    status : dict of str to Status
-        Of each quantity.
-    outcome : Outcome
-        How the fit ended.
-    errors : mapping of str to float
-        Rough relative standard errors of what is free: textbook covariance with `n_independent`
-        samples; infinite where the logs say nothing.
+    Independent samples are twice the residuals' sign changes: white ones change sign at every other
+    sample; those behind a low-pass of B Hz 1.15 B times a second, where 2 B samples a second are
+    independent. Errors are rough: textbook covariance with so many samples, infinite where the logs
+    say nothing.
     """
 
-    free: tuple[str, ...]
-    values: Values
-    mse_percent: float
-    jacobian: FloatArray
-    gradient: FloatArray
-    evaluations: int
-    failed_trials: int
-    ending: int
-    gradient_cosine: float
+    free: tuple[str, ...]  # what moved
+    values: Values  # best point found
+    mse_percent: float  # eq. (22) there, each stretch with its weight
+    jacobian: FloatArray  # triangle R of the derivative of the residuals by u, at most (k, k)
+    gradient: FloatArray  # J^T r, (k,)
+    evaluations: int  # simulations of the whole setting
+    failed_trials: int  # those that could not be integrated
+    ending: int  # as `Minimum.status`: 0 is the limit of evaluations
+    gradient_cosine: float  # largest between the residuals and a column of the Jacobian
     n_independent: float
-    is_cavitating: bool
+    is_cavitating: bool  # a chamber is at zero pressure somewhere in what is compared
     status: dict[str, Status] = field(default_factory=dict)
     outcome: Outcome = Outcome.CONVERGED
-    errors: Mapping[str, float] = field(default_factory=dict)
+    errors: Mapping[str, float] = field(default_factory=dict)  # of what is free, relative
 
     @property
     def is_sound(self) -> bool:

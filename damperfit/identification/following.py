@@ -58,27 +58,13 @@ _FEW_ADJUSTERS = 4
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """A way of sharing.
-
-    Attributes
-    ----------
-    own : tuple of str
-        Quantities of which each setting has its own.
-    shared : tuple of str
-        The others.
-    follows : mapping of str to tuple of str
-        Adjusters that shared quantities follow; what is not named is one for all settings.
-    is_detected : bool
-        Whether the logs showed it.
-    is_general : bool
-        Whether it is for all that moves, not for some that were named.
-    """
+    """A way of sharing: quantities that are each setting's own, and the others."""
 
     own: tuple[str, ...]
     shared: tuple[str, ...]
-    follows: Follows
-    is_detected: bool = False
-    is_general: bool = False
+    follows: Follows  # adjusters that shared quantities follow; what is not named follows none
+    is_detected: bool = False  # the logs showed it
+    is_general: bool = False  # for all that moves, not for some that were named
 
 
 def declared_way(
@@ -124,17 +110,7 @@ def _way(moving: Sequence[str], follows: Follows, own: Sequence[str], *, is_dete
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Detected:
-    """What the logs tell.
-
-    Attributes
-    ----------
-    way : Way
-        The way of sharing.
-    starts : mapping of Setting to Values
-        Where its fit starts: what is shared is equal already.
-    evaluations : int
-        Simulations of each setting.
-    """
+    """What the logs tell, where its fit starts (what is shared is equal already), simulations."""
 
     way: Way
     starts: Mapping[Setting, Values]

@@ -51,29 +51,13 @@ _CHANCE = 0.001
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointResult:
-    """What a joint fit gave.
-
-    Attributes
-    ----------
-    solution : JointSolution
-        Where it ended.
-    way : Way
-        What is each setting's own, and what is shared by whom.
-    status : mapping of Unknown to Status
-        Of what is shared.
-    sharing : Sharing
-        For their errors.
-    evaluations : int
-        Simulations of each setting.
-    warnings : tuple of str
-        One plain sentence each.
-    """
+    """What a joint fit gave: where it ended, what is shared by whom and how well it is told."""
 
     solution: JointSolution
     way: Way
-    status: Mapping[Unknown, Status]
-    sharing: Sharing
-    evaluations: int
+    status: Mapping[Unknown, Status]  # of what is shared
+    sharing: Sharing  # for its errors
+    evaluations: int  # simulations of each setting
     warnings: tuple[str, ...]
 
     def start(self, fit: Fit, problem: FitProblem) -> Values:

@@ -1,7 +1,7 @@
 r"""Least squares: the one loop of all fits and the linear algebra of its steps.
 
 Nothing here knows of dampers. A model gives residuals r with their Jacobian J by the variables u
-as a `LinearSystem`; a step p minimises ``|r + J p|^2 + lambda |D p|^2`` for lengths D of the
+as a system; a step p minimises ``|r + J p|^2 + lambda |D p|^2`` for lengths D of the
 variables, by orthogonal factors of J: J^T J would halve the digits. `DenseSystem` is one block of
 residuals, `BorderedSystem` many blocks (settings) with variables of their own and some in common::
 
@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -29,20 +29,20 @@ from damperfit.statistics import largest_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
+    from typing import TypeAlias
 
     from numpy.typing import NDArray
 
     FloatArray = NDArray[np.float64]
+    LinearSystem: TypeAlias = "DenseSystem | BorderedSystem"
     _Model = Callable[[FloatArray], tuple[FloatArray, FloatArray, "Extra"]]
 
 __all__ = [
     "NO_LENGTH",
     "BorderedSystem",
     "DenseSystem",
-    "LinearSystem",
     "Minimum",
     "Step",
-    "StepSolver",
     "Stopping",
     "Transformation",
     "inverse_information",
@@ -59,62 +59,13 @@ NO_LENGTH = 1e-130
 _NOT_SEEN = 1e-10
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Step:
-    """A damped step.
+class Step(NamedTuple):
+    """A damped step p."""
 
-    Attributes
-    ----------
-    change : numpy.ndarray
-        Shape (k,), p.
-    length : float
-        |D p|.
-    effect : float
-        |J p|^2; without damping the fall of |r|^2 that is promised.
-    shrinkage : float
-        -d ln |D p| / d lambda.
-    """
-
-    change: FloatArray
-    length: float
-    effect: float
-    shrinkage: float
-
-
-class StepSolver(Protocol):
-    """Gives the steps from a point for given lengths of the variables."""
-
-    def step(self, damping: float) -> Step:
-        """Return the step for a lambda; 0 is the full (Gauss-Newton) step."""
-
-    @property
-    def is_full_rank(self) -> bool:
-        """Whether the full step is the only one of its kind."""
-
-
-class LinearSystem(Protocol):
-    """Residuals and Jacobian at one point."""
-
-    @property
-    def cost(self) -> float:
-        """|r|^2."""
-
-    @property
-    def lengths(self) -> FloatArray:
-        """Shape (k,), of the columns of J."""
-
-    @property
-    def gradient(self) -> FloatArray:
-        """Shape (k,), J^T r."""
-
-    def scaled(self, scale: FloatArray) -> StepSolver:
-        """Return the solver for D."""
-
-    def without(self, held: NDArray[np.bool_]) -> LinearSystem:
-        """Return the system in which some variables do nothing."""
-
-    def effect(self, change: FloatArray) -> float:
-        """Return |J p|^2."""
+    change: FloatArray  # p, (k,)
+    length: float  # |D p|
+    effect: float  # |J p|^2; without damping the fall of |r|^2 that is promised
+    shrinkage: float  # -d ln |D p| / d lambda
 
 
 class DenseSystem:
@@ -148,7 +99,7 @@ class DenseSystem:
         """R of the Jacobian, shape (k, k), of fewer rows where n is less: R^T R = J^T J."""
         return self._rows[: self._rows.shape[1]]
 
-    def scaled(self, scale: FloatArray) -> StepSolver:
+    def scaled(self, scale: FloatArray) -> _DenseSteps:
         """Return the solver for D; one singular value decomposition serves every lambda."""
         return _DenseSteps(self._rows, self._right, scale, self._moving)
 
@@ -235,7 +186,7 @@ class BorderedSystem:
         own, shared = np.split(slopes, [self._n_own], axis=1)
         self.gradient = np.concatenate([own.ravel(), shared.sum(axis=0)])
 
-    def scaled(self, scale: FloatArray) -> StepSolver:
+    def scaled(self, scale: FloatArray) -> _BorderedSteps:
         """Return the solver for D."""
         return _BorderedSteps(self._triangles, scale, self._n_own)
 
@@ -647,7 +598,9 @@ def _cosine(system: LinearSystem, held: NDArray[np.bool_]) -> float:
     return largest_of(np.where(held, 0.0, cosines))
 
 
-def _damped(steps: StepSolver, slope: float, radius: float, damping: float) -> tuple[float, Step]:
+def _damped(
+    steps: _DenseSteps | _BorderedSteps, slope: float, radius: float, damping: float
+) -> tuple[float, Step]:
     """Return lambda and the step that is as long as the radius within a tenth (lmpar).
 
     ``slope`` is the length of the scaled gradient, D^-1 J^T r; ``damping`` the lambda before.

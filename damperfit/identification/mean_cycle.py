@@ -128,30 +128,11 @@ class SettledCycle:
         at = np.mod(n * share + self.turn, n) + _MARGIN
         return between_samples(around, at[None])[:, 0]
 
-    def at_phases(self, signals: Sequence[FloatArray], n: int) -> FloatArray:
-        """Return signals of a response, behind the filter, at n phases of the cycle: (k, n).
-
-        In the middle of as many parts of it, from its beginning on; no more than it has samples.
-        What so few cannot hold is lost.
-        """
-        whole, lines = len(self.force), np.arange(n // 2 + 1)
-        middles = np.exp(2j * np.pi * (0.5 / n + self.turn / whole) * lines)
-        found = self._lines(signals)[:, : len(lines)] * middles
-        return np.asarray(np.fft.irfft(found, n) * (n / whole))
-
     def _filtered(self, signals: Sequence[FloatArray]) -> FloatArray:
         """Return the compared cycle of signals behind the filter."""
-        return np.asarray(np.fft.irfft(self._lines(signals), len(self.force)))
-
-    def _lines(self, signals: Sequence[FloatArray]) -> NDArray[np.complex128]:
-        """Return the spectra of the compared cycle of signals behind the filter."""
         n = len(self.force)
-        last = np.empty((len(signals), n))
-        for k, signal in enumerate(signals):
-            last[k] = signal[-n:]
-        lines = np.fft.rfft(last)
-        lines *= self.gain
-        return np.asarray(lines)
+        lines = np.fft.rfft(np.stack([signal[-n:] for signal in signals])) * self.gain
+        return np.asarray(np.fft.irfft(lines, n))
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,7 +22,6 @@ __all__ = [
     "Follows",
     "Sharing",
     "Unknown",
-    "listed_runs",
     "listed_settings",
     "of_runs",
     "of_settings",
@@ -247,11 +246,9 @@ def listed_settings(settings: Iterable[Setting | Place]) -> str:
         return ", ".join(map(str, known[:_MANY])) + more
     runs: list[tuple[int, int]] = []
     for number in numbers:
-        if runs and number == runs[-1][1] + 1:
-            runs[-1] = (runs[-1][0], number)
-        else:
-            runs.append((number, number))
-    return listed_runs(runs)
+        first = runs.pop()[0] if runs and number == runs[-1][1] + 1 else number
+        runs.append((first, number))
+    return _listed_runs(runs)
 
 
 def of_settings(settings: Iterable[Setting | Place]) -> str:
@@ -260,31 +257,25 @@ def of_settings(settings: Iterable[Setting | Place]) -> str:
     return f"setting{'s' if len(known) > 1 else ''} {listed_settings(known)}"
 
 
-def listed_runs(runs: Sequence[tuple[int, int]]) -> str:
-    """Return runs of whole numbers, each given by its first and last; of many, the first ones.
+def of_runs(runs: Sequence[tuple[int, int]]) -> str:
+    """Return runs of whole numbers, each given by its first and last, as settings.
 
     Examples
     --------
-    >>> listed_runs([(4, 4), (7, 8), (10, 900000)])
-    '4, 7, 8, 10-900000'
+    >>> of_runs([(4, 4)]), of_runs([(1, 3)]), of_runs([(4, 4), (7, 7), (10, 900000)])
+    ('setting 4', 'settings 1-3', 'settings 4, 7, 10-900000')
     """
+    is_one = len(runs) == 1 and runs[0][0] == runs[0][1]
+    return f"setting{'' if is_one else 's'} {_listed_runs(runs)}"
+
+
+def _listed_runs(runs: Sequence[tuple[int, int]]) -> str:
+    """Runs of whole numbers; of many, the first ones."""
     said = [
         f"{a}-{b}" if b - a > 1 else ", ".join(map(str, range(a, b + 1))) for a, b in runs[:_MANY]
     ]
     more = sum(b - a + 1 for a, b in runs[_MANY:])
     return ", ".join(said) + (f" and {more} more" if more else "")
-
-
-def of_runs(runs: Sequence[tuple[int, int]]) -> str:
-    """Return runs of whole numbers as settings, in the singular or the plural.
-
-    Examples
-    --------
-    >>> of_runs([(4, 4)]), of_runs([(1, 3)]), of_runs([(4, 4), (7, 7)])
-    ('setting 4', 'settings 1-3', 'settings 4, 7')
-    """
-    is_one = len(runs) == 1 and runs[0][0] == runs[0][1]
-    return f"setting{'' if is_one else 's'} {listed_runs(runs)}"
 
 
 # A setting that was not fitted, put together from settings that have its clicks.
@@ -327,11 +318,13 @@ def values_from_others(known: Mapping[Setting, Values], setting: Setting) -> Val
     for quantity in first.quantities:
         name = quantity.name
         numbers = {one: float(getattr(at, name)) for one, at in alike.items()}
-        value = float(np.mean(list(numbers.values()))) if quantity.is_offset else None
         if len(set(numbers.values())) == 1:
-            value = getattr(first, name)
-        if value is None:
-            value = _by_clicks(numbers, setting)
+            continue
+        value = (
+            float(np.mean(list(numbers.values())))
+            if quantity.is_offset
+            else _by_clicks(numbers, setting)
+        )
         if value is None:
             return None
         found[name] = value

@@ -74,39 +74,17 @@ _NOTHING = 0.01
 
 @dataclass(frozen=True, slots=True)
 class JointSolution:
-    """Where a fit of several settings ended.
+    """Where a fit of several settings ended; mappings are by setting, `errors` by label."""
 
-    Attributes
-    ----------
-    parameters : mapping of Setting to Values
-        By setting; the shared ones are equal where they are one unknown.
-    evaluations : int
-        Simulations of each setting.
-    is_converged : bool
-        Whether no further step promised anything.
-    cost : float
-        Sum of squares, each setting's times its weight.
-    weights : mapping of Setting to float
-        One over the mean square of each setting's residuals at the start, 1/N^2.
-    mean_squares : mapping of Setting to float
-        Mean square of each setting's residuals at the end, N^2.
-    n_independent : mapping of Setting to float
-        Independent samples among them, twice their sign changes.
-    errors : mapping of str to float
-        Rough relative standard errors of the shared unknowns by their labels.
-    gas : GasLaw or None
-        The law that K_e follows, where one was given.
-    """
-
-    parameters: Mapping[Setting, Values]
-    evaluations: int
-    is_converged: bool
-    cost: float
-    weights: Mapping[Setting, float]
-    mean_squares: Mapping[Setting, float]
-    n_independent: Mapping[Setting, float]
-    errors: Mapping[str, float]
-    gas: GasLaw | None = None
+    parameters: Mapping[Setting, Values]  # the shared ones are equal where they are one unknown
+    evaluations: int  # simulations of each setting
+    is_converged: bool  # no further step promised anything
+    cost: float  # sum of squares, each setting's times its weight
+    weights: Mapping[Setting, float]  # one over the mean square at the start, 1/N^2
+    mean_squares: Mapping[Setting, float]  # of the residuals at the end, N^2
+    n_independent: Mapping[Setting, float]  # twice their sign changes
+    errors: Mapping[str, float]  # rough relative standard errors of the shared unknowns
+    gas: GasLaw | None = None  # the law that K_e follows, where one was given
 
 
 @dataclass(frozen=True, slots=True, eq=False)

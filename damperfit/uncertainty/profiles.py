@@ -245,30 +245,14 @@ class Bench:
 
 @dataclass(frozen=True, slots=True)
 class ProfileLine:
-    """What is profiled: where, by which scale.
-
-    Attributes
-    ----------
-    setting : Setting
-        Setting.
-    name : str
-        Parameter; one of the misfit's free ones.
-    misfit : FitProblem
-        Logs, damper, and what is free, the parameter among it.
-    start : Values
-        The best fit.
-    scale : float
-        L of the module's docstring, 1/N^2.
-    error : float
-        Standard error of u as printed; where nothing is known, infinity.
-    """
+    """What is profiled: where, by which scale."""
 
     setting: Setting
-    name: str
-    misfit: FitProblem
-    start: Values
-    scale: float
-    error: float
+    name: str  # parameter; one of the misfit's free ones
+    misfit: FitProblem  # logs, damper, and what is free, the parameter among it
+    start: Values  # the best fit
+    scale: float  # L of the module's docstring, 1/N^2
+    error: float  # standard error of u as printed; where nothing is known, infinity
 
 
 def is_doubtful(name: str, fit: Fit, known: Uncertainty) -> bool:

@@ -296,25 +296,13 @@ def group_warning(group: Sequence[Diagnosis]) -> Problem:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StretchResiduals:
-    """The residuals of one stretch, 0 where none counts; of two cycles or more laid over.
-
-    Attributes
-    ----------
-    stretch : Stretch
-        Which.
-    interval : float
-        Sample interval, s.
-    residuals : numpy.ndarray
-        Shape (n,), N.
-    folded, about : numpy.ndarray or None
-        Shape (cycles, phases): the cycles, and what each differs from their mean by.
-    """
+    """The residuals of one stretch, 0 where none counts; of two cycles or more laid over."""
 
     stretch: Stretch
-    interval: float
-    residuals: FloatArray
-    folded: FloatArray | None = None
-    about: FloatArray | None = None
+    interval: float  # of the samples, s
+    residuals: FloatArray  # (n,), N
+    folded: FloatArray | None = None  # the cycles, (cycles, phases)
+    about: FloatArray | None = None  # what each differs from their mean by
 
 
 def residuals_by_stretch(linearised: Linearisation) -> Iterator[StretchResiduals]:

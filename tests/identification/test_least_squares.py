@@ -12,7 +12,6 @@ from damperfit.errors import SimulationError
 from damperfit.identification.least_squares import (
     BorderedSystem,
     DenseSystem,
-    LinearSystem,
     Minimum,
     Step,
     Stopping,
@@ -238,7 +237,7 @@ def bordered() -> tuple[BorderedSystem, np.ndarray, np.ndarray]:
 @pytest.mark.parametrize("damping", [0.0, 1e-3, 5.0])
 @pytest.mark.parametrize("kind", ["dense", "bordered"])
 def test_a_damped_step_is_that_of_the_normal_equations(kind: str, damping: float) -> None:
-    system: LinearSystem
+    system: DenseSystem
     system, residuals, jacobian = bordered()
     if kind == "dense":
         system = DenseSystem(residuals, jacobian)
