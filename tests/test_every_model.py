@@ -9,35 +9,30 @@ from __future__ import annotations
 import math
 from dataclasses import asdict, dataclass, replace
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pyarrow.parquet as pq
 import pytest
 
+import damperfit
 from damperfit.conditioning import ConditionOptions, condition
+from damperfit.configuration.loading import load_configuration
 from damperfit.damper.model import FLAWS_OF_OIL, MODELS, PRESSURES, model_named
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
 from damperfit.errors import ConfigurationError
 from damperfit.identification import Campaign, FitOptions, Status, compare, identify
 from damperfit.recording import Recording
-from damperfit.reporting.page import html_report
-from damperfit.reporting.report import markdown_report
-from damperfit.reporting.run_figures import report_plots
 from damperfit.reporting.sheet import escape
 from damperfit.results import Run
+from damperfit.run.identify import identified
 from damperfit.simulation import Motion, SolverOptions, simulate
-from damperfit.tables.files import write_table
-from damperfit.tables.reading import table_quantities
-from damperfit.tables.rows import make_tables
+from damperfit.tested.setting import Setting
 from damperfit.uncertainty import Assessment, assess
 from damperfit.uncertainty.flaws import seek_flaws, signatures
 from damperfit.uncertainty.linearisation import linearise_at_fit
 from tests.damper.test_rivals import NUMBERS
 from tests.damper.test_valve_dampers import VALVES
-from tests.fakes import values_in
-from tests.report_folder import put_responses
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -68,7 +63,6 @@ class Case:
     trace: Trace
     campaign: Campaign
     assessment: Assessment
-    tables: dict[str, Any]
 
 
 def damper(name: str) -> Model:
@@ -117,8 +111,7 @@ def case(name: str) -> Case:
     trace = log_of(model, truth)
     campaign = identify([trace], model, FitOptions("plain", max_evaluations=60))
     assessment = assess(campaign, model)
-    tables = make_tables(campaign, assessment=assessment)
-    return Case(model, truth, trace, campaign, assessment, tables)
+    return Case(model, truth, trace, campaign, assessment)
 
 
 @EVERY
@@ -183,42 +176,42 @@ def test_its_own_log_is_met_to_the_noise_and_the_truth_is_inside_the_intervals(n
             assert off < 5.0 or fit.mse_percent > 2.0 * floor, (quantity.name, off)
 
 
-@EVERY
-def test_tables_carry_its_quantities_and_are_read_back(name: str, tmp_path: Path) -> None:
-    one = case(name)
-    for suffix in (".parquet", ".csv"):
-        write_table(tmp_path / f"parameters{suffix}", one.tables["parameters"])
-        write_table(tmp_path / f"mse{suffix}", one.tables["mse"])
-    schema = pq.read_schema(tmp_path / "parameters.parquet")
-    for quantity in one.model.quantities:
-        told = schema.field(quantity.name).metadata
-        assert told[b"unit"] == quantity.unit.encode()
-        assert told[b"description"] == quantity.meaning.encode()
-        assert {f"{quantity.name}_{end}" for end in ("se", "ci_low", "ci_high", "status")} <= set(
-            schema.names
-        )
-    quantities = table_quantities(tmp_path / "parameters.parquet")
-    assert quantities == one.model.quantities
-    read = values_in(tmp_path / "parameters.parquet")
-    assert [values.numbers for values in read.values()] == [one.campaign.fits[0].parameters.numbers]
+@cache
+def fresh(name: str) -> Run:
+    """Two settings of a model, fitted and judged by the whole of `identify`."""
+    trace = case(name).trace
+    harder = replace(trace, name="run_6.csv", setting=Setting.of(6), force=1.05 * trace.force)
+    logs = [replace(trace, setting=Setting.of(5)), harder]
+    fit = FitOptions("plain", max_evaluations=30)
+    configuration = load_configuration().with_damper(damper(name), identification=fit)
+    (one,) = identified(configuration, [], traces=logs, jobs=1)
+    return one.run
 
 
 @EVERY
-def test_the_report_shows_it_and_knows_no_model(name: str, tmp_path: Path) -> None:
-    one = case(name)
-    write_table(tmp_path / "parameters.parquet", one.tables["parameters"])
-    write_table(tmp_path / "mse.parquet", one.tables["mse"])
-    (fit,) = one.campaign.fits
-    seen = compare(fit.parameters, one.trace, one.model, solver=ROUGH)
-    put_responses(tmp_path / "responses.parquet", one.campaign, [seen])
-    found = Run.load(tmp_path)
-    assert found.quantities == one.model.quantities
-    page = html_report(report_plots(found), title=name)
-    text = markdown_report(found)
-    for quantity in one.model.quantities:
-        is_idle = quantity.default == getattr(fit.parameters, quantity.name)
-        assert is_idle or escape(quantity.symbol) in text, quantity.name
-        assert is_idle or quantity.symbol in page, quantity.name
+def test_a_fresh_run_is_asked_shown_handed_on_and_compared_without_a_folder(
+    name: str, tmp_path: Path
+) -> None:
+    run = fresh(name)
+    assert [one.label for one in run.settings] == ["5", "6"]
+    forces = damperfit.settings(run, velocity="0.1m/s").to_frame()
+    assert set(forces["setting"]) == {5, 6}
+    assert np.all(np.isfinite(forces["force_N"]))
+    simulated = damperfit.simulate(5, parameters=run, amplitude=0.02, frequency=1.5)
+    assert np.all(np.isfinite(simulated.force))
+    (page,) = damperfit.report(run, out=tmp_path)
+    shown = page.read_text()
+    for quantity in run.quantities:
+        values = [getattr(one.values, quantity.name) for one in run.settings]
+        if set(values) != {quantity.default}:
+            assert quantity.symbol in shown, quantity.name
+            assert escape(quantity.symbol) in run.report_text, quantity.name
+    assert damperfit.export(run, to="csv", out=tmp_path / "csv")
+    assert damperfit.compare(run, run).is_met
+    saved = damperfit.load(run.save(tmp_path / "saved"))
+    assert saved.quantities == run.quantities == case(name).model.quantities
+    assert saved.parameters.equals(run.parameters)
+    assert [one.values for one in saved.settings] == [one.values for one in run.settings]
 
 
 def test_a_model_that_is_not_known_is_refused_with_the_nearest() -> None:
