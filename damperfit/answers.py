@@ -248,7 +248,7 @@ class Simulation:
 
     def document(self) -> dict[str, Any]:
         """Return what was found as JSON values."""
-        from damperfit.tables.documents import json_values
+        from damperfit.tables.files import json_values
 
         test = self.test
         document: dict[str, Any] = json_values(
@@ -564,7 +564,7 @@ class SettingForces:
     def document(self) -> dict[str, Any]:
         """Return all of it as JSON values."""
         from damperfit.reporting.records import to_record
-        from damperfit.tables.documents import json_values
+        from damperfit.tables.files import json_values
         from damperfit.tables.rows import adjustment_rows
 
         document: dict[str, Any] = {}

@@ -43,11 +43,8 @@ from damperfit.recording import natural_order
 from damperfit.reporting.records import checks_in, failures_in, number_in, units_in
 from damperfit.store import file_set, settle
 from damperfit.tables.columns import PAPER_QUANTITIES, unknown_schema, values_from
-from damperfit.tables.documents import json_pieces
 from damperfit.tables.files import (
-    facts_of,
-    read_arrow,
-    read_facts,
+    json_pieces,
     responses_table,
     table_in_units,
     write_responses,
@@ -55,9 +52,12 @@ from damperfit.tables.files import (
 )
 from damperfit.tables.reading import (
     check_files,
+    facts_of,
     has_table,
     is_part,
     part_in,
+    read_arrow,
+    read_facts,
     read_part,
     read_quantities,
     read_record,

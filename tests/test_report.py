@@ -51,7 +51,7 @@ from damperfit.reporting.tables import (
     parameter_sheet,
 )
 from damperfit.tables.columns import PAPER_QUANTITIES
-from damperfit.tables.documents import json_values
+from damperfit.tables.files import json_values
 from damperfit.tables.rows import make_tables
 from damperfit.tested.setting import Setting
 from damperfit.units.shown_units import parse_units

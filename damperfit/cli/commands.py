@@ -689,7 +689,7 @@ def config(how: Shown, config: Path | None) -> int:
     Example: damperfit config > my_damper.toml
     """
     from damperfit.configuration import loading
-    from damperfit.tables.documents import json_values
+    from damperfit.tables.files import json_values
 
     found = loading.load_configuration(config)
     if how.json:

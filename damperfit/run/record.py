@@ -30,8 +30,7 @@ from damperfit.tables.columns import (
     describe_tables,
     quantity_records,
 )
-from damperfit.tables.documents import json_values
-from damperfit.tables.files import lay_out
+from damperfit.tables.files import json_values, lay_out
 from damperfit.tables.rows import make_tables, profile_rows, valve_rows
 from damperfit.tested.identity import common_identity
 from damperfit.tested.setting import ADJUSTER, Setting

@@ -1,4 +1,4 @@
-"""Rows to Arrow tables to files and back: Parquet with page checksums, CSV that spreadsheets read.
+"""What goes into files: rows as Arrow tables, in Parquet with page checksums and CSV; JSON.
 
 What is written depends on the results alone, never on the clock, the machine or the number of
 workers, so equal inputs give equal bytes. `damperfit.store` makes files appear whole or not at
@@ -10,7 +10,7 @@ from __future__ import annotations
 import csv
 import itertools
 import json
-from io import StringIO
+from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,11 +18,11 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from damperfit.errors import ConfigurationError
-from damperfit.io.files import read_text, regular
-from damperfit.tables.columns import adjusters_in, read_setting, setting_cells, table_schema
+from damperfit.tables.columns import setting_cells, table_schema
+from damperfit.tested.setting import Setting
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Mapping, Sequence
+    from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from damperfit.damper.quantity import Quantity
     from damperfit.simulation import Response
     from damperfit.tables.reading import LogSignals
-    from damperfit.tested.setting import Place, Setting
+    from damperfit.tested.setting import Place
     from damperfit.units.shown_units import ShownUnits
 
 
@@ -58,6 +58,10 @@ def _column(values: Sequence[float | str | None], kind: pa.DataType) -> pa.Array
     return pa.Array.from_buffers(kind, len(values), buffers)
 
 
+def _encoded(text: str) -> bytes:
+    return text.encode("utf-8", "backslashreplace")
+
+
 def _repeated(value: Place, n: int, kind: pa.DataType) -> pa.Array:
     """Return an Arrow array of one number or text, ``n`` times."""
     if kind != pa.string():
@@ -66,10 +70,6 @@ def _repeated(value: Place, n: int, kind: pa.DataType) -> pa.Array:
     text = _encoded(str(value))
     offsets = np.arange(n + 1, dtype=np.int32) * np.int32(len(text))
     return pa.Array.from_buffers(kind, n, [None, pa.py_buffer(offsets), pa.py_buffer(text * n)])
-
-
-def _encoded(text: str) -> bytes:
-    return text.encode("utf-8", "backslashreplace")
 
 
 def lay_out(
@@ -98,10 +98,10 @@ def lay_out(
     schema = table_schema(name, facts or {}, settings=settings, quantities=quantities)
     is_whole = schema.field("setting").type == pa.int64()
     cells = []
-    for _, few in itertools.groupby(rows, lambda row: id(row["setting"])):
-        of_setting = list(few)
-        shown = setting_cells(of_setting[0]["setting"], is_whole=is_whole)
-        cells += [{**row, **shown} for row in of_setting]
+    for _, group in itertools.groupby(rows, lambda row: id(row["setting"])):
+        of_setting = list(group)
+        places = setting_cells(of_setting[0]["setting"], is_whole=is_whole)
+        cells += [{**row, **places} for row in of_setting]
     named = zip(schema.names, schema.types, strict=True)
     arrays = [_column([row.get(name) for row in cells], kind) for name, kind in named]
     return pa.Table.from_arrays(arrays, schema=schema)
@@ -158,7 +158,7 @@ def write_responses(
         write_statistics=named,
     ) as writer:
         for log in logs:
-            table = _response_table(schema, log)
+            table = _signals_table(schema, log)
             writer.write_table(table, row_group_size=max(table.num_rows, 1))
             n_rows += table.num_rows
     pa.default_memory_pool().release_unused()
@@ -174,14 +174,15 @@ def responses_table(
 ) -> pa.Table:
     """Return what `write_responses` writes as one table."""
     schema = table_schema("responses", facts or {}, settings=settings, quantities=quantities)
-    return pa.concat_tables([_response_table(schema, log) for log in logs])
+    return pa.concat_tables([_signals_table(schema, log) for log in logs])
 
 
-def _response_table(schema: pa.Schema, log: LogSignals) -> pa.Table:
+def _signals_table(schema: pa.Schema, log: LogSignals) -> pa.Table:
     is_whole = schema.field("setting").type == pa.int64()
     named = setting_cells(log.setting, is_whole=is_whole) | {"log": log.log}
+    n = len(log.time)
     arrays = [
-        *(_repeated(cell, len(log.time), schema.field(key).type) for key, cell in named.items()),
+        *(_repeated(cell, n, schema.field(name).type) for name, cell in named.items()),
         *map(_floats, (log.time, log.displacement, log.velocity, log.force_measured, log.force)),
         *map(_floats, log.pressures),
     ]
@@ -214,17 +215,14 @@ def write_table(path: Path, table: pa.Table, *, suffix: str | None = None) -> No
     columns = [column.to_pylist() for column in table.columns]
     for place, kind in enumerate(table.schema.types):
         if not (pa.types.is_floating(kind) or pa.types.is_integer(kind)):
-            columns[place] = [_csv_cell(value) for value in columns[place]]
+            columns[place] = [
+                safe_cell(cell) if isinstance(cell, str) else cell and repr(cell)
+                for cell in columns[place]
+            ]
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(table.column_names)
         writer.writerows(zip(*columns, strict=True))  # a number as its repr, None empty
-
-
-def _csv_cell(value: object) -> str:
-    if value is None:
-        return ""
-    return safe_cell(value) if isinstance(value, str) else repr(value)
 
 
 def safe_cell(text: str) -> str:
@@ -264,73 +262,60 @@ def table_in_units(table: pa.Table, units: ShownUnits) -> pa.Table:
     return pa.table(columns, names=names)
 
 
-def read_facts(path: Path) -> dict[str, Any]:
-    """Return what a Parquet table tells of the run that wrote it; empty where it tells nothing."""
-    try:
-        return facts_of(pq.read_schema(regular(path)))
-    except (OSError, ValueError, pa.ArrowException):
-        return {}
+# JSON documents
+
+_PLAIN = frozenset({int, str, bool, type(None)})
+_ENCODER = json.JSONEncoder(ensure_ascii=False, allow_nan=False)
 
 
-def facts_of(table: pa.Table | pa.Schema) -> dict[str, Any]:
-    """Return what a table, or its schema, tells of the run that made it."""
-    schema = table.schema if isinstance(table, pa.Table) else table
-    try:
-        facts = json.loads((schema.metadata or {}).get(b"damperfit", b"{}"))
-    except (ValueError, RecursionError):
-        return {}
-    return facts if isinstance(facts, dict) else {}
+def json_values(value: Any) -> Any:
+    """Return the value with every number that JSON does not know (NaN, infinity) as None."""
+    kind = type(value)  # with numbers, lists and dictionaries of them nearly all there is
+    if kind in _PLAIN or (kind is float and isfinite(value)):
+        return value
+    if isinstance(value, float):
+        return value if isfinite(value) else None
+    if isinstance(value, dict):
+        return {str(key): json_values(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [json_values(item) for item in value]
+    return value.cell if isinstance(value, Setting) else value
 
 
-def read_arrow(path: Path) -> pa.Table:
-    """Return a table of a Parquet file, whose pages are as they were written."""
-    with pq.ParquetFile(regular(path), page_checksum_verification=True) as file:
-        return file.read()
+def json_pieces(document: Mapping[str, Any]) -> Iterator[str]:
+    """Yield JSON values as text, piece by piece: what is listed has a line for each entry.
 
+    Of some hundred settings the usual layout, every number on a line, costs more time than all else
+    that is in the file; as one text it would take more memory than all else.
 
-def read_cells(path: Path) -> tuple[list[str], list[dict[str, Any]]]:
-    """Return the names of a table's columns and its rows as they stand in the file."""
-    if path.suffix.lower() == ".parquet":
-        table = read_arrow(path)
-        return table.column_names, table.to_pylist()
-    lines = StringIO(read_text(path), newline="")
-    reader = csv.DictReader((line for line in lines if not line.startswith("#")), strict=True)
-    rows: list[dict[str, Any]] = list(reader)
-    return list(reader.fieldnames or ()), rows
-
-
-def typed_rows(
-    names: Sequence[str],
-    rows: Iterable[Mapping[str, Any]],
-    kinds: Mapping[str, type],
-    quantities: Sequence[Quantity],
-) -> tuple[dict[str, Any], ...]:
-    """Return the rows that say their setting, by column; None where a cell or a column is missing.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Columns of the table.
-    rows : iterable of mapping
-        As they stand there.
-    kinds : mapping of str to type
-        The columns that are wanted, and what stands in them.
-    quantities : sequence of Quantity
-        Of the model.
-
-    Raises
-    ------
-    KeyError, TypeError, ValueError
-        There is no column of settings, or a cell is none of its kind.
+    Examples
+    --------
+    >>> print("".join(json_pieces({"a": [{"b": 1, "c": [2]}, {"b": 3}], "d": {"e": [4]}})), end="")
+    {
+      "a": [
+        {"b": 1, "c": [2]},
+        {"b": 3}
+      ],
+      "d": {
+        "e": [4]
+      }
+    }
     """
-    adjusters = adjusters_in(names, quantities)
-    others = [(name, kind) for name, kind in kinds.items() if name != "setting"]
-    return tuple(
-        {"setting": setting} | {name: _cell(row.get(name), kind) for name, kind in others}
-        for row in rows
-        if (setting := read_setting(row, adjusters)) is not None
-    )
+    yield from _laid_out(document, "\n")
+    yield "\n"
 
 
-def _cell(value: Any, kind: type) -> Any:
-    return None if value is None or (value == "" and kind is not str) else kind(value)
+def _laid_out(value: Any, line: str) -> Iterator[str]:
+    deeper = line + "  "
+    if isinstance(value, dict) and value:
+        for place, (key, item) in enumerate(value.items()):
+            yield ("," if place else "{") + deeper + f"{_ENCODER.encode(key)}: "
+            yield from _laid_out(item, deeper)
+        yield line + "}"
+    elif isinstance(value, list) and any(isinstance(item, dict) for item in value):
+        for place, item in enumerate(value):
+            yield ("," if place else "[") + deeper
+            yield _ENCODER.encode(item)
+        yield line + "]"
+    else:
+        yield _ENCODER.encode(value)

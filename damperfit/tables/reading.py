@@ -12,6 +12,7 @@ import json
 from base64 import b64decode, b64encode
 from contextlib import suppress
 from dataclasses import dataclass
+from io import StringIO
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 from urllib.parse import unquote
@@ -32,11 +33,10 @@ from damperfit.tables.columns import (
     quantities_in,
     read_setting,
 )
-from damperfit.tables.files import read_cells, read_facts, typed_rows
 from damperfit.tested.setting import Setting, parse_place
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from damperfit.damper.quantity import Quantity
 
     FloatArray = NDArray[np.float64]
+    Rows = tuple[dict[str, Any], ...]
 
 
 RECORD = b"damperfit_record"  # in the footer of a fleet's part
@@ -57,7 +58,7 @@ _SIGNALS = (
 )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class LogSignals:
     """Measured and simulated signals of one log, its steady whole cycles.
 
@@ -83,6 +84,73 @@ class LogSignals:
     pressures: FloatArray
 
 
+# One file
+
+
+def read_facts(path: Path) -> dict[str, Any]:
+    """Return what a Parquet table tells of the run that wrote it; empty where it tells nothing."""
+    try:
+        return facts_of(pq.read_schema(regular(path)))
+    except (OSError, ValueError, pa.ArrowException):
+        return {}
+
+
+def facts_of(table: pa.Table | pa.Schema) -> dict[str, Any]:
+    """Return what a table, or its schema, tells of the run that made it."""
+    schema = table.schema if isinstance(table, pa.Table) else table
+    try:
+        facts = json.loads((schema.metadata or {}).get(b"damperfit", b"{}"))
+    except (ValueError, RecursionError):
+        return {}
+    return facts if isinstance(facts, dict) else {}
+
+
+def read_arrow(path: Path) -> pa.Table:
+    """Return a table of a Parquet file, whose pages are as they were written."""
+    with pq.ParquetFile(regular(path), page_checksum_verification=True) as file:
+        return file.read()
+
+
+def _cells(path: Path) -> tuple[list[str], list[dict[str, Any]]]:
+    """Return the names of a table's columns and its rows as they stand in the file."""
+    if path.suffix.lower() == ".parquet":
+        table = read_arrow(path)
+        return table.column_names, table.to_pylist()
+    lines = StringIO(read_text(path), newline="")
+    reader = csv.DictReader((line for line in lines if not line.startswith("#")), strict=True)
+    rows: list[dict[str, Any]] = list(reader)
+    return list(reader.fieldnames or ()), rows
+
+
+def _typed(
+    names: Sequence[str],
+    rows: Iterable[Mapping[str, Any]],
+    table: str,
+    quantities: Sequence[Quantity],
+) -> Rows:
+    """Return the rows that say their setting, by column; None where a cell or a column is missing.
+
+    A KeyError, TypeError or ValueError tells of a column of settings that is missing, or of a cell
+    that is none of its kind.
+    """
+
+    def cell(value: Any, kind: type) -> Any:
+        return None if value is None or (value == "" and kind is not str) else kind(value)
+
+    adjusters, kinds = adjusters_in(names, quantities), column_kinds(table, quantities)
+    del kinds["setting"]
+    return tuple(
+        {"setting": setting} | {name: cell(row.get(name), kind) for name, kind in kinds.items()}
+        for row in rows
+        if (setting := read_setting(row, adjusters)) is not None
+    )
+
+
+def _reason(error: BaseException) -> str:
+    text = str(getattr(error, "strerror", None) or error)
+    return text.splitlines()[0] if text else type(error).__name__
+
+
 # A results folder
 
 
@@ -102,7 +170,7 @@ def read_quantities(folder: Path, record: Mapping[str, Any]) -> tuple[Quantity, 
     with suppress(*_BROKEN):
         columns = pq.read_schema(regular(folder / "parameters.parquet")).names
     with suppress(*_BROKEN):
-        columns = columns or read_cells(folder / "parameters.csv")[0]
+        columns = columns or _cells(folder / "parameters.csv")[0]
     return quantities_in(record, columns)
 
 
@@ -128,11 +196,8 @@ def check_files(
     files = record.get("files")
     for name, expected in files.items() if isinstance(files, dict) else ():
         path = folder / str(name)
-        if path.stem not in parts:
-            continue
-        if path.parent != folder or path.suffix != ".parquet" or not path.is_file():
-            continue
-        if sha256_of(path) != expected:
+        is_asked = path.stem in parts and path.suffix == ".parquet" and path.parent == folder
+        if is_asked and path.is_file() and sha256_of(path) != expected:
             remarks.append(f"{name} is not the file that the run wrote (see run.json)")
 
 
@@ -142,15 +207,15 @@ def read_rows(
     remarks: list[str],
     quantities: Sequence[Quantity] = PAPER_QUANTITIES,
     record: Mapping[str, Any] | None = None,
-) -> tuple[dict[str, Any], ...]:
+) -> Rows:
     """Return the rows of a table, from Parquet, else from CSV."""
     for suffix in (".parquet", ".csv"):
         path = folder / (table + suffix)
         try:
-            names, cells = read_cells(path)
+            names, cells = _cells(path)
             if "setting" not in names:
                 raise KeyError("setting")  # noqa: TRY301 - as of a damaged file
-            rows = typed_rows(names, cells, column_kinds(table, quantities), quantities)
+            rows = _typed(names, cells, table, quantities)
         except FileNotFoundError:
             remarks.append(f"{path.name} is missing")
         except KeyError as error:
@@ -170,19 +235,13 @@ def _written(table: str, record: Mapping[str, Any]) -> list[str]:
     """Return the columns that a run says it wrote."""
     schema = record.get("schema")
     columns = schema.get(table) if isinstance(schema, dict) else None
-    return [
-        str(one.get("name"))
-        for one in (columns if isinstance(columns, list) else ())
-        if isinstance(one, dict)
-    ]
+    listed = columns if isinstance(columns, list) else ()
+    return [str(column.get("name")) for column in listed if isinstance(column, dict)]
 
 
-def rows_of(
-    table: pa.Table, name: str, quantities: Sequence[Quantity] = PAPER_QUANTITIES
-) -> tuple[dict[str, Any], ...]:
+def rows_of(table: pa.Table, name: str, quantities: Sequence[Quantity] = PAPER_QUANTITIES) -> Rows:
     """Return the rows of a table in memory, as `read_rows` reads them from a file."""
-    kinds = column_kinds(name, quantities)
-    return typed_rows(table.column_names, table.to_pylist(), kinds, quantities)
+    return _typed(table.column_names, table.to_pylist(), name, quantities)
 
 
 def read_signals(
@@ -192,44 +251,37 @@ def read_signals(
     path = folder / "responses.parquet"
     try:
         with pq.ParquetFile(regular(path), page_checksum_verification=True) as file:
+            columns = file.schema_arrow.names
             wanted = ("setting", "log", *_SIGNALS)
-            missing = [name for name in wanted if name not in file.schema_arrow.names]
-            if missing:
+            if missing := [name for name in wanted if name not in columns]:
                 remarks.append(f"{path.name} has no column {', '.join(missing)}: no loops")
                 return
-            named = adjusters_in(file.schema_arrow.names, quantities)
+            adjusters = adjusters_in(columns, quantities)
             for group in range(file.num_row_groups):
                 try:
-                    table = file.read_row_group(group, columns=["setting", *named, *wanted[1:]])
+                    table = file.read_row_group(group, columns=[*wanted, *adjusters])
                 except _BROKEN as error:
                     remarks.append(f"{path.name}: log {group + 1} is damaged: {_reason(error)}")
                     continue
-                yield from _split(table, named)
+                yield from _split(table, adjusters)
     except FileNotFoundError:
         remarks.append(f"{path.name} is missing: no loops")
     except _BROKEN as error:
         remarks.append(f"{path.name} cannot be read: {_reason(error)}")
 
 
-def _split(table: pa.Table, adjusters: Sequence[str] = ()) -> Iterator[LogSignals]:
+def _split(table: pa.Table, adjusters: Sequence[str]) -> Iterator[LogSignals]:
     """Yield each log of a table whose rows stand log by log."""
     if table.num_rows == 0:
         return
-    cells = table.select(["setting", *adjusters]).to_pylist()
-    names = table.column("log").to_pylist()
-    keys = list(zip(names, cells, strict=True))
+    keys = table.select(["setting", "log", *adjusters]).to_pylist()
     edges = [k for k, (before, after) in enumerate(pairwise(keys), start=1) if before != after]
     signals = [np.asarray(table.column(name).to_numpy(), dtype=np.float64) for name in _SIGNALS]
     for start, stop in pairwise([0, *edges, table.num_rows]):
         time, x, v, measured, force, *pressures = (signal[start:stop] for signal in signals)
-        setting = read_setting(cells[start], adjusters) or Setting.of(0)
-        name = str(names[start])
-        yield LogSignals(setting, name, time, x, v, measured, force, np.stack(pressures))
-
-
-def _reason(error: BaseException) -> str:
-    strerror = getattr(error, "strerror", None)
-    return str(strerror or error).splitlines()[0] if str(error) else type(error).__name__
+        setting = read_setting(keys[start], adjusters) or Setting.of(0)
+        log = str(keys[start]["log"])
+        yield LogSignals(setting, log, time, x, v, measured, force, np.stack(pressures))
 
 
 # A table of parameters, of a run or of somebody's own
@@ -248,7 +300,7 @@ def table_quantities(path: Path) -> tuple[Quantity, ...]:
 
 def read_table(
     path: Path, *, is_whole: bool = True
-) -> tuple[dict[str, Any], tuple[Quantity, ...], tuple[dict[str, Any], ...], str]:
+) -> tuple[dict[str, Any], tuple[Quantity, ...], Rows, str]:
     """Return what a table of parameters and run.json beside it tell, and where the damper stands.
 
     Parameters
@@ -270,16 +322,16 @@ def read_table(
     quantities = table_quantities(path)
     needed = [one.name for one in quantities if one.default is None] if is_whole else []
     try:
-        names, cells = read_cells(path)
+        names, cells = _cells(path)
         for name in ("setting", *needed):
             if name not in names:
                 raise ConfigurationError(
                     f"not a parameters table: it has no column '{name}'", subject=path
                 )
-        rows = typed_rows(names, cells, column_kinds("parameters", quantities), quantities)
+        rows = _typed(names, cells, "parameters", quantities)
     except OSError as error:
-        said = f"cannot be read: {error.strerror or error}"
-        raise ConfigurationError(said, subject=path) from error
+        why = f"cannot be read: {error.strerror or error}"
+        raise ConfigurationError(why, subject=path) from error
     except (ValueError, TypeError, csv.Error, pa.ArrowException) as error:
         raise ConfigurationError(f"not a parameters table: {error}", subject=path) from error
     facts, beside = read_facts(path), read_record(path.parent / "run.json", [])
@@ -349,14 +401,12 @@ def part_in(path: Path) -> Path:
         return path
     parts = _parts_of(path)
     if len(parts) > 1:
-        names = ", ".join(one.name for one in parts)
+        names = ", ".join(part.name for part in parts)
         raise ConfigurationError(f"several tests of one damper; name one of {names}", subject=path)
     return parts[0]
 
 
-def read_part(
-    path: Path,
-) -> tuple[dict[str, Any], tuple[Quantity, ...], tuple[dict[str, Any], ...]]:
+def read_part(path: Path) -> tuple[dict[str, Any], tuple[Quantity, ...], Rows]:
     """Return what a part keeps of run.json, its quantities, and its rows of parameters.
 
     Raises

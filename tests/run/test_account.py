@@ -29,7 +29,7 @@ from damperfit.run.record import (
     unconfirmed_tares,
     warnings_of,
 )
-from damperfit.tables.documents import json_pieces, json_values
+from damperfit.tables.files import json_pieces, json_values
 from damperfit.tested.setting import Setting, parse_setting
 from damperfit.uncertainty import Assessment, Objection, Uncertainty
 from damperfit.uncertainty.covariance import make_interval
