@@ -36,23 +36,26 @@ _INT, _FLOAT, _TEXT = "int64", "double", "string"  # as Arrow names them
 _KINDS: dict[str, type] = {_INT: int, _FLOAT: float, _TEXT: str}
 
 
-class _Column(NamedTuple):
+class Column(NamedTuple):
+    """A column, and the attribute of a force, click or cavitation that fills it, if one does."""
+
     name: str
     kind: str
     unit: str
     description: str
+    source: str = ""
 
 
-def _number(name: str, unit: str, description: str) -> _Column:
-    return _Column(name, _FLOAT, unit, description)
+def _number(name: str, unit: str, description: str, source: str = "") -> Column:
+    return Column(name, _FLOAT, unit, description, source)
 
 
-def _count(name: str, description: str) -> _Column:
-    return _Column(name, _INT, "1", description)
+def _count(name: str, description: str) -> Column:
+    return Column(name, _INT, "1", description)
 
 
-def _text(name: str, description: str) -> _Column:
-    return _Column(name, _TEXT, "", description)
+def _text(name: str, description: str) -> Column:
+    return Column(name, _TEXT, "", description)
 
 
 _SETTING = _count("setting", "adjuster setting")
@@ -106,7 +109,50 @@ CHARACTERISTICS = (
     _number("measured_hysteresis_rebound_se_N", "N", "standard error, likewise; of peaks"),
     _number("measured_hysteresis_bump_se_N", "N", "standard error, likewise; of peaks"),
 )
-_TABLES: dict[str, tuple[_Column, ...]] = {
+CAVITATION = (
+    _number("cavitation_fraction", "1", "share of the cycle with a chamber at P = 0", "fraction"),
+    _number(
+        "r_m3_cavitation_margin",
+        "1",
+        "rise of R_m3 at which chamber 2 starts to cavitate",
+        "margin",
+    ),
+    _number("lowest_pressure", "Pa", "lowest absolute pressure of any chamber", "lowest_pressure"),
+    _count("lowest_pressure_chamber", "chamber of the lowest pressure"),
+    _number("lowest_pressure_displacement", "m", "x at the lowest pressure", "displacement"),
+    _number("lowest_pressure_velocity", "m/s", "v at the lowest pressure", "velocity"),
+    _number(
+        "safe_gas_pressure",
+        "Pa",
+        "absolute gas pressure at rest at which a chamber just reaches zero on this motion",
+        "safe_gas_pressure",
+    ),
+)
+FORCE = (
+    _number("force_N", "N", "force there, gas and friction in it, the rig's tare not", "force"),
+    _number("force_se_N", "N", "standard error of force_N", "error"),
+    _number("force_ci_low_N", "N", "95 % interval of force_N", "low"),
+    _number("force_ci_high_N", "N", "95 % interval of force_N", "high"),
+    _number("force_misfit_se_N", "N", "error of force_N from the model's misfit", "misfit"),
+    _number("measured_N", "N", "measured force there, without the tare", "measured_force"),
+    _number("measured_se_N", "N", "standard error of measured_N", "measured_error"),
+    _number(
+        "difference_N", "N", "measured less modelled force, rig and filter in both", "difference"
+    ),
+    _number("model_N", "N", "the damper's force at constant speed by the model", "model_force"),
+    _number("gas_N", "N", "gas force at mid-stroke, in all of these", "gas"),
+    _number("friction_N", "N", "friction in model_N", "friction"),
+    _number("tare_N", "N", "the rig's offset, in none of these", "tare"),
+)
+CLICK = (
+    _number("change_N", "N", "force less that of the setting before, no offset in it", "change"),
+    _number("change_ci_low_N", "N", "95 % interval of change_N", "low"),
+    _number("change_ci_high_N", "N", "95 % interval of change_N", "high"),
+    _number("change_percent", "%", "the same of the damping: no gas force, no offset", "percent"),
+    _number("change_percent_ci_low", "%", "95 % interval of change_percent", "percent_low"),
+    _number("change_percent_ci_high", "%", "95 % interval of change_percent", "percent_high"),
+)
+_TABLES: dict[str, tuple[Column, ...]] = {
     "parameters": (
         _SETTING,
         _QUANTITIES,
@@ -117,19 +163,7 @@ _TABLES: dict[str, tuple[_Column, ...]] = {
         _SAMPLES,
         _count("n_cycles", "steady whole cycles evaluated"),
         _count("evaluations", "simulations the fit took"),
-        _number("cavitation_fraction", "1", "share of the cycle with a chamber at P = 0"),
-        _number(
-            "r_m3_cavitation_margin", "1", "rise of R_m3 at which chamber 2 starts to cavitate"
-        ),
-        _number("lowest_pressure", "Pa", "lowest absolute pressure of any chamber"),
-        _count("lowest_pressure_chamber", "chamber of the lowest pressure"),
-        _number("lowest_pressure_displacement", "m", "x at the lowest pressure"),
-        _number("lowest_pressure_velocity", "m/s", "v at the lowest pressure"),
-        _number(
-            "safe_gas_pressure",
-            "Pa",
-            "absolute gas pressure at rest at which a chamber just reaches zero on this motion",
-        ),
+        *CAVITATION,
         _text("grade_reason", "why the grade is withheld; empty where it is not"),
     ),
     "mse": (
@@ -145,25 +179,11 @@ _TABLES: dict[str, tuple[_Column, ...]] = {
         _SETTING,
         _number("speed_m_per_s", "m/s", "named test speed that the tests reach"),
         _STROKE,
-        _number("force_N", "N", "force there, gas and friction in it, the rig's tare not"),
-        _number("force_se_N", "N", "standard error of force_N"),
-        _number("force_ci_low_N", "N", "95 % interval of force_N"),
-        _number("force_ci_high_N", "N", "95 % interval of force_N"),
-        _number("change_N", "N", "force less that of the setting before, no offset in it"),
-        _number("change_ci_low_N", "N", "95 % interval of change_N"),
-        _number("change_ci_high_N", "N", "95 % interval of change_N"),
-        _number("change_percent", "%", "the same of the damping: no gas force, no offset"),
-        _number("change_percent_ci_low", "%", "95 % interval of change_percent"),
-        _number("change_percent_ci_high", "%", "95 % interval of change_percent"),
-        _number("force_misfit_se_N", "N", "error of force_N from the model's misfit"),
-        _number("measured_N", "N", "measured force there, without the tare"),
-        _number("measured_se_N", "N", "standard error of measured_N"),
-        _number("difference_N", "N", "measured less modelled force, rig and filter in both"),
+        *FORCE[:4],
+        *CLICK,
+        *FORCE[4:8],
         _text("origin", "of force_N: model, or measured where the model misses it"),
-        _number("model_N", "N", "the damper's force at constant speed by the model"),
-        _number("gas_N", "N", "gas force at mid-stroke, in all of these"),
-        _number("friction_N", "N", "friction in model_N"),
-        _number("tare_N", "N", "the rig's offset, in none of these"),
+        *FORCE[8:],
         _text("tested", "yes where the setting was tested up to this speed"),
         _text("measured_as", "pvp: peaks of segments; cvp: the loop at this speed"),
         _number("measured_opening_N", "N", "of a loop: measured while the speed rises"),
@@ -204,7 +224,7 @@ _TABLES: dict[str, tuple[_Column, ...]] = {
 
 def _columns(
     table: str, settings: Collection[Setting], quantities: Sequence[Quantity]
-) -> Iterator[_Column]:
+) -> Iterator[Column]:
     for column in _TABLES[table]:
         if column is _SETTING:
             yield from _setting_columns(table, settings)
@@ -217,7 +237,7 @@ def _columns(
             yield column
 
 
-def _parameter_columns(quantities: Sequence[Quantity]) -> Iterator[_Column]:
+def _parameter_columns(quantities: Sequence[Quantity]) -> Iterator[Column]:
     """A column for each quantity, then what is known of each."""
     for one in quantities:
         yield _number(one.name, one.unit, one.meaning)
@@ -232,7 +252,7 @@ def _parameter_columns(quantities: Sequence[Quantity]) -> Iterator[_Column]:
         yield _number(f"{one.name}_misfit_se", one.unit, said)
 
 
-def _setting_columns(table: str, settings: Collection[Setting]) -> tuple[_Column, ...]:
+def _setting_columns(table: str, settings: Collection[Setting]) -> tuple[Column, ...]:
     """The column ``setting`` and one for each adjuster that has a name."""
     known = [Setting.of(one) for one in settings]
     is_whole = all(isinstance(one.cell, int) for one in known)
@@ -244,7 +264,7 @@ def _setting_columns(table: str, settings: Collection[Setting]) -> tuple[_Column
     return (first, *(_place_column(name, known) for name in names), *turned)
 
 
-def _place_column(name: str, settings: Iterable[Setting]) -> _Column:
+def _place_column(name: str, settings: Iterable[Setting]) -> Column:
     places = [one.place(name) for one in settings]
     said = f"position of the adjuster {name}"
     if any(isinstance(place, str) for place in places):
@@ -302,7 +322,7 @@ def describe_tables(
     """
     keys = ("name", "type", "unit", "description")
     return {
-        table: [dict(zip(keys, c, strict=True)) for c in _columns(table, settings, quantities)]
+        table: [dict(zip(keys, c, strict=False)) for c in _columns(table, settings, quantities)]
         for table in _TABLES
         if table != "time_series"
     }

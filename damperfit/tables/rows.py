@@ -20,7 +20,7 @@ from damperfit.identification.fit_setting import EXCELLENT
 from damperfit.identification.outcome import Status
 from damperfit.simulation import NAMED_SPEEDS
 from damperfit.statistics import mean_of
-from damperfit.tables.columns import PAPER_QUANTITIES
+from damperfit.tables.columns import CAVITATION, CLICK, FORCE, PAPER_QUANTITIES
 from damperfit.tables.files import lay_out
 from damperfit.tables.reading import LogSignals
 from damperfit.uncertainty import Assessment
@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from damperfit.damper.valves import ValveCharacteristic
     from damperfit.identification import Campaign, Fit, LogFit, SimulatedLog
     from damperfit.recording import Stretch, Trace
+    from damperfit.tables.columns import Column
     from damperfit.tested.setting import Setting
     from damperfit.uncertainty import Interval, MisfitProfile, Prediction
 
@@ -47,45 +48,13 @@ WITHHELD = "withheld"  # in place of a grade that a low MSE does not deserve
 MISSING = "missing"  # outcome of a setting that the configuration expects but that has no fit
 _GOOD = 5.0  # per cent
 
-# Columns of the table "adjustment", and the attributes of a force and of a click that fill them.
-_OF_FORCE = {
-    "force_N": "force",
-    "force_se_N": "error",
-    "force_ci_low_N": "low",
-    "force_ci_high_N": "high",
-    "force_misfit_se_N": "misfit",
-    "measured_N": "measured_force",
-    "measured_se_N": "measured_error",
-    "difference_N": "difference",
-    "model_N": "model_force",
-    "gas_N": "gas",
-    "friction_N": "friction",
-    "tare_N": "tare",
-}
-_OF_CLICK = {
-    "change_N": "change",
-    "change_ci_low_N": "low",
-    "change_ci_high_N": "high",
-    "change_percent": "percent",
-    "change_percent_ci_low": "percent_low",
-    "change_percent_ci_high": "percent_high",
-}
-_OF_CAVITATION = {
-    "cavitation_fraction": "fraction",
-    "r_m3_cavitation_margin": "margin",
-    "lowest_pressure": "lowest_pressure",
-    "lowest_pressure_displacement": "displacement",
-    "lowest_pressure_velocity": "velocity",
-    "safe_gas_pressure": "safe_gas_pressure",
-}
-
 
 def _finite(value: float | None) -> float | None:
     return None if value is None or not math.isfinite(value) else float(value)
 
 
-def _numbers(names: Mapping[str, str], one: object) -> dict[str, float | None]:
-    return {column: _finite(getattr(one, name)) for column, name in names.items()}
+def _numbers(columns: Iterable[Column], one: object) -> dict[str, float | None]:
+    return {c.name: _finite(getattr(one, c.source)) for c in columns if c.source}
 
 
 def grade(mse_percent: float) -> str:
@@ -179,7 +148,7 @@ def _parameter_row(
         "n_cycles": fit.n_cycles,
         "evaluations": fit.evaluations,
         "lowest_pressure_chamber": fit.cavitation.chamber or None,
-        **_numbers(_OF_CAVITATION, fit.cavitation),
+        **_numbers(CAVITATION, fit.cavitation),
     }
 
 
@@ -236,9 +205,9 @@ def adjustment_rows(forces: Sequence[Force], clicks: Sequence[Click]) -> list[di
     """
     changes: dict[tuple[Setting, float, str], list[dict[str, Any]]] = defaultdict(list)
     for click in clicks:
-        change = {**_numbers(_OF_CLICK, click), "changed": click.adjuster}
+        change = {**_numbers(CLICK, click), "changed": click.adjuster}
         changes[click.second, click.speed, click.stroke].append(change)
-    none = [dict.fromkeys(_OF_CLICK)]
+    none = [dict.fromkeys(column.name for column in CLICK)]
     return [
         _force_row(one) | change
         for one in forces
@@ -253,7 +222,7 @@ def _force_row(one: Force) -> dict[str, Any]:
         "setting": one.setting,
         "speed_m_per_s": one.speed,
         "stroke": one.stroke,
-        **_numbers(_OF_FORCE, one),
+        **_numbers(FORCE, one),
         "origin": one.origin,
         "tested": "yes" if one.is_tested else "no",
         "measured_as": None if seen is None else seen.kind,
