@@ -454,8 +454,7 @@ class Run:
         """The mean cycles of its logs as they were measured, one a motion that repeats."""
         from damperfit.comparison import measured_tests
 
-        inputs = _listed(self.record, "inputs")
-        facts = {str(log.get("log")): log for log in inputs if isinstance(log, dict)}
+        facts = {str(log.get("log")): log for log in self._inputs}
         found: list[MeasuredTest] = []
         for signals in self.signals:
             log = facts.get(signals.log, {})
@@ -549,41 +548,43 @@ class Run:
     @cached_property
     def settings(self) -> tuple[SettingResult, ...]:
         """The settings that have all parameters, rising."""
-        known = {
-            entry["setting"]: entry
-            for entry in _listed(self.record, "uncertainty")
-            if isinstance(entry, dict) and "setting" in entry
-        }
         tops: dict[Any, float] = {}
-        for log in _listed(self.record, "inputs"):
-            for _, _, speed in _motions(log) if isinstance(log, dict) else ():
-                cell = log.get("setting")
-                tops[cell] = max(speed, tops.get(cell, 0.0))
-        found = []
+        for log in self._inputs:
+            for _, _, speed in _motions(log):
+                tops[log.get("setting")] = max(speed, tops.get(log.get("setting"), 0.0))
+        settings = []
         for row in sorted(self.rows("parameters"), key=lambda row: Setting.of(row["setting"])):
             values = _values(row, self.quantities)
-            if values is not None:
-                setting = Setting.of(row["setting"])
-                names, shared, covariance = _errors(values, row, known.get(setting.cell, {}))
-                own = tuple(name for name in names if name not in shared)
-                found.append(
-                    SettingResult(
-                        setting,
-                        values,
-                        own,
-                        shared,
-                        covariance,
-                        top_speed=tops.get(setting.cell, math.inf),
-                        open_limits=_open_limits(values, row),
-                        misfits={
-                            name: float(row.get(f"{name}_misfit_se") or 0.0)
-                            for name in values.names
-                        },
-                        row=row,
-                        run=self,
-                    )
+            if values is None:
+                continue
+            setting = Setting.of(row["setting"])
+            own, shared, covariance = _errors(values, row, self._errors_told.get(setting.cell, {}))
+            settings.append(
+                SettingResult(
+                    setting,
+                    values,
+                    own,
+                    shared,
+                    covariance,
+                    top_speed=tops.get(setting.cell, math.inf),
+                    open_limits=_open_limits(values, row),
+                    misfits={n: float(row.get(f"{n}_misfit_se") or 0.0) for n in values.names},
+                    row=row,
+                    run=self,
                 )
-        return tuple(found)
+            )
+        return tuple(settings)
+
+    @property
+    def _errors_told(self) -> dict[Any, Mapping[str, Any]]:
+        """Entries of run.json on the errors of settings, by cell."""
+        entries = _listed(self.record, "uncertainty")
+        return {entry["setting"]: entry for entry in entries if "setting" in entry}
+
+    @property
+    def _inputs(self) -> list[dict[str, Any]]:
+        """Entries of run.json on the logs."""
+        return _listed(self.record, "inputs")
 
     @refuse_wrong_arguments("run.setting")
     def setting(self, setting: Setting | str | float) -> SettingResult:
@@ -606,54 +607,41 @@ class Run:
     @property
     def notes(self) -> tuple[str, ...]:
         """What a reader must know of the errors; nothing is missing."""
-        lost = [one.setting for one in self._without_errors if self._is_told(one)]
-        unjudged = [one.setting for one in self._without_errors if self._has_failed(one)]
+        lost, unjudged, _ = self._without_errors
         no_interval = "the forces there have no interval"
-        said = (
+        notes = (
             f"the fit met no minimum at {of_settings(lost)}: {no_interval}" if lost else "",
             f"{of_settings(unjudged)} could not be judged: {no_interval}" if unjudged else "",
         )
-        return tuple(filter(None, said))
+        return tuple(filter(None, notes))
 
     @property
     def remarks_on_errors(self) -> tuple[str, ...]:
         """Settings whose errors the run should tell, and does not."""
-        lost = [
-            one.setting
-            for one in self._without_errors
-            if not self._is_told(one) and not self._has_failed(one)
-        ]
-        which = "all settings" if len(lost) == len(self.rows("parameters")) else of_settings(lost)
-        said = (
+        _, _, missing = self._without_errors
+        are_all = len(missing) == len(self.rows("parameters"))
+        which = "all settings" if are_all else of_settings(missing)
+        remark = (
             f"errors and correlations of {which} are missing in run.json: forces without intervals"
         )
-        return (said,) if lost else ()
+        return (remark,) if missing else ()
 
     @property
-    def _without_errors(self) -> list[SettingResult]:
-        return [one for one in self.settings if one.covariance is None]
-
-    def _has_failed(self, setting: SettingResult) -> bool:
-        """Whether the run says that judging it came to nothing."""
-        failed = (one.setting for one in failures_in(self.record))
-        return not self._is_told(setting) and setting.setting in failed
-
-    def _is_told(self, setting: SettingResult) -> bool:
-        """Whether a setting without errors says why: a fit that met no minimum has none."""
-        for entry in _listed(self.record, "uncertainty"):
-            if isinstance(entry, dict) and entry.get("setting") == setting.setting.cell:
-                names = entry.get("parameters")
-                return isinstance(names, list) and has_lost_errors(names, setting.status)
-        return False
+    def _without_errors(self) -> tuple[list[Setting], list[Setting], list[Setting]]:
+        """Settings without errors: the fit met no minimum, judging it failed, nothing says why."""
+        lost: tuple[list[Setting], list[Setting], list[Setting]] = ([], [], [])
+        failed = {failure.setting for failure in failures_in(self.record)}
+        for one in self.settings:
+            if one.covariance is None:
+                names = self._errors_told.get(one.setting.cell, {}).get("parameters")
+                is_told = isinstance(names, list) and has_lost_errors(names, one.status)
+                lost[0 if is_told else 1 if one.setting in failed else 2].append(one.setting)
+        return lost
 
     @cached_property
     def logs(self) -> tuple[LogResult, ...]:
         """The logs that were fitted or held out, by setting and name."""
-        facts = {
-            str(one.get("log")): one
-            for one in _listed(self.record, "inputs")
-            if isinstance(one, dict)
-        }
+        facts = {str(log.get("log")): log for log in self._inputs}
         segments: dict[tuple[Setting, str], list[dict[str, Any]]] = {}
         for row in self.rows("characteristics"):
             if row["point"] == "peak":
@@ -810,8 +798,7 @@ class Run:
     def _fitted_inputs(self) -> list[dict[str, Any]]:
         """Entries of the logs of the settings that have parameters."""
         cells = {one.setting.cell for one in self.settings}
-        logs = [log for log in _listed(self.record, "inputs") if isinstance(log, dict)]
-        return [log for log in logs if "setting" not in log or log["setting"] in cells]
+        return [log for log in self._inputs if "setting" not in log or log["setting"] in cells]
 
     @property
     def motion_of_tests(self) -> Sine | None:
@@ -880,13 +867,10 @@ class Run:
         """SHA-256 of the table of parameters; empty where it stands in no file."""
         if self.place is None:
             return ""
-        paths = [part_in(self.place)] if is_part(self.place) else [self.place]
+        paths = [part_in(self.place) if is_part(self.place) else self.place]
         if self._is_folder:
             paths = [self.place / name for name in _OF_PARAMETERS]
-        for path in paths:
-            if path.is_file():
-                return sha256_of(path)
-        return ""
+        return next((sha256_of(path) for path in paths if path.is_file()), "")
 
     # For people: frames, figures, text
 
@@ -1054,10 +1038,11 @@ class Run:
     @property
     def warned(self) -> tuple[Problem, ...]:
         """What to know before believing the numbers; of older runs their sentences."""
-        known = [one for one in _listed(self.record, "problems") if isinstance(one, dict)]
-        told = known or [{"text": one} for one in _listed(self.record, "warnings")]
-        texts = ({"text": one} for one in self.remarks)
-        return tuple(map(Problem.of_record, (*texts, *told)))
+        told = _listed(self.record, "problems")
+        sentences = self.record.get("warnings")
+        if not told and isinstance(sentences, list):
+            told = [{"text": sentence} for sentence in sentences]
+        return tuple(map(Problem.of_record, (*({"text": one} for one in self.remarks), *told)))
 
     @property
     def problems(self) -> tuple[Problem, ...]:
@@ -1284,7 +1269,7 @@ class Run:
         failed = (
             f"FAILED {one.get('name')}: {one.get('reason')}"
             for one in _listed(self.record, "checks")
-            if isinstance(one, dict) and one.get("passed") is False
+            if one.get("passed") is False
         )
         lines = (*self.failures[:_SHOWN_FAILURES], *failed)
         said = "".join(f"<p>{escape(line)}</p>" for line in lines)
@@ -1412,32 +1397,25 @@ def _open_limits(
     values: Values, row: Mapping[str, Any]
 ) -> tuple[tuple[str, tuple[float, float]], ...]:
     """Return between which values the logs leave open what they do not determine."""
-    limits = {
-        name: (row.get(f"{name}_ci_low"), row.get(f"{name}_ci_high"))
-        for name in values.names
-        if row.get(f"{name}_status") == "not_identifiable"
-    }
-    return open_limits(values, limits)
+    lost = [n for n in values.names if row.get(f"{n}_status") == Status.NOT_IDENTIFIABLE]
+    ends = {name: (row.get(f"{name}_ci_low"), row.get(f"{name}_ci_high")) for name in lost}
+    return open_limits(values, ends)
 
 
 def _errors(
     values: Values, row: Mapping[str, Any], entry: Mapping[str, Any]
 ) -> tuple[tuple[str, ...], tuple[str, ...], Any]:
-    """Return names with an error, own before shared, the shared ones, and the covariance of ln y.
+    """Return the setting's own names with an error, the shared ones, and the covariance of ln y.
 
     It is made of standard errors and correlations; None where they are not told.
     """
     try:
-        names = tuple(str(name) for name in entry["parameters"])
+        names = [str(name) for name in entry["parameters"]]
         status = {name: row[f"{name}_status"] for name in values.names}
         if has_lost_errors(names, status):
             return (), (), None
         # Older runs left it to the status, which says of a shared value only that it is unsound.
-        shared = entry.get("shared", [name for name in names if status[name] == "shared"])
-        ordered = (
-            *(name for name in names if name not in shared),
-            *(name for name in names if name in shared),
-        )
+        told = entry.get("shared", [name for name in names if status[name] == Status.SHARED])
         errors = entry.get("errors")
         if errors is None:  # older runs told those of the values alone
             errors = [
@@ -1451,12 +1429,10 @@ def _errors(
         return (), (), None
     if not np.all(np.isfinite(covariance)):
         return (), (), None
-    order = [names.index(name) for name in ordered]
-    return (
-        ordered,
-        ordered[len(names) - len(set(shared) & set(names)) :],
-        covariance[np.ix_(order, order)],
-    )
+    own = tuple(name for name in names if name not in told)
+    shared = tuple(name for name in names if name in told)
+    order = [names.index(name) for name in (*own, *shared)]
+    return own, shared, covariance[np.ix_(order, order)]
 
 
 def _damper_in(facts: Mapping[str, Any]) -> Mapping[str, Any] | None:
@@ -1465,9 +1441,10 @@ def _damper_in(facts: Mapping[str, Any]) -> Mapping[str, Any] | None:
     return damper if isinstance(damper, dict) else None
 
 
-def _listed(record: Mapping[str, Any], key: str) -> list[Any]:
-    value = record.get(key)
-    return value if isinstance(value, list) else []
+def _listed(record: Mapping[str, Any], key: str) -> list[dict[str, Any]]:
+    """Return the entries of a list in run.json, whatever else stands there."""
+    entries = record.get(key)
+    return [one for one in entries if isinstance(one, dict)] if isinstance(entries, list) else []
 
 
 def _numbers(rows: Sequence[Mapping[str, Any]], key: str) -> list[float]:
