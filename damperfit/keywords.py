@@ -82,6 +82,15 @@ _TABLE: dict[str, dict[str, tuple[Any, ...]]] = {
             "logs: a folder, a quoted pattern or @list.txt of them is one run."),
         ),
         "folder": ("argument", "DIR", "Folder for the logs."),
+        "for_": (
+            "text", "NAME|force@SPEED",
+            "What is to be known better: k_e, force@0.05m/s (minus: compression).",
+        ),
+        "advise.setting": ("text", "N", "Plan for this setting alone."),
+        "cd": ("number", "C_D", "Discharge coefficient of the orifices."),
+        "cd_spread": ("number", "N", "How far it may be off; it widens the intervals."),
+        "seat": ("text", "LENGTH", "Diameter of the blow-off's seat, as in 8mm."),
+        "reference": ("results", "RESULTS", "Earlier run of the damper: what has worn since?"),
         "topic": ("argument", "TOPIC", "A page of the manual, or a command."),
     },
     "Logs": {
@@ -159,6 +168,18 @@ _TABLE: dict[str, dict[str, tuple[Any, ...]]] = {
         "displacement_noise": ("text", "LENGTH", "Sensor noise of the displacement, rms."),
         "rig_filter": ("text", "FREQ", "Corner of a filter in the rig; 0: no filter."),
         "seed": ("count", "N", "Of the noise; same seed, same logs."),
+        "max_stroke": (
+            "text", "LENGTH", "Largest amplitude of the rig.  [default: rig.max_stroke, as tested]",
+        ),
+        "max_speed": (
+            "text", "SPEED",
+            "Highest peak speed.  [default: rig.max_speed, twice what was tested]",
+        ),
+        "max_force": ("text", "FORCE", "Highest force.  [default: rig.max_force, no limit]"),
+        "max_frequency": (
+            "text", "FREQ", "Highest frequency.  [default: rig.max_frequency, 10 Hz]",
+        ),
+        "minutes": ("number", "N", "Longest test of one setting, min."),
     },
     "Fit": {
         "free": (
@@ -389,7 +410,7 @@ def option_of(name: str) -> str:
     >>> option_of("hold_out")
     '--hold-out'
     """
-    return f"--{name.replace('_', '-')}"
+    return f"--{name.rstrip('_').replace('_', '-')}"
 
 
 # What a keyword takes in Python.

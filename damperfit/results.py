@@ -1107,6 +1107,18 @@ class Run:
         """Return the parameters as a data frame."""
         return self.parameters
 
+    def advise(self, for_: str, **limits: Any) -> Any:
+        """Say which further test narrows an interval most; keywords as of `damperfit.advise`."""
+        import damperfit
+
+        return damperfit.advise(self, for_=for_, **limits)
+
+    def valves(self, **how: Any) -> Any:
+        """Return the valves as parts; keywords as of `damperfit.valves`."""
+        import damperfit
+
+        return damperfit.valves(self, **how)
+
     def plot(self, name: str | None = None) -> Any:
         """Draw a figure with matplotlib and return its axes.
 

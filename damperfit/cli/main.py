@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from damperfit.cli import commands
+from damperfit.cli import after_fit, commands
 from damperfit.cli.command import Commands, PanelledCommand, of_presentation, with_options
 from damperfit.cli.console import LogFile, record, say, say_lines, shield_streams, unprinted
 from damperfit.cli.init import init
@@ -71,7 +71,7 @@ for _name in (
     *("export", "inspect", "samples", "config"),
 ):
     app.command(cls=PanelledCommand)(getattr(commands, _name))
-for _command in (init, commands.doctor):
+for _command in (after_fit.advise, after_fit.valves, init, commands.doctor):
     app.command(cls=PanelledCommand)(_command)
 app.command(_TELLS_OF_ALL, cls=PanelledCommand)(commands.show_help)
 

@@ -241,6 +241,10 @@ class RigSection(_DeclaredKeys):
     centre: Annotated[float | str, _quantity("length", "mid-stroke")]
     skew: Annotated[float | str, _quantity("time", "auto")]
     max_log_bytes: int
+    max_stroke: Annotated[float, _quantity("length"), _NotNegative]
+    max_speed: Annotated[float, _quantity("velocity"), _NotNegative]
+    max_force: Annotated[float, _quantity("force"), _NotNegative]
+    max_frequency: Annotated[float, _quantity("frequency"), _NotNegative]
     profile: str
     profiles: dict[str, _ProfileSection]
 

@@ -19,6 +19,8 @@ TOPICS = (
     "adjusters",
     "holdout",
     "compare",
+    "advise",
+    "valves",
     "export",
     "gates",
     "fleet",

@@ -1,0 +1,116 @@
+"""The functions of what follows a fit; the commands of the same names print what they return."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from damperfit.arguments import folder_of, public
+from damperfit.errors import ConfigurationError
+from damperfit.units.quantities import parse_quantity
+
+if TYPE_CHECKING:
+    from damperfit.after_fit.advise import Advice
+    from damperfit.after_fit.valves import Orifices
+    from damperfit.results import Run
+
+__all__ = ["advise", "valves"]
+
+_RESULTS = Path("results")
+_FASTER = 2.0  # times the tested speed, where the rig's is not declared
+_FASTEST = 10.0  # Hz, likewise
+
+
+@public
+def advise(  # noqa: PLR0913 - one keyword an option of the command line
+    results: Run | str | Path = _RESULTS,
+    *,
+    for_: str,
+    setting: str | None = None,
+    max_stroke: str | float | None = None,
+    max_speed: str | float | None = None,
+    max_force: str | float | None = None,
+    max_frequency: str | float | None = None,
+    minutes: float = 2.0,
+    config: str | Path | None = None,
+) -> Advice:
+    """Say which further test narrows an interval most.
+
+    Parameters
+    ----------
+    results : Run or path
+        With steady cycles among its logs.
+    for_ : str
+        A quantity such as k_e, or the force at a speed, as in "force@0.05m/s" (minus: compression).
+
+    Returns
+    -------
+    Advice
+        Candidates by rank, each with the share of today's interval that is left at each setting.
+    """
+    from damperfit.after_fit.advise import Limits, Question
+    from damperfit.after_fit.advise import advise as advised
+
+    run = run_of(results, "damperfit.advise", config)
+    wanted = run.settings if setting is None else (run.setting(setting),)
+    rig = run.configuration.rig
+    stroke = _limit(max_stroke, rig.max_stroke, "length") or run.tested.stroke
+    speed = _limit(max_speed, rig.max_speed, "velocity") or _FASTER * (run.tested.speed or 0.0)
+    if not stroke or not speed:
+        raise ConfigurationError(
+            f"{run.name}: the tested stroke and speed are not known; declare rig.max_stroke and "
+            "rig.max_speed",
+            code="no-limits",
+        )
+    limits = Limits(
+        stroke,
+        speed,
+        _limit(max_force, rig.max_force, "force") or math.inf,
+        _limit(max_frequency, rig.max_frequency, "frequency") or _FASTEST,
+        minutes,
+    )
+    return advised(run, Question.of(for_), limits, wanted)
+
+
+@public
+def valves(
+    results: Run | str | Path = _RESULTS,
+    *,
+    cd: float = 0.7,
+    cd_spread: float = 0.1,
+    seat: str | float | None = None,
+    reference: Run | str | Path | None = None,
+    config: str | Path | None = None,
+) -> Orifices:
+    """Return the valves as parts: holes in mm, preloads in bar and N, and where a click jumps.
+
+    Parameters
+    ----------
+    results, reference : Run or path
+        Of any model with orifices or preloaded valves; the reference is an earlier run.
+    """
+    from damperfit.after_fit.valves import read_valves
+
+    return read_valves(
+        run_of(results, "damperfit.valves", config),
+        discharge=cd,
+        discharge_spread=cd_spread,
+        seat=None if seat is None else parse_quantity(seat, "length"),
+        reference=None if reference is None else run_of(reference, "damperfit.valves"),
+    )
+
+
+def run_of(results: object, call: str, config: str | Path | None = None) -> Run:
+    """Return a run as it is given, or read from its folder; one setting at least is fitted."""
+    from damperfit.queries.settings import refuse_unfitted
+    from damperfit.results import Run
+
+    if isinstance(results, Run):
+        return refuse_unfitted(results)
+    own = None if config is None else Path(config)
+    return refuse_unfitted(Run.load(folder_of(results, call), config=own))
+
+
+def _limit(given: str | float | None, declared: float, dimension: str) -> float:
+    return declared if given is None else parse_quantity(given, dimension)

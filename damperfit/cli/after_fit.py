@@ -1,0 +1,46 @@
+"""Commands of what follows a fit: each calls its function and prints what comes back."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from damperfit.after_fit import functions
+from damperfit.cli.command import Shown, command
+from damperfit.cli.console import print_json, print_lines, print_table, say, wrapped
+
+__all__ = ["advise", "valves"]
+
+
+@command(functions.advise)
+def advise(how: Shown, **given: Any) -> int:
+    """Say which further test narrows an interval most.
+
+    Example: damperfit advise results --for k_e --max-stroke 40mm
+    """
+    advice = functions.advise(**given)
+    if how.json:
+        print_json(advice.document())
+        return 0
+    print_lines(wrapped(advice.sentence))
+    if advice.tests and not how.quiet:
+        print_lines([""])
+        print_table(advice.sheet())
+    return 0
+
+
+@command(functions.valves)
+def valves(how: Shown, **given: Any) -> int:
+    """Show the valves as parts: holes in mm, preloads in bar and N, and where a click jumps.
+
+    Example: damperfit valves results --cd 0.7
+    """
+    found = functions.valves(**given)
+    if how.json:
+        print_json(found.document())
+        return 0
+    for sheet in found.sheets():
+        if sheet.rows:
+            print_table(sheet)
+    for remark in found.remarks:
+        say(f"note: {remark}")
+    return 0

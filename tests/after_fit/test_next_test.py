@@ -1,0 +1,88 @@
+"""The next test, and valves as parts, of small runs."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import pytest
+
+import damperfit
+from damperfit.after_fit.valves import sized_for
+from damperfit.cli import main
+from damperfit.errors import ConfigurationError
+from damperfit.results import Run
+
+
+@pytest.fixture(scope="module")
+def results(sample_results):
+    return sample_results / "results"
+
+
+@pytest.fixture(scope="module")
+def fitted(results) -> Run:
+    return damperfit.load(results)
+
+
+def test_a_faster_test_narrows_the_bulk_modulus_and_none_is_beyond_the_rig(fitted) -> None:
+    advice = fitted.advise("k_e", setting=10, max_stroke=0.016, max_speed=0.5, max_force="2kN")
+    best = advice.tests[0]
+    assert best.share < 0.5
+    assert "shrinks to" in advice.sentence
+    for test in advice.tests:
+        assert test.amplitude <= 0.016
+        assert test.speed <= 0.5 + 1e-9
+        # Today's test at half the stroke and a third of the speed tells less than a fast one.
+        assert best.rank <= test.rank
+
+
+def test_where_no_test_helps_the_answer_says_so(fitted) -> None:
+    advice = fitted.advise("k_e", setting=10, max_stroke="1mm", max_speed="5mm/s")
+    assert "no test within these limits" in advice.sentence
+
+
+def test_the_command_prints_what_the_function_returns(results, capsys) -> None:
+    words = ("advise", str(results), "--for", "force@0.05m/s", "--setting", "10", "--json")
+    assert main(words) == 0
+    document = json.loads(capsys.readouterr().out)
+    advice = damperfit.advise(results, for_="force@0.05m/s", setting="10")
+    assert document["sentence"] == advice.sentence
+    assert document["tests"][0]["share"] == pytest.approx(advice.tests[0].share)
+
+
+@pytest.mark.parametrize("asked", ["nothing", "force", "force@fast"])
+def test_a_question_that_cannot_be_is_refused(results, capsys, asked) -> None:
+    assert main(["advise", str(results), "--for", asked]) == 2
+    (sentence,) = capsys.readouterr().err.splitlines()
+    assert asked.partition("@")[2] in sentence
+
+
+def test_the_adjuster_as_one_hole_passes_the_flow_of_its_resistance(fitted) -> None:
+    holes = {hole.setting: hole for hole in fitted.valves(cd=0.7, cd_spread=0.0).holes}
+    density = fitted.damper.oil_density
+    for setting in fitted.settings:
+        hole = holes[setting.label]
+        flow = 0.7 * hole.area * math.sqrt(2.0 * density * 1e5)
+        assert flow == pytest.approx(math.sqrt(1e5) / setting.values["r_m1"])
+        assert hole.area_low < hole.area < hole.area_high
+
+
+def test_the_last_setting_jumps(fitted) -> None:
+    (remark,) = fitted.valves().remarks
+    assert "setting 19 to 20" in remark
+
+
+def test_a_part_is_sized_for_a_force(fitted) -> None:
+    setting = fitted.setting(12)
+    size = sized_for(fitted, setting, "r_m1", force=900.0, speed=0.2)
+    following = fitted.setting(13).values["r_m1"]
+    assert setting.values["r_m1"] < size < following  # 12.4, says `settings`
+    with pytest.raises(ConfigurationError, match="no r_m1 gives"):
+        sized_for(fitted, setting, "r_m1", force=-900.0, speed=0.2)
+
+
+def test_a_model_without_valves_has_none(sample_results) -> None:
+    log = sample_results / "sample_runs" / "setting_01.csv"
+    found = damperfit.identify([log], model="bilinear")
+    with pytest.raises(ConfigurationError, match="no orifices"):
+        found.valves()
