@@ -30,6 +30,7 @@ from damperfit.conditioning.filters import apply_filter, design_filter
 from damperfit.damper.quasi_static import quasi_static
 from damperfit.errors import ConditioningError, ConfigurationError, SimulationError, did_you_mean
 from damperfit.identification.simulated_log import compare
+from damperfit.problem import Option
 from damperfit.recording import Recording
 from damperfit.reporting.sheet import Sheet
 from damperfit.simulation import sine_motion
@@ -103,9 +104,11 @@ class Question:
             return cls(quantity=name)
         if not at:
             raise ConfigurationError(
-                "for: found 'force'; expected a speed with it, as in force@0.05m/s", code="question"
+                "found 'force'; expected a speed with it, as in force@0.05m/s",
+                where=Option("for_", text),
+                code="question",
             )
-        return cls(speed=parse_quantity(speed, "velocity"))
+        return cls(speed=parse_quantity(speed, "velocity", option=Option("for_")))
 
     @property
     def title(self) -> str:
@@ -363,8 +366,9 @@ def _gradient(run: Run, setting: SettingResult, question: Question) -> FloatArra
         known = [name.lower() for name in run.damper.names]
         if question.quantity not in known:
             raise ConfigurationError(
-                f"for: found {question.quantity!r}; expected force@SPEED or one of "
+                f"found {question.quantity!r}; expected force@SPEED or one of "
                 f"{', '.join(known)}.{did_you_mean(question.quantity, known)}",
+                where=Option("for_", question.quantity),
                 code="question",
             )
         return np.array([float(name == question.quantity) for name in names])

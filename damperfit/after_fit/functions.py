@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING
 
 from damperfit.arguments import folder_of, public
 from damperfit.errors import ConfigurationError
+from damperfit.problem import Option
 from damperfit.units.quantities import parse_quantity
 
 if TYPE_CHECKING:
     from damperfit.after_fit.advise import Advice
     from damperfit.after_fit.valves import Orifices
-    from damperfit.results import Run
+    from damperfit.results import Run, SettingResult
 
 __all__ = ["advise", "valves"]
 
@@ -53,10 +54,12 @@ def advise(  # noqa: PLR0913 - one keyword an option of the command line
     from damperfit.after_fit.advise import advise as advised
 
     run = run_of(results, "damperfit.advise", config)
-    wanted = run.settings if setting is None else (run.setting(setting),)
+    wanted = run.settings if setting is None else (_setting(run, setting),)
     rig = run.configuration.rig
-    stroke = _limit(max_stroke, rig.max_stroke, "length") or run.tested.stroke
-    speed = _limit(max_speed, rig.max_speed, "velocity") or _FASTER * (run.tested.speed or 0.0)
+    stroke = _limit("max_stroke", max_stroke, rig.max_stroke, "length") or run.tested.stroke
+    speed = _limit("max_speed", max_speed, rig.max_speed, "velocity") or _FASTER * (
+        run.tested.speed or 0.0
+    )
     if not stroke or not speed:
         raise ConfigurationError(
             f"{run.name}: the tested stroke and speed are not known; declare rig.max_stroke and "
@@ -66,8 +69,8 @@ def advise(  # noqa: PLR0913 - one keyword an option of the command line
     limits = Limits(
         stroke,
         speed,
-        _limit(max_force, rig.max_force, "force") or math.inf,
-        _limit(max_frequency, rig.max_frequency, "frequency") or _FASTEST,
+        _limit("max_force", max_force, rig.max_force, "force") or math.inf,
+        _limit("max_frequency", max_frequency, rig.max_frequency, "frequency") or _FASTEST,
         minutes,
     )
     return advised(run, Question.of(for_), limits, wanted)
@@ -96,7 +99,7 @@ def valves(
         run_of(results, "damperfit.valves", config),
         discharge=cd,
         discharge_spread=cd_spread,
-        seat=None if seat is None else parse_quantity(seat, "length"),
+        seat=None if seat is None else parse_quantity(seat, "length", option=Option("seat")),
         reference=None if reference is None else run_of(reference, "damperfit.valves"),
     )
 
@@ -112,5 +115,12 @@ def run_of(results: object, call: str, config: str | Path | None = None) -> Run:
     return refuse_unfitted(Run.load(folder_of(results, call), config=own))
 
 
-def _limit(given: str | float | None, declared: float, dimension: str) -> float:
-    return declared if given is None else parse_quantity(given, dimension)
+def _setting(run: Run, setting: str) -> SettingResult:
+    try:
+        return run.setting(setting)
+    except ConfigurationError as error:
+        raise ConfigurationError(str(error), where=Option("setting", setting)) from None
+
+
+def _limit(name: str, given: str | float | None, declared: float, dimension: str) -> float:
+    return declared if given is None else parse_quantity(given, dimension, option=Option(name))

@@ -27,7 +27,7 @@ def fitted(results) -> Run:
 def test_a_faster_test_narrows_the_bulk_modulus_and_none_is_beyond_the_rig(fitted) -> None:
     advice = fitted.advise("k_e", setting=10, max_stroke=0.016, max_speed=0.5, max_force="2kN")
     best = advice.tests[0]
-    assert best.share < 0.5
+    assert best.share < 0.7
     assert "shrinks to" in advice.sentence
     for test in advice.tests:
         assert test.amplitude <= 0.016

@@ -18,6 +18,8 @@ BESIDE = {
     "simulate": ["--setting", "10"],
     "sweep": ["--setting", "10", "--vary", "r_m1=1,2"],
     "samples": ["runs"],
+    "advise": ["RESULTS", "--for", "k_e"],
+    "valves": ["RESULTS"],
     "export": ["RESULTS", "--to", "csv"],
     "compare": ["RESULTS", "RESULTS"],
     "settings": ["RESULTS", "--velocity", "0.1m/s"],
