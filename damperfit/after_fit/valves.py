@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 from damperfit.damper.quasi_static import quasi_static
 from damperfit.errors import ConfigurationError
 from damperfit.reporting.sheet import Sheet
-from damperfit.tables.documents import json_values
+from damperfit.tables.files import json_values
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
