@@ -23,6 +23,8 @@ _STYLES: dict[str, dict[str, Any]] = {
     "solid": {"linewidth": 1.6},
     "wide": {"linewidth": 2.6, "alpha": 0.7},
     "thin": {"linewidth": 0.7},
+    "pale": {"linewidth": 0.8, "alpha": 0.5},
+    "faint": {"linewidth": 0.4, "alpha": 0.15},
     "dashed": {"linewidth": 1.2, "linestyle": "--"},
     "dotted": {"linewidth": 1.6, "linestyle": ":"},
     "points": {"linestyle": "none", "marker": "o"},
@@ -128,9 +130,9 @@ def compose(plot: Plot, *, dpi: float = 160.0) -> Figure:
         _draw_key(top, plot)
     else:
         _draw_legend(top, plot.panels[0])
-    # Above a legend that stands on the axes.
-    is_above = not plot.key and 1 < entries <= _BESIDE
-    top.set_title(plot.title, fontsize=10, loc="left", pad=20.0 if is_above else 6.0)
+    # Above a legend, or a key of styles, that stands on the axes.
+    is_above = bool(plot.key) or 1 < entries <= _BESIDE
+    top.set_title(plot.title, fontsize=10, loc="left", pad=18.0 if is_above else 6.0)
     figure.align_ylabels()
     return figure
 
@@ -163,6 +165,8 @@ def _draw_panel(axes: Any, panel: Panel) -> None:
         axes.set_xlim(panel.x_range)
     if panel.y_range:
         axes.set_ylim(panel.y_range)
+    if longest := max((len(line.tag) for line in panel.lines), default=0):
+        axes.margins(x=0.04 + 0.012 * longest)  # room for what stands at the ends
     if panel.x_unit == "s" or panel.x_label == "absolute velocity":
         axes.margins(x=0.02)
 
@@ -221,7 +225,7 @@ def _draw_key(axes: Any, plot: Plot) -> None:
         for word, style in plot.key
     ]
     axes.legend(
-        handles=styles, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, fontsize=7,
+        handles=styles, loc="lower left", bbox_to_anchor=(-0.01, 0.99), ncols=3, fontsize=7,
         frameon=False, borderaxespad=0.1,
     )  # fmt: skip
 
@@ -235,7 +239,7 @@ def _draw_line(axes: Any, line: Line) -> None:
     if line.tag:
         end = int(line.x.argmax())
         axes.annotate(
-            line.tag, (line.x[end], line.y[end]), (3, 0), textcoords="offset points",
+            line.tag, (line.x[end], line.y[end]), (6, 0), textcoords="offset points",
             color=colour, fontsize=7, va="center",
         )  # fmt: skip
     if line.low is None or line.high is None:

@@ -44,7 +44,8 @@ class Line:
     setting : Setting or None
         Adjuster setting whose trace it is; None belongs to all.
     style : str
-        "solid", "wide", "thin", "dashed", "dotted"; "points", "triangles", "rings" and, off the
+        "solid", "wide", "thin", "dashed", "dotted", and for what stands back "pale" and "faint";
+        "points", "triangles", "rings" and, off the
         scale, "above" and "below"; "dot_line" and "triangle_line" join their marks.
     in_legend : bool
         The legend names it.

@@ -305,7 +305,8 @@ def _fan(shown: ReportPlots) -> Iterator[Plot]:
         for log in shown.logs:
             setting, is_model = log.setting, word == "simulated"
             force = log.signals.force if is_model else log.signals.force_measured
-            style = "thin" if not is_model else "wide" if setting in bold else "solid"
+            looks = ("wide", "pale") if is_model else ("thin", "faint")
+            style = looks[setting not in bold]
             colour = shown.colours[setting] if is_model else "ink"
             for k, (v, f, more) in enumerate(_strands(log, force)):
                 tag = setting.label if is_model and setting in bold and k == 0 else ""
@@ -313,11 +314,13 @@ def _fan(shown: ReportPlots) -> Iterator[Plot]:
                     log.line(v, f, f"setting {setting}, {word}{more}", colour, style, tag=tag)
                 )
     panel = Panel("velocity", "m/s", "force", "N", tuple(lines))
+    is_some = len(bold) < len({log.setting for log in shown.logs})
+    few = "Some settings are bold and labelled, the others pale. " * is_some
     caption = (
         "Last cycle of every log; in the setting's colour: simulated, thin and dark: measured. "
-        f"Rebound to the right and up, compression to the left and down.{_means(shown.logs)}"
+        f"{few}Rebound to the right and up, compression to the left and down.{_means(shown.logs)}"
     )
-    key = (("simulated", "solid"), ("measured", "thin"))
+    key = (("simulated", "wide"), ("measured", "thin"))
     yield Plot("fan", "Force against velocity, all settings", (panel,), caption, key)
 
 

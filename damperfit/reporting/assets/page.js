@@ -4,7 +4,7 @@
   const off = new Set();
   const drawn = new Set();
   const dark = matchMedia("(prefers-color-scheme: dark)");
-  const WIDTHS = { solid: 2, wide: 4, thin: 0.9, dashed: 1.5, dotted: 1.5, dot_line: 1, triangle_line: 1 };
+  const WIDTHS = { solid: 2, wide: 4, thin: 0.9, pale: 1.5, faint: 0.6, dashed: 1.5, dotted: 1.5, dot_line: 1, triangle_line: 1 };
   const DASHES = { dashed: "dash", dotted: "dot", triangle_line: "dash" };
   const SYMBOLS = { points: "circle", triangles: "triangle-up-open", rings: "circle-open", above: "triangle-up", below: "triangle-down", dot_line: "circle", triangle_line: "triangle-up-open" };
   const JOINED = new Set(["dot_line", "triangle_line"]);
@@ -57,7 +57,8 @@
     }
     if (!marked(line) || JOINED.has(line.style)) one.line = { color: colour, width: WIDTHS[line.style], dash: DASHES[line.style] || "solid", simplify: false };
     if (line.style === "wide") one.opacity = 0.7;  // what lies thin on top of it is seen
-    if (line.style === "thin" && keyed) one.opacity = 0.6;
+    if (line.style === "pale") one.opacity = 0.6;
+    if (line.style === "faint") one.opacity = 0.3;
     if (line.up !== null && marked(line)) one.error_y = { type: "data", symmetric: false, array: [...array(line.up)], arrayminus: [...array(line.down)], color: colour, thickness: 1.5, width: 4 };
     return one;
   }
@@ -102,7 +103,7 @@
       for (const line of panel.lines) {
         if (!line.tag || off.has(String(line.setting))) continue;
         const x = array(line.x), y = array(line.y), end = x.indexOf(Math.max(...x));
-        annotations.push({ x: x[end], y: y[end], yref, xanchor: "left", xshift: 3, text: line.tag, showarrow: false, font: { size: 12, color: look[line.colour] || line.colour } });
+        annotations.push({ x: x[end], y: y[end], yref, xanchor: "left", xshift: 6, text: line.tag, showarrow: false, font: { size: 12, color: look[line.colour] || line.colour } });
       }
       for (const [x0, x1] of panel.bands) {
         shapes.push({ type: "rect", xref: "x", x0, x1, yref: `${yref} domain`, y0: 0, y1: 1, fillcolor: "#d55e00", opacity: 0.2, line: { width: 0 }, layer: "below" });
