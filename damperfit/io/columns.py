@@ -303,8 +303,9 @@ def _column_of(
     if len(best) > 1 and len({columns[i].name for i in best}) == 1:
         numbers = " and ".join(str(i + 1) for i in best)
         raise LogError(
-            f"{where}: columns {numbers} are both named {visible(first.name)}; "
-            f"declare the number of the one that is the {channel} in rig.columns"
+            f"columns {numbers} are both named {visible(first.name)}; "
+            f"declare the number of the one that is the {channel} in rig.columns",
+            subject=where,
         )
     if len(best) > 1:
         names = " or ".join(_label(i, columns[i]) for i in best)

@@ -51,6 +51,7 @@ _NUMBERED = re.compile(r"\.\d+$")  # "C.1": a name that some tools give to the s
 _WORD = re.compile(r"[^\W\d_]+")
 _LOOP = 50  # points of a stroke; fewer are points in any order
 _MAX_CURVES = 500
+_STIFFER = 1.1  # times the other stroke's force; below, the two are alike
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -345,11 +346,26 @@ def _signed(
                 "positive in bump: rig.reverse_force or rig.reverse_displacement = true",
                 subject=name,
             )
-        return speed, force, "rebound: where speeds are positive, as logged"
+        return speed, force, _doubted("rebound: where speeds are positive, as logged", speed, force)
     if force.min(initial=0.0) < 0.0 < force.max(initial=0.0):
         return np.copysign(speed, force), force, "rebound: where forces are positive, as logged"
     raise LogError(
         "all speeds and forces are of one sign, which leaves open which is rebound; name "
         "the column of the force rebound or bump",
         subject=name,
+    )
+
+
+def _doubted(note: str, speed: FloatArray, force: FloatArray) -> str:
+    """Return the note, and a question where the stroke that is read as bump is the stiffer one."""
+    sides = [(np.abs(speed[side]), np.abs(force[side])) for side in (speed > 0.0, speed < 0.0)]
+    (rebound, _), (bump, _) = sides
+    shared = rebound[(rebound >= bump.min()) & (rebound <= bump.max())]
+    forces = [[_between(*side, float(v)) for v in shared] for side in sides]
+    if not len(shared) or not np.all(_STIFFER * np.array(forces[0]) < np.array(forces[1])):
+        return note
+    return (
+        f"{note}, although the other side is the stiffer one at every speed, which on most dampers "
+        "is rebound; if compression is positive, declare rig.reverse_force and "
+        "rig.reverse_displacement = true"
     )

@@ -11,7 +11,7 @@ import pytest
 from damperfit.arguments import configured
 from damperfit.configuration.loading import configuration_toml, load_configuration
 from damperfit.errors import ConfigurationError
-from damperfit.io import ReadOptions, read_log
+from damperfit.io import Profile, ReadOptions, read_log
 from damperfit.io.options import Declarations
 
 # Key of [rig] -> its default, and two other values, as in TOML.
@@ -116,19 +116,6 @@ def test_other_profiles_are_not_put_over_the_one_that_is_taken(tmp_path) -> None
     assert load_configuration(path).reading.for_file("a1.csv")[0].decimal == ","
 
 
-def test_the_command_line_may_speak_to_one_profile(tmp_path) -> None:
-    both = {"decimal": ",", "profiles.bench.decimal": "."}
-    assert in_force(tmp_path, {}, {"decimal": ","}, both).decimal == "."
-
-
-def test_a_log_of_another_name_is_read_by_rig_alone(tmp_path) -> None:
-    path = tmp_path / "rig.toml"
-    path.write_text('[rig]\ndecimal = ","\n[rig.profiles.b]\nfiles = "b*"\ndecimal = "."\n')
-    reading = load_configuration(path).reading
-    assert reading.for_file("other.csv")[0].decimal == ","
-    assert reading.for_file("bench.csv")[0].decimal == "."
-
-
 def test_a_profile_gives_the_unit_of_the_log_back(tmp_path) -> None:
     # Before, a profile could only add to the units of [rig].
     log = tmp_path / "bench_s3.csv"
@@ -138,11 +125,6 @@ def test_a_profile_gives_the_unit_of_the_log_back(tmp_path) -> None:
     assert list(read_log(log, load_configuration(config).reading).force) == [2.0, 3.0, 4.0]
     config.write_text(config.read_text() + 'units = {force = ""}\n')
     assert list(read_log(log, load_configuration(config).reading).force) == [2e3, 3e3, 4e3]
-
-
-def test_declarations_that_do_not_go_together_are_refused_before_any_log(tmp_path) -> None:
-    with pytest.raises(ConfigurationError, match=r"rig\.profiles\.bench: thousands: ',' already"):
-        in_force(tmp_path, {"decimal": ","}, {"thousands": ","}, {})
 
 
 def test_what_the_command_line_got_wrong_is_not_blamed_on_a_profile(tmp_path) -> None:
@@ -166,15 +148,53 @@ def test_what_the_command_line_got_wrong_is_not_blamed_on_a_profile(tmp_path) ->
         ("sample_rate = '1kHz/s'", r"\.sample_rate: no unit of frequency"),
         ("decimal = ';'", r"decimal: found ';', expected '\.' or ','"),
         ("files = 3", r"\.files: expected a text, found 3"),
+        ("restarts = 'lst'", r"expected 'refuse' or 'split' or 'last'.*Did you mean 'last'"),
+        ("encoding = 'rot13'", r"'rot13' is not a text encoding"),
+        ("thousands = ','\ndecimal = ','", r"',' already has another meaning"),
+        ("bad_rows = 'keep'", r"found 'keep', expected 'refuse' or 'drop'"),
+        ("scales = {force = 0.0}", r"scales: force is 0\.0, expected other than 0"),
+        ("offsets = {force = nan}", r"offsets: force is nan"),
+        ("sample_rate = -1.0", r"sample_rate: expected 0 or more, found -1\.0"),
     ],
 )
-def test_a_wrong_key_of_a_profile_is_named_with_its_line(tmp_path, text, says) -> None:
+def test_a_wrong_key_of_a_profile_is_named(tmp_path, text, says) -> None:
     path = tmp_path / "rig.toml"
     path.write_text(f"[rig.profiles.lab]\n{text}\n", encoding="utf-8")
     with pytest.raises(ConfigurationError, match=r"rig\.profiles\.lab.*" + says) as caught:
         load_configuration(path)
-    if "decimal" not in text and "apples" not in text:  # those are judged when all is known
+    if says.startswith((r"\.", "unknown")):  # others are judged when all is known
         assert str(caught.value).startswith(f"--config {path}:{1 if 'unknown' in says else 2}: ")
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"units": {"force": "stone"}}, "no unit of force 'stone'"),
+        ({"units": {"forse": "N"}}, "no channel 'forse'.*Did you mean 'force'"),
+        ({"columns": {"speed": 1}}, "no channel 'speed'"),
+        ({"setting_pattern": "s(\\d+"}, "not a regular expression"),
+        ({"setting_pattern": "s\\d+"}, "no group"),
+        ({"max_bytes": 0}, "max_log_bytes: found 0"),
+        ({"reverse_force": "yes"}, "reverse_force: found 'yes', expected true"),
+        ({"separator": "colon"}, "found 'colon', expected ',' or ';'"),
+        ({"profile": "loger", "profiles": (Profile(name="logger"),)}, "no profile 'loger'.*Did"),
+    ],
+)
+def test_options_that_mean_nothing(options, message) -> None:
+    with pytest.raises(ConfigurationError, match=message):
+        ReadOptions(**options)
+
+
+def test_the_first_profile_that_fits_is_taken(tmp_path) -> None:
+    log = tmp_path / "log.csv"
+    log.write_text("time_s,displacement_mm,force_N\n0,1,2\n1,2,3\n2,3,4\n")
+    profiles = tuple(
+        Profile(name=name, files=files, declared={"reverse_force": is_reversed})
+        for name, files, is_reversed in (("a", "x*", True), ("b", "l*", True), ("c", "*", False))
+    )
+    recording = read_log(log, ReadOptions(profiles=profiles))
+    assert recording.notes[0] == "profile: b"
+    assert list(recording.force) == [-2.0, -3.0, -4.0]
 
 
 def test_profiles_in_a_list_are_told_the_form_they_have(tmp_path) -> None:

@@ -1,14 +1,134 @@
-"""Settings guessed from what differs between the names of logs; a choice is no guess."""
+"""Whose setting it is: said by a log, its name or a table of tests, or guessed from names."""
 
 from __future__ import annotations
 
+import itertools
 import re
 
 import pytest
 
-from damperfit.io import ReadOptions, guess_settings, one_of_several, read_log, unclear_names
+from damperfit.errors import ConfigurationError, LogError
+from damperfit.io import (
+    ReadOptions,
+    guess_settings,
+    is_tests_table,
+    one_of_several,
+    read_log,
+    read_logs,
+    read_tests,
+    unclear_names,
+)
 
 LOG = "time_s,displacement_mm,force_N\n0,1,2\n1,2,3\n"
+
+
+TWO = ("rebound", "compression")
+ORDER = {"option": 9, "parts": 10, "preamble": 11, "column": 12, "name": 13}
+
+
+@pytest.fixture
+def put(tmp_path):
+    def write(text: str, name: str = "a.csv"):
+        path = tmp_path / name
+        path.write_text(text, encoding="utf-8")
+        return path
+
+    return write
+
+
+@pytest.mark.parametrize(
+    "ways", [w for n in range(6) for w in itertools.combinations(ORDER, n)], ids="-".join
+)
+def test_the_setting_is_taken_from_the_first_that_says_it(put, ways) -> None:
+    head = "# setting: 11\n" if "preamble" in ways else ""
+    names, field = (",setting", ",12") if "column" in ways else ("", "")
+    rows = "".join(f"{i},{i},{i}{field}\n" for i in range(4))
+    text = f"{head}time_s,displacement_mm,force_N{names}\n{rows}"
+    recording = read_log(
+        put(text, "log_s13.csv" if "name" in ways else "log.csv"),
+        ReadOptions(
+            setting=9 if "option" in ways else None, part_settings=(10,) if "parts" in ways else ()
+        ),
+    )
+    assert recording.setting == (ORDER[ways[0]] if ways else None)
+    doubt = "setting: 11 of the preamble; the file name says 13: check which is right"
+    is_doubted = {"preamble", "name"} <= {*ways} and "option" not in ways
+    assert (doubt in recording.notes) is is_doubted
+
+
+@pytest.mark.parametrize(
+    ("name", "cell", "serial"),
+    [
+        ("setting_10.csv", 10, None),
+        ("Setting-3.csv", 3, None),
+        ("setting_-3.csv", -3, None),
+        ("run_s10_a.csv", 10, None),
+        ("s7.csv", 7, None),
+        ("S7 second.csv", 7, None),
+        ("setting_1_s2.csv", 2, None),
+        ("2021-05-04_setting_12_run2.csv", 12, None),
+        ("runs10.csv", None, None),
+        ("test_4.csv", None, None),
+        ("wait_30s_2.csv", None, None),
+        ("s10.5.csv", None, None),
+        ("s1234_click02.csv", 2, None),
+        ("click02_s5.csv", 2, None),
+        ("s999.csv", 999, None),
+        ("s1000.csv", None, None),
+        ("SN1234_click08_1.5Hz.csv", 8, "1234"),
+        ("clicks=-2.csv", -2, None),
+        ("clicks_-2.csv", -2, None),
+    ],
+)
+def test_a_setting_in_the_file_name(put, name, cell, serial) -> None:
+    log = read_log(put(LOG, name))
+    assert (None if log.setting is None else log.setting.cell) == cell
+    assert log.metadata.get("serial") == serial
+
+
+@pytest.mark.parametrize(("value", "cell"), [("soft", "soft"), ("2.5", "2.5"), ("-1", -1)])
+def test_words_halves_and_negative_clicks_are_settings(put, value, cell) -> None:
+    assert read_log(put(f"# setting: {value}\n{LOG}")).setting.cell == cell
+
+
+@pytest.mark.parametrize("value", ["1e9", "nan", "?", "x" * 50])
+def test_a_setting_that_is_no_label_is_refused(put, value) -> None:
+    with pytest.raises(LogError, match=r"a\.csv: metadata 'setting': .*expected clicks"):
+        read_log(put(f"# setting: {value}\n{LOG}"))
+
+
+@pytest.mark.parametrize(
+    ("name", "preamble", "pattern", "label"),
+    [
+        ("a.csv", "# setting: R12 C08\n", None, "R12 C8"),
+        ("a.csv", "# rebound: 12\n# Compression: 8\n", None, "R12 C8"),
+        ("R12_C08_1.5Hz.csv", "", None, "R12 C8"),
+        ("x12y8.csv", "", r"x(?P<rebound>\d+)y(?P<compression>\d+)", "R12 C8"),
+        ("12-8.csv", "# compression: 8\n", r"^(?P<rebound>\d+)", "R12 C8"),
+        ("a.csv", "# rebound: 12\n", None, None),
+    ],
+)
+def test_two_adjusters_are_found(put, name, preamble, pattern, label) -> None:
+    more = {} if pattern is None else {"setting_pattern": pattern}
+    log = read_log(put(preamble + LOG, name), ReadOptions(adjusters=TWO, **more))
+    assert (log.setting and log.setting.label) == label
+
+
+def test_adjusters_in_columns_cut_a_log(put) -> None:
+    head = "time_s,displacement_mm,force_N,rebound,compression\n"
+    path = put(head + "0,1,2,12,8\n1,2,3,12,8\n2,1,2,12,10\n3,2,3,12,10\n")
+    logs = read_logs(path, ReadOptions(adjusters=TWO))
+    assert [log.setting.label for log in logs] == ["R12 C8", "R12 C10"]
+
+
+def test_an_own_pattern_and_an_unknown_group(put) -> None:
+    options = ReadOptions(setting_pattern=r"klick(\d+)")
+    assert read_log(put(LOG, "s3_Klick12.csv"), options).setting == 12
+    with pytest.raises(ConfigurationError, match=r"group 'rebund'.*Did you mean 'rebound'"):
+        ReadOptions(adjusters=TWO, setting_pattern=r"(?P<rebund>\d+)")
+
+
+# Guesses from names.
 
 
 @pytest.mark.parametrize(
@@ -153,71 +273,6 @@ def test_three_digits_are_clicks_and_four_are_not() -> None:
     assert not guess_settings(["b_999.csv", "b_1000.csv"]).settings
 
 
-@pytest.mark.parametrize(
-    ("name", "cell", "serial"),
-    [
-        ("s1234_click02.csv", 2, None),
-        ("click02_s5.csv", 2, None),
-        ("s999.csv", 999, None),
-        ("s1000.csv", None, None),
-        ("SN1234_click08_1.5Hz.csv", 8, "1234"),
-        ("setting_-3.csv", -3, None),
-        ("setting-3.csv", 3, None),
-        ("clicks=-2.csv", -2, None),
-        ("clicks_-2.csv", -2, None),
-    ],
-)
-def test_a_serial_number_is_no_setting(tmp_path, name, cell, serial) -> None:
-    (tmp_path / name).write_text(LOG)
-    log = read_log(tmp_path / name)
-    assert (None if log.setting is None else log.setting.cell) == cell
-    assert log.metadata.get("serial") == serial
-
-
-TWO = ("rebound", "compression")
-
-
-@pytest.mark.parametrize(
-    ("name", "preamble", "pattern"),
-    [
-        ("a.csv", "# setting: R12 C08\n", None),
-        ("a.csv", "# rebound: 12\n# Compression: 8\n", None),
-        ("R12_C08_1.5Hz.csv", "", None),
-        ("x12y8.csv", "", r"x(?P<rebound>\d+)y(?P<compression>\d+)"),
-        ("12-8.csv", "# compression: 8\n", r"^(?P<rebound>\d+)"),
-    ],
-)
-def test_two_adjusters_are_found(tmp_path, name, preamble, pattern) -> None:
-    (tmp_path / name).write_text(preamble + LOG)
-    more = {} if pattern is None else {"setting_pattern": pattern}
-    log = read_log(tmp_path / name, ReadOptions(adjusters=TWO, **more))
-    assert log.setting is not None
-    assert log.setting.label == "R12 C8"
-
-
-def test_adjusters_in_columns_cut_a_log(tmp_path) -> None:
-    rows = [(0, 1, 2, 12, 8), (1, 2, 3, 12, 8), (2, 1, 2, 12, 10), (3, 2, 3, 12, 10)]
-    head = "time_s,displacement_mm,force_N,rebound,compression\n"
-    text = head + "".join(",".join(map(str, row)) + "\n" for row in rows)
-    (tmp_path / "a.csv").write_text(text)
-    from damperfit.io import read_logs
-
-    logs = read_logs(tmp_path / "a.csv", ReadOptions(adjusters=TWO))
-    assert [log.setting.label for log in logs] == ["R12 C8", "R12 C10"]
-
-
-def test_half_a_setting_is_none(tmp_path) -> None:
-    (tmp_path / "a.csv").write_text("# rebound: 12\n" + LOG)
-    assert read_log(tmp_path / "a.csv", ReadOptions(adjusters=TWO)).setting is None
-
-
-def test_an_unknown_group_is_refused() -> None:
-    from damperfit.errors import ConfigurationError
-
-    with pytest.raises(ConfigurationError, match=r"group 'rebund'.*Did you mean 'rebound'"):
-        ReadOptions(adjusters=TWO, setting_pattern=r"(?P<rebund>\d+)")
-
-
 CLICKS = [f"t1_{low}_{high}_s{speed}.csv" for low, high in ((2, 24), (2, 12)) for speed in (1, 5)]
 
 
@@ -303,3 +358,93 @@ def test_a_word_or_a_sign_is_asked_about_with_an_option_to_copy(names, pattern, 
     if finds:
         copied = re.search("setting_pattern=(.*)'", guess.advice)[1]
         assert [re.search(copied, name)["setting"] for name in names] == finds
+
+
+# Tables of tests.
+
+
+def table(tmp_path, text, encoding="utf-8"):
+    path = tmp_path / "tests.csv"
+    path.write_bytes(text.encode(encoding))
+    return path
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "latin-1", "utf-16"])
+@pytest.mark.parametrize("mark", [",", ";", "\t"])
+def test_separators_umlauts_and_other_columns(tmp_path, encoding, mark) -> None:
+    rows = [
+        "Datei|Rebound|compression|S/N|Kunde|Farbe",
+        "a.csv|12|-8|0077|Müller|grün",
+        "|||||",
+        "",
+    ]
+    path = table(tmp_path, "\r\n".join(rows).replace("|", mark), encoding)
+    found = read_tests(path, TWO)
+    row = found.rows["a.csv"]
+    assert dict(row.places) == {"rebound": 12, "compression": -8}
+    assert row.identity.describe() == {"serial": "0077", "customer": "Müller", "Farbe": "grün"}
+    assert row.line == 2
+    assert found.notes == ()
+
+
+def test_labels_words_and_empty_cells(tmp_path) -> None:
+    text = "file,setting,compression\na.csv,R12 C8,\nsub/b.csv,,soft\n'c.csv,,\n"
+    rows = read_tests(table(tmp_path, text), TWO).rows
+    assert dict(rows["a.csv"].places) == {"rebound": 12, "compression": 8}
+    assert dict(rows["sub/b.csv"].places) == {"compression": "soft"}
+
+
+def test_the_same_row_twice_is_one(tmp_path) -> None:
+    assert (
+        len(read_tests(table(tmp_path, "file,setting\na.csv,1\na.csv,1\n"), ("setting",)).rows) == 1
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("", "is empty"),
+        (
+            "flie,setting\na.csv,1\n",
+            r":1: no column 'file'; found flie, setting; name the one",
+        ),
+        (
+            "file,setting\na.csv,1\na.csv,2\n",
+            r":3: 'a\.csv' is in line 2 too, with other values",
+        ),
+        ("file,serial\na.csv,1\n\na.csv,2\n", r":4: 'a\.csv' is in line 2 too"),
+        ("file,setting\na.csv,1,2\n", r":2: 3 fields, but 2 names in line 1"),
+        ("file,setting\n,1\n", r":2: no file name in column 'file'"),
+        ("file,setting\na.csv,1e9\n", r":2: setting: found '1e9', expected clicks"),
+        ("file,setting,setting\na.csv,1,2\n", r":1: two columns are named 'setting'"),
+    ],
+)
+def test_a_bad_table_is_told_with_its_line(tmp_path, text, says) -> None:
+    with pytest.raises(ConfigurationError, match=says):
+        read_tests(table(tmp_path, text), ("setting",))
+
+
+def test_a_label_that_names_one_of_two_adjusters_is_told(tmp_path) -> None:
+    with pytest.raises(
+        ConfigurationError, match=r":2: setting: found '12', expected a place for each"
+    ):
+        read_tests(table(tmp_path, "file,setting\na.csv,12\n"), TWO)
+
+
+def test_a_misspelt_column_is_kept_and_said(tmp_path) -> None:
+    found = read_tests(table(tmp_path, "file,rebond\na.csv,12\n"), TWO)
+    assert dict(found.rows["a.csv"].places) == {}
+    assert found.rows["a.csv"].identity.describe() == {"rebond": "12"}
+    assert "column 'rebond' is kept as a remark" in found.notes[0]
+    assert "'rebound'" in found.notes[0]
+
+
+def test_a_missing_table_is_told(tmp_path) -> None:
+    with pytest.raises(ConfigurationError, match="cannot be read"):
+        read_tests(tmp_path / "none.csv", TWO)
+
+
+def test_a_log_of_that_name_is_no_table(tmp_path) -> None:
+    assert not is_tests_table(table(tmp_path, "time_s,displacement_mm,force_N\n0,1,2\n"))
+    assert is_tests_table(table(tmp_path, "Setting;File\n1;a.csv\n"))
+    assert not is_tests_table(tmp_path / "other.csv")

@@ -1,0 +1,632 @@
+"""Text logs: what rigs write and the arrays it must give; what cannot be read and why."""
+
+from __future__ import annotations
+
+import gzip
+import hashlib
+import os
+import threading
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from damperfit.errors import LogError
+from damperfit.io import ReadOptions, read_log, read_logs
+from damperfit.io import text as text_reader
+from damperfit.io.formats import FORMATS
+from tests.io.scenarios import HEADER, Scenario, parquet_bytes, parquet_table, text
+
+PLAIN = text(Scenario())
+NAMES = "time_s,displacement_mm,force_N"
+ROWS = "0.0,1,2\n0.1,2,3\n0.2,3,4\n0.3,4,5\n"
+CHANNELS = {"time": 1, "displacement": 3, "force": 2}
+
+
+@pytest.fixture
+def put(tmp_path):
+    def write(content: str | bytes, name: str = "log.csv") -> Path:
+        path = tmp_path / name
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+        return path
+
+    return write
+
+
+def refusal(path: Path, **declared) -> str:
+    """The one line that says why there is no log."""
+    with pytest.raises(LogError) as caught:
+        read_logs(path, ReadOptions(**declared))
+    message = str(caught.value)
+    assert message.isprintable()
+    assert path.name.partition(".")[0] in message
+    return message.removeprefix(path.name)
+
+
+# What is read: log, declarations, and time in s, displacement in mm, force in N, temperature in
+# degC as far as they are told, and what a note or finding says.
+INCHES = "0.0,1.5,200,78.8\n0.1,-1.5,-100,78.8\n0.2,0.5,50,78.8\n"
+POUNDS = ([0.0, 0.1, 0.2], [38.1, -38.1, 12.7], np.array([200, -100, 50]) * 4.4482216152605, [26.0])
+QUOTED = '"0,000","1,250","-1,500"\n"0,002","1,375","12,625"\n"0,004","2","3"\n'
+EURO = "0.000;1.25;-56.7\n0.002;-31.50;812.5\n0.004;0.00;0.0\n0.006;4.00;-3.0\n"
+EURO_VALUES = ([0.0, 0.002, 0.004, 0.006], [1.25, -31.5, 0.0, 4.0], [-56.7, 812.5, 0.0, -3.0])
+SHORT = "Time,Position,Load,Temp"
+
+
+def stamped(*stamps: str) -> str:
+    rows = "".join(f"{stamp};{i};{i}\n" for i, stamp in enumerate(stamps))
+    return f"time;displacement_mm;force_N\n{rows}"
+
+
+READ = {
+    "declared columns, units, signs": (
+        "a,b,c\n0,1,2\n10,3,4\n",
+        {
+            "columns": {"time": 1, "displacement": "c", "force": "b"},
+            "units": {"time": "ms", "displacement": "mm", "force": "kN"},
+            "reverse_force": True,
+            "reverse_displacement": True,
+        },
+        ([0.0, 0.01], [-2, -4], [-1000, -3000]),
+        "force: sign reversed, as declared",
+    ),
+    "no names": (
+        "0\t1\t2\n10\t3\t4\n",
+        {"columns": CHANNELS, "units": {"time": "ms", "displacement": "mm", "force": "gf"}},
+        ([0.0, 0.01], [2, 4], [0.00980665, 0.02941995]),
+        "separator: tab",
+    ),
+    "volts beside units": (
+        ("Time (s),Force (V),Force (N),Displacement (V),Displacement (mm),Temperature (V),"
+        "Temperature (C)\n0,9,1,9,2,9,3\n1,9,4,9,5,9,6\n"),
+        {},
+        ([0, 1], [2, 5], [1, 4], [3, 6]),
+        "",
+    ),
+    "volts scaled": (
+        "Time,Displacement,Force\ns,V,V\n0.0,1,2\n0.1,2,3\n0.2,3,4\n",
+        {
+            "units": {"displacement": "mm", "force": "N"},
+            "scales": {"displacement": 10, "force": 100},
+        },
+        ([0, 0.1, 0.2], [10, 20, 30], [200, 300, 400]),
+        "force: 100 times the log plus 0, as declared",
+    ),
+    "cut last row": (PLAIN + "0.010,1,-12", {}, (Scenario().time,), "no final newline"),
+    "separator at every end": (
+        PLAIN.replace("\n", ",\n").replace(",\n", "\n", 1), {},
+        (Scenario().time, Scenario().displacement_mm, Scenario().force_n), "ends in a separator",
+    ),
+    "mixed line ends and blank lines": (
+        PLAIN.replace("\n", "\r\n\n", 3), {}, (Scenario().time, None, Scenario().force_n), "",
+    ),
+    "a word in an unused column": (
+        f"{NAMES},remark\n0,1,2,OVR\n1,2,3,\n", {}, ([0, 1], [1, 2], [2, 3]), "",
+    ),
+    "missing temperature": (
+        f"{HEADER}\n0,1,2,26\n1,2,3,\n2,3,4,26\n", {}, ([0, 1, 2], None, None, None),
+        "temperature: left out; 1 of 3 values are missing",
+    ),
+    "Instron": (
+        ('General : Start date,2021-05-04\nSpecimen : Diameter,"12.5",mm\n\nTime,Extension,Load\n'
+        '(s),(mm),(kgf)\n"0.000","1.5","-2.0"\n"0.010","1.6","-3.0"\n"0.020","1.7","-4.0"\n'), {},
+        ([0, 0.01, 0.02], [1.5, 1.6, 1.7], np.array([-2, -3, -4]) * 9.80665),
+        "displacement: column 'Extension'",
+    ),
+    "ISO stamps over midnight": (
+        ("Timestamp,RPM,Force (N),Displacement (mm),Velocity (m/s),Temperature (C)\n"
+        "2023-03-01T23:59:59.998000+01:00,90,1.0,12.7,9,26.1\n"
+        "2023-03-02T00:00:00.001000+01:00,90,2.0,12.8,9,26.2\n"
+        "2023-03-02T00:00:00.004000+01:00,90,3.0,12.9,9,26.3\n"), {},
+        ([0.0, 0.003, 0.006], [12.7, 12.8, 12.9], [1, 2, 3], [26.1, 26.2, 26.3]),
+        "time: wall clock in column 'Timestamp'",
+    ),
+    "stamps over midnight": (stamped("23:59:59", "00:00:00", "00:00:01"), {}, ([0, 1, 2],), ""),
+    "stamps over one": (
+        stamped("12:59:59.5 PM", "1:00:00.0 PM", "1:00:00.5 pm"), {}, ([0, 0.5, 1],), "",
+    ),
+    "twelve is midnight": (
+        stamped("11:59:59 PM", "12:00:00 AM", "12:00:01 a.m."), {}, ([0, 1, 2],), "",
+    ),
+    "German stamps": (
+        stamped("31.12.2023 23:59:59,250", "31.12.2023 23:59:59,750", "01.01.2024 00:00:00,250"),
+        {}, ([0, 0.5, 1],), "",
+    ),
+    "stamps without a name": (
+        stamped("12:00:00.0", "12:00:00.5").replace("time", "when"), {}, ([0, 0.5],), "'when'",
+    ),
+    "rate of the preamble": (
+        "Sampling Rate: 500 Hz\nsample;displacement_mm;force_N\n0;0;0\n1;1;2\n2;2;4\n", {},
+        ([0, 0.002, 0.004], [0, 1, 2], [0, 2, 4]), "time: 500 Hz, from the preamble",
+    ),
+    "bad rows dropped": (
+        (b"0 1000 1.0\n10 2000 1.5\r\n20 \x00000 2.0\n30 START 2.0\n40 nan 2.0\n50 4000\n"
+        b"60 5000 2.5\n"),
+        {
+            "columns": CHANNELS, "units": {"time": "ms", "force": "gf", "displacement": "cm"},
+            "bad_rows": "drop",
+        },
+        ([0, 0.01, 0.06], [10, 15, 25], [9.80665, 19.6133, 49.03325]),
+        "4 rows that cannot be read dropped; log.csv, line 3: ",
+    ),
+    "no quote closes": (
+        f'{NAMES},remark\n0,0,0,ok\n1,1,1,"no end\n2,2,2,"said, twice"\n3,3,3,ok\n',
+        {"bad_rows": "drop"}, ([0, 2, 3],), "1 row that cannot be read dropped; log.csv, line 3",
+    ),
+    "restart: the last": (
+        f"{NAMES}\n5,0,0\n6,1,1\n0,2,2\n1,3,3\n2,4,4\n", {"restarts": "last"},
+        ([0, 1, 2], [2, 3, 4]), "",
+    ),
+    "a long preamble": (
+        "".join(f"Note {i}; made on 1; 2; of 3\n" for i in range(60)) + PLAIN.replace(",", ";"),
+        {}, (Scenario().time, None, Scenario().force_n), "preamble: 60 lines above the names",
+    ),
+    "a decimal comma below whole numbers": (
+        "time_s;displacement_mm;force_N\n" + "".join(f"{i};0;0\n" for i in range(60))
+        + "60;0,5;-1,25\n", {}, (range(61), [0] * 60 + [0.5]), "decimal mark: comma",
+    ),
+    "declared marks": (
+        f'{NAMES}\n"0,5","1.000,5","-12.345.678"\n"1,5","2,5","3"\n',
+        {"decimal": ",", "thousands": "."}, ([0.5, 1.5], [1000.5, 2.5], [-12345678, 3]), "",
+    ),
+    "declared separator and encoding": (
+        "time_s|x_\u00b5m|force_N|1;2\n0|10|20|1;2\n1|20|30|1;2\n".encode("utf-16-le"),
+        {"encoding": "utf-16-le", "separator": "|"}, ([0, 1], [0.01, 0.02], [20, 30]),
+        "encoding: utf-16-le, as declared",
+    ),
+    "quoted decimal commas between commas": (
+        f"{NAMES}\n{QUOTED}", {}, ([0, 0.002, 0.004], [1.25, 1.375, 2], [-1.5, 12.625, 3]),
+        "decimal mark: comma",
+    ),
+    **{
+        f"names: {names}": (
+            (names + "\n" + EURO.replace(".", mark)).encode("latin-1"), {}, EURO_VALUES, "",
+        )
+        for names, mark in {
+            "Zeit [s];Weg [mm];Kraft [N]": ",",
+            "Temps (s);D\u00e9placement (mm);Effort (N)": ",",
+            "Tempo (s);Corsa (mm);Forza (N)": ",",
+            "Tiempo (s);Desplazamiento (mm);Fuerza (N)": ",",
+            "t/s;LVDT/mm;Load/N": ".",
+        }.items()
+    },
+    **{
+        f"inches: {heading}": (f"{heading}\n{INCHES}", {}, POUNDS, "")
+        for heading in (
+            f"{SHORT}\ns,in,lbf,degF",
+            f"{SHORT}\nsec,inches,lbs,F",
+            "Time (seconds),Position (in.),Load (pounds),Temp (F)",
+            "TIME (SEC),POSITION (IN),LOAD (LBF),TEMP (F)",
+        )
+    },
+    "one field short throughout": (
+        f"Time (s),Displacement (mm),Force (N),Marker (V)\n{ROWS}", {},
+        ([0, 0.1, 0.2, 0.3], [1, 2, 3, 4], [2, 3, 4, 5]), "the last, 'Marker (V)', was taken to",
+    ),
+    "one field short, with units": (
+        f"Time,Displacement,Force,Valve\ns,mm,N\n{ROWS}", {}, (None, None, [2, 3, 4, 5]),
+        "4 names and every row 3",
+    ),
+    "[Data] is no JSON": (f"[Data]\n{NAMES}\n{ROWS}", {}, (None, None, [2, 3, 4, 5]), ""),
+    "a profile's word goes first": (
+        "time_s,displacement,force\n0,1,2\n1,2,3\n",
+        {"units": {"force": "kN", "displacement": "cm"}}, ([0, 1], [10, 20], [2000, 3000]), "",
+    ),
+    **{
+        f"large units: {name}": (
+            f"time_s;displacement_mm;{name}\n0;1;2\n1;2;3\n2;3;-4\n", {},
+            (None, None, newtons * np.array([2.0, 3.0, -4.0])), "",
+        )
+        for name, newtons in {
+            "force_daN": 10.0, "Load (kip)": 4448.2216152605, "force, tf": 9806.65,
+        }.items()
+    },
+    **{
+        f"time in {unit}": (
+            f"time_{unit},displacement_mm,force_N\n0,1,2\n1,1,2\n3,1,2\n", {"pause": 1e4},
+            ([0, seconds, 3 * seconds],), "",
+        )
+        for unit, seconds in {"ms": 1e-3, "msec": 1e-3, "us": 1e-6, "min": 60.0}.items()
+    },
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", READ)
+def test_what_is_read(put, case) -> None:
+    log, declared, expected, says = READ[case]
+    recording = read_log(put(log), ReadOptions(**declared))
+    channels = zip(("time", "displacement", "force", "temperature"), expected, strict=False)
+    for channel, values in channels:
+        found = getattr(recording, channel)
+        if values is None:
+            assert channel != "temperature" or found is None
+            continue
+        scale = 1e-3 if channel == "displacement" else 1.0
+        told = np.broadcast_to(scale * np.array(values, float), found.shape)
+        np.testing.assert_allclose(found, told, rtol=1e-13, atol=1e-13, err_msg=channel)
+    said = [*recording.notes, *(finding.sentence for finding in recording.findings)]
+    assert any(says in one for one in said) or not says, said
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "expected"),
+    [
+        ("velocity_mm/s", [1.0, 2.0, -3.5], 1e-3),
+        ("Velocity (m/s)", [1.0, 2.0, -3.5], 1.0),
+        ("Axial Velocity (in/s)", [1.0, 2.0, -3.5], 0.0254),
+        ("velocity", [1.0, 2.0, 3.0], "velocity: left out; it has no unit"),
+        ("speed (rpm)", [90, 90, 90], "velocity: left out; column 'speed (rpm)'"),
+        ("velocity_m/s", [1.0, "nan", 3.0], "velocity: left out; 1 of 3 values are missing"),
+        ("velocity_m/s,speed_m/s", ["1,1", "2,2", "3,3"], "velocity: left out; it could be column"),
+    ],
+)
+def test_a_velocity_is_read_or_left_out_aloud(put, name, values, expected) -> None:
+    rows = "".join(f"{k},{k},{10 * k},{value}\n" for k, value in enumerate(values))
+    log = read_log(put(f"{NAMES},{name}\n{rows}"))
+    if isinstance(expected, str):
+        assert log.velocity is None
+        assert any(expected in note for note in log.notes)
+    else:
+        assert log.velocity == pytest.approx(expected * np.array(values))
+
+
+# What is refused: log, declarations, what the sentence says.
+def with_row(row: str) -> str:
+    """Put a bad row in line 4 of a log of 20 rows."""
+    rows = [f"{i / 100},{i},{2 * i},26" for i in range(20)]
+    rows[2] = row
+    return "\n".join([HEADER, *rows]) + "\n"
+
+
+def quoted(*rows: str) -> str:
+    lines = (",".join(f'"{field}"' for field in row.split()) for row in rows)
+    return "\n".join([NAMES, *lines]) + "\n"
+
+
+BAD_ROWS = {
+    "0.02,1,2,26,9": "line 4: found 5 fields, expected 4",
+    "0.02,1,2": "line 4: found 3 fields, expected 4",
+    "End of test": "line 4: found 1 field, expected 4 fields as in line 1; repair the row, or",
+    "0.02,OVR,2,26": "line 4: displacement is 'OVR', expected a number; repair the row, or drop",
+    "0.02,1_000,2,26": "line 4: displacement is '1_000'",
+    "0.02,0x1,2,26": "line 4: displacement is '0x1'",
+    "0.02,1,2,#NV": "line 4: temperature is '#NV'",
+    '0.02,1,"1,234",26': "line 4: force is '1,234', expected a number; if it has a mark of thousan",
+    "0.02,nan,2,26": "line 4: displacement is blank, NaN or infinite, in 1 of 20",
+    "0.02,1,,26": "line 4: force is blank, NaN or infinite, in 1 of 20",
+    "0.02,1,1e400,26": "line 4: force is blank, NaN or infinite",
+    "0.005,1,2,26": "line 4: time runs backwards: 0.005 s after 0.01",
+    "0.01,1,2,26": "line 4: time repeats: 0.01 s after 0.01 s",
+    '0.02,"1,2,26': "line 4: a quote opens and does not close",
+    "\n\n0.02,OVR,2,26": "line 6: displacement is 'OVR'",
+    "0.02,1,\0,26": f"line 4: NUL byte at byte offset {len(HEADER) + 31}",
+}
+REFUSED = {
+    **{repr(row): (with_row(row), {}, says) for row, says in BAD_ROWS.items()},
+    "empty": ("", {}, "empty file (0 bytes)"),
+    "blank": (" \n\n", {}, "nothing but blank lines"),
+    "names only": (HEADER + "\n", {}, "no data rows after the names in line 1"),
+    "one row": (HEADER + "\n0,1,2,26", {}, "no data rows; the only one has no line end"),
+    "prose": ("Dear all,\nno log today.\n", {}, "no rows of numbers found; line 1 is 'Dear all,'"),
+    "no names": (ROWS, {}, "the columns have no names; declare the numbers"),
+    "after the last column": (
+        with_row("0.02,1,2,26,7").replace("26\n", "26,\n"), {},
+        "line 4: found '7' after the last named column",
+    ),
+    "HTML": ("\n<!DOCTYPE html><html><body>404</body></html>", {}, "this is HTML"),
+    "XML": ("<?xml version='1.0'?><log/>", {}, "this is XML"),
+    "UTF-16 without mark": (PLAIN.encode("utf-16-le"), {}, "looks like UTF-16"),
+    "broken UTF-16": (b"\xff\xfe\x00\xd8", {}, "is not valid UTF-16-LE"),
+    "not ASCII": ("time_s,\xe9\n", {"encoding": "ascii"}, "is not valid ASCII"),
+    "never written": (bytes(4000), {}, "4000 bytes, all of them NUL; the log was never written"),
+    "pickle": (b"\x80\x04\x95\x00", {}, "pickle, which could run code"),
+    "zip": (b"PK\x03\x04 and so on", {}, "ZIP archive"),
+    "NumPy": (b"\x93NUMPY\x01\x00", {}, "NumPy array"),
+    "binary": (bytes(range(1, 256)) * 9, {}, "binary data"),
+    "endless line": ("0," * 300_000, {}, "line 1: longer than"),
+    "endless line below": (PLAIN + "1," * 3_000_000 + "\n", {}, "line 7: found 3000001 fields"),
+    "many columns": (",".join(["1"] * 20_000) + "\n", {}, "20000 columns, more than the limit"),
+    "rows twice": (
+        "".join(f"{row}\n" * (1 + (k > 0)) for k, row in enumerate(PLAIN.splitlines())), {},
+        "time must increase (5 such rows); these rows are there twice: remove the copies",
+    ),
+    "in reverse": (
+        "\n".join([HEADER, *PLAIN.splitlines()[:0:-1], ""]), {},
+        "time must increase (4 such rows); all rows are in reverse: sort them by time",
+    ),
+    "whole seconds": (
+        "Time,Displacement (mm),Force (N)\n"
+        + "".join(f"10:00:0{i // 5},{i % 3},5\n" for i in range(20)), {}, "declare rig.sample_rate",
+    ),
+    "no time of day": (stamped("10:00:00", "10:00:01", "noon", "10:00:03"), {},
+                       "line 4: time is 'noon', expected a time of day"),
+    "all dropped": (f"{NAMES}\n" + "0,1,OVR\n" * 5, {"bad_rows": "drop"},
+                    "no data rows; first: log.csv, line 2: force is 'OVR'"),
+    "all dropped, by a clock": (stamped("10:00:00", "10:00:01").replace(";0\n", ";OVR\n")
+                                .replace(";1\n", ";OVR\n"), {"bad_rows": "drop"}, "no data rows"),
+    "few lines": (PLAIN, {"skip_lines": 99}, "fewer lines than the 99 to skip"),
+    "a bad row below skipped lines": (
+        "1,2,3\n4,5,6\n" + PLAIN.replace("0.004,0.0", "0.004,OVR"), {"skip_lines": 2},
+        "line 6: displacement is 'OVR'",
+    ),
+    "scale that overflows": (PLAIN, {"scales": {"force": 1e308}, "units": {"force": "kN"}},
+                             "line 2: force is blank, NaN or infinite, in 4 of 5"),
+    "units for other names": ("time;displacement;force\ns;mm\n0;1;2\n1;2;3\n2;3;4\n", {},
+                              "line 2: 2 units for 3 names in line 1"),
+    "text first": (f"{NAMES}\n0,OVR,OVR\n1,2,3\n2,3,4\n3,4,5\n", {},
+                   "line 2: displacement is 'OVR'"),
+    "two meanings of commas": (quoted("0 1,250 -1,500", "1 1,375 12,625", "2 2,000 3,000"), {},
+                               "line 2: displacement is '1,250', expected a number; if it has a m"),
+    "points beside commas": (quoted("0.5 1,250 -1,5", "1.5 1,375 12,625", "2.5 2,000 3,000"), {},
+                             "declare rig.thousands, if a decimal comma, rig.decimal"),
+    **{
+        f"groups: {wrong}": (
+            f'time_s;displacement_mm;force_N\n0;1,234;2\n1;2.5;3\n2;"{wrong}";3\n',
+            {"thousands": ","}, "line 4: displacement is",
+        )
+        for wrong in ("1,2345", "12,34", "1,234,", ",123", "1234,567")
+    },
+    # Columns: all that is wrong at once.
+    "three things": (
+        f"Load (kX),Zt,Displacement\n{ROWS}", {},
+        ": 3 things are wrong: (1) no column for time; there are 'Load (kX)', ",
+    ),
+    "misspelt": (
+        f"time_s,dislacement_mm,forse_N\n{ROWS}", {},
+        "Did you mean 'dislacement_mm' for displacement? Did you mean 'forse_N' for force? Name",
+    ),
+    "wrong declaration": (
+        f"time,displacement,Load\n{ROWS}",
+        {"columns": {"force": "Loat"}, "units": {"displacement": "mm"}},
+        "(2) no column 'Loat' for force; there are 'time', 'displacement', 'Load'. Did you mean",
+    ),
+    "blanks in two channels": (
+        f"{NAMES}\n0.0,1,\n0.1,nan,3\n0.2,3,4\n", {},
+        "(1) line 3: displacement is blank, NaN or infinite, in 1 of 3 rows in all; repair the log",
+    ),
+    "no force": ("time_s,front_pos_mm,v_mm_s\n0,1,2\n1,2,3\n", {}, "without a force nothing can"),
+    "no unit": (PLAIN.replace("force_N", "force"), {}, "column 'force' has no unit"),
+    "unknown unit": (PLAIN.replace("force_N", "force (stone)"), {}, "no unit of force 'stone'"),
+    "volts": ("Time,Displacement,Force\ns,V,V\n0.0,1,2\n0.1,2,3\n0.2,3,4\n", {},
+              "For volts declare rig.scales"),
+    "duplicate": ("time_s,force_N,displacement_mm,force_N\n0,1,2,3\n1,2,3,4\n", {},
+                  ": columns 2 and 4 are both named 'force_N'"),
+    "two candidates": (
+        "time_s,front force_N,displacement_mm,rear force_N\n0,1,2,3\n1,2,3,4\n", {},
+        "force could be column 'front force_N' or 'rear force_N'; declare which in rig.columns",
+    ),
+    "names over fewer fields": (
+        "Time (s),Force (N),Displacement (mm),Temperature (C)\n0.1,2\n0.2,3\n0.3,4\n", {},
+        ": line 1 has 4 names, line 2 has 2 fields: correct the names, or declare the numbers and",
+    ),
+    "names by another separator": (
+        f"Rig 7\nTime (s),Displacement (mm),Force (N)\n{ROWS.replace(',', chr(9))}", {},
+        ": line 2 has 3 names (separator: comma), line 3 has 3 fields (separator: tab)",
+    ),
+    "short rows only at first": (
+        f"Time (s),Displacement (mm),Force (N),Valve\n{ROWS}0.4,5,6,1\n0.5,6,7,1\n", {},
+        "line 6: found 4 fields, expected 3 fields as in line 2",
+    ),
+    "the missing field is needed": (
+        f"Sample,Time (s),Displacement (mm),Force (N)\n{ROWS}", {},
+        "no column for force (line 1 has 4 names and every row 3 fields: the last, 'Force (N)', ",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_is_refused(put, case) -> None:
+    log, declared, says = REFUSED[case]
+    assert says in refusal(put(log), **declared)
+
+
+@pytest.mark.parametrize("field", ["", "nan", "-inf", "1e999", "x"])
+def test_one_row_that_says_no_number_is_dropped_alone(put, field) -> None:
+    path = put(f"{NAMES}\n0,0,0\n1,1,{field}\n2,2,2\n3,3,3\n")
+    recording = read_log(path, ReadOptions(bad_rows="drop"))
+    assert list(recording.force) == [0.0, 2.0, 3.0]
+    assert [found.value for found in recording.findings] == [1.0]
+
+
+@pytest.mark.parametrize("end", ["\n", "\r", "\r\n"])
+def test_one_bad_row_in_a_large_log(put, monkeypatch, end) -> None:
+    # Large enough for several pieces; only the one with the fault is read field by field.
+    monkeypatch.setattr(text_reader, "_PIECE", 50_000)
+    lines = [f"{i / 1000:.3f},{i % 97},{i % 89},26.0" for i in range(7_000)]
+    lines[6_000] = "6.000,OVR,1,26.0"
+    lines.insert(500, "")
+    path = put(end.join([HEADER, *lines]) + end)
+    assert "line 6003: displacement is 'OVR'" in refusal(path)
+    kept = np.delete(np.arange(7_000), 6_000)
+    recording = read_log(path, ReadOptions(bad_rows="drop"))
+    np.testing.assert_array_equal(recording.time, np.round(kept / 1000, 3))
+    np.testing.assert_array_equal(recording.force, kept % 89)
+    lines[4_000], lines[6_500] = "nan,1,1,26.0", "1.0,1,1,26.0"
+    path = put(end.join([HEADER, *lines]) + end)
+    assert "line 6502: time runs backwards" in refusal(path, bad_rows="drop")
+
+
+# Several tests in one file.
+
+
+def test_restarts_pauses_and_settings_part_a_file(put) -> None:
+    restart = put(f"{NAMES}\n5,0,0\n6,1,1\n0,2,2\n1,3,3\n2,4,4\n")
+    assert "line 4: time runs backwards: 0 s after 6 s" in refusal(restart)
+    split = read_logs(restart, ReadOptions(restarts="split"))
+    assert [part.time.tolist() for part in split] == [[5.0, 6.0], [0.0, 1.0, 2.0]]
+    gap = put(f"{NAMES}\n" + "".join(f"{t},1,2\n" for t in (0.0, 0.01, 0.02, 1.9, 1.91)))
+    assert [len(read_logs(gap, ReadOptions(pause=s))) for s in (0.0, 1.0)] == [1, 2]
+    slow = put(f"{NAMES}\n" + "".join(f"{10 * i},1,2\n" for i in range(5)))
+    assert len(read_logs(slow)) == 1
+    rows = "".join(f"{s},{t},{t},{t}\n" for s in (3, 1) for t in range(3))
+    parts = read_logs(put(f"setting,{NAMES}\n{rows}"))
+    assert [(part.setting, part.time.tolist()) for part in parts] == [
+        (3, [0, 1, 2]),
+        (1, [0, 1, 2]),
+    ]
+    with pytest.raises(LogError, match=r"^log\.csv: holds 2 tests; read_logs gives them all$"):
+        read_log(put(f"setting,{NAMES}\n{rows}"))
+
+
+@pytest.mark.parametrize(("n", "is_read"), [(1000, True), (1001, False)])
+def test_more_than_a_thousand_tests_are_a_clock_that_jumps(put, n, is_read) -> None:
+    rows = "".join(f"{100 * k + i},{i},{i}\n" for k in range(n) for i in range(2))
+    path = put(f"{NAMES}\n{rows}")
+    if is_read:
+        assert len(read_logs(path, ReadOptions(pause=50.0))) == n
+    else:
+        assert f"time jumps {n - 1} times" in refusal(path, pause=50.0)
+
+
+# Files.
+
+
+def test_name_path_hash_and_metadata(put) -> None:
+    content = "# rig: number 3\n# operator: A. B.: C\n" + PLAIN
+    path = put(content)
+    recording = read_log(path)
+    assert (recording.name, recording.path) == ("log.csv", str(path))
+    assert recording.sha256 == hashlib.sha256(content.encode()).hexdigest()
+    assert recording.metadata == {"rig": "number 3", "operator": "A. B.: C"}
+    assert recording.notes == ()
+
+
+def test_what_a_path_names_that_is_no_log(tmp_path, put) -> None:
+    (tmp_path / "link.csv").symlink_to("elsewhere.csv")
+    assert "a link to elsewhere.csv, which is not there" in refusal(tmp_path / "link.csv")
+    assert "no such file" in refusal(tmp_path / "none.csv")
+    with pytest.raises(LogError, match="is a folder"):
+        read_log(tmp_path)
+    with pytest.raises(LogError, match="unreadable"):
+        read_log("a\0b.csv")
+    if hasattr(os, "mkfifo"):
+        os.mkfifo(tmp_path / "pipe.csv")
+        assert "not a regular file" in refusal(tmp_path / "pipe.csv")
+    if Path("/dev/zero").exists():
+        with pytest.raises(LogError, match="not a regular file"):
+            read_log("/dev/zero")
+    assert "more than the limit of 50 (rig.max_log_bytes)" in refusal(put(PLAIN), max_bytes=50)
+    with pytest.raises(LogError) as caught:
+        read_log(put("", "a\x1b[31m\nb.csv"))
+    assert str(caught.value).isprintable()
+
+
+def test_a_file_that_grows_while_it_is_read(put, monkeypatch) -> None:
+    from damperfit.io import files
+
+    path, read = put(PLAIN), files._read_up_to
+
+    def grow(file, n_bytes):
+        data = read(file, n_bytes)
+        path.write_text(PLAIN + "0.010,1,26,2\n")
+        return data
+
+    monkeypatch.setattr(files, "_read_up_to", grow)
+    assert "changed during read" in refusal(path)
+
+
+def test_many_threads_read_one_log(put) -> None:
+    path, found = put(PLAIN), []
+    threads = [threading.Thread(target=lambda: found.append(read_log(path))) for _ in range(8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert [list(recording.force) for recording in found] == [list(Scenario().force_n)] * 8
+
+
+# gzip
+
+
+PACKED = gzip.compress(PLAIN.encode())
+GZIP_DAMAGE = [
+    (PACKED[:-1], "truncated gzip"),
+    (PACKED[:-9], "truncated gzip"),
+    (PACKED[:3], "truncated gzip"),
+    (PACKED + PACKED[:12], "truncated gzip"),
+    (PACKED[:2] + b"\x07" + PACKED[3:], "damaged gzip: Unknown compression"),
+    (PACKED[:40] + b"\xff\xff" + PACKED[42:], "damaged gzip"),
+    (PACKED[:-8] + bytes(4) + PACKED[-4:], "damaged gzip: CRC check failed"),
+    (PACKED[:-4] + bytes(4), "damaged gzip: Incorrect length"),
+    (PACKED + b"more", "damaged gzip: odd bytes at its end"),
+    (gzip.compress(PACKED), "a gzip inside a gzip"),
+    (gzip.compress(b""), "empty file inside the gzip"),
+]
+
+
+@pytest.mark.parametrize(("data", "says"), GZIP_DAMAGE)
+def test_damaged_gzip_is_one_sentence(put, data, says) -> None:
+    assert says in refusal(put(data, "log.csv.gz"))
+
+
+def test_gzip_in_members_and_its_limit(put) -> None:
+    halves = gzip.compress(PLAIN[:60].encode()) + gzip.compress(PLAIN[60:].encode())
+    for packed in (PACKED, halves, PACKED + bytes(5000), gzip.compress(b"") + PACKED):
+        path = put(packed, "setting_3.csv.gz")
+        recording = read_log(path, ReadOptions(max_bytes=max(len(PLAIN), len(packed))))
+        assert (recording.setting, list(recording.force)) == (3, list(Scenario().force_n))
+    packer = zlib.compressobj(9, zlib.DEFLATED, 31)  # 0.1 MB that unpack to 100 MB
+    bomb = b"".join(packer.compress(b"0,1,2\n" * 100_000) for _ in range(170)) + packer.flush()
+    says = "more than the limit of 10000000 bytes when unpacked"
+    assert says in refusal(put(bomb, "log.csv.gz"), max_bytes=10_000_000)
+
+
+# Any bytes.
+
+_FIELDS = st.sampled_from(
+    [
+        "0",
+        "1.5",
+        "-2",
+        "1e400",
+        "nan",
+        "",
+        " ",
+        "OVR",
+        '"',
+        '"1,5"',
+        "\0",
+        "\xe9",
+        "#",
+        "\r",
+        "1:2:3",
+    ]
+)
+_LOG_LIKE = st.lists(st.lists(_FIELDS, min_size=1, max_size=5).map(",".join), max_size=8).map(
+    lambda rows: "\n".join([HEADER, *rows]).encode("latin-1")
+)
+_PARQUET = parquet_bytes(parquet_table(Scenario()))
+# MDF and HDF5 are read in a process of their own: too slow for this test, the fuzzer has them.
+_MAGIC = [m for one in FORMATS for m in one.magic if one.name not in {"MDF", "MATLAB 7.3"}]
+
+
+@st.composite
+def _damaged_parquet(draw) -> bytes:
+    data = bytearray(_PARQUET)
+    for _ in range(draw(st.integers(1, 4))):
+        data[draw(st.integers(0, len(data) - 1))] = draw(st.integers(0, 255))
+    return bytes(data)
+
+
+@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    data=st.one_of(
+        st.binary(max_size=300),
+        st.builds(bytes.__add__, st.sampled_from([*_MAGIC, b"\x1f\x8b\x08\0"]), st.binary()),
+        st.text(max_size=100).map(lambda text: text.encode("utf-8", "surrogatepass")),
+        _LOG_LIKE,
+        _damaged_parquet(),
+    ),
+    suffix=st.sampled_from([*(s for known in FORMATS for s in known.suffixes), ".csv.gz", ""]),
+)
+def test_any_bytes_give_a_recording_or_our_error(put, data, suffix) -> None:
+    try:
+        found = read_log(put(data, "log" + suffix))
+    except LogError as error:
+        assert str(error).isprintable()  # noqa: PT017 - a log may be read, too
+        return
+    assert np.isfinite(found.force).all()
+    assert (np.diff(found.time) > 0.0).all()
