@@ -506,10 +506,11 @@ _ALIKE = 0.1  # of the amplitude; the period is rounded to a sample
 class Turns(NamedTuple):
     """Cycles that begin at each passage through the middle of a stroke, up or down.
 
-    So many samples from a passage to the next but one; half the stroke and the middle of both
-    strokes between.
+    Samples at which it turns, and the displacement there; so many samples from a passage to the
+    next but one; half the stroke and the middle of both strokes between.
     """
 
+    at: IntArray
     at_turns: FloatArray
     passages: FloatArray
     period: FloatArray
@@ -546,6 +547,7 @@ def cycles_of(x: FloatArray) -> Turns:
     passages = _passages(x, turns)
     strokes = np.abs(np.diff(at_turns))
     return Turns(
+        turns,
         at_turns,
         passages,
         np.asarray(passages[2:] - passages[: max(len(passages) - 2, 0)]),

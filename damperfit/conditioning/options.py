@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.problem import Key
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
 
 __all__ = ["FILTER_KINDS", "ConditionOptions", "GasFacts", "NominalTest", "OffsetFacts"]
 
@@ -162,48 +166,30 @@ class ConditionOptions:
                     f"{did_you_mean(str(found), FILTER_KINDS)}",
                     where=Key((name,)),
                 )
+        for name, is_right, wanted in self._limits():
+            if not is_right:
+                found = getattr(self, name)
+                shown = f"{found:g} Hz" if name.endswith("corner") else f"{found!r}"
+                raise ConfigurationError(f"found {shown}, expected {wanted}", where=Key((name,)))
+        if not 0.0 <= self.min_amplitude < self.max_amplitude:
+            raise ConfigurationError(
+                f"found {self.min_amplitude:g} m, expected 0 or more and less than "
+                f"max_amplitude, {self.max_amplitude:g} m",
+                where=Key(("min_amplitude",), ("max_amplitude",)),
+            )
+
+    def _limits(self) -> Iterator[tuple[str, bool, str]]:
+        """Yield options, whether they are right, and what is."""
         for name in ("filter_order", "rig_filter_order"):
-            if not 1 <= getattr(self, name) <= 12:
-                raise ConfigurationError(
-                    f"found {getattr(self, name)}, expected 1 to 12", where=Key((name,))
-                )
+            yield name, 1 <= getattr(self, name) <= 12, "1 to 12"
         for name in ("filter_corner", "rig_filter_corner"):
-            if not 0.0 < getattr(self, name) < math.inf:
-                raise ConfigurationError(
-                    f"found {getattr(self, name):g} Hz, expected more than 0", where=Key((name,))
-                )
-        if self.spikes not in SPIKES:
-            raise ConfigurationError(
-                f"found {self.spikes!r}, expected {' or '.join(SPIKES)}", where=Key(("spikes",))
-            )
-        if not 0.0 < self.steadiness < 0.5:
-            raise ConfigurationError(
-                f"found {self.steadiness:g}, expected more than 0 and less than 0.5",
-                where=Key(("steadiness",)),
-            )
-        _refuse_limits(self)
-        if self.skew != "auto" and not (
-            isinstance(self.skew, float | int) and abs(self.skew) <= MAX_SKEW
-        ):
-            raise ConfigurationError(
-                f"found {self.skew!r}, expected 'auto' or at most {MAX_SKEW:g} s either way",
-                where=Key(("skew",)),
-            )
-        if self.centre is not None and not math.isfinite(self.centre):
-            raise ConfigurationError(
-                f"found {self.centre}, expected a finite number, m", where=Key(("centre",))
-            )
-
-
-def _refuse_limits(options: ConditionOptions) -> None:
-    for name in ("max_amplitude", "max_force"):
-        if not getattr(options, name) > 0.0:
-            raise ConfigurationError(
-                f"found {getattr(options, name)}, expected above 0", where=Key((name,))
-            )
-    if not 0.0 <= options.min_amplitude < options.max_amplitude:
-        raise ConfigurationError(
-            f"found {options.min_amplitude:g} m, expected 0 or more and less than "
-            f"max_amplitude, {options.max_amplitude:g} m",
-            where=Key(("min_amplitude",), ("max_amplitude",)),
-        )
+            yield name, 0.0 < getattr(self, name) < math.inf, "more than 0"
+        yield "spikes", self.spikes in SPIKES, " or ".join(SPIKES)
+        yield "steadiness", 0.0 < self.steadiness < 0.5, "more than 0 and less than 0.5"
+        for name in ("max_amplitude", "max_force"):
+            yield name, getattr(self, name) > 0.0, "above 0"
+        is_known = isinstance(self.skew, float | int) and abs(self.skew) <= MAX_SKEW
+        is_right = self.skew == "auto" or is_known
+        yield "skew", is_right, f"'auto' or at most {MAX_SKEW:g} s either way"
+        is_right = self.centre is None or math.isfinite(self.centre)
+        yield "centre", is_right, "a finite number, m"

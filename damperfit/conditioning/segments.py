@@ -22,6 +22,7 @@ from damperfit.conditioning.cycles import (
     TURN,
     Cycles,
     SteadyRun,
+    Turns,
     clean_cycles,
     crossings,
     cycles_of,
@@ -55,18 +56,7 @@ if TYPE_CHECKING:
     from damperfit.conditioning.timebase import UniformLog
     from damperfit.recording import Trace
 
-__all__ = [
-    "TRANSIENTS",
-    "ComparedPart",
-    "Edges",
-    "FoundStretch",
-    "choose_compared",
-    "find_moving",
-    "find_runs",
-    "is_one_run",
-    "steady_stretch",
-    "transients",
-]
+__all__ = ["TRANSIENTS", "ComparedPart", "FoundStretch", "choose_compared", "transients"]
 
 
 _MOVED = 1.5e-3  # s; a filter of 30 Hz moves a passage so far where the speed doubles
@@ -76,17 +66,14 @@ _SURELY = 3.0  # cycles: one of run-in, one that is compared, and one for where 
 _IN_PLACE = 0.5  # of the amplitude: three quarters are left on the worse side
 _NEAR = 0.01  # of a cycle; rigs repeat a period to 0.3 %
 _ROUNDING = 0.01  # of a cycle: as many whole ones as were logged, though the length is not exact
-
-
-class Edges(NamedTuple):
-    """Samples after which the filter forgets a break, left out at the log's own ends.
-
-    Where the log is continued there, `first` and `stop` are the samples that were logged.
-    """
-
-    ends: int
-    first: float | None = None
-    stop: float | None = None
+_SLOW = 0.02  # of the fastest speed; below is rest
+_PAUSE = 0.5  # s; shorter ones are part of a motion
+_FEWEST_TURNS = 8  # more than three cycles have
+_LONGEST_RUN_IN = 2.0  # s
+# Speed beyond half the corner, over all of it: noise behind the filter has 0.95, a random walk
+# 0.65, a road up to 15 Hz nothing.
+_NOISE = 0.5
+_SPLINE_EDGE = 14  # samples; 0.268^14 = 1e-8, how an end condition fades in a cubic spline
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -106,51 +93,72 @@ class FoundStretch:
     end: float
 
 
-def find_runs(
-    displacement: FloatArray,
-    velocity: FloatArray,
-    *,
-    interval: float,
-    steadiness: float,
-    edges: Edges,
-) -> tuple[tuple[FoundStretch, ...], int]:
-    """Return the steady runs of a log, and how many cycles there are in all."""
-    seen = cycles_of(displacement)
-    n_passages = len(seen.passages)
-    if n_passages < FEWEST:
-        return (), n_passages // 2
-    runs = list(runs_of(seen, steadiness, near=_MOVED / interval))
-    if sum(stop - first + 2 for first, stop in runs) < _SHARE * n_passages:
-        return (), n_passages // 2
-    found: list[FoundStretch] = []
-    for first, stop in runs:
-        run = run_of(seen, first, stop)
-        one = _of_run(run, displacement, velocity, interval=interval, edges=edges)
-        if one is None:
-            continue
-        if found:
-            one = _without_overlap(one, found, run.period)
-        found.append(one)
-    return tuple(found), n_passages // 2
+@dataclass(frozen=True, slots=True, eq=False)
+class _Motion:
+    """A log behind the filter, its turns and steady runs, and what the filter forgets.
 
-
-def is_one_run(
-    displacement: FloatArray, *, interval: float, steadiness: float, edges: Edges
-) -> bool:
-    """Whether `find_runs` finds one run without a look at its passages.
-
-    Each stroke of a run whose middle keeps its place passes a quarter of the amplitude on both
-    sides of it, so that a run of three cycles beside what is left out has a whole one inside.
+    Where the log is continued, `first` and `stop` are the samples that were logged.
     """
-    seen = cycles_of(displacement)
-    if len(seen.passages) < FEWEST:
-        return False
-    runs = list(runs_of(seen, steadiness, near=_MOVED / interval))
-    if len(runs) != 1 or runs[0][1] - runs[0][0] + 2 < _SHARE * len(seen.passages):
-        return False
-    run, middles = run_of(seen, *runs[0]), seen.middle[slice(*runs[0])]
-    keeps_place = float(np.ptp(middles)) <= _IN_PLACE * run.amplitude
-    return keeps_place and run.last - run.first >= _SURELY * run.period + 2.0 * edges.ends
+
+    seen: FilteredLog
+    turns: Turns
+    runs: Sequence[tuple[int, int]]
+    edge: int  # samples after which the filter forgets a break
+    first: float | None = None
+    stop: float | None = None
+
+    @property
+    def interval(self) -> float:
+        return self.seen.log.interval
+
+    @property
+    def n_cycles(self) -> int:
+        return len(self.turns.passages) // 2
+
+    @property
+    def repeats(self) -> bool:
+        """Whether its runs are the test."""
+        passages = sum(stop - first + 2 for first, stop in self.runs)
+        return bool(self.runs) and passages >= _SHARE * len(self.turns.passages)
+
+    @property
+    def is_one_run(self) -> bool:
+        """Whether it is one run without a look at its passages.
+
+        Each stroke of a run whose middle keeps its place passes a quarter of the amplitude on both
+        sides of it, so that a run of three cycles beside what is left out has a whole one inside.
+        """
+        if not self.repeats or len(self.runs) != 1:
+            return False
+        run = run_of(self.turns, *self.runs[0])
+        middles = self.turns.middle[slice(*self.runs[0])]
+        keeps_place = float(np.ptp(middles)) <= _IN_PLACE * run.amplitude
+        return keeps_place and run.last - run.first >= _SURELY * run.period + 2.0 * self.edge
+
+
+def _motion(
+    seen: FilteredLog,
+    options: ConditionOptions,
+    *,
+    first: float | None = None,
+    stop: float | None = None,
+) -> _Motion:
+    turns = cycles_of(seen.displacement)
+    runs = runs_of(turns, options.steadiness, near=_MOVED / seen.log.interval)
+    is_long = len(turns.passages) >= FEWEST
+    edge = max(fading_samples(seen.model_filter), _SPLINE_EDGE)
+    return _Motion(seen, turns, list(runs) if is_long else [], edge, first, stop)
+
+
+def _steady_runs(motion: _Motion) -> tuple[FoundStretch, ...]:
+    """Return the steady runs of a log in order of time; none where hardly anything repeats."""
+    found: list[FoundStretch] = []
+    for ends in motion.runs if motion.repeats else ():
+        run = run_of(motion.turns, *ends)
+        stretch = _of_run(run, motion)
+        if stretch is not None:
+            found.append(_without_overlap(stretch, found, run.period) if found else stretch)
+    return tuple(found)
 
 
 def _without_overlap(one: FoundStretch, found: list[FoundStretch], period: float) -> FoundStretch:
@@ -163,44 +171,35 @@ def _without_overlap(one: FoundStretch, found: list[FoundStretch], period: float
     return replace(one, stretch=replace(one.stretch, first=max(first, stop)))
 
 
-def _of_run(
-    run: SteadyRun,
-    displacement: FloatArray,
-    velocity: FloatArray,
-    *,
-    interval: float,
-    edges: Edges,
-) -> FoundStretch | None:
+def _of_run(run: SteadyRun, motion: _Motion) -> FoundStretch | None:
     """Return the stretch of one run; None where no whole cycle is left."""
-    period, amplitude = run.period, run.amplitude
+    displacement, velocity = motion.seen.displacement, motion.seen.velocity
+    period, n, moved = run.period, len(displacement), _MOVED / motion.interval
     low = max(0, math.floor(run.first - 0.7 * period))
-    high = min(len(displacement), math.ceil(run.last + 0.7 * period))
-    x, v = displacement[low:high], velocity[low:high] * interval
+    high = min(n, math.ceil(run.last + 0.7 * period))
+    x, v = displacement[low:high], velocity[low:high] * motion.interval
     rising, falling = (
-        low + crossings(x, v, _HYSTERESIS * amplitude, level=run.middle, sign=sign)
+        _belonging(
+            low + crossings(x, v, _HYSTERESIS * run.amplitude, level=run.middle, sign=sign),
+            run, displacement, moved=moved,
+        )
         for sign in (1.0, -1.0)
-    )
-    rising, falling = (
-        _belonging(at, run, displacement, moved=_MOVED / interval) for at in (rising, falling)
-    )
+    )  # fmt: skip
     marks = np.sort(np.concatenate([rising, falling]))
     if len(marks) < 3:
         return None
-    n = len(displacement)
     is_first, is_last = marks[0] <= 0.6 * period, n - 1.0 - marks[-1] <= 0.6 * period
     begin = -math.inf if is_first else float(marks[0])
     end = math.inf if is_last else float(marks[-1])
-    inner = _inner(run, n, edges, begin=begin, end=end)
-    rising, falling = (
-        _unsmeared(at, period, begin + edges.ends, end - edges.ends) for at in (rising, falling)
-    )
-    starts = _whole(rising, falling, period, inner)
+    clear = begin + motion.edge, end - motion.edge
+    rising, falling = (_unsmeared(at, period, *clear) for at in (rising, falling))
+    starts = _whole(rising, falling, period, _inner(run, motion, begin=begin, end=end))
     if starts is None:
         return None
-    stretch = steady_stretch(starts, velocity, interval, amplitude)
+    stretch = _steady_stretch(starts, velocity, motion.interval, run.amplitude)
     smeared = (
-        max(0, math.ceil(begin + edges.ends) - stretch.first) if not is_first else 0,
-        max(0, stretch.stop - math.floor(end - edges.ends)) if not is_last else 0,
+        max(0, math.ceil(clear[0]) - stretch.first) if not is_first else 0,
+        max(0, stretch.stop - math.floor(clear[1])) if not is_last else 0,
     )
     stretch = replace(stretch, smeared=smeared)
     clean = np.rint(clean_cycles(stretch)).astype(np.int64)
@@ -208,17 +207,15 @@ def _of_run(
     return FoundStretch(replace(stretch, peak_speed=fastest), begin, end)
 
 
-def _inner(
-    run: SteadyRun, n: int, edges: Edges, *, begin: float, end: float
-) -> tuple[float, float]:
+def _inner(run: SteadyRun, motion: _Motion, *, begin: float, end: float) -> tuple[float, float]:
     """Return the samples between which a run may be compared."""
     slack = 0.5 * _ROUNDING * run.period
-    low = begin - slack
+    low, high = begin - slack, end + slack
     if math.isinf(begin):
-        low = run.period + edges.ends if edges.first is None else edges.first - slack
-    high = end + slack
+        low = run.period + motion.edge if motion.first is None else motion.first - slack
     if math.isinf(end):
-        high = n - 1.0 - edges.ends if edges.stop is None else edges.stop + slack
+        last = len(motion.seen.displacement) - 1.0
+        high = last - motion.edge if motion.stop is None else motion.stop + slack
     return low, high
 
 
@@ -274,7 +271,7 @@ def _whole(
     return np.asarray(low + slack + period * np.arange(n_cycles + 1, dtype=np.float64))
 
 
-def steady_stretch(
+def _steady_stretch(
     starts: FloatArray, velocity: FloatArray, interval: float, amplitude: float
 ) -> Stretch:
     """Return the stretch between the first and the last of these boundaries of cycles."""
@@ -290,62 +287,48 @@ def steady_stretch(
     )
 
 
-# Motion in which nothing repeats: its parts between rests, each compared as a whole.
-
-_SLOW = 0.02  # of the fastest speed; below is rest
-_PAUSE = 0.5  # s; shorter ones are part of a motion
-_FEWEST_TURNS = 8  # more than three cycles have
-_LONGEST_RUN_IN = 2.0  # s
-
-
-def find_moving(
-    displacement: FloatArray, velocity: FloatArray, *, interval: float, edges: Edges
-) -> tuple[FoundStretch, ...]:
-    """Return the parts of a log that move, for one in which nothing repeats."""
-    turns = turning_points(displacement, TURN * float(np.ptp(displacement)))
-    if len(turns) < _FEWEST_TURNS:
-        return ()
-    fastest = percentiles(np.abs(velocity), 99.0)[0]
-    found = []
-    for low, high in _parts(np.abs(velocity) > _SLOW * fastest, round(_PAUSE / interval)):
-        inside = turns[(turns >= low) & (turns < high)]
-        if len(inside) < 2:
-            continue
-        begin = -math.inf if low == 0 else float(low)
-        end = math.inf if high == len(velocity) else float(high)
-        # What went before the log is forgotten after a cycle.
-        run_in = min(2.0 * median(np.diff(inside)), _LONGEST_RUN_IN / interval)
-        beside = math.ceil(0.25 * edges.ends)
-        first = low + (round(run_in) + edges.ends if low == 0 else beside)
-        stop = high - (edges.ends if high == len(velocity) else beside)
-        if stop - first > run_in:
-            found.append(
-                FoundStretch(
-                    _moving(first, stop, inside, displacement, velocity, interval), begin, end
-                )
-            )
-    return tuple(found)
-
-
-def _moving(
-    first: int,
-    stop: int,
-    turns: IntArray,
-    displacement: FloatArray,
-    velocity: FloatArray,
-    interval: float,
+def _moving_stretch(
+    seen: FilteredLog | Trace, first: int, stop: int, interval: float, n_turns: int
 ) -> Stretch:
+    """What lies between two samples, where nothing repeats."""
     part = slice(first, stop)
-    n_turns = max(int(np.count_nonzero((turns >= first) & (turns < stop))), 1)
     return Stretch(
         kind="moving",
         first=first,
         stop=stop,
         cycle_starts=np.empty(0),
         frequency=0.5 * n_turns / ((stop - first) * interval),
-        amplitude=0.5 * float(np.ptp(displacement[part])),
-        peak_speed=float(np.abs(velocity[part]).max()),
+        amplitude=0.5 * float(np.ptp(seen.displacement[part])),
+        peak_speed=float(np.abs(seen.velocity[part]).max()),
     )
+
+
+# Motion in which nothing repeats: its parts between rests, each compared as a whole.
+
+
+def _moving(motion: _Motion) -> tuple[FoundStretch, ...]:
+    """Return the parts of a log that move, for one in which nothing repeats."""
+    turns, interval = motion.turns.at, motion.interval
+    if len(turns) < _FEWEST_TURNS:
+        return ()
+    speed = np.abs(motion.seen.velocity)
+    n, fastest = len(speed), percentiles(speed, 99.0)[0]
+    found = []
+    for low, high in _parts(speed > _SLOW * fastest, round(_PAUSE / interval)):
+        inside = turns[(turns >= low) & (turns < high)]
+        if len(inside) < 2:
+            continue
+        # What went before the log is forgotten after a cycle.
+        run_in = min(2.0 * median(np.diff(inside)), _LONGEST_RUN_IN / interval)
+        beside = math.ceil(0.25 * motion.edge)
+        first = low + (round(run_in) + motion.edge if low == 0 else beside)
+        stop = high - (motion.edge if high == n else beside)
+        if stop - first > run_in:
+            n_turns = max(int(np.count_nonzero((inside >= first) & (inside < stop))), 1)
+            stretch = _moving_stretch(motion.seen, first, stop, interval, n_turns)
+            begin = -math.inf if low == 0 else float(low)
+            found.append(FoundStretch(stretch, begin, math.inf if high == n else float(high)))
+    return tuple(found)
 
 
 def _parts(is_moving: NDArray[np.bool_], pause: int) -> Sequence[tuple[int, int]]:
@@ -472,20 +455,10 @@ def _is_steady(trace: Trace) -> NDArray[np.bool_]:
 
 def _moving_beside_cycles(trace: Trace, first: int, stop: int) -> Stretch | None:
     """What lies between two samples, where it moves."""
-    x, v = trace.displacement[first:stop], trace.velocity[first:stop]
-    amplitude = 0.5 * float(np.ptp(x))
-    if amplitude < _MOVES * max(one.amplitude for one in trace.stretches):
-        return None
-    turns = int(np.count_nonzero(np.diff(np.signbit(v))))
-    return Stretch(
-        kind="moving",
-        first=first,
-        stop=stop,
-        cycle_starts=np.empty(0),
-        frequency=0.5 * turns / ((stop - first) * trace.interval),
-        amplitude=amplitude,
-        peak_speed=float(np.max(np.abs(v))),
-    )
+    n_turns = int(np.count_nonzero(np.diff(np.signbit(trace.velocity[first:stop]))))
+    stretch = _moving_stretch(trace, first, stop, trace.interval, n_turns)
+    longest = max(one.amplitude for one in trace.stretches)
+    return None if stretch.amplitude < _MOVES * longest else stretch
 
 
 # Which part of a log is compared: one steady run, several, or motion that does not repeat.
@@ -494,11 +467,6 @@ def _moving_beside_cycles(trace: Trace, first: int, stop: int) -> Stretch | None
 # that leaves fewer than three cycles, and where a short run stands at an end of the log, the log
 # is continued by its own cycles (`damperfit.conditioning.timebase`); one between two rests is
 # compared from break to break, where that is more.
-
-# Speed beyond half the corner, over all of it: noise behind the filter has 0.95, a random walk
-# 0.65, a road up to 15 Hz nothing.
-_NOISE = 0.5
-_SPLINE_EDGE = 14  # samples; 0.268^14 = 1e-8, how an end condition fades in a cubic spline
 
 
 class ComparedPart(NamedTuple):
@@ -528,11 +496,11 @@ def choose_compared(name: str, log: UniformLog, options: ConditionOptions) -> Co
         seen = behind_filter(log, options)
     except ConditioningError as error:
         raise ConditioningError(f"{error}", subject=name) from None
-    cycles = _cycles(seen, options)
-    one = _one_run(name, seen, cycles, options) if _is_one_run(seen, options) else None
+    cycles, motion = _cycles(seen, options), _motion(seen, options)
+    one = _one_run(name, seen, cycles, options) if motion.is_one_run else None
     if one and _n_cycles(one.found) >= MIN_CYCLES:
         return one
-    found, n_found = _several(seen, _edges(seen), options)
+    found, n_found = _several(motion, options), motion.n_cycles
     if one is None:
         if found and found[0].stretch.kind == "moving":
             return _kept(seen, found, n_found, None)
@@ -565,15 +533,6 @@ def _is_longer_run(found: tuple[FoundStretch, ...], n_found: int, one: ComparedP
     return _n_cycles(found) > _n_cycles(one.found)
 
 
-def _is_one_run(seen: FilteredLog, options: ConditionOptions) -> bool:
-    return is_one_run(
-        seen.displacement,
-        interval=seen.log.interval,
-        steadiness=options.steadiness,
-        edges=_edges(seen),
-    )
-
-
 def _one_run(
     name: str, seen: FilteredLog, cycles: Cycles | None, options: ConditionOptions
 ) -> ComparedPart | None:
@@ -585,7 +544,7 @@ def _one_run(
         return None
     assert cycles is not None
     _refuse_fast(name, log, cycles, options)
-    stretch = steady_stretch(starts, seen.velocity, log.interval, cycles.amplitude)
+    stretch = _steady_stretch(starts, seen.velocity, log.interval, cycles.amplitude)
     found = (FoundStretch(stretch, -math.inf, math.inf),)
     if stretch.n_cycles < MIN_CYCLES:
         longer = _continued(name, seen, found, cycles.n_found, cycles, options)
@@ -596,10 +555,6 @@ def _one_run(
 
 def _edge(seen: FilteredLog) -> int:
     return max(settling_samples(seen.model_filter), _SPLINE_EDGE)
-
-
-def _edges(seen: FilteredLog) -> Edges:
-    return Edges(max(fading_samples(seen.model_filter), _SPLINE_EDGE))
 
 
 def _cycles(seen: FilteredLog, options: ConditionOptions) -> Cycles | None:
@@ -639,18 +594,15 @@ def _continued(
         return None
     longer = continue_log(log, begin, end, reach=_edge(seen))
     seen = behind_filter(longer.log, options)
-    edges = _edges(seen)._replace(
-        first=None if begin is None else float(longer.first),
-        stop=None if end is None else float(longer.stop),
+    more = _steady_runs(
+        _motion(
+            seen,
+            options,
+            first=None if begin is None else float(longer.first),
+            stop=None if end is None else float(longer.stop),
+        )
     )
-    more, _ = find_runs(
-        seen.displacement,
-        seen.velocity,
-        interval=log.interval,
-        steadiness=options.steadiness,
-        edges=edges,
-    )
-    if sum(one.stretch.n_cycles for one in more) <= sum(one.stretch.n_cycles for one in found):
+    if _n_cycles(more) <= _n_cycles(found):
         return None
     single = None
     if cycles is not None and len(more) == 1:
@@ -668,26 +620,20 @@ def _continued(
     return _kept(seen, more, n_found, single)._replace(findings=(finding,))
 
 
-def _several(
-    seen: FilteredLog, edges: Edges, options: ConditionOptions
-) -> tuple[tuple[FoundStretch, ...], int]:
-    """Return the stretches of a log that is not one steady run, and its cycles; none where it is.
+def _several(motion: _Motion, options: ConditionOptions) -> tuple[FoundStretch, ...]:
+    """Return the stretches of a log that is not one steady run; none where it is.
 
     Noise of a sensor at rest is no motion: nearly all of its speed is far up.
     """
-    interval = seen.log.interval
-    displacement, velocity = seen.displacement, seen.velocity
-    found, n_found = find_runs(
-        displacement, velocity, interval=interval, steadiness=options.steadiness, edges=edges
-    )
-    if found:
-        return found, n_found
+    if found := _steady_runs(motion):
+        return found
     half = 0.5 * (
         options.filter_corner if options.rig_filter == "none" else options.rig_filter_corner
     )
-    if content_beyond(displacement, interval, min(half, 0.1 / interval)) > _NOISE:
-        return (), n_found
-    return find_moving(displacement, velocity, interval=interval, edges=edges), n_found
+    corner = min(half, 0.1 / motion.interval)
+    if content_beyond(motion.seen.displacement, motion.interval, corner) > _NOISE:
+        return ()
+    return _moving(motion)
 
 
 def _window(name: str, log: UniformLog, cycles: Cycles | None, edge: int) -> FloatArray:
