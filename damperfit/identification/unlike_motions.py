@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from damperfit.recording import Trace
 
     FloatArray = NDArray[np.float64]
+    Pair = tuple[Trace, Trace]
 
 __all__ = ["contradictory_motions"]
 
@@ -41,31 +42,6 @@ _WINDOW = (0.75, 0.95)  # of the slower log's peak speed; nearer to it there is 
 # under the paper's law: 0.7 and more.
 _EXPLAINED = 0.25
 _FEWEST = 12  # samples of a stroke in the window
-
-
-@dataclass(frozen=True, slots=True)
-class _Meeting:
-    """The damping forces of two logs at a speed that both pass."""
-
-    first: Trace
-    second: Trace
-    speed: float
-    forces: tuple[float, float]
-    allowed: float
-
-    @property
-    def differs(self) -> bool:
-        return abs(self.forces[0] - self.forces[1]) > self.allowed
-
-    @property
-    def sentence(self) -> str:
-        a, b = self.forces
-        return (
-            f"{self.first.name} and {self.second.name} contradict each other: both reach "
-            f"{self.speed:.3g} m/s, where their damping forces are {a:.4g} N and {b:.4g} N, "
-            f"{200.0 * abs(a - b) / (abs(a) + abs(b)):.3g} % apart, which a fit of both "
-            "does not explain"
-        )
 
 
 def contradictory_motions(
@@ -87,37 +63,42 @@ def contradictory_motions(
         is_warmed = isinstance(damper, Warmed)
         if share_a_motion(first, second) or (is_warmed and are_unlike(first, second)):
             continue
-        met = _meeting(first, second, (first.force, second.force))
-        if met is not None and met.differs and _is_left_by_fits(met, damper, options):
-            return met.sentence
+        forces = _differing((first, second), [first.force, second.force])
+        if forces is not None and _is_left_by_fits((first, second), damper, options):
+            a, b = forces
+            speed = 0.5 * sum(_WINDOW) * _top_speed(first)
+            return (
+                f"{first.name} and {second.name} contradict each other: both reach "
+                f"{speed:.3g} m/s, where their damping forces are {a:.4g} N and {b:.4g} N, "
+                f"{200.0 * abs(a - b) / (abs(a) + abs(b)):.3g} % apart, which a fit of both "
+                "does not explain"
+            )
     return None
 
 
 def _top_speed(trace: Trace) -> float:
-    """Return the speed that a log reaches in both strokes, m/s."""
+    """The speed that a log reaches in both strokes, m/s."""
     v = trace.velocity[trace.compared]
     return float(min(np.max(v), -np.min(v)))
 
 
-def _meeting(first: Trace, second: Trace, forces: tuple[FloatArray, FloatArray]) -> _Meeting | None:
-    """Return what two logs say where their speeds meet; None where they do not."""
-    pair = (first, second)
+def _differing(pair: Pair, forces: Sequence[FloatArray]) -> tuple[float, float] | None:
+    """What forces over two logs are where their speeds meet; None where noise may be all of it."""
     top = min(map(_top_speed, pair))
     read = [_damping(log, force, top) for log, force in zip(pair, forces, strict=True)]
     scales = [_damping(log, log.force, top) for log in pair]
-    if None in read or None in scales:
+    if read[0] is None or read[1] is None or scales[0] is None or scales[1] is None:
         return None
-    noise = math.hypot(*map(_noise, pair))
-    scale = 0.5 * sum(abs(one) for one in scales if one is not None)
-    a, b = (float(one) for one in read if one is not None)
-    speed = 0.5 * sum(_WINDOW) * top
-    return _Meeting(first, second, speed, (a, b), max(SCATTERS * noise, REPEATS * scale))
+    noises = ([one.noise for one in log.stretches if math.isfinite(one.noise)] for log in pair)
+    noise = math.hypot(*(max(few, default=0.0) for few in noises))
+    allowed = max(SCATTERS * noise, REPEATS * 0.5 * (abs(scales[0]) + abs(scales[1])))
+    return (read[0], read[1]) if abs(read[0] - read[1]) > allowed else None
 
 
 def _damping(trace: Trace, force: FloatArray, top: float) -> float | None:
-    """Return half the difference of rebound and bump in the middle of the window, N."""
+    """Half the difference of rebound and bump in the middle of the window, N."""
     v, f = trace.velocity[trace.compared], force[trace.compared]
-    found = []
+    strokes = []
     for sign in (1.0, -1.0):
         speed = sign * v
         inside = (speed >= _WINDOW[0] * top) & (speed <= _WINDOW[1] * top)
@@ -125,44 +106,36 @@ def _damping(trace: Trace, force: FloatArray, top: float) -> float | None:
             return None
         # Samples of a slow test lie nearer to its peak than those of a fast one.
         away = speed[inside] - 0.5 * sum(_WINDOW) * top
-        slope = np.stack([np.ones(len(away)), away], axis=1)
-        found.append(float(np.linalg.lstsq(slope, f[inside], rcond=None)[0][0]))
-    return 0.5 * (found[0] - found[1])
+        line = np.stack([np.ones(len(away)), away], axis=1)
+        strokes.append(float(np.linalg.lstsq(line, f[inside], rcond=None)[0][0]))
+    return 0.5 * (strokes[0] - strokes[1])
 
 
-def _noise(trace: Trace) -> float:
-    return max((one.noise for one in trace.stretches if math.isfinite(one.noise)), default=0.0)
-
-
-def _is_left_by_fits(met: _Meeting, damper: Model, options: FitOptions) -> bool:
+def _is_left_by_fits(pair: Pair, damper: Model, options: FitOptions) -> bool:
     """Whether a fit of both logs leaves that difference over, and fits of each leave nothing.
 
     Where the law does not suit the damper each log is missed too, and nothing is reported.
     """
-    pair = (met.first, met.second)
+    plain = replace(options, procedure="plain", share=None, bulk_modulus="free", starts=1)
+
+    def missed(traces: Sequence[Trace]) -> list[FloatArray]:
+        (fit,) = identify(traces, damper, plain).fits
+        return [
+            log.force - compare(fit.parameters, log, damper, solver=plain.solver).force
+            for log in traces
+        ]
+
+    def power(left: Sequence[FloatArray]) -> float:
+        return sum(
+            float(np.mean(rest[log.compared] ** 2) / np.var(log.force[log.compared]))
+            for log, rest in zip(pair, left, strict=True)
+        )
+
     try:
-        both = _missed(pair, damper, options)
-        rest = _meeting(*pair, (both[0], both[1]))
-        if rest is None or not rest.differs:
+        both = missed(pair)
+        if _differing(pair, both) is None:
             return False
-        apart = [_missed((one,), damper, options)[0] for one in pair]
+        apart = [missed((one,))[0] for one in pair]
     except DamperfitError:
         return False  # the run itself tells why this setting cannot be fitted
-    missed, explained = (sum(map(_power, pair, left)) for left in (both, apart))
-    return explained <= _EXPLAINED * missed
-
-
-def _missed(traces: Sequence[Trace], damper: Model, options: FitOptions) -> list[FloatArray]:
-    """Return what a fit of some logs leaves over of each."""
-    plain = replace(options, procedure="plain", share=None, bulk_modulus="free", starts=1)
-    (fit,) = identify(traces, damper, plain).fits
-    return [
-        log.force - compare(fit.parameters, log, damper, solver=plain.solver).force
-        for log in traces
-    ]
-
-
-def _power(trace: Trace, left: FloatArray) -> float:
-    """Return the mean square of what is left over of a log, of its force's variance."""
-    part = trace.compared
-    return float(np.mean(left[part] ** 2) / np.var(trace.force[part]))
+    return power(apart) <= _EXPLAINED * power(both)
