@@ -42,6 +42,7 @@ PIECES: dict[str, tuple[str, str, Any]] = {
         "_helped",
         lambda _, fits, **__: ({one: fit.parameters for one, fit in fits.items()}, 0),
     ),
+    "clip": ("identification.fit_problem", "LawMisfit.stays_beyond", False),
     "detours": ("damper.purdy.parameters", "Damper.detours", lambda *_: ()),
 }
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from damperfit.conditioning import TRANSIENTS, transients
 from damperfit.errors import SimulationError
-from damperfit.identification.law_misfit import LawMisfit
+from damperfit.identification.fit_problem import LawMisfit
 from damperfit.identification.log_facts import FEWEST_SAMPLES
 from damperfit.identification.starts import COMPARING, best_of_starts
 from damperfit.laws.missed import misses

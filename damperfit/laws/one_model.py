@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.errors import SimulationError
-from damperfit.identification.fit_problem import kept_within
-from damperfit.identification.law_misfit import LawMisfit
+from damperfit.identification.fit_problem import LawMisfit, kept_within
 from damperfit.identification.least_squares import Minimum, Stopping, Transformation, minimise
 from damperfit.identification.log_facts import FEWEST_SAMPLES
 from damperfit.identification.sharing import Unknown, unknown_at, unknowns_of

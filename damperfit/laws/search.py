@@ -33,8 +33,7 @@ from damperfit.damper.valve_dampers import ValveDamper
 from damperfit.errors import SimulationError
 from damperfit.identification import compare
 from damperfit.identification.blas_threads import one_blas_thread
-from damperfit.identification.fit_problem import kept_within
-from damperfit.identification.law_misfit import LawMisfit
+from damperfit.identification.fit_problem import LawMisfit, kept_within
 from damperfit.identification.least_squares import Stopping
 from damperfit.identification.log_facts import effective_samples
 from damperfit.laws.choosing import (

@@ -18,7 +18,7 @@ from damperfit.conditioning import condition
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
 from damperfit.identification import FitOptions, identify
-from damperfit.identification.law_misfit import LawMisfit
+from damperfit.identification.fit_problem import LawMisfit
 from damperfit.laws import LawSearch, SettingLogs, search_laws
 from damperfit.recording import Recording, Trace
 from damperfit.simulation import Motion, simulate, sine_motion

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from damperfit.conditioning import ConditionOptions, condition
-from damperfit.identification.law_misfit import LawMisfit
+from damperfit.identification.fit_problem import LawMisfit
 from damperfit.identification.mean_cycle import settled
 from damperfit.identification.starts import best_of_starts
 from damperfit.recording import Recording, Trace
