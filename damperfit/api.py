@@ -21,7 +21,6 @@ from damperfit.arguments import (
     path_of,
     public,
     reading_as,
-    refuse_beside,
     refuse_idle,
     starts_of,
     workers,
@@ -498,8 +497,7 @@ def simulate(  # noqa: PLR0913 - one keyword an option of the command line
 
     if displacement is not None:
         names = ("amplitude", "frequency", "cycles", "sample_rate", "wave", "max_steps")
-        of_a_wave = {name: given[name] for name in names}
-        refuse_beside(Option("displacement"), of_a_wave, why="the log is the motion")
+        refuse_idle(given, names, "the log is the motion", beside=Option("displacement"))
     own = configured("simulate", {**given, "displacement": None, "out": None, "plot": None})
     log: Any = displacement
     files = {

@@ -24,7 +24,7 @@ from damperfit.errors import (
     DamperfitError,
     refuse_wrong_arguments,
 )
-from damperfit.keywords import PYTHON_ONLY, keyword_of, with_keywords
+from damperfit.keywords import PYTHON_ONLY, Keyword, keyword_of, with_keywords
 from damperfit.problem import FilePlace, Option, Words
 
 if TYPE_CHECKING:
@@ -44,11 +44,10 @@ __all__ = [
     "folder_of",
     "known_as_setting",
     "path_of",
+    "positive",
     "public",
     "reading_as",
-    "refuse_beside",
     "refuse_idle",
-    "rig_keys",
     "starts_of",
     "workers",
 ]
@@ -58,12 +57,13 @@ _NEXT_ASSIGNMENT = re.compile(r",(?=\s*[A-Za-z_]\w*\s*=)")
 # What a path is of, by the word that stands for it in the help.
 _PLACES = {
     "DIR": "a folder",
+    "RESULTS": "a folder",
     "FILE.toml": "a TOML file",
-    "FILE": "a file",
     "LOG": "a log",
     "PATH": "a file or folder",
 }
 _RESULT = "a result, or the path of a results folder"
+_TABLE = "a result, or the path of results or of a parameters table"
 
 
 def public(function: Callable[P, R]) -> Callable[P, R]:
@@ -101,14 +101,25 @@ def reading_as(command: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
         @wraps(function)
         def reading(*args: P.args, **kwargs: P.kwargs) -> R:
             bound = own.bind(*args, **kwargs)
-            paths: dict[str, Any] = {}
+            paths: dict[str, list[Any]] = {}
+
+            def read(name: str, value: Any) -> Any:
+                keyword = keyword_of(command, name)
+                is_of_python = bool({name, f"{command}.{name}"} & {*PYTHON_ONLY})
+                if value is None or keyword is None or is_of_python:
+                    return value
+                found = _read(keyword, value, Option(name))
+                if keyword.kind in {"path", "paths", "results"}:
+                    given = value if isinstance(value, str | list) else found
+                    paths[name] = given if isinstance(given, list) else [given]
+                return found
+
             for name, value in list(bound.arguments.items()):
                 kind = own.parameters[name].kind
                 if kind is Parameter.VAR_KEYWORD:
-                    read = {k: _read_as(command, k, one, paths) for k, one in value.items()}
-                    bound.arguments[name] = read
+                    bound.arguments[name] = {key: read(key, one) for key, one in value.items()}
                 elif kind is not Parameter.VAR_POSITIONAL:
-                    bound.arguments[name] = _read_as(command, name, value, paths)
+                    bound.arguments[name] = read(name, value)
             try:
                 return function(*bound.args, **bound.kwargs)
             except DamperfitError as error:
@@ -119,84 +130,69 @@ def reading_as(command: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
     return decorated
 
 
-def _read_as(command: str, name: str, value: Any, paths: dict[str, Any]) -> Any:
-    keyword = keyword_of(command, name)
-    if value is None or keyword is None or {name, f"{command}.{name}"} & {*PYTHON_ONLY}:
-        return value
-    read = _read(keyword.kind, value, Option(name), keyword.metavar)
-    if keyword.kind in {"path", "paths", "results"}:
-        paths[name] = value if isinstance(value, str | list) else read
-    return read
-
-
-def _given_by(error: DamperfitError, paths: Mapping[str, Any]) -> DamperfitError:
+def _given_by(error: DamperfitError, paths: Mapping[str, list[Any]]) -> DamperfitError:
     """Return an error that is about a file with the argument that gave the file."""
     where, place = error.problem.where, error.problem.subject
     if isinstance(where, FilePlace) and where.option is None:
         place = where.file
     elif where is not None or not place:
         return error
-    has_folders = error.problem.code in UNWRITTEN
-    for name, value in paths.items():
-        for path in value if isinstance(value, list) else [value]:
-            itself = {os.path.normpath(path), _real(path)}
-            if has_folders:
-                itself.add(os.path.dirname(path))  # noqa: PTH120 - as it was given
-            if not itself.isdisjoint({place, os.path.normpath(place)}):
-                giver = Option(name, path)
-            elif not itself.isdisjoint(map(str, Path(place).parents)):
-                giver = Option(name)
-            else:
-                continue
-            if isinstance(where, FilePlace):
-                file = str(giver.value) or where.file
-                return error.at(replace(where, file=file, option=Option(name)))
-            return error.at(giver, subject="" if giver.value else place)
+    for name, path in ((name, path) for name, given in paths.items() for path in given):
+        itself = {os.path.normpath(path)}
+        with suppress(OSError, ValueError):  # the working folder is gone
+            itself.add(os.path.realpath(str(path)))
+        if error.problem.code in UNWRITTEN:
+            itself.add(os.path.dirname(path))  # noqa: PTH120 - as it was given
+        is_itself = not itself.isdisjoint({place, os.path.normpath(place)})
+        if not is_itself and itself.isdisjoint(map(str, Path(place).parents)):
+            continue
+        if isinstance(where, FilePlace):
+            file = str(path) if is_itself else where.file
+            return error.at(replace(where, file=file, option=Option(name)))
+        return error.at(Option(name, path if is_itself else ""), subject="" if is_itself else place)
     return error
 
 
-def _real(path: object) -> str:
-    try:
-        return os.path.realpath(str(path))
-    except (OSError, ValueError):  # the working folder is gone
-        return str(path)
-
-
-def _read(  # noqa: PLR0911 - one a kind
-    kind: str, value: Any, option: Option, metavar: str
-) -> Any:
+def _read(keyword: Keyword, value: Any, option: Option) -> Any:  # noqa: PLR0911 - one a kind
     """Return an argument as its kind has it."""
+    kind, place = keyword.kind, f"the path of {_PLACES.get(keyword.metavar, 'a file')}"
     if kind == "path":
-        return path_of(value, option, f"the path of {_PLACES.get(metavar, 'a file')}")
+        return path_of(value, option, place)
+    if kind == "paths":
+        return [path_of(one, option, place) for one in _listed(value, option)]
     if kind == "results":
-        return _results(value, option)
-    if (
-        kind == "arguments"
-        and isinstance(value, list)
-        and any(isinstance(one, str) and not one for one in value)
-    ):
+        return folder_of(value, option, _TABLE)
+    if kind == "arguments" and isinstance(value, list) and "" in map(_text_or_not, value):
         raise ConfigurationError(
             "found ''; expected paths; is a variable of the shell not set? '.' is this folder",
             code="empty-name",
         )
-    if kind == "paths":
-        return [path_of(one, option, "the path of a folder") for one in _listed(value, option)]
     if kind == "texts":
         return value if isinstance(value, Mapping) else _listed(value, option)
     if kind in {"names", "quantities"}:
         names = [n.strip() for one in _listed(value, option) for n in str(one).split(",")]
         return [name.lower() for name in names] if kind == "quantities" else names
-    if kind == "values":
-        return _values(value, option)
-    if kind == "pairs":
-        return rig_keys(value) if option.name == "rig" else _pairs(value, option)
+    if kind in {"values", "pairs"}:
+        if option.name == "rig":
+            return _rig_keys(value)
+        if not isinstance(value, list):
+            return {name: str(one) for name, one in _mapping(value, option).items()}
+        is_key = kind == "pairs"
+        return assignments(value, option, "rod_diameter=12mm") if is_key else _values(value, option)
     if kind in {"count", "workers"}:
-        return _whole(value, option, least=1 if kind == "workers" else None)
+        return _whole(value, replace(option, value=str(value)), least=int(kind == "workers"))
     if kind == "number":
-        return _number(value, option)
+        with suppress(TypeError, ValueError):
+            return math.nan if isinstance(value, bool) else float(value)
+        where = replace(option, value=str(value))
+        raise ConfigurationError("expected a number", where=where, code="not-a-number")
     if kind == "flag" and not isinstance(value, bool):
         raise ConfigurationError(f"found {value!r}; expected True or False", where=option)
     return value
+
+
+def _text_or_not(value: object) -> object:
+    return value if isinstance(value, str) else None
 
 
 def path_of(value: object, where: Option | str, expected: str) -> Path:
@@ -216,59 +212,62 @@ def path_of(value: object, where: Option | str, expected: str) -> Path:
     ConfigurationError
         It is neither, or empty.
     """
-    place: dict[str, Any] = {"subject": where} if isinstance(where, str) else {"where": where}
+    is_text = isinstance(value, str)
     if "\0" in str(value):
-        raise ConfigurationError(
-            f"found {value!r}; a NUL cannot stand in a path", **place, code="not-a-path"
-        )
-    if isinstance(value, str | os.PathLike) and os.fspath(value) != "":
+        wrong = f"found {value!r}; a NUL cannot stand in a path"
+    elif isinstance(value, str | os.PathLike) and os.fspath(value) != "":
         return Path(os.path.expanduser(os.fspath(value)))  # noqa: PTH111 - of ~nobody it raises
-    found = "''" if isinstance(value, str) else type(value).__name__
-    more = ", '.' for this folder" if isinstance(value, str) else ""  # it would be this one
-    raise ConfigurationError(
-        f"found {found}; expected {expected}{more}", **place, code="not-a-path"
-    )
+    else:
+        found = "''" if is_text else type(value).__name__
+        more = ", '.' for this folder" if is_text else ""  # it would be this one
+        wrong = f"found {found}; expected {expected}{more}"
+    place: dict[str, Any] = {"subject": where} if isinstance(where, str) else {"where": where}
+    raise ConfigurationError(wrong, **place, code="not-a-path")
 
 
-def folder_of(given: object, call: str) -> Path:
+def folder_of(given: object, where: Option | str, expected: str = _RESULT) -> Path:
     """Return the folder of results, or of the path to them."""
     from damperfit.results import Run
 
     if isinstance(given, Run):
         return given.folder
-    if isinstance(given, str | Path):
-        return path_of(given, call, _RESULT)
-    raise ConfigurationError(
-        f"found {type(given).__name__}; expected {_RESULT}", subject=call, code="not-a-result"
-    )
+    if isinstance(where, str) and not isinstance(given, str | Path):
+        found = type(given).__name__
+        raise ConfigurationError(
+            f"found {found}; expected {expected}", subject=where, code="not-a-result"
+        )
+    return path_of(given, where, expected)
 
 
-def _results(value: Any, option: Option) -> Path:
-    from damperfit.results import Run
-
-    expected = "a result, or the path of results or of a parameters table"
-    return value.folder if isinstance(value, Run) else path_of(value, option, expected)
-
-
-def _whole(value: Any, option: Option, *, least: int | None) -> int:
-    where = replace(option, value=str(value))
+def _whole(value: Any, where: Option, *, least: int) -> int:
     if isinstance(value, str):
         with suppress(ValueError):
             value = int(value)
     if type(value) is bool or not isinstance(value, Integral):
         raise ConfigurationError("expected a whole number", where=where, code="not-a-number")
-    if least is not None and int(value) < least:
+    if least and int(value) < least:
         raise ConfigurationError(f"expected {least} or more", where=where, code="out-of-range")
     return int(value)
 
 
-def _number(value: Any, option: Option) -> float:
-    try:
-        return math.nan if isinstance(value, bool) else float(value)
-    except (TypeError, ValueError) as error:
+def positive(value: str | float | None, dimension: str, name: str) -> float | None:
+    """Return a quantity above zero in SI, as it was given by a keyword; of None None.
+
+    Raises
+    ------
+    ConfigurationError
+        It is no such quantity, or not above zero.
+    """
+    from damperfit.units.quantities import parse_quantity
+
+    if value is None:
+        return None
+    found = parse_quantity(value, dimension, option=Option(name))
+    if found <= 0.0:
         raise ConfigurationError(
-            "expected a number", where=replace(option, value=str(value)), code="not-a-number"
-        ) from error
+            "expected more than 0", where=Option(name, f"{found:g}"), code="out-of-range"
+        )
+    return found
 
 
 def workers(jobs: int | None) -> int:
@@ -279,9 +278,8 @@ def workers(jobs: int | None) -> int:
 
 
 def _listed(values: object, option: Option) -> list[Any]:
-    if isinstance(values, str | os.PathLike):
-        return [values]
-    if isinstance(values, Real) and option.name == "velocity":
+    is_speed = isinstance(values, Real) and option.name == "velocity"
+    if isinstance(values, str | os.PathLike) or is_speed:
         return [values]
     if not isinstance(values, Iterable):
         raise ConfigurationError(
@@ -291,39 +289,25 @@ def _listed(values: object, option: Option) -> list[Any]:
 
 
 def _mapping(value: object, option: Option) -> Mapping[Any, Any]:
+    expected, wrong = "expected a mapping of names to values", ""
     if not isinstance(value, Mapping):
         found = repr(value) if isinstance(value, str | float | list) else type(value).__name__
-        raise ConfigurationError(
-            f"found {found}; expected a mapping of names to values",
-            where=option,
-            code="not-a-mapping",
-        )
-    for name in value:
-        if not isinstance(name, str):
-            raise ConfigurationError(
-                f"found {name!r} in place of a name; expected a mapping of names to values",
-                where=option,
-                code="not-a-mapping",
-            )
-    return value
+        wrong = f"found {found}; {expected}"
+    elif others := [name for name in value if not isinstance(name, str)]:
+        wrong = f"found {others[0]!r} in place of a name; {expected}"
+    if wrong:
+        raise ConfigurationError(wrong, where=option, code="not-a-mapping")
+    return value  # type: ignore[return-value] # it is one
 
 
-def _values(value: Any, option: Option) -> dict[str, str]:
-    """Return values by quantity: of a mapping, or of NAME=VALUE texts and lists; K_e is k_e."""
-    if isinstance(value, Mapping) or not isinstance(value, list):
-        return {name: str(one) for name, one in _mapping(value, option).items()}
-    parts = (one.partition("=") for text in value for one in _NEXT_ASSIGNMENT.split(str(text)))
-    return assignments((f"{name.lower()}{mark}{one}" for name, mark, one in parts), option=option)
-
-
-def _pairs(value: Any, option: Option) -> dict[str, str]:
-    if not isinstance(value, list):
-        return {name: str(one) for name, one in _mapping(value, option).items()}
-    return assignments(value, option=option, example="rod_diameter=12mm")
+def _values(texts: Sequence[str], option: Option) -> dict[str, str]:
+    """Return values by quantity, of NAME=VALUE texts and lists of them; K_e is k_e."""
+    parts = (one.partition("=") for text in texts for one in _NEXT_ASSIGNMENT.split(str(text)))
+    return assignments([f"{name.lower()}{mark}{one}" for name, mark, one in parts], option)
 
 
 def assignments(
-    texts: Iterable[str], *, option: Option, example: str = "k_e=5e8", may_be_empty: bool = False
+    texts: Iterable[str], option: Option, example: str = "k_e=5e8", *, may_be_empty: bool = False
 ) -> dict[str, str]:
     """Return NAME=VALUE texts as a dictionary.
 
@@ -346,15 +330,10 @@ def assignments(
     return values
 
 
-def rig_keys(given: Any) -> dict[str, Any]:
+def _rig_keys(given: Any) -> dict[str, Any]:
     """Return keys of [rig]: of a mapping, or of KEY=VALUE texts, whose KEY may be dotted.
 
     A value is what it would be in TOML; what is no TOML (kN, or nothing) is text.
-
-    Raises
-    ------
-    ConfigurationError
-        A text has no key or no ``=``, or a key is given twice.
     """
     option = Option("rig")
     if not isinstance(given, list | tuple):
@@ -363,7 +342,7 @@ def rig_keys(given: Any) -> dict[str, Any]:
     import tomllib
 
     keys: dict[str, Any] = {}
-    texts = assignments(given, option=option, example="units.force=kN", may_be_empty=True)
+    texts = assignments(given, option, "units.force=kN", may_be_empty=True)
     for key, value in texts.items():
         for text in (value, json.dumps(value)):
             with suppress(tomllib.TOMLDecodeError):
@@ -397,7 +376,11 @@ def starts_of(given: Any) -> tuple[str | None, dict[str, str]]:
     if isinstance(given, Mapping):
         return None, {str(name): str(value) for name, value in given.items()}
     texts = [str(given)] if isinstance(given, str | Path) else [str(one) for one in given or []]
-    parts = [part for text in texts for part in _parted(text)]
+    parts = [
+        part
+        for text in texts
+        for part in ([text] if _is_there(text) else _NEXT_ASSIGNMENT.split(text))
+    ]
     values = [part for part in parts if _ASSIGNMENT.match(part) and not _is_there(part)]
     files = [part for part in parts if part not in values]
     if len(files) > 1:
@@ -413,10 +396,6 @@ def starts_of(given: Any) -> tuple[str | None, dict[str, str]]:
             code="not-an-assignment",
         )
     return (files[0] if files else None), _values(values, Option("start"))
-
-
-def _parted(text: str) -> list[str]:
-    return [text] if _is_there(text) else _NEXT_ASSIGNMENT.split(text)
 
 
 def _is_there(text: str) -> bool:
@@ -456,25 +435,24 @@ def configured(
     sections: dict[str, dict[str, Any]] = {}
     options: dict[str, Option] = {}
 
-    def put(place: str, value: Any, name: Option) -> None:
+    def put(place: str, value: Any, option: Option) -> None:
         section, _, key = place.partition(".")
         sections.setdefault(section, {})[key] = value
-        options[place] = name
+        options[place] = option
 
     if given.get("damper") is not None:
         sections["damper"] = _declared(given["damper"])
-    units, rig = given.get("units"), given.get("rig")
     for keyword, value in given.items():
-        if value is None or value is False or keyword in PYTHON_ONLY:
-            continue
-        known = keyword_of(command, keyword)
+        known = None if keyword in PYTHON_ONLY else keyword_of(command, keyword)
         is_nothing = isinstance(value, dict) and not value
-        if known is not None and known.key and not is_nothing:
+        is_given = value is not None and value is not False and not is_nothing
+        if is_given and known is not None and known.key:
             put(known.key, str(value) if isinstance(value, Path) else value, Option(keyword))
     for keyword, place, value in more:
         if value is not None:
             put(place, value, Option(keyword))
-    for key, value in ({} if rig is None else rig_keys(rig)).items():
+    rig, units = given.get("rig"), given.get("units")
+    for key, value in ({} if rig is None else _rig_keys(rig)).items():
         put(f"rig.{key}", value, Option("rig", key=key))
     if isinstance(units, str):
         from damperfit.units.shown_units import parse_units
@@ -517,25 +495,23 @@ def covaried(command: str, given: Mapping[str, Any], *, of_fleet: bool = False) 
     ConfigurationError
         Another word, a law is to be chosen too, or the file cannot be read.
     """
-    word, model = given.get("covariate"), given.get("model")
+    word = given.get("covariate")
     if word is None:
         return None
+    where = Option("covariate", word)
     if word != "temperature":
         raise ConfigurationError(
-            "expected temperature, the only one there is",
-            where=Option("covariate", word),
-            code="unknown-covariate",
+            "expected temperature, the only one there is", where=where, code="unknown-covariate"
         )
-    if model == "auto":
+    if given.get("model") == "auto":
         raise ConfigurationError(
             "choose the law first, from logs of one temperature (damperfit models), then name it: "
             "{model}",
             model=Option("model", "NAME"),
-            where=Option("covariate", "temperature"),
+            where=where,
             code="not-together",
         )
-    asked = {name: given.get(name) for name in ("config", "damper", "model")}
-    configuration = configured(command, asked)
+    configuration = configured(command, {n: given.get(n) for n in ("config", "damper", "model")})
     named: str | float = configuration.document["damper"]["reference_temperature"]
     if named != "none":
         return named
@@ -586,26 +562,15 @@ def known_as_setting(setting: Any) -> Setting | int | str | None:
     )
 
 
-def refuse_beside(option: Option, others: Mapping[str, Any], *, why: str) -> None:
-    """Refuse what cannot be combined with another option.
-
-    Raises
-    ------
-    ConfigurationError
-        One of the others was given.
-    """
-    for name, value in others.items():
-        if value is not None:
-            raise ConfigurationError(
-                f"{{where}} cannot be combined with {{other}}: {why}; leave one of the two out",
-                code="not-together",
-                where=Option(name, value),
-                other=option,
-            )
-
-
-def refuse_idle(given: Mapping[str, Any], names: Sequence[str], why: str, **options: Any) -> None:
-    """Refuse what would have no effect.
+def refuse_idle(
+    given: Mapping[str, Any],
+    names: Sequence[str],
+    why: str,
+    *,
+    beside: Option | None = None,
+    **options: Any,
+) -> None:
+    """Refuse what would have no effect, or cannot be combined with what is beside it.
 
     Raises
     ------
@@ -613,19 +578,21 @@ def refuse_idle(given: Mapping[str, Any], names: Sequence[str], why: str, **opti
         One of the names was given.
     """
     for name in names:
-        if given.get(name) is not None:
-            raise ConfigurationError(
-                f"{{where}} has no effect: {why}; leave it out",
-                code="no-effect",
-                where=Option(name, _told(given[name])),
-                **options,
-            )
+        if given.get(name) is None:
+            continue
+        where = Option(name, _worded(given[name]))
+        if beside is None:
+            text, code = f"{{where}} has no effect: {why}; leave it out", "no-effect"
+        else:
+            text = f"{{where}} cannot be combined with {{other}}: {why}; leave one of the two out"
+            code = "not-together"
+        raise ConfigurationError(text, code=code, where=where, other=beside, **options)
 
 
-def _told(value: Any) -> str:
+def _worded(value: Any) -> str:
     if isinstance(value, Mapping):
         return ", ".join(
-            f"{name}={one}" if not isinstance(one, Mapping) else f"{name}.{_told(one)}"
+            f"{name}={one}" if not isinstance(one, Mapping) else f"{name}.{_worded(one)}"
             for name, one in value.items()
         )
     return ", ".join(map(str, value)) if isinstance(value, list) else str(value)

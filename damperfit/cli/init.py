@@ -38,7 +38,7 @@ def init(how: Shown, logs: list[str] | None, **given: Any) -> int:
     """
     out = Path(given["out"] or _FILE)
     path = None if str(out) == _STDOUT else out
-    keys = assignments(given["set"] or [], option=Option("set"), example="rod_diameter=12mm")
+    keys = assignments(given["set"] or [], Option("set"), "rod_diameter=12mm")
     asked = {**given, "out": path, "set": keys}
     is_refused = path is not None and path.exists() and not given["overwrite"]
     if _is_terminal() and not how.quiet and not is_refused:

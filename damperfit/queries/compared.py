@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from damperfit.adjustment.force_at import STROKES, Sine
+from damperfit.arguments import positive
 from damperfit.comparison import ComparisonOptions, bands_met, compare_runs, tolerated
 from damperfit.configuration.loading import load_configuration
 from damperfit.errors import ConfigurationError, DamperfitError, LogError
@@ -114,13 +115,9 @@ def comparison_options(
                 measured=Option("measured"),
                 code="not-together",
             )
-        sine = Sine(
-            parse_quantity(amplitude, "length", option="--amplitude"),
-            parse_quantity(frequency, "frequency", option="--frequency"),
-        )
-        for option, value in (("--amplitude", sine.amplitude), ("--frequency", sine.frequency)):
-            if value <= 0.0:
-                raise ConfigurationError(f"{option} {value:g}: expected more than 0")
+        size = positive(amplitude, "length", "amplitude")
+        rate = positive(frequency, "frequency", "frequency")
+        sine = Sine(size or 0.0, rate or 0.0)
     return ComparisonOptions(
         sine, tuple(speeds), is_measured, jobs, SI if units is None else parse_units(units)
     )

@@ -18,6 +18,7 @@ from damperfit.adjustment.force_at import (
     offset_sentence,
 )
 from damperfit.adjustment.wanted import Wanted, which_setting
+from damperfit.arguments import positive
 from damperfit.damper.quantity import RIG
 from damperfit.damper.warmed import Warmed
 from damperfit.errors import ConfigurationError, mishap_of
@@ -59,11 +60,8 @@ def refuse_unfitted(run: Run) -> Run:
 
 def _motion(own: Sine | None, amplitude: str | None, frequency: str | None) -> Sine:
     """Return the motion asked for, else the test's own."""
-    size = parse_quantity(amplitude, "length", option="--amplitude") if amplitude else None
-    rate = parse_quantity(frequency, "frequency", option="--frequency") if frequency else None
-    for option, value in (("--amplitude", size), ("--frequency", rate)):
-        if value is not None and value <= 0.0:
-            raise ConfigurationError(f"{option} {value:g}: expected more than 0")
+    size = positive(amplitude, "length", "amplitude")
+    rate = positive(frequency, "frequency", "frequency")
     if own is not None and size is None and rate is None:
         return own
     a = size if size is not None else own.amplitude if own else math.nan
