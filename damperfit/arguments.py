@@ -44,7 +44,6 @@ __all__ = [
     "folder_of",
     "known_as_setting",
     "path_of",
-    "positive",
     "public",
     "reading_as",
     "refuse_idle",
@@ -248,26 +247,6 @@ def _whole(value: Any, where: Option, *, least: int) -> int:
     if least and int(value) < least:
         raise ConfigurationError(f"expected {least} or more", where=where, code="out-of-range")
     return int(value)
-
-
-def positive(value: str | float | None, dimension: str, name: str) -> float | None:
-    """Return a quantity above zero in SI, as it was given by a keyword; of None None.
-
-    Raises
-    ------
-    ConfigurationError
-        It is no such quantity, or not above zero.
-    """
-    from damperfit.units.quantities import parse_quantity
-
-    if value is None:
-        return None
-    found = parse_quantity(value, dimension, option=Option(name))
-    if found <= 0.0:
-        raise ConfigurationError(
-            "expected more than 0", where=Option(name, f"{found:g}"), code="out-of-range"
-        )
-    return found
 
 
 def workers(jobs: int | None) -> int:

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from damperfit.adjustment.force_at import STROKES, Sine
-from damperfit.arguments import positive
 from damperfit.comparison import ComparisonOptions, bands_met, compare_runs, tolerated
 from damperfit.configuration.loading import load_configuration
 from damperfit.errors import ConfigurationError, DamperfitError, LogError
@@ -25,6 +24,7 @@ from damperfit.queries.compared_runs import (
     read_log_runs,
     read_run,
 )
+from damperfit.queries.settings import positive
 from damperfit.recording import natural_order
 from damperfit.run.log_files import expand
 from damperfit.simulation import NAMED_SPEEDS

@@ -18,7 +18,6 @@ from damperfit.adjustment.force_at import (
     offset_sentence,
 )
 from damperfit.adjustment.wanted import Wanted, which_setting
-from damperfit.arguments import positive
 from damperfit.damper.quantity import RIG
 from damperfit.damper.warmed import Warmed
 from damperfit.errors import ConfigurationError, mishap_of
@@ -41,6 +40,7 @@ __all__ = [
     "notes_on_settings",
     "notes_on_simulation",
     "parse_question",
+    "positive",
     "refuse_unfitted",
     "tabulate_forces",
 ]
@@ -56,6 +56,24 @@ def refuse_unfitted(run: Run) -> Run:
             code="no-parameters",
         )
     return run
+
+
+def positive(value: str | float | None, dimension: str, name: str) -> float | None:
+    """Return a quantity above zero in SI, as it was given by a keyword; of None None.
+
+    Raises
+    ------
+    ConfigurationError
+        It is no such quantity, or not above zero.
+    """
+    if value is None:
+        return None
+    found = parse_quantity(value, dimension, option=Option(name))
+    if found <= 0.0:
+        raise ConfigurationError(
+            "expected more than 0", where=Option(name, f"{found:g}"), code="out-of-range"
+        )
+    return found
 
 
 def _motion(own: Sine | None, amplitude: str | None, frequency: str | None) -> Sine:
