@@ -25,11 +25,8 @@ if TYPE_CHECKING:
 __all__ = [
     "FEWEST_SAMPLES",
     "LogFacts",
-    "all_alike",
     "effective_samples",
-    "holds_one_speed",
     "inseparable",
-    "n_speeds",
     "said_of_speeds",
     "weights",
 ]
@@ -116,14 +113,6 @@ def weights(traces: Sequence[Trace]) -> tuple[FloatArray | None, ...]:
     return tuple(one / math.sqrt(power) for one in both)
 
 
-@lru_cache(maxsize=16)
-def all_alike(n: int) -> FloatArray:
-    """Return weights of n samples that all count alike; nobody may change them."""
-    ones = np.ones(n)
-    ones.flags.writeable = False
-    return ones
-
-
 def _counted(trace: Trace) -> NDArray[np.bool_] | None:
     """Which of the compared samples lie beside no jump of the speed; None for all."""
     if trace.drive.velocity is trace.velocity or len(trace.drive.jumps):
@@ -197,94 +186,8 @@ _NEAR = 0.1  # of the speed
 _SHARE = 0.9
 
 
-def inseparable(
-    facts: LogFacts, free: Sequence[str], quantities: Sequence[Quantity]
-) -> tuple[str, ...]:
-    """Return the free parameters that logs of one speed cannot separate; none where they can.
-
-    Parameters
-    ----------
-    facts : LogFacts
-        Of the logs of a setting.
-    free : sequence of str
-        What is fitted.
-    quantities : sequence of Quantity
-        Of the model. The stiffness of the oil shows in the corners.
-    """
-    unknown = [one for one in quantities if one.name in free and one.role != STIFFNESS]
-    if len(unknown) <= _LEVELS:
-        return ()
-    return tuple(free) if facts.holds_one_speed else ()
-
-
-def holds_one_speed(traces: Sequence[Trace]) -> bool:
-    """Return whether nearly all compared samples of logs are at one speed, either way."""
-    speed = np.abs(np.concatenate([trace.drive.velocity[trace.compared] for trace in traces]))
-    # No band is wide enough for the slow and the fast samples. Where one speed would leave fewer
-    # outside than either are, as under a sine, the answer needs no median, which takes far longer.
-    mean = mean_of(speed)
-    parts = speed < mean * ((1.0 - _NEAR) / (1.0 + _NEAR)) ** 2, speed > mean
-    if min(map(np.count_nonzero, parts)) > (1.0 - _SHARE) * len(speed) + 1.0:
-        return False
-    return _speed_held(speed) is not None
-
-
-def _speed_held(speed: FloatArray) -> float | None:
-    """Return the speed at which nearly all samples are; None where there is none."""
-    usual = median(speed)
-    is_held = mean_of(np.abs(speed - usual) <= _NEAR * usual) > _SHARE
-    return usual if is_held else None
-
-
-def n_speeds(traces: Sequence[Trace]) -> int | None:
-    """Return how many speeds the stretches of logs hold; None where one holds none."""
-    speeds: list[float] = []
-    for trace in traces:
-        for stretch in trace.stretches:
-            held = _speed_held(np.abs(trace.drive.velocity[stretch.window]))
-            if held is None:
-                return None
-            if all(abs(held / other - 1.0) > _NEAR for other in speeds):
-                speeds.append(held)
-    return len(speeds)
-
-
-def said_of_speeds(
-    facts: LogFacts, free: Sequence[str], quantities: Sequence[Quantity]
-) -> tuple[str, ...]:
-    """Return what is to be said of logs that hold one speed, or too few for what is fitted.
-
-    Parameters
-    ----------
-    facts : LogFacts
-        Of the logs of a setting.
-    free : sequence of str
-        What is fitted.
-    quantities : sequence of Quantity
-        Of the model. Stiffness, gas and mounting show in the corners and along the stroke.
-    """
-    if inseparable(facts, free, quantities):
-        return (_ONE_SPEED,)
-    unknown = [
-        one
-        for one in quantities
-        if one.name in free
-        and (one.is_offset or one.scope != RIG)
-        and one.role not in {STIFFNESS, GAS_AMOUNT}
-    ]
-    if len(unknown) <= 2 * _LEVELS:  # two speeds determine them, and one was asked for above
-        return ()
-    n = facts.n_speeds
-    if n is None or _LEVELS * n >= len(unknown):
-        return ()
-    return (_FEW_SPEEDS.format(n, _LEVELS * n, len(unknown)),)
-
-
-# What a fit asks of its logs again and again, found once.
-
-
 class LogFacts:
-    """Facts of the logs of one setting, each found where it is first asked for.
+    """What a fit asks of the logs of one setting again and again, found where first asked for.
 
     Parameters
     ----------
@@ -313,10 +216,68 @@ class LogFacts:
 
     @cached_property
     def holds_one_speed(self) -> bool:
-        """Whether nearly all samples are at one speed."""
-        return holds_one_speed(self.traces)
+        """Whether nearly all samples are at one speed, either way."""
+        speeds = [np.abs(trace.drive.velocity[trace.compared]) for trace in self.traces]
+        return _speed_held(np.concatenate(speeds)) is not None
 
     @cached_property
     def n_speeds(self) -> int | None:
         """How many speeds the stretches hold; None where one holds none."""
-        return n_speeds(self.traces)
+        speeds: list[float] = []
+        for trace in self.traces:
+            for stretch in trace.stretches:
+                held = _speed_held(np.abs(trace.drive.velocity[stretch.window]))
+                if held is None:
+                    return None
+                if all(abs(held / other - 1.0) > _NEAR for other in speeds):
+                    speeds.append(held)
+        return len(speeds)
+
+
+def _speed_held(speed: FloatArray) -> float | None:
+    """The speed at which nearly all samples are; None where there is none."""
+    usual = median(speed)
+    is_held = mean_of(np.abs(speed - usual) <= _NEAR * usual) > _SHARE
+    return usual if is_held else None
+
+
+def inseparable(
+    facts: LogFacts, free: Sequence[str], quantities: Sequence[Quantity]
+) -> tuple[str, ...]:
+    """Return the free parameters that logs of one speed cannot separate; none where they can.
+
+    Parameters
+    ----------
+    facts : LogFacts
+        Of the logs of a setting.
+    free : sequence of str
+        What is fitted.
+    quantities : sequence of Quantity
+        Of the model. The stiffness of the oil shows in the corners.
+    """
+    unknown = [one for one in quantities if one.name in free and one.role != STIFFNESS]
+    return tuple(free) if len(unknown) > _LEVELS and facts.holds_one_speed else ()
+
+
+def said_of_speeds(
+    facts: LogFacts, free: Sequence[str], quantities: Sequence[Quantity]
+) -> tuple[str, ...]:
+    """Return what is to be said of logs that hold one speed, or too few for what is fitted.
+
+    As `inseparable`; stiffness, gas and mounting show in the corners and along the stroke.
+    """
+    if inseparable(facts, free, quantities):
+        return (_ONE_SPEED,)
+    unknown = [
+        one
+        for one in quantities
+        if one.name in free
+        and (one.is_offset or one.scope != RIG)
+        and one.role not in {STIFFNESS, GAS_AMOUNT}
+    ]
+    if len(unknown) <= 2 * _LEVELS:  # two speeds determine them, and one was asked for above
+        return ()
+    n = facts.n_speeds
+    if n is None or _LEVELS * n >= len(unknown):
+        return ()
+    return (_FEW_SPEEDS.format(n, _LEVELS * n, len(unknown)),)

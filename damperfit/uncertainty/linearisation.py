@@ -33,7 +33,7 @@ from damperfit.conditioning import apply_filter
 from damperfit.damper.friction import other_turns, with_pressed_seal
 from damperfit.damper.warmed import Warmed
 from damperfit.errors import SimulationError, sparing
-from damperfit.identification.log_facts import all_alike, weights
+from damperfit.identification.log_facts import weights
 from damperfit.identification.outcome import Status
 from damperfit.identification.simulated_log import compare
 from damperfit.simulation import SolverOptions, simulate
@@ -220,7 +220,7 @@ def linearise_at_fit(
         force, pressures, slopes, rounding = _simulated(log, values, damper, solver)
         others = _other_frictions(log, values, damper, solver, slopes)
         pressed.append(_pressed_on(damper, pressures[:, part]))
-        own_weights = all_alike(trace.n_samples) if weight is None else weight
+        own_weights = np.ones(trace.n_samples) if weight is None else weight
         residuals = trace.force[part] - force[part]
         squares += float(np.sum((own_weights * residuals) ** 2))
         by = [np.ascontiguousarray((rows * scales[:, None]).T) for rows in slopes]

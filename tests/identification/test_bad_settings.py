@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters
 from damperfit.damper.purdy.reference import reference_parameters
-from damperfit.errors import InstallationError, SimulationError
+from damperfit.errors import SimulationError
 from damperfit.identification import Campaign, FitOptions, Outcome, fit_problem, identify
-from damperfit.identification import fit_setting as one_setting
 from damperfit.identification.fit_problem import FitProblem
-from damperfit.identification.fit_setting import fit_setting, minimised
 from damperfit.identification.mean_cycle import settled
 from damperfit.recording import Trace
-from damperfit.simulation import Motion, SolverOptions, simulate
-from tests.identification.rig import trace, traces
+from damperfit.simulation import Motion, simulate
+from tests.identification.rig import traces
 
 PROCEDURES = ["paper", "joint", "plain"]
 KNOWN = {"r_m3": 2.597e6, "f_f": 50.0}
@@ -134,13 +131,6 @@ def test_where_none_can_be_fitted_each_says_why(logs, monkeypatch, procedure: st
         assert said in campaign.warnings[0]
 
 
-@pytest.mark.parametrize("procedure", PROCEDURES)
-def test_a_core_that_does_not_load_is_no_fault_of_a_setting(logs, break_at, procedure: str) -> None:
-    break_at(logs[1], InstallationError("the compiled core does not load."))
-    with pytest.raises(InstallationError):
-        identify(logs, PURDY_DAMPER, FitOptions(procedure))
-
-
 def test_a_setting_that_fails_in_the_tied_problem_alone_follows_the_others(
     logs, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -205,45 +195,3 @@ def test_a_bug_in_the_algebra_of_the_tied_problem_leaves_the_papers_results(
     )
     assert any("results of procedure paper" in text for text in campaign.warnings)
     assert alone.mishap is None
-
-
-def test_a_refining_descent_that_fails_leaves_what_was_found(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    log, truth = trace(9, duration=4.0), reference_parameters(9)
-    tight = 0
-
-    def broken(*args: object, options: SolverOptions, **kwargs: object) -> object:
-        nonlocal tight
-        if options.tolerance < 1e-3:
-            tight += 1
-            raise SimulationError("simulation failed: too tight.")
-        return simulate(*args, options=options, **kwargs)  # type: ignore[arg-type]
-
-    free = ("r_m1", "r_m2", "k_e")
-    problem = FitProblem(PURDY_DAMPER, (log,), free, SolverOptions(tolerance=1e-2))
-    start = replace(truth, r_m1=0.9 * truth.r_m1)
-    refined = minimised(problem, start)
-    monkeypatch.setattr(fit_problem, "simulate", broken)
-    solution = minimised(problem, start)
-    assert tight == 1
-    assert solution.failed_trials == refined.failed_trials + 1
-    assert solution.values.r_m1 == pytest.approx(truth.r_m1, rel=1e-3)
-    assert refined.values.r_m1 == pytest.approx(truth.r_m1, rel=1e-5)
-
-
-def test_a_second_start_that_fails_leaves_the_first_result(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    truth = replace(reference_parameters(6), r_m3=4.2e6)
-
-    def broken(*_: object) -> None:
-        raise SimulationError("simulation failed: no reason.")
-
-    monkeypatch.setattr(one_setting, "_approached", broken)
-    free = ("r_m1", "r_m2", "r_m3", "k_e")
-    log = trace(6, truth, duration=4.0)
-    problem = FitProblem(PURDY_DAMPER, (log,), free, SolverOptions(tolerance=1e-2))
-    judged = fit_setting(problem, truth)
-    assert judged.outcome is Outcome.CAVITATING
-    assert judged.values.r_m3 == pytest.approx(4.2e6, rel=1e-3)

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from damperfit.damper.cavitation import Cavitation, describe_cavitation, examine_cavitation
@@ -79,11 +77,3 @@ def test_a_setting_that_cavitates_says_where_and_what_it_takes() -> None:
     assert said[0].startswith("setting 10: 32 % of the cycle with chamber 2 at zero pressure, from")
     assert "it takes a gas pressure of 6." in said[0]
     assert said[1].startswith("elsewhere none does; lowest pressure")
-
-
-def test_without_rebound_resistance_nothing_is_near() -> None:
-    found = examined(replace(reference_parameters(10), r_m3=2.6e2))
-    assert found.fraction == 0.0
-    assert np.isnan(found.r_m3_margin)
-    assert math.isnan(found.safe_gas_pressure)
-    assert "may rise" not in describe_cavitation({10: found})[0]

@@ -51,24 +51,6 @@ def test_what_one_adjuster_moves_is_told_without_a_second() -> None:
     assert set(sharing.jointly) == {"rebound_opening", "rebound_slope", "k_e", "f_f"}
 
 
-@pytest.mark.slow
-def test_settings_alike_share_everything() -> None:
-    logs = [replace(log(at(6, 1), seed=k), name=f"{k}", setting=k) for k in (1, 2, 3)]
-    sharing = identify(logs, DAMPER, FOUND).sharing
-    assert set(sharing.free) - set(sharing.jointly) == {"f_0"}
-    assert not sharing.follows
-
-
-def test_declared_it_is_not_asked_of_the_logs(found: Campaign) -> None:
-    declared = identify(
-        adjusted.logs(), DAMPER, FitOptions("joint", share=(DETECT,), follows=FOLLOWS)
-    )
-    assert declared.sharing.follows == FOLLOWS
-    assert declared.sharing.sentence.startswith("As declared rebound_bleed and compression_bleed")
-    for one, other in zip(declared.fits, found.fits, strict=True):
-        assert one.parameters.numbers == pytest.approx(other.parameters.numbers, rel=3e-3)
-
-
 def test_it_is_the_minimum_of_one_big_least_squares(found: Campaign) -> None:
     logs = adjusted.logs()
     unknowns = [*found.sharing.unknowns, *(Unknown("f_0", one.places) for one in SETTINGS)]
@@ -173,15 +155,6 @@ def test_a_click_that_no_other_setting_has_is_its_own_to_tell() -> None:
     assert fit.status["rebound_bleed"] == "fitted"
     assert fit.status["rebound_opening"] == "shared"
     assert fit.parameters.rebound_bleed == pytest.approx(1.6e4, rel=0.02)
-
-
-@pytest.mark.slow
-def test_named_parameters_are_shared_by_all_as_ever() -> None:
-    # Friction that all settings have: the others stay each setting's own.
-    campaign = identify(adjusted.logs(), DAMPER, FitOptions("joint", share=("f_f",)))
-    assert campaign.sharing.jointly == ("f_f",)
-    assert not campaign.sharing.follows
-    assert campaign.fits[0].status["rebound_bleed"] == "fitted"
 
 
 @pytest.mark.slow

@@ -10,11 +10,9 @@ import pytest
 from damperfit.damper.purdy.appendices import modulus_at_pressure
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters
 from damperfit.damper.purdy.reference import reference_parameters
-from damperfit.errors import ConfigurationError
 from damperfit.identification import Campaign, FitOptions, Outcome, identify
 from damperfit.identification.fit_problem import FitProblem
 from damperfit.identification.gas_content import GasLaw, first_law, working_pressure
-from damperfit.identification.tied_problem import TiedProblem, fit_jointly
 from damperfit.simulation import SolverOptions
 from damperfit.uncertainty import assess, linearise_settings, uncertainties
 from damperfit.uncertainty.covariance import shared_covariance
@@ -128,34 +126,6 @@ def test_an_erratic_bulk_modulus_is_said_not_to_follow() -> None:
     assert max(found.sharing.gas_rises.values()) > 100.0
 
 
-def test_the_joint_fit_ends_in_a_minimum_of_the_law() -> None:
-    logs = traces([2, 11], noise=4.0, duration=4.0)
-    free = ("r_m1", "r_m2", "r_m3", "k_e", "f_f")
-    problems = {
-        t.setting: FitProblem(PURDY_DAMPER, (t,), free, SOLVER, max_evaluations=1) for t in logs
-    }
-    starts = {s: reference_parameters(s) for s in (2, 11)}
-    gas = GasLaw(0.003, 1.4e9, 1.4, {2: 8.2e5, 11: 16.4e5})
-    problem = TiedProblem(problems, ("r_m3", "f_f"), gas=gas)
-    best = fit_jointly(problem, starts)
-    assert best.is_converged
-    assert best.gas is not None
-    for setting, y in best.parameters.items():
-        assert y.k_e == best.gas.modulus(setting)
-    for name, factor in (("volume_ratio", 1.02), ("volume_ratio", 0.98), ("stiffness", 1.02)):
-        moved = replace(best.gas, **{name: factor * getattr(best.gas, name)})
-        beside = replace(problem, gas=moved, weights=best.weights)
-        fixed = replace(
-            beside,
-            problems={
-                s: replace(m, free=("r_m1", "r_m2", "r_m3", "f_f")) for s, m in problems.items()
-            },
-            gas=None,
-        )
-        there = {s: replace(y, k_e=moved.modulus(s)) for s, y in best.parameters.items()}
-        assert fit_jointly(fixed, there).cost > best.cost
-
-
 def test_the_law_is_eq_28_and_starts_from_a_line() -> None:
     pressures = {1: 8e5, 2: 16e5, 3: 30e5}
     law = GasLaw(0.004, 1.5e9, 1.4, pressures)
@@ -169,17 +139,3 @@ def test_the_law_is_eq_28_and_starts_from_a_line() -> None:
     # A K_e that falls with pressure has no gas to show for it; the start stays positive.
     odd = first_law({1: 9e8, 2: 7e8, 3: 5e8}, pressures, 1.4)
     assert odd.volume_ratio > 0.0 < odd.stiffness
-
-
-@pytest.mark.parametrize(
-    ("options", "text"),
-    [
-        (FitOptions(bulk_modulus="appendix1"), "expected procedure joint, found paper"),
-        (FitOptions("joint", bulk_modulus="appendix"), "Did you mean 'appendix1'"),
-        (replace(OPTIONS, fixed={"k_e": 5e8}), "it cannot be free, fixed or shared too"),
-        (replace(OPTIONS, share=("r_m3", "k_e")), "it cannot be free, fixed or shared too"),
-    ],
-)
-def test_options_that_cannot_be(options: FitOptions, text: str) -> None:
-    with pytest.raises(ConfigurationError, match=text):
-        identify([trace(1, duration=4.0)], PURDY_DAMPER, options)

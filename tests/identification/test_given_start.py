@@ -4,10 +4,7 @@ from __future__ import annotations
 
 from functools import cache
 
-import pytest
-
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.errors import ConfigurationError
 from damperfit.identification import (
     FitOptions,
     GivenStart,
@@ -49,21 +46,6 @@ def test_a_name_goes_before_the_table_what_is_fixed_before_both_and_the_range_be
     there = started(GivenStart({"r_m1": 2e4}, table))
     assert (there.r_m1, there.r_m2, there.r_m3) == (2e4, 2e6, KNOWN["r_m3"])
     assert there.k_e == PURDY_DAMPER.quantity("k_e").plausible[1]
-
-
-@pytest.mark.parametrize(
-    ("options", "said"),
-    [
-        ({"fixed": {"k_e": 5e8}, "start": {"k_e": 5e8}}, "k_e is fixed and also given a start"),
-        ({"start": {"k_f": 5e8}}, "no parameter 'k_f'"),
-        ({"start": {"k_e": 9e99}}, "k_e = 9e.99 is given as a start"),
-        ({"start": {"f_0": 5.0}}, "f_0 is given a start but is not fitted"),
-    ],
-)
-def test_what_cannot_act_is_refused(options, said) -> None:
-    start = GivenStart(options.pop("start"))
-    with pytest.raises(ConfigurationError, match=said):
-        check_options(FitOptions("plain", start=start, **options), PURDY_DAMPER)
 
 
 def test_what_is_freed_may_be_given_a_start() -> None:

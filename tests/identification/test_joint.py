@@ -12,7 +12,6 @@ from scipy.optimize import least_squares
 from damperfit.conditioning import condition
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
-from damperfit.errors import ConfigurationError
 from damperfit.identification import Campaign, FitOptions, Outcome, compare, identify
 from damperfit.identification import joint as joint_procedure
 from damperfit.identification.tied_problem import JointSolution, fit_jointly
@@ -103,18 +102,6 @@ def test_what_is_shared_is_an_option() -> None:
     ]
     found = identify(tared, PURDY_DAMPER, everything).fits
     assert found[0].parameters.f_0 == found[1].parameters.f_0 == pytest.approx(118.0, abs=0.5)
-
-
-def test_one_setting_is_said_not_to_be_a_joint_fit() -> None:
-    campaign = identify([trace(3, noise=4.0, duration=5.0)], PURDY_DAMPER, FitOptions("joint"))
-    assert campaign.procedure == "joint"
-    assert any("needs two settings" in text for text in campaign.warnings)
-
-
-def test_shared_and_fixed_at_once_is_refused() -> None:
-    options = FitOptions("joint", fixed={"f_f": 50.0})
-    with pytest.raises(ConfigurationError, match="f_f is shared and also free or fixed"):
-        identify([trace(1, duration=4.0)], PURDY_DAMPER, options)
 
 
 def test_what_is_not_shared_is_the_settings_own() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -47,15 +46,6 @@ def test_a_line_is_found_at_once_and_what_was_seen_is_kept() -> None:
     assert found.extra == "3.000"
     assert found.evaluations <= 3
     assert found.status > 0
-
-
-@pytest.mark.parametrize("kinds", [(True, True), (True, False), (False, False)])
-def test_the_same_minimum_in_any_variables(kinds: tuple[bool, bool]) -> None:
-    steps = Transformation(np.array(kinds), np.array([0.5, 7.0]))
-    y = np.array([2.0, 3.0])
-    assert steps.unpack(steps.pack(y)) == pytest.approx(y, rel=1e-14)
-    found = minimise(decay, np.array([0.7, 9.0]), steps, TIGHT)
-    assert steps.unpack(found.variables) == pytest.approx(y, rel=1e-9)
 
 
 def test_points_without_a_model_are_a_wall_also_far_from_the_minimum() -> None:
@@ -129,21 +119,6 @@ def test_a_descent_among_failures_shrinks_until_its_steps_are_short() -> None:
     assert ended.failed_trials == ended.evaluations - 1
     longer = iterate(lonely, START, replace(stopping, step_tolerance=1e-8))
     assert longer.failed_trials == ended.failed_trials + 4  # a tenth at each failure
-
-
-def test_a_step_that_rises_is_not_taken() -> None:
-    """From 2 the full step of arctan goes to -3.5, where the misfit is larger: back to 2."""
-    seen: list[float] = []
-
-    def bend(u: np.ndarray) -> tuple[DenseSystem, None]:
-        seen.append(float(u[0]))
-        return DenseSystem(np.arctan(u), (1.0 / (1.0 + u**2))[:, None]), None
-
-    ended = iterate(bend, np.array([2.0]), Stopping())
-    overshot = seen[1] - seen[0]
-    assert seen[1] == pytest.approx(2.0 - 5.0 * math.atan(2.0))
-    assert 0.1 <= (seen[2] - seen[0]) / overshot <= 0.55
-    assert ended.variables == pytest.approx([0.0], abs=1e-8)
 
 
 class Steps:
@@ -262,13 +237,6 @@ def test_what_the_shared_rows_leave_is_the_covariance_with_the_own_ones_free() -
     covariance = np.linalg.inv(jacobian.T @ jacobian)[-SHARED:, -SHARED:]
     rows = system.shared_rows
     assert np.linalg.inv(rows.T @ rows) == pytest.approx(covariance, rel=1e-10)
-
-
-def test_columns_too_short_for_their_squares_make_no_noise() -> None:
-    jacobian = np.array([[1.0, 0.0], [0.0, 1e-160], [1.0, 0.0]])
-    with np.errstate(all="raise", under="ignore"):
-        found = DenseSystem(np.array([1.0, 1.0, 1.0]), jacobian).scaled(np.ones(2)).step(0.0)
-    assert found.change == pytest.approx([-1.0, 0.0])
 
 
 # Some hundred steps along a valley, which a start nearby tells as well.

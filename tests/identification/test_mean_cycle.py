@@ -132,14 +132,6 @@ def test_the_parameters_are_those_of_the_logs_themselves(name: str, free: tuple[
     assert fast == pytest.approx(slow, rel=1e-4)
 
 
-@pytest.mark.parametrize("most", [1, 3, 5])
-def test_a_limit_of_evaluations_is_kept(most: int) -> None:
-    truth = reference_parameters(10)
-    few = replace(on_cycles(problem([trace(10, noise=4.0)])), max_evaluations=most)
-    found = minimised(few, truth.replace({name: 3.0 * getattr(truth, name) for name in THREE}))
-    assert (found.evaluations, found.ending) == (most, 0)
-
-
 def test_a_sum_of_squares_on_the_cycles_is_that_of_the_logs() -> None:
     whole = problem([trace(10, noise=4.0)], ALL)
     far = reference_parameters(10).replace({"r_m1": 2.6e4, "f_f": 80.0})

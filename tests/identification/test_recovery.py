@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 from scipy.signal import butter, sosfilt, sosfiltfilt
 
@@ -190,36 +189,6 @@ def test_several_logs_of_one_setting_are_one_fit() -> None:
     assert len(windows) == 3
     assert three.n_samples == sum(windows) > 2 * one.n_samples
     assert three.parameters.r_m1 == pytest.approx(reference_parameters(6).r_m1, rel=5e-4)
-
-
-def test_the_dead_band_does_not_move_the_result() -> None:
-    logs = [trace(8, noise=4.0)]
-    found = []
-    for dead_band in (1e-4, 5e-5):
-        solver = SolverOptions(tolerance=1e-2, dead_band=dead_band)
-        options = FitOptions("plain", FREE, KNOWN, solver=solver)
-        found.append(identify(logs, PURDY_DAMPER, options).fits[0].parameters)
-    assert found[1].r_m1 == pytest.approx(found[0].r_m1, rel=1e-4)
-    assert found[1].k_e == pytest.approx(found[0].k_e, rel=1e-3)
-
-
-def test_time_shift_and_whole_cycles_do_not_matter() -> None:
-    log = recording(8, noise=4.0)
-    options = FitOptions("plain", FREE, KNOWN)
-    found = [
-        identify([condition(replace(log, time=log.time + shift))], PURDY_DAMPER, options)
-        .fits[0]
-        .parameters
-        for shift in (0.0, 17.0, 1e6)
-    ]
-    for other in found[1:]:
-        assert other.r_m1 == pytest.approx(found[0].r_m1, rel=1e-8)
-        assert other.k_e == pytest.approx(found[0].k_e, rel=1e-7)
-
-
-def test_work_is_bounded() -> None:
-    campaign = identify(traces(range(1, 21, 3), noise=4.0, duration=5.0), PURDY_DAMPER)
-    assert np.mean([fit.evaluations for fit in campaign.fits]) < 18
 
 
 def test_jobs_and_order_give_the_same_bits() -> None:

@@ -94,30 +94,6 @@ def test_rigid_oil_over_the_grid(setting, amplitude, noise) -> None:
     _check(setting, amplitude, noise)
 
 
-@pytest.mark.parametrize(
-    ("procedure", "setting", "noise"),
-    [
-        ("paper", 1, 0.0),
-        ("plain", 1, 0.0),
-        ("joint", 1, 0.0),
-        ("plain", 20, 1.0),
-        *(
-            pytest.param(*more, marks=pytest.mark.slow)
-            for more in (
-                ("paper", 20, 1.0),
-                ("joint", 20, 1.0),
-                *itertools.product(("paper", "plain", "joint"), (1, 10, 20), (4.0,)),
-            )
-        ),
-    ],
-)
-def test_a_stroke_of_a_third_of_a_millimetre_is_fitted(procedure, setting, noise) -> None:
-    log = trace(setting, amplitude=3e-4, noise=noise, duration=4.0)
-    campaign = identify([log], PURDY_DAMPER, FitOptions(procedure))
-    assert campaign.failures == ()
-    assert len(campaign.fits) == 1
-
-
 def test_friction_is_told_by_logs_of_rigid_oil() -> None:
     # Used to be held at the fallback of 50 N, as no fit with everything free was sound.
     truth = replace(reference_parameters(10), f_f=70.0)

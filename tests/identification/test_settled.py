@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -70,15 +68,6 @@ def test_what_differs_between_cycles_counts_as_in_the_whole_log() -> None:
     # 2 N behind the filter of 30 Hz at 500 Hz, in all samples that are compared.
     n = logged(MOTION).n_samples
     assert found.scatter / n == pytest.approx(4.0 * 2 * 31.0 / 500.0, rel=0.35)
-
-
-def test_motions_that_do_not_repeat_have_no_cycles() -> None:
-    trace = logged(MOTION)
-    moving = replace(trace.stretches[0], kind="moving", cycle_starts=np.empty(0))
-    mixed = replace(trace, stretches=(moving, trace.stretches[1]))
-    assert settled([mixed]) is None
-    assert misfit(mixed).on_cycles().cycles is None
-    assert settled([trace, trace]) is not None
 
 
 def test_a_descent_from_afar_comes_to_the_true_values() -> None:

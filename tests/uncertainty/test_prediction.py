@@ -11,7 +11,6 @@ import pytest
 from damperfit.conditioning import condition
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
-from damperfit.errors import LogError
 from damperfit.identification import identify
 from damperfit.laws import PREDICTED_PERCENT
 from damperfit.recording import Trace
@@ -123,12 +122,6 @@ def test_the_last_cycles_are_held_out_and_nothing_is_lost(cycles: float, held: i
         whole.cycle_starts
     )
     assert rest.stop == pytest.approx(rest.cycle_starts[-1], abs=0.5)
-
-
-def test_a_cycle_must_be_left_to_fit() -> None:
-    trace = log(10)
-    with pytest.raises(LogError, match="6 steady cycles, of which 6 are to be held out"):
-        split_cycles(trace, 6)
 
 
 def test_the_fit_does_not_see_what_is_held_out() -> None:

@@ -14,14 +14,14 @@ from damperfit.conditioning.gas_force import YIELDS, held_share
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import FitOptions, identify
-from damperfit.recording import Finding, Recording
+from damperfit.recording import Recording
 from damperfit.uncertainty import assess, objections
 from damperfit.uncertainty.flaws import (
     Hint,
     _as_stiffness,
     _is_reasonable,
 )
-from damperfit.uncertainty.residuals import Diagnosis, _fits_skew, reconciled
+from damperfit.uncertainty.residuals import Diagnosis, reconciled
 from tests.identification.rig import recording, short_trace
 
 PLAIN = FitOptions("plain", ("r_m1", "r_m2", "k_e", "f_f"), {"r_m3": 2.597e6})
@@ -142,20 +142,3 @@ def test_causes_of_one_run_do_not_contradict_each_other() -> None:
     # What each setting may have for itself stands in any sign.
     own = (diagnosis(1, valve), diagnosis(2, hint("valve_law_bump", -50.0)))
     assert reconciled(own) == own
-
-
-def linearised(*findings: Finding) -> SimpleNamespace:
-    log = SimpleNamespace(trace=SimpleNamespace(name="a.csv", findings=findings))
-    return SimpleNamespace(fit=SimpleNamespace(logs=(log,)))
-
-
-def test_a_delay_does_not_contradict_the_skew_found_in_the_log() -> None:
-    together = linearised(Finding("skew", "note", "", 0.2e-3, "s"))
-    assert _fits_skew(together, 1.19)
-    assert not _fits_skew(together, 1.21)
-    late = linearised(Finding("skew", "warning", "", 4e-3, "s"))
-    assert _fits_skew(late, 7.9)
-    assert not _fits_skew(late, 8.1)
-    taken_back = linearised(Finding("skew", "note", "", 4e-3, "s", is_correction=True))
-    assert not _fits_skew(taken_back, 4.0)
-    assert _fits_skew(linearised(Finding("skew", "note", "cannot be determined", None, "s")), 20.0)

@@ -2,27 +2,19 @@
 
 from __future__ import annotations
 
-import inspect
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.identification import FitOptions, Outcome, Sharing
+from damperfit.identification import Outcome, Sharing
 from damperfit.identification.outcome import Status
-from damperfit.run.judging import Judgement
-from damperfit.run.record import _judged, unlike_frictions
+from damperfit.run.record import unlike_frictions
 from damperfit.uncertainty import (
     Assessment,
-    Bench,
-    Diagnosis,
     Interval,
     Uncertainty,
-    assess,
-    linearise_settings,
-    predict,
     reconsider,
 )
 from damperfit.uncertainty.correlation import cycle_covariance, sums_by_cycle
@@ -31,11 +23,6 @@ from damperfit.uncertainty.profiles import MisfitProfile, ProfilePoint
 from damperfit.uncertainty.residuals import residual_scatter
 from damperfit.uncertainty.verdicts import doubts, verdicts
 from tests import fakes
-
-
-def diagnosis(setting, *, mse=0.02, noise=0.018, is_structured=False, words="") -> Diagnosis:
-    said = words or f"sentence of {setting}"
-    return Diagnosis(setting, mse, noise, is_structured, 0.0, 1.0, (), said)
 
 
 def profile(low, high, *, name="r_m3", setting=1, better=0.0, **more) -> MisfitProfile:
@@ -136,21 +123,6 @@ def test_of_profiles_elsewhere_only_that_of_the_shared_r_m3_speaks_for_a_setting
     assert Assessment(profiles=(partial,)).telling(1) == {}
 
 
-def test_the_record_of_trust_has_a_place_for_everything() -> None:
-    judged = Assessment(
-        uncertainties=(known(),), diagnoses=(diagnosis(1),), profiles=(profile(1.5, 3.5),)
-    )
-    told = _judged(fakes.campaign(fakes.fit(1)), Judgement(judged))
-    (trust,) = told["uncertainty"]
-    assert (trust["setting"], trust["shared"]) == (1, ["r_m3"])
-    assert trust["parameters"] == ["r_m1", "r_m2", "k_e", "r_m3"]
-    assert trust["verdicts"]["f_0"] == "held at the value given"
-    assert trust["residuals"]["sentence"] == "sentence of 1"
-    assert trust["cavitation"]["chamber"] == 2
-    assert [one["ci_low"] for one in told["profiles"]] == [1.5]
-    assert told["gas_content"] is None
-
-
 def test_two_cycles_are_enough_to_scatter_and_one_is_not() -> None:
     rng = np.random.default_rng(2)
     scores = rng.standard_normal((400, 2))
@@ -181,15 +153,6 @@ def test_an_interval_with_the_misfit_as_wide_as_that_of_no_value_is_told(
     offset = replace(seen, intervals={**seen.intervals, "f_0": Interval(1.0, -9.0, 9.0, math.nan)})
     judged = Assessment(uncertainties=(offset,))
     assert reconsider(fakes.campaign(fit), judged).fits[0].status == fit.status
-
-
-def test_a_fit_is_judged_by_the_integrator_that_has_made_it() -> None:
-    """Coarser and finer ones differ by forces that would count as a misfit that repeats."""
-    fitted = FitOptions().solver
-    for function in (assess, linearise_settings, predict):
-        solver = inspect.signature(function).parameters["solver"]
-        assert solver.default == fitted, function.__name__
-    assert Bench(PURDY_DAMPER).solver == fitted
 
 
 def frictions(*found, status="fitted") -> list[str]:
