@@ -33,6 +33,7 @@ from damperfit.io.formats import Column, FloatArray, Samples, Table
 from damperfit.io.options import EXTRAS, SEPARATORS, ReadOptions
 from damperfit.recording import Finding
 from damperfit.statistics import median
+from damperfit.tested.identity import names_identity
 from damperfit.units.quantities import is_unit
 
 __all__ = ["clock_seconds", "is_stamp", "read_delimited", "read_lvm", "rows_dropped"]
@@ -51,6 +52,7 @@ _VALUE = re.compile(
     rf"{_NUMBER.pattern}|{_COMMA.pattern}|[+-]?(?i:nan|inf)|\d+[-/.:]\d+[-/.:]\d(?s:.*)", re.ASCII
 )
 _ENTRY = re.compile(r"[#%;\s]*(?P<key>[^:=,;\t]{1,60}?)\s*[:=]\s*(?P<value>.*?)[\s;,]*")
+_CELLS = re.compile(r"[\s\"]*(?P<key>[^:=,;\t]{1,60}?)\"?\s*[,;\t]\s*(?P<value>[^;\t]*?)[\s;,]*")
 _LINE = re.compile(rb"([^\r\n]*)(\r\n|\n|\r|\Z)")
 _LINE_END = re.compile(rb"\r\n|\n|\r")
 _EVENTS = re.compile(r"events?|markers?|comments?|remarks?|notes?", re.IGNORECASE)
@@ -310,8 +312,14 @@ def _fields(text: str, separator: str) -> list[str]:
 
 
 def _metadata(preamble: Iterable[str]) -> dict[str, str]:
-    """Return the ``key: value`` lines of a preamble, keys in lower case."""
-    pairs = [match for line in preamble if (match := _ENTRY.fullmatch(line))]
+    """Return the ``key: value`` lines of a preamble, keys in lower case.
+
+    Whose test it is may stand in two cells, as in ``Operator;J. Smith``.
+    """
+    lines = list(preamble)
+    cells = [match for line in lines if (match := _CELLS.fullmatch(line))]
+    pairs = [match for line in lines if (match := _ENTRY.fullmatch(line))]
+    pairs = [*(one for one in cells if names_identity(one["key"])), *pairs]
     return {pair["key"].strip("#%\" '").lower(): pair["value"].strip('" ') for pair in pairs}
 
 

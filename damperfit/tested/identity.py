@@ -85,6 +85,12 @@ def identity_sentence(stated: Mapping[str, str]) -> str:
     return "; ".join(([whose] if whose else []) + rest)
 
 
+def names_identity(key: str) -> bool:
+    """Return whether a key of a preamble is one of those that say whose test it is."""
+    word = re.sub(r"[\W_]+", "", key.casefold())
+    return any(word in known for known in _WORDS.values())
+
+
 def identity_in(metadata: Mapping[str, str]) -> Identity:
     """Return what a preamble tells of the test.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import json
 import shutil
 from pathlib import Path
@@ -111,3 +112,22 @@ def test_samples_of_results_are_of_their_damper(run, slim, tmp_path, table) -> N
     peak = max(float(row.split(",")[2]) for row in rows)
     simulated = run("simulate", "--setting", "2", "--parameters", slim, "--json")
     assert peak == pytest.approx(_peak(simulated), rel=2e-3)
+
+
+@pytest.mark.parametrize("mark", [":", ";", ",", "\t"])
+def test_whose_test_it_is_stands_on_the_page_however_the_preamble_writes_it(
+    run, tmp_path, mark
+) -> None:
+    log = Path(__file__).parents[2] / "sample_runs" / "setting_01.csv"
+    rows = [one for one in log.read_text().splitlines() if not one.startswith("#")]
+    told = {"Operator": "J. Smith", "Customer": "Team <Blue>", "Date": "2026-03-04"}
+    head = [f"{key}{mark}{value}" for key, value in told.items()]
+    (tmp_path / "log.csv").write_text("\n".join([*head, *rows]) + "\n")
+    out = tmp_path / "results"
+    ended = run("identify", tmp_path / "log.csv", "--setting", "1", "--out", out)
+    assert ended.code == 0, ended.err
+    assert run("report", out).code == 0
+    page = (out / "report.html").read_text(encoding="utf-8")
+    for key, value in told.items():
+        assert f"<dt>{key.lower()}</dt><dd>{html.escape(value)}</dd>" in page
+        assert f"{key.lower()}: {value}" in (out / "report.md").read_text().replace("\\", "")
