@@ -22,7 +22,7 @@ _DOOR = {
     "Damper": "damperfit.damper.purdy.parameters",
     "Motion": "damperfit.simulation.motion",
     "Run": "damperfit.results",
-    **dict.fromkeys(("advise", "valves"), "damperfit.after_fit.functions"),
+    **dict.fromkeys(("advise", "passport", "valves", "watch"), "damperfit.after_fit.functions"),
     **dict.fromkeys(
         (
             "compare",

@@ -25,7 +25,7 @@ __all__ = [
 
 # Options that say how a command talks, and keywords that take objects of Python.
 PRESENTATION = ("json", "quiet", "debug", "version", "log_file", "github_summary", "list")
-PYTHON_ONLY = ("damper", "watch", "on_law", "inspect.units")
+PYTHON_ONLY = ("damper", "watch", "stop", "on_law", "inspect.units")
 
 
 class Keyword(NamedTuple):
@@ -81,6 +81,8 @@ _TABLE: dict[str, dict[str, tuple[Any, ...]]] = {
             ("Results folders, or folders of several; A is the reference. With --measured also raw "
             "logs: a folder, a quoted pattern or @list.txt of them is one run."),
         ),
+        "watch.folder": ("argument", "DIR", "Folder that the rig writes into."),
+        "watch.reference": ("results", "RESULTS", "What forces are compared with."),
         "folder": ("argument", "DIR", "Folder for the logs."),
         "for_": (
             "text", "NAME|force@SPEED",
@@ -295,6 +297,11 @@ _TABLE: dict[str, dict[str, tuple[Any, ...]]] = {
             "A file if it has a suffix, else a folder.  [default: export in the results folder]",
         ),
         "report.out": ("path", "DIR", "Where to write.  [default: the results folder]"),
+        "passport.out": ("path", "DIR", "Where to write.  [default: the working folder]"),
+        "watch.out": (
+            "path", "DIR",
+            "Folder of results and page of all logs so far.  [default: nothing is written]",
+        ),
         "fleet.out": ("path", "DIR", "Folder of the fleet's parts."),
         "init.out": (
             "path", "FILE.toml",

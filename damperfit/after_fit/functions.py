@@ -6,17 +6,21 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from damperfit.arguments import folder_of, public
+from damperfit.arguments import folder_of, path_of, public
 from damperfit.errors import ConfigurationError
 from damperfit.problem import Option
 from damperfit.units.quantities import parse_quantity
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from threading import Event
+
     from damperfit.after_fit.advise import Advice
     from damperfit.after_fit.valves import Orifices
+    from damperfit.after_fit.watch import Arrival
     from damperfit.results import Run, SettingResult
 
-__all__ = ["advise", "valves"]
+__all__ = ["advise", "passport", "valves", "watch"]
 
 _RESULTS = Path("results")
 _FASTER = 2.0  # times the tested speed, where the rig's is not declared
@@ -102,6 +106,106 @@ def valves(
         seat=None if seat is None else parse_quantity(seat, "length", option=Option("seat")),
         reference=None if reference is None else run_of(reference, "damperfit.valves"),
     )
+
+
+@public
+def passport(
+    results: Run | str | Path = _RESULTS,
+    *,
+    out: str | Path | None = None,
+    units: str | None = None,
+    config: str | Path | None = None,
+) -> tuple[Path, Path]:
+    """Write the passport of a damper: one A4 page, and a JSON that `compare` takes as a baseline.
+
+    Parameters
+    ----------
+    results : Run or path
+        Of one damper.
+
+    Returns
+    -------
+    tuple of pathlib.Path
+        The page and the JSON.
+    """
+    from damperfit.after_fit.passport import write_passport
+    from damperfit.reporting.records import units_in
+    from damperfit.units.shown_units import parse_units
+
+    run = run_of(results, "damperfit.passport", config)
+    shown = units_in(run.record) if units is None else parse_units(units)
+    return write_passport(run, Path(out) if out is not None else Path(), shown)
+
+
+@public
+def watch(
+    folder: str | Path,
+    *,
+    out: str | Path | None = None,
+    reference: Run | str | Path | None = None,
+    config: str | Path | None = None,
+    stop: Event | None = None,
+) -> Iterator[Arrival]:
+    """Yield what comes of each new log in a folder, until it is stopped.
+
+    Results and page of all logs so far are written whenever no log waits.
+
+    Parameters
+    ----------
+    folder : path
+        Where the rig writes.
+    out : path, optional
+        Folder of the results; by default nothing is written.
+    reference : Run or path, optional
+        What forces are compared with.
+    stop : threading.Event, optional
+        Ends it when it is set; Ctrl-C does so too.
+    """
+    from threading import Event
+
+    place = path_of(folder, "damperfit.watch", "the path of a folder")
+    earlier = None if reference is None else run_of(reference, "damperfit.watch")
+    if not place.is_dir():
+        raise ConfigurationError("no such folder", subject=place, code="no-folder")
+    return _watched(place, out, earlier, config, stop or Event())
+
+
+def _watched(
+    folder: Path,
+    out: str | Path | None,
+    reference: Run | None,
+    config: str | Path | None,
+    stop: Event,
+) -> Iterator[Arrival]:
+    from damperfit.after_fit.watch import answered, arrivals
+    from damperfit.api import identify
+
+    folder = folder.resolve()
+    own = None if out is None else Path(out).resolve()
+    fitted: dict[Path, None] = {}
+    is_stale = False
+    try:
+        for paths in arrivals(folder, own, stop):
+            for path in paths:
+                found = answered(
+                    path,
+                    lambda log: identify([log], config=config),
+                    reference,
+                    str(path.relative_to(folder)),
+                )
+                fitted.pop(path, None)
+                if found.run is not None:
+                    fitted[path] = None
+                    is_stale = out is not None
+                yield found
+            if is_stale and not paths:
+                identify(list(fitted), config=config, out=out, report=True)
+                is_stale = False
+    except KeyboardInterrupt:
+        pass
+    finally:
+        if is_stale:
+            identify(list(fitted), config=config, out=out, report=True)
 
 
 def run_of(results: object, call: str, config: str | Path | None = None) -> Run:

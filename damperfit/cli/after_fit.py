@@ -8,7 +8,7 @@ from damperfit.after_fit import functions
 from damperfit.cli.command import Shown, command
 from damperfit.cli.console import print_json, print_lines, print_table, say, wrapped
 
-__all__ = ["advise", "valves"]
+__all__ = ["advise", "passport", "valves", "watch"]
 
 
 @command(functions.advise)
@@ -43,4 +43,38 @@ def valves(how: Shown, **given: Any) -> int:
             print_table(sheet)
     for remark in found.remarks:
         say(f"note: {remark}")
+    return 0
+
+
+@command(functions.passport)
+def passport(how: Shown, **given: Any) -> int:
+    """Write the passport of a damper: one A4 page, and a JSON that compare takes as a baseline.
+
+    Example: damperfit passport results --out passports
+    """
+    files = functions.passport(**given)
+    if how.json:
+        print_json({"files": [str(path) for path in files]})
+    elif not how.quiet:
+        say(f"damperfit: {files[0]} and {files[1]} written")
+    return 0
+
+
+@command(functions.watch, shown=("json", "quiet", "debug", "version"))
+def watch(how: Shown, **given: Any) -> int:
+    """Fit each log as soon as it is complete, and answer in one line; Ctrl-C ends it.
+
+    Example: damperfit watch runs --out results --reference before
+    """
+    arrivals = functions.watch(**given)
+    if not how.quiet:
+        say(f"damperfit: watching {given['folder']}; Ctrl-C ends it")
+    try:
+        for arrival in arrivals:
+            if how.json:
+                print_json({"log": str(arrival.path), "sentence": arrival.sentence})
+            else:
+                print_lines([arrival.sentence])
+    except KeyboardInterrupt:
+        arrivals.close()  # type: ignore[attr-defined]
     return 0

@@ -71,7 +71,10 @@ for _name in (
     *("export", "inspect", "samples", "config"),
 ):
     app.command(cls=PanelledCommand)(getattr(commands, _name))
-for _command in (after_fit.advise, after_fit.valves, init, commands.doctor):
+for _command in (
+    *(after_fit.advise, after_fit.valves, after_fit.passport, after_fit.watch),
+    *(init, commands.doctor),
+):
     app.command(cls=PanelledCommand)(_command)
 app.command(_TELLS_OF_ALL, cls=PanelledCommand)(commands.show_help)
 

@@ -21,6 +21,8 @@ TOPICS = (
     "compare",
     "advise",
     "valves",
+    "passport",
+    "watch",
     "export",
     "gates",
     "fleet",

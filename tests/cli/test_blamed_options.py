@@ -20,6 +20,8 @@ BESIDE = {
     "samples": ["runs"],
     "advise": ["RESULTS", "--for", "k_e"],
     "valves": ["RESULTS"],
+    "passport": ["RESULTS"],
+    "watch": ["runs"],
     "export": ["RESULTS", "--to", "csv"],
     "compare": ["RESULTS", "RESULTS"],
     "settings": ["RESULTS", "--velocity", "0.1m/s"],

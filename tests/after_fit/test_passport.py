@@ -1,0 +1,87 @@
+"""The passport of a damper, and a folder that is watched."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import threading
+import time
+
+import pytest
+
+import damperfit
+from damperfit.cli import main
+
+
+@pytest.fixture(scope="module")
+def results(sample_results):
+    return sample_results / "results"
+
+
+def test_a_passport_is_a_page_and_a_baseline(results, tmp_path, capsys) -> None:
+    assert main(["passport", str(results), "--out", str(tmp_path), "--json"]) == 0
+    page, record = json.loads(capsys.readouterr().out)["files"]
+    text = (tmp_path / page).read_text(encoding="utf-8")
+    run = damperfit.load(results)
+    assert len(text) < 300_000
+    assert "<script" not in text
+    known = json.loads((tmp_path / record).read_text(encoding="utf-8"))["passport"]
+    for log in run.logs:
+        assert known["logs"][log.name] == log.facts["sha256"]
+        assert log.facts["sha256"] in text
+    assert len(known["clicks"]) == len(run.forces)
+    (comparison,) = damperfit.compare(tmp_path / record, results).document()["comparisons"]
+    changes = [line for line in comparison["lines"] if "different" in line["verdict"]]
+    assert changes == []
+
+
+def test_what_a_log_says_is_escaped_on_the_page(sample_results, tmp_path) -> None:
+    log = sample_results / "sample_runs" / "setting_01.csv"
+    text = log.read_text(encoding="utf-8")
+    (tmp_path / "x_s1.csv").write_text(f"# serial: <b>7\n{text}", encoding="utf-8")
+    run = damperfit.identify([tmp_path / "x_s1.csv"], out=tmp_path / "results")
+    page, _ = damperfit.passport(run, out=tmp_path)
+    assert page.name == "passport__b_7.html"
+    assert "<b>7" not in page.read_text(encoding="utf-8")
+
+
+@pytest.mark.skipif(
+    not pytest.importorskip("importlib.util").find_spec("watchfiles"), reason="needs watchfiles"
+)
+def test_a_watched_folder_answers_complete_logs_once_and_keeps_the_results(
+    sample_results, results, tmp_path
+) -> None:
+    runs, out = tmp_path / "runs", tmp_path / "out"
+    runs.mkdir()
+    logs = sample_results / "sample_runs"
+    shutil.copy(logs / "setting_01.csv", runs)  # there before
+    stop, seen = threading.Event(), []
+
+    def rig() -> None:
+        text = (logs / "setting_02.csv").read_text(encoding="utf-8")
+        with (runs / "setting_02.csv").open("w", encoding="utf-8") as file:
+            for k in range(4):  # written in four parts
+                file.write(text[k * len(text) // 4 : (k + 1) * len(text) // 4])
+                file.flush()
+                time.sleep(0.1)
+        (runs / "bad_s3.csv").write_text("x,y\n1,2\n", encoding="utf-8")
+
+    threading.Thread(target=rig).start()
+    for arrival in damperfit.watch(runs, out=out, reference=results, stop=stop):
+        seen.append(arrival)
+        if len(seen) == 3:
+            stop.set()
+    by_name = {arrival.path.name: arrival for arrival in seen}
+    assert set(by_name) == {"setting_01.csv", "setting_02.csv", "bad_s3.csv"}
+    assert by_name["bad_s3.csv"].run is None
+    assert "good" in by_name["setting_01.csv"].sentence
+    whole = damperfit.identify([logs / "setting_02.csv"])
+    found = by_name["setting_02.csv"].run
+    assert found.setting(2).values["k_e"] == whole.setting(2).values["k_e"]  # no part was fitted
+    assert [setting.label for setting in damperfit.load(out).settings] == ["1", "2"]
+    assert (out / "report.html").exists()
+
+
+def test_a_folder_that_is_not_there_is_refused(tmp_path, capsys) -> None:
+    assert main(["watch", str(tmp_path / "nowhere")]) == 2
+    assert "no such folder" in capsys.readouterr().err
