@@ -404,7 +404,7 @@ def models(  # noqa: PLR0913 - one keyword an option of the command line
     """
     given = dict(locals())
     from damperfit.errors import did_you_mean
-    from damperfit.laws.other_layouts import LAYOUTS
+    from damperfit.laws.structures import LAYOUTS
     from damperfit.run.auto_model import choose_law
     from damperfit.run.given_starts import start_of_laws
     from damperfit.run.log_files import as_files

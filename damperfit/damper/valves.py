@@ -45,6 +45,7 @@ __all__ = [
     "ValveCurve",
     "ValveReading",
     "loop_of",
+    "read_loops",
     "read_valves",
     "valve_characteristics",
     "valve_points",
@@ -421,7 +422,10 @@ def valve_characteristics(
 
 
 def valve_starts(
-    damper: ValveDamper, traces: Sequence[Trace], fixed: Mapping[str, float]
+    damper: ValveDamper,
+    traces: Sequence[Trace],
+    fixed: Mapping[str, float],
+    readings: Sequence[ValveReading] = (),
 ) -> tuple[Values, ...]:
     """Return starting points for the logs of one setting, that of the loops first.
 
@@ -433,16 +437,33 @@ def valve_starts(
         Logs of one setting.
     fixed : mapping of str to float
         What is held.
+    readings : sequence of ValveReading
+        As of `read_loops`, where they are known.
     """
-    return tuple(
-        within_plausible(damper, one, fixed) for one in valve_points(damper, traces, fixed)
-    )
+    points = valve_points(damper, traces, fixed, readings)
+    return tuple(within_plausible(damper, one, fixed) for one in points)
 
 
 def valve_points(
-    damper: ValveDamper, traces: Sequence[Trace], fixed: Mapping[str, float]
+    damper: ValveDamper,
+    traces: Sequence[Trace],
+    fixed: Mapping[str, float],
+    readings: Sequence[ValveReading] = (),
 ) -> list[dict[str, float]]:
     """Return the same points by name, whatever of it the damper has."""
+    readings = readings or read_loops(damper, traces, fixed)
+    points = [
+        _general(damper, reading, traces) | _valves(damper, reading, traces, None)
+        for reading in readings
+    ]
+    points += [points[0] | _valves(damper, readings[0], traces, guess) for guess in _GUESSES]
+    return points
+
+
+def read_loops(
+    damper: ValveDamper, traces: Sequence[Trace], fixed: Mapping[str, float]
+) -> list[ValveReading]:
+    """Return the valves as the loops show them: the same for every kind of valve in a layout."""
     mass = damper.mounting.moving_mass
     known = 0.0 if isinstance(mass, str) else float(mass)
     loops = [
@@ -454,16 +475,10 @@ def valve_points(
     ]
     half = 0.5 * max(float(np.ptp(loop.force)) for loop in loops)
     at = ((fixed.get("f_0", offset), fixed.get("f_f", share * half)) for offset, share in _READ_AT)
-    readings = [
+    return [
         read_valves(loops, *_sides(damper, fixed), offset=offset, friction=friction)
         for offset, friction in dict.fromkeys(at)
     ]
-    points = [
-        _general(damper, reading, traces) | _valves(damper, reading, traces, None)
-        for reading in readings
-    ]
-    points += [points[0] | _valves(damper, readings[0], traces, guess) for guess in _GUESSES]
-    return points
 
 
 def _sides(damper: ValveDamper, fixed: Mapping[str, float]) -> tuple[Side, Side]:
@@ -529,7 +544,7 @@ def _parts(
         root = _HALF * most / math.sqrt(opening)
         conductance = _HALF * most / max(top - opening, 0.1 * top)
     if valve.blow_off == "none":  # the bleed carries all
-        root = most / math.sqrt(top)
+        root, opening = most / math.sqrt(top), top
     elif valve.bleed == "none":
         conductance = most / max(top - opening, 0.1 * top)
     root = max(root, _LEAST * most / math.sqrt(top))

@@ -1,48 +1,154 @@
-"""One law fitted to the logs of one setting, for comparing laws: short, and with a prediction.
-
-It descends on the logs' settled cycles and ends, where asked, on the whole logs. What runs into an
-edge of its plausible range stays there and is reported: a play or a lag that is not there goes to
-nothing, and a law that has such a quantity has one too many.
-"""
+"""A structure fitted at settings, for comparing: what it misses and predicts, what was tried."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from damperfit.conditioning import TRANSIENTS, transients
 from damperfit.errors import SimulationError
+from damperfit.identification import compare, normalised_mse
 from damperfit.identification.fit_problem import LawMisfit
 from damperfit.identification.log_facts import FEWEST_SAMPLES
 from damperfit.identification.starts import COMPARING, best_of_starts
-from damperfit.laws.missed import misses
 from damperfit.simulation import SolverOptions
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
     from damperfit.damper.model import Model, Values
-    from damperfit.identification.least_squares import Minimum
     from damperfit.recording import Trace
-    from damperfit.tested.setting import Setting
 
     FloatArray = NDArray[np.float64]
+    from collections.abc import Mapping
+
+    from damperfit.identification.least_squares import Minimum
+    from damperfit.tested.setting import Setting
 
 __all__ = [
+    "ENOUGH_PERCENT",
+    "GAIN",
+    "PREDICTED_PERCENT",
+    "SEEN_APART",
     "UNDETERMINED",
+    "JudgedLaw",
     "LawFit",
+    "LawSearch",
+    "Missed",
     "SettingLogs",
+    "Tried",
+    "are_alike",
     "descended",
     "fit_at",
     "fit_law",
+    "misses",
+    "predicted_worse",
+    "times_worse",
     "with_whole_friction",
+    "worst_force",
 ]
+
+
+# What a law misses of logs: in all, and at the speed where it is off most.
+
+# Of half the range: the least force that what is left in a stroke is held against.
+_LEAST_FORCE = 0.2
+# Forces are compared at as many speeds of a stroke, from a third of the highest one on.
+_SPEEDS, _FROM_SPEED = 12, 4
+
+
+class Missed(NamedTuple):
+    """Residuals of each stretch, N; the MSE of each, of all; the force as of `LawFit`."""
+
+    residuals: tuple[FloatArray, ...]
+    stretches: tuple[float, ...]
+    mse_percent: float
+    worst_force_percent: float
+
+
+def misses(
+    model: Model,
+    values: Values,
+    traces: Sequence[Trace],
+    solver: SolverOptions,
+    *,
+    has_own_offsets: bool = False,
+) -> Missed:
+    """Return what a law misses of logs.
+
+    Parameters
+    ----------
+    model : Model
+        The law.
+    values : Values
+        Its numbers.
+    traces : sequence of Trace
+        The logs.
+    solver : SolverOptions
+        How exactly to integrate.
+    has_own_offsets : bool
+        Each log has a force offset of its own, which is not counted: a rig is tared anew.
+    """
+    residuals, alone, measured, forces = [], [], [], [0.0]
+    for trace in traces:
+        force = compare(values, trace, model, solver=solver).force
+        if has_own_offsets:
+            force = force + float(np.mean((trace.force - force)[trace.compared]))
+        for stretch in trace.stretches:
+            part = stretch.window
+            residuals.append(force[part] - trace.force[part])
+            alone.append(normalised_mse(trace.force[part], force[part]))
+            measured.append(trace.force[part])
+            if stretch.n_cycles:
+                samples = np.arange(part.start, part.stop)
+                cycle = np.searchsorted(stretch.cycle_starts, samples, "right")
+                velocity = trace.drive.velocity[part]
+                forces.append(worst_force(measured[-1], residuals[-1], velocity, cycle))
+    together, rest = np.concatenate(measured), np.concatenate(residuals)
+    mse = normalised_mse(together, together + rest)
+    return Missed(tuple(residuals), tuple(alone), mse, max(forces))
+
+
+def worst_force(
+    force: FloatArray, rest: FloatArray, velocity: FloatArray, cycle: NDArray[np.intp]
+) -> float:
+    """Return by how much the mean force at a speed is off where it is off most.
+
+    A speed is a twelfth of the highest of its stroke, from a third of that on; the force there is
+    the mean over all cycles.
+
+    Parameters
+    ----------
+    force, rest, velocity, cycle : numpy.ndarray
+        Shape (n,), whole cycles: measured, N; model less measured, N; of the rod, m/s; which cycle
+        it is.
+    """
+    least = max(_LEAST_FORCE * 0.5 * float(np.ptp(force)), 1e-300)
+    cycle = cycle - np.min(cycle)
+    shape = (int(np.max(cycle)) + 1, _SPEEDS)
+    worst = 0.0
+    for towards in (1.0, -1.0):
+        speed = towards * velocity
+        place = np.floor(_SPEEDS * speed / max(float(np.max(speed)), 1e-300)).astype(np.intp)
+        seen = (place >= _FROM_SPEED) & (place < _SPEEDS)
+        where = cycle[seen] * _SPEEDS + place[seen]
+        n, of, off = (
+            np.bincount(where, weights, shape[0] * _SPEEDS).reshape(shape).astype(np.float64)
+            for weights in (None, force[seen], rest[seen])
+        )
+        passed = n.sum(axis=0) > 0
+        n, of, off = n[:, passed], of[:, passed], off[:, passed]
+        beside = np.maximum(np.abs(of.sum(axis=0) / n.sum(axis=0)), least)
+        missed = np.abs(off.sum(axis=0) / n.sum(axis=0)) / beside
+        worst = max(worst, float(np.max(missed, initial=0.0)))
+    return 100.0 * worst
+
 
 # A standard error of this factor to both sides, and a quantity is not determined.
 UNDETERMINED = 1.65
@@ -353,3 +459,196 @@ def _undetermined(
         for name, error in zip(free, errors.tolist(), strict=True)
         if model.quantity(name).is_logarithmic and error > math.log(UNDETERMINED)
     )
+
+
+# A structure with its fits at several settings, and how well it fits and predicts.
+#
+# A force at a speed is the mean that was measured over all compared cycles within a twelfth of
+# the highest speed of its stroke, from a third of that on (`missed`): a knee is a small force, of
+# which the MSE of a setting knows little.
+
+GAIN = 1.5
+ENOUGH_PERCENT = 0.02
+# A law whose MSE is below that may still have a force at a speed off by some per cent, for a small
+# force weighs little; or predict another speed badly.
+ENOUGH_FORCE_PERCENT = 1.0
+ENOUGH_HELD_OUT_PERCENT = 0.2
+# Two layouts whose MSE, times that of what was held out, differ by less cannot be told apart.
+SEEN_APART = 1.5
+# The same where the worse of them leaves and mispredicts nothing that anyone would use: twice each.
+_NOTHING_APART = 4.0
+# A tenth of what is asked of a prediction: below it none predicts worse, and no verdict asks less.
+PREDICTED_PERCENT = 0.05
+_NOTHING_PREDICTED = 100.0  # per cent: a law that predicts nothing, or cannot be simulated there
+# Two predictions this near each other differ by noise.
+NO_WORSE = 1.1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tried:
+    """One law with its fits, pooled over the settings that are compared.
+
+    Attributes
+    ----------
+    title : str
+        In words.
+    fits : tuple of LawFit
+        One a setting.
+    """
+
+    title: str
+    fits: tuple[LawFit, ...]
+
+    @property
+    def mse_percent(self) -> float:
+        """Geometric mean over the settings of eq. (22)."""
+        return _mean([one.mse_percent for one in self.fits])
+
+    @property
+    def held_out_percent(self) -> float:
+        """Likewise of what was predicted; NaN without any."""
+        known = [x.held_out_percent for x in self.fits if not math.isnan(x.held_out_percent)]
+        return _mean(known) if known else math.nan
+
+    @property
+    def left_over(self) -> float:
+        """What it leaves, times what is enough: MSE, a force at a speed, a held-out log."""
+        forces = [one.worst_force_percent / ENOUGH_FORCE_PERCENT for one in self.fits]
+        logs = [one.held_out_percent for one in self.fits if one.held_out == "logs"]
+        logs = [one / ENOUGH_HELD_OUT_PERCENT for one in logs]
+        # NaN, of what was not looked at, is less than anything.
+        known = [one for one in (*forces, *logs) if not math.isnan(one)]
+        return max([self.mse_percent / ENOUGH_PERCENT, *known])
+
+    @property
+    def leaves_something(self) -> bool:
+        """Whether it leaves enough for a larger law to be looked for."""
+        return self.left_over > 1.0
+
+    @property
+    def n_quantities(self) -> int:
+        """Free quantities of one setting."""
+        return len(self.fits[0].free)
+
+    @property
+    def at_bound(self) -> tuple[str, ...]:
+        """What ran into an edge of its range in every setting."""
+        names = set(self.fits[0].at_bound).intersection(*(one.at_bound for one in self.fits[1:]))
+        return tuple(name for name in self.fits[0].free if name in names)
+
+    @property
+    def freed(self) -> tuple[str, ...]:
+        """What is free although the model has a default for it."""
+        one = self.fits[0]
+        return tuple(name for name in one.free if one.model.quantity(name).default is not None)
+
+    @property
+    def score(self) -> float:
+        """How well it fits and predicts at once; lower is better."""
+        held = self.held_out_percent
+        # Where no law can be simulated on what was held out, the fit alone ranks them.
+        known = 1.0 if math.isnan(held) else min(held, _NOTHING_PREDICTED)
+        return math.log(self.mse_percent) + math.log(known)
+
+
+def predicted_worse(before: Tried, after: Tried, *, least: float = 0.0) -> str:
+    """Say that a law predicts worse than before, and than least, per cent; else nothing."""
+    held = before.held_out_percent, after.held_out_percent
+    if not held[1] > NO_WORSE * max(held[0], least):  # NaN: none was
+        return ""
+    return f"what was held out is predicted worse, {held[1]:.2g} % after {held[0]:.2g} %"
+
+
+def times_worse(best: Tried, other: Tried) -> float:
+    """Return how many times worse a law fits and predicts than another."""
+    return math.exp(other.score - best.score)
+
+
+def are_alike(best: Tried, other: Tried) -> bool:
+    """Return whether nobody would choose a layout by what the two fit and predict.
+
+    Parameters
+    ----------
+    best, other : Tried
+        The same parts in two layouts.
+    """
+    held = other.held_out_percent
+    left = max(other.mse_percent, 0.0 if math.isnan(held) else held)
+    return times_worse(best, other) < (SEEN_APART if left > ENOUGH_PERCENT else _NOTHING_APART)
+
+
+def _mean(values: Sequence[float]) -> float:
+    return math.exp(float(np.mean([math.log(max(one, 1e-12)) for one in values])))
+
+
+# What a search has tried, law by law, and the one that it took.
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JudgedLaw:
+    """One law that was tried.
+
+    Attributes
+    ----------
+    tried : Tried
+        The law with its fits.
+    is_taken : bool
+        Whether it was the law to go on from when it had been judged.
+    reason : str
+        Why, or why not, in one sentence.
+    bic : float
+        Against the law it was compared with, positive where it is for the larger; NaN for none.
+    change : str
+        What it has more or less than the law it was compared with, in words.
+    gain : float
+        MSE of the smaller of the two over that of the larger; NaN where it was compared with none.
+    """
+
+    tried: Tried
+    is_taken: bool
+    reason: str
+    bic: float = math.nan
+    change: str = ""
+    gain: float = math.nan
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LawSearch:
+    """All laws tried, in their order, and the one to take.
+
+    Attributes
+    ----------
+    laws : tuple of JudgedLaw
+        As they were tried.
+    chosen : Tried
+        The law that the logs tell.
+    n_eff : float
+        Effective samples of all settings compared.
+    alike : tuple of str
+        Layouts that fit and predict hardly worse than the one that was taken.
+    held_share : float
+        Of their force that the logs hold down to a tenth of the speed, where they yield before they
+        slide; NaN where they do not.
+    is_held_by_some : bool
+        Whether that is the most that a setting holds, and others do not yield.
+    doubt : str
+        What of the law of valves that was taken no damper has, where logs yield; empty for nothing.
+    also : str
+        What yields and tells the logs about as well as the law that was taken; empty for none.
+    is_of_one_model : bool
+        Whether the law was taken as one model, at all settings: what these have in common is equal.
+    offsets : mapping of str to float
+        By name of a log, N: by how much its force lies beside that of the other logs of its
+        setting, whose offset is fitted. A cell is zeroed anew.
+    """
+
+    laws: tuple[JudgedLaw, ...]
+    chosen: Tried
+    n_eff: float
+    alike: tuple[str, ...] = ()
+    held_share: float = math.nan
+    also: str = ""
+    is_of_one_model: bool = False
+    is_held_by_some: bool = False
+    doubt: str = ""
+    offsets: Mapping[str, float] = field(default_factory=dict)

@@ -46,6 +46,11 @@ _NO_MISFIT = 1e-12
 # What a factor of e costs of a number that no log tells, as a share of what is left at a setting:
 # its root. Without it such numbers run to where a simulation takes longest.
 _HELD = 0.02
+# Friction of a car damper's seals, N, and the deviation of its logarithm: 5 to 100 N are believed.
+# A low preload beside several times the friction fits what a higher one does.
+BELIEVED_FRICTION, FRICTION_SPREAD = 22.0, 0.75
+# What a deviation from it costs, as a share of what is left at a setting: its root.
+_UNBELIEVED = 0.1
 # By what the squares may rise where an opening is lowered that no log reaches, and how near to the
 # least such opening it comes.
 _FREE_OF_COST, _NEAR = 1e-3, 1.02
@@ -267,6 +272,9 @@ class OneModel:
             start[rows[s]] = [getattr(at[s], name) for name in self.free]
         start = np.clip(start, low, high)
         is_log = np.array([one.is_logarithmic for one in quantities], dtype=bool)
+        is_friction = np.array([one.is_friction for one in quantities], dtype=bool)
+        pulled_to = np.where(is_friction, BELIEVED_FRICTION, np.where(is_log, start, 1.0))
+        pull = np.where(is_friction, _UNBELIEVED / FRICTION_SPREAD, _HELD * is_log)
         deviation = float(np.mean([one.deviation for one in self.misfits.values()]))
 
         def residuals(
@@ -286,9 +294,9 @@ class OneModel:
                 first += block.shape[1]
             slopes[:, within != numbers] = 0.0  # beyond the edge nothing changes any more
             positive = np.where(is_log, numbers, 1.0)
-            held = np.log(positive / np.where(is_log, start, 1.0))
-            slopes = np.vstack([slopes, np.diag(np.where(is_log, _HELD / positive, 0.0))])
-            return np.concatenate([whole, _HELD * held]), slopes, values
+            away = np.log(positive / pulled_to)
+            slopes = np.vstack([slopes, np.diag(pull / positive)])
+            return np.concatenate([whole, pull * away]), slopes, values
 
         transformation = Transformation(is_log, np.where(is_log, 1.0, deviation))
         pool: InTurn | Threads

@@ -13,10 +13,11 @@
 The criterion of a structure with k free numbers at all settings together, of logs with MSE m and
 held-out MSE h (per cent of the variance)::
 
-    C = sum over settings of n ln(m + m_0) + n_h ln(h + h_0)  +  k ln(sum of n)
+    C = sum over settings of n ln(m + m_0) + n_h ln(h + h_0)  +  k ln(sum of n) + 2 p
 
 n is the effective number of samples of what the largest structure leaves (`effective_samples`), m_0
-a misfit below which nothing is told apart, h_0 the same of a prediction.
+a misfit below which nothing is told apart, h_0 the same of a prediction, p the number of parts that
+a damper or its rig may well be without. A friction that seals hardly have costs a little, too.
 """
 
 from __future__ import annotations
@@ -30,34 +31,42 @@ import numpy as np
 
 from damperfit.damper.quantity import DAMPER, RIG
 from damperfit.damper.valve_dampers import ValveDamper
+from damperfit.damper.valves import read_loops, valve_starts
 from damperfit.errors import SimulationError
 from damperfit.identification import compare
 from damperfit.identification.blas_threads import one_blas_thread
 from damperfit.identification.fit_problem import LawMisfit, kept_within
 from damperfit.identification.least_squares import Stopping
 from damperfit.identification.log_facts import effective_samples
-from damperfit.laws.choosing import (
+from damperfit.laws.law_fit import (
     ENOUGH_PERCENT,
     GAIN,
     SEEN_APART,
+    UNDETERMINED,
+    JudgedLaw,
+    LawFit,
+    LawSearch,
     Tried,
     are_alike,
-    predicted_worse,
-    times_worse,
-)
-from damperfit.laws.judged_laws import JudgedLaw, LawSearch
-from damperfit.laws.law_fit import (
-    UNDETERMINED,
-    LawFit,
     descended,
     fit_at,
     fit_law,
+    predicted_worse,
+    times_worse,
     with_whole_friction,
 )
-from damperfit.laws.one_model import OneModel
-from damperfit.laws.structures import Structure, moves
-from damperfit.laws.variants import BOTH, everything, in_words, with_parts
-from damperfit.laws.yielding import YIELDING, held_against, is_open_to, unbelievable
+from damperfit.laws.one_model import BELIEVED_FRICTION, FRICTION_SPREAD, OneModel
+from damperfit.laws.rivals import YIELDING, held_against, is_open_to, unbelievable
+from damperfit.laws.structures import (
+    BOTH,
+    STROKES,
+    Structure,
+    everything,
+    in_words,
+    moves,
+    times_in,
+    with_parts,
+)
 from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import nearest_setting
 from damperfit.workers import executor
@@ -66,6 +75,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from damperfit.damper.model import Model, Values
+    from damperfit.damper.valves import ValveReading
     from damperfit.identification.least_squares import Minimum
     from damperfit.identification.sharing import Follows
     from damperfit.laws.law_fit import SettingLogs
@@ -77,21 +87,27 @@ __all__ = ["search_laws"]
 _FLOOR_PERCENT = 0.001
 # The same of what was held out, which counts as so many effective samples a setting.
 _HELD_FLOOR_PERCENT, _HELD_SAMPLES = 0.05, 10.0
+# What a part costs, beside its numbers, that a damper or rig may well be without: where it does as
+# well as a number that every damper has (oil, returns), that number is off.
+_NEEDLESS = 2.0
+# The most that a friction costs which seals hardly have.
+_MOST_UNBELIEVED = 9.0
 # Settings that moves are screened at; the chosen structure is fitted at all, and those that it
 # misses are screened at too.
 _MOST_COMPARED = 4
 # Candidates that are followed to their minimum after each screening.
 _FOLLOWED = 4
-# A screened candidate may be so much above the structure at hand: it has not reached its minimum.
-_MARGIN = 12.0
-# Above that it is not looked at again.
-_HOPELESS = 40.0
+# A screened candidate may promise so much more misfit, in logarithms, than would be a gain.
+_MARGIN = 0.05
 # Candidates that are looked at beside all settings, of those that two settings show.
-_LOOKED_AT = 10
-_ROUNDS = 12
+_LOOKED_AT = 8
+_ROUNDS = 20
 _STEP = 1e-8
 _GLANCE = Stopping(cost_tolerance=2e-2, step_tolerance=_STEP, max_evaluations=4, rest=math.inf)
+_LOOK = replace(_GLANCE, max_evaluations=10)
 _ONE = Stopping(max_evaluations=1)
+# Of the directions of a linearised problem: shorter ones promise nothing.
+_NO_LENGTH = 1e-6
 _END = Stopping(cost_tolerance=1e-3, step_tolerance=_STEP, max_evaluations=40, rest=math.inf)
 # What a setting leaves counts as that at least, per unit of its variance.
 _LEAST = 2e-6
@@ -112,6 +128,15 @@ class _Fit:
     @property
     def values(self) -> dict[Setting, Values]:
         return self.minimum.extra
+
+    @property
+    def promised(self) -> float:
+        """The cost at the minimum of the linearised problem: what a descent may come to."""
+        system = self.minimum.system
+        lengths = np.maximum(system.lengths, 1e-300)
+        columns = self.minimum.jacobian / lengths
+        pull = np.linalg.lstsq(columns.T, system.gradient / lengths, rcond=_NO_LENGTH)[0]
+        return max(system.cost - float(pull @ pull), 0.0)
 
     def percent(self) -> dict[Setting, float]:
         """MSE of each setting on its mean cycles."""
@@ -142,6 +167,7 @@ class _Search:
         self.n_eff: dict[Setting, float] = {}
         self.laws: list[JudgedLaw] = []
         self._starts: dict[tuple[Structure, Setting], Values] = {}
+        self._readings: dict[tuple[object, ...], list[ValveReading]] = {}
         self._misfits: dict[Setting, LawMisfit] = {}
         self._judged: dict[int, tuple[_Fit, Tried]] = {}
 
@@ -228,8 +254,16 @@ class _Search:
     def starts(
         self, structure: Structure, model: OneModel, near: _Fit
     ) -> list[dict[Setting, Values]]:
-        """Starts beside another structure: what is new as the loops tell it, and little of it."""
-        full, little = {}, {}
+        """Starts beside another structure: what is new as the loops tell it, or little of it.
+
+        A valve of another kind starts, as well, wholly as the loops tell it: a bleed that takes
+        over from a blow-off, or shares with a new part, is another one.
+        """
+        changed = tuple(
+            f"{stroke}_" for stroke in STROKES
+            if getattr(structure.damper, stroke) != getattr(near.structure.damper, stroke)
+        )  # fmt: skip
+        full, little, anew = {}, {}, {}
         for setting in model.settings:
             own = with_whole_friction(near.values[setting], structure.damper)
             start = self.start(structure, setting)
@@ -238,23 +272,26 @@ class _Search:
             absent = model.misfits[setting].absent_beside(known)
             half = {n: math.sqrt(a * getattr(start, n)) for n, a in absent.items()}
             little[setting] = full[setting].replace(half)
+            beside = {n: x for n, x in known.items() if not n.startswith(changed or "-")}
+            anew[setting] = start.replace(beside)
         found = [full]
-        if little != full:
-            found.append(little)
+        found += [at for at in (little, anew) if at not in found]
         return [model.with_common(at) for at in found]
 
     def start(self, structure: Structure, setting: Setting) -> Values:
         """The model's own first start at a setting."""
         key = structure, setting
         if key not in self._starts:
-            logs = self.evidence[setting]
-            self._starts[key] = structure.damper.start(logs.fitted, self.held(structure, setting))[
-                0
-            ]
+            damper, logs = structure.damper, self.evidence[setting].fitted
+            held = self.held(structure, setting)
+            place = damper.name, damper.mounting.moving_mass, held.get("return_slope"), setting
+            if place not in self._readings:
+                self._readings[place] = read_loops(damper, logs, held)
+            self._starts[key] = valve_starts(damper, logs, held, self._readings[place])[0]
         return self._starts[key]
 
     def glanced(self, structure: Structure, near: _Fit) -> _Fit | None:
-        """A few evaluations from the structure at hand."""
+        """A few evaluations from the structure at hand, from the start that promises most."""
         model = replace(self.model(structure, near.model.settings), weights=near.model.weights)
         try:
             starts = self.starts(structure, model, near)
@@ -265,8 +302,8 @@ class _Search:
             with suppress(SimulationError, np.linalg.LinAlgError):
                 found.append(_Fit(structure, model, model.descend(at, _GLANCE)))
                 if found[-1].minimum.cost < near.minimum.cost:
-                    break  # little of what is new is for where much of it leads away
-        return min(found, key=lambda one: one.minimum.cost, default=None)
+                    break  # the others are for where this one leads away
+        return min(found, key=lambda one: one.promised, default=None)
 
     def most_to_gain(self, fit: _Fit) -> float:
         """By what the criterion falls, without its price, where nothing but noise is left."""
@@ -292,7 +329,18 @@ class _Search:
         total = sum(n[s] for s in percent)
         found = sum(n[s] * math.log(p + _FLOOR_PERCENT) for s, p in percent.items())
         found += len(fit.model.unknowns) * math.log(total)
+        found += _NEEDLESS * fit.structure.n_needless + self.unbelieved(fit)
         return found if is_screening else found + self.of_held_out(fit)
+
+    def unbelieved(self, fit: _Fit) -> float:
+        """The part of C for a friction that seals hardly have."""
+        known = [
+            math.log(max(getattr(values, one.name), 1e-9) / BELIEVED_FRICTION) / FRICTION_SPREAD
+            for values in fit.values.values()
+            for one in values.quantities
+            if one.is_friction and one.name in fit.model.free
+        ]
+        return float(np.mean([min(x**2, _MOST_UNBELIEVED) for x in known])) if known else 0.0
 
     def of_held_out(self, fit: _Fit) -> float:
         """The part of C that what was held out adds."""
@@ -341,47 +389,67 @@ class _Search:
     # moves
 
     def improved(self, fit: _Fit) -> _Fit:
-        """Take moves until none is better by the criterion."""
-        best = self.criterion(fit)
-        hopeless: dict[str, float] = {}
-        pair = _most_unlike([self.evidence[s] for s in fit.values], 2)
+        """Take moves until none is better by the criterion.
+
+        Moves that were far from a gain are left aside until no other gains; then all are screened
+        again, beside the parts that were taken since.
+        """
+        above: dict[str, float] = {}
         for _ in range(_ROUNDS):
-            candidates = {
-                words: structure
-                for words, structure in moves(fit.structure).items()
-                if hopeless.get(words, 0.0) < _HOPELESS and self.may_gain(structure, fit)
-            }
-            if len(fit.values) > len(pair):
-                few = self.screened(candidates, self.at(fit, pair, _ONE))
-                hopeless |= {words: above for above, words, _ in few}
-                candidates = {
-                    words: candidates[words] for above, words, _ in few[:_LOOKED_AT]
-                    if above < _HOPELESS
-                }  # fmt: skip
-            screened = self.screened(candidates, fit)
-            hopeless |= {words: above for above, words, _ in screened}
-            taken = False
-            for above, words, glance in screened[:_FOLLOWED]:
-                if above > _MARGIN:
-                    break
-                begun: _Fit | None = glance
-                if taken:  # the move from where the last one has led
-                    again = moves(fit.structure).get(words)
-                    begun = None if again is None else self.glanced(again, fit)
-                if begun is None:
-                    continue
-                try:
-                    ended = self.ended_at(begun)
-                    now = self.criterion(ended)
-                except SimulationError:
-                    continue
-                is_better = now < best - 1e-6
-                self.record(ended, fit, words, best - now, is_taken=is_better)
-                if is_better:
-                    fit, best, taken = ended, now, True
-            if not taken:
+            known = moves(fit.structure)
+            margin = _MARGIN * sum(self.n_eff[s] for s in fit.values)
+            near = {words: one for words, one in known.items() if above.get(words, 0.0) <= margin}
+            far = {words: one for words, one in known.items() if words not in near}
+            ended = self.followed(fit, near, above)
+            if ended is None and far:
+                ended = self.followed(fit, far, above)
+            if ended is None:
                 break
+            fit = ended
         return fit
+
+    def followed(
+        self, fit: _Fit, candidates: Mapping[str, Structure], above: dict[str, float]
+    ) -> _Fit | None:
+        """The best of the candidates that screening puts first, at its minimum; None: no better.
+
+        What is better beside the best is tried on top of it.
+        """
+        candidates = {w: one for w, one in candidates.items() if self.may_gain(one, fit)}
+        pair = _most_unlike([self.evidence[s] for s in fit.values], 2)
+        if len(fit.values) > len(pair):
+            few = self.screened(candidates, self.at(fit, pair, _ONE))
+            above |= {words: rise for rise, words, _ in few}
+            candidates = {words: candidates[words] for rise, words, _ in few[:_LOOKED_AT]}
+        screened = self.screened(candidates, fit)
+        above |= {words: rise for rise, words, _ in screened}
+        ends = []
+        for rise, words, glance in screened[:_FOLLOWED]:
+            if rise > _MARGIN * sum(self.n_eff[s] for s in fit.values):
+                break
+            if (ended := self.candidate(glance, fit, words)) is not None:
+                ends.append((self.criterion(ended), words, ended))
+        ends = sorted(ends, key=lambda one: one[0])
+        if not ends or ends[0][0] >= self.criterion(fit) - 1e-6:
+            return None
+        before, best = self.criterion(fit), ends[0][2]
+        for cost, words, _ in ends[1:]:
+            again = moves(best.structure).get(words) if cost < before else None
+            begun = None if again is None else self.glanced(again, best)
+            ended = None if begun is None else self.candidate(begun, best, words)
+            if ended is not None and self.criterion(ended) < self.criterion(best) - 1e-6:
+                best = ended
+        return best
+
+    def candidate(self, glance: _Fit, beside: _Fit, words: str) -> _Fit | None:
+        """A candidate followed to its minimum, and kept with what it gains."""
+        try:
+            ended = self.ended_at(glance)
+            gain = self.criterion(beside) - self.criterion(ended)
+        except SimulationError:
+            return None
+        self.record(ended, beside, words, gain, is_taken=gain > 1e-6)
+        return ended
 
     def may_gain(self, structure: Structure, fit: _Fit) -> bool:
         """Whether a structure has less, or what it has more may be worth its price."""
@@ -394,13 +462,33 @@ class _Search:
     def screened(
         self, candidates: Mapping[str, Structure], fit: _Fit
     ) -> list[tuple[float, str, _Fit]]:
-        """By how much the criterion of each lies above that of a fit, after a few evaluations."""
-        here, found = self.criterion(fit, is_screening=True), []
+        """By how much the criterion of each promises to rise above that of a fit.
+
+        All after a few evaluations, the first of them after some more.
+        """
+        found = []
         for words, structure in candidates.items():
             glance = self.glanced(structure, fit)
             if glance is not None:
-                found.append((self.criterion(glance, is_screening=True) - here, words, glance))
+                found.append((self.rise(glance, fit), words, glance))
+        found.sort(key=lambda one: one[0])
+        for k, (rise, words, glance) in enumerate(found[:_LOOKED_AT]):
+            if rise <= 0.0 and glance.minimum.status == 0:
+                minimum = glance.model.descend(glance.values, _LOOK)
+                again = replace(glance, minimum=minimum)
+                found[k] = (self.rise(again, fit), words, again)
         return sorted(found, key=lambda one: one[0])
+
+    def rise(self, glance: _Fit, fit: _Fit) -> float:
+        """By how much the criterion, without what was held out, promises to rise."""
+        n = sum(self.n_eff[s] for s in fit.values)
+        price = (len(glance.model.unknowns) - len(fit.model.unknowns)) * math.log(n)
+        price += _NEEDLESS * (glance.structure.n_needless - fit.structure.n_needless)
+        promised = max(glance.promised, 1e-6 * fit.minimum.cost)
+        here = fit.minimum.cost
+        shares = [_FLOOR_PERCENT / max(one, 1e-9) for one in fit.percent().values()]
+        floor = here * float(np.mean(shares))
+        return n * math.log((promised + floor) / (here + floor)) + price
 
     def record(self, fit: _Fit, beside: _Fit, words: str, gain: float, *, is_taken: bool) -> None:
         """Keep a candidate, and say it to who waits for it."""
@@ -465,7 +553,7 @@ class _Search:
             if layout.name == fit.structure.damper.name or is_far:
                 continue
             with suppress(SimulationError):
-                other = self.first(fit.structure.laid_out(layout))
+                other = self.laid_out(fit, layout)
                 others[id(self.judged(other))] = other
         told = [self.judged(one) for one in others.values()]
         best = min((law, *told), key=lambda one: one.score)
@@ -481,6 +569,21 @@ class _Search:
             return fit
         other = others[id(best)]
         return other if law in alike else self.improved(other)
+
+    def laid_out(self, fit: _Fit, layout: ValveDamper) -> _Fit:
+        """The parts of a fit in another layout, from valves that press as hard there."""
+        structure = fit.structure.laid_out(layout)
+        model = replace(self.model(structure, fit.model.settings), weights=fit.model.weights)
+        start = {}
+        for setting, values in fit.values.items():
+            known = {
+                n: getattr(values, n) * times_in(layout.name, fit.structure.damper, n)
+                for n in model.free
+                if n in values.names
+            }
+            start[setting] = self.start(structure, setting).replace(known)
+        ended = model.descend(model.with_common(start), _END)
+        return self.lent(_Fit(structure, model, ended))
 
     # against what is no candidate of the search
 

@@ -1,4 +1,4 @@
-"""Candidate structures of a damper on its mounting, and what is one move away from each.
+"""Candidate structures of a damper on its mounting, what is one move away from each, their words.
 
 The table of parts: each stroke's valve has a bleed and a blow-off of some kind, the mounting and
 the friction have parts or not, and quantities that the model would hold may be free. A move adds,
@@ -7,30 +7,162 @@ removes or replaces one of them, in one stroke or in both.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+import dataclasses
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, Any, cast
 
-from damperfit.damper.mounting import FIT, NONE
-from damperfit.damper.network import BLEED_WORDS, BLOW_OFF_WORDS
-from damperfit.laws.variants import (
-    PARTS,
-    RETURNS,
-    STROKES,
-    has_kinds_of_valves,
-    in_words,
-    of_oil,
-    with_part,
-    without_part,
-)
+from damperfit.damper.mounting import FIT, NONE, Mounting
+from damperfit.damper.network import BLEED_WORDS, BLOW_OFF_WORDS, Valve
+from damperfit.damper.quantity import STIFFNESS
+from damperfit.damper.rivals import Rival
+from damperfit.damper.valve_dampers import STROKES as PLACES
+from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube, ValveDamper
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
-    from damperfit.damper.network import Valve
-    from damperfit.damper.valve_dampers import ValveDamper
+    from damperfit.damper.model import Model
 
-__all__ = ["Structure", "moves"]
+__all__ = [
+    "BOTH",
+    "LAYOUTS",
+    "PARTS",
+    "RETURNS",
+    "STROKES",
+    "Structure",
+    "everything",
+    "has_kinds_of_valves",
+    "in_other_layouts",
+    "in_words",
+    "moves",
+    "of_oil",
+    "times_in",
+    "with_part",
+    "with_parts",
+    "without_part",
+]
 
+
+# Laws next to a law: with a part more or less, of another kind; each in a few words.
+
+RETURNS = "return_slope"
+BOTH = Valve("orifice", "linear")
+# Of a damper's valves, and what they are called.
+STROKES = {"rebound": "rebound", "compression": "bump"}
+# what a part of the mounting or of the friction is called, its fields, in words
+PARTS = {
+    "play": ("mounting", ("play",), "play"),
+    "lag": ("mounting", ("lag",), "a lag of the force"),
+    "moving_mass": ("mounting", ("moving_mass",), "a mass that moves with the load cell"),
+    "presliding": ("friction", ("presliding",), "friction that builds up over a distance"),
+    "breakaway": ("friction", ("breakaway", "stribeck_speed"), "friction that is larger at rest"),
+    "seal_area": ("friction", ("seal_area",), "friction by the pressure on the seal"),
+    "turning_speed": ("friction", ("turning_speed",), "friction that turns within a speed"),
+}
+_NOT_AT_FIRST = {"moving_mass"}
+# Friction turns over a distance or within a speed.
+_TURNS = {"presliding": "turning_speed", "turning_speed": "presliding"}
+
+
+def everything(declared: Mounting) -> Mounting:
+    """All that a mounting may have is fitted; what was measured stays.
+
+    A moving mass is not: at low frequencies it does nothing, and at a single one it looks like a
+    softer gas spring.
+    """
+    names = (one.name for one in dataclasses.fields(declared) if one.name not in _NOT_AT_FIRST)
+    known = {name: getattr(declared, name) for name in names}
+    fitted = {name: FIT for name, value in known.items() if isinstance(value, str)}
+    return dataclasses.replace(declared, **fitted)
+
+
+def with_parts(damper: ValveDamper, valve: Valve, mounting: Mounting) -> ValveDamper:
+    """Return the damper with the same valve in both strokes, and another mounting."""
+    return dataclasses.replace(damper, rebound=valve, compression=valve, mounting=mounting)
+
+
+def with_part(damper: ValveDamper, name: str) -> ValveDamper:
+    """The damper with a part more of rig or friction; as it is where it has or cannot have it."""
+    owner, fields, _ = PARTS[name]
+    own = getattr(damper, owner)
+    more = {one: FIT for one in fields if getattr(own, one) == NONE}
+    is_loose = name == "play" and damper.mounting.series_stiffness == NONE
+    turns_already = name in _TURNS and getattr(damper.friction, _TURNS[name]) != NONE
+    if is_loose or turns_already or not more:
+        return damper
+    return dataclasses.replace(damper, **{owner: dataclasses.replace(own, **more)})
+
+
+def has_kinds_of_valves(damper: ValveDamper) -> bool:
+    """Whether its valves may be of other kinds: those of a declared network are its passages."""
+    return all(one.init for one in dataclasses.fields(damper) if one.name in STROKES)
+
+
+def of_oil(model: Model) -> list[str]:
+    """The quantities of a model that say how stiff its oil is."""
+    return [one.name for one in model.quantities if one.role == STIFFNESS]
+
+
+def without_part(damper: ValveDamper, name: str) -> ValveDamper:
+    """The damper without a part of rig or friction that is fitted; else as it is.
+
+    What is declared of a part is there: a part with one number declared stays.
+    """
+    owner, fields, _ = PARTS.get(name, ("mounting", (), ""))
+    own = getattr(damper, owner)
+    if {getattr(own, one) for one in fields} != {FIT}:
+        return damper
+    less = dataclasses.replace(own, **dict.fromkeys(fields, NONE))
+    return dataclasses.replace(damper, **{owner: less})
+
+
+def in_words(damper: Model, freed: Sequence[str] = ()) -> str:
+    """Return a law in a few words.
+
+    Examples
+    --------
+    >>> from damperfit.damper.valve_dampers import TwinTube
+    >>> in_words(TwinTube(), ["k_e"])
+    'twin tube: bleed and blow-off; elastic mounting; also bulk modulus of oil and chamber'
+    """
+    if damper.name == "purdy":
+        return "the paper's model"
+    if isinstance(damper, Rival):
+        return damper.title
+    law = cast("ValveDamper", damper)
+    rebound, bump = _of_valve(law.rebound), _of_valve(law.compression)
+    valves = rebound if rebound == bump else f"{rebound} in rebound, {bump} in bump"
+    words = [f"{law.name.replace('_', ' ')}: {valves}", _of_rig(law.mounting)]
+    words += [said for part, said in _FRICTION.items() if getattr(law.friction, part) != NONE]
+    if freed:
+        words.append("also " + ", ".join(law.quantity(name).label for name in freed))
+    return "; ".join(words)
+
+
+def _of_valve(valve: Valve) -> str:
+    words = BLEED_WORDS[valve.bleed][0], BLOW_OFF_WORDS[valve.blow_off][0]
+    return " and ".join(word for word in words if word)
+
+
+_FRICTION = {part: said for part, (owner, _, said) in PARTS.items() if owner == "friction"}
+
+
+def _of_rig(mounting: Mounting) -> str:
+    parts = (
+        ("elastic mounting", mounting.series_stiffness),
+        ("play", mounting.play),
+        ("lag", mounting.lag),
+        ("moving mass", mounting.moving_mass),
+    )
+    return ", ".join(word for word, kind in parts if kind != NONE) or "rigid mounting"
+
+
+# A stroke with only one of the two has the other in its place: neither may be missing meanwhile.
+_INSTEAD = {
+    "with a plain blow-off instead of a bleed": Valve(NONE, "linear"),
+    "with an orifice instead of a blow-off": Valve("orifice", NONE),
+    "with a laminar bleed instead of a blow-off": Valve("leak", NONE),
+}
 _FREED = (RETURNS, "drag", "gas_volume", "free_gas")
 
 
@@ -51,6 +183,12 @@ class Structure:
         """What stays at its default."""
         known = ((one.name, one.default) for one in self.damper.quantities)
         return {name: x for name, x in known if x is not None and name not in self.freed}
+
+    @property
+    def n_needless(self) -> int:
+        """Parts that a damper or its rig may well be without."""
+        whole = sum(without_part(self.damper, name) != self.damper for name in PARTS)
+        return whole + sum(self.damper.quantity(name).default == 0.0 for name in self.freed)
 
     def laid_out(self, layout: ValveDamper) -> Structure:
         """Return the same parts in another layout, without what that has not."""
@@ -113,6 +251,17 @@ def _other_valves(damper: ValveDamper) -> Iterator[tuple[str, dict[str, Any]]]:
                 yield f"{words} in {STROKES[stroke]}", {stroke: one}
             if len(usable) == len(valves):
                 yield f"{words} in both strokes", usable
+    for words, other in _INSTEAD.items():
+        is_bleed = other.bleed == NONE
+        usable = {
+            stroke: other
+            for stroke, one in valves.items()
+            if (one.blow_off if is_bleed else one.bleed) == NONE
+        }
+        for stroke in usable:
+            yield f"{words} in {STROKES[stroke]}", {stroke: other}
+        if len(usable) == len(valves):
+            yield f"{words} in both strokes", usable
 
 
 def _without_lost(damper: ValveDamper, freed: tuple[str, ...]) -> Structure:
@@ -121,3 +270,64 @@ def _without_lost(damper: ValveDamper, freed: tuple[str, ...]) -> Structure:
     return Structure(
         damper, tuple(name for name in left if damper.quantity(name).default is not None)
     )
+
+
+# The numbers of a valve in layouts that the logs cannot tell from the one that was taken.
+#
+# A stroke's force is a pressure on an area, which is another one in another layout; what flows
+# through the valve is that area times the speed::
+#
+#     f = A p_open + R rho A^2 v + (S rho)^2 A^3 v^2
+#
+# so that the same force has p_open as 1/A, R as 1/A^2 and S as A^-1.5. What returns and
+# compliances add is left out: some per cent.
+
+LAYOUTS: dict[str, type[ValveDamper]] = {
+    kind.name: kind for kind in (TwinTube, Monotube, ThroughFlow)
+}
+_CALLED = {
+    "twin_tube": "twin tube", "monotube": "monotube", "through_flow": "through-flow damper",
+}  # fmt: skip
+
+
+def times_in(layout: str, model: ValveDamper, name: str) -> float:
+    """Return a valve's number in another layout over that of the model, for the same force.
+
+    Parameters
+    ----------
+    layout : str
+        Name of a damper of valves.
+    model : ValveDamper
+        The damper in the layout that was taken.
+    name : str
+        Of a quantity; 1 for what is none of a valve.
+    """
+    quantity = model.quantity(name)
+    if quantity.stroke not in PLACES:
+        return 1.0
+    known = {one.name: getattr(model, one.name) for one in fields(model) if one.init}
+    other = LAYOUTS[layout](**known)
+    place = PLACES.index(quantity.stroke)
+    return float((model.pressed_areas[place] / other.pressed_areas[place]) ** quantity.area_power)
+
+
+def in_other_layouts(
+    layouts: Sequence[str], model: Model, name: str
+) -> Iterator[tuple[str, float]]:
+    """Yield layouts, in words, in which a valve's number is another one, and how many times that.
+
+    Parameters
+    ----------
+    layouts : sequence of str
+        Names of dampers of valves.
+    model : Model
+        In the layout that was taken.
+    name : str
+        Of a quantity.
+    """
+    if not isinstance(model, ValveDamper):
+        return
+    for layout in layouts:
+        times = times_in(layout, model, name)
+        if times != 1.0:
+            yield _CALLED[layout], times

@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from damperfit.laws import UNDETERMINED
+from damperfit.laws.law_fit import UNDETERMINED
 from damperfit.reporting.records import listed_in, number_in
 from damperfit.reporting.sheet import NOTHING, Column, Sheet, laid_out, number
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from damperfit.laws import LawFit, LawSearch, Tried
+    from damperfit.laws.law_fit import LawFit, LawSearch, Tried
 
     Row = Mapping[str, Any]
 

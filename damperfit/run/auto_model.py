@@ -16,16 +16,11 @@ from damperfit.damper.purdy.parameters import Damper
 from damperfit.damper.valve_dampers import Monotube, ValveDamper
 from damperfit.errors import ConfigurationError
 from damperfit.identification import DETECT, GivenStart, shared_names
-from damperfit.laws import (
-    SettingLogs,
-    interchangeable_parts,
-    physics_seen,
-    rank_rivals,
-    undecided,
-    yielding_seen,
-)
-from damperfit.laws.other_layouts import LAYOUTS
+from damperfit.laws.description import interchangeable_parts, physics_seen, undecided
+from damperfit.laws.law_fit import SettingLogs
+from damperfit.laws.rivals import rank_rivals, yielding_seen
 from damperfit.laws.search import follows_by_scope, search_laws
+from damperfit.laws.structures import LAYOUTS
 from damperfit.problem import failure_lines
 from damperfit.reporting.laws import chosen_records, rival_records, tried_law_records
 from damperfit.run.log_files import expand
@@ -48,7 +43,7 @@ if TYPE_CHECKING:
     from damperfit.damper.model import Model
     from damperfit.identification import FitOptions
     from damperfit.identification.sharing import Follows
-    from damperfit.laws import JudgedLaw, LawFit, LawSearch, Tried
+    from damperfit.laws.law_fit import JudgedLaw, LawFit, LawSearch, Tried
     from damperfit.problem import Failure, Problem
     from damperfit.run.parting import Parted
     from damperfit.tested.setting import Setting

@@ -14,7 +14,7 @@ from damperfit.adjustment.clicks import Adjustment, compare_settings
 from damperfit.checks import Check, Subject, run_checks, unchecked
 from damperfit.damper.valve_dampers import ValveDamper
 from damperfit.errors import ConfigurationError, InstallationError, OutputError, mishap_of
-from damperfit.laws.other_layouts import times_in
+from damperfit.laws.structures import times_in
 from damperfit.problem import Failure, Option, Problem
 from damperfit.recording import Trace
 from damperfit.run.record import MANY, failures_of

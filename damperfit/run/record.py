@@ -388,7 +388,7 @@ def _told(
     warned: list[Problem] = list(warnings_of(configuration, batch, campaign, judgement))
     law = configuration.chosen_law
     if law:
-        from damperfit.laws import seen_again
+        from damperfit.laws.description import seen_again
 
         law = seen_again(law, campaign, configuration.damper)
     method = (METHOD, assessment.cycle_check) if campaign.fits else ()

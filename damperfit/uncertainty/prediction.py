@@ -23,7 +23,7 @@ from damperfit.identification import (
     unlimited_in,
     values_from_others,
 )
-from damperfit.laws import PREDICTED_PERCENT
+from damperfit.laws.law_fit import PREDICTED_PERCENT
 from damperfit.problem import Problem, warning
 from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting

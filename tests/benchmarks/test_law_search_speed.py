@@ -19,7 +19,8 @@ from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
 from damperfit.identification import FitOptions, identify
 from damperfit.identification.fit_problem import LawMisfit
-from damperfit.laws import LawSearch, SettingLogs, search_laws
+from damperfit.laws.law_fit import LawSearch, SettingLogs
+from damperfit.laws.search import search_laws
 from damperfit.recording import Recording, Trace
 from damperfit.simulation import Motion, simulate, sine_motion
 from damperfit.tested.setting import Setting

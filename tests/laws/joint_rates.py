@@ -20,7 +20,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from damperfit.damper.mounting import FIT, Friction
-from damperfit.laws import SettingLogs, search_laws
+from damperfit.laws.law_fit import SettingLogs
+from damperfit.laws.search import search_laws
 from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting
 from tests.laws.rates import CHECK, FITTED, Drawn, draw, known_of, logged, verdict_on
@@ -29,7 +30,7 @@ from tests.laws.valve_logs import moved
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from damperfit.laws import LawSearch
+    from damperfit.laws.law_fit import LawSearch
 
 __all__ = ["drawn", "evidence_of", "searched", "settings_of"]
 

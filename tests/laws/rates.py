@@ -33,7 +33,8 @@ from damperfit.damper.mounting import FIT, NONE, Friction, Mounting
 from damperfit.damper.network import Network, Passage, Valve, simulate_network
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube, ValveDamper
-from damperfit.laws import SettingLogs, search_laws
+from damperfit.laws.law_fit import SettingLogs
+from damperfit.laws.search import search_laws
 from damperfit.recording import Recording, Trace
 from damperfit.tested.setting import Setting
 from tests.laws.valve_logs import moved
@@ -42,7 +43,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from damperfit.damper.model import Model
-    from damperfit.laws import LawSearch, Tried
+    from damperfit.laws.law_fit import LawSearch, Tried
     from damperfit.simulation import Motion
 
 __all__ = ["CHECK", "FITTED", "Drawn", "draw", "known_of", "logged", "parts_of", "verdict_on"]

@@ -14,8 +14,8 @@ from damperfit.damper.model import Model
 from damperfit.damper.mounting import FIT, NONE, Mounting
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.valve_dampers import TwinTube
-from damperfit.laws import LawFit
-from damperfit.laws.variants import everything
+from damperfit.laws.law_fit import LawFit
+from damperfit.laws.structures import everything
 from damperfit.recording import Trace
 from damperfit.run.auto_model import _layouts, assumed_gas, open_dimensions, with_chosen_law
 from damperfit.tested.setting import Setting

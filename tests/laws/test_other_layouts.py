@@ -10,8 +10,9 @@ import pytest
 from damperfit.damper.mounting import NONE, Mounting
 from damperfit.damper.network import Valve
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube, ValveDamper
-from damperfit.laws import Tried, physics_seen
-from damperfit.laws.other_layouts import times_in
+from damperfit.laws.description import physics_seen
+from damperfit.laws.law_fit import Tried
+from damperfit.laws.structures import times_in
 from damperfit.simulation import SolverOptions, simulate
 from tests.laws.test_undecided import fit
 from tests.laws.valve_logs import moved

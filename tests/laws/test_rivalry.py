@@ -10,7 +10,8 @@ import pytest
 
 from damperfit.conditioning import condition
 from damperfit.damper.rivals import RIVALS, RestoringForceSurface, Rival
-from damperfit.laws import SettingLogs, Tried, fit_law, rank_rivals
+from damperfit.laws.law_fit import SettingLogs, Tried, fit_law
+from damperfit.laws.rivals import rank_rivals
 from damperfit.recording import Recording, Trace
 from damperfit.simulation import Motion, simulate
 from damperfit.tested.setting import Setting

@@ -7,7 +7,7 @@ import json
 import pytest
 
 from damperfit.damper.valve_dampers import Monotube, TwinTube
-from damperfit.laws import opening_force
+from damperfit.laws.description import opening_force
 from tests.laws.valve_logs import DAMPER_TOML, VALUES, damper, log_text, moved
 
 

@@ -9,8 +9,7 @@ import pytest
 from damperfit.damper.mounting import FIT, NONE, Friction, Mounting
 from damperfit.damper.network import Valve
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
-from damperfit.laws.structures import Structure, moves
-from damperfit.laws.variants import BOTH
+from damperfit.laws.structures import BOTH, Structure, moves
 
 WHOLE = TwinTube(rebound=BOTH, compression=BOTH, mounting=Mounting(FIT, FIT, FIT))
 

@@ -10,15 +10,8 @@ import pytest
 
 from damperfit.damper.mounting import FIT, NONE, Mounting
 from damperfit.damper.valve_dampers import TwinTube
-from damperfit.laws import (
-    JudgedLaw,
-    LawFit,
-    LawSearch,
-    SettingLogs,
-    Tried,
-    interchangeable_parts,
-    undecided,
-)
+from damperfit.laws.description import interchangeable_parts, undecided
+from damperfit.laws.law_fit import JudgedLaw, LawFit, LawSearch, SettingLogs, Tried
 from damperfit.recording import Trace
 from damperfit.tested.setting import Setting
 from tests import fakes

@@ -16,8 +16,8 @@ from damperfit.identification.fit_problem import FitProblem
 from damperfit.identification.fit_setting import _statuses
 from damperfit.identification.least_squares import DenseSystem, Minimum
 from damperfit.identification.log_facts import FEWEST_SAMPLES
-from damperfit.laws import LawFit, physics_seen, seen_again
-from damperfit.laws.law_fit import _undetermined
+from damperfit.laws.description import physics_seen, seen_again
+from damperfit.laws.law_fit import LawFit, _undetermined
 from damperfit.reporting.laws import chosen_records, chosen_sheet
 from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting

@@ -10,21 +10,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+import damperfit.laws.rivals as yielding
 from damperfit.cli import main
 from damperfit.conditioning import condition
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.rivals import Biviscous, BoucWen, Kwok
 from damperfit.damper.valve_dampers import ThroughFlow
-from damperfit.laws import (
-    LawSearch,
-    SettingLogs,
-    Tried,
-    search_laws,
-    seen_again,
-    undecided,
-    yielding,
-)
-from damperfit.laws.yielding import held_against, is_open_to
+from damperfit.laws.description import seen_again, undecided
+from damperfit.laws.law_fit import LawSearch, SettingLogs, Tried
+from damperfit.laws.rivals import held_against, is_open_to
+from damperfit.laws.search import search_laws
 from damperfit.recording import Recording
 from damperfit.run import auto_model as law_choice
 from damperfit.simulation import simulate

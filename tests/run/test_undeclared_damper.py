@@ -11,7 +11,7 @@ from damperfit.configuration.loading import load_configuration
 from damperfit.damper.mounting import FIT, NONE, Mounting
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
-from damperfit.laws import LawSearch, Tried
+from damperfit.laws.law_fit import LawSearch, Tried
 from damperfit.run.auto_model import is_monotube_open, open_dimensions, open_layout
 from tests.laws.test_undecided import fit
 

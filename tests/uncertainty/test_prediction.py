@@ -12,7 +12,7 @@ from damperfit.conditioning import condition
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import identify
-from damperfit.laws import PREDICTED_PERCENT
+from damperfit.laws.law_fit import PREDICTED_PERCENT
 from damperfit.recording import Trace
 from damperfit.uncertainty import (
     Assessment,

@@ -1,25 +1,97 @@
-"""What yields before it slides, held against the valves that were found.
-
-A magneto-rheological fluid or dry friction holds its force down to no speed, and so do preloaded
-valves. Where logs do, the models that yield are fitted as the valves were, and told where they fit
-and predict better. Valves are told only where they are clearly the better ones.
-"""
+"""What is no candidate of the search: models of the literature, and those that yield."""
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
-from damperfit.damper.rivals import Biviscous, BoucWen, Kwok, Rival
-from damperfit.laws.choosing import are_alike, times_worse
+import numpy as np
+
+from damperfit.damper.rivals import RIVALS, Biviscous, BoucWen, Kwok, RestoringForceSurface, Rival
+from damperfit.errors import SimulationError
+from damperfit.laws.law_fit import Tried, are_alike, fit_law, times_worse
+from damperfit.simulation import SolverOptions
+from damperfit.workers import executor
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
-    from damperfit.laws.choosing import Tried
-    from damperfit.laws.judged_laws import LawSearch
-    from damperfit.laws.law_fit import LawFit
+    from damperfit.damper.rivals import Rival
+    from damperfit.laws.law_fit import LawFit, LawSearch, SettingLogs
 
-__all__ = ["YIELDING", "held_against", "is_open_to", "unbelievable", "yielding_seen"]
+__all__ = [
+    "YIELDING",
+    "held_against",
+    "is_open_to",
+    "rank_rivals",
+    "unbelievable",
+    "yielding_seen",
+]
+
+
+def rank_rivals(
+    evidence: Sequence[SettingLogs],
+    *,
+    solver: SolverOptions = SolverOptions(),
+    on_rival: Callable[[Tried], None] = lambda _: None,
+    jobs: int = 1,
+) -> tuple[Tried, ...]:
+    """Fit every model of the literature to the settings; the best prediction comes first.
+
+    Parameters
+    ----------
+    evidence : sequence of SettingLogs
+        What the laws were compared by.
+    solver : SolverOptions
+        Half width of the friction's band; the rest is the physical models'.
+    on_rival : callable
+        Called with each that was fitted.
+    jobs : int
+        Workers; the result does not depend on them.
+
+    Returns
+    -------
+    tuple of Tried
+        By what was held out, else by what was fitted. One that cannot be simulated is left out.
+    """
+
+    def fit(job: tuple[type[Rival], SettingLogs]) -> LawFit | None:
+        kind, one = job
+        try:
+            return fit_law(_on_scale(kind, one), one, solver=solver)
+        except SimulationError:
+            return None
+
+    with executor(jobs) as pool:
+        fits = list(pool.map(fit, [(kind, one) for kind in RIVALS for one in evidence]))
+    found = []
+    for place, kind in enumerate(RIVALS):
+        own = [one for one in fits[place * len(evidence) :][: len(evidence)] if one is not None]
+        if len(own) == len(evidence):
+            found.append(Tried(kind.title, tuple(own)))
+            on_rival(found[-1])
+    return tuple(sorted(found, key=_rank))
+
+
+def _rank(rival: Tried) -> tuple[float, float]:
+    held = rival.held_out_percent
+    return (0.0 if math.isnan(held) else held, rival.mse_percent)
+
+
+def _on_scale(kind: type[Rival], one: SettingLogs) -> Rival:
+    """The model; a surface is laid over the strokes and speeds of the logs that are fitted."""
+    if kind is not RestoringForceSurface:
+        return kind()
+    widest = max(float(np.max(np.abs(t.displacement[t.compared]))) for t in one.fitted)
+    fastest = max(float(np.max(np.abs(t.velocity[t.compared]))) for t in one.fitted)
+    return RestoringForceSurface(half_stroke=widest, top_speed=fastest)
+
+
+# What yields before it slides, held against the valves that were found.
+#
+# A magneto-rheological fluid or dry friction holds its force down to no speed, and so do
+# preloaded valves. Where logs do, the models that yield are fitted as the valves were, and told
+# where they fit and predict better. Valves are told only where they are clearly the better ones.
 
 YIELDING: tuple[type[Rival], ...] = (BoucWen, Biviscous, Kwok)
 # Valves that fit and predict so many times better are told and nothing else is. Of synthetic
