@@ -10,12 +10,13 @@
        followed to their minimum, and the best by the criterion is taken, until none is better
     4  the parts in the other layouts; models that yield, where the logs do; the paper's model again
 
-The criterion of a structure with k free numbers at all settings together, of logs with MSE m and
+The criterion of a structure at all settings together, of logs with MSE m and
 held-out MSE h (per cent of the variance)::
 
-    C = sum over settings of n ln(m + m_0) + n_h ln(h + h_0)  +  k ln(sum of n) + 2 p
+    C = sum over settings of n ln(m + m_0) + n_h ln(h + h_0)  +  sum over numbers of ln(n_k) + 2 p
 
-n is the effective number of samples of what the largest structure leaves (`effective_samples`), m_0
+n is the effective number of samples of what the largest structure leaves (`effective_samples`), n_k
+that of all settings that a number is in, m_0
 a misfit below which nothing is told apart, h_0 the same of a prediction, p the number of parts that
 a damper or its rig may well be without. A friction that seals hardly have costs a little, too.
 """
@@ -100,7 +101,7 @@ _FOLLOWED = 4
 # A screened candidate may promise so much more misfit, in logarithms, than would be a gain.
 _MARGIN = 0.05
 # Candidates that are looked at beside all settings, of those that two settings show.
-_LOOKED_AT = 8
+_LOOKED_AT = 12
 _ROUNDS = 20
 _STEP = 1e-8
 _GLANCE = Stopping(cost_tolerance=2e-2, step_tolerance=_STEP, max_evaluations=4, rest=math.inf)
@@ -326,11 +327,17 @@ class _Search:
     def criterion(self, fit: _Fit, *, is_screening: bool = False) -> float:
         """C of the module's text; without what was held out while candidates are screened."""
         percent, n = fit.percent(), self.n_eff
-        total = sum(n[s] for s in percent)
         found = sum(n[s] * math.log(p + _FLOOR_PERCENT) for s, p in percent.items())
-        found += len(fit.model.unknowns) * math.log(total)
-        found += _NEEDLESS * fit.structure.n_needless + self.unbelieved(fit)
+        found += self.price(fit) + self.unbelieved(fit)
         return found if is_screening else found + self.of_held_out(fit)
+
+    def price(self, fit: _Fit) -> float:
+        """What the numbers and parts of a structure cost: a number by the samples that see it."""
+        seen = [
+            sum(self.n_eff[s] for s in fit.model.settings if one.holds_at(s))
+            for one in fit.model.unknowns
+        ]
+        return sum(map(math.log, seen)) + _NEEDLESS * fit.structure.n_needless
 
     def unbelieved(self, fit: _Fit) -> float:
         """The part of C for a friction that seals hardly have."""
@@ -391,18 +398,29 @@ class _Search:
     def improved(self, fit: _Fit) -> _Fit:
         """Take moves until none is better by the criterion.
 
-        Moves that were far from a gain are left aside until no other gains; then all are screened
-        again, beside the parts that were taken since.
+        First those that do not make the structure smaller: a part is missed where another one's
+        absence hides it. Moves that were far from a gain are left aside until no other gains; then
+        all are screened again, at all settings, beside the parts that were taken since.
         """
         above: dict[str, float] = {}
+        pair = _most_unlike([self.evidence[s] for s in fit.values], 2)
         for _ in range(_ROUNDS):
-            known = moves(fit.structure)
+            known = {w: one for w, one in moves(fit.structure).items() if self.may_gain(one, fit)}
             margin = _MARGIN * sum(self.n_eff[s] for s in fit.values)
-            near = {words: one for words, one in known.items() if above.get(words, 0.0) <= margin}
-            far = {words: one for words, one in known.items() if words not in near}
-            ended = self.followed(fit, near, above)
-            if ended is None and far:
-                ended = self.followed(fit, far, above)
+            near = {w: one for w, one in known.items() if above.get(w, 0.0) <= margin}
+            if len(fit.values) > len(pair):
+                few = self.screened(near, self.at(fit, pair, _ONE))
+                above |= {words: rise for rise, words, _ in few}
+                near = {words: near[words] for rise, words, _ in few[:_LOOKED_AT]}
+            size, ended = len(fit.structure.free), None
+            for batch in (
+                {w: one for w, one in near.items() if len(one.free) >= size},
+                {w: one for w, one in near.items() if len(one.free) < size},
+                {w: one for w, one in known.items() if w not in near},
+            ):
+                ended = self.followed(fit, batch, above) if batch else None
+                if ended is not None:
+                    break
             if ended is None:
                 break
             fit = ended
@@ -415,17 +433,12 @@ class _Search:
 
         What is better beside the best is tried on top of it.
         """
-        candidates = {w: one for w, one in candidates.items() if self.may_gain(one, fit)}
-        pair = _most_unlike([self.evidence[s] for s in fit.values], 2)
-        if len(fit.values) > len(pair):
-            few = self.screened(candidates, self.at(fit, pair, _ONE))
-            above |= {words: rise for rise, words, _ in few}
-            candidates = {words: candidates[words] for rise, words, _ in few[:_LOOKED_AT]}
         screened = self.screened(candidates, fit)
         above |= {words: rise for rise, words, _ in screened}
+        margin = _MARGIN * sum(self.n_eff[s] for s in fit.values)
         ends = []
         for rise, words, glance in screened[:_FOLLOWED]:
-            if rise > _MARGIN * sum(self.n_eff[s] for s in fit.values):
+            if rise > margin:
                 break
             if (ended := self.candidate(glance, fit, words)) is not None:
                 ends.append((self.criterion(ended), words, ended))
@@ -453,9 +466,7 @@ class _Search:
 
     def may_gain(self, structure: Structure, fit: _Fit) -> bool:
         """Whether a structure has less, or what it has more may be worth its price."""
-        names = structure.damper.names
-        free = [n for n in names if n not in structure.held]
-        if len(free) < len([n for n in fit.structure.damper.names if n not in fit.structure.held]):
+        if len(structure.free) < len(fit.structure.free):
             return True
         return self.most_to_gain(fit) > math.log(sum(self.n_eff[s] for s in fit.values))
 
@@ -482,8 +493,7 @@ class _Search:
     def rise(self, glance: _Fit, fit: _Fit) -> float:
         """By how much the criterion, without what was held out, promises to rise."""
         n = sum(self.n_eff[s] for s in fit.values)
-        price = (len(glance.model.unknowns) - len(fit.model.unknowns)) * math.log(n)
-        price += _NEEDLESS * (glance.structure.n_needless - fit.structure.n_needless)
+        price = self.price(glance) - self.price(fit)
         promised = max(glance.promised, 1e-6 * fit.minimum.cost)
         here = fit.minimum.cost
         shares = [_FLOOR_PERCENT / max(one, 1e-9) for one in fit.percent().values()]

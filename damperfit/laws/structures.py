@@ -185,6 +185,12 @@ class Structure:
         return {name: x for name, x in known if x is not None and name not in self.freed}
 
     @property
+    def free(self) -> tuple[str, ...]:
+        """What is fitted at a setting."""
+        held = self.held
+        return tuple(name for name in self.damper.names if name not in held)
+
+    @property
     def n_needless(self) -> int:
         """Parts that a damper or its rig may well be without."""
         whole = sum(without_part(self.damper, name) != self.damper for name in PARTS)
