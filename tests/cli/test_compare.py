@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 from pathlib import Path
 
 import pytest
@@ -71,13 +70,6 @@ def test_a_changed_valve_is_found_where_it_is_and_by_how_much(run, campaigns) ->
     assert "of them significantly" in found["sentences"][0]
 
 
-def test_the_same_logs_behind_both_are_named(run, campaigns) -> None:
-    shutil.copytree(campaigns / "before", "copy")
-    found = _document(run, campaigns / "before", "copy")
-    assert "both are based on the same logs" in found["circumstances"][0]["sentence"]
-    assert all(line["difference"] == 0.0 for line in found["lines"] if line["difference"])
-
-
 def test_measured_curves_are_compared_without_a_model(run, campaigns) -> None:
     found = _document(run, campaigns / "before", campaigns / "after", "--measured")
     assert {line["kind"] for line in found["lines"]} == {"force", "figure"}
@@ -127,16 +119,6 @@ def test_a_gate_that_is_missed_ends_with_code_4(run, campaigns) -> None:
     assert "20 of 20 points within the tolerance" in met.out
 
 
-def test_one_run_is_held_against_nominal_forces(run, campaigns) -> None:
-    Path("nominal.csv").write_text("speed,stroke,low,high\n0.26,rebound,300,700\n")
-    assert run("compare", campaigns / "before", "--tolerance", "nominal.csv").code == 0
-    Path("nominal.csv").write_text("speed,stroke,low,high\n0.26,rebound,300,480\n")
-    missed = run("compare", campaigns / "before", "--tolerance", "nominal.csv")
-    assert missed.code == 4
-    assert "FAILS" in missed.out
-    assert run("compare", campaigns / "before", "--tolerance", "none.csv").code == 2
-
-
 def test_a_baseline_stands_for_its_run(run, campaigns) -> None:
     before, after = campaigns / "before", campaigns / "after"
     assert run("compare", before, "--save", "base.json").code == 0
@@ -176,19 +158,3 @@ def test_page_markdown_json_and_tables_are_written_as_a_set(run, campaigns) -> N
         assert f'data-name="setting_{setting:02d}_force_displacement"' in page
     table = Path("out/differences.csv").read_text().splitlines()
     assert len(table) == 1 + sum(len(one["lines"]) for one in document["comparisons"])
-
-
-def test_two_models_have_their_forces_compared_as_measured(run, campaigns) -> None:
-    logs = sorted(map(str, (campaigns / "logs_again").glob("*.csv")))
-    assert main(["identify", *logs, "--model", "linear", "--out", "linear", "--quiet"]) in {0, 1}
-    ended = run("compare", campaigns / "before", "linear", "--json")
-    (found,) = json.loads(ended.out)["comparisons"]
-    assert {line["kind"] for line in found["lines"]} == {"measured", "force", "figure"}
-    forces = [line for line in found["lines"] if line["kind"] == "force"]
-    # A straight line misses the force somewhere at every setting: it is not asked at the others.
-    assert {line["told_from"] for line in forces} == {"measured"}
-    assert not [line for line in forces if line["is_sure"]]
-    assert "model: purdy, then linear" in found["circumstances"][0]["sentence"]
-    assert "fitted with different models: no parameter is common to both" in found["notes"]
-    alike = json.loads(run("compare", "linear", "linear", "--json").out)["comparisons"][0]
-    assert {line["name"] for line in alike["lines"] if line["kind"] == "parameter"}

@@ -123,21 +123,3 @@ def test_folders_of_serials_and_serials_in_the_logs_are_paired(run, raw) -> None
     refused = run("compare", "flat_old", "--measured", "--save", "base.json")
     assert refused.code == 2
     assert "logs of 2 dampers (S1, S2); a baseline is of one" in refused.err
-
-
-def test_folders_of_curves_without_time(run) -> None:
-    for when, factor in (("old", 1.0), ("new", 1.1)):
-        Path(when).mkdir()
-        for setting in (1, 2):
-            rows = [
-                f"{v},{factor * 2e3 * setting * v}" for v in (-0.3, -0.1, -0.05, 0.05, 0.1, 0.3)
-            ]
-            text = "velocity_m/s,force_N\n" + "\n".join(rows) + "\n"
-            Path(when, f"setting_{setting}.csv").write_text(text)
-    found = _document(run, "old", "new")["comparisons"][0]
-    assert found["settings"] == [1, 2]
-    forces = _forces(found)
-    assert forces["2", "rebound", 0.1]["first_value"] == pytest.approx(400.0)
-    for line in forces.values():
-        assert line["percent"] == pytest.approx(10.0)
-        assert line["verdict"] == "untold"

@@ -57,19 +57,3 @@ def test_settings_finds_a_force_among_them(run, curves) -> None:
     assert "no curve gives it; the nearest is 25-4.3 with -320 N" in " ".join(beyond.out.split())
     exact = run("settings", curves, "--force", "700N", "--velocity", "0.2m/s", "--quiet")
     assert exact.out.strip() == "700 N in rebound at 0.2 m/s: 12-4.3 gives it"
-
-
-def test_settings_shows_the_forces(run, curves) -> None:
-    told = run("settings", curves)
-    assert told.code == 0
-    rows = [" ".join(line.split()) for line in told.out.splitlines()]
-    assert "12-4.3 rebound 4 0.400 1300 150.0 330.0 441.0 880.0 1000" in rows
-    document = json.loads(run("settings", curves, "--velocity", "0.2m/s", "--json").out)
-    assert document["question"] is None
-    assert document["forces"][0] == {
-        "curve": "25-4.3",
-        "stroke": "rebound",
-        "speed_m_per_s": 0.2,
-        "force_N": 900.0,
-    }
-    assert len(document["forces"]) == 4

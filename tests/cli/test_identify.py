@@ -106,12 +106,6 @@ def test_a_gate_that_is_not_met_is_code_4_and_everything_is_written(run, logs, t
     assert run("identify", logs / "setting_01.csv", "--max-mse", "1").code == 0
 
 
-def test_a_parameter_table_among_the_logs_is_left_out_aloud(run, logs) -> None:
-    ended = run("identify", logs / "*.csv")
-    assert ended.code == 0
-    assert "truth.csv: written by damperfit, not a log; skipped" in ended.err
-
-
 def test_several_logs_of_one_setting_are_fitted_together(run, logs, repeated, tmp_path) -> None:
     text = (logs / "setting_01.csv").read_text()
     (tmp_path / "a").mkdir()
@@ -171,10 +165,3 @@ def test_a_full_disk_leaves_the_old_results_whole(spawn, logs, results, tmp_path
     assert "earlier results there are untouched" in ended.err
     assert "Traceback" not in ended.err
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
-
-
-def test_no_traceback_without_debug_and_one_with_it(run) -> None:
-    assert "Traceback" not in run("identify", "nope.csv").err
-    ended = run("identify", "nope.csv", "--debug")
-    assert "Traceback" in ended.err
-    assert ended.code == 2

@@ -186,9 +186,3 @@ def test_the_dialogue_shows_defaults_and_asks_again_after_a_wrong_answer(answere
     assert "  piston_diameter: no unit of length 'bananas'" in said
     assert "oil_density" not in said  # it was given
     assert load_configuration(folder / "my_damper.toml").damper.rod_diameter == 0.032
-
-
-def test_a_dialogue_that_ends_early_writes_nothing(answered, folder, capsys):
-    assert answered("purdy", "32mm") == 130
-    assert "interrupted" in capsys.readouterr().err
-    assert list(folder.iterdir()) == []

@@ -34,17 +34,6 @@ def test_finished_settings_are_written_when_the_user_stops(logs, fitted_anew, tm
     assert "Interrupted" in (tmp_path / "out" / "report.md").read_text()
 
 
-def test_earlier_results_stay_when_nothing_was_finished(logs, fitted_anew, tmp_path) -> None:
-    (tmp_path / "out").mkdir()
-    (tmp_path / "out" / "run.json").write_text("earlier")
-    settings = load_configuration(overlay={"output": {"folder": str(tmp_path / "out")}})
-    watch = Watch(cancelled=lambda: True)
-    (result,) = written(settings, [str(logs / "setting_*.csv")], jobs=1, watch=watch)
-    assert result.run.exit_code == 130
-    assert [p.name for p in (tmp_path / "out").iterdir()] == ["run.json"]
-    assert (tmp_path / "out" / "run.json").read_text() == "earlier"
-
-
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_asks_to_stop_and_a_second_one_ends_at_once(number, capsys) -> None:
     before = signal.getsignal(number)

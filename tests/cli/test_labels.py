@@ -94,13 +94,6 @@ def test_settings_answers_for_all_adjusters(results, run):
     assert "along compression with rebound 8: no setting gives it" in document["sentence"]
 
 
-@pytest.mark.parametrize("label", ["R8 C12", "rebound=8, compression=12"])
-def test_simulate_takes_a_label(results, run, label):
-    ended = run("simulate", "--parameters", results, "--setting", label, "--json")
-    assert ended.code == 0, ended.err
-    assert json.loads(ended.out)["setting"] == "R8 C12"
-
-
 def test_one_setting_declared_for_logs_that_plainly_differ_is_an_error(bodies, run, tmp_path):
     (tmp_path / "a.csv").write_text(bodies[4, 8])
     (tmp_path / "b.csv").write_text(bodies[10, 8])
@@ -153,16 +146,3 @@ def test_a_configured_serial_against_the_log_is_an_error(bodies, run, tmp_path):
     ended = run("identify", tmp_path / "a.csv", "--config", tmp_path / "c.toml")
     assert ended.code == 2
     assert "test.serial: found '13', but a.csv is of serial '12'" in ended.err
-
-
-def test_words_are_settings_of_their_own(bodies, run, tmp_path):
-    for word, r in (("soft", 4), ("hard", 10)):
-        (tmp_path / f"{word}.csv").write_text(f"# setting: {word}\n{bodies[r, 8]}")
-    ended = run("identify", tmp_path / "*.csv", "--out", tmp_path / "out", "--report")
-    assert ended.code == 0, ended.err
-    table = pq.read_table(tmp_path / "out" / "parameters.parquet")
-    assert table.column_names[:2] == ["setting", "r_m1"]
-    assert table["setting"].to_pylist() == ["hard", "soft"]
-    ended = run("settings", tmp_path / "out", "--velocity", "0.2m/s", "--force", "500N")
-    assert ended.code == 2
-    assert "no two settings differ in the clicks of one adjuster alone" in ended.err

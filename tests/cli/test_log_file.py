@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import re
 import shutil
 from pathlib import Path
@@ -71,16 +70,6 @@ def test_a_bug_leaves_its_traceback_there_and_a_line_on_the_terminal(
     told = records(kept)
     assert ("DEBUG", "Traceback (most recent call last):") in told
     assert any(level == "DEBUG" and "test_log_file.py" in text for level, text in told)
-
-
-def test_without_it_nothing_is_kept_and_the_logger_is_as_before(run, logs, tmp_path) -> None:
-    logger = logging.getLogger("damperfit")
-    before = (list(logger.handlers), logger.level, logger.propagate)
-    run("config", "--log-file", tmp_path / "run.log")
-    assert (list(logger.handlers), logger.level, logger.propagate) == before
-    size = (tmp_path / "run.log").stat().st_size
-    assert run("inspect", logs / "setting_01.csv", "--json").err == ""
-    assert (tmp_path / "run.log").stat().st_size == size
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no full device")

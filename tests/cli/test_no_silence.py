@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 
-from damperfit.cli import main
 from damperfit.configuration.loading import load_configuration
 from damperfit.run.identify import written
 
@@ -81,34 +80,3 @@ def test_results_that_cannot_be_written_are_still_shown(run, logs, monkeypatch, 
     (found,) = written(configuration, [str(logs / "setting_01.csv")])
     assert "No space left" in str(found.error)
     assert len(found.run.settings) == 1
-
-
-def test_samples_leave_no_log_that_truth_does_not_know(run, tmp_path) -> None:
-    few = ("--cycles", "3", "--quiet")
-    assert run("samples", "s", "--settings", "1-3", *few).code == 0
-    (tmp_path / "s" / "setting_09.csv").write_text("# rig: Bench 7\n")
-    assert run("samples", "s", "--settings", "2", *few).code == 0
-    names = sorted(path.name for path in (tmp_path / "s").iterdir())
-    assert names == ["README.md", "setting_02.csv", "setting_09.csv", "truth.csv"]
-
-
-def test_a_rig_without_temperature_is_not_failed_by_a_list(logs, tmp_path, capsys) -> None:
-    rows = (logs / "setting_01.csv").read_text().splitlines()
-    cut = [row if row.startswith("#") else row.rpartition(",")[0] for row in rows]
-    (tmp_path / "cold_s1.csv").write_text("\n".join(cut) + "\n")
-    log, out = str(tmp_path / "cold_s1.csv"), str(tmp_path / "r")
-    config = tmp_path / "c.toml"
-    config.write_text('[rig]\ntemperature_tolerance = inf\n[output]\nchecks = ["purdy2000"]\n')
-
-    def missed(*more: str) -> str:
-        capsys.readouterr()
-        main(["identify", log, "--out", out, *more])
-        return capsys.readouterr().err
-
-    gate = "check not evaluated: temperature_in_window"
-    told = missed("--check", "purdy2000")
-    assert gate in told
-    assert "rig.temperature_tolerance = inf" in told
-    assert gate not in missed("--check", "purdy2000,-temperature_in_window")
-    assert gate not in missed("--config", str(config))
-    assert gate in missed("--config", str(config), "--check", "temperature_in_window")

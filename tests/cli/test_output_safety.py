@@ -127,23 +127,6 @@ def test_two_runs_into_one_folder_at_once_are_refused_before_they_work(
     assert _contents(folder).keys() == _contents(results).keys()
 
 
-def test_a_linked_folder_is_written_to_where_it_points(run, logs, results, tmp_path) -> None:
-    """The folder that the user names may be a link; files in it are replaced, never followed."""
-    real = tmp_path / "real"
-    real.mkdir()
-    precious = tmp_path / "precious.txt"
-    precious.write_text("precious")
-    for name in ("parameters.csv", "run.json", "report.md"):
-        (real / name).symlink_to(precious)
-    (tmp_path / "results").symlink_to(real, target_is_directory=True)
-    ended = run("identify", logs / "setting_01.csv", *QUICK)
-    assert ended.code == 0
-    assert precious.read_text() == "precious"
-    assert not any(path.is_symlink() for path in real.iterdir())
-    assert (tmp_path / "results").is_symlink()
-    assert set(_contents(real)) == set(_contents(results))
-
-
 # What a log may say, and every place where it is shown
 
 EVIL = "<script>alert(1)</script>[red]x[/red] `*_| =HYPERLINK(1) \x1b]0;owned\u202e"

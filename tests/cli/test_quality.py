@@ -123,13 +123,6 @@ def test_each_fault_of_a_signal_is_told(run, tmp_path, rows, fault) -> None:
         assert (told[0]["name"], told[0]["severity"]) == (name, expected)
 
 
-def test_the_good_log_is_good(run, tmp_path, rows) -> None:
-    write(tmp_path / "log_s2.csv", rows)
-    (log,) = json.loads(run("inspect", "log_s2.csv", "--json", "--strict").out)["logs"]
-    assert log["verdict"] == "good"
-    assert {one["severity"] for one in log["findings"]} == {"note"}
-
-
 def test_strict_quality_leaves_a_log_out_and_ends_with_4(run, logs, tmp_path, rows) -> None:
     write(tmp_path / "clipped_s3.csv", ROWS["F45 clipped"][0](rows))
     good = logs / "setting_01.csv"

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import os
 import shlex
-import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -234,14 +232,6 @@ def test_a_loop_of_links_costs_itself_alone(run, logs, tmp_path) -> None:
     assert run("identify", "setting_01.csv", "--config", "setting_02.csv").code == 2
 
 
-def test_a_nul_in_a_name_costs_that_log_alone(run, logs, tmp_path) -> None:
-    (tmp_path / "list.txt").write_text(f"{logs / 'setting_01.csv'}\na\0b.csv\n")
-    assert run("identify", "@list.txt", "--out", "out", "--quiet").code == 1
-    for key in ("output.folder", "test.table", "identification.start"):
-        (tmp_path / "c.toml").write_text(f'{key} = "a\\u0000b"\n')
-        assert run("identify", logs / "setting_01.csv", "--config", "c.toml").code == 2
-
-
 def test_the_home_folder_is_found_where_the_shell_leaves_its_sign(
     run, logs, monkeypatch, tmp_path
 ) -> None:
@@ -255,27 +245,3 @@ def test_the_home_folder_is_found_where_the_shell_leaves_its_sign(
     assert run("simulate", "--setting", "5", "--out", "~/b.csv").code == 0
     assert {one.name for one in home.iterdir()} >= {"a", "b.csv", "configured"}
     assert not (tmp_path / "~").exists()
-
-
-def test_a_terminal_that_hangs_up_leaves_what_is_finished(logs, repeated, tmp_path) -> None:
-    text = (logs / "setting_01.csv").read_text()
-    for k in range(40):
-        log = repeated(text, k).replace("setting: 1\n", f"setting: {k}\n")
-        (tmp_path / f"setting_{k}.csv").write_text(log)
-    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)  # under nohup it is ignored
-    process = subprocess.Popen(
-        [*COMMAND, "identify", "*.csv", "--jobs", "2", "--model", "purdy", "--starts", "200"],
-        cwd=tmp_path,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
-    signal.signal(signal.SIGHUP, before)
-    until = time.monotonic() + 60.0
-    while not (tmp_path / "results").exists() and time.monotonic() < until:
-        time.sleep(0.05)  # it takes its signals from before that on
-    time.sleep(1.0)
-    os.killpg(process.pid, signal.SIGHUP)  # as a terminal does: to its copies too
-    said = process.communicate(timeout=120)[1]
-    assert process.returncode == 130, said
-    assert "interrupted" in said

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import html
 import json
-import shutil
 from pathlib import Path
 
 import pytest
@@ -75,29 +74,6 @@ def test_another_damper_is_refused(run, slim, tmp_path, command) -> None:
     # What does not contradict is no other damper: the same value in another unit, other keys.
     (tmp_path / "same.toml").write_text('[damper]\ngas_pressure = "1.2MPaa"\n[rig]\nstrict = true')
     assert run(command, *asked, "--config", "same.toml").code == 0
-
-
-def test_sweep_varies_about_the_results_own_damper(run, slim) -> None:
-    ended = run("sweep", "--setting", "1", "--vary", "p_0=1,1.1", "--parameters", slim, "--json")
-    assert "rod 12 mm" in ended.err.splitlines()[0]
-    assert [row["value"] for row in json.loads(ended.out)["rows"]] == pytest.approx([12e5, 13.2e5])
-
-
-def test_settings_know_the_damper_without_run_json(run, slim, tmp_path) -> None:
-    """The table says whose it is; the paper's damper was assumed."""
-    alone = tmp_path / "alone"
-    alone.mkdir()
-    shutil.copy(slim / "parameters.parquet", alone)
-    asked = ("--amplitude", "15mm", "--frequency", "2Hz", "--json")
-    ended, whole = run("settings", alone, *asked), run("settings", slim, *asked)
-    assert "run.json is missing" in ended.err
-    assert "the paper's is assumed" not in ended.err
-    found, wanted = (json.loads(one.out)["forces"] for one in (ended, whole))
-    assert len(found) == len(wanted) > 0
-    for one, other in zip(found, wanted, strict=True):
-        assert one["force_N"] == pytest.approx(other["force_N"], rel=1e-6)
-    (tmp_path / "other.toml").write_text('[damper]\nrod_diameter = "13mm"\n')
-    assert run("settings", alone, *asked, "--config", "other.toml").code == 2
 
 
 @pytest.mark.parametrize("table", ["parameters.parquet", "parameters.csv", ""])

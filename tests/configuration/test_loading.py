@@ -71,32 +71,12 @@ def test_a_damper_that_the_configuration_cannot_describe_does_not_exist() -> Non
     assert set(document["damper"]) - beside == {field.name for field in fields(PURDY_DAMPER)}
 
 
-def test_a_file_needs_only_what_differs_and_takes_units_or_si(tmp_path: Path) -> None:
-    path = _write(tmp_path, '[damper]\nrod_diameter = "12mm"\ngas_pressure = 1.2e6\n')
-    damper = load_configuration(path).damper
-    assert damper.rod_diameter == 0.012
-    assert damper.gas_pressure == 1.2e6
-    assert damper.piston_diameter == PURDY_DAMPER.piston_diameter
-
-
-def test_the_command_line_comes_after_the_file(tmp_path: Path) -> None:
-    path = _write(tmp_path, '[rig]\namplitude = "10mm"\nfrequency = "2Hz"\n')
-    rig = load_configuration(path, overlay={"rig": {"amplitude": "20mm"}}).rig
-    assert (rig.amplitude, rig.frequency) == (0.02, 2.0)
-
-
 def test_fixed_parameters_of_file_and_command_line_add_up(tmp_path: Path) -> None:
     path = _write(tmp_path, '[identification]\nfix = {k_e = "500MPa", f_f = 40}\n')
     fit = load_configuration(
         path, overlay={"identification": {"fix": {"f_f": "45N"}}}
     ).identification
     assert fit.fixed == {"k_e": 5e8, "f_f": 45.0}
-
-
-def test_loading_twice_leaves_no_trace_of_the_first(tmp_path: Path) -> None:
-    path = _write(tmp_path, "[identification]\nfix = {f_f = 40}\n")
-    load_configuration(path)
-    assert load_configuration().identification.fixed == {}
 
 
 FULL = """
@@ -134,13 +114,6 @@ def test_what_is_printed_loads_back_to_the_same(tmp_path: Path, text: str) -> No
     assert again == settings
     assert again.document == settings.document
     assert configuration_toml(again) == configuration_toml(settings)
-
-
-def test_what_is_printed_keeps_the_comments(tmp_path: Path) -> None:
-    printed = configuration_toml(load_configuration(_write(tmp_path, FULL)))
-    assert 'rod_diameter = "12mm"' in printed
-    assert "# d_r" in printed
-    assert len(printed.splitlines()) == len(DEFAULTS.read_text(encoding="utf-8").splitlines())
 
 
 def test_values_arrive_where_they_are_used(tmp_path: Path) -> None:
@@ -215,11 +188,6 @@ def test_a_mistake_is_told_with_its_place(tmp_path: Path, text: str, says: str) 
     assert "\n" not in str(caught.value)
 
 
-def test_a_mistake_on_the_command_line_is_told_as_such() -> None:
-    with pytest.raises(ConfigurationError, match=r"rig\.amplitude: no unit"):
-        load_configuration(overlay={"rig": {"amplitude": "3kg"}})
-
-
 def test_files_that_are_no_configuration_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match="No such file"):
         load_configuration(tmp_path / "none.toml")
@@ -260,37 +228,6 @@ def test_every_key_is_blamed_where_it_was_typed(tmp_path: Path, section: str, va
         is_fine = value.startswith('"') or key in ANY_NUMBER
         assert is_fine if not said else f"mine.toml:3: {section}.{key}" in said, key
         assert len(said.splitlines()) < 2
-
-
-@pytest.mark.parametrize(
-    ("undeclared", "said"),
-    [
-        (["gas_volume"], "gas_volume is not declared"),
-        (["gas_pressure", "gas_volume"], "gas_pressure and gas_volume are not declared"),
-        (
-            ["chamber_1_length", "gas_pressure", "gas_volume"],
-            "chamber_1_length, gas_pressure and gas_volume are not declared",
-        ),
-        ([], ""),
-    ],
-)
-def test_dimensions_that_nobody_declared_are_listed(undeclared, said, tmp_path) -> None:
-    every = {
-        "rod_diameter": "12mm", "piston_diameter": "30mm", "chamber_1_length": "80mm",
-        "chamber_2_length": "80mm", "gas_pressure": "12bara", "gas_volume": "30cm3",
-    }  # fmt: skip
-    declared = [f'{key} = "{value}"' for key, value in every.items() if key not in undeclared]
-    path = _write(tmp_path, "\n".join(["[damper]", 'model = "monotube"', *declared]))
-    end = ", and with the dimensions of a generic damper"
-    assert load_configuration(path).assumed_dimensions == (f"{said}{end}" if said else "")
-
-
-def test_a_wrong_value_is_blamed_on_its_own_line_also_where_another_key_has_it(tmp_path) -> None:
-    path = tmp_path / "mine.toml"
-    path.write_text('[output]\nfolder = "fast"\n\n[identification]\nprocedure = "fast"\n')
-    with pytest.raises(ConfigurationError) as caught:
-        load_configuration(path)
-    assert f"{path}:5: identification.procedure: no procedure 'fast'" in str(caught.value)
 
 
 def test_a_configuration_can_be_handed_to_another_process(tmp_path: Path) -> None:

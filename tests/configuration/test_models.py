@@ -13,7 +13,6 @@ from damperfit.damper.mounting import Mounting
 from damperfit.damper.network import Valve
 from damperfit.damper.valve_dampers import ThroughFlow
 from damperfit.errors import ConfigurationError
-from damperfit.run import auto_model as law_choice
 
 TEXT = """\
 [damper]
@@ -119,12 +118,6 @@ def test_what_follows_an_adjuster_is_declared_by_parts_or_columns(tmp_path: Path
     assert again == found
 
 
-def test_two_adjusters_may_move_one_quantity(tmp_path: Path) -> None:
-    found = load_configuration(written(tmp_path, ADJUSTED.format('["rebound.opening", "rebound"]')))
-    assert found.identification.follows["rebound_bleed"] == ("low_speed", "high_speed")
-    assert found.identification.follows["rebound_opening"] == ("high_speed",)
-
-
 @pytest.mark.parametrize(
     ("said", "expected"),
     [
@@ -154,12 +147,6 @@ def test_a_law_that_is_still_open_may_have_it(tmp_path: Path) -> None:
         load_configuration(written(tmp_path, text.replace("bleed", "blood")))
 
 
-def test_what_follows_an_adjuster_cannot_be_fixed(tmp_path: Path) -> None:
-    text = ADJUSTED.format('""') + "\n[identification]\nfix = {rebound_bleed = 3e4}\n"
-    with pytest.raises(ConfigurationError, match="rebound_bleed follows an adjuster and is fixed"):
-        load_configuration(written(tmp_path, text))
-
-
 OF_VALVES = '[damper]\nrod_diameter = "10mm"\ngas_volume = "21cm3"\n'
 
 
@@ -185,14 +172,3 @@ def test_an_open_law_takes_the_model_that_the_keys_are_of(text, model, tmp_path)
     path = tmp_path / "damper.toml"
     path.write_text(text)
     assert load_configuration(path, is_law_open=True).damper.name == model
-
-
-def test_an_open_law_is_held_against_the_papers_damper_of_the_same_gas(tmp_path):
-    path = tmp_path / "damper.toml"
-    path.write_text(OF_VALVES)
-    plain = law_choice._plain(load_configuration(path, is_law_open=True))
-    assert plain.name == "purdy"
-    assert plain.rod_diameter == pytest.approx(0.01)
-    assert plain.gas_volume == pytest.approx(21e-6)
-    path.write_text(OF_VALVES + 'model = "monotube"\n')
-    assert law_choice._plain(load_configuration(path, is_law_open=True)).name == "monotube"

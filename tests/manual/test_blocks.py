@@ -12,13 +12,11 @@ import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 import pytest
 import yaml
 
 from damperfit.cli import main
 from damperfit.configuration.loading import load_configuration
-from damperfit.io import read_log
 from tests.fleet.test_fleet_command import Here
 from tests.manual.generated import COMMANDS, PAGES, PLACE, ROOT, options_of
 
@@ -148,17 +146,3 @@ def test_what_is_not_run_has_a_reason_and_options_that_exist(page) -> None:
                 assert option in options_of(line.split()[1]), line
         if block.mark:
             assert re.fullmatch(r"slow|ends with \d|file: [\w.]+|not run: .{5,}", block.mark)
-
-
-def test_the_profile_reads_the_log_beside_it(tmp_path) -> None:
-    (log,) = (one for one in EVERY["logs"] if one.mark == "file: bench_07_s3.csv")
-    (profile,) = (one for one in EVERY["logs"] if "[rig.profiles.bench_7]" in one.text)
-    (tmp_path / "bench_07_s3.csv").write_text(log.text, encoding="utf-8")
-    (tmp_path / "bench.toml").write_text(profile.text, encoding="utf-8")
-    reading = load_configuration(tmp_path / "bench.toml").reading
-    recording = read_log(tmp_path / "bench_07_s3.csv", reading)
-    assert recording.setting == 3
-    np.testing.assert_allclose(recording.time, [0.0, 0.005, 0.01], atol=1e-12)
-    np.testing.assert_allclose(recording.force, [147.295883, 146.903617, 144.255822], rtol=1e-8)
-    # -2.993 V are -29.93 mm, 11.77 mm with the offset, counted as positive in bump.
-    np.testing.assert_allclose(recording.displacement, [-0.01177, -0.01179, -0.01184], rtol=1e-12)

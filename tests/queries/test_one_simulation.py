@@ -11,14 +11,11 @@ import pytest
 from damperfit.errors import ConfigurationError
 from damperfit.identification import Campaign, Status
 from damperfit.queries.simulations import ChosenParameters, choose_parameters
-from damperfit.reporting.report import markdown_report
-from damperfit.results import Run, Tested
+from damperfit.results import Tested
 from damperfit.tables.files import write_table
 from damperfit.tables.rows import make_tables
-from damperfit.uncertainty import Prediction
 from tests import fakes
 from tests.identification.adjusted import HIGH, LOW, SETTINGS, at
-from tests.texts import run_of
 
 BLEED, OPENING = {6: 2e4, 14: 1e4}, {1: 3e6, 3: 4e6}
 
@@ -44,17 +41,6 @@ def test_a_setting_that_was_not_tested_is_put_together(suffix: str, tmp_path: Pa
     assert found.setting == at(14, 3)
     with pytest.raises(ConfigurationError, match="no parameters of setting LS20 HS3; there are"):
         choose_parameters(setting="LS20 HS3", table=path, replaced={})
-
-
-def test_what_is_only_predicted_stands_in_the_report() -> None:
-    one = campaign()
-    unseen = Prediction(at(14, 3), fakes.trace(9), False, 0.2, 0.1, 0.15, 0.2, is_unseen=True)
-    tables = make_tables(one, predictions=(unseen,))
-    last = tables["mse"].to_pylist()[-1]
-    assert (str(last["setting"]), last["role"]) == ("LS14 HS3", "held_out")
-    text = markdown_report(run_of(one, {"held_out": [unseen.describe()]}))
-    assert "LS14 HS3" in text
-    assert "parameters combined from settings that share its clicks" in text
 
 
 def undetermined_campaign() -> Campaign:
@@ -121,14 +107,3 @@ def test_the_run_tells_at_which_temperatures_it_was(tmp_path: Path) -> None:
     record = {"configuration": {"damper": {}}, "inputs": logs}
     (tmp_path / "run.json").write_text(json.dumps(record))
     assert choose_parameters(setting=1, table=path, replaced={}).tested.temperatures == (21.5, 48.0)
-
-
-def test_an_upper_limit_or_rigid_oil_is_no_doubt(tmp_path: Path) -> None:
-    path = tmp_path / "parameters.csv"
-    path.write_text(
-        "setting,r_m1,r_m1_ci_high,r_m1_status,r_m2,r_m2_ci_high,r_m2_status,r_m3,k_e,k_e_ci_high,"
-        "k_e_status,f_f\n1,1e4,2e4,not_identifiable,2e6,,not_identifiable,3e6,9e10,,"
-        "not_identifiable,20\n"
-    )
-    assert choose_parameters(setting=1, table=path, replaced={}).unlimited == ("r_m2",)
-    assert Run.load(path).setting(1).unlimited == ("r_m2",)
