@@ -11,6 +11,8 @@ What loggers do to clocks and channels is found from the record alone and put ri
   than the force is interpolated to these.
 
 Where a converter's last value is repeated, nothing tells when it was taken: that is a warning.
+A logger that pauses while it writes its buffer leaves pieces of equal length, and a current or
+voltage that steps is another setting: both part a record.
 """
 
 from __future__ import annotations
@@ -27,7 +29,7 @@ from damperfit.io.options import EXTRAS
 from damperfit.recording import Finding
 from damperfit.statistics import median
 
-__all__ = ["on_one_clock", "rate_of_stamps"]
+__all__ = ["buffer_ends", "on_one_clock", "rate_of_stamps", "steps_of_level"]
 
 _FEWEST = 50  # rows; of fewer nothing is said
 _CLOCK_BITS = (16, 24, 32)
@@ -43,6 +45,11 @@ _MOST_SET = 3  # times that somebody sets a clock
 _LIKE = 0.25  # of the motion of a row: what the row over such a jump may differ by
 _HELD, _ONE_STEP = 0.02, 0.95  # of steps longer than a tick; of these with a change of two quanta
 _DENSE = 20  # ticks a row; more is no logger that writes changes
+_GAP = 4.5  # usual steps; conditioning bridges shorter ones
+_FEWEST_PIECES = 3
+_BLOCKS, _SHORTEST = 400, 10  # of a record, whose medians tell a level; rows of one
+_STEP, _FLAT = 0.2, 0.1  # of the range: a level's least step, and what it may move by itself
+_MOST_LEVELS = 20  # more is a controlled damper
 _COMMON = 0.5  # of the force that the other channels must have too
 
 Bools = NDArray[np.bool_]
@@ -252,6 +259,47 @@ def rate_of_stamps(time: FloatArray) -> str:
     rate, doubt = len(steps) / span, 2.0 * float(np.min(ahead)) / span
     texts = (f"{rate:.{digits}g}" for digits in range(1, 8))
     return next((f"{float(text):g}" for text in texts if abs(float(text) / rate - 1) <= doubt), "")
+
+
+# Pieces of a record.
+
+
+def buffer_ends(time: FloatArray) -> list[int]:
+    """Return the rows after which a logger pauses at equal distances, as it writes its buffer."""
+    steps = np.diff(time)
+    if len(steps) < _FEWEST or not np.max(steps) > _GAP * float(np.mean(steps)):
+        return []
+    late = np.flatnonzero(steps > _GAP * median(steps))
+    pieces = np.diff(np.concatenate(([-1], late)))
+    is_steady = len(late) >= _FEWEST_PIECES and np.all(pieces == pieces[0])
+    return late.tolist() if is_steady and len(time) - 1 - late[-1] <= pieces[0] else []
+
+
+def steps_of_level(values: FloatArray) -> tuple[list[int], list[float]]:
+    """Return the rows before which a signal steps to another level, and its levels; none elsewhere.
+
+    A signal that drifts, swings or is noise has none.
+    """
+    size = max(_SHORTEST, len(values) // _BLOCKS)
+    n_blocks = len(values) // size
+    if n_blocks < 4 or not np.isfinite(values.sum()):
+        return [], []
+    blocks = values[: n_blocks * size].reshape(n_blocks, size)
+    level, noise = np.median(blocks, axis=1), median(np.std(blocks, axis=1))
+    span = float(np.ptp(level))
+    if not span > max(5.0 * noise, _FLAT * float(np.max(np.abs(level)))):
+        return [], []
+    jumps = np.flatnonzero(np.abs(np.diff(level)) > _STEP * span)
+    jumps = jumps[np.diff(jumps, prepend=-3) > 2]  # one step may stand in two
+    pieces = np.split(level, jumps + 1)
+    inner = [piece[1:-1] if len(piece) > 4 else piece for piece in pieces]
+    if not 0 < len(jumps) < _MOST_LEVELS or max(map(np.ptp, inner)) > _FLAT * span:
+        return [], []
+    starts = []
+    for k in jumps * size:
+        within = np.abs(np.diff(values[k : k + 3 * size]))
+        starts.append(int(k + np.argmax(within)) + 1)
+    return starts, [float(median(piece)) for piece in pieces]
 
 
 # One clock for all.

@@ -362,7 +362,7 @@ def _doubted(note: str, speed: FloatArray, force: FloatArray) -> str:
     (rebound, _), (bump, _) = sides
     shared = rebound[(rebound >= bump.min()) & (rebound <= bump.max())]
     forces = [[_between(*side, float(v)) for v in shared] for side in sides]
-    if not len(shared) or not np.all(_STIFFER * np.array(forces[0]) < np.array(forces[1])):
+    if len(shared) < 2 or not np.all(_STIFFER * np.array(forces[0]) < np.array(forces[1])):
         return note
     return (
         f"{note}, although the other side is the stiffer one at every speed, which on most dampers "

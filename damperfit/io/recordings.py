@@ -16,13 +16,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from damperfit.errors import LogError
-from damperfit.io.clocks import on_one_clock, rate_of_stamps
+from damperfit.io.clocks import buffer_ends, on_one_clock, rate_of_stamps, steps_of_level
 from damperfit.io.columns import (
     OWN_TIME,
     ChannelChoice,
     choose_channels,
     has_channel,
     joined_problems,
+    split_name,
+    visible,
+    words_of_name,
 )
 from damperfit.io.files import Source
 from damperfit.io.formats import FloatArray, Samples, Table
@@ -34,7 +37,7 @@ from damperfit.io.labels import (
     setting_in_words,
 )
 from damperfit.io.options import EXTRAS, ReadOptions
-from damperfit.recording import Recording
+from damperfit.recording import Finding, Recording
 from damperfit.statistics import median
 from damperfit.tested.identity import identity_in
 from damperfit.tested.setting import Setting
@@ -49,6 +52,9 @@ _LISTED = 3  # breaks in the record that are listed one by one
 _PAUSE = 2.0  # s
 _PAUSE_STEPS = 50.0  # usual sample intervals
 _MAX_PARTS = 1_000  # more than this is a clock that jumps, not tests
+_CURRENT = "current of a valve"
+_CYCLES = 3  # in a piece between two pauses, the least that are evaluated
+_CURRENTS = {"current", "strom", "courant", "corrente", "corriente", "voltage", "spannung"}
 _RATE_KEYS = ("sampling rate", "sample rate", "sampling frequency", "sample frequency")
 
 
@@ -166,7 +172,9 @@ def _table_parts(table: Table, source: Source, options: ReadOptions) -> list[Rec
     choices, notes = choose_channels(
         table.columns, options, where=name, needs_time=rate == 0.0, hint=table.hint
     )
-    samples = table.load({channel: choice.column for channel, choice in choices.items()})
+    wanted = {channel: choice.column for channel, choice in choices.items()}
+    current = _current_column(table, wanted)
+    samples = _loaded(table, wanted, current)
     if not len(samples.channels["force"]):
         raise LogError("no data rows", subject=name)
     samples = _timed(samples, choices, table, options, name)
@@ -190,11 +198,15 @@ def _table_parts(table: Table, source: Source, options: ReadOptions) -> list[Rec
             del channels[channel]
     is_own_time = "time" in channels and options.sample_rate == 0.0
     more_notes += [] if is_own_time else [rate_note]
-    findings = (*table.findings, *samples.findings)
+    cuts = _cuts(samples, channels, options, name)
+    steps: tuple[Finding, ...] = ()
+    if current is not None and len(cuts) == 1:
+        cuts, steps = _cut_at_levels(*cuts[0], samples, table.columns[current].name, options)
+    findings = (*table.findings, *samples.findings, *steps)
     said = (*table.notes, *samples.notes, *(finding.sentence for finding in findings))
     notes = (*((f"{_TITLE}{table.part}",) if table.part else ()), *said, *notes, *more_notes)
     parts = []
-    for start, stop in _cuts(samples, channels, options, name):
+    for start, stop in cuts:
         part: dict[str, Any] = {channel: values[start:stop] for channel, values in channels.items()}
         if not is_own_time:
             part["time"] = np.arange(stop - start) / rate
@@ -231,6 +243,25 @@ def _sample_rate(table: Table, options: ReadOptions) -> tuple[float, str]:
     return 0.0, ""
 
 
+def _current_column(table: Table, wanted: Mapping[str, int]) -> int | None:
+    """Return the only column, none of a channel, that holds the current or voltage of a valve."""
+    named = [
+        i
+        for i, column in enumerate(table.columns)
+        if i not in wanted.values()
+        and _CURRENTS.intersection(words_of_name(split_name(column.name)[0]))
+    ]
+    return named[0] if len(named) == 1 else None
+
+
+def _loaded(table: Table, wanted: Mapping[str, int], current: int | None) -> Samples:
+    """Return the channels, with the current where it can be read."""
+    if current is not None:
+        with suppress(LogError):
+            return table.load({**wanted, _CURRENT: current})
+    return table.load(wanted)
+
+
 def _timed(
     samples: Samples,
     choices: Mapping[str, ChannelChoice],
@@ -264,7 +295,7 @@ def _si_channels(
     channels = {}
     problems = []
     for channel, logged in samples.channels.items():
-        unit = choices[channel].unit
+        unit = choices[channel].unit if channel in choices else None
         if unit is None:
             continue
         values = logged
@@ -319,6 +350,9 @@ def _cuts(
     first = 0
     if "time" in channels and n > 1:
         steps = np.diff(channels["time"])
+        if ends := buffer_ends(channels["time"]) if options.pause == 0.0 else []:
+            _check_pieces(ends, channels, name)
+            return list(pairwise([0, *(end + 1 for end in ends), n]))
         if not turned and steps.min() > 0.0 and steps.max() <= (options.pause or _PAUSE):
             return [(0, n)]
         late = np.flatnonzero((steps <= 0.0) & ~is_cut[1:n])
@@ -339,6 +373,43 @@ def _cuts(
             subject=name,
         )
     return list(pairwise(edges))
+
+
+def _check_pieces(ends: Sequence[int], channels: Mapping[str, FloatArray], name: str) -> None:
+    """Refuse a record in pieces, between the pauses of its logger, that hold no three cycles."""
+    time, x, n = channels["time"], channels["displacement"], ends[0] + 1
+    off = x - 0.5 * (float(np.min(x)) + float(np.max(x)))
+    sides = np.sign(off[np.abs(off) > 0.25 * float(np.max(off))])
+    n_cycles = np.count_nonzero(np.diff(sides)) / 2.0 / (len(ends) + 1)
+    if n_cycles < _CYCLES:
+        pause, piece = time[n] - time[n - 1], time[n - 1] - time[0]
+        raise LogError(
+            f"the logger pauses for {pause:.3g} s after every {n} rows, as it writes its buffer: "
+            f"{len(ends) + 1} pieces of {piece:.3g} s, about {n_cycles:.1f} cycles each, where "
+            f"{_CYCLES} are the least; log with a larger buffer, fewer samples a second or a "
+            "faster motion",
+            code="short-pieces",
+            subject=name,
+        )
+
+
+def _cut_at_levels(
+    first: int, stop: int, samples: Samples, name: str, options: ReadOptions
+) -> tuple[list[tuple[int, int]], tuple[Finding, ...]]:
+    """Return a test cut where the current of a valve steps, which is another setting; and why."""
+    starts, levels = steps_of_level(samples.channels.get(_CURRENT, np.empty(0)))
+    if not starts:
+        return [(first, stop)], ()
+    told = ", ".join(f"{level:.3g}" for level in levels)
+    places = ", ".join(samples.place(start) for start in starts)
+    is_named = bool(options.part_settings) and options.setting is None
+    words = (
+        f"column {visible(name)} steps at {places}: settings of their own, {told}, in one record, "
+        f"read as {len(levels)} tests"
+    )
+    words += "" if is_named else f"; name them by rig.part_settings = [{told}]"
+    finding = Finding("level_steps", "note" if is_named else "warning", words, float(len(starts)))
+    return list(pairwise([first, *starts, stop])), (finding,)
 
 
 def _backwards(

@@ -467,3 +467,40 @@ def test_channels_of_mdf_groups_with_rasters_of_their_own_are_read_together(tmp_
     np.testing.assert_allclose(recording.time, TIME[: N - 1])
     np.testing.assert_allclose(recording.force, F[: N - 1])
     np.testing.assert_allclose(1e3 * recording.displacement, X[: N - 1], atol=0.01)
+
+
+@pytest.mark.parametrize("piece", [400, 1_400])
+def test_pieces_between_the_pauses_of_a_logger(put, piece) -> None:
+    """26 times it was said that no steady cycle was found."""
+    time = np.arange(6 * piece) / 500.0
+    late = time + 0.2 * (np.arange(6 * piece) // piece)
+    x, f = 20.0 * np.sin(3.0 * np.pi * late), 300.0 * np.cos(3.0 * np.pi * late)
+    path = put(rows_of(late, x, f), "log.csv")
+    if piece == 400:  # 1.2 cycles
+        with pytest.raises(LogError, match=r"after every 400 rows, .* 6 pieces of 0\.798 s"):
+            read_logs(path)
+        return
+    assert [len(part.time) for part in read_logs(path)] == [piece] * 6
+    assert len(read_logs(path, ReadOptions(pause=1.0))) == 1
+
+
+@pytest.mark.parametrize(
+    ("current", "samples"),
+    [
+        (np.where(np.arange(N) < 250, 0.3, 1.6), [250, 350]),
+        (np.digitize(np.arange(N), [200, 400]), [200, 200, 200]),
+        (np.full(N, 0.3), [N]),
+        (np.linspace(0.3, 1.6, N), [N]),
+        (np.sin(TIME * 20.0), [N]),
+    ],
+)
+def test_a_current_that_steps_is_another_setting(put, current, samples) -> None:
+    noisy = current + 0.01 * np.cos(1e3 * np.arange(N))
+    rows = (f"{t},{x},{f},{c:.3f}" for t, x, f, c in zip(TIME, X, F, noisy, strict=True))
+    path = put("\n".join([f"{NAMES},Valve current (A)", *rows]) + "\n", "log.csv")
+    parts = read_logs(path)
+    assert [len(part.time) for part in parts] == samples
+    warned = [one.severity for one in parts[0].findings]
+    assert warned == ["warning"] * (len(samples) > 1)
+    named = read_logs(path, ReadOptions(part_settings=tuple(range(len(samples)))))
+    assert [one.severity for one in named[0].findings] == ["note"] * (len(samples) > 1)
