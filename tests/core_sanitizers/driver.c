@@ -3,147 +3,31 @@
  * Each buffer is allocated to its exact size, so that one double too far is seen. Prints a line a
  * failure and returns their number (at most 100).
  */
+#include "driving.h"
 #include "paper.h"
-#include "seen.h"
 
-#include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
-#define TWO_PI 6.283185307179586
 #define N_MASKS (1 << N_PAPER)
-
-static int failures;
-
-static void check(int holds, const char *name, const char *what)
-{
-    if (!holds) {
-        printf("FAILED %s: %s\n", name, what);
-        failures += failures < 100;
-    }
-}
 
 /* A set of its numbers. */
 static const paper_numbers SET = {1.8e4, 3.527e6, 2.597e6, 3.65e8, 50.0, 0.0, 4.6e5, 1.4};
-static const df_options USUAL = {3e-3, 1e-4, 10000};
 
-/* A motion and the buffers of its results. */
-typedef struct {
-    size_t n;
-    double interval;
-    double *x, *v;
-    double *pressures, *masses, *force, *sensitivities;
-    int which[N_PAPER], n_which; /* PLACES */
-    df_work work;
-} run;
-
-static double *numbers(size_t n)
-{
-    double *block = malloc((n ? n : 1) * sizeof *block);
-    if (!block) {
-        puts("out of memory");
-        exit(101);
-    }
-    for (size_t i = 0; i < n; i++)
-        block[i] = NAN; /* what is not written is not finite */
-    return block;
-}
-
+/* With the sensitivities of a mask of PLACES. */
 static run new_run(size_t n, double interval, int mask)
 {
-    run r = {0};
-    r.n = n;
-    r.interval = interval;
-    r.x = numbers(n);
-    r.v = numbers(n);
-    r.pressures = numbers(3 * n);
-    r.masses = numbers(2 * n);
-    r.force = numbers(n);
+    int n_which = 0;
     for (int k = 0; k < N_PAPER; k++)
+        n_which += (mask >> k) & 1;
+    run r = run_of(n, interval, n_which);
+    for (int k = 0, j = 0; k < N_PAPER; k++)
         if (mask & 1 << k)
-            r.which[r.n_which++] = PLACES[k];
-    r.sensitivities = numbers((size_t)r.n_which * n);
+            r.which[j++] = PLACES[k];
     return r;
-}
-
-static void free_run(run *r)
-{
-    free(r->x);
-    free(r->v);
-    free(r->pressures);
-    free(r->masses);
-    free(r->force);
-    free(r->sensitivities);
-}
-
-static int simulate(run *r, df_network *q, const df_options *o)
-{
-    /* A copy of its exact size: `which` may not be read beyond n_which. */
-    const size_t bytes = (size_t)r->n_which * sizeof(int);
-    int *which = malloc(bytes ? bytes : 1);
-    if (!which)
-        exit(101);
-    memcpy(which, r->which, bytes);
-    const df_motion motion = {r->n, r->interval, r->x, r->v, 0, NULL};
-    const df_result result = {r->pressures, r->masses, r->force, r->sensitivities, which, r->n_which};
-    const int code = df_simulate_network(q, o, &motion, &result, &r->work);
-    free(which);
-    return code;
-}
-
-static int all_finite(const double *a, size_t n)
-{
-    for (size_t i = 0; i < n; i++)
-        if (!isfinite(a[i]))
-            return 0;
-    return 1;
-}
-
-static int none_negative(const double *a, size_t n)
-{
-    for (size_t i = 0; i < n; i++)
-        if (a[i] < 0.0)
-            return 0;
-    return 1;
-}
-
-/* What holds after every simulation that ended well. */
-static void check_result(const run *r, const char *name)
-{
-    see(r->force, r->n);
-    see(r->pressures, 3 * r->n);
-    see(r->masses, 2 * r->n);
-    see(r->sensitivities, (size_t)r->n_which * r->n);
-    see((const double[]){(double)r->work.steps, (double)r->work.newton}, 2);
-    check(all_finite(r->force, r->n), name, "a force is not finite");
-    check(all_finite(r->pressures, 3 * r->n), name, "a pressure is not finite");
-    check(all_finite(r->masses, 2 * r->n), name, "a mass is not finite");
-    check(all_finite(r->sensitivities, (size_t)r->n_which * r->n), name, "a sensitivity is not finite");
-    check(none_negative(r->pressures, 3 * r->n), name, "a pressure is negative");
-    check(r->work.failed_sample == r->n || r->n == 1, name, "did not reach the last sample");
 }
 
 static void expect(run *r, const paper_numbers *p, const df_options *o, int expected, const char *name)
 {
     df_network q = paper(p);
-    const int code = simulate(r, &q, o);
-    if (code != expected) {
-        printf("FAILED %s: code %d, expected %d, at sample %zu\n", name, code, expected,
-               r->work.failed_sample);
-        failures += failures < 100;
-    } else if (code == DF_OK) {
-        check_result(r, name);
-    }
-}
-
-static void sine(run *r, double amplitude, double frequency, double phase)
-{
-    for (size_t i = 0; i < r->n; i++) {
-        const double angle = TWO_PI * frequency * r->interval * (double)i + phase;
-        r->x[i] = amplitude * sin(angle);
-        r->v[i] = amplitude * TWO_PI * frequency * cos(angle);
-    }
+    expect_of(r, &q, o, expected, name);
 }
 
 /* Velocity jumps at each corner. */
@@ -154,15 +38,6 @@ static void triangle(run *r, double amplitude, double frequency)
         r->x[i] = amplitude * (1.0 - 4.0 * fabs(part - 0.5));
         r->v[i] = (part < 0.5 ? 4.0 : -4.0) * amplitude * frequency;
     }
-}
-
-static unsigned long long seed = 20000101ULL;
-
-/* Uniform in [0, 1): Knuth's 64-bit linear congruence, upper bits. */
-static double chance(void)
-{
-    seed = seed * 6364136223846793005ULL + 1442695040888963407ULL;
-    return (double)(seed >> 11) / 9007199254740992.0;
 }
 
 static void random_smooth(run *r, double reach)
@@ -352,11 +227,6 @@ static void masks(void)
         free_run(&r);
     }
     free_run(&full);
-}
-
-static double spread(double middle, double decades)
-{
-    return middle * pow(10.0, decades * (2.0 * chance() - 1.0));
 }
 
 /* Whatever the numbers are, the core ends with a code of its own and sound results. */

@@ -3,41 +3,8 @@
  * Each buffer is allocated to its exact size, so that one double too far is seen. Prints a line a
  * failure and returns their number (at most 100).
  */
-#include "core.h"
+#include "driving.h"
 #include "hysteresis.h"
-#include "network.h"
-#include "seen.h"
-
-#include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
-#define TWO_PI 6.283185307179586
-
-static int failures;
-
-static void check(int holds, const char *name, const char *what)
-{
-    if (!holds) {
-        printf("FAILED %s: %s\n", name, what);
-        failures += failures < 100;
-    }
-}
-
-static double chance(void)
-{
-    static unsigned long state = 1;
-    state = (1103515245UL * state + 12345UL) & 0x7fffffffUL;
-    return (double)state / 2147483648.0;
-}
-
-static double spread(double middle, double decades)
-{
-    return middle * pow(10.0, decades * (2.0 * chance() - 1.0));
-}
-
-static const df_options USUAL = {3e-3, 1e-4, 10000};
 
 enum { R_M1 = DF_FIRST_PASSAGE_NUMBER, R_M2, R_M3, OPENING, SLOPE, BLEED, WIDTH, LIFT, N_NUMBERS };
 
@@ -68,114 +35,6 @@ static df_network damper(void)
     return q;
 }
 
-typedef struct {
-    size_t n;
-    double interval;
-    double *x, *v, *pressures, *masses, *force, *sensitivities;
-    int *which, n_which;
-    df_work work;
-} run;
-
-static void *block(size_t bytes)
-{
-    void *found = malloc(bytes ? bytes : 1);
-    if (!found) {
-        puts("out of memory");
-        exit(101);
-    }
-    return found;
-}
-
-static double *numbers_of(size_t n)
-{
-    double *found = block(n * sizeof(double));
-    for (size_t i = 0; i < n; i++)
-        found[i] = NAN; /* what is not written is not finite */
-    return found;
-}
-
-static run new_run(size_t n, double interval, int n_which)
-{
-    run r;
-    memset(&r, 0, sizeof r);
-    r.n = n;
-    r.interval = interval;
-    r.x = numbers_of(n);
-    r.v = numbers_of(n);
-    r.pressures = numbers_of(3 * n);
-    r.masses = numbers_of(2 * n);
-    r.force = numbers_of(n);
-    r.n_which = n_which;
-    r.which = block((size_t)n_which * sizeof(int));
-    for (int k = 0; k < n_which; k++)
-        r.which[k] = k;
-    r.sensitivities = numbers_of((size_t)n_which * n);
-    return r;
-}
-
-static void free_run(run *r)
-{
-    free(r->x);
-    free(r->v);
-    free(r->pressures);
-    free(r->masses);
-    free(r->force);
-    free(r->sensitivities);
-    free(r->which);
-}
-
-static void sine(run *r, double amplitude, double frequency)
-{
-    for (size_t i = 0; i < r->n; i++) {
-        const double angle = TWO_PI * frequency * r->interval * (double)i;
-        r->x[i] = amplitude * sin(angle);
-        r->v[i] = amplitude * TWO_PI * frequency * cos(angle);
-    }
-}
-
-static int all_finite(const double *a, size_t n)
-{
-    for (size_t i = 0; i < n; i++)
-        if (!isfinite(a[i]))
-            return 0;
-    return 1;
-}
-
-static int simulate(run *r, df_network *q, const df_options *o)
-{
-    const df_motion motion = {r->n, r->interval, r->x, r->v, 0, NULL};
-    const df_result result = {r->pressures, r->masses, r->force, r->sensitivities, r->which, r->n_which};
-    return df_simulate_network(q, o, &motion, &result, &r->work);
-}
-
-static void check_result(const run *r, const char *name)
-{
-    see(r->force, r->n);
-    see(r->pressures, 3 * r->n);
-    see(r->masses, 2 * r->n);
-    see(r->sensitivities, (size_t)r->n_which * r->n);
-    see((const double[]){(double)r->work.steps, (double)r->work.newton}, 2);
-    check(all_finite(r->force, r->n), name, "a force is not finite");
-    check(all_finite(r->pressures, 3 * r->n), name, "a pressure is not finite");
-    check(all_finite(r->masses, 2 * r->n), name, "a mass is not finite");
-    check(all_finite(r->sensitivities, (size_t)r->n_which * r->n), name, "a sensitivity is not finite");
-    for (size_t i = 0; i < 3 * r->n; i++)
-        check(!(r->pressures[i] < 0.0), name, "a pressure is negative");
-    check(r->work.failed_sample == r->n, name, "did not reach the last sample");
-}
-
-static void expect(run *r, df_network *q, const df_options *o, int expected, const char *name)
-{
-    const int code = simulate(r, q, o);
-    if (code != expected) {
-        printf("FAILED %s: code %d, expected %d, at sample %zu\n", name, code, expected,
-               r->work.failed_sample);
-        failures += failures < 100;
-    } else if (code == DF_OK) {
-        check_result(r, name);
-    }
-}
-
 /* Rigid, elastic, with play, with free gas, with a floating piston, with friction that pre-slides, is
  * larger at rest and pressed: all sensitivities at once. */
 static void every_kind(void)
@@ -197,9 +56,9 @@ static void every_kind(void)
             q.passages[2] = (df_passage){1, 2, -1, R_M3, -1, -1, -1, 0};
             q.passages[0] = (df_passage){1, 2, -1, -1, R_M1, -1, -1, 1};
         }
-        run r = new_run(700, 1e-3, N_NUMBERS);
-        sine(&r, 0.02, 1.5);
-        expect(&r, &q, &USUAL, DF_OK, "every kind");
+        run r = run_of(700, 1e-3, N_NUMBERS);
+        sine(&r, 0.02, 1.5, 0.0);
+        expect_of(&r, &q, &USUAL, DF_OK, "every kind");
         free_run(&r);
     }
 }
@@ -208,9 +67,9 @@ static void every_kind(void)
 static void step_by_step(void)
 {
     df_network q = damper();
-    run r = new_run(400, 1e-3, N_NUMBERS);
-    sine(&r, 0.032, 1.5);
-    expect(&r, &q, &USUAL, DF_OK, "step by step");
+    run r = run_of(400, 1e-3, N_NUMBERS);
+    sine(&r, 0.032, 1.5, 0.0);
+    expect_of(&r, &q, &USUAL, DF_OK, "step by step");
     df_network_state *now = block(sizeof *now);
     memset(now, 0, sizeof *now);
     df_work work = {0};
@@ -235,51 +94,51 @@ static void what_is_refused(void)
     const int positive[] = {DF_NUMBER_K, DF_NUMBER_P_0, DF_NUMBER_GAMMA, DF_NUMBER_V_GAS, R_M1, R_M2, SLOPE,
                             DF_NUMBER_PRESLIDING, DF_NUMBER_BREAKAWAY, DF_NUMBER_STRIBECK, DF_NUMBER_PRESSED,
                             DF_NUMBER_TURNING};
-    run r = new_run(30, 1e-3, 3);
-    sine(&r, 0.03, 1.5);
+    run r = run_of(30, 1e-3, 3);
+    sine(&r, 0.03, 1.5, 0.0);
     for (int k = 0; k < 3; k++)
         for (size_t j = 0; j < sizeof positive / sizeof *positive; j++) {
             df_network q = damper();
             q.numbers[positive[j]] = wrong[k];
-            expect(&r, &q, &USUAL, DF_BAD_ARGUMENT, "a number out of range");
+            expect_of(&r, &q, &USUAL, DF_BAD_ARGUMENT, "a number out of range");
         }
     df_network q = damper();
     const int counts[] = {0, -1, DF_MOST_PASSAGES + 1};
     for (int k = 0; k < 3; k++) {
         q.n_passages = counts[k];
-        expect(&r, &q, &USUAL, DF_BAD_ARGUMENT, "a count of passages");
+        expect_of(&r, &q, &USUAL, DF_BAD_ARGUMENT, "a count of passages");
     }
     q = damper();
     q.n_numbers = DF_MOST_NUMBERS + 1;
-    expect(&r, &q, &USUAL, DF_BAD_ARGUMENT, "too many numbers");
+    expect_of(&r, &q, &USUAL, DF_BAD_ARGUMENT, "too many numbers");
     const int places[] = {0, 4, -1};
     for (int k = 0; k < 3; k++) {
         q = damper();
         q.passages[0].from = places[k];
-        expect(&r, &q, &USUAL, DF_BAD_ARGUMENT, "no such chamber");
+        expect_of(&r, &q, &USUAL, DF_BAD_ARGUMENT, "no such chamber");
     }
     q = damper();
     q.passages[0].S = DF_MOST_NUMBERS;
-    expect(&r, &q, &USUAL, DF_BAD_ARGUMENT, "no such number");
+    expect_of(&r, &q, &USUAL, DF_BAD_ARGUMENT, "no such number");
     q = damper();
     r.which[1] = N_NUMBERS;
-    expect(&r, &q, &USUAL, DF_BAD_ARGUMENT, "unknown sensitivity");
+    expect_of(&r, &q, &USUAL, DF_BAD_ARGUMENT, "unknown sensitivity");
     r.which[1] = -1;
-    expect(&r, &q, &USUAL, DF_BAD_ARGUMENT, "negative sensitivity");
+    expect_of(&r, &q, &USUAL, DF_BAD_ARGUMENT, "negative sensitivity");
     r.which[1] = 1;
     df_options few = USUAL;
     few.max_steps_per_sample = 0;
-    expect(&r, &q, &few, DF_STEP_LIMIT, "step limit");
+    expect_of(&r, &q, &few, DF_STEP_LIMIT, "step limit");
     for (size_t at = 0; at < r.n; at += 7) {
-        sine(&r, 0.03, 1.5);
+        sine(&r, 0.03, 1.5, 0.0);
         (at % 2 ? r.x : r.v)[at] = at % 3 ? NAN : INFINITY;
-        expect(&r, &q, &USUAL, DF_NOT_FINITE, "not a number in the motion");
+        expect_of(&r, &q, &USUAL, DF_NOT_FINITE, "not a number in the motion");
     }
     free_run(&r);
     for (size_t n = 0; n < 3; n++) {
-        run brief = new_run(n, 1e-3, N_NUMBERS);
-        sine(&brief, 0.03, 1.5);
-        expect(&brief, &q, &USUAL, n ? DF_OK : DF_BAD_ARGUMENT, "a short record");
+        run brief = run_of(n, 1e-3, N_NUMBERS);
+        sine(&brief, 0.03, 1.5, 0.0);
+        expect_of(&brief, &q, &USUAL, n ? DF_OK : DF_BAD_ARGUMENT, "a short record");
         free_run(&brief);
     }
 }
@@ -303,8 +162,8 @@ static void anything(void)
                                          chance() < 0.5 ? BLEED : -1, -1,
                                          chance() < 0.3 ? LIFT : -1, chance() < 0.3};
         }
-        run r = new_run(40, spread(1e-3, 1.0), (int)((N_NUMBERS + 1) * chance()));
-        sine(&r, 0.03 * chance(), spread(5.0, 1.0));
+        run r = run_of(40, spread(1e-3, 1.0), (int)((N_NUMBERS + 1) * chance()));
+        sine(&r, 0.03 * chance(), spread(5.0, 1.0), 0.0);
         const int code = simulate(&r, &q, &o);
         check(code >= DF_OK && code <= DF_BAD_ARGUMENT, "anything", "an unknown code");
         check(r.work.failed_sample <= r.n, "anything", "a sample beyond the record");
@@ -330,8 +189,8 @@ static void states_of_their_own(void)
     memcpy(d.numbers, numbers, sizeof numbers);
     d.rounding = 0.1;
     for (int k = 0; k < 60; k++) {
-        run r = new_run(k < 3 ? (size_t)k + 1 : 200, spread(1e-3, 1.0), 0);
-        sine(&r, 0.03 * chance(), spread(3.0, 1.0));
+        run r = run_of(k < 3 ? (size_t)k + 1 : 200, spread(1e-3, 1.0), 0);
+        sine(&r, 0.03 * chance(), spread(3.0, 1.0), 0.0);
         const df_motion motion = {r.n, r.interval, r.x, r.v, 0, NULL};
         double *force = numbers_of(r.n), *slopes = numbers_of(6 * r.n);
         size_t at = 0;
