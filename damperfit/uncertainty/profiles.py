@@ -23,8 +23,8 @@ from __future__ import annotations
 
 import math
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Protocol
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -34,6 +34,8 @@ from damperfit.identification.fit_problem import (
     common_variables,
     is_at_edge,
     linearise,
+    values_of,
+    with_values,
 )
 from damperfit.identification.fit_setting import NOT_FIT_TO_SHARE
 from damperfit.identification.inactive_parts import does_nothing
@@ -355,21 +357,30 @@ def _is_no_friction(fit: Fit, name: str) -> bool:
     return is_friction and fit.status[name] == Status.ABSENT and does_nothing(fit.parameters, name)
 
 
-class _Walker(Protocol):
-    """Something that can be refitted with one parameter held at a place along its line."""
+class _Walker:
+    """Refits with one parameter held at a place along its line; `points` are where it was."""
 
-    points: list[tuple[float, float, Mapping[Setting, Values]]]
-    spent: int
+    def __init__(self, setting_values: Mapping[Setting, Values]) -> None:
+        self.points: list[tuple[float, float, Mapping[Setting, Values]]] = []
+        self.spent = 0
+        self.note(0.0, 0.0, setting_values)
+
+    def note(self, along: float, rise: float, at: Mapping[Setting, Values]) -> float:
+        """Keep a point; return its sqrt(rise)."""
+        root = math.copysign(math.sqrt(abs(rise)), rise)
+        self.points.append((along, root, at))
+        return root
 
     def refit(self, along: float) -> float:
-        """Refit, going on from the place before; note the point, return its sqrt(rise)."""
+        """Refit, going on from the place before; return the sqrt(rise) there."""
+        raise NotImplementedError
 
     def restart(self) -> None:
         """Go back to the best fit."""
+        raise NotImplementedError
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _State:
+class _State(NamedTuple):
     """A point with what is needed to go on from it, in the variables of `linearise`."""
 
     variables: FloatArray
@@ -378,46 +389,34 @@ class _State:
     jacobian: FloatArray
 
 
-@dataclass(slots=True)
-class _Walk:
+class _Walk(_Walker):
     """The walker of one setting."""
 
-    line: ProfileLine
-    budget: int
-    least: float = 0.0
-    spent: int = 0
-    points: list[tuple[float, float, Mapping[Setting, Values]]] = field(default_factory=list)
-    state: _State = field(init=False)
-    centre: _State = field(init=False)
-
-    def __post_init__(self) -> None:
-        free, start = self.line.misfit.free, self.line.start
-        values = np.array([getattr(start, name) for name in free])
-        every = np.arange(len(free), dtype=np.intp)
-        packed = common_variables(self.line.misfit).pack(values)
+    def __init__(self, line: ProfileLine, budget: int) -> None:
+        self.line, self.budget, self.spent = line, budget, 0
+        misfit = line.misfit
+        self.variables = common_variables(misfit)
+        ranges = [line.start.quantity(name).plausible for name in misfit.free]
+        low, high = (self.variables.pack(np.array([one[k] for one in ranges])) for k in (0, 1))
+        self.bounds = low, high
+        self.place = misfit.free.index(line.name)
+        every = np.arange(len(misfit.free), dtype=np.intp)
+        self.others = np.delete(every, self.place)
+        start = self.variables.pack(values_of(misfit.free, line.start))
         # From the edge of its range the profiled one would leave it.
-        is_stuck = is_at_edge(start, self.line.name)
-        self.centre, self.least = self._settled(packed, self._others if is_stuck else every)
-        self.points.append((0.0, 0.0, {self.line.setting: self.centre.parameters}))
-        self.state = self.centre
+        is_stuck = is_at_edge(line.start, line.name)
+        self.centre, self.least = self._settled(start, self.others if is_stuck else every)
+        spent = self.spent
+        super().__init__({line.setting: self.centre.parameters})
+        self.state, self.spent = self.centre, spent
 
     def restart(self) -> None:
         self.state = self.centre
 
     def refit(self, along: float) -> float:
-        self.state, cost = self._settled(self._moved(along), self._others)
-        root = _signed_root(self.line.scale * (cost - self.least))
-        self.points.append((along, root, {self.line.setting: self.state.parameters}))
-        return root
-
-    @property
-    def _place(self) -> int:
-        return self.line.misfit.free.index(self.line.name)
-
-    @property
-    def _others(self) -> NDArray[np.intp]:
-        places = range(len(self.line.misfit.free))
-        return np.array([k for k in places if k != self._place], dtype=np.intp)
+        self.state, cost = self._settled(self._moved(along), self.others)
+        rise = self.line.scale * (cost - self.least)
+        return self.note(along, rise, {self.line.setting: self.state.parameters})
 
     def _settled(self, start: FloatArray, moving: NDArray[np.intp]) -> tuple[_State, float]:
         """Refit the moving ones; returns the state and the least cost that is promised there."""
@@ -427,9 +426,7 @@ class _Walk:
             self.spent += 1
             variables = start.copy()
             variables[moving] = part
-            values = common_variables(misfit).unpack(variables).tolist()
-            named = dict(zip(misfit.free, values, strict=True))
-            parameters = self.line.start.replace(named)
+            parameters = with_values(self.line.start, misfit.free, self.variables.unpack(variables))
             residuals, jacobian = linearise(misfit, parameters)
             system = DenseSystem(residuals, jacobian[:, moving])
             return system, _State(variables, parameters, residuals, jacobian)
@@ -440,12 +437,14 @@ class _Walk:
             least_gain=_SETTLED / self.line.scale if self.line.scale > 0.0 else math.inf,
             longest_step=_LONGEST_STEP,
         )
-        ended = iterate(point_at, start[moving], stopping)
-        return ended.extra, ended.system.cost - _full_step(ended.system).effect
+        bounds = self.bounds[0][moving], self.bounds[1][moving]
+        ended = iterate(point_at, start[moving], stopping, bounds)
+        system = ended.system.without(ended.is_held) if ended.is_held.any() else ended.system
+        return ended.extra, ended.system.cost - _full_step(system).effect
 
     def _moved(self, along: float) -> FloatArray:
         """Go along the line, the others along their tangent."""
-        state, place, others = self.state, self._place, self._others
+        state, place, others = self.state, self.place, self.others
         moved = state.variables.copy()
         moved[place] = self.centre.variables[place] + along
         shift = moved[place] - state.variables[place]
@@ -511,24 +510,17 @@ def doubtful_profiles(
     return tuple(found)
 
 
-@dataclass(slots=True)
-class _JointWalk:
+class _JointWalk(_Walker):
     """The walker over all settings of a joint fit."""
 
-    problem: TiedProblem
-    unknown: Unknown
-    best: JointSolution
-    scale: float
-    spent: int = 0
-    points: list[tuple[float, float, Mapping[Setting, Values]]] = field(default_factory=list)
-    last: JointSolution = field(init=False)
-    value: float = field(init=False)
-
-    def __post_init__(self) -> None:
-        having = [at for s, at in self.best.parameters.items() if self.unknown.holds_at(s)]
-        self.value = float(getattr(having[0], self.unknown.name))
-        self.last = self.best
-        self.points.append((0.0, 0.0, self.best.parameters))
+    def __init__(
+        self, problem: TiedProblem, unknown: Unknown, best: JointSolution, scale: float
+    ) -> None:
+        self.problem, self.unknown, self.best, self.scale = problem, unknown, best, scale
+        having = [at for setting, at in best.parameters.items() if unknown.holds_at(setting)]
+        self.value = float(getattr(having[0], unknown.name))
+        self.last = best
+        super().__init__(best.parameters)
 
     def restart(self) -> None:
         self.last = self.best
@@ -542,9 +534,8 @@ class _JointWalk:
         problem = replace(self.problem, gas=self.last.gas, weights=self.best.weights)
         self.last = fit_jointly(problem, starts)
         self.spent += self.last.evaluations
-        root = _signed_root(self.scale * (self.last.cost - self.best.cost))
-        self.points.append((along, root, self.last.parameters))
-        return root
+        rise = self.scale * (self.last.cost - self.best.cost)
+        return self.note(along, rise, self.last.parameters)
 
 
 def profile_jointly(
@@ -756,7 +747,3 @@ def _plausible_edges(quantity: Quantity, best: float) -> tuple[float, float]:
 def _value_at(quantity: Quantity, best: float, along: float) -> float:
     """The parameter at a place along its line."""
     return best * math.exp(along) if quantity.is_logarithmic else best + quantity.size * along
-
-
-def _signed_root(rise: float) -> float:
-    return math.copysign(math.sqrt(abs(rise)), rise)
