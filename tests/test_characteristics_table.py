@@ -7,13 +7,9 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
-import pyarrow.parquet as pq
 import pytest
 
-from damperfit.conditioning import measured_characteristics
-from damperfit.conditioning.measured_characteristics import with_figures
-from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.tables.files import lay_out, write_table
+from damperfit.tables.files import lay_out
 from damperfit.tables.rows import characteristic_rows
 from tests.fakes import trace
 
@@ -52,17 +48,6 @@ def test_peaks_and_named_speeds_of_a_viscous_damper_are_known() -> None:
     assert at.get("measured_energy_J") is None
     assert {row["mean_gas_force_N"] for row in (peak, *named)} == {GAS}
     assert {row["temperature_degC"] for row in (peak, *named)} == {26.0}
-
-
-def test_what_conditioning_has_read_off_the_measured_force_is_not_read_again(monkeypatch) -> None:
-    log = with_figures(trace(7))
-    expected = rows_of(trace(7))
-    monkeypatch.setattr(measured_characteristics, "figures_of", None)
-    assert rows_of(log) == expected
-    # Of other cycles than were looked at they are not those.
-    shorter = replace(log.stretches[0], cycle_starts=log.stretches[0].cycle_starts - [0.0, 20.0])
-    with pytest.raises(TypeError):
-        rows_of(replace(log, stretches=(shorter,)))
 
 
 def test_hysteresis_is_opening_less_closing_force_in_both_strokes() -> None:
@@ -109,19 +94,3 @@ def test_motion_that_does_not_repeat_has_its_extremes_and_no_hysteresis() -> Non
     assert rows[0]["cycles"] == 0
     assert rows[1]["stretch"] == 2
     assert rows[1]["start_s"] == pytest.approx(10.0 + 667 / 500.0)
-
-
-def test_units_and_meaning_stand_in_the_file(tmp_path) -> None:
-    write_table(
-        tmp_path / "c.parquet",
-        lay_out(
-            "characteristics", rows_of(trace(7)), settings=[7], quantities=PURDY_DAMPER.quantities
-        ),
-    )
-    for field in pq.read_schema(tmp_path / "c.parquet"):
-        told = {key.decode(): text.decode() for key, text in field.metadata.items()}
-        assert told["description"], field.name
-        if field.name.endswith("_N"):
-            assert told["unit"] == "N"
-        if field.name.endswith("_m_per_s"):
-            assert told["unit"] == "m/s"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import pickle
 import shutil
 from pathlib import Path
 
@@ -78,13 +77,6 @@ def test_frames_of_forces_profiles_and_problems(run) -> None:
     assert all(one.code and one.sentence() for one in run.problems)
 
 
-def test_a_pickle_has_all_its_files(run) -> None:
-    again = pickle.loads(pickle.dumps(run))  # noqa: S301 - our own
-    assert again.parameters.equals(run.parameters)
-    assert again.is_temporary
-    assert again.folder != run.folder
-
-
 @pytest.fixture
 def older(folder: Path, tmp_path: Path) -> Path:
     """The same run as the first versions wrote it: fewer tables, columns and keys."""
@@ -140,14 +132,14 @@ def test_a_table_alone_is_a_run(folder: Path, tmp_path: Path) -> None:
     assert alone.declared_damper is None
 
 
-def test_which_setting_gives_a_force(run) -> None:
-    found = run.which_setting(600, "0.26m/s")
-    assert "600" in found.sentence
-
-
 def test_a_log_is_predicted_as_it_was_fitted(run) -> None:
     table = run.predict(ROOT / LOGS[1])
     (entry,) = (one for one in run.logs if one.setting == 2)
     assert table.attrs["mse_percent"] == pytest.approx(entry.mse_percent, rel=0.02)
     other = run.predict(ROOT / LOGS[1], setting=3)
     assert other.attrs["mse_percent"] > 10.0 * entry.mse_percent
+
+
+def test_which_setting_gives_a_force(run) -> None:
+    found = run.which_setting(600, "0.26m/s")
+    assert "600" in found.sentence

@@ -24,7 +24,6 @@ from damperfit.tables.columns import (
     column_kinds,
     describe_tables,
     quantity_records,
-    read_setting,
 )
 from damperfit.tables.files import lay_out, safe_cell, time_series_table, write_table
 from damperfit.tables.reading import (
@@ -34,9 +33,8 @@ from damperfit.tables.reading import (
     read_signals,
     table_quantities,
 )
-from damperfit.tables.rows import MISSING, WITHHELD, grade, make_tables
+from damperfit.tables.rows import MISSING, grade, make_tables
 from damperfit.tested.setting import Setting
-from damperfit.uncertainty import Assessment, Objection
 from tests.fakes import campaign, fit, values_in
 from tests.report_folder import put_responses
 
@@ -109,17 +107,6 @@ def test_a_row_holds_what_its_fit_found_and_null_for_what_is_not_known() -> None
     assert cavitating["r_m3_cavitation_margin"] is None  # NaN in the fit
 
 
-def test_a_setting_has_a_row_of_mse_and_so_has_each_of_its_logs() -> None:
-    rows = make_tables(campaign(fit(4, logs=("a.csv", "b.csv")), fit(5)))["mse"].to_pylist()
-    assert [(row["setting"], row["log"], row["n_samples"]) for row in rows] == [
-        (4, "", 666),
-        (4, "a.csv", 333),
-        (4, "b.csv", 333),
-        (5, "", 333),
-        (5, "setting_05.csv", 333),
-    ]
-
-
 def test_a_setting_that_was_expected_is_an_explicit_gap() -> None:
     table = make_tables(campaign(fit(1), fit(3)), expected=(1, 2, 3))["parameters"]
     assert table["setting"].to_pylist() == [1, 2, 3]
@@ -133,17 +120,6 @@ def test_a_setting_that_was_expected_is_an_explicit_gap() -> None:
 )
 def test_grades_are_the_papers(mse: float, word: str) -> None:
     assert grade(mse) == word
-
-
-def test_a_grade_that_is_withheld_says_why_in_every_table() -> None:
-    why = (Objection("bound", "r_m1", "R_m1 ran out"), Objection("misfit", "", "much repeats"))
-    held_back = Assessment(objections={fit(2).setting: why})
-    tables = make_tables(campaign(fit(1), fit(2)), assessment=held_back)
-    rows = tables["parameters"].to_pylist()
-    assert [row["grade"] for row in rows] == ["excellent", WITHHELD]
-    assert [row["grade_reason"] for row in rows] == [None, "R_m1 ran out; much repeats"]
-    grades = [(row["setting"], row["grade"]) for row in tables["mse"].to_pylist()]
-    assert grades == [(1, "excellent")] * 2 + [(2, WITHHELD)] * 2
 
 
 def test_a_change_of_force_stands_in_the_row_of_the_harder_setting() -> None:
@@ -222,11 +198,6 @@ def test_csv_holds_the_same_numbers_to_the_last_digit_and_no_formula(tmp_path: P
         assert safe_cell(text) == "'" + text
 
 
-def test_an_unknown_kind_of_file_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ConfigurationError, match=r"\.csv or \.parquet"):
-        write_table(tmp_path / "x.xlsx", make_tables(campaign(fit(1)))["mse"])
-
-
 def test_responses_hold_the_window_of_each_log_in_a_row_group_of_its_own(tmp_path: Path) -> None:
     path = tmp_path / "responses.parquet"
     done = campaign(fit(1, logs=("a.csv", "b.csv")), fit(2))
@@ -295,14 +266,6 @@ def test_a_table_that_is_none_is_refused_in_a_sentence(tmp_path, name, content, 
         return
     with pytest.raises(ConfigurationError, match=says):
         values_in(path)
-
-
-def test_cells_of_settings_are_read_as_clicks_words_or_sentences() -> None:
-    assert read_setting({"setting": None}) is read_setting({"setting": ""}) is None
-    assert read_setting({"setting": 0}) == Setting.of(0)
-    assert read_setting({"setting": "7" * 41}) == Setting.of("7" * 41)  # a sentence, as it stands
-    with pytest.raises(ValueError, match="expected clicks"):
-        read_setting({"setting": "7" * 40})
 
 
 def test_a_table_s_own_quantities_come_before_those_of_run_json(tmp_path) -> None:

@@ -233,26 +233,6 @@ def test_a_damper_is_declared_as_an_object_or_as_keys():
     assert as_object["r_m1"][0] != pytest.approx(23952.0, rel=0.01)
 
 
-def test_logs_are_inspected():
-    seen = damperfit.inspect(LOGS)
-    assert seen.to_frame()["setting"].tolist() == ["1", "10"]
-    assert repr(seen) == "<Inspection: 2 logs, 0 cannot be used>"
-    assert "setting_10.csv" in str(seen)
-    assert "<td>setting_10.csv</td>" in seen._repr_html_()
-
-
-@pytest.mark.parametrize(("n", "more"), [(3, False), (4, True)])
-def test_three_logs_that_could_not_be_fitted_are_named(tmp_path, n, more):
-    paths = [tmp_path / f"{k}_s{k}.csv" for k in range(n)]
-    for path in paths:
-        path.write_text("")
-    with pytest.raises(LogError, match="no setting could be fitted: ") as caught:
-        damperfit.identify([str(path) for path in paths])
-    said = str(caught.value)
-    assert [path.name in said for path in paths] == [True] * 3 + [False] * (n - 3)
-    assert said.endswith(" (and 1 more)") is more
-
-
 # A wrong call, and what its sentence says: that, on one line, without an option's dashes
 _WRONG = """
 identify() -> damperfit.identify: logs missing
@@ -382,6 +362,14 @@ def test_no_wrong_call_ends_inside(line, frame, result, tmp_path, monkeypatch):
     assert "\n" not in str(caught.value)
     assert not re.search(r"(?<!export )--[a-z]", str(caught.value))
     assert list(tmp_path.iterdir()) == []
+
+
+def test_logs_are_inspected():
+    seen = damperfit.inspect(LOGS)
+    assert seen.to_frame()["setting"].tolist() == ["1", "10"]
+    assert repr(seen) == "<Inspection: 2 logs, 0 cannot be used>"
+    assert "setting_10.csv" in str(seen)
+    assert "<td>setting_10.csv</td>" in seen._repr_html_()
 
 
 def test_a_type_error_that_is_no_wrong_call_stays_what_it_is():

@@ -12,14 +12,13 @@ import pytest
 from damperfit.configuration.loading import load_configuration
 from damperfit.damper.model import values_type
 from damperfit.identification import Outcome, Sharing, Status
-from damperfit.problem import Failure, Problem, failure_lines
+from damperfit.problem import Failure, Problem
 from damperfit.recording import Finding
 from damperfit.reporting.records import gaps_in
 from damperfit.run.judging import Judgement, Mishaps
-from damperfit.run.logs import Ending, LogBatch, LogFacts
+from damperfit.run.logs import Ending, LogBatch
 from damperfit.run.record import (
     MANY,
-    corrections,
     ending_of,
     gates_not_met,
     missing_logs,
@@ -56,27 +55,6 @@ def warned(done, batch=EMPTY, judgement=None):
 
 
 # Warnings
-
-
-def test_a_warning_of_many_logs_is_one_line_with_the_first_one_s_numbers() -> None:
-    note = Finding("skew", "note", "not late")
-    logs = [
-        with_findings(1, note, CLIPPED),
-        with_findings(2, CLIPPED),
-        with_findings(3, CLIPPED, TURNED),
-    ]
-    for n, others in ((1, ""), (2, " and 1 other log"), (3, " and 2 other logs")):
-        assert warned(campaign(*logs[:n])) == [f"setting_01.csv{others}: the force is clipped"]
-    assert [str(one) for one in corrections(campaign(*logs))] == ["setting_03.csv: force reversed"]
-
-
-def test_what_was_skipped_and_what_the_fits_say_is_told() -> None:
-    done = campaign(replace(fit(4), warnings=("trial points failed",)), warnings=("rough",))
-    assert warned(done, replace(EMPTY, skipped=("truth.csv",))) == [
-        "truth.csv: written by damperfit, not a log; skipped",
-        "rough",
-        "setting 4: trial points failed",
-    ]
 
 
 @pytest.mark.parametrize(
@@ -183,25 +161,6 @@ def test_what_many_settings_or_files_have_in_common_is_one_line(n) -> None:
             assert said[0].endswith(f"(with other numbers at 2-{n})")
 
 
-@pytest.mark.parametrize(("n", "lines"), [(5, 5), (6, 1), (300, 1)])
-def test_the_tests_of_one_file_that_fail_alike_are_one_line(n, lines) -> None:
-    def failure(k: int) -> Failure:
-        name = f"long.dat part {k}"
-        problem = Problem("log", "the log does not say its adjuster setting", subject=name)
-        return Failure(problem, "LogError", name, "runs/long.dat")
-
-    said = failure_lines([*(failure(k) for k in range(1, n + 1)), FAILED])
-    assert len(said) == lines + 1
-    assert said[-1] == "a.csv: broken"
-    if lines == 1:
-        assert said[0].endswith(f"(and {n - 1} other tests of this file alike)")
-    files = [
-        Failure(Problem("log", "empty", subject=f"{k}.csv"), "LogError", f"{k}.csv", f"{k}.csv")
-        for k in range(9)
-    ]
-    assert failure_lines(files) == [f"{k}.csv: empty" for k in range(9)]
-
-
 # Gates and endings
 
 
@@ -225,27 +184,6 @@ def test_a_fit_without_a_minimum_is_a_gate_that_nobody_must_ask_for(outcome) -> 
     missed = {Outcome.EVALUATION_LIMIT, Outcome.NO_DESCENT, Outcome.NOT_FINITE}
     told = [f"setting 4: the fit did not converge ({outcome.value})"]
     assert gates(fit(1), fit(4, outcome=outcome)) == (told if outcome in missed else [])
-
-
-def test_no_setting_is_told_to_have_missed_the_gate_of_another() -> None:
-    for n in (MANY, MANY + 1):
-        fits = [fit(k, mse=2.0) for k in range(2, n + 1, 2)]
-        fits += [fit(k, mse=0.5, outcome=Outcome.NO_DESCENT) for k in range(1, n + 1, 2)]
-        said = gates(*sorted(fits, key=lambda one: one.setting), limit=1.0)
-        assert len(said) == n
-        for line in said:
-            is_even = int(line.split(":")[0].split()[1]) % 2 == 0
-            assert ("MSE 2 % is above 1 %" in line) is is_even
-
-
-@pytest.mark.parametrize(
-    ("n", "others"), [(1, ""), (2, " and 1 other log"), (3, " and 2 other logs")]
-)
-def test_logs_that_strict_quality_left_out_are_counted(n, others) -> None:
-    refused = [replace(LEFT_OUT, log=f"{k}.csv") for k in range(n)]
-    said = [f"strict quality: 0.csv{others} left out for warnings"]
-    assert gates(failures=(FAILED, *refused)) == said
-    assert gates(failures=(FAILED,)) == []
 
 
 @pytest.mark.parametrize(
@@ -288,39 +226,6 @@ def test_mishaps_are_told_by_setting_and_those_of_the_whole_run_last() -> None:
 
 
 # The record
-
-
-def test_settings_that_are_expected_and_missing_are_failures_of_their_own() -> None:
-    wanted = replace(PLAIN, rig=PLAIN.rig.but(settings=(1, 2, 5)))
-    batch = replace(EMPTY, logs=(LogFacts("a.csv", "a.csv", "", {"setting": 2}),))
-    lost = list(missing_logs(wanted, batch))
-    assert [(one.setting, one.code, one.kind) for one in lost] == [
-        (1, "missing-log", "MissingLogError"),
-        (5, "missing-log", "MissingLogError"),
-    ]
-
-
-def test_the_procedure_is_told_with_every_value_that_holds_for_all() -> None:
-    done = campaign(fit(1, status={"r_m3": "fixed"}), with_findings(2, TURNED))
-    damper, *told = procedure_sentences(PLAIN, done)
-    assert damper.startswith("Damper: rod 19 mm, piston 28.5 mm, gas piston 40 mm, chambers 133")
-    assert told == [
-        "Filter: no filter",
-        "Procedure: paper.",
-        "Corrected: setting_02.csv: force reversed.",
-        "r_m3 = 2.5970e6 N s/(m2 kg) is fixed.",
-        "f_f = 50.000 N is shared by all settings, found from the logs.",
-    ]
-    assert len(list(procedure_sentences(PLAIN, campaign()))) == 1
-    offset = list(procedure_sentences(PLAIN, campaign(fit(1, f_0=-12.5))))[-1]
-    assert offset == "f_0 = -12.500 N is fixed."
-    # What --free leaves out is neither given nor one value: each setting has its own.
-    options = replace(PLAIN.identification, free=("r_m1",), fixed={"r_m2": 2.2e6})
-    done = campaign(fit(1, status={"r_m2": "fixed", "k_e": "fixed"}))
-    told = list(procedure_sentences(replace(PLAIN, identification=options), done))
-    assert "r_m2 = 2.2000e6 N s/(m2 kg) is fixed." in told
-    (line,) = (one for one in told if one.startswith("k_e"))
-    assert line.startswith("k_e of each setting is held at what a first fit of its logs gave")
 
 
 def test_a_gap_of_900_000_settings_is_one_range_everywhere() -> None:

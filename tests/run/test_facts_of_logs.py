@@ -72,13 +72,6 @@ def test_the_nearest_word_counts_whichever_say_anything(tmp_path, key) -> None:
 _NOT_TAKEN = {("preamble", "tare"), ("preamble", "skew")}
 
 
-def test_a_profile_is_of_its_own_logs(tmp_path) -> None:
-    found = configuration(tmp_path, rig_={"tare": "3N"}, profile={"tare": "12N"})
-    log = rig.recording(5, duration=1.5, rate=200.0)
-    assert facts_of(log, Path("bench_1.csv"), found, None)[0] == {"tare": 12.0}
-    assert facts_of(log, Path("other.csv"), found, None)[0] == {"tare": 3.0}
-
-
 def test_a_skew_that_is_typed_is_of_all_logs(tmp_path) -> None:
     said = {"skew": "2ms", "tare": "1N"}
     found = configuration(tmp_path, rig_=said, profile=said, skew="5ms")
@@ -94,14 +87,6 @@ def test_a_log_with_a_thermometer_needs_no_word_of_its_own(tmp_path) -> None:
     path, found = Path("x.csv"), configuration(tmp_path)
     assert facts_of(log, path, found, None)[0] == {"temperature": 40.0}
     assert facts_of(warm, path, found, None)[0] == {}
-
-
-def test_a_preamble_that_says_too_little_is_noted_and_not_used(tmp_path) -> None:
-    log = replace(rig.recording(5, duration=1.5, rate=200.0), metadata={"Gas pressure": "120 psi"})
-    told, notes = facts_of(log, Path("x.csv"), configuration(tmp_path), None)
-    assert told == {}
-    (note,) = notes
-    assert note.startswith("Gas pressure: 120 psi: not used; expected a unit that says what it")
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,6 @@ import pytest
 from damperfit.cli import main
 from damperfit.run import judging, logs
 from damperfit.synthetic import SampleOptions, make_samples
-from damperfit.uncertainty import assessment
 from tests.kept_fits import kept_fits
 
 QUICK = (
@@ -132,31 +131,6 @@ def test_inspect_goes_on_too(call, samples, monkeypatch, task) -> None:
     assert ended.err.count("internal error") == 1
 
 
-def test_where_it_happened_is_shown_with_debug(call, samples, monkeypatch) -> None:
-    monkeypatch.setattr(logs, "condition", broken_at(logs.condition, _names_two))
-    ended = call("inspect", samples / "setting_01.csv", samples / "setting_02.csv", "--debug")
-    assert ended.code == 1
-    assert "Traceback (most recent call last):" in ended.err
-    assert "LinAlgError: SVD did not converge" in ended.err.splitlines()[-1]
-
-
-def test_looking_at_a_refused_log_may_fail_as_well(call, samples, monkeypatch) -> None:
-    def fail(*_) -> None:
-        raise IndexError("list index out of range")
-
-    monkeypatch.setattr(logs, "condition", broken_at(logs.condition, _names_two))
-    monkeypatch.setattr(logs, "examine_raw", fail)
-    ended = call("inspect", samples / "setting_01.csv", samples / "setting_02.csv")
-    assert ended.code == 1
-    assert "SVD did not converge" in ended.err
-
-
-def test_every_log_that_fails_so_is_code_3(call, samples, tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(logs, "condition", broken_at(logs.condition, lambda *_: True))
-    assert identify(call, samples).code == 3
-    assert len(record_of(tmp_path)["failures"]) == 3
-
-
 def test_memory_that_one_log_lacks_is_said_so(call, samples, tmp_path, monkeypatch) -> None:
     error = MemoryError("Unable to allocate 9.00 GiB")
     monkeypatch.setattr(logs, "condition", broken_at(logs.condition, _names_two, error))
@@ -254,17 +228,6 @@ def test_a_gate_that_a_bug_kept_from_being_looked_at_is_not_met(
     assert gate == "check not evaluated: no_cavitation: not evaluated because of an internal error"
 
 
-def test_a_setting_whose_profile_fails_costs_its_profile(
-    call, samples, tmp_path, monkeypatch
-) -> None:
-    name = "damperfit.uncertainty.assessment.trace_profile"
-    monkeypatch.setattr(name, broken_at(_found(name), lambda line, *_: line.setting == 2))
-    ended = identify(call, samples, "--profile", "k_e")
-    assert ended.code == 1
-    traced = pd.read_csv(tmp_path / "results" / "profiles.csv")
-    assert set(traced["setting"]) == {1, 3}
-
-
 def test_a_log_that_cannot_be_predicted_is_told(call, samples, tmp_path, monkeypatch) -> None:
     def is_two(_campaign, _assessment, traces, **_) -> bool:
         return traces[0].name == "setting_02.csv"
@@ -335,20 +298,6 @@ def test_settings_tell_the_one_that_meets_a_bug(call, samples, monkeypatch) -> N
     (remark,) = told["remarks"]
     assert "internal error while simulating setting 2, LinAlgError" in remark
     assert "Traceback" in call("settings", "results", "--debug").err
-
-
-def test_without_somebody_to_tell_the_library_raises(samples, monkeypatch) -> None:
-    from damperfit.conditioning import condition
-    from damperfit.damper.purdy.parameters import PURDY_DAMPER
-    from damperfit.identification import FitOptions
-    from damperfit.identification import identify as fit
-    from damperfit.io import read_log
-
-    options = FitOptions(procedure="plain", fixed={"r_m3": 2.6e6, "f_f": 50.0})
-    campaign = fit([condition(read_log(samples / "setting_01.csv"))], PURDY_DAMPER, options)
-    monkeypatch.setattr(assessment, "diagnose", broken_at(assessment.diagnose, lambda *_, **__: 1))
-    with pytest.raises(np.linalg.LinAlgError):
-        assessment.assess(campaign, PURDY_DAMPER)
 
 
 # The log that showed it

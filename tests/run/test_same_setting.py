@@ -52,20 +52,6 @@ def test_the_same_test_in_another_format_counts_once():
     assert found.failures == ()
 
 
-def test_many_copies_are_one_line():
-    first = log("0.csv")
-    copies = [replace(first, name=f"{n}.csv") for n in range(1, 5)]
-    found = once_each(batch(first, *copies))
-    assert found.remarks == ("1.csv and 3 other logs: the same test as 0.csv; it counts once",)
-
-
-def test_one_more_copy_is_one_log():
-    first = log("0.csv")
-    copies = [replace(first, name=f"{n}.csv") for n in (1, 2)]
-    found = once_each(batch(first, *copies))
-    assert found.remarks == ("1.csv and 1 other log: the same test as 0.csv; it counts once",)
-
-
 @pytest.mark.parametrize("order", [(0, 1, 2), (2, 1, 0), (1, 0, 2)])
 def test_the_two_logs_that_are_furthest_apart_are_named(order):
     logs = [log(f"{n}.csv", rebound=force) for n, force in enumerate((1000.0, 1100.0, 1400.0))]
@@ -103,16 +89,6 @@ def test_a_log_at_another_gas_pressure_hides_no_contradiction():
     assert "a.csv" not in failure.message
 
 
-@pytest.mark.parametrize(("n", "lines"), [(20, 20), (21, 21), (40, 21)])
-def test_many_sets_of_twins_are_a_few_lines(n, lines):
-    pairs = [(one, replace(one, name=f"b{k}.csv")) for k in range(n) for one in [log(f"a{k}.csv")]]
-    found = once_each(batch(*(one for pair in pairs for one in pair)))
-    assert len(found.traces) == n
-    assert len(found.remarks) == lines
-    if n > 20:
-        assert found.remarks[-1] == f"and so do {n - 20} other tests that were given several times"
-
-
 def test_the_tests_in_one_file_are_no_twins():
     first = log("a.txt part 1")
     second = replace(first, name="a.txt part 2")
@@ -120,15 +96,6 @@ def test_the_tests_in_one_file_are_no_twins():
         "a.txt part 1",
         "a.txt part 2",
     ]
-
-
-def test_one_test_under_hundreds_of_settings_is_one_short_line():
-    first = log("1.csv", 1)
-    copies = [replace(first, name=f"{n}.csv", setting=Setting.of(n)) for n in range(2, 300)]
-    (failure,) = once_each(batch(first, *copies)).failures
-    line = failure.message
-    assert "and 294 more; check which is right" in line
-    assert len(line) < 300
 
 
 def test_one_test_under_two_settings_is_a_failure_of_both():
@@ -175,13 +142,6 @@ def test_a_contradiction_is_told_by_name_and_costs_its_setting_alone():
         "than their scatter; "
     )
     assert "--rig contradictions=average" in failure.message
-
-
-@pytest.mark.parametrize(("temperature", "is_said"), [(30.8, False), (31.2, True)])
-def test_five_degrees_between_two_tests_are_said(temperature, is_said):
-    logs = batch(log("a.csv"), log("b.csv", rebound=1300.0, temperature=temperature))
-    (failure,) = without_contradictions(logs, is_averaging=False).failures
-    assert ("degC" in failure.message) is is_said
 
 
 def test_told_to_they_are_averaged_and_it_is_said():

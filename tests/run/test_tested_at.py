@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from damperfit.conditioning import ConditionOptions, GasFacts
-from damperfit.conditioning.duplicates import rod_area_ratio, share_a_motion
+from damperfit.conditioning.duplicates import rod_area_ratio
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import ConfigurationError
 from damperfit.identification import FitOptions, identify
 from damperfit.io import read_tests
 from damperfit.run.logs import conditioned_as_tested
-from damperfit.run.parting import with_rod_remark, without_contradictions
+from damperfit.run.parting import with_rod_remark
 from damperfit.simulation import motion_of, simulate
 from tests.identification import adjusted, rig
 from tests.run.test_same_setting import batch
@@ -52,11 +52,6 @@ def test_what_is_no_pressure_is_refused_with_its_line(cell, says, tmp_path) -> N
     text = TABLE.replace("5.6bara", cell)
     with pytest.raises(ConfigurationError, match=says):
         read_tests(table(tmp_path, text), ("setting",))
-
-
-def test_a_column_that_is_nearly_one_is_pointed_out(tmp_path) -> None:
-    found = read_tests(table(tmp_path, TABLE.replace("gas_pressure", "gas_presure")), ("setting",))
-    assert "'gas_presure' is kept as a remark. Did you mean 'gas_pressure'?" in found.notes[0]
 
 
 def test_a_log_is_taken_as_it_was_tested() -> None:
@@ -124,13 +119,6 @@ def test_tests_at_several_pressures_are_fitted_together() -> None:
     assert fit.mse_percent < 0.01
     without_pressure = [replace(log, gas_pressure=None) for log in logs]
     assert identify(without_pressure, PURDY_DAMPER, options).fits[0].mse_percent > 0.5
-
-
-def test_tests_at_two_pressures_contradict_nothing() -> None:
-    first, second = logs_at([4.6e5, 9e5])
-    assert not share_a_motion(first, second)
-    assert share_a_motion(first, replace(second, gas_pressure=4.6e5))
-    assert len(without_contradictions(batch(first, second), is_averaging=False).traces) == 2
 
 
 def test_the_level_over_pressure_tells_the_rod() -> None:

@@ -11,11 +11,9 @@ import numpy as np
 import pytest
 
 import damperfit
-from damperfit.arguments import configured, covaried
-from damperfit.cli.main import main
+from damperfit.arguments import configured
 from damperfit.conditioning import ConditionOptions, condition
 from damperfit.conditioning.duplicates import are_unlike
-from damperfit.conditioning.repeatability import _trend_of_peaks
 from damperfit.configuration.loading import load_configuration
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
@@ -30,7 +28,6 @@ from damperfit.identification.procedures import with_first_beta
 from damperfit.queries.simulations import (
     choose_parameters,
     damper_of,
-    damper_of_table,
     simulate_test,
 )
 from damperfit.recording import Recording
@@ -118,31 +115,6 @@ def test_at_the_reference_it_agrees_with_a_log_of_that_temperature(warmed) -> No
             assert off < 6.0 * error, name  # errors of both, and of what they share
 
 
-def test_without_it_the_misfit_is_larger_and_so_is_the_scatter(warmed) -> None:
-    _, campaign, _ = warmed
-    blind = identify(logs(COLD, WARM), PURDY_DAMPER, FitOptions("joint", share=("r_m3", "f_f")))
-    for fit, other in zip(campaign.fits, blind.fits, strict=True):
-        assert other.mse_percent > 100.0 * fit.mse_percent
-    cold, warm = (
-        identify(logs(one), PURDY_DAMPER, FitOptions("joint", share=("r_m3", "f_f"))).fits
-        for one in (COLD, WARM)
-    )
-    for a, b in zip(cold, warm, strict=True):
-        assert b.parameters.r_m2 / a.parameters.r_m2 == pytest.approx(
-            np.exp(-BETA * 34.0), rel=0.02
-        )
-
-
-def test_settings_of_one_temperature_each_tell_it_by_what_they_share() -> None:
-    # R_m3 is shared: setting 1 cold and setting 10 warm are told apart by it.
-    model = Warmed(PURDY_DAMPER, 43.0)
-    campaign = identify([log(1, COLD), log(10, WARM)], model, JOINT)
-    (known, _) = assess(campaign, model).uncertainties
-    interval = known.intervals["beta"]
-    assert interval.low < BETA < interval.high
-    assert interval.error < 0.1 * BETA
-
-
 def test_one_setting_alone_tells_it() -> None:
     model = Warmed(PURDY_DAMPER, COLD)
     campaign = identify(logs(COLD, WARM, settings=(5,)), model, JOINT)
@@ -203,11 +175,6 @@ def test_less_than_three_kelvin_determine_nothing(reach: float, *, is_refused: b
         with_reference(asked_for("mean"), traces)
 
 
-def test_one_temperature_is_no_range() -> None:
-    with pytest.raises(ConfigurationError, match=r"the logs are all of 26.0 degC; the effect"):
-        with_reference(asked_for("mean"), [log(1, COLD), log(10, COLD)])
-
-
 def test_a_log_without_a_temperature_is_named() -> None:
     traces = [log(1, COLD), *(replace(log(s, WARM), temperature=None) for s in (1, 10))]
     says = r"setting_01_60C.csv and 1 more have no temperature; expected a channel, a line '# temp"
@@ -238,15 +205,6 @@ def test_what_cannot_be_is_refused(damper, fit, says) -> None:
     assert [one.damper.reference for one in edges] == [-60.0, 200.0]
 
 
-def test_the_option_is_one_word() -> None:
-    assert covaried("identify", {}) is None
-    assert covaried("identify", {"covariate": "temperature", "model": "twin_tube"}) == "mean"
-    with pytest.raises(ConfigurationError, match="--covariate speed: expected temperature"):
-        covaried("identify", {"covariate": "speed"})
-    with pytest.raises(ConfigurationError, match="choose the law first"):
-        covaried("identify", {"covariate": "temperature", "model": "auto"})
-
-
 @pytest.mark.parametrize(("apart", "unlike"), [(0.48, False), (0.52, True)])
 def test_logs_half_a_kelvin_apart_need_not_be_alike(apart: float, *, unlike: bool) -> None:
     one, other = log(1, COLD), log(1, WARM)
@@ -255,16 +213,6 @@ def test_logs_half_a_kelvin_apart_need_not_be_alike(apart: float, *, unlike: boo
     assert not are_unlike(one, replace(other, temperature=None))
     left = without_contradictions(batch(one, near), is_averaging=False, is_warmed=True)
     assert len(left.traces) == (2 if unlike else 0)
-
-
-def test_who_meets_warm_and_cold_logs_is_told_of_the_option() -> None:
-    left = without_contradictions(batch(log(1, COLD), log(1, WARM)), is_averaging=False)
-    (failure,) = left.failures
-    assert "at 26 and 60 degC (--covariate temperature fits both)" in failure.message
-    up, down = SimpleNamespace(trend=(700.0, 600.0)), SimpleNamespace(trend=None)
-    warming = _trend_of_peaks(up, down, (COLD, WARM))
-    assert "all of them at once with --covariate temperature" in warming.sentence
-    assert "--covariate" not in _trend_of_peaks(up, down, (COLD, COLD)).sentence
 
 
 @pytest.fixture(scope="module")
@@ -332,24 +280,6 @@ def test_other_programs_get_it_at_one_temperature(results, asked, there: float) 
     assert handed.run.remarks == ()  # nothing is missing: export ends with code 0
 
 
-def test_the_temperature_of_a_damper_follows_whose_it_is() -> None:
-    said = with_reference(asked_for("mean"), logs(COLD, WARM, settings=(1,))).damper_sentence
-    assert said.endswith("only for these dimensions); r_m2 and r_m3 are those at 43 degC.")
-
-
-def test_the_origin_of_a_damper_is_told_before_the_temperature(results) -> None:
-    meant, said = damper_of_table(results / "parameters.parquet", load_configuration())
-    assert said.endswith("parameters.parquet; r_m2 and r_m3 are those at 43 degC.")
-    assert "kg/m3, that of " in said
-    assert meant.damper.reference == 43.0
-
-
-def test_a_bare_number_is_told_as_the_temperature_it_is_taken_for(results, capsys) -> None:
-    arguments = ["simulate", "--parameters", str(results), "--setting", "1", "--temperature", "30"]
-    assert main(arguments) == 0
-    assert "Simulated at 30 degC." in capsys.readouterr().err
-
-
 def test_logs_without_a_temperature_do_not_contradict_each_other(tmp_path, results) -> None:
     """It said that cold and warm logs contradict each other, and to leave one out."""
     for path in results.parent.glob("setting_01_*.csv"):
@@ -375,22 +305,6 @@ def test_a_log_drives_it_at_its_own_temperature_unless_another_is_asked(results)
     }
     assert peak[None] == peak["26degC"]
     assert peak["60degC"] < 0.95 * peak[None]
-
-
-def test_a_log_with_a_channel_of_temperature_is_simulated_as_asked(results, tmp_path) -> None:
-    one = recording(1, COLD)
-    path = tmp_path / "channel.csv"
-    rows = zip(one.time, 1e3 * one.displacement, one.force, strict=True)
-    lines = [f"{t:.4f},{x:.5f},{f:.3f},{COLD}" for t, x, f in rows]
-    head = "time_s,displacement_mm,force_N,temperature_degC"
-    path.write_text("\n".join([head, *lines, ""]), encoding="utf-8")
-    choice = choose_parameters(1, table=results, replaced={})
-    plain, _ = damper_of(choice, load_configuration())
-    own, warm = (
-        simulate_test(choice, warmed_to(plain, asked), log=path).characteristics.peak_force_rebound
-        for asked in (None, "60degC")
-    )
-    assert warm < 0.95 * own
 
 
 def test_parameters_without_beta_follow_no_temperature() -> None:
@@ -466,3 +380,13 @@ def test_beta_is_lost_by_its_error_beside_what_oils_have(value, error, *, is_los
     assert is_loose(QUANTITY, value, error, NOT_FIT_TO_SHARE) is is_lost
     offset = PURDY_DAMPER.quantity("f_0")
     assert not is_loose(offset, value, 10.0 * error, NOT_FIT_TO_SHARE)
+
+
+def test_settings_of_one_temperature_each_tell_it_by_what_they_share() -> None:
+    # R_m3 is shared: setting 1 cold and setting 10 warm are told apart by it.
+    model = Warmed(PURDY_DAMPER, 43.0)
+    campaign = identify([log(1, COLD), log(10, WARM)], model, JOINT)
+    (known, _) = assess(campaign, model).uncertainties
+    interval = known.intervals["beta"]
+    assert interval.low < BETA < interval.high
+    assert interval.error < 0.1 * BETA
