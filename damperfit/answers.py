@@ -32,9 +32,7 @@ if TYPE_CHECKING:
     from damperfit.queries.simulations import ChosenParameters, SimulatedTest, Variation
     from damperfit.reporting.figures import Plot
     from damperfit.reporting.sheet import Sheet
-    from damperfit.reporting.simulated import SweepMember
     from damperfit.run.logs import LogBatch
-    from damperfit.store import FileSet
     from damperfit.units.shown_units import ShownUnits
 
     FloatArray = NDArray[np.float64]
@@ -121,13 +119,13 @@ class Comparison:
 
     def document(self) -> dict[str, Any]:
         """Return all of it as JSON values."""
-        from damperfit.reporting.compared import comparison_record, tolerance_rows
+        from damperfit.reporting import compared as shown
 
         found = self.compared
         return {
-            "comparisons": [comparison_record(one) for one in found.comparisons],
+            "comparisons": [shown.comparison_record(one) for one in found.comparisons],
             "tolerance": self.tolerance or None,
-            "points": tolerance_rows(found.points),
+            "points": shown.tolerance_rows(found.points),
             "alone": list(found.alone),
             "remarks": list(found.remarks),
         }
@@ -144,9 +142,10 @@ class Comparison:
 
     def write(self, out: Path | None, junit: Path | None) -> None:
         """Write page, Markdown, JSON and tables into a folder; the points as JUnit XML."""
-        from damperfit.reporting.compared import junit_report
+        from damperfit.reporting import compared as shown
         from damperfit.reporting.page import comparison_page
         from damperfit.store import file_set
+        from damperfit.tables.files import write_table
 
         found = self.compared
         if out is not None:
@@ -158,28 +157,17 @@ class Comparison:
                 for name, one in (("html", page), ("md", self.markdown), ("json", text + "\n")):
                     path = files.path(f"comparison.{name}")
                     path.write_bytes(one.encode("utf-8", "backslashreplace"))
-                self._write_tables(files)
+                tables = {"differences": self._table()}
+                if found.points:
+                    points = shown.tolerance_rows(found.points)
+                    tables["tolerance"] = shown.tolerance_table(points)
+                for name, table in tables.items():
+                    for suffix in (".csv", ".parquet"):
+                        write_table(files.path(name + suffix), table, suffix=suffix)
         if junit is not None:
             with file_set(junit.parent) as files:
                 path = files.path(junit.name)
-                path.write_bytes(junit_report(found.points, source=self.tolerance))
-
-    def _write_tables(self, files: FileSet) -> None:
-        from damperfit.reporting.compared import (
-            comparison_rows,
-            comparison_table,
-            tolerance_rows,
-            tolerance_table,
-        )
-        from damperfit.tables.files import write_table
-
-        rows = [row for one in self.compared.comparisons for row in comparison_rows(one)]
-        tables = {"differences": comparison_table(rows)}
-        if self.compared.points:
-            tables["tolerance"] = tolerance_table(tolerance_rows(self.compared.points))
-        for name, table in tables.items():
-            for suffix in (".csv", ".parquet"):
-                write_table(files.path(name + suffix), table, suffix=suffix)
+                path.write_bytes(shown.junit_report(found.points, source=self.tolerance))
 
     @property
     def sentences(self) -> tuple[str, ...]:
@@ -193,11 +181,14 @@ class Comparison:
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a difference: values of both, interval of the difference, verdict."""
+        frame: pd.DataFrame = self._table().to_pandas()
+        return frame
+
+    def _table(self) -> Any:
         from damperfit.reporting.compared import comparison_rows, comparison_table
 
         rows = [row for one in self.compared.comparisons for row in comparison_rows(one)]
-        frame: pd.DataFrame = comparison_table(rows).to_pandas()
-        return frame
+        return comparison_table(rows)
 
     def _sheets(self) -> list[Sheet]:
         from damperfit.reporting.compared import comparison_force_sheet
@@ -425,12 +416,14 @@ class Sweep:
         damper: str,
         wanted: Sequence[tuple[Variation, bool]],
     ) -> None:
+        from damperfit.queries.simulations import run_sweep
         from damperfit.reporting.simulated import sweep_records
 
         self.damper, self.source, self.notes = damper, choice.source, configuration.notes
         self.model = configuration.damper
         self.sweeps = tuple(
-            (one, self._members(choice, configuration, one), is_paper) for one, is_paper in wanted
+            (one, run_sweep(choice, configuration, variation=one), is_paper)
+            for one, is_paper in wanted
         )
         self.records: list[dict[str, Any]] = []
         for one, members, _ in self.sweeps:
@@ -439,24 +432,6 @@ class Sweep:
         fastest = max(float(max(one.max(), -one.min())) for one in speeds)
         oil = getattr(configuration.damper, "temperature", None)
         self.warnings = choice.warnings(fastest, oil)
-
-    @staticmethod
-    def _members(
-        choice: ChosenParameters, configuration: Configuration, variation: Variation
-    ) -> tuple[SweepMember, ...]:
-        from damperfit.queries.simulations import run_sweep
-        from damperfit.reporting.simulated import SweepMember
-
-        return tuple(
-            SweepMember(
-                member.factor,
-                member.value,
-                member.simulated.frequency,
-                member.simulated.response,
-                member.simulated.characteristics,
-            )
-            for member in run_sweep(choice, configuration, variation=variation)
-        )
 
     @property
     def sentences(self) -> tuple[str, ...]:

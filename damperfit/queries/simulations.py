@@ -25,6 +25,7 @@ from damperfit.errors import (
 from damperfit.identification import unlimited_in, values_from_others
 from damperfit.io import read_log
 from damperfit.problem import Option, listed_names
+from damperfit.reporting.simulated import SweepMember
 from damperfit.results import Run, Tested
 from damperfit.run.logs import Labels, conditioned_as_tested, facts_of
 from damperfit.simulation import (
@@ -54,7 +55,6 @@ if TYPE_CHECKING:
 __all__ = [
     "PAPER_SWEEPS",
     "ChosenParameters",
-    "Member",
     "SimulatedTest",
     "Variation",
     "choose_parameters",
@@ -327,25 +327,6 @@ class Variation:
     factors: tuple[float, ...]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Member:
-    """One of a family.
-
-    Attributes
-    ----------
-    factor : float
-        What the quantity was multiplied with.
-    value : float
-        The quantity then, SI.
-    simulated : SimulatedTest
-        The simulated test.
-    """
-
-    factor: float
-    value: float
-    simulated: SimulatedTest
-
-
 _GAS = {"p_0": "gas_pressure", "gamma": "gas_exponent"}
 
 PAPER_SWEEPS = tuple(Variation(one.name, one.factors) for one in FAMILIES)
@@ -435,7 +416,7 @@ def _factor(text: str, whole: str) -> float:
 
 def run_sweep(
     choice: ChosenParameters, configuration: Configuration, *, variation: Variation
-) -> tuple[Member, ...]:
+) -> tuple[SweepMember, ...]:
     """Simulate the nominal test once for each factor.
 
     Parameters
@@ -449,7 +430,7 @@ def run_sweep(
 
     Returns
     -------
-    tuple of Member
+    tuple of SweepMember
         In the order of the factors.
 
     Raises
@@ -470,7 +451,9 @@ def run_sweep(
             raise ConfigurationError(
                 "{error}", error=error, where=Option("vary", f"{factor:g}", variation.name)
             ) from error
-        members.append(Member(factor, base * factor, simulate_test(*changed)))
+        test = simulate_test(*changed)
+        figures = (test.frequency, test.response, test.characteristics)
+        members.append(SweepMember(factor, base * factor, *figures))
     return tuple(members)
 
 

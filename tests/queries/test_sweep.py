@@ -14,7 +14,6 @@ from damperfit.queries.simulations import (
     run_sweep,
 )
 from damperfit.reporting.simulated import (
-    SweepMember,
     sweep_pressure_plot,
     sweep_sentence,
 )
@@ -34,16 +33,7 @@ def choice():
 def family(choice, settings):
     def make(text):
         variation = parse_variation(text)
-        return [
-            SweepMember(
-                m.factor,
-                m.value,
-                m.simulated.frequency,
-                m.simulated.response,
-                m.simulated.characteristics,
-            )
-            for m in run_sweep(choice, settings, variation=variation)
-        ]
+        return run_sweep(choice, settings, variation=variation)
 
     return make
 
