@@ -268,7 +268,7 @@ def _undelivered(
                 f"{fit.mse_percent:.2g} %, by procedure {campaign.procedure}; these are not the "
                 f"parameters of the choice: {advice}"
             )
-            problem = Problem("not-delivered", text, f"setting {fit.setting}", values=ways)
+            problem = Problem("not-delivered", text, subject=f"setting {fit.setting}", values=ways)
             mishaps.add(Failure(problem, "DeliveryError"), fit.setting)
             yield fit.setting, Objection("delivery", "", problem.message())
 
