@@ -33,8 +33,6 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-__all__ = ["copies_at_work", "is_copy"]
-
 _LOGGER = logging.getLogger(__name__)
 _LOOK = 0.1  # s; how often a waiting parent asks whether the user wants to stop
 _ROOM = 1 << 20  # bytes of a pipe: a result goes in whole, and its copy goes on

@@ -8,8 +8,6 @@ nothing: else the first file that is written would get what is printed.
 import os
 import sys
 
-__all__ = ["CLOSED_STREAMS", "begin", "child_environment"]
-
 _ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))  # noqa: PTH120 - no pathlib yet
 CLOSED_STREAMS: set[str] = set()  # names of those that nobody reads: "stdout", "stderr"
 

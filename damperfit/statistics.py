@@ -16,20 +16,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-__all__ = [
-    "CHI_SQUARED_95",
-    "NORMAL_95",
-    "chi_squared_quantile",
-    "fisher_chance",
-    "fisher_quantile",
-    "largest_of",
-    "mean_of",
-    "median",
-    "percentiles",
-    "student_quantile",
-    "variance_of",
-]
-
 # Within so many standard errors lie 95 of 100 normal values.
 NORMAL_95 = 1.959964
 # Below lies a chi-square of one freedom in 95 of 100 cases: NORMAL_95 squared.

@@ -33,18 +33,6 @@ from damperfit.units.quantities import units_of
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-__all__ = [
-    "FileSet",
-    "check_writable",
-    "file_set",
-    "remove_abandoned",
-    "replaced",
-    "reserved",
-    "settle",
-    "temporary_folder",
-    "write_text",
-]
-
 _LOGGER = logging.getLogger(__name__)
 
 _STAGING = ".damperfit-new-"  # prefix of staging folders and files

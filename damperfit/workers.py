@@ -25,6 +25,7 @@ from concurrent.futures import (
     wait,
 )
 from contextlib import contextmanager, suppress
+from itertools import islice
 from typing import TYPE_CHECKING, Any, Protocol
 
 from damperfit.errors import ConfigurationError, InstallationError
@@ -34,20 +35,6 @@ from damperfit.problem import Option
 if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
     from concurrent.futures import ProcessPoolExecutor
-
-__all__ = [
-    "Cluster",
-    "Died",
-    "Executor",
-    "InTurn",
-    "Processes",
-    "Threads",
-    "apart",
-    "available_cores",
-    "executor",
-    "told_here",
-]
-
 
 # Items from which on copies of this process gain more than they cost: two of them 20 to 30 ms of
 # processor, as much as one log from reading to judged result.
@@ -137,11 +124,7 @@ class Threads:
         at_work: dict[Future[Any], Any] = {}
         try:
             while not cancelled():
-                for _ in range(2 * self._number - len(at_work)):
-                    try:
-                        item = next(waiting)
-                    except StopIteration:
-                        break
+                for item in islice(waiting, 2 * self._number - len(at_work)):
                     at_work[self._pool.submit(act, item)] = item
                 if not at_work:
                     return
@@ -480,7 +463,7 @@ class Cluster:
         try:
             while not cancelled():
                 room = _AHEAD * max(1, sum(self._client.nthreads().values())) - len(at_work)
-                for item in _first(waiting, room):
+                for item in islice(waiting, max(0, room)):
                     at_work[self._client.submit(act, item, pure=False)] = item
                 if not at_work:
                     return
@@ -506,14 +489,6 @@ class Cluster:
                 where=Option("scheduler"),
             )
         return since
-
-
-def _first(items: Iterator[Any], number: int) -> Iterator[Any]:
-    for _ in range(max(0, number)):
-        try:
-            yield next(items)
-        except StopIteration:
-            return
 
 
 def _result(future: Any) -> Any:

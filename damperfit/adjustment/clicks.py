@@ -33,8 +33,6 @@ if TYPE_CHECKING:
     from damperfit.tested.setting import Setting
     from damperfit.uncertainty import Assessment
 
-__all__ = ["Adjustment", "Click", "clicks", "compare_settings"]
-
 
 @dataclass(frozen=True, slots=True)
 class Click:

@@ -44,26 +44,6 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = [
-    "MEASURED",
-    "MODEL",
-    "REPEATS",
-    "STROKES",
-    "Force",
-    "Sine",
-    "Stage",
-    "credible_forces",
-    "determined_speed",
-    "fastest_sine",
-    "force_at",
-    "has_lost_errors",
-    "named_speeds",
-    "offset_sentence",
-    "open_limits",
-    "said_offsets",
-    "stage_of",
-]
-
 STROKES = ("rebound", "bump")
 MODEL, MEASURED = "model", "measured"
 # Of `Status`, which takes too long to import here.

@@ -30,9 +30,6 @@ if TYPE_CHECKING:
     from damperfit.tested.setting import SettingLine
     from damperfit.units.shown_units import ShownUnits
 
-__all__ = ["Answer", "Wanted", "which_setting"]
-
-
 # Between neighbouring clicks cubic and straight line are a hundredth of a click apart: no answer is
 # shown closer, however narrow its interval.
 _FINEST = 0.01

@@ -46,16 +46,6 @@ if TYPE_CHECKING:
 
     from damperfit.fleets.survey import DamperLine, HeldFleet
 
-__all__ = [
-    "damper_sheet",
-    "fleet_page",
-    "outlier_sheet",
-    "series_plots",
-    "trend_plots",
-    "write_page",
-]
-
-
 # Pictures of a fleet: medians and bands over the settings, who is far off, change by date.
 #
 # However many dampers there are, a picture has one band and a bounded number of points.

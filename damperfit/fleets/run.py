@@ -57,21 +57,6 @@ if TYPE_CHECKING:
     from damperfit.run.identify import Identified
     from damperfit.workers import Executor
 
-__all__ = [
-    "DamperTask",
-    "Done",
-    "Job",
-    "Share",
-    "State",
-    "content_key",
-    "hash_of",
-    "planned",
-    "run_fleet",
-    "share_of",
-    "tasks_by_damper",
-]
-
-
 TABLE_OF_TESTS = "tests.csv"
 _UNREADABLE = "unreadable"
 _ENTRY = re.compile(r"\s*[#;%/*!]*\s*([^:=\t;,]{1,40}?)\s*[:=\t;,]\s*(.+?)[\s;,]*$")

@@ -32,17 +32,6 @@ from damperfit.workers import executor
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-__all__ = [
-    "AT_ONCE",
-    "FleetLog",
-    "KnownObject",
-    "UnreachableError",
-    "brought_here",
-    "find_sources",
-    "head_of",
-    "recognised",
-]
-
 AT_ONCE = 16  # requests; nearly all of the time is waiting
 _ADDRESS = re.compile(r"[a-z][a-z0-9+.-]+://")
 _PATIENCE = {"connect_timeout": 10.0, "request_timeout": 30.0}  # s; Arrow's own is 1 and 3

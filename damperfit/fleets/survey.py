@@ -32,19 +32,6 @@ if TYPE_CHECKING:
     from damperfit.comparison import Tolerance
     from damperfit.comparison.tolerance import Band as Nominal
 
-__all__ = [
-    "DamperLine",
-    "FarOff",
-    "HeldFleet",
-    "Series",
-    "Spread",
-    "Survey",
-    "fleet_against_bands",
-    "spreads_of",
-    "survey",
-]
-
-
 LEAST_DAMPERS = 8  # in a setting, before one of them is called far off
 FAR_OFF = 8.0  # median absolute deviations: 5.4 standard deviations of a normal distribution
 # No rig repeats better than this share of the median: closer than that, all are alike.

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
     from damperfit.simulation.response import Response
 
-__all__ = ["NAMED_SPEEDS", "Characteristics", "SpeedForce", "characterise"]
-
 # The test speeds that damper dynos use by habit, m/s.
 NAMED_SPEEDS = (0.05, 0.1, 0.13, 0.26, 0.3, 0.52, 1.05)
 

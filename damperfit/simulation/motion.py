@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["Motion", "motion_of", "refuse_amplitude", "sine_motion", "triangle_motion"]
-
 _CHANNELS = ("displacement", "velocity")
 _MAY_BE_UNKNOWN = ("gas_pressure", "temperature")
 

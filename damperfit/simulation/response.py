@@ -15,8 +15,6 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["Response", "SolverOptions", "Work", "describe_ending", "simulate"]
-
 
 @dataclass(frozen=True, slots=True)
 class SolverOptions:
