@@ -49,7 +49,7 @@ ENOUGH_PERCENT = 0.02
 _MAX_ROUNDS = 6
 # What no log tells stays within a factor of e^2 of where the settings apart have it.
 _NOT_DETERMINED = 0.5
-# A setting that a joint fit meets this much better was in a wrong valley when fitted apart.
+# A setting that a joint fit meets this much better was in a wrong local minimum alone.
 _CLEARLY_BETTER = 0.8
 _NO_GAIN = 1e-9  # rounding
 # Adjusters of which every combination is looked at; of more only each one, and all of them.

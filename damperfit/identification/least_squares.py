@@ -452,7 +452,7 @@ def iterate(
 
 
 class _Descent(Generic[Extra]):
-    """Where a descent is: MINPACK's lmder, step by step, with a `StepSolver` in place of its QR."""
+    """Where a descent is: MINPACK's lmder, with the steps of a system in place of its QR."""
 
     def __init__(
         self,

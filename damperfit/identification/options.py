@@ -106,9 +106,8 @@ class FitOptions:
         How exactly to integrate. 10 mN for one step leaves a bias of 1e-5 in R_m1, a hundredth of
         what 4 N of noise does; a fit with less misfit is refined with a tighter integrator.
     max_evaluations : int
-        Limit of simulations for one descent. A fit may have several: passes of the procedure, ways
-        round a wrong valley, and other places, which together may take as many as the fit before
-        them, or 60, and one descent more.
+        Limit of simulations for one minimisation. A fit may have several: stages of the procedure
+        and further starts.
     share : tuple of str or None
         Parameters that all settings have in common in procedure `joint`; None: those that the model
         says are the damper's or the rig's; `DETECT` alone: what no adjuster moves, as the logs tell

@@ -37,13 +37,6 @@ __all__ = [
     "signatures",
 ]
 
-
-# Forces that a flaw of log or model would leave in the residuals, one unit of each.
-#
-# A signature that explains what the fit misses, with everything the fit could absorb projected
-# out, names the flaw: the fit then lies in no wrong valley, and `damperfit.uncertainty.flaws`
-# says which.
-
 # Speeds over which seal friction falls from its breakaway level, m/s.
 _STRIBECK_SPEEDS = (0.01, 0.03, 0.1)
 
