@@ -74,14 +74,10 @@ class SettingCheck:
     beyond_percent: float = 0.0
 
     def __str__(self) -> str:
-        more = (
-            f"; {self.beyond_percent:.2g} % of the samples are beyond the table"
-            if self.beyond_percent
-            else ""
-        )
+        beyond = f"; {self.beyond_percent:.2g} % of the samples are beyond the table"
         return (
-            f"setting {self.setting}: MSE {self.mse_percent:.3g} % against the logs, "
-            f"the fit's own {self.fit_mse_percent:.3g} %{more}"
+            f"setting {self.setting}: MSE {self.mse_percent:.3g} % against the logs, the fit's own "
+            f"{self.fit_mse_percent:.3g} %{beyond * bool(self.beyond_percent)}"
         )
 
 

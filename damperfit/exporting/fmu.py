@@ -71,19 +71,41 @@ FRICTION_BAND: float = _FIXED["choices"][0]["start"]
 
 
 @dataclass(frozen=True, slots=True)
-class Number:
-    """A number of the damper that an importer may change: its column in the text, and what it is.
+class Variable:
+    """One variable: its number in ``exported.h``, words of the standard, range and size.
 
-    `start` is its value at the setting that is set at the beginning, SI; `has_sign`: either sign is
-    allowed.
+    Without a unit it is a whole number; without a start it is calculated. `derivative_of` is the
+    reference of the state whose rate it is.
     """
 
-    place: int
+    reference: int
     name: str
-    unit: str
-    meaning: str
-    start: float
-    has_sign: bool = False
+    description: str
+    causality: str
+    variability: str = "continuous"
+    unit: str = ""
+    start: float | None = None
+    low: float | None = None
+    high: float | None = None
+    nominal: float | None = None
+    derivative_of: int | None = None
+
+    @property
+    def initial(self) -> str:
+        """Word of the standard; inputs have none."""
+        if self.causality == "input":
+            return ""
+        return "calculated" if self.start is None else "exact"
+
+    @property
+    def numbers(self) -> dict[str, str]:
+        """Attributes that say unit, range and size."""
+        known = {"min": self.low, "max": self.high, "nominal": self.nominal, "start": self.start}
+        return ({"unit": self.unit} if self.unit else {}) | {
+            key: repr(float(value)) if self.unit else str(int(value))
+            for key, value in known.items()
+            if value is not None
+        }
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,8 +118,8 @@ class ExportedDamper:
         Hash of everything in the text.
     text : str
         Of ``resources/damper.txt``.
-    numbers : tuple of Number
-        In the order of the text's columns.
+    numbers : tuple of Variable
+        Those of the damper that an importer may change, in the order of the text's columns.
     settings : dict of int to str
         By the number that an importer sets: what people call the setting.
     start : int
@@ -110,7 +132,7 @@ class ExportedDamper:
 
     token: str
     text: str
-    numbers: tuple[Number, ...]
+    numbers: tuple[Variable, ...]
     settings: dict[int, str]
     start: int
     states: tuple[str, ...]
@@ -224,25 +246,26 @@ def _joined(numbers: Sequence[float]) -> str:
 
 def _numbers(
     damper: Damper | ValveDamper, columns: Sequence[str], row: Sequence[float]
-) -> list[Number]:
-    """The numbers that mean something for this damper."""
-    quantities = {one.name: one for one in damper.quantities}
-    numbers = {
-        "gas_pressure": ("Pa", "pressure at rest, absolute"),
-        "gas_exponent": ("1", "polytropic exponent of the gas"),
-        "gas_volume": ("m3", "volume of the gas at x = 0"),
+) -> list[Variable]:
+    """The numbers that mean something for this damper; their start is of the first setting."""
+    known = {
+        "gas_pressure": ("Pa", "pressure at rest, absolute", 0.0),
+        "gas_exponent": ("1", "polytropic exponent of the gas", 0.0),
+        "gas_volume": ("m3", "volume of the gas at x = 0", 0.0),
+    } | {
+        one.name: (one.unit, one.meaning, 0.0 if one.is_logarithmic else None)
+        for one in damper.quantities
     }
-    found = []
+    follows = "follows the setting unless it is changed from its start value"
+    numbers = []
     for place, name in enumerate(columns):
-        if name in quantities and name not in _RIG_NUMBERS:
-            one = quantities[name]
-            is_signed = not one.is_logarithmic
-            found.append(Number(place, name, one.unit, one.meaning, row[place], is_signed))
-        elif name in numbers:
-            found.append(Number(place, name, *numbers[name], row[place]))
-        elif name not in BODY_NUMBERS:
+        if name in known and name not in _RIG_NUMBERS:
+            unit, meaning, low = known[name]
+            told = f"{meaning}; {follows}", "parameter", "tunable", unit
+            numbers.append(Variable(NUMBERS + place, name, *told, row[place], low))
+        elif name not in BODY_NUMBERS and name not in _RIG_NUMBERS:
             raise AssertionError(name)  # a passage's number is always a quantity
-    return found
+    return numbers
 
 
 def write_fmu(
@@ -306,46 +329,7 @@ def _documentation(run: ExportedRun, damper: ExportedDamper, tables: Sequence[Fo
 # What describes it: once for FMI 2.0 and 3.0
 
 
-@dataclass(frozen=True, slots=True)
-class Variable:
-    """One variable: its number in ``exported.h``, words of the standard, range and size.
-
-    Without a unit it is a whole number; without a start it is calculated. `derivative_of` is the
-    reference of the state whose rate it is.
-    """
-
-    reference: int
-    name: str
-    description: str
-    causality: str
-    variability: str = "continuous"
-    unit: str = ""
-    start: float | None = None
-    low: float | None = None
-    high: float | None = None
-    nominal: float | None = None
-    derivative_of: int | None = None
-
-    @property
-    def initial(self) -> str:
-        """Word of the standard; inputs have none."""
-        if self.causality == "input":
-            return ""
-        return "calculated" if self.start is None else "exact"
-
-    @property
-    def numbers(self) -> dict[str, str]:
-        """Attributes that say unit, range and size."""
-        known = {"min": self.low, "max": self.high, "nominal": self.nominal, "start": self.start}
-        return ({"unit": self.unit} if self.unit else {}) | {
-            key: repr(float(value)) if self.unit else str(int(value))
-            for key, value in known.items()
-            if value is not None
-        }
-
-
-@dataclass(frozen=True, slots=True)
-class _Unknown:
+class _Unknown(NamedTuple):
     """What an unknown follows from: references of inputs and states, and of parameters."""
 
     reference: int
@@ -369,14 +353,6 @@ def variables(damper: ExportedDamper) -> tuple[Variable, ...]:
         8, "setting", f"of the adjuster, may change in mid-run; one of {named}", "parameter",
         "tunable", start=damper.start, low=places[0], high=places[-1],
     )  # fmt: skip
-    follows = "follows the setting unless it is changed from its start value"
-    own = (
-        Variable(
-            NUMBERS + one.place, one.name, f"{one.meaning}; {follows}", "parameter", "tunable",
-            one.unit, one.start, None if one.has_sign else 0.0,
-        )
-        for one in damper.numbers
-    )  # fmt: skip
     choices = (
         Variable(**one)
         for one in _FIXED["choices"]
@@ -388,12 +364,21 @@ def variables(damper: ExportedDamper) -> tuple[Variable, ...]:
         states.append(Variable(name=name, causality="local", **known))
         rate = _STATES[name]["rate"]
         rates.append(Variable(causality="local", derivative_of=known["reference"], **rate))
-    return (*signals[:3], *pressures, signals[3], setting, *own, *choices, *states, *rates)
+    return (
+        *signals[:3],
+        *pressures,
+        signals[3],
+        setting,
+        *damper.numbers,
+        *choices,
+        *states,
+        *rates,
+    )
 
 
 def _unknowns(damper: ExportedDamper) -> dict[str, tuple[_Unknown, ...]]:
     """Return outputs, derivatives, event indicators and initial unknowns with what they follow."""
-    numbers = tuple(NUMBERS + one.place for one in damper.numbers)
+    numbers = tuple(one.reference for one in damper.numbers)
     oil = tuple(_STATES[name]["reference"] for name in damper.states if name.startswith("oil"))
     grip = tuple(_STATES[name]["reference"] for name in damper.states if name == "grip")
     flows = tuple(3 + reference for reference in oil)
@@ -433,22 +418,9 @@ def _unknowns(damper: ExportedDamper) -> dict[str, tuple[_Unknown, ...]]:
 def _descriptions(
     run: ExportedRun, damper: ExportedDamper, *, version: int, files: Sequence[str], date: str
 ) -> dict[str, bytes]:
-    """Return ``modelDescription.xml`` and what else describes an FMU, by its name in the zip.
-
-    Parameters
-    ----------
-    run, damper : ExportedRun, ExportedDamper
-        What it holds.
-    version : int
-        2 or 3.
-    files : sequence of str
-        The C files among the sources.
-    date : str
-        When it was written.
-    """
+    """Return ``modelDescription.xml`` and what else describes an FMU, by its name in the zip."""
     owner = (run.run.identity[key] for key in ("damper", "serial") if key in run.run.identity)
-    listed = variables(damper)
-    found = _unknowns(damper)
+    listed, found = variables(damper), _unknowns(damper)
     places = {one.reference: i for i, one in enumerate(listed, 1)}
     about = {
         "modelName": printable(" ".join(owner)) or "damper",

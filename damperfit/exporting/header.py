@@ -21,58 +21,41 @@ from damperfit.reporting.report import tested_range
 from damperfit.reporting.sheet import printable
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Sequence
 
     from damperfit.exporting.tables import ExportedRun, ForceTable, RoadMiss
 
+_SHOWN = {"N/m": (1e-3, "N/mm"), "m": (1e3, "mm"), "s": (1e3, "ms")}
 _OTHERS = 6  # settings whose MSE is listed one by one
 
 
 def header_lines(
-    run: ExportedRun,
-    tables: Sequence[ForceTable],
-    *,
-    sign: str,
-    gas: str,
-    has_table: bool = True,
+    run: ExportedRun, tables: Sequence[ForceTable], *, sign: str, gas: str, has_table: bool = True
 ) -> tuple[str, ...]:
     """Return the lines that stand in every file.
 
-    Parameters
-    ----------
-    run : ExportedRun
-        The damper.
-    tables : sequence of ForceTable
-        What stands in the file.
-    sign : str
-        What is positive in it, in words.
-    gas : str
-        Where the gas force is.
-    has_table : bool
-        Force by speed stands in it; otherwise the equations.
+    Whose damper, what is positive (``sign``), where the gas force is (``gas``); of force by speed,
+    or of the equations.
     """
-    return tuple(map(one_line, _lines(run, tables, sign, gas, has_table=has_table)))
-
-
-def _lines(
-    run: ExportedRun, tables: Sequence[ForceTable], sign: str, gas: str, *, has_table: bool
-) -> Iterator[str]:
+    about = run.run
     settings = ", ".join(str(one.setting) for one in tables)
-    yield f"damperfit {__version__}: {run.run.name}, setting {settings}"
-    yield "identity: " + ("; ".join(f"{k} {v}" for k, v in run.run.identity.items()) or "not named")
-    yield f"model: {run.damper.sentence}"
-    yield f"tested: {tested_range(run.run.tested)}"
-    yield f"MSE of the fit: {_mse(tables)}"
-    if has_table:
-        yield "table: force of the damper alone at constant speed, in the middle of the stroke"
-    yield f"taken out: {taken_out(run)}"
-    yield determined_line(tables)
-    if has_table:
-        yield _beyond(tables)
-        yield road_line(run, tables)
-    yield f"gas: {gas}"
-    yield f"sign: {sign}"
-    yield f"results: sha256 {run.run.digest or 'not known'}"
+    identity = "; ".join(f"{k} {v}" for k, v in about.identity.items()) or "not named"
+    lines = [
+        f"damperfit {__version__}: {about.name}, setting {settings}",
+        f"identity: {identity}",
+        f"model: {run.damper.sentence}",
+        f"tested: {tested_range(about.tested)}",
+        f"MSE of the fit: {_mse(tables)}",
+        *(["table: force of the damper alone at constant speed, in the middle of the stroke"]
+          if has_table else []),
+        f"taken out: {taken_out(run)}",
+        determined_line(tables),
+        *([_beyond(tables), road_line(run, tables)] if has_table else []),
+        f"gas: {gas}",
+        f"sign: {sign}",
+        f"results: sha256 {about.digest or 'not known'}",
+    ]  # fmt: skip
+    return tuple(map(one_line, lines))
 
 
 def one_line(text: str) -> str:
@@ -82,39 +65,27 @@ def one_line(text: str) -> str:
 
 def taken_out(run: ExportedRun) -> str:
     """Return what the fit found and the file does not hold: mounting, play, mass, lag, tare."""
-    found = []
-    quantities = {one.name: one for one in run.damper.quantities}
-    for name, one in quantities.items():
-        numbers = [
-            getattr(setting.values, name)
-            for setting in run.settings
-            if name in setting.values.names
-        ]
+    parts = []
+    for one in run.damper.quantities:
+        values = [setting.values for setting in run.settings]
+        numbers = [getattr(known, one.name) for known in values if one.name in known.names]
         is_tare = one.is_offset and run.damper.rest_force(0.0) is not None
-        if not numbers or not any(numbers) or not (is_tare or one.scope == RIG):
+        if not any(numbers) or not (is_tare or one.scope == RIG):
             continue
-        factor, unit = {"N/m": (1e-3, "N/mm"), "m": (1e3, "mm"), "s": (1e3, "ms")}.get(
-            one.unit, (1.0, one.unit)
-        )
+        factor, unit = _SHOWN.get(one.unit, (1.0, one.unit))
         ends = [f"{factor * end:.4g}" for end in (min(numbers), max(numbers))]
         label = "tare of the rig" if is_tare else one.label
-        found.append(f"{label} {' to '.join(dict.fromkeys(ends))} {unit}")
+        parts.append(f"{label} {' to '.join(dict.fromkeys(ends))} {unit}")
     if getattr(getattr(run.damper, "mounting", None), "series_stiffness", NONE) == NONE:
-        found.insert(0, "no mounting (rigid)")
-    return ", ".join(found)
+        parts.insert(0, "no mounting (rigid)")
+    return ", ".join(parts)
 
 
 def gas_line(table: ForceTable, *, place: str, is_bump_positive: bool = False) -> str:
-    """Return what presses at rest, and where it belongs.
+    """Return what presses at rest, and what to do with it (``place``: "add it to the spring").
 
-    Parameters
-    ----------
-    table : ForceTable
-        Of any setting: the gas is the damper's.
-    place : str
-        What to do with it: "add it to the spring".
-    is_bump_positive : bool
-        Whether the file counts forces so; the gas then has the sign of its spring.
+    The table may be of any setting: the gas is the damper's. Where a file counts compression as
+    positive the gas has the sign of its spring.
     """
     sign, way = (-1.0, "plus") if is_bump_positive else (1.0, "minus")
     what = "gas force" if table.has_gas else "force at rest, gas and tare of the rig together,"
@@ -195,29 +166,22 @@ def interval_lines(table: ForceTable, *, speed: float = 1.0, sign: float = 1.0) 
 
 def _mse(tables: Sequence[ForceTable]) -> str:
     known = [one for one in tables if math.isfinite(one.mse_percent)]
-    if not known:
-        return "not known"
     if len(known) > _OTHERS:
-        worst = max(known, key=lambda one: one.mse_percent)
-        best = min(known, key=lambda one: one.mse_percent)
-        return (
-            f"{best.mse_percent:.3g} % (setting {best.setting}) to {worst.mse_percent:.3g} % "
-            f"(setting {worst.setting})"
+        ranked = sorted(known, key=lambda one: one.mse_percent)
+        ends = (
+            f"{one.mse_percent:.3g} % (setting {one.setting})" for one in ranked[:: len(ranked) - 1]
         )
+        return " to ".join(ends)
     if len(known) == 1:
         return f"{known[0].mse_percent:.3g} %"
-    return ", ".join(f"{one.mse_percent:.3g} % at setting {one.setting}" for one in known)
+    shown = (f"{one.mse_percent:.3g} % at setting {one.setting}" for one in known)
+    return ", ".join(shown) or "not known"
 
 
 def rendered(template: str, **known: Any) -> str:
-    """Return a template of this package filled in; in XML and HTML texts cannot leave their place.
+    """Return a template of this package, by its file's name, filled in with what it asks for.
 
-    Parameters
-    ----------
-    template : str
-        Name of its file.
-    **known
-        What it asks for.
+    In XML and HTML texts cannot leave their place.
     """
     is_marked = template.endswith((".xml", ".html"))
     return _environment(is_marked=is_marked).get_template(template).render(**known)
