@@ -2,7 +2,6 @@
 
     python -m tests.fuzz.fuzz_readers --runs 100000            # each format in turn
     python -m tests.fuzz.fuzz_readers --format TDMS --seed 7
-    python -m tests.fuzz.fuzz_readers --format "MATLAB 7" --engine atheris --runs 1000000
 
 What breaks the promise is kept in the folder --keep, and the command ends with code 1.
 """
@@ -10,7 +9,6 @@ What breaks the promise is kept in the folder --keep, and the command ends with 
 from __future__ import annotations
 
 import argparse
-import importlib
 import importlib.util
 import os
 import random
@@ -183,39 +181,14 @@ def fuzz(name: str, *, runs: int, seed: int, folder: Path, keep: Path) -> Tally:
     tally = Tally()
     for _ in range(runs):
         wounded = damaged(data, others, dice)
-        _attempt_or_keep(wounded, path, tally, keep)
+        try:
+            attempt(wounded, path, tally)
+        except PromiseBroken as error:
+            keep.mkdir(parents=True, exist_ok=True)
+            kept = keep / f"{time.time_ns()}_{path.name}"
+            kept.write_bytes(wounded)
+            raise PromiseBroken(f"{error} (kept as {kept})") from error
     return tally
-
-
-def _attempt_or_keep(data: bytes, path: Path, tally: Tally, keep: Path) -> None:
-    try:
-        attempt(data, path, tally)
-    except PromiseBroken as error:
-        keep.mkdir(parents=True, exist_ok=True)
-        kept = keep / f"{time.time_ns()}_{path.name}"
-        kept.write_bytes(data)
-        raise PromiseBroken(f"{error} (kept as {kept})") from error
-
-
-def _fuzz_with_atheris(name: str, *, runs: int, folder: Path, keep: Path) -> None:
-    """Let libFuzzer choose the bytes by what they reach in our own modules."""
-    import atheris
-
-    file, data = seeds()[name]
-    corpus = folder / "corpus"
-    corpus.mkdir()
-    (corpus / "seed").write_bytes(data)
-    tally = Tally()
-
-    def one(chosen: bytes) -> None:
-        _attempt_or_keep(chosen, folder / file, tally, keep)
-
-    # The readers load their parts when a log is read: not before this line.
-    with atheris.instrument_imports(include=["damperfit"]):
-        importlib.import_module("damperfit.io.formats")
-        importlib.import_module("damperfit.io.recordings")
-    atheris.Setup([sys.argv[0], f"-runs={runs}", "-max_len=20000", str(corpus)], one)
-    atheris.Fuzz()
 
 
 def main() -> int:
@@ -224,20 +197,11 @@ def main() -> int:
     parser.add_argument("--format", choices=sorted(seeds()), action="append")
     parser.add_argument("--runs", type=int, default=20_000, help="for each format")
     parser.add_argument("--seed", type=int, default=time.time_ns())
-    parser.add_argument("--engine", choices=("random", "atheris"), default="random")
     parser.add_argument("--keep", type=Path, default=Path("fuzz_findings"))
     chosen = parser.parse_args()
-    if chosen.engine == "atheris":  # which ends the process when it is through
-        if len(chosen.format or ()) != 1:
-            parser.error("--engine atheris takes one --format at a time")
-        if importlib.util.find_spec("atheris") is None:
-            parser.error("--engine atheris: it is no part of the extra test; pip install atheris")
     with tempfile.TemporaryDirectory() as folder:
         for name in chosen.format or seeds():
             runs = max(1, chosen.runs // (100 if name in APART else 1))
-            if chosen.engine == "atheris":
-                _fuzz_with_atheris(name, runs=runs, folder=Path(folder), keep=chosen.keep)
-                continue
             try:
                 tally = fuzz(
                     name, runs=runs, seed=chosen.seed, folder=Path(folder), keep=chosen.keep

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import random
-
 import pytest
 
-from tests.fuzz.fuzz_readers import APART, SCENARIO, PromiseBroken, Tally, attempt, damaged, fuzz
+from tests.fuzz.fuzz_readers import APART, PromiseBroken, Tally, attempt, fuzz
 from tests.io import binary_logs, scenarios
 
 
@@ -26,10 +24,3 @@ def test_the_fuzzer_sees_a_promise_broken(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr("tests.fuzz.fuzz_readers.read_logs", broken)
     with pytest.raises(PromiseBroken, match="KeyError"):
         attempt(b"time_s", tmp_path / "log.csv", Tally())
-
-
-def test_damage_is_the_same_for_the_same_seed() -> None:
-    data = scenarios.WRITERS["plain"][1](SCENARIO)
-    dice = (random.Random(4) for _ in range(2))  # noqa: S311
-    first, second = (damaged(data, [data], die) for die in dice)
-    assert first == second != data
