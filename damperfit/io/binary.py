@@ -68,13 +68,7 @@ _NO_CHECKSUMS = "TDMS has no checksums: a damaged value could not be seen"
 
 
 def read_parquet(source: Source, options: ReadOptions) -> tuple[Table, ...]:
-    """Return the table of a Parquet log.
-
-    Raises
-    ------
-    LogError
-        The file is cut or damaged, or says it holds more than the limit.
-    """
+    """Return the table of a Parquet log."""
     import pyarrow as pa
     from pyarrow import parquet
 
@@ -204,13 +198,7 @@ class _Extent(NamedTuple):
 
 
 def read_tdms(source: Source, options: ReadOptions) -> tuple[Table, ...]:
-    """Return a table for each group that is a test.
-
-    Raises
-    ------
-    LogError
-        The file is cut or damaged, or claims more than the limit; or npTDMS is not installed.
-    """
+    """Return a table for each group that is a test."""
     name, data = source.name, source.data
     extent = _extent(data, name)
     nptdms = load_library("nptdms", extra="tdms", reads="TDMS", name=name)

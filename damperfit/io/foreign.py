@@ -88,12 +88,6 @@ def read_matlab(source: Source, options: ReadOptions) -> tuple[Table, ...]:
     """Return the table of a MATLAB file: its vectors of the commonest length.
 
     A matrix ``x_F`` of three columns gives the columns ``x_F:1``, ``x_F:2`` and ``x_F:3``.
-
-    Raises
-    ------
-    LogError
-        The file is cut or damaged, claims more than the limit, or holds no vectors of numbers; or
-        h5py, which version 7.3 needs, is not installed.
     """
     name = source.name
     is_old = source.data.startswith(b"MATLAB 5.0")
@@ -130,13 +124,7 @@ def _is_whole(data: bytes) -> bool:
 
 
 def matlab_vectors(data: bytes, limit: int) -> ChildAnswer:
-    """Return the vectors of a MATLAB file up to version 7, and what else it holds; in a child.
-
-    Raises
-    ------
-    LogError
-        The file is cut or damaged, or claims more than the limit.
-    """
+    """Return the vectors of a MATLAB file up to version 7, and what else it holds; in a child."""
     scipy_io: Any = importlib.import_module("scipy.io")
     channels: list[GroupChannel] = []
     others: dict[str, str] = {}
@@ -162,13 +150,7 @@ def matlab_vectors(data: bytes, limit: int) -> ChildAnswer:
 
 
 def hdf5_vectors(data: bytes, limit: int) -> ChildAnswer:
-    """Return the vectors at the top of a MATLAB file of version 7.3; in a child.
-
-    Raises
-    ------
-    LogError
-        The file is damaged or claims more than the limit.
-    """
+    """Return the vectors at the top of a MATLAB file of version 7.3; in a child."""
     h5py = importlib.import_module("h5py")
     channels: list[GroupChannel] = []
     with refusing_damage(_MAT73.reads), h5py.File(io.BytesIO(data), "r") as file:
@@ -214,14 +196,7 @@ def _vectors(name: str, values: NDArray[Any]) -> list[GroupChannel]:
 
 
 def read_mdf(source: Source, options: ReadOptions) -> tuple[Table, ...]:
-    """Return a table for each channel group that is a test.
-
-    Raises
-    ------
-    LogError
-        The file is cut or damaged, of an older version, or claims more than the limit; or asammdf
-        is not installed.
-    """
+    """Return a table for each channel group that is a test."""
     name = source.name
     if not source.data[8:16].startswith(b"4."):
         version = source.data[8:16].decode("latin-1").strip("\0 ")
@@ -233,13 +208,7 @@ def read_mdf(source: Source, options: ReadOptions) -> tuple[Table, ...]:
 
 
 def mdf_groups(data: bytes, limit: int) -> ChildAnswer:
-    """Return the channel groups of a file; runs in a process of its own.
-
-    Raises
-    ------
-    LogError
-        The file is damaged or claims more than the limit.
-    """
+    """Return the channel groups of a file; runs in a process of its own."""
     import asammdf
 
     with refusing_damage(_MDF.reads):
@@ -316,14 +285,7 @@ def _block(data: bytes, at: int, name: str) -> tuple[bytes, tuple[int, ...]]:
 
 
 def read_excel(source: Source, options: ReadOptions) -> tuple[Table, ...]:
-    """Return a table for each sheet that holds rows of numbers.
-
-    Raises
-    ------
-    LogError
-        The file is no workbook, is damaged, unpacks to more than the limit, or has no sheet that
-        reads as a log; or the library is not installed.
-    """
+    """Return a table for each sheet that holds rows of numbers."""
     if source.data.startswith(b"PK"):
         _check_archive(source, options)
     answer = ask_child(_EXCEL, source, options)
@@ -369,13 +331,7 @@ def _check_archive(source: Source, options: ReadOptions) -> None:
 
 
 def sheets_in(data: bytes, limit: int) -> ChildAnswer:
-    """Return the sheets of a workbook as text; runs in a process of its own.
-
-    Raises
-    ------
-    LogError
-        The file is damaged, or would be written out to more than the limit.
-    """
+    """Return the sheets of a workbook as text; runs in a process of its own."""
     import zipfile
 
     calamine = importlib.import_module("python_calamine")

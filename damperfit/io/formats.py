@@ -88,7 +88,14 @@ class Format:
     in_child: bool = False
 
     def read(self, source: Source, options: ReadOptions) -> tuple[Table, ...]:
-        """Return the tables of a file."""
+        """Return the tables of a file.
+
+        Raises
+        ------
+        LogError
+            The file is cut or damaged, claims more than the limit, is of a version that is not
+            read, or holds no rows or channels of numbers; or a library is not installed.
+        """
         module, _, function = self.reader.partition(":")
         reader = getattr(import_module(f"damperfit.io.{module}"), function)
         return tuple(reader(source, options))

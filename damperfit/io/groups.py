@@ -85,13 +85,7 @@ class Group:
 def group_tables(
     groups: Sequence[Group], options: ReadOptions, *, name: str, notes: tuple[str, ...] = ()
 ) -> tuple[Table, ...]:
-    """Return a table for each test.
-
-    Raises
-    ------
-    LogError
-        There are no channels of numbers.
-    """
+    """Return a table for each test."""
     filled = [group for group in groups if group.channels]
     if not filled:
         raise LogError("no channels of numbers", subject=name)

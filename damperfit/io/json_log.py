@@ -41,13 +41,7 @@ _Columns = dict[str, tuple[str | None, list[Any]]]  # name -> unit and values
 
 
 def read_json(source: Source, options: ReadOptions) -> tuple[Table, ...]:
-    """Return the tables of a JSON log.
-
-    Raises
-    ------
-    LogError
-        It is damaged, needs more memory than the limit, or holds no columns or rows.
-    """
+    """Return the tables of a JSON log."""
     name = source.name
     data, notes = to_utf8(source.data, name=name, encoding=options.encoding)
     n_lists = data.count(b"[") + data.count(b"{")

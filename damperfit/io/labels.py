@@ -409,7 +409,8 @@ def _pattern_of_signs(names: Sequence[str]) -> str:
     return next((p for p in patterns if all(_finds(p, name) for name in names)), "")
 
 
-# Where the adjusters stand as a log says it: in its preamble, a column, or its file's name.
+# Where the adjusters stand as a log says it: in its preamble, a column, or its file's name. What
+# stands there and is no setting is a LogError.
 
 
 @dataclass(frozen=True, slots=True)
@@ -456,13 +457,7 @@ def setting_in_words(text: str, where: str, adjusters: Sequence[str] = (ADJUSTER
 
 
 def preamble_setting(metadata: Mapping[str, str], name: str, adjusters: Sequence[str]) -> LogLabel:
-    """Return what a preamble says: a label under ``setting``, or each adjuster by its name.
-
-    Raises
-    ------
-    LogError
-        What stands there is no setting.
-    """
+    """Return what a preamble says: a label under ``setting``, or each adjuster by its name."""
     if ADJUSTER in metadata:
         stated = setting_in_words(metadata[ADJUSTER], f"{name}: metadata '{ADJUSTER}'", adjusters)
         return LogLabel(dict(stated.places))
@@ -480,11 +475,6 @@ def file_setting(name: str, pattern: str, adjusters: Sequence[str] = (ADJUSTER,)
     """Return what a file's name says by a pattern.
 
     Named groups are adjusters, damper or serial number; a group without a name is the label.
-
-    Raises
-    ------
-    LogError
-        What the pattern finds is no setting.
     """
     is_default = pattern == SETTING_PATTERN
     serial = re.search(_SERIAL, name, re.IGNORECASE)
@@ -523,13 +513,7 @@ def _label_in(matches: list[re.Match[str]], name: str, adjusters: Sequence[str])
 
 
 def place_from_number(number: float, where: str) -> Place:
-    """Return where a column's number says that an adjuster stands.
-
-    Raises
-    ------
-    LogError
-        It counts no clicks.
-    """
+    """Return where a column's number says that an adjuster stands."""
     try:
         return parse_place(f"{number:.15g}")
     except ValueError as error:

@@ -106,13 +106,7 @@ class _Block(NamedTuple):
 
 
 def read_delimited(source: Source, options: ReadOptions) -> tuple[Table, ...]:
-    """Return the tables of a delimited text log: one, or one for each block.
-
-    Raises
-    ------
-    LogError
-        The file is no text, has no rows of numbers, or its rows do not fit its names.
-    """
+    """Return the tables of a delimited text log: one, or one for each block."""
     name, drops = source.name, options.bad_rows == "drop"
     data, notes = to_utf8(source.data, name=name, encoding=options.encoding, allows_nul=drops)
     if n_lines := options.skip_lines:
@@ -157,13 +151,7 @@ def _blocks(data: bytes, first_line: int, decimal: str, name: str) -> list[_Bloc
 
 
 def read_lvm(source: Source, options: ReadOptions) -> tuple[Table, ...]:
-    """Return a table for each segment of a LabVIEW measurement file.
-
-    Raises
-    ------
-    LogError
-        There is no segment with names and rows.
-    """
+    """Return a table for each segment of a LabVIEW measurement file."""
     data, notes = to_utf8(source.data, name=source.name, encoding=options.encoding)
     ends = list(_LVM_END.finditer(data))
     facts = dict(_LVM_ENTRY.findall(data[: ends[0].start()].decode() if ends else ""))
