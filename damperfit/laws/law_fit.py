@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -106,46 +105,37 @@ def misses(
             alone.append(normalised_mse(trace.force[part], force[part]))
             measured.append(trace.force[part])
             if stretch.n_cycles:
-                samples = np.arange(part.start, part.stop)
-                cycle = np.searchsorted(stretch.cycle_starts, samples, "right")
                 velocity = trace.drive.velocity[part]
-                forces.append(worst_force(measured[-1], residuals[-1], velocity, cycle))
+                forces.append(worst_force(measured[-1], residuals[-1], velocity))
     together, rest = np.concatenate(measured), np.concatenate(residuals)
     mse = normalised_mse(together, together + rest)
     return Missed(tuple(residuals), tuple(alone), mse, max(forces))
 
 
-def worst_force(
-    force: FloatArray, rest: FloatArray, velocity: FloatArray, cycle: NDArray[np.intp]
-) -> float:
-    """Return by how much the mean force at a speed is off where it is off most.
+def worst_force(force: FloatArray, rest: FloatArray, velocity: FloatArray) -> float:
+    """Return by how much the mean force at a speed is off where it is off most, per cent.
 
     A speed is a twelfth of the highest of its stroke, from a third of that on; the force there is
     the mean over all cycles.
 
     Parameters
     ----------
-    force, rest, velocity, cycle : numpy.ndarray
-        Shape (n,), whole cycles: measured, N; model less measured, N; of the rod, m/s; which cycle
-        it is.
+    force, rest, velocity : numpy.ndarray
+        Shape (n,), whole cycles: measured, N; model less measured, N; of the rod, m/s.
     """
     least = max(_LEAST_FORCE * 0.5 * float(np.ptp(force)), 1e-300)
-    cycle = cycle - np.min(cycle)
-    shape = (int(np.max(cycle)) + 1, _SPEEDS)
     worst = 0.0
     for towards in (1.0, -1.0):
         speed = towards * velocity
         place = np.floor(_SPEEDS * speed / max(float(np.max(speed)), 1e-300)).astype(np.intp)
         seen = (place >= _FROM_SPEED) & (place < _SPEEDS)
-        where = cycle[seen] * _SPEEDS + place[seen]
         n, of, off = (
-            np.bincount(where, weights, shape[0] * _SPEEDS).reshape(shape).astype(np.float64)
+            np.bincount(place[seen], weights, _SPEEDS)
             for weights in (None, force[seen], rest[seen])
         )
-        passed = n.sum(axis=0) > 0
-        n, of, off = n[:, passed], of[:, passed], off[:, passed]
-        beside = np.maximum(np.abs(of.sum(axis=0) / n.sum(axis=0)), least)
-        missed = np.abs(off.sum(axis=0) / n.sum(axis=0)) / beside
+        passed = n > 0
+        beside = np.maximum(np.abs(of[passed] / n[passed]), least)
+        missed = np.abs(off[passed] / n[passed]) / beside
         worst = max(worst, float(np.max(missed, initial=0.0)))
     return 100.0 * worst
 
@@ -242,16 +232,14 @@ class LawFit:
     worst_force_percent: float = math.nan
 
 
-def fit_law(  # noqa: PLR0913 - what a search may ask of it
+def fit_law(
     model: Model,
     evidence: SettingLogs,
     *,
     freed: Sequence[str] = (),
     near: Values | None = None,
-    fixed: Mapping[str, float] = MappingProxyType({}),
     solver: SolverOptions = SolverOptions(),
     is_whole: bool = True,
-    hopeless_percent: float = math.inf,
 ) -> LawFit:
     """Fit a law to the logs of a setting and predict those that were held out.
 
@@ -265,24 +253,26 @@ def fit_law(  # noqa: PLR0913 - what a search may ask of it
         What is fitted although it has a default.
     near : Values, optional
         Of a law fitted before, to start from as far as both have the same quantities.
-    fixed : mapping of str to float
-        What is held, and where, beside what has a default.
     solver : SolverOptions
         How exactly to integrate.
     is_whole : bool
         Whether the descent ends on the whole logs; else on their settled cycles, for comparing.
         What is said of the fit is of the whole logs in both cases.
-    hopeless_percent : float
-        MSE that a few evaluations must come below; a fit that does not is left where it is.
 
     Raises
     ------
     SimulationError
         The law cannot be simulated at any start.
     """
-    held, misfit = _misfit(model, evidence, freed, solver, fixed)
-    free, coarse = misfit.free, misfit.on_cycles()
-    ended, spent = descended(coarse, near, held, evidence.more_start, hopeless_percent / 100.0)
+    held = {
+        one.name: one.default
+        for one in model.quantities
+        if one.default is not None and one.name not in freed
+    } | {name: x for name, x in evidence.fixed.items() if name in model.names}
+    free = tuple(name for name in model.names if name not in held)
+    misfit = LawMisfit(model, evidence.fitted, free, solver)
+    ended = descended(misfit.on_cycles(), held, evidence.more_start, near)
+    spent = ended.evaluations
     if is_whole:
         ended = misfit.descend(ended.extra, COMPARING)
         spent += ended.evaluations
@@ -372,40 +362,13 @@ def with_whole_friction(near: Values, model: Model) -> Values:
     return near.replace({name: getattr(near, name) + getattr(near, _AT_REST)})
 
 
-def _misfit(
-    model: Model,
-    evidence: SettingLogs,
-    freed: Sequence[str],
-    solver: SolverOptions,
-    fixed: Mapping[str, float] = MappingProxyType({}),
-) -> tuple[dict[str, float], LawMisfit]:
-    """What is held, and the misfit of the rest."""
-    held = {
-        one.name: one.default
-        for one in model.quantities
-        if one.default is not None and one.name not in freed
-    } | {name: one for name, one in {**evidence.fixed, **fixed}.items() if name in model.names}
-    free = tuple(name for name in model.names if name not in held)
-    return held, LawMisfit(model, evidence.fitted, free, solver)
-
-
-def _beside(misfit: LawMisfit, near: Values) -> tuple[dict[str, float], dict[str, float]]:
-    """What a law has of one fitted before, and the rest of it at next to nothing."""
-    near = with_whole_friction(near, misfit.model)
-    # What stands at nothing there was held: from there no descent would find it.
-    known = {name: one for name, one in zip(near.names, near.numbers, strict=True) if one}
-    shared = {name: known[name] for name in misfit.free if name in known}
-    return shared, misfit.absent_beside(shared)
-
-
 def descended(
     misfit: LawMisfit,
-    near: Values | None,
     held: Mapping[str, float],
     more_start: Mapping[str, float],
-    hopeless: float,
-) -> tuple[Minimum[Values], int]:
-    """Where the law's own starts, what was given and a law fitted before lead, and evaluations."""
+    near: Values | None = None,
+) -> Minimum[Values]:
+    """Where the law's own starts, what was given and the same law elsewhere lead."""
     starts = misfit.model.start(misfit.traces, held)
     said = {name: more_start[name] for name in misfit.free if name in more_start}
     if said:
@@ -413,31 +376,9 @@ def descended(
         beside = misfit.model.start(misfit.traces, {**held, **said})
         starts = (starts[0].replace(said), *beside, *starts)
     if near is None:
-        ended = best_of_starts(misfit, starts)
-        return ended, ended.evaluations
-    shared, absent = _beside(misfit, near)
-    inside = starts[0].replace(shared | absent)
-    ended = best_of_starts(misfit, (starts[0].replace(shared), *starts), known=1, hopeless=hopeless)
-    spent = ended.evaluations
-    # A law that holds the other one fits no worse than that; if it does, a few evaluations told
-    # its starts badly: it starts with a little of what is new, with more, and from the other law.
-    others = (starts[0].replace(shared | _little(starts[0], absent)), starts[0].replace(shared))
-    try:
-        least = misfit.cost(inside) if absent else -math.inf
-        for other in (*others, inside):
-            if ended.cost <= least:
-                break
-            again = misfit.descend(other, COMPARING)
-            spent += again.evaluations
-            ended = min(ended, again, key=lambda one: one.cost)
-    except SimulationError:
-        pass
-    return ended, spent
-
-
-def _little(start: Values, absent: Mapping[str, float]) -> dict[str, float]:
-    """Values half way, in logarithms, between where a part does nothing and where it starts."""
-    return {name: math.sqrt(low * getattr(start, name)) for name, low in absent.items()}
+        return best_of_starts(misfit, starts)
+    known = {name: getattr(near, name) for name in misfit.free if name in near.names}
+    return best_of_starts(misfit, (starts[0].replace(known), *starts), known=1)
 
 
 def _undetermined(
@@ -551,12 +492,9 @@ class Tried:
         return math.log(self.mse_percent) + math.log(known)
 
 
-def predicted_worse(before: Tried, after: Tried, *, least: float = 0.0) -> str:
-    """Say that a law predicts worse than before, and than least, per cent; else nothing."""
-    held = before.held_out_percent, after.held_out_percent
-    if not held[1] > NO_WORSE * max(held[0], least):  # NaN: none was
-        return ""
-    return f"what was held out is predicted worse, {held[1]:.2g} % after {held[0]:.2g} %"
+def predicted_worse(before: Tried, after: Tried) -> bool:
+    """Whether a law predicts worse than before; not where nothing was held out."""
+    return after.held_out_percent > NO_WORSE * before.held_out_percent
 
 
 def times_worse(best: Tried, other: Tried) -> float:

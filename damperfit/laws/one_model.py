@@ -51,9 +51,6 @@ _HELD = 0.02
 BELIEVED_FRICTION, FRICTION_SPREAD = 22.0, 0.75
 # What a deviation from it costs, as a share of what is left at a setting: its root.
 _UNBELIEVED = 0.1
-# By what the squares may rise where an opening is lowered that no log reaches, and how near to the
-# least such opening it comes.
-_FREE_OF_COST, _NEAR = 1e-3, 1.02
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -98,14 +95,6 @@ class OneModel:
         """What is found, quantity by quantity."""
         return unknowns_of(self.free, self.follows, self.settings)
 
-    def of(self, model: Model, free: Sequence[str], follows: Follows) -> OneModel:
-        """Return another law on the same cycles."""
-        others = {
-            setting: replace(one, model=model, free=tuple(free))
-            for setting, one in self.misfits.items()
-        }
-        return replace(self, misfits=others, follows=follows)
-
     def weighed_at(self, at: Mapping[Setting, Values], *, least: float = _NO_MISFIT) -> OneModel:
         """Return the same with the weights that values of the settings leave them.
 
@@ -122,7 +111,10 @@ class OneModel:
 
     def cost(self, at: Mapping[Setting, Values]) -> float:
         """Return the weighed sum of squares; infinite where the law cannot be simulated."""
-        return self._cost_of({s: at[s] for s in self.settings})
+        try:
+            return sum(self.weights[s] * one.cost(at[s]) for s, one in self.misfits.items())
+        except SimulationError:
+            return math.inf
 
     def with_common(self, at: Mapping[Setting, Values]) -> dict[Setting, Values]:
         """Return values with what settings have in common at the mean of theirs."""
@@ -202,52 +194,6 @@ class OneModel:
             one: error if self.model.quantity(one.name).is_logarithmic else 0.0
             for one, error in zip(self.unknowns, errors.tolist(), strict=True)
         }
-
-    def with_least_openings(self, at: Mapping[Setting, Values]) -> dict[Setting, Values]:
-        """Return values in which a blow-off that no log opens is preloaded as little as they allow.
-
-        Any higher preload fits as well, up to one that no damper has; and clicks that no log has
-        are put together of such numbers.
-        """
-        found = dict(at)
-        for one in self.unknowns:
-            if one.name.endswith("_opening"):
-                own = {s: found[s] for s in self.settings if one.holds_at(s)}
-                least = self._least_of(one.name, own)
-                found |= {s: values.replace({one.name: least}) for s, values in own.items()}
-        return found
-
-    def _least_of(self, name: str, own: Mapping[Setting, Values]) -> float:
-        """The least value that costs next to nothing; as it is where half of it costs something."""
-
-        def costs(value: float) -> float:
-            return self._cost_of({s: one.replace({name: value}) for s, one in own.items()})
-
-        high: float = getattr(next(iter(own.values())), name)
-        enough = (1.0 + _FREE_OF_COST) * costs(high)
-        if not costs(0.5 * high) <= enough:
-            return high
-        low, _ = self.model.quantity(name).plausible
-        while high > _NEAR * low:
-            middle = math.sqrt(low * high)
-            low, high = (low, middle) if costs(middle) <= enough else (middle, high)
-        return high
-
-    def _cost_of(self, some: Mapping[Setting, Values]) -> float:
-        try:
-            return sum(self.weights[s] * self.misfits[s].cost(one) for s, one in some.items())
-        except SimulationError:
-            return math.inf
-
-    def look(self, at: Mapping[Setting, Values]) -> Minimum[dict[Setting, Values]]:
-        """Descend for a few evaluations.
-
-        Raises
-        ------
-        SimulationError
-            The law cannot be simulated at the start.
-        """
-        return self.descend(at, _LOOK)
 
     def descend(
         self, at: Mapping[Setting, Values], stopping: Stopping = _END

@@ -26,6 +26,7 @@ from __future__ import annotations
 import math
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -36,9 +37,10 @@ from damperfit.damper.valves import read_loops, valve_starts
 from damperfit.errors import SimulationError
 from damperfit.identification import compare
 from damperfit.identification.blas_threads import one_blas_thread
-from damperfit.identification.fit_problem import LawMisfit, kept_within
+from damperfit.identification.fit_problem import LawMisfit
 from damperfit.identification.least_squares import Stopping
 from damperfit.identification.log_facts import effective_samples
+from damperfit.identification.starts import spread_starts
 from damperfit.laws.law_fit import (
     ENOUGH_PERCENT,
     GAIN,
@@ -118,7 +120,7 @@ _FAR_WORSE = 8.0
 _MISSED, _MOST_MISSED = 4.0, 2
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class _Fit:
     """A structure at the minimum of one fit of several settings."""
 
@@ -130,7 +132,7 @@ class _Fit:
     def values(self) -> dict[Setting, Values]:
         return self.minimum.extra
 
-    @property
+    @cached_property
     def promised(self) -> float:
         """The cost at the minimum of the linearised problem: what a descent may come to."""
         system = self.minimum.system
@@ -139,6 +141,7 @@ class _Fit:
         pull = np.linalg.lstsq(columns.T, system.gradient / lengths, rcond=_NO_LENGTH)[0]
         return max(system.cost - float(pull @ pull), 0.0)
 
+    @cached_property
     def percent(self) -> dict[Setting, float]:
         """MSE of each setting on its mean cycles."""
         return {s: 100.0 * one.cost(self.values[s]) for s, one in self.model.misfits.items()}
@@ -206,8 +209,8 @@ class _Search:
             logs = self.evidence[setting]
             held = self.held(structure, setting)
             misfit = model.misfits[setting]
-            ended, _ = descended(misfit, None, held, logs.more_start, math.inf)
-            for start in _spread(ended.extra, misfit, self.n_starts - 1):
+            ended = descended(misfit, held, logs.more_start)
+            for start in spread_starts(misfit, ended.extra, setting, self.n_starts - 1):
                 with suppress(SimulationError):
                     other = misfit.descend(start, _END)
                     ended = min(ended, other, key=lambda one: one.cost)
@@ -309,7 +312,7 @@ class _Search:
     def most_to_gain(self, fit: _Fit) -> float:
         """By what the criterion falls, without its price, where nothing but noise is left."""
         found = 0.0
-        for setting, percent in fit.percent().items():
+        for setting, percent in fit.percent.items():
             noise = 100.0 * fit.model.misfits[setting].scatter
             found += self.n_eff[setting] * math.log(
                 (percent + _FLOOR_PERCENT) / (min(noise, percent) + _FLOOR_PERCENT)
@@ -326,7 +329,7 @@ class _Search:
 
     def criterion(self, fit: _Fit, *, is_screening: bool = False) -> float:
         """C of the module's text; without what was held out while candidates are screened."""
-        percent, n = fit.percent(), self.n_eff
+        percent, n = fit.percent, self.n_eff
         found = sum(n[s] * math.log(p + _FLOOR_PERCENT) for s, p in percent.items())
         found += self.price(fit) + self.unbelieved(fit)
         return found if is_screening else found + self.of_held_out(fit)
@@ -496,7 +499,7 @@ class _Search:
         price = self.price(glance) - self.price(fit)
         promised = max(glance.promised, 1e-6 * fit.minimum.cost)
         here = fit.minimum.cost
-        shares = [_FLOOR_PERCENT / max(one, 1e-9) for one in fit.percent().values()]
+        shares = [_FLOOR_PERCENT / max(one, 1e-9) for one in fit.percent.values()]
         floor = here * float(np.mean(shares))
         return n * math.log((promised + floor) / (here + floor)) + price
 
@@ -644,7 +647,7 @@ class _Search:
         n, more = sum(self.n_eff.values()), law.n_quantities - simplest.n_quantities
         gain = simplest.mse_percent / max(beside.mse_percent, 1e-300)
         bic = n * math.log(gain) - more * len(law.fits) * math.log(n)
-        is_taken = gain < GAIN or bic <= 0.0 or bool(predicted_worse(simplest, beside))
+        is_taken = gain < GAIN or bic <= 0.0 or predicted_worse(simplest, beside)
         if more <= 0:
             is_taken = simplest.score < beside.score
         reason = f"MSE {simplest.mse_percent:.2g} to {beside.mse_percent:.2g} % with valves"
@@ -756,7 +759,7 @@ class _Search:
         """The structure again, beside settings that it misses and that were not compared."""
         if len(self.compared) == len(self.evidence):
             return fit
-        percent = fit.percent()
+        percent = fit.percent
         usual = np.median([percent[s] for s in self.compared])
         least = max(_MISSED * usual, ENOUGH_PERCENT)
         others = sorted((s for s in percent if s not in self.compared), key=lambda s: -percent[s])
@@ -838,25 +841,6 @@ def _of_layout(best: Tried, one: Tried, *, is_alone: bool, is_near: bool) -> str
         return f"the layout that {what} best"
     words = best.fits[0].model.name.replace("_", " ")
     return f"{words} {what} {'hardly ' if is_near else ''}better"
-
-
-def _spread(near: Values, misfit: LawMisfit, count: int) -> list[Values]:
-    """Starts of positive quantities over a factor of ten to both sides, as in a Latin cube."""
-    names = [n for n in misfit.free if near.quantity(n).is_logarithmic and getattr(near, n) > 0.0]
-    chance = np.random.default_rng(count)
-    places = [(chance.permutation(count) + chance.uniform(0.0, 1.0, count)) / count for _ in names]
-    return [
-        kept_within(
-            near.replace(
-                {
-                    n: getattr(near, n) * 10.0 ** (2.0 * x[k] - 1.0)
-                    for n, x in zip(names, places, strict=True)
-                }
-            ),
-            misfit.free,
-        )
-        for k in range(count)
-    ]
 
 
 def follows_by_scope(model: Model, free: Sequence[str], adjusters: tuple[str, ...]) -> Follows:
