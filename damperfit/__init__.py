@@ -22,7 +22,9 @@ _DOOR = {
     "Damper": "damperfit.damper.purdy.parameters",
     "Motion": "damperfit.simulation.motion",
     "Run": "damperfit.results",
-    **dict.fromkeys(("advise", "passport", "valves", "watch"), "damperfit.after_fit.functions"),
+    **dict.fromkeys(
+        ("advise", "passport", "ride", "valves", "watch"), "damperfit.after_fit.functions"
+    ),
     **dict.fromkeys(
         (
             "compare",

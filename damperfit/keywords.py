@@ -89,6 +89,11 @@ _TABLE: dict[str, dict[str, tuple[Any, ...]]] = {
             "What is to be known better: k_e, force@0.05m/s (minus: compression).",
         ),
         "advise.setting": ("text", "N", "Plan for this setting alone."),
+        "car": ("path", "FILE.toml", "[car]: masses, spring, tyre, motion ratio, road, speed."),
+        "ride.stroke": (
+            "path", "LOG", "Time and damper displacement of a car, in place of the road.",
+        ),
+        "ride.setting": ("text", "N", "This setting alone."),
         "cd": ("number", "C_D", "Discharge coefficient of the orifices."),
         "cd_spread": ("number", "N", "How far it may be off; it widens the intervals."),
         "seat": ("text", "LENGTH", "Diameter of the blow-off's seat, as in 8mm."),

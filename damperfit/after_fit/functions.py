@@ -16,11 +16,13 @@ if TYPE_CHECKING:
     from threading import Event
 
     from damperfit.after_fit.advise import Advice
+    from damperfit.after_fit.car_log import DrivenStroke
+    from damperfit.after_fit.ride import Ride
     from damperfit.after_fit.valves import Orifices
     from damperfit.after_fit.watch import Arrival
     from damperfit.results import Run, SettingResult
 
-__all__ = ["advise", "passport", "valves", "watch"]
+__all__ = ["advise", "passport", "ride", "valves", "watch"]
 
 _RESULTS = Path("results")
 _FASTER = 2.0  # times the tested speed, where the rig's is not declared
@@ -135,6 +137,43 @@ def passport(
     run = run_of(results, "damperfit.passport", config)
     shown = units_in(run.record) if units is None else parse_units(units)
     return write_passport(run, Path(out) if out is not None else Path(), shown)
+
+
+@public
+def ride(
+    results: Run | str | Path = _RESULTS,
+    *,
+    car: str | Path | None = None,
+    stroke: str | Path | None = None,
+    setting: str | None = None,
+    config: str | Path | None = None,
+) -> Ride | DrivenStroke:
+    """Show comfort and wheel load of each setting on a road, or its work along a measured stroke.
+
+    Parameters
+    ----------
+    results : Run or path
+        Of one damper.
+    car : path
+        [car] in TOML: masses, spring, tyre, motion ratio, road, speed.
+    stroke : path
+        Log of time and damper displacement from a car, in place of the road.
+    """
+    from damperfit.after_fit.car_log import drive_along, read_stroke
+    from damperfit.after_fit.ride import read_car, ride_on_road
+
+    run = run_of(results, "damperfit.ride", config)
+    wanted = run.settings if setting is None else (_setting(run, setting),)
+    if (car is None) == (stroke is None):
+        raise ConfigurationError(
+            "expected {car} or {stroke}, one of them",
+            car=Option("car"),
+            stroke=Option("stroke"),
+            code="car-or-stroke",
+        )
+    if stroke is not None:
+        return drive_along(run, read_stroke(Path(stroke)), wanted)
+    return ride_on_road(run, read_car(Path(str(car))), wanted)
 
 
 @public

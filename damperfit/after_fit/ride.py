@@ -3,8 +3,8 @@
     m_s x_s'' = -F_k - F_d,     m_u x_u'' = F_k + F_d - k_t (x_u - r) - c_t (x_u' - r')
 
 with F_k = k_w (x_s - x_u), and F_d at the wheel: the damper's force times the motion ratio i, its
-stroke i (x_s - x_u). The road is one period of a random profile of ISO 8608, so that the linear part
-is solved by Fourier series. The damper is simulated by the core along its stroke, with all its
+stroke i (x_s - x_u). The road is one period of a random profile of ISO 8608, so that the linear
+part is solved by Fourier series. The damper is simulated by the core along its stroke, with all its
 states; both are solved in turn until they agree (a waveform iteration)::
 
     Z(w) X = road + D,    D = F_d - c (x_s' - x_u'),    c: the linear damping that fits F_d best
@@ -151,9 +151,9 @@ class Ride:
         safest = min(self.settings, key=lambda one: one.wheel_load)
         return (
             f"road {self.car.road} at {self.car.speed:.3g} m/s: setting {softest.setting} is most "
-            f"comfortable ({softest.comfort:.3g} m/s2 weighted), setting {safest.setting} holds the "
-            f"road best ({safest.wheel_load:.3g} N rms); no other beats {', '.join(self.pareto)} in "
-            "both"
+            f"comfortable ({softest.comfort:.3g} m/s2 weighted), setting {safest.setting} holds "
+            f"the road best ({safest.wheel_load:.3g} N rms); no other beats "
+            f"{', '.join(self.pareto)} in both"
         )
 
     def document(self) -> dict[str, Any]:
@@ -243,7 +243,7 @@ def _value(path: Path, name: str, given: object) -> Any:
     return value
 
 
-def weighting_k(frequencies: FloatArray) -> FloatArray:
+def weighting_k(frequencies: NDArray[np.floating[Any]]) -> FloatArray:
     """Return the gain of W_k of ISO 2631-1 at frequencies in Hz.
 
     Band limits 0.4 and 100 Hz (Q = 1/sqrt 2), transition at 12.5 Hz (Q = 0.63), step at 2.37 and
@@ -336,6 +336,7 @@ class _Road:
         s = 2j * np.pi * self.frequencies
         rest, c = start or (np.zeros(self.n), 0.6 * math.sqrt(car.spring * car.sprung_mass))
         tried: list[tuple[FloatArray, FloatArray]] = []
+        left = math.inf
         for round_ in range(_ROUNDS):
             x = self._linear(s, c, rest)
             relative = x[0] - x[1]
@@ -347,14 +348,15 @@ class _Road:
                 rest = force - c * wheel
                 continue
             residual = force - c * wheel - rest
-            if np.std(residual) <= _AGREED * np.std(force):
+            left = float(np.std(residual) / np.std(force))
+            if left <= _AGREED:
                 break
             tried.append((rest, residual))
             rest = _mixed(tried[-_DEPTH:])
         else:
             raise SimulationError(
                 f"the damper in the car did not settle within {_ROUNDS} rounds; the last change "
-                f"was {100.0 * np.std(residual) / np.std(force):.2g} % of its force"
+                f"was {100.0 * left:.2g} % of its force"
             )
         body = s**2 * x[0] * weighting_k(self.frequencies)
         load = (car.tyre + car.tyre_damping * s) * (x[1] - self.profile)
@@ -381,9 +383,7 @@ class _Road:
             np.concatenate([stroke[-lead:], stroke]),
             np.concatenate([speed[-lead:], speed]),
         )
-        seen = self.run.damper.simulate(
-            values, motion, sensitivities=(), options=self.solver
-        )
+        seen = self.run.damper.simulate(values, motion, sensitivities=(), options=self.solver)
         force = np.asarray(seen.force[lead:], dtype=np.float64)
         return force - float(np.mean(force))
 

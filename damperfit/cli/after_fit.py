@@ -8,7 +8,7 @@ from damperfit.after_fit import functions
 from damperfit.cli.command import Shown, command
 from damperfit.cli.console import print_json, print_lines, print_table, say, wrapped
 
-__all__ = ["advise", "passport", "valves", "watch"]
+__all__ = ["advise", "passport", "ride", "valves", "watch"]
 
 
 @command(functions.advise)
@@ -57,6 +57,23 @@ def passport(how: Shown, **given: Any) -> int:
         print_json({"files": [str(path) for path in files]})
     elif not how.quiet:
         say(f"damperfit: {files[0]} and {files[1]} written")
+    return 0
+
+
+@command(functions.ride)
+def ride(how: Shown, **given: Any) -> int:
+    """Show comfort and wheel load of each setting on a road, or its work along a measured stroke.
+
+    Example: damperfit ride results --car car.toml
+    """
+    found = functions.ride(**given)
+    if how.json:
+        print_json(found.document())
+        return 0
+    print_lines(wrapped(found.sentence))
+    if not how.quiet:
+        print_lines([""])
+        print_table(found.sheet())
     return 0
 
 

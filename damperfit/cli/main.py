@@ -72,7 +72,8 @@ for _name in (
 ):
     app.command(cls=PanelledCommand)(getattr(commands, _name))
 for _command in (
-    *(after_fit.advise, after_fit.valves, after_fit.passport, after_fit.watch),
+    *(after_fit.advise, after_fit.valves, after_fit.passport, after_fit.ride),
+    after_fit.watch,
     *(init, commands.doctor),
 ):
     app.command(cls=PanelledCommand)(_command)

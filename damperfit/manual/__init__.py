@@ -22,6 +22,7 @@ TOPICS = (
     "advise",
     "valves",
     "passport",
+    "ride",
     "watch",
     "export",
     "gates",

@@ -22,6 +22,7 @@ BESIDE = {
     "valves": ["RESULTS"],
     "passport": ["RESULTS"],
     "watch": ["runs"],
+    "ride": ["RESULTS"],
     "export": ["RESULTS", "--to", "csv"],
     "compare": ["RESULTS", "RESULTS"],
     "settings": ["RESULTS", "--velocity", "0.1m/s"],

@@ -1,0 +1,129 @@
+"""The quarter car: against closed forms, against an integrator in time, along a measured stroke."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import damperfit
+from damperfit.after_fit import ride
+from damperfit.after_fit.ride import Car, weighting_k
+from damperfit.cli import main
+
+CAR = Car(300.0, 40.0, 25e3, 200e3, tyre_damping=20.0, motion_ratio=0.9, road="B", speed=15.0)
+
+
+@pytest.fixture(scope="module")
+def results(sample_results):
+    return sample_results / "results"
+
+
+@pytest.mark.parametrize(
+    ("frequency", "gain"),
+    # Table 3 of ISO 2631-1, W_k.
+    [
+        (0.5, 0.418),
+        (1.0, 0.482),
+        (2.0, 0.531),
+        (4.0, 0.967),
+        (6.3, 1.054),
+        (16.0, 0.768),
+        (80.0, 0.132),
+    ],
+)
+def test_the_weighting_is_that_of_the_standard(frequency, gain) -> None:
+    assert weighting_k(np.array([frequency]))[0] == pytest.approx(gain, rel=0.01)
+
+
+def test_the_road_has_the_roughness_of_its_class(results) -> None:
+    run = damperfit.load(results)
+    road = ride._Road(run, CAR)
+    profile = np.fft.irfft(road.profile, road.n)
+    n, width = road.frequencies, road.frequencies[1]
+    inside = (n / 15.0 >= 0.01) & (n / 15.0 <= 10.0)
+    expected = np.sum(64e-6 * (n[inside] / 15.0 / 0.1) ** -2.0 / 15.0 * width)
+    assert np.var(profile) == pytest.approx(expected, rel=1e-6)
+
+
+def test_it_is_what_an_integrator_in_time_finds(results) -> None:
+    """The same car with the quasi-static force of the damper in SciPy: rms within 3 %."""
+    run = damperfit.load(results)
+    setting = run.setting(5)
+    found = ride.ride_on_road(run, CAR, (setting,)).settings[0]
+    road = ride._Road(run, CAR)
+    period = road.n / 512.0
+    time = np.arange(road.n) / 512.0
+    profile = np.fft.irfft(road.profile, road.n)
+    slope = np.fft.irfft(2j * np.pi * road.frequencies * road.profile, road.n)
+    speeds = np.linspace(-1.0, 1.0, 401)
+    from damperfit.damper.quasi_static import quasi_static
+
+    curve = quasi_static(run.damper, setting.parameters, speeds).forces
+    curve = curve - np.interp(0.0, speeds, curve)
+
+    def rates(t, y):
+        x_s, v_s, x_u, v_u = y
+        at = t % period
+        r, dr = np.interp(at, time, profile), np.interp(at, time, slope)
+        damper = 0.9 * np.interp(0.9 * (v_s - v_u), speeds, curve)
+        force = 25e3 * (x_s - x_u) + damper
+        return [v_s, -force / 300.0, v_u, (force - 200e3 * (x_u - r) - 20.0 * (v_u - dr)) / 40.0]
+
+    solved = solve_ivp(
+        rates, (0.0, 2.0 * period), np.zeros(4), t_eval=period + time, max_step=4e-3, rtol=1e-5
+    )
+    stroke = 0.9 * np.std(solved.y[0] - solved.y[2])
+    load = 200e3 * (solved.y[2] - profile)
+    assert found.stroke == pytest.approx(stroke, rel=0.05)
+    assert found.wheel_load == pytest.approx(np.std(load), rel=0.05)
+
+
+def test_stiffer_settings_move_less_and_the_command_says_the_same(
+    results, tmp_path, capsys
+) -> None:
+    path = tmp_path / "car.toml"
+    path.write_text(
+        '[car]\nsprung_mass = "300kg"\nunsprung_mass = "40kg"\nspring = "25N/mm"\n'
+        'tyre = "200N/mm"\nroad = "B"\nspeed = "15m/s"\n'
+    )
+    run = damperfit.load(results)
+    strokes = [damperfit.ride(run, car=path, setting=n).settings[0].stroke for n in (1, 10, 20)]
+    assert strokes == sorted(strokes, reverse=True)
+    assert main(["ride", str(results), "--car", str(path), "--setting", "10", "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["settings"][0]["stroke"] == pytest.approx(strokes[1])
+
+
+def test_a_measured_stroke_dissipates_what_its_loop_encloses(results, tmp_path) -> None:
+    """A sine of 20 mm at 1.5 Hz: the power of the bands is the energy of a cycle times 1.5 Hz."""
+    time = np.arange(8000) / 1000.0
+    path = tmp_path / "lap.csv"
+    rows = (f"{t:.4f},{20.0 * math.sin(3.0 * math.pi * t):.6f}\n" for t in time)
+    path.write_text("time_s,stroke_mm\n" + "".join(rows))
+    run = damperfit.load(results)
+    driven = damperfit.ride(run, stroke=path, setting=10)
+    power = sum(band.powers["10"] for band in driven.bands)
+    seen = run.setting(10).simulate("sine", amplitude=0.02, frequency=1.5, cycles=4)
+    last = slice(-667, None)  # one cycle at 1 kHz
+    energy = np.trapezoid(seen.force[last], seen.displacement[last])
+    assert power == pytest.approx(1.5 * energy, rel=0.02)
+    assert sum(band.share for band in driven.bands) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "word"),
+    [
+        ("[car]\nspring = 1", "missing"),
+        ("[car", "TOML"),
+        ('[car]\nsprung_mass=300\nunsprung_mass=40\nspring=2e4\ntyre=2e5\nroad="Z"', "ISO 8608"),
+    ],
+)
+def test_a_car_that_is_none_is_refused_in_one_line(results, tmp_path, capsys, text, word) -> None:
+    (tmp_path / "car.toml").write_text(text)
+    assert main(["ride", str(results), "--car", str(tmp_path / "car.toml")]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert word in line
