@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections import Counter
 from dataclasses import dataclass
 from datetime import date
 from typing import TYPE_CHECKING
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
     from damperfit.comparison import Tolerance
-    from damperfit.comparison.tolerance import Band as Nominal
 
 LEAST_DAMPERS = 8  # in a setting, before one of them is called far off
 FAR_OFF = 8.0  # median absolute deviations: 5.4 standard deviations of a normal distribution
@@ -218,7 +218,7 @@ def survey(table: pa.Table) -> Survey:
         key=lambda one: -abs(one.distance),
     )
     days = np.array([_day(texts["date"][k]) for k in rows], dtype=np.float64)
-    lines = _lines(owners, texts, is_fit, _numbers(table, "mse_percent"), outliers)
+    lines = tuple(_lines(owners, texts, is_fit, _numbers(table, "mse_percent"), outliers))
     return Survey(lines, names, settings, days, series, tuple(outliers))
 
 
@@ -319,42 +319,28 @@ def _lines(
     is_fit: NDArray[np.bool_],
     errors: FloatArray,
     outliers: list[FarOff],
-) -> tuple[DamperLine, ...]:
-    mine: dict[str, list[int]] = {}
+) -> Iterator[DamperLine]:
+    rows_of: dict[str, list[int]] = {}
     for k, owner in enumerate(owners):
-        mine.setdefault(owner, []).append(k)
-    far: dict[str, int] = {}
-    for one in outliers:
-        far[one.damper] = far.get(one.damper, 0) + 1
-    return tuple(
-        _line(owner, rows, texts, is_fit, errors, far.get(owner, 0)) for owner, rows in mine.items()
-    )
-
-
-def _line(
-    owner: str,
-    rows: list[int],
-    texts: dict[str, list[str]],
-    is_fit: NDArray[np.bool_],
-    errors: FloatArray,
-    n_outliers: int,
-) -> DamperLine:
-    fitted = [k for k in rows if is_fit[k]]
-    failed = [k for k in rows if not is_fit[k]]
-    known = [k for k in fitted if np.isfinite(errors[k])]
-    worst = max(known, key=lambda k: errors[k]) if known else None
-    grades = [texts["grade"][k] for k in fitted if texts["grade"][k] in _GRADES]
-    return DamperLine(
-        owner,
-        len({texts["setting"][k] for k in fitted}),
-        len(failed),
-        n_outliers,
-        float("nan") if worst is None else float(errors[worst]),
-        "" if worst is None else texts["setting"][worst],
-        max(grades, key=_GRADES.index, default=""),
-        max((texts["date"][k] for k in fitted), default=""),
-        texts["error"][failed[0]] if failed else "",
-    )
+        rows_of.setdefault(owner, []).append(k)
+    far = Counter(one.damper for one in outliers)
+    for owner, rows in rows_of.items():
+        fitted = [k for k in rows if is_fit[k]]
+        failed = [k for k in rows if not is_fit[k]]
+        known = [k for k in fitted if np.isfinite(errors[k])]
+        worst = max(known, key=lambda k: errors[k]) if known else None
+        grades = [texts["grade"][k] for k in fitted if texts["grade"][k] in _GRADES]
+        yield DamperLine(
+            owner,
+            len({texts["setting"][k] for k in fitted}),
+            len(failed),
+            far[owner],
+            math.nan if worst is None else float(errors[worst]),
+            "" if worst is None else texts["setting"][worst],
+            max(grades, key=_GRADES.index, default=""),
+            max((texts["date"][k] for k in fitted), default=""),
+            texts["error"][failed[0]] if failed else "",
+        )
 
 
 def _texts(table: pa.Table, column: str) -> list[str]:
@@ -505,7 +491,13 @@ def _nominal(
     for name, setting in zip(found.names, found.settings, strict=True):
         fitted.setdefault(str(setting), set()).add(str(name))
     for wanted in tolerance.bands:
-        _refuse_speed(wanted.speed, tolerance.source, {*NAMED_SPEEDS, *(s.speed for s in forces)})
+        speeds = sorted({*NAMED_SPEEDS, *(series.speed for series in forces)})
+        if not any(abs(speed - wanted.speed) <= _NEAR for speed in speeds):
+            raise ConfigurationError(
+                f"a fleet has no forces at {wanted.speed:g} m/s; expected its named "
+                f"speeds, {', '.join(f'{speed:g}' for speed in speeds)} m/s",
+                where=Option("tolerance", tolerance.source),
+            )
         places = {k: own for k, own in fitted.items() if wanted.setting in {"", k}}
         reached: set[tuple[str, str]] = set()
         for one in forces:
@@ -515,31 +507,15 @@ def _nominal(
                 if str(band.setting) in places:
                     yield _held(found, one, band, wanted.low, wanted.high)
                     reached |= {(str(found.names[k]), str(band.setting)) for k in band.rows}
-        lost = [
-            _unseen(name, setting, wanted, "the test does not reach the speed")
+        unseen = [
+            (name, setting, "the test does not reach the speed")
             for setting, names in places.items()
             for name in sorted(names)
             if (name, setting) not in reached
         ]
         having = {name for names in places.values() for name in names}
         why = "the setting was not tested" if wanted.setting else "nothing was fitted"
-        lost += [
-            _unseen(name, wanted.setting, wanted, why) for name in everyone if name not in having
-        ]
+        unseen += [(name, wanted.setting, why) for name in everyone if name not in having]
+        ends = (wanted.speed, wanted.stroke, math.nan, wanted.low, wanted.high)
+        lost = [Point(name, setting, *ends, reason=reason) for name, setting, reason in unseen]
         yield len(lost), lost
-
-
-def _unseen(name: str, setting: str, wanted: Nominal, reason: str) -> Point:
-    return Point(
-        *(name, setting, wanted.speed, wanted.stroke, math.nan, wanted.low, wanted.high),
-        reason=reason,
-    )
-
-
-def _refuse_speed(speed: float, source: str, known: set[float]) -> None:
-    if not any(abs(one - speed) <= _NEAR for one in known):
-        raise ConfigurationError(
-            f"a fleet has no forces at {speed:g} m/s; expected its named "
-            f"speeds, {', '.join(f'{one:g}' for one in sorted(known))} m/s",
-            where=Option("tolerance", source),
-        )
