@@ -29,22 +29,21 @@ from damperfit.reporting.figures import (
     setting_places,
 )
 from damperfit.reporting.page import PlotData, asset, draw, plotly_script
-from damperfit.reporting.sheet import NOTHING, Sheet, number
+from damperfit.reporting.sheet import NOTHING, Column, laid_out, number
 from damperfit.store import file_set
 from damperfit.tables.files import write_table
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
+    from pathlib import Path
 
     from numpy.typing import NDArray
 
-    from damperfit.fleets.survey import FarOff, Series, Survey
+    from damperfit.fleets.survey import DamperLine, FarOff, HeldFleet, Series, Survey
+    from damperfit.reporting.sheet import Sheet
     from damperfit.tested.setting import Setting
 
     FloatArray = NDArray[np.float64]
-    from pathlib import Path
-
-    from damperfit.fleets.survey import DamperLine, HeldFleet
 
 # Pictures of a fleet: medians and bands over the settings, who is far off, change by date.
 #
@@ -394,35 +393,23 @@ def outlier_sheet(found: Survey, *, most: int | None = None) -> Sheet:
     own: dict[str, list[FarOff]] = {}
     for one in found.outliers:
         own.setdefault(one.damper, []).append(one)
-    shown = list(own.values())[:most]
+    columns = [
+        Column("damper", "", lambda far: far[0].damper or "unknown", is_number=False),
+        Column("farthest in", "", lambda far: series[far[0].series].label, is_number=False),
+        Column("set", "", lambda far: str(far[0].setting)),
+        Column("value", "", lambda far: number(far[0].value)),
+        Column("unit", "", lambda far: series[far[0].series].unit, is_number=False),
+        Column("median", "", lambda far: number(far[0].median)),
+        Column("5 % to 95 %", "", lambda far: f"{number(far[0].low)} to {number(far[0].high)}"),
+        Column("distance", "", lambda far: f"{far[0].distance:+.1f}"),
+        Column("more values", "", lambda far: str(len(far) - 1 or NOTHING)),
+    ]
     note = (
         f"Far off: more than {FAR_OFF:g} median absolute deviations from the median of its setting "
         f"(distance), which at least {LEAST_DAMPERS} dampers have. Shown is the farthest value of "
         f"each damper; all {len(found.outliers)} are in fleet_outliers.csv."
     )
-    return Sheet(
-        headings=(
-            *("damper", "farthest in", "set", "value", "unit", "median", "5 % to 95 %", "distance"),
-            "more values",
-        ),
-        units=("",) * 9,
-        rows=tuple(
-            (
-                one.damper or "unknown",
-                series[one.series].label,
-                str(one.setting),
-                number(one.value),
-                series[one.series].unit,
-                number(one.median),
-                f"{number(one.low)} to {number(one.high)}",
-                f"{one.distance:+.1f}",
-                str(len(rest) or NOTHING),
-            )
-            for one, *rest in shown
-        ),
-        is_number=(False, False, True, True, False, True, True, True, True),
-        notes=(note,),
-    )
+    return laid_out(list(own.values())[:most], columns, note)
 
 
 def damper_sheet(dampers: Sequence[DamperLine], *, most: int | None = None) -> Sheet:
@@ -444,29 +431,18 @@ def damper_sheet(dampers: Sequence[DamperLine], *, most: int | None = None) -> S
             "in fleet_dampers.csv."
         )
         notes = (note,)
-    return Sheet(
-        headings=(
-            *("damper", "settings", "worst MSE", "at set", "grade", "failures", "far off"),
-            *("date", "first failure"),
-        ),
-        units=("", "", "%", "", "", "", "", "", ""),
-        rows=tuple(
-            (
-                one.damper or "unknown",
-                str(one.n_settings),
-                number(one.worst_mse, digits=3),
-                one.worst_setting or NOTHING,
-                one.grade or NOTHING,
-                str(one.n_failures or NOTHING),
-                str(one.n_outliers or NOTHING),
-                one.date or NOTHING,
-                one.error,
-            )
-            for one in shown
-        ),
-        is_number=(False, True, True, True, False, True, True, False, False),
-        notes=notes,
-    )
+    columns = [
+        Column("damper", "", lambda one: one.damper or "unknown", is_number=False),
+        Column("settings", "", lambda one: str(one.n_settings)),
+        Column("worst MSE", "%", lambda one: number(one.worst_mse, digits=3)),
+        Column("at set", "", lambda one: one.worst_setting or NOTHING),
+        Column("grade", "", lambda one: one.grade or NOTHING, is_number=False),
+        Column("failures", "", lambda one: str(one.n_failures or NOTHING)),
+        Column("far off", "", lambda one: str(one.n_outliers or NOTHING)),
+        Column("date", "", lambda one: one.date or NOTHING, is_number=False),
+        Column("first failure", "", lambda one: one.error, is_number=False),
+    ]
+    return laid_out(shown, columns, *notes)
 
 
 def _badness(one: DamperLine) -> tuple[int, int, float]:
