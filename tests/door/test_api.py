@@ -7,6 +7,7 @@ from inspect import signature, unwrap
 import pytest
 import typer
 
+import damperfit
 from damperfit import api, keywords
 from damperfit.cli.main import app
 from damperfit.configuration.loading import load_configuration
@@ -20,7 +21,7 @@ BOTH = sorted(set(COMMANDS) - OF_MACHINE)
 @pytest.mark.parametrize("name", BOTH)
 def test_options_are_keywords_and_keywords_are_options(name) -> None:
     options = {param.name for param in COMMANDS[name].params} - {*PRESENTATION}
-    taken = set(signature(unwrap(getattr(api, name))).parameters)
+    taken = set(signature(unwrap(getattr(damperfit, name))).parameters)
     taken = {one for one in taken if not {one, f"{name}.{one}"} & {*PYTHON_ONLY}}
     assert options == taken
 
