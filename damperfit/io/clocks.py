@@ -105,9 +105,11 @@ def _unrolled(samples: Samples) -> Samples:
         if period := _period(values):
             bits, quantum = period
             unrolled = np.unwrap(values, period=quantum * 2.0**bits)
-            n_jumps = np.count_nonzero(np.abs(np.diff(values - unrolled)) > quantum)
-            finding = _rolled(channel, bits, int(n_jumps), "a counter")
-            samples = _with(samples, finding, **{channel: unrolled})
+            jumps = np.flatnonzero(np.abs(np.diff(values - unrolled)) > quantum)
+            steps = np.diff(samples.channels.get("time", np.arange(len(values), dtype=np.float64)))
+            if np.max(steps[jumps]) <= _LATE * median(steps):  # over a gap anything may jump
+                finding = _rolled(channel, bits, len(jumps), "a counter")
+                samples = _with(samples, finding, **{channel: unrolled})
         if n_rows := _repeats(samples.channels[channel]):
             words = (
                 f"{channel}: each value stands in {n_rows} rows, so its converter is slower than "

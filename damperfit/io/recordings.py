@@ -350,11 +350,11 @@ def _cuts(
     first = 0
     if "time" in channels and n > 1:
         steps = np.diff(channels["time"])
-        if ends := buffer_ends(channels["time"]) if options.pause == 0.0 else []:
-            _check_pieces(ends, channels, name)
-            return list(pairwise([0, *(end + 1 for end in ends), n]))
         if not turned and steps.min() > 0.0 and steps.max() <= (options.pause or _PAUSE):
-            return [(0, n)]
+            ends = buffer_ends(channels["time"]) if options.pause == 0.0 else []
+            if ends:
+                _check_pieces(ends, channels, name)
+            return list(pairwise([0, *(end + 1 for end in ends), n]))
         late = np.flatnonzero((steps <= 0.0) & ~is_cut[1:n])
         if len(late) and options.restarts == "refuse" and options.sample_rate == 0.0:
             raise LogError(_backwards(channels, late + 1, samples, name))
