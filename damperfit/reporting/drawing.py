@@ -1,4 +1,4 @@
-"""Figures as files, by matplotlib; equal tables give equal bytes."""
+"""Plots as files for a report or a paper, by matplotlib; equal tables give equal bytes."""
 
 from __future__ import annotations
 
@@ -14,9 +14,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from damperfit.reporting.figures import Line, Panel, Plot
-
-
-# Plots as files for a report or a paper, by matplotlib; equal tables give equal bytes.
 
 _COLOURS = {"ink": "#000000", "muted": "#7d8796"}
 _STYLES: dict[str, dict[str, Any]] = {
@@ -58,6 +55,10 @@ FIXED_METADATA: dict[str, dict[str, Any]] = {
     "svg": {"Date": None, "Creator": "damperfit"},
     "pdf": {"CreationDate": None, "Creator": "damperfit", "Producer": None},
 }
+_ABOVE: Any = {
+    "loc": "lower left", "bbox_to_anchor": (-0.01, 0.99), "ncols": 3, "fontsize": 7,
+    "frameon": False, "borderaxespad": 0.1,
+}  # fmt: skip
 _MANY = 60  # points: beyond it they are drawn small
 _BESIDE = 6  # entries of a legend: more stand beside the axes
 _KEY_ROWS = 20
@@ -89,19 +90,7 @@ def fixed_style() -> Iterator[None]:
 
 
 def draw_plot(path: Path, plot: Plot, *, kind: str, dpi: float = 160.0) -> None:
-    """Draw one plot into a file.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        Where to write.
-    plot : Plot
-        What to draw.
-    kind : str
-        "png", "svg" or "pdf".
-    dpi : float
-        Dots per inch of a PNG.
-    """
+    """Draw one plot into a file of a kind: "png", of so many dots per inch, "svg" or "pdf"."""
     with fixed_style():
         figure = compose(plot, dpi=dpi)
         figure.savefig(path, format=kind, dpi=dpi, metadata=FIXED_METADATA[kind])
@@ -175,22 +164,10 @@ def _draw_legend(axes: Any, panel: Panel) -> None:
     """Draw a legend where it hides nothing: above a few lines, beside many."""
     entries = sum(line.in_legend for line in panel.lines)
     if entries > _BESIDE:
-        axes.legend(
-            loc="upper left",
-            bbox_to_anchor=(1.01, 1.0),
-            fontsize=7,
-            frameon=False,
-            labelspacing=0.3,
-        )
+        beside = {"loc": "upper left", "bbox_to_anchor": (1.01, 1.0), "labelspacing": 0.3}
+        axes.legend(**beside, fontsize=7, frameon=False)
     elif entries > 1:
-        axes.legend(
-            loc="lower left",
-            bbox_to_anchor=(-0.01, 0.99),
-            ncols=3,
-            fontsize=7,
-            frameon=False,
-            borderaxespad=0.1,
-        )
+        axes.legend(**_ABOVE)
 
 
 def _draw_key(axes: Any, plot: Plot) -> None:
@@ -224,10 +201,7 @@ def _draw_key(axes: Any, plot: Plot) -> None:
         Line2D([], [], color=_COLOURS["ink"], label=word, **_STYLES[style])
         for word, style in plot.key
     ]
-    axes.legend(
-        handles=styles, loc="lower left", bbox_to_anchor=(-0.01, 0.99), ncols=3, fontsize=7,
-        frameon=False, borderaxespad=0.1,
-    )  # fmt: skip
+    axes.legend(handles=styles, **_ABOVE)
 
 
 def _draw_line(axes: Any, line: Line) -> None:

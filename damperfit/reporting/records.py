@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from contextlib import suppress
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import fields, is_dataclass, replace
 from functools import cache
 from types import NoneType, UnionType
 from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_origin, get_type_hints
@@ -26,17 +26,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
 _T = TypeVar("_T")
-
-
-@dataclass(frozen=True, slots=True)
-class _Place:
-    """What a failure in run.json is about."""
-
-    kind: str
-    message: str
-    log: str
-    path: str
-    setting: Setting | None
 
 
 # Names in run.json where they are not those of the fields.
@@ -94,14 +83,8 @@ def _keys_of(kind: Any) -> tuple[tuple[str, str], ...]:
 def read_back(kind: type[_T], entry: object) -> _T | None:
     """Return what `to_record` was given; None where the entry is another thing.
 
-    What an entry lacks reads as not known: NaN, None, an empty text.
-
-    Parameters
-    ----------
-    kind : type
-        Check, Trend, Click or Finding.
-    entry : object
-        As it stands in run.json; anything at all.
+    The kind is Check, Trend, Click, Finding, ...; the entry, of run.json, is anything at all. What
+    it lacks reads as not known: NaN, None, an empty text.
 
     Examples
     --------
@@ -158,13 +141,15 @@ def failures_in(record: Mapping[str, Any]) -> tuple[Failure, ...]:
     """Return the logs and settings that have no result, with what kind of problem it is."""
     failures = []
     for entry in listed_in(record, "failures"):
-        place = read_back(_Place, entry)
-        if place is None or not place.message:
-            continue
-        text = place.message.removeprefix(f"{place.log}: ")  # of older runs, without a text
-        problem = Problem.of_record({"text": text, "subject": place.log, **entry})
-        problem = replace(problem, severity="error")
-        failures.append(Failure(problem, place.kind, place.log, place.path, place.setting))
+        with suppress(TypeError, ValueError, AttributeError):
+            names = ("kind", "message", "log", "path")
+            kind, message, log, path = (_text(entry.get(name)) for name in names)
+            setting = _read(Setting | None, entry.get("setting"))
+            if kind and message:
+                text = message.removeprefix(f"{log}: ")  # of older runs, without a text
+                problem = Problem.of_record({"text": text, "subject": log, **entry})
+                problem = replace(problem, severity="error")
+                failures.append(Failure(problem, kind, log, path, setting))
     return tuple(failures)
 
 

@@ -107,17 +107,8 @@ def text_table(
     """Return a table as lines of text: headings, units, rows, notes below.
 
     Where the width does not do, text wraps between words and the columns that are left go into a
-    table below with the first column again: no word and no number is cut.
-
-    Parameters
-    ----------
-    sheet : Sheet
-        The table.
-    width : int
-        Characters of a line.
-    colours : mapping of str to int, optional
-        ANSI colours of cells, by the word in them; None: plain. What is not in it has the colour
-        of a grade.
+    table below with the first column again: no word and no number is cut. ``colours`` are ANSI
+    colours of cells by the word in them, besides those of grades; None: plain.
     """
     columns = zip(sheet.headings, sheet.units, *sheet.rows, strict=True)
     whole = sum(max(map(_places, column)) + 2 for column in columns) - 2
@@ -243,17 +234,10 @@ def markdown_table(sheet: Sheet) -> list[str]:
 
 
 def html_table(sheet: Sheet, *, caption: str = "", looks: Mapping[str, str] | None = None) -> str:
-    """Return a sheet as a table of HTML, every text of it escaped.
+    """Return a sheet as a table of HTML, every text of it escaped, below its caption.
 
-    Parameters
-    ----------
-    sheet : Sheet
-        The table.
-    caption : str
-        Above it; none where it is empty.
-    looks : mapping of str to str, optional
-        For a page with a style: classes of cells, by the word in them. None: numbers are set to
-        the right by styles of their own, for a notebook.
+    ``looks`` are classes of cells by the word in them, for a page with a style; None: numbers are
+    set to the right by styles of their own, for a notebook.
     """
 
     def cell(kind: str, text: str, *, is_number: bool) -> str:
@@ -309,16 +293,7 @@ def with_interval(
     """Return a value and half of its interval, both to the place that the interval tells.
 
     Where the limits are not as far below as above, they stand behind it. Without limits
-    ``digits`` significant digits are shown.
-
-    Parameters
-    ----------
-    value, low, high : float or None
-        The value and its limits.
-    digits : int
-        Significant digits of a value without limits.
-    plus : str
-        "+" for changes, which show their sign.
+    ``digits`` significant digits are shown. ``plus`` is "+" for changes, which show their sign.
 
     Examples
     --------
