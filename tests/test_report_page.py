@@ -79,25 +79,6 @@ def test_the_page_asks_for_nothing_from_outside(page):
     assert not re.search(r"https?://|//cdn|@import|<[^>]*\bsrc=|url\(", own)
 
 
-def test_plots_are_complete(shown):
-    names = {plot.name for plot in shown.plots}
-    assert len(names) == len(shown.plots)
-    for name in (
-        "parameter_r_m1",
-        "parameter_k_e",
-        "mse",
-        "fan",
-        "absolute_velocity",
-        "named_speeds",
-    ):
-        assert name in names
-    # One speed tells no curve of peaks, and what all settings share is a sentence.
-    assert not names & {"peak_force", "parameter_f_f"}
-    for kind in ("force_velocity", "force_displacement", "force_time", "residual", "pressures"):
-        assert f"setting_03_{kind}" in names
-    assert "parameter_f_0" not in names
-
-
 def test_parameters_show_interval_where_there_is_one_and_no_unknown_value(shown):
     (plot,) = (plot for plot in shown.overall if plot.name == "parameter_k_e")
     points = {line.setting: line for line in plot.panels[0].lines if line.setting is not None}
@@ -117,14 +98,6 @@ def test_cavitation_is_marked(shown):
     time = log.time - log.time[0]
     dry = time[(log.pressures <= 0.0).any(axis=0)]
     assert bands[0][0] == pytest.approx(dry[0], abs=0.01)
-
-
-def test_the_summary_says_what_is_poor_and_missing(page):
-    assert "worst 12.0 % at setting 2" in page
-    assert "setting 2: poor, MSE 12.0 %" in page
-    assert "no result for setting 4" in page
-    assert "K_e not identifiable" in page
-    assert "setting 3: excellent, MSE 0.0123 %; cavitates 5 % of the time" in page
 
 
 @given(
@@ -201,6 +174,7 @@ def test_what_the_run_told_is_shown(copy):
 @pytest.mark.parametrize(
     "record",
     [
+        *("", "{", "[]", "[" * 100_000, '{"inputs": 3, "files": [1]}'),
         {"checks": 3, "trends": "a", "clicks": None, "inputs": [None, {"findings": [1, {}]}]},
         {"checks": [{}, 1, {"name": "a", "passed": "yes"}], "trends": [{"points": [{}]}]},
         {"trends": [{"parameter": "k_e", "points": [{"setting": 1, "value": 5e8}]}]},
@@ -220,9 +194,9 @@ def test_what_the_run_told_is_shown(copy):
     ],
 )
 def test_what_is_told_strangely_breaks_nothing(copy, record):
-    (copy / "run.json").write_text(json.dumps(record), encoding="utf-8")
-    page = html_report(report_plots(Run.load(copy)), title="x")
-    assert "Setting 1" in page
+    text = record if isinstance(record, str) else json.dumps(record)
+    (copy / "run.json").write_text(text, encoding="utf-8")
+    assert "Setting 1" in html_report(report_plots(Run.load(copy)), title="x")
 
 
 def test_a_value_at_a_bound_does_not_flatten_the_others(copy):
@@ -290,12 +264,6 @@ def test_what_is_left_is_shown(copy, names):
     for name in names:
         assert any(name in remark for remark in results.remarks)
         assert f"{name} is missing" in page
-
-
-@pytest.mark.parametrize("text", ["", "{", "[]", "[" * 100_000, '{"inputs": 3, "files": [1]}'])
-def test_a_broken_record_breaks_nothing(copy, text):
-    (copy / "run.json").write_text(text, encoding="utf-8")
-    assert "Setting 1" in html_report(report_plots(Run.load(copy)), title="x")
 
 
 def test_an_older_schema_is_named_and_what_it_has_is_shown(copy):

@@ -84,16 +84,10 @@ class ExportedRun:
 def exported_run(
     folder: Path, *, config: Path | None = None, temperature: str | None = None
 ) -> ExportedRun:
-    """Read what `identify` wrote, for a target.
+    """Read a results folder, or a fleet's part, for a target.
 
-    Parameters
-    ----------
-    folder : pathlib.Path
-        Results folder, or a fleet's part.
-    config : pathlib.Path, optional
-        Configuration; its damper is taken where the run does not tell its own.
-    temperature : str, optional
-        Of the oil, where the damper follows it; the reference temperature by default.
+    The damper of ``config`` is taken where the run does not tell its own; ``temperature`` is the
+    oil's, where the damper follows it: the reference temperature by default.
 
     Raises
     ------
@@ -236,16 +230,9 @@ class RoadMiss(NamedTuple):
 def force_tables(
     run: ExportedRun, *, extend: float | None = None, common: bool = False
 ) -> tuple[ForceTable, ...]:
-    """Return the table of each setting.
+    """Return the table of each setting, to the tested speed or to ``extend``, m/s.
 
-    Parameters
-    ----------
-    run : ExportedRun
-        The damper.
-    extend : float, optional
-        Speed up to which the tables go, m/s, instead of the tested one.
-    common : bool
-        All on the same speeds, up to what every setting was tested at.
+    ``common``: all on the same speeds, up to what every setting was tested at.
 
     Raises
     ------
@@ -363,7 +350,6 @@ def _refined(grid: FloatArray, curves: Sequence[_Curve]) -> FloatArray:
 
 def _table(run: ExportedRun, curve: _Curve, grid: FloatArray) -> ForceTable:
     forces, (down, up) = curve.forces(grid), curve.interval(grid)
-    determined = determined_speed(curve.of, run.damper)
     stroke = run.run.motion.amplitude
     x = np.linspace(-stroke, stroke, _GAS_POINTS)
     gas = run.damper.rest_force(x)
@@ -376,7 +362,7 @@ def _table(run: ExportedRun, curve: _Curve, grid: FloatArray) -> ForceTable:
         forces - down,
         forces + up,
         curve.tested,
-        determined,
+        determined_speed(curve.of, run.damper),
         stroke,
         curve.level,
         0.0 if gas is None else curve.of.offset,

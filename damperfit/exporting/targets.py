@@ -192,10 +192,7 @@ class Target:
     def place_of(self, out: Path) -> tuple[Path, str]:
         """Return the folder to write to, and what the files' names begin with.
 
-        Parameters
-        ----------
-        out : pathlib.Path
-            A file if it has a suffix, else a folder.
+        ``out`` is a file if it has a suffix, else a folder.
 
         Raises
         ------
@@ -493,7 +490,7 @@ def _cell(cell: Any, place: str, style: int) -> str:
         return f'<c r="{place}"{look}><v>{cell!r}</v></c>' if math.isfinite(cell) else ""
     if cell is None or cell == "":
         return ""
-    text = escape_xml("".join(one if one.isprintable() else " " for one in str(cell)))
+    text = escape_xml(one_line(str(cell)))
     return f'<c r="{place}"{look} t="inlineStr"><is><t xml:space="preserve">{text}</t></is></c>'
 
 
