@@ -1,7 +1,9 @@
 """Recording to trace: uniform samples, filters, velocity, steady whole cycles.
 
-`filters` says what each filter does, `chain` which filter stands where, `timebase` how stamps
-become uniform samples, `cycles` which cycles count, `scatter` how much they differ.
+`log_to_trace` is the chain. `timebase` says how stamps become uniform samples, `filters` what each
+filter does and which stands where, `cycles` which cycles count, `segments` what is compared,
+`drive` what drives the model, `repeatability` how much cycles differ, `polarity` and `gas_force`
+which way the channels count, `delay` by how much the force is late.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""The physics of the damper, in SI floats only: geometry, parameters, closed forms, compiled core.
+"""The physics of the damper, in SI floats only: quantities, models, valves, rig, compiled core.
 
-The theory, with the paper's slips, stands in the modules of ``purdy``: ``parameters`` (symbols),
-``closed_forms`` (incompressible limit and Appendix 2) and ``bulk_modulus`` (Appendix 1).
+The theory stands in ``network`` (passages, mounting, friction) and in the modules of ``purdy``,
+with the paper's slips: ``parameters`` (symbols), ``closed_forms`` and ``appendices``.
 """

@@ -1,4 +1,5 @@
-/* What is done to sampled signals: recursive filters, slopes of splines, values between samples, turns. */
+/* What is done to sampled signals: recursive filters, slopes of splines, values between samples, turns.
+ * Here and not by SciPy, for `scipy.signal` takes 0.7 s to load, and each of these runs at every log or fit. */
 #ifndef DAMPERFIT_SIGNALS_H
 #define DAMPERFIT_SIGNALS_H
 
