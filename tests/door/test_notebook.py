@@ -5,6 +5,9 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import matplotlib.pyplot as plt
+import pytest
+
 ROOT = Path(__file__).parents[2]
 NOTEBOOK = ROOT / "sample_runs" / "example.ipynb"
 
@@ -31,3 +34,16 @@ def test_every_cell_runs_and_shows_what_its_text_says(monkeypatch):
     assert len(pages) == 7  # inspection, result, frame, figure, signals, second result, comparison
     assert names["again"].parameters["r_m1"][0] > 0.0
     assert [cell["outputs"] for cell in cells if cell["cell_type"] == "code"] == 7 * [[]]
+
+
+@pytest.mark.parametrize("name", ["paper", "valves", "two_dampers", "vehicle", "next_test"])
+def test_the_gallery_runs(monkeypatch, name) -> None:
+    """Each notebook, cell by cell; what it promises it asserts itself."""
+    monkeypatch.chdir(ROOT)
+    text = (ROOT / "sample_runs" / f"{name}.ipynb").read_text(encoding="utf-8")
+    names: dict = {}
+    for cell in json.loads(text)["cells"]:
+        if cell["cell_type"] == "code":
+            shown(cell, names)
+            assert cell["outputs"] == []
+    plt.close("all")
