@@ -541,7 +541,7 @@ def test_many_threads_read_one_log(put) -> None:
 # gzip
 
 
-PACKED = gzip.compress(PLAIN.encode())
+PACKED = gzip.compress(PLAIN.encode(), mtime=0)
 GZIP_DAMAGE = [
     (PACKED[:-1], "truncated gzip"),
     (PACKED[:-9], "truncated gzip"),
@@ -552,8 +552,8 @@ GZIP_DAMAGE = [
     (PACKED[:-8] + bytes(4) + PACKED[-4:], "damaged gzip: CRC check failed"),
     (PACKED[:-4] + bytes(4), "damaged gzip: Incorrect length"),
     (PACKED + b"more", "damaged gzip: odd bytes at its end"),
-    (gzip.compress(PACKED), "a gzip inside a gzip"),
-    (gzip.compress(b""), "empty file inside the gzip"),
+    (gzip.compress(PACKED, mtime=0), "a gzip inside a gzip"),
+    (gzip.compress(b"", mtime=0), "empty file inside the gzip"),
 ]
 
 
