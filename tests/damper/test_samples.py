@@ -22,7 +22,7 @@ from damperfit.identification import compare, normalised_mse
 from damperfit.io import read_log
 from damperfit.synthetic import SampleOptions, make_samples, steady_cycle
 from damperfit.synthetic import logs as logs_of_samples
-from damperfit.synthetic.any_model import made_up_values
+from damperfit.synthetic.logs import made_up_values
 from tests.oracles import model
 from tests.oracles.golden import GOLDEN, PHASES, SET_M
 from tests.quick_cycles import quick_cycle

@@ -14,7 +14,7 @@ from damperfit.errors import ConfigurationError
 from damperfit.exporting import TARGETS, ExportOptions
 from damperfit.exporting.tables import force_tables, road_misses, standard_road
 from damperfit.results import SettingResult
-from damperfit.synthetic.any_model import made_up_values
+from damperfit.synthetic.logs import made_up_values
 from damperfit.tested.setting import Setting
 from tests.exporting.reading_back import READERS
 from tests.oracles.steady import purdy_force, steady_force
