@@ -39,18 +39,14 @@ __all__ = [
     "JudgedLaw",
     "LawFit",
     "LawSearch",
-    "Missed",
     "SettingLogs",
     "Tried",
     "are_alike",
     "descended",
     "fit_at",
     "fit_law",
-    "misses",
     "predicted_worse",
     "times_worse",
-    "with_whole_friction",
-    "worst_force",
 ]
 
 
@@ -62,7 +58,7 @@ _LEAST_FORCE = 0.2
 _SPEEDS, _FROM_SPEED = 12, 4
 
 
-class Missed(NamedTuple):
+class _Missed(NamedTuple):
     """Residuals of each stretch, N; the MSE of each, of all; the force as of `LawFit`."""
 
     residuals: tuple[FloatArray, ...]
@@ -71,29 +67,15 @@ class Missed(NamedTuple):
     worst_force_percent: float
 
 
-def misses(
+def _misses(
     model: Model,
     values: Values,
     traces: Sequence[Trace],
     solver: SolverOptions,
     *,
     has_own_offsets: bool = False,
-) -> Missed:
-    """Return what a law misses of logs.
-
-    Parameters
-    ----------
-    model : Model
-        The law.
-    values : Values
-        Its numbers.
-    traces : sequence of Trace
-        The logs.
-    solver : SolverOptions
-        How exactly to integrate.
-    has_own_offsets : bool
-        Each log has a force offset of its own, which is not counted: a rig is tared anew.
-    """
+) -> _Missed:
+    """What a law misses of logs, beside what is an offset of each where a rig is tared anew."""
     residuals, alone, measured, forces = [], [], [], [0.0]
     for trace in traces:
         force = compare(values, trace, model, solver=solver).force
@@ -106,22 +88,16 @@ def misses(
             measured.append(trace.force[part])
             if stretch.n_cycles:
                 velocity = trace.drive.velocity[part]
-                forces.append(worst_force(measured[-1], residuals[-1], velocity))
+                forces.append(_worst_force(measured[-1], residuals[-1], velocity))
     together, rest = np.concatenate(measured), np.concatenate(residuals)
     mse = normalised_mse(together, together + rest)
-    return Missed(tuple(residuals), tuple(alone), mse, max(forces))
+    return _Missed(tuple(residuals), tuple(alone), mse, max(forces))
 
 
-def worst_force(force: FloatArray, rest: FloatArray, velocity: FloatArray) -> float:
-    """Return by how much the mean force at a speed is off where it is off most, per cent.
+def _worst_force(force: FloatArray, rest: FloatArray, velocity: FloatArray) -> float:
+    """By how much the mean force at a speed of whole cycles is off where it is off most, per cent.
 
-    A speed is a twelfth of the highest of its stroke, from a third of that on; the force there is
-    the mean over all cycles.
-
-    Parameters
-    ----------
-    force, rest, velocity : numpy.ndarray
-        Shape (n,), whole cycles: measured, N; model less measured, N; of the rod, m/s.
+    A speed is a twelfth of the highest of its stroke, from a third of that on.
     """
     least = max(_LEAST_FORCE * 0.5 * float(np.ptp(force)), 1e-300)
     worst = 0.0
@@ -142,7 +118,6 @@ def worst_force(force: FloatArray, rest: FloatArray, velocity: FloatArray) -> fl
 
 # A standard error of this factor to both sides, and a quantity is not determined.
 UNDETERMINED = 1.65
-_AT_REST = "breakaway"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -317,11 +292,11 @@ def fit_at(
     """
     model, free, solver = misfit.model, misfit.free, misfit.solver
     has_own_offsets = misfit.offset is not None
-    missed = misses(model, values, evidence.fitted, solver, has_own_offsets=has_own_offsets)
+    missed = _misses(model, values, evidence.fitted, solver, has_own_offsets=has_own_offsets)
     held_out, kind = math.nan, TRANSIENTS if evidence.is_part else "logs"
     try:
         if evidence.held_out:
-            held_out = misses(
+            held_out = _misses(
                 model, values, evidence.held_out, solver,
                 has_own_offsets=not evidence.is_part
                 and any(model.quantity(name).is_offset for name in free),
@@ -341,25 +316,6 @@ def fit_at(
         undetermined=undetermined,
         **missed._asdict(),
     )
-
-
-def with_whole_friction(near: Values, model: Model) -> Values:
-    """Return values whose friction is all that they have at rest, where a law has no more there.
-
-    Of the friction that slides next to nothing may be left beside it: what is nothing has no slope,
-    and no descent leads back.
-
-    Parameters
-    ----------
-    near : Values
-        Of a law fitted before.
-    model : Model
-        The law.
-    """
-    if _AT_REST not in near.names or _AT_REST in model.names:
-        return near
-    name = next(one.name for one in near.quantities if one.is_friction)
-    return near.replace({name: getattr(near, name) + getattr(near, _AT_REST)})
 
 
 def descended(

@@ -56,7 +56,6 @@ from damperfit.laws.law_fit import (
     fit_law,
     predicted_worse,
     times_worse,
-    with_whole_friction,
 )
 from damperfit.laws.one_model import BELIEVED_FRICTION, FRICTION_SPREAD, OneModel
 from damperfit.laws.rivals import YIELDING, held_against, is_open_to, unbelievable
@@ -68,7 +67,6 @@ from damperfit.laws.structures import (
     in_words,
     moves,
     times_in,
-    with_parts,
 )
 from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import nearest_setting
@@ -269,7 +267,7 @@ class _Search:
         )  # fmt: skip
         full, little, anew = {}, {}, {}
         for setting in model.settings:
-            own = with_whole_friction(near.values[setting], structure.damper)
+            own = _with_whole_friction(near.values[setting], structure.damper)
             start = self.start(structure, setting)
             known = {n: x for n in model.free if n in own.names and (x := getattr(own, n))}
             full[setting] = start.replace(known)
@@ -539,7 +537,10 @@ class _Search:
         found: list[_Fit] = []
         pair = _most_unlike([self.evidence[s] for s in self.compared], 2)
         for layout in layouts:
-            structure = Structure(with_parts(layout, BOTH, everything(layout.mounting)))
+            whole = replace(
+                layout, rebound=BOTH, compression=BOTH, mounting=everything(layout.mounting)
+            )
+            structure = Structure(whole)
             with suppress(SimulationError):
                 found.append(self.first(structure, pair))
         if not found:
@@ -830,6 +831,17 @@ def _most_unlike(evidence: Sequence[SettingLogs], most: int = _MOST_COMPARED) ->
         places = np.linspace(0, len(ranked) - 1, most).round().astype(int)
         ranked = [ranked[k] for k in places]
     return sorted(one.setting for one in ranked)
+
+
+def _with_whole_friction(near: Values, model: Model) -> Values:
+    """Values whose friction is all that they have at rest, where a structure has no more there.
+
+    Next to nothing may slide beside it: what is nothing has no slope, and no descent leads back.
+    """
+    if "breakaway" not in near.names or "breakaway" in model.names:
+        return near
+    name = next(one.name for one in near.quantities if one.is_friction)
+    return near.replace({name: getattr(near, name) + near.breakaway})
 
 
 def _of_layout(best: Tried, one: Tried, *, is_alone: bool, is_near: bool) -> str:

@@ -7,7 +7,6 @@ removes or replaces one of them, in one stroke or in both.
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, cast
 
@@ -27,25 +26,20 @@ __all__ = [
     "BOTH",
     "LAYOUTS",
     "PARTS",
-    "RETURNS",
     "STROKES",
     "Structure",
     "everything",
-    "has_kinds_of_valves",
     "in_other_layouts",
     "in_words",
     "moves",
-    "of_oil",
     "times_in",
     "with_part",
-    "with_parts",
     "without_part",
 ]
 
 
 # Laws next to a law: with a part more or less, of another kind; each in a few words.
 
-RETURNS = "return_slope"
 BOTH = Valve("orifice", "linear")
 # Of a damper's valves, and what they are called.
 STROKES = {"rebound": "rebound", "compression": "bump"}
@@ -70,37 +64,22 @@ def everything(declared: Mounting) -> Mounting:
     A moving mass is not: at low frequencies it does nothing, and at a single one it looks like a
     softer gas spring.
     """
-    names = (one.name for one in dataclasses.fields(declared) if one.name not in _NOT_AT_FIRST)
+    names = (one.name for one in fields(declared) if one.name not in _NOT_AT_FIRST)
     known = {name: getattr(declared, name) for name in names}
     fitted = {name: FIT for name, value in known.items() if isinstance(value, str)}
-    return dataclasses.replace(declared, **fitted)
-
-
-def with_parts(damper: ValveDamper, valve: Valve, mounting: Mounting) -> ValveDamper:
-    """Return the damper with the same valve in both strokes, and another mounting."""
-    return dataclasses.replace(damper, rebound=valve, compression=valve, mounting=mounting)
+    return replace(declared, **fitted)
 
 
 def with_part(damper: ValveDamper, name: str) -> ValveDamper:
     """The damper with a part more of rig or friction; as it is where it has or cannot have it."""
-    owner, fields, _ = PARTS[name]
+    owner, names, _ = PARTS[name]
     own = getattr(damper, owner)
-    more = {one: FIT for one in fields if getattr(own, one) == NONE}
+    more = {one: FIT for one in names if getattr(own, one) == NONE}
     is_loose = name == "play" and damper.mounting.series_stiffness == NONE
     turns_already = name in _TURNS and getattr(damper.friction, _TURNS[name]) != NONE
     if is_loose or turns_already or not more:
         return damper
-    return dataclasses.replace(damper, **{owner: dataclasses.replace(own, **more)})
-
-
-def has_kinds_of_valves(damper: ValveDamper) -> bool:
-    """Whether its valves may be of other kinds: those of a declared network are its passages."""
-    return all(one.init for one in dataclasses.fields(damper) if one.name in STROKES)
-
-
-def of_oil(model: Model) -> list[str]:
-    """The quantities of a model that say how stiff its oil is."""
-    return [one.name for one in model.quantities if one.role == STIFFNESS]
+    return replace(damper, **{owner: replace(own, **more)})
 
 
 def without_part(damper: ValveDamper, name: str) -> ValveDamper:
@@ -108,12 +87,12 @@ def without_part(damper: ValveDamper, name: str) -> ValveDamper:
 
     What is declared of a part is there: a part with one number declared stays.
     """
-    owner, fields, _ = PARTS.get(name, ("mounting", (), ""))
+    owner, names, _ = PARTS.get(name, ("mounting", (), ""))
     own = getattr(damper, owner)
-    if {getattr(own, one) for one in fields} != {FIT}:
+    if {getattr(own, one) for one in names} != {FIT}:
         return damper
-    less = dataclasses.replace(own, **dict.fromkeys(fields, NONE))
-    return dataclasses.replace(damper, **{owner: less})
+    less = replace(own, **dict.fromkeys(names, NONE))
+    return replace(damper, **{owner: less})
 
 
 def in_words(damper: Model, freed: Sequence[str] = ()) -> str:
@@ -163,7 +142,7 @@ _INSTEAD = {
     "with an orifice instead of a blow-off": Valve("orifice", NONE),
     "with a laminar bleed instead of a blow-off": Valve("leak", NONE),
 }
-_FREED = (RETURNS, "drag", "gas_volume", "free_gas")
+_FREED = ("return_slope", "drag", "gas_volume", "free_gas")
 
 
 @dataclass(frozen=True, slots=True)
@@ -217,7 +196,8 @@ def moves(structure: Structure) -> dict[str, Structure]:
 
 def _all_moves(structure: Structure) -> Iterator[tuple[str, Structure]]:
     damper, freed = structure.damper, structure.freed
-    if has_kinds_of_valves(damper):
+    # Those of a declared network are its passages.
+    if all(one.init for one in fields(damper) if one.name in STROKES):
         for words, valves in _other_valves(damper):
             yield words, _without_lost(replace(damper, **valves), freed)
     for name, (_, _, said) in PARTS.items():
@@ -235,7 +215,8 @@ def _all_moves(structure: Structure) -> Iterator[tuple[str, Structure]]:
     elif mounting.series_stiffness == NONE:
         elastic = replace(damper, mounting=replace(mounting, series_stiffness=FIT))
         yield "with elasticity of the mounting", Structure(elastic, freed)
-    for name in (*_FREED, *of_oil(damper)):
+    oil = [one.name for one in damper.quantities if one.role == STIFFNESS]
+    for name in (*_FREED, *oil):
         if name in freed:
             label = damper.quantity(name).label
             yield f"without {label}", Structure(damper, tuple(x for x in freed if x != name))
