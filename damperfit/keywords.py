@@ -24,7 +24,10 @@ __all__ = [
 ]
 
 # Options that say how a command talks, and keywords that take objects of Python.
-PRESENTATION = ("json", "quiet", "debug", "version", "log_file", "github_summary", "list")
+PRESENTATION = (
+    *("json", "quiet", "debug", "version", "log_file", "github_summary", "list"),
+    *("color", "no_progress"),
+)
 PYTHON_ONLY = ("damper", "watch", "stop", "on_law", "inspect.units")
 
 
@@ -344,6 +347,11 @@ _TABLE: dict[str, dict[str, tuple[Any, ...]]] = {
             "path", "FILE",
             "Append every message and step to FILE, one line each, with its time.",
         ),
+        "color": (
+            "text", "WHEN",
+            "Colours on stdout: auto, always or never.  [default: auto, on a terminal]",
+        ),
+        "no_progress": ("flag", "", "No progress bar."),
     },
     "Trust": {
         "hold_out": (

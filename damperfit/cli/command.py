@@ -6,6 +6,7 @@ panels, by what the options are for.
 
 from __future__ import annotations
 
+import os
 from functools import wraps
 from inspect import Parameter, Signature, signature, unwrap
 from pathlib import Path
@@ -15,6 +16,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from damperfit import __version__
+from damperfit.cli.console import say, set_colour
 from damperfit.errors import ConfigurationError
 from damperfit.keywords import PANELS, PYTHON_ONLY, keyword_of, option_of
 
@@ -27,6 +29,11 @@ _WHOLE = 1000  # characters of a summary: none is that long
 # What may be given several times; all else is one text, for `damperfit.arguments` to read.
 _SEVERAL = {"texts", "names", "quantities", "values", "pairs", "paths", "arguments"}
 _COMMON = ("json", "quiet", "debug", "version")
+_OF_ALL = ("color", "no_progress", "log_file")
+# These read logs or simulate; what is asked of results has the configuration of its run.
+_CONFIGURED = {
+    *("identify", "inspect", "models", "fleet", "simulate", "sweep", "samples", "config"),
+}
 
 
 class Shown(NamedTuple):
@@ -37,6 +44,7 @@ class Shown(NamedTuple):
     debug: bool = False
     github_summary: bool = False
     list: bool = False
+    no_progress: bool = False
 
 
 def command(
@@ -68,7 +76,10 @@ def command(
             given.update(zip((one.name for one in keywords), arguments, strict=False))
             given.pop("version", None)
             given.pop("log_file", None)  # opened by `main`, so that wrong usage stands in it
+            set_colour(given.pop("color", None))
             how = Shown(**{one: given.pop(one) for one in Shown._fields if one in given})
+            if called in _CONFIGURED and given["config"] is None:
+                given["config"] = _own_configuration(is_quiet=how.quiet)
             try:
                 return run(how, **given)
             except KeyboardInterrupt:  # typer ends without a word
@@ -79,7 +90,7 @@ def command(
             for one in keywords
             if not {one.name, f"{called}.{one.name}"} & {*PYTHON_ONLY}
         ]
-        parameters += [of_presentation(one) for one in (*shown, "log_file")]
+        parameters += [of_presentation(one) for one in (*shown, *_OF_ALL)]
         if takes_context:
             one = Parameter("context", Parameter.KEYWORD_ONLY, annotation=typer.Context)
             parameters.insert(0, one)
@@ -87,6 +98,24 @@ def command(
         return with_options(typed, parameters)
 
     return decorated
+
+
+def _own_configuration(*, is_quiet: bool) -> str | None:
+    """Return the configuration of $DAMPERFIT_CONFIG, else damperfit.toml here or above."""
+    found = os.environ.get("DAMPERFIT_CONFIG") or None
+    if found is None:
+        try:
+            here = Path.cwd()
+        except OSError:  # it is gone
+            return None
+        places = (folder / "damperfit.toml" for folder in (here, *here.parents))
+        path = next((one for one in places if one.is_file()), None)
+        if path is None:
+            return None
+        found = path.name if path.parent == here else str(path)
+    if not is_quiet:
+        say(f"note: configuration of {found}")
+    return found
 
 
 def _parameter(called: str, one: Parameter) -> Parameter:

@@ -113,7 +113,7 @@ def identify(how: Shown, **given: Any) -> int:
             )
 
     watch = looking_on(
-        is_quiet=how.quiet,
+        is_quiet=how.quiet or how.no_progress,
         on_law=lambda title: tell(f"damperfit: tried {title}"),
         on_choice=tell_choice,
     )
@@ -577,7 +577,7 @@ def samples(how: Shown, **given: Any) -> int:
 
     Example: damperfit samples my_runs --settings 1-5
     """
-    files = api.samples(**given, watch=looking_on(is_quiet=how.quiet))
+    files = api.samples(**given, watch=looking_on(is_quiet=how.quiet or how.no_progress))
     written = [str(path) for path in files]
     if not how.quiet:
         say(f"damperfit: {files.notes[0]}")
@@ -599,7 +599,9 @@ def fleet(how: Shown, **given: Any) -> int:
     """
     fault = None
     try:
-        found = api.fleet(**given, watch=looking_on(is_quiet=how.quiet, of_fleet=True))
+        found = api.fleet(
+            **given, watch=looking_on(is_quiet=how.quiet or how.no_progress, of_fleet=True)
+        )
     except DamperfitError as error:
         if not hasattr(error, "done"):
             raise

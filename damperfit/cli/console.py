@@ -42,6 +42,7 @@ __all__ = [
     "say_failures",
     "say_lines",
     "screen_columns",
+    "set_colour",
     "shield_streams",
     "spark_levels",
     "summary_file",
@@ -50,6 +51,8 @@ __all__ = [
 ]
 
 _PIPE_WIDTH = 80
+_COLOURS = ("auto", "always", "never")
+_colour = {"is": "auto"}
 _refused: list[OSError] = []  # by stdout; what it should have shown is nowhere
 
 
@@ -143,11 +146,12 @@ def print_renderable(renderable: RenderableType) -> None:
     text = StringIO()  # plain also where FORCE_COLOR is set
     rendered(file=text, width=_PIPE_WIDTH, color_system=None)
     plain = [line.rstrip() for line in text.getvalue().splitlines()]
-    if not sys.stdout.isatty():
+    is_coloured = _is_coloured()
+    if not (sys.stdout.isatty() or is_coloured):
         print_lines(plain)
         return
     try:
-        rendered(file=sys.stdout)
+        rendered(file=sys.stdout, force_terminal=is_coloured, no_color=not is_coloured)
     except OSError as error:
         _refused.append(error)
         _to_nowhere(sys.stdout)
@@ -168,11 +172,34 @@ def print_table(sheet: Sheet, colours: Mapping[str, int] | None = None) -> None:
 
     text = text_table(sheet, screen_columns())
     record(logging.INFO, text)
-    knows_colours = os.name != "nt" or "WT_SESSION" in os.environ
-    is_plain = "NO_COLOR" in os.environ or os.environ.get("TERM") == "dumb" or not knows_colours
-    if sys.stdout.isatty() and not is_plain:
+    if _is_coloured():
         text = text_table(sheet, screen_columns(), colours=colours or {})
     _print(text)
+
+
+def set_colour(when: str | None) -> None:
+    """Say when stdout is coloured: auto (None), always or never.
+
+    Raises
+    ------
+    ConfigurationError
+        Another word.
+    """
+    if when is not None and when not in _COLOURS:
+        raise ConfigurationError(
+            f"expected one of {', '.join(_COLOURS)}",
+            where=Option("color", when),
+            code="unknown-colour",
+        )
+    _colour["is"] = when or "auto"
+
+
+def _is_coloured() -> bool:
+    if _colour["is"] != "auto":
+        return _colour["is"] == "always"
+    knows_colours = os.name != "nt" or "WT_SESSION" in os.environ
+    is_plain = "NO_COLOR" in os.environ or os.environ.get("TERM") == "dumb" or not knows_colours
+    return sys.stdout.isatty() and not is_plain
 
 
 def screen_columns() -> int:

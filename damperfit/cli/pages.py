@@ -26,7 +26,10 @@ from damperfit.units.quantities import _TABLE
 __all__ = ["TABLES", "filled", "on_page_markdown"]
 
 _PLACE = re.compile(r"<!-- table: ([\w -]+) -->\n")
-_COMMON = ("config", "json", "quiet", "log_file", "debug", "version", "help")
+_COMMON = (
+    *("config", "json", "quiet", "color", "no_progress", "log_file"),
+    *("debug", "version", "help"),
+)
 
 
 def filled(text: str) -> str:

@@ -128,3 +128,27 @@ def test_declarations_on_the_command_line_read_the_log(run, logs, tmp_path) -> N
     assert ended.code == 0, ended.err
     (facts,) = json.loads(ended.out)["logs"]
     assert facts["amplitude_m"] == pytest.approx(0.032, rel=1e-2)
+
+
+def test_the_configuration_of_the_folder_or_above_is_used_and_named(
+    run, tmp_path, monkeypatch
+) -> None:
+    (tmp_path / "damperfit.toml").write_text('[rig]\nfrequency = "2Hz"\n')
+    (tmp_path / "mine.toml").write_text('[rig]\nfrequency = "3Hz"\n')
+    (tmp_path / "below").mkdir()
+    found = run("config")
+    assert found.err == "note: configuration of damperfit.toml\n"
+    assert 'frequency = "2Hz"' in found.out
+    assert 'frequency = "3Hz"' in run("config", "--config", "mine.toml").out
+    monkeypatch.chdir(tmp_path / "below")
+    assert 'frequency = "2Hz"' in run("config", "-q").out
+    monkeypatch.setenv("DAMPERFIT_CONFIG", str(tmp_path / "mine.toml"))
+    assert 'frequency = "3Hz"' in run("config", "-q").out
+    monkeypatch.setenv("DAMPERFIT_CONFIG", "nothing.toml")
+    assert run("config").code == 2
+
+
+def test_colours_are_as_asked(run) -> None:
+    asked = ("simulate", "--setting", "5", "-q", "--color")
+    assert "\x1b[" in run(*asked, "always").out
+    assert "\x1b[" not in run(*asked, "never").out
