@@ -33,6 +33,7 @@ PIECES: dict[str, tuple[str, str, Any]] = {
     "layouts again": ("laws.search", "_Search.in_its_layout", lambda _, fit, __: fit),
     "missed": ("laws.search", "_Search.missed", lambda _, fit: fit),
     "held out": ("laws.search", "_Search.of_held_out", lambda *_: 0.0),
+    "believed friction": ("laws.one_model", "_UNBELIEVED", 0.0),
     "yielding": ("laws.search", "_Search.yielding", lambda _, law, *__: law),
     # Fits.
     "idle parts": ("identification.procedures", "without_idle_parts", _first),
