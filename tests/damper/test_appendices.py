@@ -94,6 +94,16 @@ def test_tube_modulus_against_the_stretch_of_a_thin_ring():
     assert appendices.tube_modulus(tube) == pytest.approx(pressure / swelling, rel=1e-6)
 
 
+@pytest.mark.parametrize(("ratio", "expected"), [(0.001, 9.2e8), (0.005, 4.0e8), (0.01, 2.3e8)])
+def test_typical_values(ratio, expected):
+    """K_B 1.5 GPa, C 1.1, 20 bar, to the two digits known."""
+    oil = {"liquid": 1.5e9, "compliance": 1.1}
+    found = float(appendices.modulus_at_pressure(20e5, volume_ratio=ratio, **oil))
+    assert f"{found:.1e}" == f"{expected:.1e}"
+    without_gas = appendices.modulus_at_pressure(1.0, volume_ratio=0.0, **oil)
+    assert without_gas == pytest.approx(1.5e9 / 1.1)
+
+
 def test_a_tube_without_wall_is_refused():
     with pytest.raises(ConfigurationError, match="must all be positive"):
         appendices.Tube(wall_thickness=0.0, inner_diameter=0.03, youngs_modulus=7e10)
@@ -142,6 +152,21 @@ def test_incompressible_force_follows_from_flows_and_valve_laws(damper, x, v):
     found = cf.incompressible_force(y, damper, np.array([x, x]), np.array([v, -v]))
     scale = p_1 * damper.piston_area + abs(bump) + abs(rebound)
     assert found == pytest.approx([rebound, bump], rel=1e-11, abs=1e-12 * scale)
+
+
+def test_the_papers_damper_in_numbers():
+    """Areas by hand, (39) of them, and N06: the closed form peaks at x = 0."""
+    d, speed = PURDY_DAMPER, 2 * np.pi * 1.5 * 0.032
+    areas = d.annulus_area, d.piston_area, d.rod_area
+    assert areas == pytest.approx((3.54411e-4, 6.37940e-4, 2.83529e-4), rel=1e-6)
+    assert d.gas_volume == pytest.approx(6.28319e-5, rel=1e-6)
+    slopes = appendices.simple_slopes(appendices.LinearValves(1e9, 2e9, 3e9), d)
+    by_hand = 3.54411e-4**2 * 1e9 + 6.37940e-4**2 * 3e9, 6.37940e-4**2 * 2e9 + 2.83529e-4**2 * 1e9
+    assert slopes == pytest.approx(by_hand, rel=1e-5)
+    y = dataclasses.replace(SET_M, f_f=50.0)
+    force = cf.incompressible_force(y, d, np.zeros(2), np.array([speed, -speed]))
+    assert force == pytest.approx([892.855, -862.009], abs=5e-4)
+    assert cf.gas_pressure(d, -0.03) > d.gas_pressure  # the rod in compresses the gas
 
 
 def test_design_returns_parameters_by_least_squares():

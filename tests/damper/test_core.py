@@ -302,3 +302,19 @@ def test_a_part_of_a_motion_has_the_jumps_in_it():
     np.testing.assert_array_equal(part.jumps[:, 1:], motion.jumps[inside, 1:])
     assert part.start_time == pytest.approx(0.2)
     np.testing.assert_array_equal(part.velocity, motion.velocity[100:240])
+
+
+def test_a_jump_at_a_sample_and_one_by_nothing():
+    """At a sample the speed is that after it; friction has turned there, chambers need time."""
+    truth, n = reference_parameters(10), np.arange(101)
+    nothing = np.array([[20.5, 20.5e-4, 0.1, 0.1], [60.0, 60e-4, 0.1, 0.1]])
+    back = np.where(n < 50, 1e-4 * n, 1e-2 - 1e-4 * n), np.where(n < 50, 0.1, -0.1)
+    even = Motion(1e-3, 1e-4 * n, np.full(101, 0.1))
+    turning = Motion(1e-3, *back, jumps=np.array([[50.0, 5e-3, 0.1, -0.1]]))
+    plain, same, turned = (
+        simulate(truth, PURDY_DAMPER, motion, options=SolverOptions(TIGHT)).force
+        for motion in (even, replace(even, jumps=nothing), turning)
+    )
+    np.testing.assert_allclose(same, plain, atol=1e-3)
+    np.testing.assert_allclose(turned[:50], plain[:50], atol=1e-3)
+    assert turned[50] == pytest.approx(plain[50] - 2.0 * truth.f_f, abs=0.01)

@@ -114,6 +114,22 @@ def test_within_a_tenth_of_a_newton_on_the_whole_grid(r_m1, r_m2, k_e):
     assert largest_gap(parameters, PURDY_DAMPER, STANDARD, rates=(500.0, 2e4), rtol=1e-10) < 0.1
 
 
+@pytest.mark.parametrize("setting", [*slowly(1, 10), 20])
+def test_below_a_hundredth_of_a_newton_when_tight(setting):
+    """Radau at rtol 1e-11, every 0.05 ms."""
+    parameters = reference_parameters(setting)
+    gap = largest_gap(parameters, PURDY_DAMPER, STANDARD, rates=(2e4,), tolerance=1e-4)
+    assert gap < 1e-2
+
+
+@pytest.mark.parametrize(("method", "rtol"), [("Radau", 1e-12), ("LSODA", 1e-10), ("BDF", 1e-11)])
+def test_solvers_agree_at_their_tightest(method, rtol):
+    """N15: below 1e-3 N everywhere in a cycle. Tighter, LSODA does not come to an end."""
+    sharp = {"tolerance": TIGHT.tolerance, "max_steps_per_sample": TIGHT.max_steps_per_sample}
+    twin = {"rates": (3000.0,), "duration": 1 / 1.5, "rtol": rtol, "method": method}
+    assert largest_gap(SET_M, PURDY_DAMPER, STANDARD, **twin, **sharp) < 1e-3
+
+
 @pytest.mark.parametrize("damper", [PURDY_DAMPER, OTHER_DAMPER])
 @pytest.mark.parametrize("r_m3", [2.597e6, 6e6])
 def test_other_motion_other_damper_and_cavitation(damper, r_m3):
@@ -121,6 +137,9 @@ def test_other_motion_other_damper_and_cavitation(damper, r_m3):
     parameters = dataclasses.replace(SET_M, r_m3=r_m3, f_0=12.5)
     twin = {"rtol": 1e-9, "method": "LSODA"}
     assert largest_gap(parameters, damper, two_tones(), rates=(2e3,), **twin) < 0.1
+    if damper is PURDY_DAMPER:
+        response = simulate(parameters, damper, sampled(two_tones(), rate=2000.0, duration=0.7))
+        assert (np.sum(response.pressures[1] == 0.0) > 20) is np.bool_(r_m3 > 3e6)
 
 
 @pytest.mark.parametrize("setting", [1, 20])

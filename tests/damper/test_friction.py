@@ -195,6 +195,19 @@ def test_a_presliding_friction_is_found_again():
     assert truth.presliding == 1.5e-4
 
 
+@pytest.mark.parametrize(
+    ("law", "free"),
+    [
+        ({"breakaway": 40.0, "stribeck_speed": 0.03}, None),
+        ({"free_gas": 0.01}, (*(name for name in VALVES if name != "drag"), "free_gas")),
+    ],
+    ids=["stribeck", "free gas"],
+)
+def test_stribecks_friction_and_free_gas_are_found_again(law, free):
+    _, fit = fitted(law, free=free, **({} if free else dict.fromkeys(law, "fit")))
+    assert {name: getattr(fit.parameters, name) for name in law} == pytest.approx(law, rel=0.1)
+
+
 def test_the_speed_within_which_friction_turns_is_found_again():
     truth = {"turning_speed": 2e-2, "f_f": 40.0, "return_slope": 2.5e5}
     _, fit = fitted(truth, turning_speed="fit")
@@ -237,3 +250,23 @@ def test_toml_declares_it_with_units():
         load_configuration(
             overlay={"damper": {"model": "twin_tube", "friction": {"presliding_way": "fit"}}}
         )
+
+
+@pytest.mark.parametrize("mounting", [RIGID, ELASTIC], ids=["rigid", "elastic"])
+def test_below_the_solvers_dead_band_friction_turns_as_it_did(mounting):
+    sharp, below, above = (
+        run("b", cycles=1, sensitivities=("turning_speed",), turning_speed=speed, **mounting)
+        for speed in (0.0, 0.9e-4, 2e-3)
+    )
+    np.testing.assert_array_equal(below.force, sharp.force)
+    assert not below.sensitivities["turning_speed"].any()
+    assert np.max(np.abs(above.force - sharp.force)) > 1.0
+
+
+@pytest.mark.parametrize("mounting", [RIGID, ELASTIC, PLAY], ids=["rigid", "elastic", "play"])
+def test_the_bias_of_a_usual_tolerance_is_below_it(mounting):
+    usual, sharp = (
+        run("b", options=options, per_cycle=300, **mounting, **ALL).force[600:]
+        for options in (SolverOptions(tolerance=1e-2), SHARP)
+    )
+    assert np.sqrt(np.mean((usual - sharp) ** 2)) < 0.15

@@ -147,3 +147,9 @@ def test_each_of_some_signals_is_what_a_general_filter_makes_of_it(rows):
     start = mean * force[:, :1]  # at rest before the first sample
     slow = lfilter([1 - mean, mean - a], [1.0, -a], force, axis=1, zi=start)[0]
     np.testing.assert_allclose(behind_lag(force, INTERVAL, 8e-3), slow, rtol=1e-12, atol=1e-14)
+
+
+def test_no_lag_is_the_signal_itself_and_a_small_one_nearly():
+    force = ramp()[None]
+    assert behind_lag(force, INTERVAL, 0.0) is force
+    assert np.max(np.abs(behind_lag(force, INTERVAL, 1.1e-6) - force)) < 6e-3

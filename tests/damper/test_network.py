@@ -356,6 +356,31 @@ def test_a_blow_off_without_lift_is_the_plain_one():
     assert gaps[0] > 5 * gaps[1] > 25 * gaps[2] > 0.0
 
 
+def test_a_long_orifice_without_its_laminar_part_is_an_orifice():
+    network, values, damper, (amplitude, frequency) = CASES["b"]
+    motion = sine_motion(amplitude, frequency, cycles=2, sample_rate=500 * frequency)
+    long = Valve("long", "linear")
+    gone = simulate_network(network, values, damper, motion, options=SHARP)
+    gaps = []
+    for leak in (1e5, 1e4, 1e3):
+        changed = values | {"rebound_leak": leak, "compression_leak": leak}
+        there = simulate_network(through_flow(long, long), changed, damper, motion, options=SHARP)
+        gaps.append(np.max(np.abs(there.force - gone.force)))
+    assert gaps[0] > 5 * gaps[1] > 25 * gaps[2]
+
+
+def test_starts_away_from_the_middle_keep_the_oil():
+    """The steady cycle does not depend on where the log begins."""
+    for network, values, damper, (amplitude, frequency) in CASES.values():
+        whole = sine_motion(amplitude, frequency, cycles=4, sample_rate=400 * frequency)
+        late = dataclasses.replace(
+            whole, displacement=whole.displacement[150:], velocity=whole.velocity[150:]
+        )
+        first = simulate_network(network, values, damper, whole, options=SHARP).force[1200:1600]
+        second = simulate_network(network, values, damper, late, options=SHARP).force[1050:1450]
+        assert second == pytest.approx(first, abs=5e-3)
+
+
 def test_free_gas_fades_to_the_clamped_law():
     clamped = run("c", cycles=2, free_gas=0.0)
     gaps = [
@@ -497,3 +522,9 @@ def test_more_numbers_than_the_core_holds_are_refused():
     simulate_network(network, values, PURDY_DAMPER, motion, sensitivities=network.numbers)
     with pytest.raises(ConfigurationError, match="11 passages and 46 numbers"):
         Network("over", (*full, passage(("resistance",))))
+
+
+def test_the_drag_of_a_rigid_mounting_is_by_the_velocity():
+    free, dragged = (run("b", cycles=1, drag=drag, sensitivities=("drag",)) for drag in (0.0, 40.0))
+    assert dragged.force - free.force == pytest.approx(40.0 * free.velocity, abs=1e-9)
+    assert np.array_equal(free.sensitivities["drag"], free.velocity)

@@ -128,3 +128,10 @@ def test_the_gas_pushes_the_rod_out():
     for at, x in ((N // 4, 0.032), (3 * N // 4, -0.032)):
         gas = -PURDY_DAMPER.rod_area * float(gas_pressure(PURDY_DAMPER, x))
         assert soft.force[at] == pytest.approx(gas, abs=10.0)
+
+
+def test_no_setting_cavitates_and_force_grows_with_the_setting_in_both_strokes():
+    loops = [loop(setting) for setting in range(1, 21)]
+    assert all(np.all(cycle.pressures > 0) for cycle in loops)
+    peaks = np.array([(cycle.force.max(), -cycle.force.min()) for cycle in loops])
+    assert np.all(np.diff(peaks, axis=0) > 0)

@@ -69,6 +69,18 @@ def test_steady_cycle_has_the_golden_forces(parameters, rows):
     assert np.max(np.abs(cycle.force(np.array(PHASES)) - np.array(rows)[:, 0])) < 0.006
 
 
+@pytest.mark.parametrize("setting", [1, pytest.param(20, marks=pytest.mark.slow)])
+def test_steady_cycle_is_the_oracle_s(setting):
+    """Two right-hand sides written apart: 1e-3 N at every phase, reversals included."""
+    phases = np.arange(1200) / 1200
+    time = np.concatenate([[0.0], (1 + phases) / 1.5])
+    parameters = reference_parameters(setting)
+    twin = model.solve(parameters, PURDY_DAMPER, model.sine(0.032, 1.5), time, rtol=1e-11)
+    assert np.max(np.abs(purdy_cycle(parameters).force(phases) - twin.force[1:])) < 1e-3
+    quick = quick_cycle(parameters, PURDY_DAMPER, amplitude=0.032, frequency=1.5)
+    assert np.max(np.abs(quick.force(phases) - twin.force[1:])) < 0.02
+
+
 @pytest.mark.slow
 def test_log_without_noise_is_the_oracle_with_all_digits(by_scipy, tmp_path):
     [log] = make_samples(tmp_path, CLEAN)
@@ -160,6 +172,15 @@ def test_noise_and_steps_are_as_asked(tmp_path):
         assert abs(correlation) < 0.06
     assert np.max(np.abs(noisy_force * 10 - np.round(noisy_force * 10))) < 1e-9
     assert np.max(np.abs(noisy_x * 1e6 - np.round(noisy_x * 1e6))) < 1e-7
+
+
+def test_noise_passes_the_rig_filter(tmp_path):
+    filtered = SampleOptions(settings=(7,), rig_filter=30.0, force_resolution=0.0)
+    still = dataclasses.replace(filtered, force_noise=0.0, displacement_noise=0.0)
+    [log], [quiet] = make_samples(tmp_path / "a", filtered), make_samples(tmp_path / "b", still)
+    gap = read(log)[3] - read(quiet)[3]
+    # White noise over 250 Hz, 30 Hz of it left (noise bandwidth of order 4: 1.026 corners).
+    assert np.std(gap) == pytest.approx(4.0 * np.sqrt(1.026 * 30 / 250), rel=0.15)
 
 
 def test_rig_filter_is_a_causal_butterworth_on_both_channels(tmp_path):
