@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shlex
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -233,6 +236,18 @@ def test_a_loop_of_links_costs_itself_alone(run, logs, tmp_path) -> None:
     assert run("identify", "setting_01.csv", "--config", "setting_02.csv").code == 2
 
 
+def test_a_nul_in_a_name_costs_that_log_alone(run, logs, tmp_path) -> None:
+    log = logs / "setting_01.csv"
+    (tmp_path / "list.txt").write_text(f"{log}\na\0b.csv\n")
+    ended = run("identify", "@list.txt", "--out", "out", "--quiet")
+    assert (ended.code, len(ended.err.splitlines())) == (1, 1)
+    assert (tmp_path / "out" / "parameters.parquet").exists()
+    for key in ("output.folder", "test.table", "identification.start"):
+        (tmp_path / "c.toml").write_text(f'{key} = "a\\u0000b"\n')
+        ended = run("identify", log, "--config", "c.toml")
+        assert (ended.code, len(ended.err.splitlines())) == (2, 1)
+
+
 def test_the_home_folder_is_found_where_the_shell_leaves_its_sign(
     run, logs, monkeypatch, tmp_path
 ) -> None:
@@ -246,3 +261,29 @@ def test_the_home_folder_is_found_where_the_shell_leaves_its_sign(
     assert run("simulate", "--setting", "5", "--out", "~/b.csv").code == 0
     assert {one.name for one in home.iterdir()} >= {"a", "b.csv", "configured"}
     assert not (tmp_path / "~").exists()
+
+
+def test_a_terminal_that_hangs_up_leaves_what_is_finished(logs, repeated, tmp_path) -> None:
+    text = (logs / "setting_01.csv").read_text()
+    for k in range(40):
+        log = repeated(text, k).replace("setting: 1\n", f"setting: {k}\n")
+        (tmp_path / f"setting_{k}.csv").write_text(log)
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)  # under nohup it is ignored
+    process = subprocess.Popen(
+        [*COMMAND, "identify", "*.csv", "--jobs", "2", "--model", "purdy", "--starts", "200"],
+        cwd=tmp_path,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    signal.signal(signal.SIGHUP, before)
+    until = time.monotonic() + 60.0
+    while not (tmp_path / "results").exists() and time.monotonic() < until:
+        time.sleep(0.05)  # it takes its signals from before that on
+    time.sleep(1.0)
+    os.killpg(process.pid, signal.SIGHUP)  # as a terminal does: to its copies too
+    said = process.communicate(timeout=120)[1]
+    assert process.returncode == 130, said
+    assert "interrupted" in said
+    record = tmp_path / "results" / "run.json"
+    assert not record.exists() or json.loads(record.read_text())["ending"] == "interrupted"
