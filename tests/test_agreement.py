@@ -234,7 +234,7 @@ def test_the_forces_at_the_named_speeds(shown: Outlets) -> None:
     assert len(compared) == len(by_place)
     for line in compared:
         known = by_place[line["speed_m_per_s"], line["stroke"]]
-        column = {"model": "model_N", "measured": "measured_N"}[line["told_from"]]
+        column = {"model": "model_N", "measured": "measured_N"}[line["source"]]
         assert {line["first_value"], line["second_value"]} == {known[column]}
     for (speed, stroke), known in by_place.items():
         words = {"rebound": "rebound", "bump": "compression"}[stroke]

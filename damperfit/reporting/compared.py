@@ -290,7 +290,7 @@ _COLUMNS: tuple[_Described, ...] = (
     ("chance", _FLOAT, "how often chance alone makes as large a difference, 0 to 1"),
     ("verdict", _TEXT, "same, different or untold"),
     ("is_sure", _TRUTH, "different even when the number of lines is allowed for"),
-    ("told_from", _TEXT, "model or measured"),
+    ("source", _TEXT, "model or measured"),
     ("words", _TEXT, "the verdict in words"),
 )
 _POINT_COLUMNS: tuple[_Described, ...] = (
@@ -303,7 +303,7 @@ _POINT_COLUMNS: tuple[_Described, ...] = (
     ("high_N", _FLOAT, "upper edge of the band"),
     ("margin_N", _FLOAT, "how far inside the band; negative: outside"),
     ("half_interval_N", _FLOAT, "half the 95 % interval of the force that is checked"),
-    ("told_from", _TEXT, "model or measured"),
+    ("source", _TEXT, "model or measured"),
     ("is_met", _TRUTH, "whether it is inside; false where it could not be evaluated"),
     ("words", _TEXT, "the result in words"),
 )

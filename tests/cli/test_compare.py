@@ -130,7 +130,7 @@ def test_a_baseline_stands_for_its_run(run, campaigns) -> None:
         for key in ("first_value", "difference_ci_low", "difference_ci_high", "chance"):
             assert a[key] == (None if b[key] is None else pytest.approx(b[key], rel=1e-4, abs=1e-4))
     measured = _document(run, "base.json", after, "--measured")
-    assert {line["told_from"] for line in measured["lines"]} == {"measured"}
+    assert {line["source"] for line in measured["lines"]} == {"measured"}
     Path("base.json").write_text(Path("base.json").read_text()[:5000])
     damaged = run("compare", "base.json", after)
     assert damaged.code == 2

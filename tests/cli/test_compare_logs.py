@@ -56,7 +56,7 @@ def test_two_folders_of_logs_are_two_runs(run, raw) -> None:
     forces = _forces(found)
     assert {key[2] for key in forces} == {0.05, 0.1, 0.13, 0.26, 0.3}
     for (setting, _, speed), line in forces.items():
-        assert line["told_from"] == "measured"
+        assert line["source"] == "measured"
         if speed >= 0.1:
             assert (line["verdict"] == "different") == (setting == "2"), line
     line = forces["2", "rebound", 0.26]
