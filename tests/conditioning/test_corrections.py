@@ -382,6 +382,23 @@ def test_a_rest_shows_the_signs_of_both_channels(options, displacement, force):
     assert trace.shows_signs
 
 
+@pytest.mark.parametrize(("rest", "tare"), [(0.2, 0.0), (0.6, GAS)])
+def test_a_short_rest_or_a_tared_cell_shows_nothing(options, rest, tare):
+    log = digressive_test_signs_at_rest(mirror=-1.0, rest=rest, tare=tare)
+    trace = condition(log, options)
+    assert not reversed_channels(trace)
+    assert not trace.shows_signs
+
+
+@pytest.mark.parametrize("setting", [1, 10, 20])
+def test_an_offset_the_size_of_twice_the_gas_is_not_taken_for_reversed_channels(setting) -> None:
+    # The level is +130 N, but rebound curves more than bump, so rebound it is.
+    trace = condition(log_of(setting, tare=2.0 * GAS), PURDY)
+    assert not any(one.is_correction for one in trace.findings)
+    assert found(trace, "direction")[0].severity == "warning"
+    assert found(trace, "tare")[0].value == pytest.approx(2.0 * GAS, abs=15.0)
+
+
 def test_logs_without_a_rest_are_counted_as_the_others_of_the_batch(tmp_path):
     paths = []
     for k, rest in enumerate([0.6, 0.0, 0.7, 0.0]):

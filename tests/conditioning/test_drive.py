@@ -55,6 +55,14 @@ def test_motion_beyond_the_compared_filter_is_kept_from_3_in_1000_on(share, is_r
     assert bool(np.std(lost) > 0.8 * share * 0.3 / np.sqrt(2.0)) is is_raised
 
 
+@pytest.mark.parametrize(("share", "is_reported"), [(0.015, False), (0.025, True)])
+def test_motion_beyond_half_the_rigs_corner_is_told(share, is_reported):
+    log = with_harmonic(share, order=15)  # 22.5 Hz, which the filter passes
+    trace = condition(log, ConditionOptions(rig_filter="zero_phase", rig_filter_corner=40.0))
+    told = [one.severity for one in trace.findings if one.name == "drive"]
+    assert told == ["warning"] * is_reported
+
+
 def test_hum_of_the_sensor_is_no_motion():
     log = sine_log(rate=1000.0, cycles=15.0)
     hum = 2e-5 * np.sin(2.0 * np.pi * 50.0 * log.time)  # 6 mm/s, 2 % of the peak velocity
@@ -223,6 +231,19 @@ def test_lines_and_where_they_cross_are_found(noise):
     np.testing.assert_allclose(found.displacement, exact, atol=1e-12 + 0.5 * noise)
     assert found.velocity[499] == found.jumps[1, 2]
     assert found.velocity[500] == found.jumps[1, 3]
+
+
+@pytest.mark.parametrize(
+    ("first", "apart", "rate", "is_found"),
+    [
+        (200, 13, 1000.0, True), (200, 12, 1000.0, False),  # 2 beside either corner, 10 are a line
+        (900, 63, 5000.0, True), (900, 57, 5000.0, False),  # 4 ms to either side and between
+    ],
+)  # fmt: skip
+def test_corners_near_each_other_have_a_line_between_them(first, apart, rate, is_found):
+    speeds = np.array([0.2, -0.2, 0.2])
+    x = zigzag([first, first + apart], speeds, n=3 * first, noise=0.0, rate=rate)
+    assert (drive_of_lines(x, 1.0 / rate, EVERY) is not None) is is_found
 
 
 def test_a_part_of_the_log_is_enough():

@@ -249,3 +249,26 @@ def test_the_noise_floor_of_a_motion_that_drifts_says_so(share, drifts):
     if drifts:
         left = float(floor.sentence.split("beside that it is ")[1].split()[0])
         assert left == pytest.approx(0.00027, rel=0.3)
+
+
+SCATTER = np.repeat(1.0 + 0.03 * np.random.default_rng(1).standard_normal(60), 500)
+TREND = np.linspace(0.0, 1.0, 30000)
+
+
+@pytest.mark.parametrize(
+    ("size", "warm", "names"),
+    [
+        (86.7 - 14.9 * TREND, 38.0 + 36.0 * TREND, {"force_trend"}),
+        (86.7 - 14.9 * TREND**2, 38.0 + 36.0 * TREND**2, {"force_trend"}),
+        (80.0 * SCATTER, 38.0 + 36.0 * TREND, {"cycle_scatter"}),
+        ((86.7 - 14.9 * TREND) * SCATTER, 38.0 + 36.0 * TREND, {"cycle_scatter", "force_trend"}),
+        # Evenly distributed, a trend deviates by 0.29 of itself; 1 % and two errors are 1.2 %.
+        (80.0 * (1.0 - 0.025 * TREND), None, set()),
+        (80.0 * (1.0 - 0.06 * TREND), None, {"force_trend"}),
+    ],
+)
+def test_a_trend_of_the_peaks_is_told_from_their_scatter(size, warm, names):
+    log = logged(
+        sine(2.0, 0.01, 60), lambda _, v: size * v / np.abs(v).max(), noise=(2e-6, 0.3), warm=warm
+    )
+    assert set(told(log)) == names

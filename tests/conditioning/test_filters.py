@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline
-from scipy.signal import butter, sosfilt, sosfiltfilt
+from scipy.signal import butter, sosfilt, sosfilt_zi, sosfiltfilt
 
 from damperfit.compiled_core import compiled_core
 from damperfit.conditioning import (
@@ -117,6 +117,22 @@ def test_the_reversed_pass_completes_a_causal_one_to_zero_phase(seed):
     assert found[500:-500] == pytest.approx(expected[500:-500], abs=1e-8)
 
 
+@given(seed=seeds, a=st.floats(-1e3, 1e3), b=st.floats(-1e3, 1e3))
+def test_filters_are_linear_and_a_constant_passes_from_the_first_sample(seed, a, b):
+    first, second = noise(seed), noise(seed + 1)
+    for kind in ("zero_phase", "causal", "none"):
+        design = design_filter(kind, 30.0, sample_rate=1000.0)
+        apart = a * apply_filter(design, first) + b * apply_filter(design, second)
+        assert apply_filter(design, a * first + b * second) == pytest.approx(apart, abs=1e-7)
+        assert apply_filter(design, np.full(700, a)) == pytest.approx(np.full(700, a), rel=1e-11)
+
+
+def test_settling_takes_a_quarter_of_a_second_at_30_hz():
+    design = design_filter("zero_phase", 30.0, sample_rate=1000.0)
+    assert settling_samples(design) / 1000.0 == pytest.approx(0.23, abs=0.01)
+    assert settling_samples(design_filter("none", 30.0, sample_rate=1000.0)) == 0
+
+
 def test_no_filter_passes_everything_and_copies():
     design = design_filter("none", 30.0, sample_rate=10.0)
     signal = noise(3)
@@ -159,6 +175,16 @@ def test_a_design_passes_what_scipys_passes(order: int, corner: float) -> None:
     z = np.exp(-1j * np.linspace(0.0, 0.99 * np.pi, 300))[:, None] ** np.arange(3)
     passed = [np.prod((z @ one[:, :3].T) / (z @ one[:, 3:].T), axis=1) for one in (ours, theirs)]
     assert np.allclose(*passed, rtol=1e-9, atol=1e-13)
+
+
+@pytest.mark.parametrize("order", [1, 4, 8])
+@pytest.mark.parametrize("shape", [(5,), (400,), (2, 3, 50)])
+def test_one_pass_is_scipys(order: int, shape: tuple[int, ...]) -> None:
+    design = design_filter("causal", 30.0, sample_rate=500.0, order=order)
+    signal = 100.0 + RANDOM.standard_normal(shape)
+    steady = sosfilt_zi(design.sections).reshape(-1, *(1,) * (len(shape) - 1), 2)
+    expected = sosfilt(design.sections, signal, zi=steady * signal[..., :1])[0]
+    assert np.allclose(apply_filter(design, signal), expected, rtol=0.0, atol=1e-10)
 
 
 @pytest.mark.parametrize("shape", [(2,), (400,), (3, 400)])

@@ -25,6 +25,9 @@ from tests.conditioning.test_quality import (
 )
 
 STILL = made(noise=(0.0, 0.0))
+SPEED = np.gradient(STILL.displacement, STILL.time)
+SINE = sine_log()
+SPRING = 30_000.0 * (SINE.displacement - 0.0123)  # N; beside it a damper takes little energy
 LINE = np.linspace(-0.5, 0.5, len(LOG.time))
 # Finding -> what spoils a log by so much, the most that is a note, the least that is a warning.
 LIMITS = {
@@ -40,6 +43,8 @@ LIMITS = {
     "force_spikes": (lambda s: spiked(STILL, "force", [1500], s), 0.195, 0.207),
     "force_range": (lambda s: replace(STILL, force=STILL.force * s), 0.0071, 0.0067),  # 10 N
     "force_stuck": (lambda n: standing(LOG, "force", 2000, n), 10, 11),
+    "velocity_channel": (lambda s: replace(STILL, velocity=(1.0 + s) * SPEED), 0.08, 0.12),
+    "force_polarity": (lambda s: replace(SINE, force=SPRING + s * SINE.force), 0.3, 0.02),
     "jitter": (lambda s: wrongly_stamped(LOG, s), 0.030, 0.045),  # of a step
 }
 

@@ -228,6 +228,14 @@ CLEAN = [
 ]
 
 
+@pytest.mark.one_in(5)
+@pytest.mark.parametrize(("rate", "wave", "noise", "bits"), CLEAN)
+def test_a_clean_log_gives_no_warning(rate, wave, noise, bits):
+    setting = 1 if bits else 20
+    recording = made(wave, setting=setting, rate=rate, noise=noise, bits=bits, cycles=7)
+    assert warned(recording) == {}
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("setting", range(1, 21))
 def test_clean_logs_of_every_setting_rate_and_seed(setting):

@@ -199,3 +199,29 @@ def test_jobs_and_order_give_the_same_bits() -> None:
         assert a.parameters == b.parameters
         assert a.mse_percent == b.mse_percent
         assert a.evaluations == b.evaluations
+
+
+@pytest.mark.one_in(3)
+@pytest.mark.parametrize("rate", [300.0, 500.0, 2000.0, 5000.0])
+def test_sample_rate_does_not_matter(rate: float) -> None:
+    fit = identify([trace(8, rate=rate)], PURDY_DAMPER, FitOptions("plain", FREE, KNOWN)).fits[0]
+    found = errors(fit.parameters, reference_parameters(8))
+    assert abs(found["r_m1"]) < 1e-5
+    assert abs(found["k_e"]) < 5e-3
+
+
+def test_neither_the_clock_nor_the_dead_band_moves_the_result() -> None:
+    log = recording(8, noise=4.0)
+    found = [
+        identify(
+            [condition(replace(log, time=log.time + shift))],
+            PURDY_DAMPER,
+            FitOptions("plain", FREE, KNOWN, solver=SolverOptions(tolerance=1e-2, dead_band=band)),
+        )
+        .fits[0]
+        .parameters
+        for shift, band in ((0.0, 1e-4), (17.0, 1e-4), (1e6, 1e-4), (0.0, 5e-5))
+    ]
+    for other, near in zip(found[1:], (1e-7, 1e-7, 1e-3), strict=True):
+        assert other.r_m1 == pytest.approx(found[0].r_m1, rel=near / 10.0)
+        assert other.k_e == pytest.approx(found[0].k_e, rel=near)

@@ -167,3 +167,24 @@ def test_friction_that_varies_neither_bends_r_m3_nor_stays_unnamed(procedure) ->
     first = assess(campaign, PURDY_DAMPER).diagnoses[0]
     assert first.hints[0].name == "f_f"
     assert "f_f is shared by all settings and here too high" in first.sentence
+
+
+@pytest.mark.parametrize(
+    ("frictions", "noise", "varies"),
+    [
+        ((50.0, 51.0, 49.0), 2.0, False),
+        ((30.0, 50.0, 70.0), 2.0, True),
+        ((2.0, 2.0, 2.0), 20.0, False),  # noise moves them by half
+    ],
+)
+def test_whether_one_friction_holds_for_all_settings(frictions, noise, varies) -> None:
+    logs = [
+        trace(k, replace(reference_parameters(k), f_f=f_f), noise=noise, seed=k, duration=10.0)
+        for k, f_f in zip((1, 5, 10), frictions, strict=True)
+    ]
+    sharing = identify(logs, PURDY_DAMPER).sharing
+    assert sharing.friction_varies is varies
+    if noise < 10.0:
+        assert sharing.spread == pytest.approx((min(frictions), max(frictions)), rel=0.02)
+    else:
+        assert sharing.spread[1] > 1.5 * sharing.spread[0]
