@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from damperfit.configuration.loading import load_configuration
@@ -90,3 +91,10 @@ def test_a_model_that_misses_by_twice_its_noise_says_nothing(monkeypatch, of_the
     options = configuration.identification
     told = air_objections(campaign, seen, configuration.damper, options, jobs=1)
     assert bool(told) is is_told
+
+
+@pytest.mark.parametrize(("mean", "is_certain"), [(3.99, False), (4.01, True)])
+def test_the_squares_fall_by_four_standard_errors(mean, is_certain):
+    around = np.array([-1.0, 1.0] * 8)  # sixteen cycles
+    error = float(np.std(around, ddof=1)) / 4.0
+    assert air._is_certain((around + mean * error).tolist()) is is_certain

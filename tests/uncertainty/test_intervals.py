@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from damperfit.conditioning import apply_filter, design_filter
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.identification import FitOptions, Sharing, identify
 from damperfit.uncertainty import (
@@ -19,12 +20,15 @@ from damperfit.uncertainty import (
     uncertainties,
 )
 from damperfit.uncertainty.correlation import (
+    autocorrelation,
     correlation_length,
     cycle_covariance,
+    independent_samples,
     larger,
     score_covariance,
     stationary_covariance,
     sums_by_cycle,
+    widening,
 )
 from tests import fakes
 from tests.identification.rig import short_trace as trace
@@ -213,3 +217,40 @@ def test_intervals_cover_the_truth_through_the_whole_procedure(
     assert 0.93 <= covered[:, :3].mean() <= 0.98
     assert np.abs(width - 1.0).max() < 3 / math.sqrt(2 * n)
     assert np.abs(bias).max() < 3 / math.sqrt(n)
+
+
+def test_autocorrelation_is_that_of_the_definition() -> None:
+    r = np.random.default_rng(3).standard_normal(200)
+    expected = [r[: 200 - k] @ r[k:] / (r @ r) for k in range(6)]
+    assert autocorrelation(r, 5) == pytest.approx(expected, abs=1e-12)
+    assert autocorrelation(np.zeros(9), 2).tolist() == [1.0, 0.0, 0.0]
+
+
+@pytest.mark.parametrize(("n", "frequency"), [(439, 7.0), (307, 10.0)])
+def test_intervals_of_three_cycles_hold_95_of_100(n, frequency) -> None:
+    """Noise behind a filter, and five slopes such as a damper's; without the factor too few."""
+    rate, random = 1024.0, np.random.default_rng(4)
+    design = design_filter("zero_phase", 30.0, sample_rate=rate, order=4)
+    phase = 2.0 * np.pi * frequency * np.arange(n) / rate
+    bent = np.abs(np.cos(phase)) * np.cos(phase)
+    waves = np.cos(phase), np.sin(phase), np.cos(2 * phase), np.sin(3 * phase), bent
+    slopes = np.stack(waves, axis=1)
+    inverse, worth = np.linalg.inv(slopes.T @ slopes), independent_samples(design, n)
+    off, errors, factors = [], [], []
+    for _ in range(200):
+        noise = apply_filter(design, random.standard_normal(n + 600))[300:-300]
+        off.append(inverse @ (slopes.T @ noise))
+        left = noise - slopes @ off[-1]
+        lag = correlation_length(left, longest=round(0.25 * rate / frequency))
+        covariance = inverse @ score_covariance(slopes * left[:, None], lag) @ inverse
+        errors.append(np.sqrt(np.diag(covariance)))
+        factors.append(np.sqrt(widening([(n, worth, lag)], 5)))
+    sizes = np.abs(off) / np.array(errors)
+    assert 0.925 <= np.mean(sizes <= 1.96 * np.array(factors)[:, None]) <= 0.98
+    assert np.mean(sizes <= 1.96) < 0.91
+
+
+@pytest.mark.parametrize(("worth", "is_wider"), [(97, True), (103, False)])
+def test_fifty_independent_samples_a_parameter_are_enough(worth, is_wider) -> None:
+    assert (widening([(4000, worth, 1)], 2) > 1.0) is is_wider
+    assert widening([(4000, worth, 1)], 0) == 1.0

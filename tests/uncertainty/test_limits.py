@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.stats import f as fisher
 
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.identification import Sharing
@@ -22,6 +23,8 @@ from damperfit.uncertainty.residuals import (
     StretchResiduals,
     diagnose,
     independent_phases,
+    is_beyond_chance,
+    split_power,
 )
 from tests import fakes
 from tests.uncertainty.test_status import known
@@ -71,6 +74,14 @@ def test_a_flaw_is_named_that_explains_half_of_what_repeats(share: float, *, is_
     rest = even(trace, 14)
     residuals = math.sqrt(share) + math.sqrt(1.0 - share) * (rest - rest.mean())
     assert named(residuals) == (["offset"] if is_named else [])
+
+
+@pytest.mark.parametrize(("share", "is_tied"), [(0.83, False), (0.87, True)])
+def test_a_second_flaw_is_named_that_explains_nearly_as_much(share: float, *, is_tied) -> None:
+    rest = even(fakes.trace(1), 14)
+    gas = math.sqrt(share) + math.sqrt(1.0 - share) * (rest - rest.mean())
+    found = named(np.full(len(rest), 0.3), gas=gas)  # a gas 30 % off
+    assert found == (["offset", "gas_pressure"] if is_tied else ["offset"])
 
 
 def folded(rng, span: int = 1, *, cycles: int = 200, phases: int = 400) -> np.ndarray:
@@ -198,3 +209,21 @@ def part(residuals: np.ndarray, n_cycles: int, noise: float = 1.0) -> StretchRes
         return StretchResiduals(stretch, 1e-3, residuals)
     folded = residuals.reshape(n_cycles, -1)
     return StretchResiduals(stretch, 1e-3, residuals, folded, folded - folded.mean(axis=0))
+
+
+@pytest.mark.parametrize(("share", "repeats"), [(1.002, True), (0.998, False)])
+def test_what_noise_has_once_in_a_million_repeats(share: float, *, repeats: bool) -> None:
+    parts = [part(np.random.default_rng(4).standard_normal(1500), 15)]
+    phases = independent_phases(parts[0].about)
+    bar = fisher.ppf(1.0 - 1e-6, phases, 14.0 * phases)
+    assert is_beyond_chance(parts, share * bar) is repeats
+
+
+@pytest.mark.parametrize(("power", "is_more"), [(3.9, False), (4.1, True)])
+def test_where_nothing_repeats_four_times_the_noise_is_more_than_noise(
+    power: float, *, is_more: bool
+) -> None:
+    residuals = math.sqrt(power) * np.array([1.0, -1.0] * 50)
+    repeats, noise, is_beyond = split_power([part(residuals, 0)])
+    assert (repeats, noise) == pytest.approx((power - 1.0, 1.0))
+    assert is_beyond() is is_more

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from damperfit.adjustment.clicks import compare_settings
-from damperfit.adjustment.force_at import force_at, stage_of
+from damperfit.adjustment.force_at import Force, force_at, stage_of
 from damperfit.conditioning import condition
 from damperfit.damper.mounting import FIT, Mounting
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
@@ -22,6 +22,7 @@ from damperfit.recording import Recording
 from damperfit.simulation import simulate, sine_motion
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty import assess
+from damperfit.uncertainty.speed_forces import MeasuredForce
 from tests.identification.rig import TIGHT, recording
 from tests.laws.valve_logs import VALUES, damper, moved
 from tests.uncertainty.flaws import speed
@@ -199,3 +200,52 @@ def test_an_error_for_the_wrong_model_holds_what_another_stroke_moves() -> None:
     assert intervals["k_e"].misfit / values.k_e == pytest.approx(0.23, abs=0.02)
     # It knows nothing of what the parameters absorb.
     assert shortest.r_m1 - values.r_m1 > 5.0 * intervals["r_m1"].misfit
+
+
+@pytest.mark.parametrize(
+    ("difference", "measured", "error", "disagrees"),
+    [
+        (20.1, 1000.0, 0.0, True), (19.9, 1000.0, 0.0, False),  # 2 %
+        (7.6, 3.0, 0.0, True), (7.4, 3.0, 0.0, False),  # half a per cent of half the range
+        (23.1, 1000.0, 1.0, True), (22.9, 1000.0, 1.0, False),  # and three standard errors
+    ],
+)  # fmt: skip
+def test_by_how_much_a_model_may_miss_the_measured_force(
+    difference, measured, error, disagrees
+) -> None:
+    seen = MeasuredForce(
+        measured, error, error, 0.0, difference, math.nan, math.nan, measured, "pvp", (0.1, 0.1)
+    )
+    plain = Force(Setting.of(1), 0.1, "rebound", 900.0, 1.0, 1.0, np.zeros(0))
+    assert replace(plain, measured=seen, half_range=1500.0).disagrees is disagrees
+
+
+def test_turning_one_adjuster_is_no_change_of_the_other_stroke() -> None:
+    """A turn of the compression adjuster was reported as rebound +179 %."""
+    model = replace(damper(), mounting=Mounting(FIT, "none", FIT))
+    numbers = {name: value for name, value in VALUES.items() if name != "play"} | RIG
+    clicks = {8: 2.9e4, 4: 7e4}
+    traces = []
+    for k, (rebound, compression) in enumerate((r, c) for r in clicks for c in clicks):
+        truth = model.values(
+            numbers, rebound_bleed=clicks[rebound], compression_bleed=clicks[compression]
+        )
+        trace = logged(model, truth, moved(SPEEDS[3:]), noise=1.0, stroke_noise=2e-6)
+        label = Setting((("rebound", rebound), ("compression", compression)))
+        traces.append(replace(trace, name=f"{k}.csv", setting=label))
+    free = ("rebound_bleed", "rebound_opening", "compression_bleed", "compression_opening", "f_f")
+    options = FitOptions(
+        "plain",
+        free=free,
+        fixed={name: getattr(truth, name) for name in truth.names if name not in free},
+        start=GivenStart({name: getattr(truth, name) for name in free}),
+    )
+    campaign = identify(traces, model, options)
+    shown = compare_settings(campaign, assess(campaign, model), model, speeds=SPEEDS[3:])
+    assert len(shown.clicks) == 2 * 2 * 2 * 3
+    for one in shown.clicks:
+        own = "rebound" if one.stroke == "rebound" else "compression"
+        if one.adjuster == own:
+            assert abs(one.percent) > 5.0
+        else:
+            assert abs(one.percent) < 0.2

@@ -206,3 +206,14 @@ def test_a_verdict_says_how_a_parameter_was_found_and_its_limits(status, limits,
     tie = doubts(fakes.campaign(fit), Assessment(uncertainties=(judged,)))[-1]
     assert tie.code == "correlated"
     assert str(tie).startswith("r_m1 and r_m2 are strongly correlated at setting 1 (+0.98)")
+
+
+@pytest.mark.parametrize(("rise", "is_better"), [(-0.48, False), (-0.52, True)])
+def test_another_minimum_is_better_from_half_a_unit(rise, *, is_better) -> None:
+    assert (profile(1.0, 3.0, better=rise).better is not None) is is_better
+
+
+@pytest.mark.parametrize(("tie", "is_tie"), [(0.9, False), (0.96, True), (-0.96, True)])
+def test_a_tie_is_a_correlation_that_triples_an_error(tie: float, *, is_tie: bool) -> None:
+    campaign, judged = fakes.campaign(fakes.fit(1)), Assessment(uncertainties=(known(tie=tie),))
+    assert bool(doubts(campaign, judged)) is is_tie
