@@ -133,7 +133,7 @@ class Words:
         name, key, value = option.name, option.key, str(option.value)
         if self.call:
             return _keyword(name, key, value)
-        option_name = f"--{name.replace('_', '-')}"
+        option_name = f"--{name.rstrip('_').replace('_', '-')}"
         given = f"{key}={value}" if key and value else key or value
         given = shlex.quote(given) if _OF_SHELLS & set(given) else given
         return f"{option_name} {given}" if given else option_name

@@ -1113,6 +1113,12 @@ class Run:
 
         return damperfit.advise(self, for_=for_, **limits)
 
+    def ride(self, **how: Any) -> Any:
+        """Return comfort and wheel load by setting; keywords as of `damperfit.ride`."""
+        import damperfit
+
+        return damperfit.ride(self, **how)
+
     def valves(self, **how: Any) -> Any:
         """Return the valves as parts; keywords as of `damperfit.valves`."""
         import damperfit

@@ -208,8 +208,8 @@ class Advice:
                 f"{test.speed:.3g}",
                 str(test.cycles),
                 f"{test.minutes:.1f}",
-                f"{100.0 * test.share:.2g}",
-                f"{100.0 * max(test.shares.values()):.2g}",
+                f"{100.0 * test.share:.3g}",
+                f"{100.0 * max(test.shares.values()):.3g}",
             )
             for test in self.tests
         )
@@ -237,7 +237,7 @@ class Advice:
             )
             return (
                 f"no test within these limits narrows the interval of {title} by more than "
-                f"{100.0 * (1.0 - best.share):.0f} %: {why}"
+                f"{max(100.0 * (1.0 - best.share), 0.0):.0f} %: {why}"
             )
         return (
             f"test {1e3 * best.amplitude:.3g} mm at {best.frequency:.3g} Hz "

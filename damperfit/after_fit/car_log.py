@@ -10,7 +10,7 @@ import numpy as np
 
 from damperfit.conditioning.filters import differentiate
 from damperfit.errors import ConfigurationError
-from damperfit.io.files import read_bytes
+from damperfit.io.files import read_text
 from damperfit.reporting.sheet import Sheet
 from damperfit.simulation import Motion
 from damperfit.tables.files import json_values
@@ -29,9 +29,13 @@ if TYPE_CHECKING:
 __all__ = ["Band", "DrivenStroke", "drive_along", "read_stroke"]
 
 _EDGES = (0.0, 0.025, 0.05, 0.1, 0.2, 0.5, np.inf)  # m/s
+_GAP = 10.0  # times the usual step in time
 _NAMES = {
     "time": (r"time|t", "time"),
-    "displacement": (r"displacement|position|stroke|travel|x", "length"),
+    "displacement": (
+        r"displacement|position|stroke|travel|damper[ _](?:position|pos|travel|displacement)|x",
+        "length",
+    ),
 }
 
 
@@ -112,19 +116,34 @@ def read_stroke(path: Path) -> Motion:
 
     import pandas as pd
 
+    if not path.is_file():
+        raise ConfigurationError("no such file", subject=path, code="stroke")
     try:
-        frame = pd.read_csv(io.BytesIO(read_bytes(path)), comment="#", sep=None, engine="python")
-    except (ValueError, OSError) as error:
-        raise ConfigurationError(
-            f"no table of numbers: {error}", subject=path, code="stroke"
-        ) from None
+        text = read_text(path)
+    except UnicodeDecodeError:
+        raise ConfigurationError("no text in UTF-8", subject=path, code="stroke") from None
+    head = next((line for line in text.splitlines() if line and not line.startswith("#")), "")
+    separator = max(";\t,", key=head.count)
+    decimal = "," if separator != "," and "," in text else "."
+    try:
+        frame = pd.read_csv(io.StringIO(text), comment="#", sep=separator, decimal=decimal)
+    except ValueError as error:
+        sentence = f"no table with a row of names: {error}"
+        raise ConfigurationError(sentence, subject=path, code="stroke") from None
     channels = {name: _channel(path, frame, name) for name in _NAMES}
     time, displacement = channels["time"], channels["displacement"]
-    if len(time) < 10 or not (np.diff(time) > 0.0).all():
-        raise ConfigurationError(
-            "expected ten rows or more with rising times", subject=path, code="stroke"
-        )
-    interval = float(np.median(np.diff(time)))
+    if len(time) < 10:
+        sentence = f"found {len(time)} rows; expected ten or more"
+        raise ConfigurationError(sentence, subject=path, code="stroke")
+    steps = np.diff(time)
+    if not (steps > 0.0).all():
+        row = int(np.argmin(steps > 0.0)) + 2
+        raise ConfigurationError(f"time does not rise at row {row}", subject=path, code="stroke")
+    interval = float(np.median(steps))
+    if steps.max() > _GAP * interval:
+        row = int(np.argmax(steps)) + 2
+        sentence = f"a gap of {steps.max():.3g} s before row {row}; cut the log there"
+        raise ConfigurationError(sentence, subject=path, code="stroke")
     uniform = np.arange(time[0], time[-1], interval)
     x = np.interp(uniform, time, displacement)
     x -= 0.5 * (x.max() + x.min())
@@ -132,23 +151,33 @@ def read_stroke(path: Path) -> Motion:
 
 
 def _channel(path: Path, frame: Any, name: str) -> FloatArray:
+    import pandas as pd
+
     words, dimension = _NAMES[name]
+    example = "s" if name == "time" else "mm"
     for column in frame.columns:
         found = re.fullmatch(
             rf"\s*(?:{words})[ _(\[]*([^)\]\s]*)[)\]]?\s*", str(column), re.IGNORECASE
         )
-        if found:
-            try:
-                factor = parse_quantity(f"1{found[1]}", dimension)
-                return np.asarray(frame[column], dtype=np.float64) * factor
-            except (QuantityError, ValueError) as error:
-                raise ConfigurationError(
-                    f"column {column!r}: {error}", subject=path, code="stroke"
-                ) from None
+        if found is None:
+            continue
+        if not found[1]:
+            sentence = f"column {column!r} has no unit; name it as in {name}_{example}"
+            raise ConfigurationError(sentence, subject=path, code="stroke")
+        try:
+            factor = parse_quantity(f"1{found[1]}", dimension)
+        except QuantityError as error:
+            sentence = f"column {column!r}: {error}"
+            raise ConfigurationError(sentence, subject=path, code="stroke") from None
+        values = pd.to_numeric(frame[column], errors="coerce").to_numpy(np.float64)
+        if not np.isfinite(values).all():
+            row = int(np.argmin(np.isfinite(values))) + 1
+            sentence = f"column {column!r}, row {row}: no number"
+            raise ConfigurationError(sentence, subject=path, code="stroke")
+        return np.asarray(values * factor, dtype=np.float64)
     columns = ", ".join(map(str, frame.columns))
     raise ConfigurationError(
-        f"no column of {name}; found {columns}; expected one as in {name}_"
-        f"{'s' if name == 'time' else 'mm'}",
+        f"no column of {name}; found {columns}; expected one as in {name}_{example}",
         subject=path,
         code="stroke",
     )

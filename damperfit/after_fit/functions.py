@@ -26,6 +26,7 @@ __all__ = ["advise", "passport", "ride", "valves", "watch"]
 
 _RESULTS = Path("results")
 _FASTER = 2.0  # times the tested speed, where the rig's is not declared
+_OF_TRAVEL = 0.9  # what a candidate may take of the damper's travel
 _FASTEST = 10.0  # Hz, likewise
 
 
@@ -33,7 +34,7 @@ _FASTEST = 10.0  # Hz, likewise
 def advise(  # noqa: PLR0913 - one keyword an option of the command line
     results: Run | str | Path = _RESULTS,
     *,
-    for_: str,
+    for_: str | None = None,
     setting: str | None = None,
     max_stroke: str | float | None = None,
     max_speed: str | float | None = None,
@@ -59,6 +60,12 @@ def advise(  # noqa: PLR0913 - one keyword an option of the command line
     from damperfit.after_fit.advise import Limits, Question
     from damperfit.after_fit.advise import advise as advised
 
+    if for_ is None:
+        raise ConfigurationError(
+            "expected {for_}, what is to be known better: a quantity such as k_e, or force@0.05m/s",
+            for_=Option("for_"),
+            code="question",
+        )
     run = run_of(results, "damperfit.advise", config)
     wanted = run.settings if setting is None else (_setting(run, setting),)
     rig = run.configuration.rig
@@ -72,12 +79,13 @@ def advise(  # noqa: PLR0913 - one keyword an option of the command line
             "rig.max_speed",
             code="no-limits",
         )
+    stroke = min(stroke, _OF_TRAVEL * run.damper.travel)
     limits = Limits(
         stroke,
         speed,
         _limit("max_force", max_force, rig.max_force, "force") or math.inf,
         _limit("max_frequency", max_frequency, rig.max_frequency, "frequency") or _FASTEST,
-        minutes,
+        _positive("minutes", minutes),
     )
     return advised(run, Question.of(for_), limits, wanted)
 
@@ -103,9 +111,9 @@ def valves(
 
     return read_valves(
         run_of(results, "damperfit.valves", config),
-        discharge=cd,
-        discharge_spread=cd_spread,
-        seat=None if seat is None else parse_quantity(seat, "length", option=Option("seat")),
+        discharge=_positive("cd", cd),
+        discharge_spread=_spread(cd, cd_spread),
+        seat=None if seat is None else _positive("seat", seat, "length"),
         reference=None if reference is None else run_of(reference, "damperfit.valves"),
     )
 
@@ -206,6 +214,17 @@ def watch(
     earlier = None if reference is None else run_of(reference, "damperfit.watch")
     if not place.is_dir():
         raise ConfigurationError("no such folder", subject=place, code="no-folder")
+    if out is not None:
+        from damperfit.store import check_writable
+
+        if place.resolve().is_relative_to(Path(out).resolve()):
+            raise ConfigurationError(
+                "the results would stand among the logs; give another folder, such as "
+                f"{place / 'results'}",
+                where=Option("out", out),
+                code="out-is-watched",
+            )
+        check_writable(Path(out))
     return _watched(place, out, earlier, config, stop or Event())
 
 
@@ -258,6 +277,16 @@ def run_of(results: object, call: str, config: str | Path | None = None) -> Run:
     return refuse_unfitted(Run.load(folder_of(results, call), config=own))
 
 
+def _spread(cd: float, spread: float) -> float:
+    if not 0.0 <= spread < cd:
+        raise ConfigurationError(
+            f"expected 0 or more, and less than the coefficient, {cd:g}",
+            where=Option("cd_spread", spread),
+            code="cd-spread",
+        )
+    return spread
+
+
 def _setting(run: Run, setting: str) -> SettingResult:
     try:
         return run.setting(setting)
@@ -266,4 +295,17 @@ def _setting(run: Run, setting: str) -> SettingResult:
 
 
 def _limit(name: str, given: str | float | None, declared: float, dimension: str) -> float:
-    return declared if given is None else parse_quantity(given, dimension, option=Option(name))
+    return declared if given is None else _positive(name, given, dimension)
+
+
+def _positive(name: str, given: object, dimension: str = "") -> float:
+    """Read a number above 0, of a dimension or plain."""
+    if dimension:
+        value = parse_quantity(str(given), dimension, option=Option(name))
+    else:
+        value = float(str(given))
+    if not 0.0 < value < math.inf:
+        raise ConfigurationError(
+            "expected more than 0", where=Option(name, given), code="not-above-0"
+        )
+    return value

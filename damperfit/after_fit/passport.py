@@ -18,7 +18,7 @@ from damperfit.reporting.report import lead
 from damperfit.reporting.run_figures import report_plots
 from damperfit.reporting.sheet import Sheet, html_table, rows_in_units, sheet_in_units
 from damperfit.reporting.tables import parameter_sheet
-from damperfit.store import write_text
+from damperfit.store import check_writable, write_text
 
 if TYPE_CHECKING:
     from damperfit.results import Run
@@ -70,6 +70,7 @@ def write_passport(run: Run, folder: Path, units: ShownUnits) -> tuple[Path, Pat
     stem = f"passport_{re.sub(r'[^A-Za-z0-9._-]+', '_', Path(name).name) or 'damper'}"
     document = passport_document(run)
     page, record = folder / f"{stem}.html", folder / f"{stem}.json"
+    check_writable(folder)
     folder.mkdir(parents=True, exist_ok=True)
     write_text(record, json.dumps(document, indent=1, allow_nan=False) + "\n")
     write_text(page, _page(run, document["passport"], units))

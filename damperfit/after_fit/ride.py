@@ -47,6 +47,7 @@ _SLOWEST, _FASTEST = 0.01, 10.0  # cycles/m
 _ROUNDS, _FREE_ROUNDS, _DEPTH, _AGREED = 60, 4, 6, 1e-3  # of the damper's force, rms
 _STEP = 1e-2  # of u, for derivatives
 _FRICTION_BAND = 5e-3  # m/s, as in an exported FMU: with the fit's a car at rest would shake
+_LIFTS = 0.33  # rms of the dynamic load over the static one: three deviations lift the wheel
 _LEAD = 1.0  # s that the damper runs in, before the period
 _KEYS = {
     "sprung_mass": "mass",
@@ -149,11 +150,24 @@ class Ride:
         """The answer in a sentence."""
         softest = min(self.settings, key=lambda one: one.comfort)
         safest = min(self.settings, key=lambda one: one.wheel_load)
+        flying = [one.setting for one in self.settings if one.load_share > _LIFTS]
+        warning = (
+            "; the wheel leaves the road now and then at setting "
+            f"{', '.join(flying)}, where a linear tyre says nothing"
+            if flying
+            else ""
+        )
+        if len(self.settings) == 1:
+            return (
+                f"road {self.car.road} at {self.car.speed:.3g} m/s, setting {softest.setting}: "
+                f"{softest.comfort:.3g} m/s2 weighted, wheel load {softest.wheel_load:.3g} N rms"
+                f"{warning}"
+            )
         return (
             f"road {self.car.road} at {self.car.speed:.3g} m/s: setting {softest.setting} is most "
             f"comfortable ({softest.comfort:.3g} m/s2 weighted), setting {safest.setting} holds "
             f"the road best ({safest.wheel_load:.3g} N rms); no other beats "
-            f"{', '.join(self.pareto)} in both"
+            f"{', '.join(self.pareto)} in both{warning}"
         )
 
     def document(self) -> dict[str, Any]:
@@ -199,6 +213,8 @@ def read_car(path: Path) -> Car:
     """
     from damperfit.io.files import read_text
 
+    if not path.is_file():
+        raise ConfigurationError("no such file", subject=path, code="car")
     try:
         table = tomllib.loads(read_text(path))
     except (tomllib.TOMLDecodeError, OSError, UnicodeDecodeError) as error:

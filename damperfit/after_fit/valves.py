@@ -234,6 +234,14 @@ def sized_for(run: Run, setting: SettingResult, quantity: str, force: float, spe
         No value within a factor of a thousand gives it.
     """
     values = setting.parameters
+    if quantity not in values.names:
+        raise ConfigurationError(
+            f"found {quantity!r}; expected one of {', '.join(values.names)}", code="no-quantity"
+        )
+    if not (math.isfinite(force) and math.isfinite(speed)):
+        raise ConfigurationError(
+            f"expected finite numbers, found {force:g} N at {speed:g} m/s", code="not-finite"
+        )
 
     def missing(step: float) -> float:
         return _force(run.damper, values, quantity, math.exp(step), speed) - force

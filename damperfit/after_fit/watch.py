@@ -19,7 +19,7 @@ __all__ = ["Arrival", "answered", "arrivals"]
 
 _SETTLED = 0.3  # s without a change: the rig has closed the log
 _POLL = 100  # ms between looks for files that have settled
-_OWN = (".parquet", ".json", ".html", ".toml", ".md", ".png", ".svg", ".pdf")
+_OWN = (".parquet", ".json", ".html", ".toml", ".md", ".png", ".svg", ".pdf", ".ipynb")
 _STROKES = {"rebound": "rebound", "bump": "compression"}
 
 
@@ -111,7 +111,9 @@ def answered(path: Path, fit: Callable[[Path], Run], reference: Run | None, name
         run = fit(path)
     except DamperfitError as error:
         why = str(error).removeprefix("no setting could be fitted: ")
-        return Arrival(path, None, f"{name}: {why.removeprefix(f'{path.name}: ')}")
+        for prefix in (f"{path.name}: ", f"{path.name}, "):
+            why = why.removeprefix(prefix)
+        return Arrival(path, None, f"{name}: {why}")
     if run.failures or not run.settings:
         why = "; ".join(run.failures) or "no setting was fitted"
         return Arrival(path, None, f"{name}: {why}")
@@ -164,4 +166,5 @@ def _difference(forces: list[dict[str, Any]], reference: Run, label: str) -> str
     ]
     if not changes:
         return f"setting {label} is not in {reference.name} at this speed"
-    return f"{', '.join(f'{change:+.2g} %' for change in changes)} of {reference.name}"
+    shown = ", ".join(f"{change:+.2g} %" for change in changes)
+    return f"{shown} beside {reference.name}"

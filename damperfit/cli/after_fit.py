@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import signal
+from threading import Event
 from typing import Any
 
 from damperfit.after_fit import functions
@@ -83,7 +85,9 @@ def watch(how: Shown, **given: Any) -> int:
 
     Example: damperfit watch runs --out results --reference before
     """
-    arrivals = functions.watch(**given)
+    stop = Event()
+    signal.signal(signal.SIGTERM, lambda *_: stop.set())
+    arrivals = functions.watch(**given, stop=stop)
     if not how.quiet:
         say(f"damperfit: watching {given['folder']}; Ctrl-C ends it")
     try:

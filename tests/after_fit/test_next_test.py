@@ -86,3 +86,34 @@ def test_a_model_without_valves_has_none(sample_results) -> None:
     found = damperfit.identify([log], model="bilinear")
     with pytest.raises(ConfigurationError, match="no orifices"):
         found.valves()
+
+
+@pytest.mark.parametrize(
+    ("words", "code"),
+    [
+        ("advise {results}", 2),
+        ("advise {results} --for k_e --minutes nan", 2),
+        ("advise {results} --for k_e --minutes 0", 2),
+        ("advise {results} --for k_e --max-stroke -5mm", 2),
+        ("advise {results} --for k_e --max-force 0N", 2),
+        ("valves {results} --cd 0", 2),
+        ("valves {results} --cd nan", 2),
+        ("valves {results} --cd-spread 0.8", 2),
+        ("valves {results} --seat 0mm", 2),
+        ("passport {results} --out {log}", 2),
+        ("watch {folder} --out {folder}", 2),
+        ("ride {results} --stroke nowhere.csv", 2),
+        ("ride {results} --car nowhere.toml", 2),
+    ],
+)
+def test_what_cannot_be_is_one_line(results, sample_results, capsys, words, code) -> None:
+    folder = sample_results / "sample_runs"
+    given = {"results": results, "log": folder / "setting_01.csv", "folder": folder}
+    assert main(words.format(**given).split()) == code
+    assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+def test_a_larger_rig_is_no_hindrance(fitted) -> None:
+    advice = fitted.advise("k_e", setting=10, max_stroke=5.0)
+    assert advice.tests
+    assert advice.tests[0].amplitude < fitted.damper.travel

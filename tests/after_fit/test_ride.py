@@ -127,3 +127,35 @@ def test_a_car_that_is_none_is_refused_in_one_line(results, tmp_path, capsys, te
     assert main(["ride", str(results), "--car", str(tmp_path / "car.toml")]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert word in line
+
+
+def test_a_car_log_with_semicolons_and_decimal_commas_is_read(results, tmp_path) -> None:
+    plain, german = tmp_path / "plain.csv", tmp_path / "german.csv"
+    rows = [f"{t / 100:.2f},{5.0 * math.sin(t / 7):.4f}" for t in range(400)]
+    plain.write_text("\n".join(["time_s,displacement_mm", *rows]))
+    german.write_text(
+        "\n".join(
+            ["Time [s];Damper Pos [mm]", *(r.replace(",", ";").replace(".", ",") for r in rows)]
+        )
+    )
+    run = damperfit.load(results)
+    first, second = (damperfit.ride(run, stroke=path, setting=10) for path in (plain, german))
+    assert first.bands == second.bands
+
+
+@pytest.mark.parametrize(
+    ("text", "word"),
+    [
+        ("", "no table"),
+        ("time,displacement\n" + "0,1\n" * 20, "no unit"),
+        ("time_s,x_mm\n0,1\n", "1 rows"),
+        ("time_s,x_mm\n" + "0,1\n" * 20, "does not rise"),
+        ("time_s,x_mm\n" + "".join(f"{k},\n" for k in range(20)), "no number"),
+        ("time_s,x_mm\n" + "".join(f"{k + 40 * (k > 9)},1\n" for k in range(20)), "gap"),
+    ],
+)
+def test_a_stroke_that_cannot_be_read_is_one_line(results, tmp_path, capsys, text, word) -> None:
+    (tmp_path / "lap.csv").write_text(text)
+    assert main(["ride", str(results), "--stroke", str(tmp_path / "lap.csv")]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert word in line
