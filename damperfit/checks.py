@@ -326,7 +326,7 @@ def _damper_declared(subject: Subject) -> _Verdict:
     names = subject.undeclared
     if subject.whose:
         said = f"no damper is declared: {subject.whose} is assumed; declare yours in [damper] "
-        return None, f"{said}and give it with --config"
+        return None, f"{said}of a configuration"
     if names:
         return False, (
             f"[damper] is declared without {', '.join(names)}: defaults are used for these"

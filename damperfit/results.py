@@ -397,7 +397,8 @@ class Run:
         if not run._rows.get("parameters") and not run._signals:
             raise ConfigurationError(
                 f"nothing to show, {'; '.join(run._remarks) or 'its tables are empty'}; "
-                "run damperfit identify LOGS --out FOLDER first",
+                "run identify with {out} first",
+                out=Option("out", "FOLDER"),
                 subject=place,
             )
         run._check_settings()
@@ -681,7 +682,7 @@ class Run:
             given = self.configured(given, config=self._config)
         elif self._config is None:
             self._remarks.append(
-                "the damper of the run is not known: the paper's is assumed; give --config"
+                "the damper of the run is not known: the paper's is assumed; declare yours"
             )
         return warmed_to(given, self._temperature)
 
@@ -775,12 +776,12 @@ class Run:
         if given.damper.name != own.name:
             if "damper.model" not in given.declared:
                 return
-            option = "--model" if config is None else "--config"
-            who = option if config is None else f"{option} {config}"
+            option = "model" if config is None else "config"
             raise ConfigurationError(
                 f"damper.model is {given.damper.name}, but the parameters of {self.source} "
-                f"are of {own.name}; leave {option} out, or run identify again with it",
-                subject=who,
+                f"are of {own.name}; leave {{option}} out, or run identify again with it",
+                option=Option(option),
+                where=Option(option, config or ""),
             )
         for name, (_, _, unit) in own.ranges.items():
             found, fitted = getattr(given.damper, name), getattr(own, name)

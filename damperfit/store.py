@@ -261,7 +261,7 @@ def reserved(folder: Path) -> Iterator[None]:
     missing = [parent for parent in (folder, *folder.parents) if not os.path.lexists(parent)]
     refusal = (
         f"{folder}: another run is at work there; wait for it to end, or give this "
-        "one a folder of its own (--out)"
+        "one a folder of its own{out}"
     )
     with ExitStack() as held:
         held.callback(_remove_empty, missing)
@@ -379,7 +379,7 @@ def _locked(path: Path, *, patience: float, refusal: str) -> Iterator[None]:
         except BlockingIOError:
             pass
         if time.monotonic() >= until:
-            raise OutputError(refusal)
+            raise OutputError(refusal, out=Option("out", is_aside=True))
         time.sleep(_PAUSE)
 
 

@@ -179,7 +179,7 @@ class Contradiction:
         )
         if None not in warmth and abs((warmth[0] or 0.0) - (warmth[1] or 0.0)) > _WARMER:
             said += (
-                f", at {warmth[0]:.3g} and {warmth[1]:.3g} degC (--covariate temperature fits both)"
+                f", at {warmth[0]:.3g} and {warmth[1]:.3g} degC (covariate temperature fits both)"
             )
         return said
 

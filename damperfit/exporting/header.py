@@ -128,7 +128,7 @@ def _beyond(tables: Sequence[ForceTable]) -> str:
         )
     return (
         f"beyond {tables[0].end:.4g} m/s there is nothing: do not let a program hold the last "
-        "value, the damper's force goes on rising; --extend SPEED adds rows of the model"
+        "value, the damper's force goes on rising; an extended table has rows of the model"
     )
 
 

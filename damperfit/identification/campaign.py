@@ -18,7 +18,7 @@ from damperfit.identification.fit_problem import FitProblem, kept_within
 from damperfit.identification.fit_setting import Fit
 from damperfit.identification.sharing import Sharing
 from damperfit.identification.starts import Search, best_fitting, best_of_starts
-from damperfit.problem import Failure
+from damperfit.problem import Failure, Problem
 from damperfit.tested.setting import Setting
 from damperfit.workers import apart
 
@@ -84,7 +84,7 @@ class Campaign:
         By rising setting.
     failures : tuple of SettingFailure
         Settings without a fit and why.
-    warnings : tuple of str
+    warnings : tuple of Problem or str
         One plain sentence each.
     is_complete : bool
         False when the caller asked to stop before every setting was done.
@@ -101,7 +101,7 @@ class Campaign:
     procedure: str
     fits: tuple[Fit, ...]
     failures: tuple[SettingFailure, ...] = ()
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Problem | str, ...] = ()
     is_complete: bool = True
     sharing: Sharing = Sharing()
     searches: tuple[Search, ...] = ()
@@ -132,7 +132,7 @@ class Campaign:
 def fit_every_setting(
     given: ProcedureInput,
     fit: Callable[[Setting], tuple[Fit, Search | None]],
-    warnings: Iterable[str] = (),
+    warnings: Iterable[Problem | str] = (),
     *,
     known: Mapping[Setting, SettingFailure] = MappingProxyType({}),
 ) -> Campaign:

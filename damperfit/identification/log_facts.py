@@ -171,7 +171,7 @@ def _by_noise(traces: Sequence[Trace]) -> tuple[FloatArray | None, ...]:
 
 _ONE_SPEED = (
     "the logs hold one speed, so that the valves and friction cannot be separated: "
-    "add a log or a stretch at another speed, or hold one valve and the friction (--fix)."
+    "add a log or a stretch at another speed, or hold one valve and the friction."
 )
 
 _FEW_SPEEDS = (

@@ -40,6 +40,7 @@ from damperfit.identification.fit_setting import (
 from damperfit.identification.outcome import Outcome, Status
 from damperfit.identification.sharing import Sharing, of_settings
 from damperfit.identification.starts import Search, fit_from
+from damperfit.problem import Option, Problem, warning
 from damperfit.statistics import CHI_SQUARED_95, chi_squared_quantile
 from damperfit.workers import apart
 
@@ -119,7 +120,7 @@ class _Stages:
         self.shared: dict[str, float] = {}
         self.status: dict[str, Status] = {}
         self.sharing = Sharing()
-        self.warnings: list[str] = []
+        self.warnings: list[Problem | str] = []
 
     def run(self) -> None:
         """Fit everything free everywhere, then find what is shared."""
@@ -259,10 +260,11 @@ class _Stages:
             used = used or tuple(sorted(s for s, one in self.judged.items() if counts(one)))
         if not used:
             self.shared[MEAN] = self._fallback(MEAN)
-            self.warnings.append(
+            said = (
                 f"no setting's logs determine the friction: {self.shared[MEAN]:g} N "
-                "(identification.fallback_f_f) is used; give --fix f_f=VALUE if yours is known."
+                "(identification.fallback_f_f) is used"
             )
+            self.warnings.append(_assumed(said, MEAN))
             return
         left_out = sorted(set(self.judged) - set(used))
         if left_out:
@@ -315,7 +317,7 @@ class _Stages:
                 f"them: {value:.4g} is used, which does"
             )
         if status is not Status.SHARED:
-            self.warnings.append(f"{said}; give --fix r_m3=VALUE if yours is known.")
+            self.warnings.append(_assumed(said, TAKEN))
         is_from_logs = status is not Status.FIXED
         self.judged[setting] = again if is_from_logs else first
         self.shared[TAKEN], self.status = value, {TAKEN: status}
@@ -324,6 +326,13 @@ class _Stages:
             taken={TAKEN: setting} if is_from_logs else {},
             held=(MEAN,) if is_refined and is_from_logs else (),
         )
+
+
+def _assumed(said: str, name: str) -> Problem:
+    """A warning that a value is used which the logs do not determine."""
+    return warning(
+        "said", f"{said}; give {{fix}} if yours is known.", fix=Option("fix", "VALUE", name)
+    )
 
 
 def _is_good(first: FitResult) -> bool:

@@ -32,7 +32,7 @@ from damperfit.identification.mean_cycle import SettledLogs, settled
 from damperfit.identification.options import FitOptions, check_options, shared_names
 from damperfit.identification.paper import MEAN, TAKEN, as_in_the_paper
 from damperfit.identification.starts import Search, fit_from
-from damperfit.problem import Failure, Option
+from damperfit.problem import Failure, Option, Problem
 from damperfit.recording import Trace, natural_order
 from damperfit.tested.setting import Setting
 from damperfit.workers import apart
@@ -235,7 +235,7 @@ def _each_beside(
     start: Callable[[Setting, FitProblem], Values],
     spent: Mapping[Setting, int],
     *,
-    warnings: Iterable[str] = (),
+    warnings: Iterable[Problem | str] = (),
     known: Mapping[Setting, Failure] = MappingProxyType({}),
 ) -> Campaign:
     """What is each setting's own, fitted beside what a joint fit has found."""

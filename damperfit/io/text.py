@@ -198,8 +198,8 @@ def _with_time_of_titles(tables: tuple[Table, ...], options: ReadOptions) -> tup
     rate = _rate(tables, np.array([float(stamp[1].replace(",", ".")) for stamp in stamps]))
     if rate is None:
         hint = (
-            "only the titles of its blocks give a time, and no steady rate; if the rate is known: "
-            "--rig sample_rate=HZ"
+            "only the titles of its blocks give a time, and no steady rate; if the rate is known, "
+            "declare rig.sample_rate"
         )
         return tuple(replace(table, hint=table.hint or hint) for table in tables)
     first = tables[0]

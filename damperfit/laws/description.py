@@ -362,7 +362,7 @@ def _of_layouts(search: LawSearch, tests: _Tests) -> Iterator[str]:
     yield (
         f"The layout, {listed}: they fit and predict alike. Pressures and orifices of the valves "
         "differ with it (intervals of identify hold both), forces hardly. The maker's drawing "
-        f"decides it (damper.model, or models --layout), or {test}."
+        f"decides it (damper.model, or a layout for models), or {test}."
     )
 
 
@@ -502,6 +502,6 @@ def _of_prediction(fits: Sequence[LawFit], tests: _Tests) -> Iterator[str]:
         speed = 0.3 * tests.fastest
     yield (
         f"How well the law predicts another test: {which}. One more log decides it, of "
-        f"{speed:.2g} m/s at a stroke of {0.6e3 * tests.amplitude:.2g} mm to both sides, given to "
-        "--hold-out."
+        f"{speed:.2g} m/s at a stroke of {0.6e3 * tests.amplitude:.2g} mm to both sides, held "
+        "out."
     )

@@ -196,7 +196,8 @@ def damper_of(
     if isinstance(meant.damper, Warmed) and BETA.name not in choice.parameters.names:
         raise ConfigurationError(
             f"damper.reference_temperature: {choice.source.partition(': ')[2]}, has no beta; leave "
-            "the key out, or take results of damperfit identify --covariate temperature"
+            "the key out, or take results of identify with {covariate}",
+            covariate=Option("covariate", "temperature"),
         )
     return meant, line
 
@@ -541,7 +542,7 @@ class ChosenParameters:
             said.append(
                 f"{names} at setting {self.setting}: the logs of the settings that it is put "
                 "together from set no upper limit, so these forces may be far off; fit a log of "
-                "this setting, or give a value by --set"
+                "this setting, or replace the value"
             )
         elif names and is_beyond:
             said.append(
@@ -590,7 +591,7 @@ def choose_parameters(
             )
         chosen_name = None if setting is None else _meant(setting)
         given = damper.values(_replaced(damper.quantities, replaced))
-        return ChosenParameters(given, chosen_name, "parameters: all given by --set")
+        return ChosenParameters(given, chosen_name, "parameters: all given")
     path = _table(table, folder)
     quantities = damper.quantities if path is None else table_quantities(path)
     values = _replaced(quantities, replaced)

@@ -147,8 +147,8 @@ def open_layout(
             f"The layout, {fit.model.name.replace('_', ' ')} or monotube: the gas pressure is not "
             f"declared, and a monotube with more than the {1e-5 * fit.model.gas_pressure:.3g} bar "
             "that were taken may fit as well. Pressures and orifices of the valves differ with it "
-            "(intervals of identify hold both). Declare the layout (damper.model, or models "
-            "--layout), or the gas pressure as measured."
+            "(intervals of identify hold both). Declare the layout (damper.model, or a "
+            "layout for models), or the gas pressure as measured."
         )
         return (said,)
     if not isinstance(fit.model, Damper) or "damper.model" in configuration.declared:
@@ -162,8 +162,8 @@ def open_layout(
     said = (
         "The layout: the paper's model is enough for these logs, but a damper that is built "
         "otherwise may fit it as well, with other resistances and pressures for the same forces. "
-        "Where the maker's drawing shows another layout, name it (damper.model, or models "
-        "--layout)."
+        "Where the maker's drawing shows another layout, name it (damper.model, or a "
+        "layout for models)."
     )
     return (said,)
 
@@ -204,8 +204,8 @@ def assumed_gas(configuration: Configuration, tried: Sequence[Tried]) -> tuple[s
     if not missing:
         return ()
     said = (
-        f"laws of real valves were tried with {gas_in_words(missing)}, the defaults of --model "
-        "twin_tube and its like: declare what your damper has"
+        f"laws of real valves were tried with {gas_in_words(missing)}, the defaults of the "
+        "model twin_tube and its like: declare what your damper has"
     )
     return (said,)
 

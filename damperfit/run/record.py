@@ -452,8 +452,8 @@ def procedure_sentences(configuration: Configuration, campaign: Campaign) -> Ite
             yield f"{said} is shared by all settings, found from the logs{spread}."
         elif is_own and options.free and not is_asked:
             yield (
-                f"{name} of each setting is held at what a first fit of its logs gave, as --free "
-                "leaves it out; its error is not in those of the others."
+                f"{name} of each setting is held at what a first fit of its logs gave, as it "
+                "was not freed; its error is not in those of the others."
             )
         elif status == Status.FIXED and value != one.default:
             yield f"{said} is fixed."

@@ -257,7 +257,9 @@ def _verdict(
         else _seen(profile, unit)
     )
     if profile is not None and profile.better is not None:
-        where += f", a better minimum lies near {profile.better.value:.4g} {unit}: give --starts 20"
+        where += (
+            f", a better minimum lies near {profile.better.value:.4g} {unit}: fit with 20 starts"
+        )
     if status == Status.NOT_IDENTIFIABLE:
         return _of_undetermined(name, fit, known, profile, whose, (where, tied))
     if interval.misfit > 0.0:
@@ -336,7 +338,7 @@ def _seen(profile: MisfitProfile, unit: str) -> str:
     """What the misfit along the parameter says."""
     low, high = profile.low, profile.high
     if not profile.is_complete:
-        return "its profile was not completed; give --profile"
+        return "its profile was not completed; ask for profiles"
     if low is not None and high is not None:
         return f"95 % from {low:.4g} to {high:.4g} {unit} by its profile"
     if high is not None:

@@ -58,8 +58,8 @@ def test_a_value_that_no_log_limits_is_named_where_it_acts(suffix: str, tmp_path
     (said,) = unseen.warnings(0.1)
     assert said == (
         "r_m2 at setting LS14 HS3: the logs of the settings that it is put together from set no "
-        "upper limit, so these forces may be far off; fit a log of this setting, or give a value "
-        "by --set"
+        "upper limit, so these forces may be far off; fit a log of this setting, or replace the "
+        "value"
     )
     given = choose_parameters(setting="LS14 HS3", table=path, replaced={"r_m2": "3e6"})
     assert given.warnings(0.1) == ()

@@ -138,7 +138,7 @@ def test_a_contradiction_is_told_by_name_and_costs_its_setting_alone():
     assert failure.setting == 1
     assert failure.message.startswith(
         "setting 1: a.csv and b.csv contradict each other: peak force in rebound 1000 N and 1300 N "
-        "at 0.3 m/s, 26.1 % apart, at 26 and 60 degC (--covariate temperature fits both), more "
+        "at 0.3 m/s, 26.1 % apart, at 26 and 60 degC (covariate temperature fits both), more "
         "than their scatter; "
     )
     assert "--rig contradictions=average" in failure.message
