@@ -163,7 +163,8 @@ def _show_run(one: Identified) -> None:
     _tables(*sheets)
     told = run.record.get("procedure") or [configuration.damper_sentence]  # as it was fitted
     checks = wrapped(*map(one_line, check_lines(checks_in(run.record))))
-    print_lines(["", *wrapped(told[0]), "", *checks, *([""] if one.beside else [])])
+    print_lines(["", *wrapped(told[0]), ""])
+    print_lines([*checks, *([""] if one.beside else [])], of_checks=True)
 
 
 def _tell_of_run(one: Identified, how: Shown) -> None:
@@ -443,7 +444,8 @@ def compare(how: Shown, runs: list[Path], **given: Any) -> int:
         for one in found.comparisons:
             _show_pair(one, how)
         if found.points:
-            print_lines([f"tolerance {done.tolerance}: {tolerance_outcome(found.points)}", ""])
+            outcome = f"tolerance {done.tolerance}: {tolerance_outcome(found.points)}"
+            print_lines([outcome, ""], of_checks=True)
             if not how.quiet:
                 print_table(tolerance_sheet(found.points, is_short=True))
     if summary is not None:

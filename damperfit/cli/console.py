@@ -53,6 +53,7 @@ __all__ = [
 _PIPE_WIDTH = 80
 _COLOURS = ("auto", "always", "never")
 _colour = {"is": "auto"}
+_OF_CHECKS = re.compile(r"^FAILED(?= )|\bnot evaluated\b", re.MULTILINE)
 _refused: list[OSError] = []  # by stdout; what it should have shown is nowhere
 
 
@@ -109,11 +110,19 @@ def print_json(document: Any) -> None:
     _print(text)
 
 
-def print_lines(lines: Iterable[str]) -> None:
-    """Write plain lines to stdout."""
+def print_lines(lines: Iterable[str], *, of_checks: bool = False) -> None:
+    """Write lines to stdout; those of checks with FAILED red, where there are colours."""
     text = "\n".join(lines)
     record(logging.INFO, text)
+    if of_checks and _is_coloured():
+        text = _OF_CHECKS.sub(_coloured, text)
     _print(text)
+
+
+def _coloured(found: re.Match[str]) -> str:
+    from damperfit.reporting.sheet import COLOURS
+
+    return f"\x1b[{COLOURS[found[0]]}m{found[0]}\x1b[0m"
 
 
 def wrapped(*texts: str, widest: int = 0, indent: str = "") -> list[str]:

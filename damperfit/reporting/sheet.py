@@ -22,7 +22,15 @@ if TYPE_CHECKING:
 
 NOTHING = "-"
 _COLUMNS = 80
-_COLOURS = {"excellent": 32, "passed": 32, "good": 33, "poor": 31, "FAILED": 31}  # ANSI
+# ANSI, of words.
+COLOURS = {
+    "excellent": 32,
+    "passed": 32,
+    "good": 33,
+    "poor": 31,
+    "FAILED": 31,
+    "not evaluated": 2,
+}
 _WORD = 12  # letters of a word that a narrow column does not tear
 # Everything Markdown or the HTML inside it could read as markup, and no more: the report is read as
 # it stands too. An underscore between letters is none; signs and numbers are lists at a start only.
@@ -114,7 +122,7 @@ def text_table(
     whole = sum(max(map(_places, column)) + 2 for column in columns) - 2
     gap = 2 if whole <= min(_COLUMNS, width) else 1
     least = _least_widths(sheet, width, gap)
-    known = None if colours is None else {**_COLOURS, **colours}
+    known = None if colours is None else {**COLOURS, **colours}
     lines: list[str] = []
     for part in _parts(least, width, gap):
         lines += ["", *_part(sheet, part, least, width, gap, known)]

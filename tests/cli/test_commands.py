@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from damperfit import __version__
+from damperfit.cli import console
 from damperfit.configuration.loading import load_configuration
 
 ROOT = Path(__file__).parents[2]
@@ -152,3 +153,24 @@ def test_colours_are_as_asked(run) -> None:
     asked = ("simulate", "--setting", "5", "-q", "--color")
     assert "\x1b[" in run(*asked, "always").out
     assert "\x1b[" not in run(*asked, "never").out
+
+
+def test_checks_that_failed_are_red_and_others_dim(capsys, monkeypatch) -> None:
+    lines = ["1 failed, 2 not evaluated", "FAILED friction: FAILED twice"]
+    red, dim = "\x1b[31mFAILED\x1b[0m", "\x1b[2mnot evaluated\x1b[0m"
+    coloured = f"1 failed, 2 {dim}\n{red} friction: FAILED twice\n"
+    plain = "".join(f"{line}\n" for line in lines)
+    monkeypatch.setattr("sys.stdout.isatty", lambda: True)
+    monkeypatch.setenv("TERM", "xterm")
+    for when, no_colour, shown in (
+        ("auto", None, coloured),
+        ("auto", "1", plain),
+        ("always", "1", coloured),
+        ("never", None, plain),
+    ):
+        monkeypatch.delenv("NO_COLOR", raising=False)
+        if no_colour:
+            monkeypatch.setenv("NO_COLOR", no_colour)
+        monkeypatch.setattr(console, "_colour", {"is": when})
+        console.print_lines(lines, of_checks=True)
+        assert capsys.readouterr().out == shown
