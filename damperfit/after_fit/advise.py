@@ -62,7 +62,7 @@ _FEWEST_CYCLES, _MOST_CYCLES = 3, 15
 _FOLLOWED = 4  # candidates that are recorded too
 _SLOWEST = 0.1  # Hz
 _SMALLEST = 16.0  # times below the largest stroke
-_USEFUL = 0.8  # of the interval: what a test must at least take off it
+_USEFUL = 0.8  # of the interval: what a test that helps leaves at most
 _AVERAGED = ("f_f",)  # over the settings, by procedure `paper`
 _BETWEEN = 10.0  # s that a rig needs to set up and settle
 
@@ -77,8 +77,6 @@ class Limits:
         Largest amplitude (m), peak speed (m/s), force (N) and frequency (Hz).
     minutes : float
         Longest test at one setting.
-    heat : float
-        Largest mean power that the damper may turn into heat, W.
     """
 
     stroke: float
@@ -86,7 +84,6 @@ class Limits:
     force: float = math.inf
     frequency: float = 10.0
     minutes: float = 2.0
-    heat: float = math.inf
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,7 +128,7 @@ class NextTest:
         Steady cycles that are evaluated.
     minutes : float
         Of the rig, all settings.
-    shares : mapping of Setting to float
+    shares : dict of str to float
         Interval after the test as a share of that before it, by setting; the worst over the
         intervals of the values.
     """
@@ -464,7 +461,7 @@ class _Rig:
         frequency: float,
         cycles: int,
     ) -> FloatArray | None:
-        """Information of a test by u, from one steady cycle; None: beyond force or heat."""
+        """Information of a test by u, from one steady cycle; None: beyond the rig's force."""
         per_cycle = max(_SAMPLES, math.ceil(4.0 * self.corner / frequency))
         rate = per_cycle * frequency
         motion = sine_motion(amplitude, frequency, cycles=_RUN_IN + 2, sample_rate=rate)
@@ -474,9 +471,7 @@ class _Rig:
         )
         design = design_filter(self.filter, self.corner, sample_rate=rate, order=self.order)
         steady = slice(_RUN_IN * per_cycle, (_RUN_IN + 1) * per_cycle)
-        force, velocity = response.force[steady], response.velocity[steady]
-        power = float(np.mean(force * velocity))
-        if np.abs(force).max() > self.limits.force or power > self.limits.heat:
+        if np.abs(response.force[steady]).max() > self.limits.force:
             return None
         slopes = np.stack([response.sensitivities[name] for name in names])
         jacobian = apply_filter(design, slopes)[:, steady].T * _scales(values, names)
@@ -598,13 +593,13 @@ def _shares(
             left = left * np.outer(averaged, averaged)
         reduced.append(left)
     shares = {}
-    for k, (setting, information) in enumerate(zip(known, informations, strict=True)):
+    for setting, information in zip(known, informations, strict=True):
         n, names = len(setting.result.own), setting.result.shared
         whole = information.copy()
         for other, left in zip(known, reduced, strict=True):
             if other is not setting and other.result.shared == names:
                 whole[n:, n:] += left
-        shares[known[k].result.label] = setting.share_after(whole)
+        shares[setting.result.label] = setting.share_after(whole)
     return shares
 
 

@@ -59,7 +59,7 @@ _KEYS = {
     "road": "text",
     "speed": "velocity",
 }
-_OPTIONAL = {"tyre_damping": 0.0, "motion_ratio": 1.0, "road": "C", "speed": 20.0}
+_NEEDED = ("sprung_mass", "unsprung_mass", "spring", "tyre")
 
 
 @dataclass(frozen=True, slots=True)
@@ -221,7 +221,7 @@ def read_car(path: Path) -> Car:
         raise ConfigurationError(f"not a TOML file: {error}", subject=path, code="car") from None
     section = table.get("car", table)
     unknown = sorted(set(section) - set(_KEYS))
-    missing = sorted(set(_KEYS) - set(section) - set(_OPTIONAL))
+    missing = sorted(set(_NEEDED) - set(section))
     if unknown or missing:
         raise ConfigurationError(
             f"[car]: {_named('unknown', unknown)}{_named('missing', missing)}"
@@ -272,11 +272,11 @@ def weighting_k(frequencies: NDArray[np.floating[Any]]) -> FloatArray:
         return s**2 + w * s / q + w**2
 
     butterworth = 1.0 / math.sqrt(2.0)
-    w3, w4 = 2.0 * np.pi * 12.5, 2.0 * np.pi * 12.5
+    w4 = 2.0 * np.pi * 12.5
     w5, w6 = 2.0 * np.pi * 2.37, 2.0 * np.pi * 3.35
     high = s**2 / second_order(0.4, butterworth)
     low = (2.0 * np.pi * 100.0) ** 2 / second_order(100.0, butterworth)
-    transition = (1.0 + s / w3) / (1.0 + s / (0.63 * w4) + (s / w4) ** 2)
+    transition = (1.0 + s / w4) / (1.0 + s / (0.63 * w4) + (s / w4) ** 2)
     step = second_order(2.37, 0.91) / w5**2 / (second_order(3.35, 0.91) / w6**2) * (w5 / w6) ** 2
     return np.asarray(np.abs(high * low * transition * step))
 
@@ -330,6 +330,7 @@ class _Road:
             table = np.array(slopes)
             variances = np.einsum("ik,ij,jk->k", table, setting.covariance, table)
             errors = NORMAL_95 * np.sqrt(np.maximum(variances, 0.0))
+        errors = np.hypot(errors, _AGREED * numbers)  # what the iteration leaves
         static = (self.car.sprung_mass + self.car.unsprung_mass) * 9.81
         outside = np.abs(speed) > setting.top_speed
         return RideOfSetting(

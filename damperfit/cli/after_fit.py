@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import signal
 from threading import Event
 from typing import Any
 
 from damperfit.after_fit import functions
 from damperfit.cli.command import Shown, command
 from damperfit.cli.console import print_json, print_lines, print_table, say, wrapped
+from damperfit.cli.watching import stop_on_signal
 
 __all__ = ["advise", "passport", "ride", "valves", "watch"]
 
@@ -86,16 +86,13 @@ def watch(how: Shown, **given: Any) -> int:
     Example: damperfit watch runs --out results --reference before
     """
     stop = Event()
-    signal.signal(signal.SIGTERM, lambda *_: stop.set())
     arrivals = functions.watch(**given, stop=stop)
     if not how.quiet:
         say(f"damperfit: watching {given['folder']}; Ctrl-C ends it")
-    try:
+    with stop_on_signal("the results will be written", stop):
         for arrival in arrivals:
             if how.json:
                 print_json({"log": str(arrival.path), "sentence": arrival.sentence})
             else:
                 print_lines([arrival.sentence])
-    except KeyboardInterrupt:
-        arrivals.close()  # type: ignore[attr-defined]
     return 0

@@ -26,7 +26,7 @@ _APART = 0.1  # s; a fit of a fast model takes less than to draw a line
 
 @contextmanager
 def stop_on_signal(
-    promise: str = "finished settings will be written",
+    promise: str = "finished settings will be written", stop: threading.Event | None = None
 ) -> Iterator[Callable[[], bool]]:
     """Yield a function that says whether the user wants the run to stop.
 
@@ -34,11 +34,13 @@ def stop_on_signal(
     ----------
     promise : str
         What becomes of the work done so far, for the user.
+    stop : threading.Event, optional
+        Set by the first signal, for what waits on an event.
     """
     if threading.current_thread() is not threading.main_thread():
         yield lambda: False  # Python delivers signals to the main thread only
         return
-    stop = threading.Event()
+    stop = stop or threading.Event()
 
     def handle(number: int, frame: Any) -> None:
         if stop.is_set():
