@@ -113,6 +113,7 @@ class Subject:
 
 
 def _mse_below_1_percent(subject: Subject) -> _Verdict:
+    """The MSE of every setting is below 1 %."""
     from damperfit.identification.fit_setting import EXCELLENT
 
     above = [fit for fit in subject.fits if not fit.mse_percent < EXCELLENT]
@@ -124,11 +125,13 @@ def _mse_below_1_percent(subject: Subject) -> _Verdict:
 
 
 def _no_parameter_at_bound(subject: Subject) -> _Verdict:
+    """No parameter is at the edge of its plausible range."""
     bad = _with_status(subject, Status.AT_BOUND, "lies at the edge of its plausible range")
     return not bad, bad or "no fitted parameter ran to the edge of its plausible range"
 
 
 def _all_parameters_identifiable(subject: Subject) -> _Verdict:
+    """The logs determine every free parameter."""
     bad = _with_status(subject, Status.NOT_IDENTIFIABLE, "is not determined by the logs")
     return not bad, bad or "the logs determine every parameter that was fitted"
 
@@ -142,6 +145,7 @@ def _with_status(subject: Subject, status: Status, words: str) -> str:
 
 
 def _no_cavitation(subject: Subject) -> _Verdict:
+    """No chamber reaches zero pressure."""
     empty = [fit for fit in subject.fits if fit.cavitation_fraction > 0.0]
     if empty:
         worst = max(empty, key=lambda fit: fit.cavitation_fraction)
@@ -159,6 +163,7 @@ def _no_cavitation(subject: Subject) -> _Verdict:
 
 
 def _trend_monotone(subject: Subject) -> _Verdict:
+    """Valves rise or fall throughout, within errors, scatter and 1 %."""
     trends = subject.adjustment.trends
     judged = [trend for trend in trends if trend.monotone is not None]
     if not judged:
@@ -188,6 +193,7 @@ _DIRECTIONS = {"rising": "rises", "falling": "falls", "flat": "stays constant"}
 
 
 def _no_outlier_setting(subject: Subject) -> _Verdict:
+    """No setting is off the trend of the others by more than 1 %."""
     trends = subject.adjustment.trends
     judged = [trend for trend in trends if trend.outliers_judged]
     if not judged:
@@ -218,6 +224,7 @@ def _no_trend(subject: Subject) -> str:
 
 
 def _every_click_counts(subject: Subject) -> _Verdict:
+    """Every click changes the force by more than its error."""
     clicks = subject.adjustment.clicks
     if not clicks:
         return None, "there are no two settings to compare"
@@ -238,6 +245,7 @@ def _every_click_counts(subject: Subject) -> _Verdict:
 
 
 def _residuals_white(subject: Subject) -> _Verdict:
+    """No misfit above 1 % of the force repeats from cycle to cycle."""
     known, unknown = _diagnoses(subject)
     structured = [one for one in known if one.is_structured]
     large = [one for one in structured if _repeats_by(one) > _MATTERS]
@@ -257,6 +265,7 @@ def _repeats_by(one: Diagnosis) -> float:
 
 
 def _noise_floor_explained(subject: Subject) -> _Verdict:
+    """Noise explains half of the MSE, or the repeating misfit is below 1 % of the force."""
     known, unknown = _diagnoses(subject)
     short = [
         one
@@ -296,6 +305,7 @@ def _diagnoses(subject: Subject) -> tuple[list[Diagnosis], str]:
 
 
 def _temperature_in_window(subject: Subject) -> _Verdict:
+    """Every log was taken within the temperature window."""
     centre, reach = subject.temperature, subject.temperature_tolerance
     if not math.isfinite(reach):
         return None, "the configuration requires no temperature (rig.temperature_tolerance = inf)"
@@ -323,6 +333,7 @@ def _temperature_in_window(subject: Subject) -> _Verdict:
 
 
 def _damper_declared(subject: Subject) -> _Verdict:
+    """Every key of [damper] is declared."""
     names = subject.undeclared
     if subject.whose:
         said = f"no damper is declared: {subject.whose} is assumed; declare yours in [damper] "
@@ -335,6 +346,7 @@ def _damper_declared(subject: Subject) -> _Verdict:
 
 
 def _every_setting_fitted(subject: Subject) -> _Verdict:
+    """Every log and setting has a result."""
     done = [fit.setting for fit in subject.fits]
     said = [_first_of(subject.missing, "; ")] if subject.missing else []
     if not subject.campaign.is_complete:
@@ -347,6 +359,7 @@ def _every_setting_fitted(subject: Subject) -> _Verdict:
 
 
 def _fits_converged(subject: Subject) -> _Verdict:
+    """Every fit converged to a minimum."""
     bad = [fit for fit in subject.fits if not fit.outcome.is_minimum]
     if bad:
         said = [f"setting {fit.setting} ({fit.outcome.value})" for fit in bad]
@@ -355,6 +368,7 @@ def _fits_converged(subject: Subject) -> _Verdict:
 
 
 def _no_log_warnings(subject: Subject) -> _Verdict:
+    """No log has a warning."""
     said: dict[str, list[Trace]] = defaultdict(list)
     for trace in subject.traces:
         for finding in trace.findings:
@@ -389,6 +403,7 @@ def _first_of(parts: Sequence[str], mark: str = ", ") -> str:
 
 
 def _every_grade_stands(subject: Subject) -> _Verdict:
+    """No grade is withheld."""
     said = subject.assessment.objections
     if said:
         first = next(iter(said))
@@ -403,6 +418,7 @@ def _every_grade_stands(subject: Subject) -> _Verdict:
 
 
 def _bulk_modulus_of_oil(subject: Subject) -> _Verdict:
+    """K_e is one that oil can have."""
     names = _quantities(subject, lambda one: one.unit == "Pa" and math.isfinite(one.believable[1]))
     if not names:
         return None, "the oil of the model is incompressible"
@@ -410,6 +426,7 @@ def _bulk_modulus_of_oil(subject: Subject) -> _Verdict:
 
 
 def _offset_as_in_log(subject: Subject) -> _Verdict:
+    """The offset f_0 agrees with the offset that the log shows."""
     names = _quantities(subject, lambda one: one.is_offset)
     if not names:
         return None, "the model has no offset of the force"
@@ -420,6 +437,7 @@ def _offset_as_in_log(subject: Subject) -> _Verdict:
 
 
 def _friction_within_jump(subject: Subject) -> _Verdict:
+    """Friction needs no more than the jump of the force at the reversals."""
     names = _quantities(subject, lambda one: one.is_friction)
     if not names:
         return None, "the model has no friction"
@@ -432,6 +450,7 @@ def _friction_within_jump(subject: Subject) -> _Verdict:
 
 
 def _series_stiffness_found(subject: Subject) -> _Verdict:
+    """A fitted elasticity of the mounting was really found."""
     names = _quantities(subject, lambda one: one.unit == "N/m")
     if not names:
         return None, "the model has no stiffness in series"
@@ -478,7 +497,7 @@ def _first(against: Mapping[Setting, str]) -> str:
     return f"{where}setting {setting}: {against[setting]}"
 
 
-# A check is a function of the subject, and a line here.
+# A check is a function of the subject, whose docstring the manual shows, and a line here.
 CHECKS: dict[str, Callable[[Subject], _Verdict]] = {
     "every_setting_fitted": _every_setting_fitted,
     "fits_converged": _fits_converged,

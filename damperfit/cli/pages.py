@@ -6,6 +6,7 @@ the hook `on_page_markdown` (mkdocs.yml).
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Callable, Iterator, Sequence
 from importlib.resources import files
@@ -14,12 +15,14 @@ from typing import Any
 import typer
 
 import damperfit
+from damperfit.checks import CHECK_LISTS, CHECKS
 from damperfit.cli.main import app
+from damperfit.configuration.drawings import MEASURED
 from damperfit.damper.model import MODELS
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.exporting.targets import TARGETS
 from damperfit.identification import Outcome
-from damperfit.manual import TOPICS, read_page
+from damperfit.manual import TOPICS, read_page, read_schema
 from damperfit.tables.columns import describe_tables
 from damperfit.units.quantities import _TABLE
 
@@ -82,6 +85,26 @@ def _commands() -> str:
     return _grid(("command", "job"), rows)
 
 
+# Pages on a command that has another name.
+_PAGES = {"identify": "files", "inspect": "quality", "settings": "trust", "config": "configuration"}
+
+
+def _section(name: str) -> str:
+    """A heading, what the command does, an example, its page and its own options."""
+    page = _PAGES.get(name, name if name in TOPICS else "")
+    paragraphs = (_commands_by_name()[name].help or "").strip().split("\n\n")
+    told = [
+        re.sub(r"^Example: (.+)", r"Example: `\1`", " ".join(paragraph.split()))
+        for paragraph in paragraphs
+    ]
+    if page:
+        told.append(f"Page: [{page}]({page}.md).")
+    rows = list(_option_rows(name, is_common=False))
+    return "\n\n".join(
+        [f"### {name}", *told, *([_grid(("option", "meaning"), rows)] if rows else [])]
+    )
+
+
 def _columns(name: str) -> str:
     first, *others = PURDY_DAMPER.names
     shown = []
@@ -97,6 +120,44 @@ def _columns(name: str) -> str:
             unit = "its own" if unit else ""
         shown.append([f"`{title}`", "-" if unit in {"", "1"} else unit, meaning])
     return _grid(("column", "unit", "meaning"), shown)
+
+
+def _record() -> str:
+    """One row an object of run.json, with its keys."""
+    schema = json.loads(read_schema())
+    return _grid(("object", "keys"), [[f"`{path}`", keys] for path, keys in _objects("", schema)])
+
+
+def _objects(path: str, node: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    """Yield the path of each object of a schema, and its keys in words."""
+    while "items" in node:
+        path, node = f"{path}[]", node["items"]
+    known = node.get("properties", {})
+    if known:
+        told = [
+            f"`{key}`: {what['description']}" if "description" in what else f"`{key}`"
+            for key, what in known.items()
+        ]
+        yield path or "run.json", "; ".join(told)
+    for key, what in known.items():
+        yield from _objects(f"{path}.{key}" if path else key, what)
+    if isinstance(others := node.get("additionalProperties"), dict):
+        yield from _objects(f"{path}.NAME", others)
+
+
+def _checks() -> str:
+    """Each check, what it needs to pass, and the lists that it is on."""
+    return _grid(
+        ("check", "passed when", *(f"`{name}`" for name in CHECK_LISTS)),
+        [
+            [
+                f"`{name}`",
+                (check.__doc__ or "").strip().rstrip("."),
+                *("yes" if name in listed else "" for listed in CHECK_LISTS.values()),
+            ]
+            for name, check in CHECKS.items()
+        ],
+    )
 
 
 def _door() -> str:
@@ -124,8 +185,18 @@ TABLES: dict[str, Callable[..., str]] = {
     "common options": lambda: _grid(
         ("option", "meaning"), list(_option_rows("identify", is_common=True))
     ),
-    "options": lambda name: _grid(("option", "meaning"), list(_option_rows(name, is_common=False))),
+    "every command": lambda: "\n".join(map(_section, _commands_by_name())),
     "columns": _columns,
+    "run json": _record,
+    "checks": _checks,
+    "paper quantities": lambda: _grid(
+        ("column", "symbol", "meaning", "unit"),
+        [[f"`{one.name}`", one.symbol, one.meaning, one.unit] for one in PURDY_DAMPER.quantities],
+    ),
+    "geometry": lambda: _grid(
+        ("key of `[damper]`", "what it is, and how it is measured"),
+        [[f"`{key}`", how] for key, how in MEASURED.items()],
+    ),
     "door": _door,
     "models": lambda: _grid(
         ("model", "what it is"), [[f"`{name}`", model.title] for name, model in MODELS.items()]

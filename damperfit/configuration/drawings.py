@@ -44,15 +44,15 @@ DRAWINGS = {
 
 # Key of [damper]: what it is and how it is measured.
 MEASURED = {
-    "rod_diameter": "d_r; callipers on the rod",
-    "piston_diameter": "d_p; bore of the working tube, not the piston alone",
+    "rod_diameter": "d_r; micrometer on the rod, where it runs in the seal",
+    "piston_diameter": "d_p; bore of the working tube, not the piston",
     "gas_piston_diameter": "d_g; bore where the gas piston runs",
-    "chamber_1_length": "l_1 at mid-stroke: piston to rod guide",
-    "chamber_2_length": "l_2 at mid-stroke: piston to the end of chamber 2",
+    "chamber_1_length": "l_1 at mid-stroke: oil from piston to rod guide",
+    "chamber_2_length": "l_2 at mid-stroke: oil from piston to the end of chamber 2",
     "gas_length": "l_g at mid-stroke: gas piston to the end of the gas",
     "gas_volume": "at mid-stroke: what is not oil; from the mass of oil, or length and bore",
     "gas_pressure": "P_0 at mid-stroke; say bara or barg, psia or psig",
-    "gas_exponent": "1.4 fast compression of nitrogen, 1.0 slow",
-    "oil_density": "rho_0; from the oil's data sheet",
+    "gas_exponent": "gamma; 1.4 fast compression of nitrogen, 1.0 slow",
+    "oil_density": "rho_0; data sheet, or a syringe and a scale",
     "ambient_pressure": "of the air, on the rod: 1.013bara at sea level; 0bara leaves it out",
 }

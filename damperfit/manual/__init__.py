@@ -8,7 +8,7 @@ from importlib.resources import files
 
 from damperfit.errors import ConfigurationError, did_you_mean
 
-__all__ = ["TOPICS", "Page", "read_page"]
+__all__ = ["TOPICS", "Page", "read_page", "read_schema"]
 
 # In the order in which they are read; the menu of the site is the same.
 TOPICS = (
@@ -93,3 +93,8 @@ def read_page(topic: str) -> Page:
         )
     source = files(__name__).joinpath("pages", f"{name}.md").read_text(encoding="utf-8")
     return Page(name, source)
+
+
+def read_schema() -> str:
+    """Return the JSON schema of run.json, with the meaning of each key."""
+    return files(__name__).joinpath("pages", "run.schema.json").read_text(encoding="utf-8")

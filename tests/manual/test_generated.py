@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import tomllib
 from dataclasses import fields
@@ -9,9 +10,8 @@ from dataclasses import fields
 import pytest
 import yaml
 
-from damperfit.checks import CHECK_LISTS, CHECKS
 from damperfit.cli.pages import TABLES, filled
-from damperfit.manual import TOPICS
+from damperfit.manual import TOPICS, read_schema
 from damperfit.uncertainty.covariance import GasContent
 from damperfit.uncertainty.grades import Objection
 from tests.manual.generated import COMMANDS, PAGES, PLACE, ROOT, options_of
@@ -37,12 +37,6 @@ def test_every_topic_is_a_page_in_the_menu_of_the_site() -> None:
     assert sorted([*TOPICS, "index"]) == EVERY
 
 
-def test_every_check_is_told_and_whether_it_is_on_the_list() -> None:
-    rows = re.findall(r"^\| `(\w+)` \| .+ \| ?(yes)? ?\|$", text_of("gates"), flags=re.MULTILINE)
-    assert [name for name, _ in rows] == list(CHECKS)
-    assert tuple(name for name, listed in rows if listed) == CHECK_LISTS["purdy2000"]
-
-
 @pytest.mark.parametrize("page", EVERY)
 def test_keys_of_the_configuration_exist(page) -> None:
     known = tomllib.loads(
@@ -66,52 +60,26 @@ def test_commands_and_options_in_the_text_exist(page) -> None:
         assert option in every | {"--strict", "--help"}, option
 
 
-def _told_keys() -> set[str]:
-    """Every key of run.json that the page has, as a path; `.key` goes on from the row's first."""
-    table = text_of("files").partition("## run.json")[2]
-    told: set[str] = set()
-    for cell, meaning in re.findall(r"^\| (`.+?) \| (.*) \|$", table, flags=re.MULTILINE):
-        paths = re.findall(r"`([^`]+)`", cell)
-        stem = paths[0].rpartition(".")[0]
-        whole = [stem + path if path.startswith(".") else path for path in paths]
-        told |= set(whole)
-        told |= {
-            f"{path}.{key}"
-            for path in whole
-            for key in re.findall(r"`(\w+(?:\.<name>)?)`", meaning)
-        }
-    return told
-
-
-def _paths(value, path=""):
-    if isinstance(value, dict):
-        for key, item in value.items():
-            yield from _paths(item, f"{path}.{key}" if path else key)
-            yield f"{path}.{key}" if path else key
-    elif isinstance(value, list):
+def _missing(value, schema: dict, path: str = "run.json"):
+    """Keys of a document that its schema does not know."""
+    if isinstance(value, list):
         for item in value:
-            yield from _paths(item, f"{path}[]")
-
-
-def _matches(path: str, told: set[str]) -> bool:
-    """Whether a path is told: as it is, as a list, or with a name in place of what depends."""
-    plain = path.replace("inputs[].stretches[]", "stretches[]")
-    if plain in told or f"{plain}[]" in told or plain.startswith(("configuration.", "files.")):
-        return True
-    if any(one.startswith(f"{plain}.") for one in told):
-        return True
-    stem = plain.rpartition(".")[0]
-    return f"{stem}.<name>" in told or f"{plain}.<name>" in told
+            yield from _missing(item, schema.get("items", {}), f"{path}[]")
+    elif isinstance(value, dict) and schema:
+        known, others = schema.get("properties", {}), schema.get("additionalProperties", False)
+        for key, item in value.items():
+            if key in known or others is True:
+                yield from _missing(item, known.get(key, {}), f"{path}.{key}")
+            elif others:
+                yield from _missing(item, others, f"{path}.{key}")
+            else:
+                yield f"{path}.{key}"
 
 
 def test_every_key_of_run_json_is_told(full_run) -> None:
-    told = _told_keys()
-    missing = {
-        path
-        for record in full_run
-        for path in _paths(record)
-        if not path.startswith("schema.") and not _matches(path, told)
-    }
-    assert missing == set()
-    for stem, kind in (("gas_content", GasContent), ("grades_withheld[].reasons[]", Objection)):
-        assert {f"{stem}.{one.name}" for one in fields(kind)} <= told
+    schema = json.loads(read_schema())
+    assert {key for record in full_run for key in _missing(record, schema)} == set()
+    inner = schema["properties"]
+    gas, reasons = inner["gas_content"], inner["grades_withheld"]["items"]["properties"]["reasons"]
+    for known, kind in ((gas, GasContent), (reasons["items"], Objection)):
+        assert {field.name for field in fields(kind)} <= set(known["properties"])
