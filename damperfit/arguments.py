@@ -65,6 +65,13 @@ _RESULT = "a result, or the path of a results folder"
 _TABLE = "a result, or the path of results or of a parameters table"
 
 
+def _wrong(text: str, where: Option | str, code: str) -> ConfigurationError:
+    """Return a refusal of what stands somewhere: an option, or a call by its name."""
+    if isinstance(where, str):
+        return ConfigurationError(text, subject=where, code=code)
+    return ConfigurationError(text, where=where, code=code)
+
+
 def public(function: Callable[P, R]) -> Callable[P, R]:
     """Return a function that reads its arguments and documents them.
 
@@ -86,13 +93,7 @@ def public(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def reading_as(command: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """Return a decorator: a function is given its arguments as values of their kinds.
-
-    Parameters
-    ----------
-    command : str
-        Whose keywords these are.
-    """
+    """Return a decorator: a function is given its arguments as the command's kinds have them."""
 
     def decorated(function: Callable[P, R]) -> Callable[P, R]:
         own = signature(function)
@@ -104,8 +105,7 @@ def reading_as(command: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
 
             def read(name: str, value: Any) -> Any:
                 keyword = keyword_of(command, name)
-                is_of_python = bool({name, f"{command}.{name}"} & {*PYTHON_ONLY})
-                if value is None or keyword is None or is_of_python:
+                if value is None or keyword is None or _is_of_python(command, name):
                     return value
                 found = _read(keyword, value, Option(name))
                 if keyword.kind in {"path", "paths", "results"}:
@@ -127,6 +127,10 @@ def reading_as(command: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
         return reading
 
     return decorated
+
+
+def _is_of_python(command: str, name: str) -> bool:
+    return bool({name, f"{command}.{name}"} & {*PYTHON_ONLY})
 
 
 def _given_by(error: DamperfitError, paths: Mapping[str, list[Any]]) -> DamperfitError:
@@ -152,7 +156,7 @@ def _given_by(error: DamperfitError, paths: Mapping[str, list[Any]]) -> Damperfi
     return error
 
 
-def _read(keyword: Keyword, value: Any, option: Option) -> Any:  # noqa: PLR0911 - one a kind
+def _read(keyword: Keyword, value: Any, option: Option) -> Any:  # noqa: C901, PLR0911, PLR0912 - a kind each
     """Return an argument as its kind has it."""
     kind, place = keyword.kind, f"the path of {_PLACES.get(keyword.metavar, 'a file')}"
     if kind == "path":
@@ -161,7 +165,11 @@ def _read(keyword: Keyword, value: Any, option: Option) -> Any:  # noqa: PLR0911
         return [path_of(one, option, place) for one in _listed(value, option)]
     if kind == "results":
         return folder_of(value, option, _TABLE)
-    if kind == "arguments" and isinstance(value, list) and "" in map(_text_or_not, value):
+    if (
+        kind == "arguments"
+        and isinstance(value, list)
+        and any(type(v) is str and not v for v in value)
+    ):
         raise ConfigurationError(
             "found ''; expected paths; is a variable of the shell not set? '.' is this folder",
             code="empty-name",
@@ -178,50 +186,35 @@ def _read(keyword: Keyword, value: Any, option: Option) -> Any:  # noqa: PLR0911
             return {name: str(one) for name, one in _mapping(value, option).items()}
         is_key = kind == "pairs"
         return assignments(value, option, "rod_diameter=12mm") if is_key else _values(value, option)
+    shown = replace(option, value=str(value))
     if kind in {"count", "workers"}:
-        return _whole(value, replace(option, value=str(value)), least=int(kind == "workers"))
+        if isinstance(value, str):
+            with suppress(ValueError):
+                value = int(value)
+        if type(value) is bool or not isinstance(value, Integral):
+            raise _wrong("expected a whole number", shown, "not-a-number")
+        if kind == "workers" and value < 1:
+            raise _wrong("expected 1 or more", shown, "out-of-range")
+        return int(value)
     if kind == "number":
         with suppress(TypeError, ValueError):
             return math.nan if isinstance(value, bool) else float(value)
-        where = replace(option, value=str(value))
-        raise ConfigurationError("expected a number", where=where, code="not-a-number")
+        raise _wrong("expected a number", shown, "not-a-number")
     if kind == "flag" and not isinstance(value, bool):
-        raise ConfigurationError(f"found {value!r}; expected True or False", where=option)
+        raise _wrong(f"found {value!r}; expected True or False", option, "not-a-flag")
     return value
 
 
-def _text_or_not(value: object) -> object:
-    return value if isinstance(value, str) else None
-
-
 def path_of(value: object, where: Option | str, expected: str) -> Path:
-    """Return a path that was given as text or as a path.
-
-    Parameters
-    ----------
-    value : object
-        What was given.
-    where : Option or str
-        What gave it.
-    expected : str
-        What the path is of, as in "the path of a folder".
-
-    Raises
-    ------
-    ConfigurationError
-        It is neither, or empty.
-    """
+    """Return a path that was given as text or as a path; else refuse it by what it is of."""
     is_text = isinstance(value, str)
     if "\0" in str(value):
-        wrong = f"found {value!r}; a NUL cannot stand in a path"
-    elif isinstance(value, str | os.PathLike) and os.fspath(value) != "":
+        raise _wrong(f"found {value!r}; a NUL cannot stand in a path", where, "not-a-path")
+    if isinstance(value, str | os.PathLike) and os.fspath(value) != "":
         return Path(os.path.expanduser(os.fspath(value)))  # noqa: PTH111 - of ~nobody it raises
-    else:
-        found = "''" if is_text else type(value).__name__
-        more = ", '.' for this folder" if is_text else ""  # it would be this one
-        wrong = f"found {found}; expected {expected}{more}"
-    place: dict[str, Any] = {"subject": where} if isinstance(where, str) else {"where": where}
-    raise ConfigurationError(wrong, **place, code="not-a-path")
+    found = "''" if is_text else type(value).__name__
+    more = ", '.' for this folder" if is_text else ""  # it would be this one
+    raise _wrong(f"found {found}; expected {expected}{more}", where, "not-a-path")
 
 
 def folder_of(given: object, where: Option | str, expected: str = _RESULT) -> Path:
@@ -232,21 +225,8 @@ def folder_of(given: object, where: Option | str, expected: str = _RESULT) -> Pa
         return given.folder
     if isinstance(where, str) and not isinstance(given, str | Path):
         found = type(given).__name__
-        raise ConfigurationError(
-            f"found {found}; expected {expected}", subject=where, code="not-a-result"
-        )
+        raise _wrong(f"found {found}; expected {expected}", where, "not-a-result")
     return path_of(given, where, expected)
-
-
-def _whole(value: Any, where: Option, *, least: int) -> int:
-    if isinstance(value, str):
-        with suppress(ValueError):
-            value = int(value)
-    if type(value) is bool or not isinstance(value, Integral):
-        raise ConfigurationError("expected a whole number", where=where, code="not-a-number")
-    if least and int(value) < least:
-        raise ConfigurationError(f"expected {least} or more", where=where, code="out-of-range")
-    return int(value)
 
 
 def workers(jobs: int | None) -> int:
@@ -261,22 +241,19 @@ def _listed(values: object, option: Option) -> list[Any]:
     if isinstance(values, str | os.PathLike) or is_speed:
         return [values]
     if not isinstance(values, Iterable):
-        raise ConfigurationError(
-            f"found {values!r}; expected a list of names", where=option, code="not-a-list"
-        )
+        raise _wrong(f"found {values!r}; expected a list of names", option, "not-a-list")
     return list(values)
 
 
 def _mapping(value: object, option: Option) -> Mapping[Any, Any]:
-    expected, wrong = "expected a mapping of names to values", ""
+    expected = "expected a mapping of names to values"
     if not isinstance(value, Mapping):
         found = repr(value) if isinstance(value, str | float | list) else type(value).__name__
-        wrong = f"found {found}; {expected}"
-    elif others := [name for name in value if not isinstance(name, str)]:
-        wrong = f"found {others[0]!r} in place of a name; {expected}"
-    if wrong:
-        raise ConfigurationError(wrong, where=option, code="not-a-mapping")
-    return value  # type: ignore[return-value] # it is one
+        raise _wrong(f"found {found}; {expected}", option, "not-a-mapping")
+    if others := [name for name in value if not isinstance(name, str)]:
+        text = f"found {others[0]!r} in place of a name; {expected}"
+        raise _wrong(text, option, "not-a-mapping")
+    return value
 
 
 def _values(texts: Sequence[str], option: Option) -> dict[str, str]:
@@ -288,23 +265,15 @@ def _values(texts: Sequence[str], option: Option) -> dict[str, str]:
 def assignments(
     texts: Iterable[str], option: Option, example: str = "k_e=5e8", *, may_be_empty: bool = False
 ) -> dict[str, str]:
-    """Return NAME=VALUE texts as a dictionary.
-
-    Raises
-    ------
-    ConfigurationError
-        A text has no name, no ``=`` or no value (unless it may be empty), or a name is given twice.
-    """
+    """Return NAME=VALUE texts as a dictionary; refuse what is none, or a name given twice."""
     values: dict[str, str] = {}
     for text in texts:
         name, equals, value = (part.strip() for part in text.partition("="))
         where = replace(option, value=text)
         if not (name and equals and (value or may_be_empty)):
-            raise ConfigurationError(
-                f"expected NAME=VALUE, such as {example}", where=where, code="not-an-assignment"
-            )
+            raise _wrong(f"expected NAME=VALUE, such as {example}", where, "not-an-assignment")
         if name in values:
-            raise ConfigurationError(f"{name} is given twice", where=where, code="given-twice")
+            raise _wrong(f"{name} is given twice", where, "given-twice")
         values[name] = value
     return values
 
@@ -328,9 +297,7 @@ def _rig_keys(given: Any) -> dict[str, Any]:
                 found = tomllib.loads(f"{key} = {text}")
                 break
         else:
-            raise ConfigurationError(
-                f"{key!r} is not a key", where=Option("rig", value, key), code="not-a-key"
-            )
+            raise _wrong(f"{key!r} is not a key", Option("rig", value, key), "not-a-key")
         for name, entry in found.items():
             is_table = isinstance(entry, dict) and isinstance(keys.get(name), dict)
             keys[name] = keys[name] | entry if is_table else entry
@@ -346,11 +313,6 @@ def starts_of(given: Any) -> tuple[str | None, dict[str, str]]:
     ('results', {'f_f': '30', 'k_e': '2e9'})
     >>> starts_of({"f_f": 30})
     (None, {'f_f': '30'})
-
-    Raises
-    ------
-    ConfigurationError
-        Two files are given, a value is missing, or a name is given twice.
     """
     if isinstance(given, Mapping):
         return None, {str(name): str(value) for name, value in given.items()}
@@ -363,17 +325,11 @@ def starts_of(given: Any) -> tuple[str | None, dict[str, str]]:
     values = [part for part in parts if _ASSIGNMENT.match(part) and not _is_there(part)]
     files = [part for part in parts if part not in values]
     if len(files) > 1:
-        raise ConfigurationError(
-            f"{files[0]} is given already; a fit starts from one earlier run",
-            where=Option("start", files[1]),
-            code="given-twice",
-        )
+        text = f"{files[0]} is given already; a fit starts from one earlier run"
+        raise _wrong(text, Option("start", files[1]), "given-twice")
     if "" in files:
-        raise ConfigurationError(
-            "expected a file or NAME=VALUE, such as k_e=5e8",
-            where=Option("start", "''"),
-            code="not-an-assignment",
-        )
+        text = "expected a file or NAME=VALUE, such as k_e=5e8"
+        raise _wrong(text, Option("start", "''"), "not-an-assignment")
     return (files[0] if files else None), _values(values, Option("start"))
 
 
@@ -403,11 +359,6 @@ def configured(
         keyword's own value is not what the key has.
     is_law_open : bool
         The logs choose the law.
-
-    Raises
-    ------
-    ConfigurationError
-        A key or value is wrong; the argument is named.
     """
     from damperfit.configuration.loading import load_configuration
 
@@ -421,12 +372,12 @@ def configured(
 
     if given.get("damper") is not None:
         sections["damper"] = _declared(given["damper"])
+    apart = {"start", "units", *(keyword for keyword, _, _ in more)}
     for keyword, value in given.items():
-        known = None if keyword in PYTHON_ONLY else keyword_of(command, keyword)
-        is_nothing = isinstance(value, dict) and not value
-        is_given = value is not None and value is not False and not is_nothing
-        if is_given and known is not None and known.key:
-            put(known.key, str(value) if isinstance(value, Path) else value, Option(keyword))
+        known = keyword_of(command, keyword)
+        if known is None or not known.key or keyword in apart or _is_nothing(value):
+            continue
+        put(known.key, str(value) if isinstance(value, Path) else value, Option(keyword))
     for keyword, place, value in more:
         if value is not None:
             put(place, value, Option(keyword))
@@ -446,6 +397,10 @@ def configured(
     )
 
 
+def _is_nothing(value: Any) -> bool:
+    return value is None or value is False or value == {}
+
+
 def _declared(damper: Any) -> dict[str, Any]:
     from damperfit.damper.model import Model
 
@@ -455,11 +410,11 @@ def _declared(damper: Any) -> dict[str, Any]:
     if isinstance(damper, Mapping):
         return dict(_mapping(damper, Option("damper")))
     found = f"the class {damper.__name__}" if isinstance(damper, type) else type(damper).__name__
-    raise ConfigurationError(
+    raise _wrong(
         f"found {found}; expected a damper such as damperfit.Damper(rod_diameter=0.012), or keys "
         "of [damper]",
-        where=Option("damper"),
-        code="not-a-damper",
+        Option("damper"),
+        "not-a-damper",
     )
 
 
@@ -468,20 +423,13 @@ def covaried(command: str, given: Mapping[str, Any], *, of_fleet: bool = False) 
 
     One that the configuration file names stays. Otherwise it is the mean of the logs, and of a
     fleet, whose dampers are held beside each other, the nominal temperature of the test.
-
-    Raises
-    ------
-    ConfigurationError
-        Another word, a law is to be chosen too, or the file cannot be read.
     """
     word = given.get("covariate")
     if word is None:
         return None
     where = Option("covariate", word)
     if word != "temperature":
-        raise ConfigurationError(
-            "expected temperature, the only one there is", where=where, code="unknown-covariate"
-        )
+        raise _wrong("expected temperature, the only one there is", where, "unknown-covariate")
     if given.get("model") == "auto":
         raise ConfigurationError(
             "choose the law first, from logs of one temperature (damperfit models), then name it: "
@@ -498,13 +446,7 @@ def covaried(command: str, given: Mapping[str, Any], *, of_fleet: bool = False) 
 
 
 def declared_setting(setting: Any, configuration: Configuration) -> Setting | None:
-    """Return the setting that is meant, by its label or number.
-
-    Raises
-    ------
-    ConfigurationError
-        It is none.
-    """
+    """Return the setting that is meant, by its label or number."""
     from damperfit.tested.setting import Setting, parse_setting
 
     setting = known_as_setting(setting)
@@ -513,19 +455,11 @@ def declared_setting(setting: Any, configuration: Configuration) -> Setting | No
     try:
         return parse_setting(str(setting), configuration.reading.adjusters)
     except ValueError as error:
-        raise ConfigurationError(
-            f"{error}", where=Option("setting", setting), code="unknown-setting"
-        ) from error
+        raise _wrong(f"{error}", Option("setting", setting), "unknown-setting") from error
 
 
 def known_as_setting(setting: Any) -> Setting | int | str | None:
-    """Return a setting as it was given: its number, its label, or itself.
-
-    Raises
-    ------
-    ConfigurationError
-        It is nothing of the kind.
-    """
+    """Return a setting as it was given: its number, its label, or itself."""
     from damperfit.tested.setting import Setting
 
     if setting is None or isinstance(setting, Setting | str):
@@ -534,11 +468,8 @@ def known_as_setting(setting: Any) -> Setting | int | str | None:
     if isinstance(setting, Real) and not is_truth:
         number = float(setting)
         return int(number) if number.is_integer() else str(number)
-    raise ConfigurationError(
-        f"found {type(setting).__name__}; expected a setting such as 10 or 'R12 C8'",
-        where=Option("setting"),
-        code="not-a-setting",
-    )
+    text = f"found {type(setting).__name__}; expected a setting such as 10 or 'R12 C8'"
+    raise _wrong(text, Option("setting"), "not-a-setting")
 
 
 def refuse_idle(
@@ -549,20 +480,13 @@ def refuse_idle(
     beside: Option | None = None,
     **options: Any,
 ) -> None:
-    """Refuse what would have no effect, or cannot be combined with what is beside it.
-
-    Raises
-    ------
-    ConfigurationError
-        One of the names was given.
-    """
+    """Refuse what would have no effect, or cannot be combined with what is beside it."""
     for name in names:
-        if given.get(name) is None:
+        if (value := given.get(name)) is None:
             continue
-        where = Option(name, _worded(given[name]))
-        if beside is None:
-            text, code = f"{{where}} has no effect: {why}; leave it out", "no-effect"
-        else:
+        where = Option(name, _worded(value))
+        text, code = f"{{where}} has no effect: {why}; leave it out", "no-effect"
+        if beside is not None:
             text = f"{{where}} cannot be combined with {{other}}: {why}; leave one of the two out"
             code = "not-together"
         raise ConfigurationError(text, code=code, where=where, other=beside, **options)
@@ -571,7 +495,7 @@ def refuse_idle(
 def _worded(value: Any) -> str:
     if isinstance(value, Mapping):
         return ", ".join(
-            f"{name}={one}" if not isinstance(one, Mapping) else f"{name}.{_worded(one)}"
-            for name, one in value.items()
+            f"{key}.{_worded(one)}" if isinstance(one, Mapping) else f"{key}={one}"
+            for key, one in value.items()
         )
     return ", ".join(map(str, value)) if isinstance(value, list) else str(value)

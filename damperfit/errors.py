@@ -13,6 +13,7 @@ from dataclasses import replace
 from difflib import get_close_matches
 from functools import wraps
 from pathlib import Path
+from types import EllipsisType
 from typing import TYPE_CHECKING, Any, ParamSpec, Self, TypeVar
 
 from damperfit.problem import Failure, Option, Problem, Words
@@ -95,10 +96,12 @@ class DamperfitError(Exception):
     def __reduce__(self) -> tuple[Any, ...]:
         return _of_problem, (type(self), self.problem), {**self.__dict__, "words": Words()}
 
-    def at(self, where: Where | None = None, *, subject: object = None) -> Self:
-        """Return the same error with where it was asked for, or what it is about."""
-        problem = self.problem if where is None else replace(self.problem, where=where)
-        if subject is not None:
+    def at(self, where: Where | EllipsisType | None = ..., *, subject: object = ...) -> Self:
+        """Return the same error with where it was asked for (None: nowhere), or its subject."""
+        problem = self.problem
+        if not isinstance(where, EllipsisType):
+            problem = replace(problem, where=where)
+        if subject is not ...:
             problem = replace(problem, subject=str(subject))
         return self._with(problem)
 
@@ -197,62 +200,42 @@ class InternalError(DamperfitError):
 
 
 def mishap_of(error: Exception, task: str) -> Failure:
-    """Return what to tell of an error that must not cost the others their results.
+    """Return what to tell of an error, met in a task, that must not cost the others their results.
 
-    Parameters
-    ----------
-    error : Exception
-        What was raised.
-    task : str
-        What was being done, as in "reading the log".
+    Examples
+    --------
+    >>> mishap_of(LogError("empty file", code="empty"), "reading the log").code
+    'empty'
     """
     if isinstance(error, DamperfitError):
         return Failure(error.problem, type(error).__name__)
+    reason = " ".join(str(error).split())
     if isinstance(error, MemoryError):
-        problem = Problem(
-            "memory",
-            "not enough memory for {task}{more}; give fewer or shorter logs at a time, or a lower "
-            "{jobs}",
-            values={
-                "task": task,
-                "more": f" ({error})" if str(error) else "",
-                "jobs": Option("jobs"),
-            },
+        text = (
+            f"not enough memory for {task}{f' ({reason})' * bool(reason)}; give fewer or shorter "
+            "logs at a time, or a lower {jobs}"
         )
-        return Failure(problem, "MemoryError")
-    frames = traceback.extract_tb(error.__traceback__)
+        return Failure(Problem("memory", text, values={"jobs": Option("jobs")}), "MemoryError")
     package = Path(__file__).parent
+    frames = traceback.extract_tb(error.__traceback__)
     inside = [frame for frame in frames if package in Path(frame.filename).parents]
     where = ""
     if inside:
         at = Path(inside[-1].filename).relative_to(package).as_posix()
         where = f" (damperfit/{at}, line {inside[-1].lineno})"
-    problem = Problem(
-        "bug",
+    text = (
         "internal error while {task}, {error}: {reason}{where}; this is a bug in damperfit: please "
-        "report this line, with the log if it may be shown",
-        values={
-            "task": task,
-            "error": type(error).__name__,
-            "reason": " ".join(str(error).split()) or "no message",
-            "where": where,
-        },
+        "report this line, with the log if it may be shown"
     )
+    known = {"task": task, "error": type(error).__name__, "where": where}
+    problem = Problem("bug", text, values=known | {"reason": reason or "no message"})
     trace = "".join(traceback.format_exception(error))
     return Failure(problem, "InternalError", trace=trace)
 
 
 @contextmanager
 def sparing(setting: Setting, on_error: OnError | None) -> Iterator[None]:
-    """Tell an error that one setting meets to whoever takes it; without a taker it is raised.
-
-    Parameters
-    ----------
-    setting : Setting
-        Which setting is worked on.
-    on_error : callable or None
-        Called with the setting and the error.
-    """
+    """Tell an error that one setting meets to whoever takes it; without a taker it is raised."""
     try:
         yield
     except Exception as error:
@@ -299,8 +282,9 @@ def refuse_wrong_arguments(call: str) -> Callable[[Callable[P, R]], Callable[P, 
             try:
                 return function(*args, **kwargs)
             except TypeError as error:
-                if said := _wrong_arguments(function, args, kwargs):
-                    raise ConfigurationError(f"{call}: {said}; help({call}) shows how") from error
+                if wrong := _wrong_arguments(function, kwargs, args):
+                    text = f"{call}: {wrong}; help({call}) shows how"
+                    raise ConfigurationError(text, code="wrong-call") from error
                 raise
 
         return checked
@@ -309,30 +293,22 @@ def refuse_wrong_arguments(call: str) -> Callable[[Callable[P, R]], Callable[P, 
 
 
 def _wrong_arguments(
-    function: Callable[..., object], args: tuple[object, ...], given: dict[str, object]
+    function: Callable[..., object], given: dict[str, object], args: tuple[object, ...]
 ) -> str:
     """Return what is wrong with the arguments of a call; an empty string where they fit."""
-    from inspect import Parameter, signature
+    from inspect import signature
 
-    taken = signature(function).parameters
+    own = signature(function)
     try:
-        signature(function).bind(*args, **given)
+        own.bind(*args, **given)
     except TypeError as error:
-        by_name = (Parameter.POSITIONAL_OR_KEYWORD, Parameter.KEYWORD_ONLY)
-        names = [name for name, one in taken.items() if name != "self" and one.kind in by_name]
-        for name in given:
-            if name not in taken:
-                there = f"there are {', '.join(names)}."
-                return f"no keyword {name!r}; {there}{did_you_mean(name, names)}".rstrip(".")
-        if "missing" in str(error):
-            by_place = [n for n in taken if taken[n].kind is Parameter.POSITIONAL_OR_KEYWORD]
-            absent = [
-                name
-                for k, name in enumerate(by_place)
-                if k >= len(args) and name not in given and taken[name].default is Parameter.empty
-            ]
-            return f"{', '.join(absent)} missing"
-        if "multiple values" in str(error):
-            return f"{', '.join(n for n in given if n in names[: len(args)])} given twice"
-        return f"too many arguments; give those after the first by name: {', '.join(names)}"
+        names = [name for name in own.parameters if name != "self"]
+        listed = ", ".join(names)
+        unknown = [name for name in given if name not in names]
+        if unknown:
+            near = did_you_mean(unknown[0], names)
+            return f"no keyword {unknown[0]!r}; there are {listed}.{near}".rstrip(".")
+        if "too many" in str(error):
+            return f"too many arguments; give those after the first by name: {listed}"
+        return str(error)  # "missing a required argument: 'logs'", "multiple values for ..."
     return ""

@@ -1,14 +1,18 @@
 """What commands and functions may be asked for, each told once: a keyword here is an option there.
 
-A function of `damperfit.api` names its keywords in its signature; what a keyword takes, what it is
-for and which key of the configuration it sets stand here. The command of the same name makes its
-options of both. An entry ``command.keyword`` goes before that of the keyword alone.
+A function of `damperfit.api` names its keywords in its signature; what a keyword takes and what it
+is for stand here, or with the key of the configuration that it sets
+(`damperfit.configuration.sections`). The command of the same name makes its options of both. An
+entry ``command.keyword`` goes before that of the keyword alone.
 """
 
 from __future__ import annotations
 
+from functools import cache
 from inspect import signature
 from typing import TYPE_CHECKING, Any, NamedTuple
+
+from damperfit.configuration.sections import SECTIONS, Entry
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -29,6 +33,8 @@ PRESENTATION = (
     *("color", "no_progress"),
 )
 PYTHON_ONLY = ("damper", "watch", "stop", "on_law", "inspect.units")
+# In the order of the help; what stands in none stands last, under "Options".
+PANELS = ("Logs", "Damper", "Rig", "Fit", "Motion", "Trust", "Gates", "Work", "Output", "Options")
 
 
 class Keyword(NamedTuple):
@@ -38,7 +44,7 @@ class Keyword(NamedTuple):
     ----------
     kind : str
         text, texts, names, quantities (names in lower case), values (of quantities, NAME=VALUE),
-        pairs (KEY=VALUE), number, count, path, paths or flag.
+        pairs (KEY=VALUE), number, count, workers, path, paths, results, arguments or flag.
     metavar, help : str
         As the help shows them.
     panel : str
@@ -57,45 +63,33 @@ class Keyword(NamedTuple):
     names: tuple[str, ...] = ()
 
 
-# By panel: kind, word for the value, help, key of the configuration, other spellings.
+# What sets no key, by panel: kind, word for the value, help, other spellings.
+# fmt: off
 _TABLE: dict[str, dict[str, tuple[Any, ...]]] = {
     "Options": {
-        "logs": (
-            "arguments", "LOGS...",
-            "Log files, patterns such as 'runs/*.csv', folders, @list.txt.",
-        ),
-        "fleet.logs": (
-            "arguments", "[LOGS...]",
-            "Folders, files, patterns, or addresses such as s3://bucket/runs.",
-        ),
-        "init.logs": (
-            "arguments", "[LOGS...]",
-            "Logs of the damper: units, setting and signs are guessed.",
-        ),
+        "logs": ("arguments", "LOGS...",
+            "Log files, patterns such as 'runs/*.csv', folders, @list.txt."),
+        "fleet.logs": ("arguments", "[LOGS...]",
+            "Folders, files, patterns, or addresses such as s3://bucket/runs."),
+        "init.logs": ("arguments", "[LOGS...]",
+            "Logs of the damper: units, setting and signs are guessed."),
         "debug": ("flag", "", "Show the traceback of an error."),
-        "version": ("flag", "", "Print the version and exit.", "", ("-V",)),
+        "version": ("flag", "", "Print the version and exit.", "-V"),
         "results": ("argument", "RESULTS", "Folder that identify wrote, or fleet/serial-D003."),
-        "settings.results": (
-            "arguments", "RESULTS",
-            "Folder that identify wrote, or files of measured curves.  [default: results]",
-        ),
-        "runs": (
-            "arguments", "A B...",
+        "settings.results": ("arguments", "RESULTS",
+            "Folder that identify wrote, or files of measured curves.  [default: results]"),
+        "runs": ("arguments", "A B...",
             ("Results folders, or folders of several; A is the reference. With --measured also raw "
-            "logs: a folder, a quoted pattern or @list.txt of them is one run."),
-        ),
+            "logs: a folder, a quoted pattern or @list.txt of them is one run.")),
         "watch.folder": ("argument", "DIR", "Folder that the rig writes into."),
         "watch.reference": ("results", "RESULTS", "What forces are compared with."),
         "folder": ("argument", "DIR", "Folder for the logs."),
-        "for_": (
-            "text", "NAME|force@SPEED",
-            "What is to be known better: k_e, force@0.05m/s (minus: compression).",
-        ),
+        "for_": ("text", "NAME|force@SPEED",
+            "What is to be known better: k_e, force@0.05m/s (minus: compression)."),
         "advise.setting": ("text", "N", "Plan for this setting alone."),
         "car": ("path", "FILE.toml", "[car]: masses, spring, tyre, motion ratio, road, speed."),
-        "ride.stroke": (
-            "path", "LOG", "Time and damper displacement of a car, in place of the road.",
-        ),
+        "ride.stroke": ("path", "LOG",
+            "Time and damper displacement of a car, in place of the road."),
         "ride.setting": ("text", "N", "This setting alone."),
         "cd": ("number", "C_D", "Discharge coefficient of the orifices."),
         "cd_spread": ("number", "N", "How far it may be off; it widens the intervals."),
@@ -105,72 +99,29 @@ _TABLE: dict[str, dict[str, tuple[Any, ...]]] = {
     },
     "Logs": {
         "setting": ("text", "N", "Setting of logs that do not give one."),
-        "tests": (
-            "path", "FILE",
-            "Table of tests: file, adjusters, damper.  [default: tests.csv beside the logs]",
-            "test.table",
-        ),
-        "rig": (
-            "pairs", "KEY=VALUE",
-            "A key of [rig], such as units.force=kN; may be given several times.",
-        ),
-        "rig_profile": ("text", "NAME", "Profile of the rig for every log.", "rig.profile"),
-        "skew": (
-            "text", "TIME|auto",
-            "Delay of the force, as in 2ms, or auto to estimate it.  [default: 0s]",
-            "rig.skew",
-        ),
-        "allow_truncated": (
-            "flag", "",
-            "Keep the part of a truncated TDMS log that all channels have.",
-            "rig.allow_truncated",
-        ),
-        "measured": (
-            "flag", "",
-            "Compare measured curves only; takes folders of raw logs, logs and curve files.",
-        ),
+        "rig": ("pairs", "KEY=VALUE",
+            "A key of [rig], such as units.force=kN; may be given several times."),
+        "measured": ("flag", "",
+            "Compare measured curves only; takes folders of raw logs, logs and curve files."),
     },
     "Damper": {
         "simulate.setting": ("text", "N", "Setting whose parameters are used."),
         "sweep.setting": ("text", "N", "Setting whose parameters are used."),
-        "config": (
-            "path", "FILE.toml",
-            "Damper, rig and identification.  [default: the paper's damper and test]",
-        ),
-        "model": (
-            "text", "NAME",
-            ("Model of the damper; with identify also auto, the one that the logs support.  "
-            "[default: purdy]"),
-            "damper.model",
-        ),
-        "samples.model": ("text", "NAME", "Model of the damper.  [default: purdy]", "damper.model"),
-        "init.model": (
-            "text", "NAME",
-            "purdy, twin_tube, monotube, through_flow ...  [default: purdy]",
-        ),
-        "set": (
-            "values", "NAME=VALUE",
+        "config": ("path", "FILE.toml",
+            "Damper, rig and identification.  [default: the paper's damper and test]"),
+        "set": ("values", "NAME=VALUE",
             ("Replace a parameter; may be given several times. With all five, --setting is not "
-            "needed."),
-        ),
-        "init.set": (
-            "pairs", "KEY=VALUE",
-            "A key of [damper], as in rod_diameter=12mm; may be given several times.",
-        ),
-        "layout": (
-            "text", "NAME",
-            "Layout of the damper, if known: twin_tube, monotube, through_flow.",
-        ),
-        "parameters": (
-            "results", "FILE",
+            "needed.")),
+        "init.set": ("pairs", "KEY=VALUE",
+            "A key of [damper], as in rod_diameter=12mm; may be given several times."),
+        "layout": ("text", "NAME",
+            "Layout of the damper, if known: twin_tube, monotube, through_flow."),
+        "parameters": ("results", "FILE",
             ("Parameters table (.parquet, .csv) or results folder.  [default: results, if it is "
-            "there, else the shipped reference set]"),
-        ),
-        "samples.parameters": (
-            "results", "FILE",
+            "there, else the shipped reference set]")),
+        "samples.parameters": ("results", "FILE",
             ("True values, with damper and motion: parameters table (.parquet, .csv) or results "
-            "folder.  [default: the shipped reference set]"),
-        ),
+            "folder.  [default: the shipped reference set]")),
         "settings": ("text", "LIST", "Settings to make, as in 1,5,10-12."),
     },
     "Rig": {
@@ -178,221 +129,82 @@ _TABLE: dict[str, dict[str, tuple[Any, ...]]] = {
         "displacement_noise": ("text", "LENGTH", "Sensor noise of the displacement, rms."),
         "rig_filter": ("text", "FREQ", "Corner of a filter in the rig; 0: no filter."),
         "seed": ("count", "N", "Of the noise; same seed, same logs."),
-        "max_stroke": (
-            "text", "LENGTH", "Largest amplitude of the rig.  [default: rig.max_stroke, as tested]",
-        ),
-        "max_speed": (
-            "text", "SPEED",
-            "Highest peak speed.  [default: rig.max_speed, twice what was tested]",
-        ),
+        "max_stroke": ("text", "LENGTH",
+            "Largest amplitude of the rig.  [default: rig.max_stroke, as tested]"),
+        "max_speed": ("text", "SPEED",
+            "Highest peak speed.  [default: rig.max_speed, twice what was tested]"),
         "max_force": ("text", "FORCE", "Highest force.  [default: rig.max_force, no limit]"),
-        "max_frequency": (
-            "text", "FREQ", "Highest frequency.  [default: rig.max_frequency, 10 Hz]",
-        ),
+        "max_frequency": ("text", "FREQ",
+            "Highest frequency.  [default: rig.max_frequency, 10 Hz]"),
         "minutes": ("number", "N", "Longest test of one setting, min."),
     },
     "Fit": {
-        "free": (
-            "quantities", "NAME,NAME",
-            ("Parameters to fit; in the paper's model r_m1 r_m2 r_m3 k_e f_f f_0.  [default: those "
-            "of the procedure]"),
-            "identification.free",
-        ),
-        "fix": (
-            "values", "NAME=VALUE",
-            "Hold a parameter at a value; may be given several times.",
-            "identification.fix",
-        ),
-        "procedure": (
-            "text", "NAME",
-            "How to fit: paper, joint, plain.  [default: paper; of other models plain]",
-            "identification.procedure",
-        ),
-        "share": (
-            "quantities", "NAME,NAME",
-            "Parameters shared by all settings in a joint fit.",
-            "identification.share",
-        ),
-        "bulk_modulus": (
-            "text", "NAME",
-            "K_e: free, or appendix1, from one gas content.  [default: free]",
-            "identification.bulk_modulus",
-        ),
-        "start": (
-            "texts", "FILE|NAME=VALUE",
-            "Where the fits start: parameters of an earlier run, or values, as in f_f=30,k_e=2e9.",
-        ),
-        "starts": (
-            "count", "N",
-            "Fit each setting from N starts.  [default: 1]",
-            "identification.starts",
-        ),
-        "rivals": (
-            "flag", "",
-            "Where the logs choose the model, also rank fourteen from the literature.",
-        ),
-        "covariate": (
-            "text", "temperature",
-            "Let viscous resistances follow the temperature of each log; one beta for all.",
-        ),
+        "rivals": ("flag", "",
+            "Where the logs choose the model, also rank fourteen from the literature."),
+        "covariate": ("text", "temperature",
+            "Let viscous resistances follow the temperature of each log; one beta for all."),
     },
     "Motion": {
-        "wave": ("text", "NAME", "sine or triangle.  [default: sine]", "simulation.wave"),
-        "amplitude": (
-            "text", "LENGTH",
-            "Amplitude of the simulated motion, as in 32mm.  [default: that of the test]",
-            "rig.amplitude",
-        ),
-        "frequency": (
-            "text", "FREQ",
-            "Frequency of the simulated motion, as in 1.5Hz.  [default: that of the test]",
-            "rig.frequency",
-        ),
-        "cycles": (
-            "number", "N",
-            "Number of cycles, 1 or more.  [default: 4]",
-            "simulation.cycles",
-        ),
         "samples.cycles": ("number", "N", "Cycles in a log."),
-        "sample_rate": (
-            "text", "RATE",
-            "As in 1000Hz; a bare number is Hz.  [default: 1000Hz]",
-            "simulation.sample_rate",
-        ),
         "samples.sample_rate": ("text", "RATE", "Samples per second, as in 1000Hz."),
-        "max_steps": (
-            "workers", "N",
-            "Limit on samples and integrator steps, 1 or more.  [default: 5000000]",
-            "simulation.max_steps",
-        ),
-        "velocity": ("text", "SPEED", "At this speed, as in 0.2m/s; minus: bump."),
-        "compare.velocity": (
-            "texts", "SPEED",
-            "Speeds to compare at.  [default: the named test speeds]",
-        ),
+        "settings.velocity": ("text", "SPEED", "At this speed, as in 0.2m/s; minus: bump."),
+        "compare.velocity": ("texts", "SPEED",
+            "Speeds to compare at.  [default: the named test speeds]"),
         "stroke": ("text", "NAME", "rebound or bump, instead of a sign."),
         "force": ("text", "FORCE", "Which setting gives it? As in 900N; minus: bump."),
-        "vary": (
-            "texts", "NAME=F1,F2",
-            "Scale by these factors: r_m1 r_m2 r_m3 k_e f_f f_0 p_0 gamma amplitude frequency.",
-        ),
-        "paper": (
-            "flag", "",
-            "Figures 4 to 9 of the paper, at setting 10 unless --setting says otherwise.",
-        ),
+        "vary": ("texts", "NAME=F1,F2",
+            "Scale by these factors: r_m1 r_m2 r_m3 k_e f_f f_0 p_0 gamma amplitude frequency."),
+        "paper": ("flag", "",
+            "Figures 4 to 9 of the paper, at setting 10 unless --setting says otherwise."),
         "displacement": ("path", "LOG", "Drive with the displacement of a log, not a wave."),
-        "temperature": (
-            "text", "TEMP",
-            "Of the oil, as in 40degC; after identify --covariate temperature.",
-        ),
+        "temperature": ("text", "TEMP",
+            "Of the oil, as in 40degC; after identify --covariate temperature."),
     },
     "Output": {
-        "identify.velocity": (
-            "texts", "SPEED",
-            "Show forces at these speeds, as in 0.05m/s.  [default: the named test speeds]",
-            "output.speeds",
-        ),
-        "identify.out": (
-            "path", "DIR",
-            "Folder for the results.  [default: results]",
-            "output.folder",
-        ),
         "simulate.out": ("path", "FILE", "Write the signals: .csv or .parquet."),
         "sweep.out": ("path", "DIR", "Folder for table and figures.  [default: sweep]"),
         "compare.out": ("path", "DIR", "Write page, Markdown, JSON and tables."),
-        "export.out": (
-            "path", "PATH",
-            "A file if it has a suffix, else a folder.  [default: export in the results folder]",
-        ),
+        "export.out": ("path", "PATH",
+            "A file if it has a suffix, else a folder.  [default: export in the results folder]"),
         "report.out": ("path", "DIR", "Where to write.  [default: the results folder]"),
         "passport.out": ("path", "DIR", "Where to write.  [default: the working folder]"),
-        "watch.out": (
-            "path", "DIR",
-            "Folder of results and page of all logs so far.  [default: nothing is written]",
-        ),
+        "watch.out": ("path", "DIR",
+            "Folder of results and page of all logs so far.  [default: nothing is written]"),
         "fleet.out": ("path", "DIR", "Folder of the fleet's parts."),
-        "init.out": (
-            "path", "FILE.toml",
-            "Where to write; - prints it.  [default: my_damper.toml]",
-        ),
+        "init.out": ("path", "FILE.toml",
+            "Where to write; - prints it.  [default: my_damper.toml]"),
         "overwrite": ("flag", "", "Replace files of another origin that are in the way."),
         "init.overwrite": ("flag", "", "Replace the file if it is there."),
         "report": ("flag", "", "Also write report.html, as damperfit report does."),
-        "fleet.report": (
-            "flag", "",
-            "Also write the tables and one page of the fleet: _fleet/fleet.html.",
-        ),
-        "figures": (
-            "text", "KIND",
-            "Write the figures as files: png, svg or pdf.",
-            "",
-            ("--plots",),
-        ),
+        "fleet.report": ("flag", "",
+            "Also write the tables and one page of the fleet: _fleet/fleet.html."),
+        "figures": ("text", "KIND", "Write the figures as files: png, svg or pdf.", "--plots"),
         "plot": ("path", "FILE", "Draw the loops: .png, .svg or .pdf."),
         "to": ("text", "TARGET", "What to write; --list shows them."),
         "list": ("flag", "", "Show the targets with file, units and sign."),
         "github_summary": ("flag", "", "Append the report to the summary of the job."),
         "save": ("path", "FILE.json", "Keep A as a baseline."),
         "collect": ("flag", "", "Then write one table of all parts: _fleet/fleet.parquet, .csv."),
-        "units": (
-            "text", "LIST",
-            ("Units of force, speed and length, as in N,mm/s or lbf,in/s or daN.  [default: those "
-            "of the run or the configuration, else N,m/s,m]"),
-        ),
         "decimal": ("text", "MARK", "Decimal mark in CSV files: a point or a comma."),
         "extend": ("text", "SPEED", "Extend tables beyond the tested speed; marked as untested."),
         "json": ("flag", "", "Print one JSON document on stdout and nothing else there."),
-        "quiet": ("flag", "", "No progress bar, no remarks; errors are still shown.", "", ("-q",)),
-        "log_file": (
-            "path", "FILE",
-            "Append every message and step to FILE, one line each, with its time.",
-        ),
-        "color": (
-            "text", "WHEN",
-            "Colours on stdout: auto, always or never.  [default: auto, on a terminal]",
-        ),
+        "quiet": ("flag", "", "No progress bar, no remarks; errors are still shown.", "-q"),
+        "log_file": ("path", "FILE",
+            "Append every message and step to FILE, one line each, with its time."),
+        "color": ("text", "WHEN",
+            "Colours on stdout: auto, always or never.  [default: auto, on a terminal]"),
         "no_progress": ("flag", "", "No progress bar."),
     },
     "Trust": {
-        "hold_out": (
-            "texts", "PATTERN",
-            ("Predict these logs instead of fitting them, or segments by frequency or peak speed "
-            "(4Hz-10Hz, 0.2m/s-); may be given several times.  [default: transients, the run-up, "
-            "coast-down and changes of speed within the logs]"),
-            "identification.hold_out",
-        ),
-        "hold_out_cycles": (
-            "number", "N",
-            "Hold out the last N cycles of each log; below 1: that share of them.",
-            "identification.hold_out_cycles",
-        ),
-        "profile": (
-            "quantities", "NAME,NAME",
-            "Profile the misfit along a parameter, into profiles.csv.",
-            "identification.profile",
-        ),
-        "repeats": (
-            "paths", "RESULTS",
-            "Repeat run of A; the scatter of the repeats is the yardstick.",
-        ),
+        "repeats": ("paths", "RESULTS",
+            "Repeat run of A; the scatter of the repeats is the yardstick."),
     },
     "Gates": {
-        "strict": ("flag", "", "Refuse logs that have a warning; ends with code 4.", "rig.strict"),
-        "max_mse": ("number", "PCT", "End with code 4 above this MSE.", "output.max_mse_percent"),
-        "check": (
-            "names", "NAME,NAME",
-            "End with code 4 unless these checks pass; purdy2000 is a list of them.",
-            "output.checks",
-        ),
-        "export.check": (
-            "flag", "",
-            "Run what was written against the logs of the run; show the error.",
-        ),
-        "tolerance": (
-            "text", "5%|20N|FILE",
+        "export.check": ("flag", "",
+            "Run what was written against the logs of the run; show the error."),
+        "tolerance": ("text", "5%|20N|FILE",
             ("Band around the reference (of a fleet: the median), or a table of bands; missed: "
-            "code 4."),
-        ),
+            "code 4.")),
         "junit": ("path", "FILE.xml", "Write the points of --tolerance as JUnit XML."),
     },
     "Work": {
@@ -400,39 +212,8 @@ _TABLE: dict[str, dict[str, tuple[Any, ...]]] = {
         "scheduler": ("text", "ADDRESS", "Work on a Dask cluster, as in tcp://10.0.0.1:8786."),
         "part": ("text", "I/N", "Only part I of N, as in a job array: 3/100."),
     },
-}  # fmt: skip
-_KEYWORDS = {
-    name: Keyword(row[0], row[1], row[2], panel, *row[3:])
-    for panel, rows in _TABLE.items()
-    for name, row in rows.items()
 }
-
-# In the order of the help; what stands in none stands last, under "Options".
-PANELS = ("Logs", "Damper", "Rig", "Fit", "Motion", "Trust", "Gates", "Work", "Output", "Options")
-
-
-def keyword_of(command: str, name: str) -> Keyword | None:
-    """Return what a keyword of a command is; None of what takes objects of Python alone.
-
-    Examples
-    --------
-    >>> keyword_of("identify", "skew").key
-    'rig.skew'
-    """
-    return _KEYWORDS.get(f"{command}.{name}") or _KEYWORDS.get(name)
-
-
-def option_of(name: str) -> str:
-    """Return the option that a keyword is on the command line.
-
-    Examples
-    --------
-    >>> option_of("hold_out")
-    '--hold-out'
-    """
-    return f"--{name.rstrip('_').replace('_', '-')}"
-
-
+# fmt: on
 # What a keyword takes in Python.
 _TYPES = {
     "text": "str",
@@ -448,7 +229,57 @@ _TYPES = {
     "results": "Run or path",
     "paths": "list of path",
     "flag": "bool",
-}
+}  # fmt: skip
+_KINDS = {bool: "flag", int: "count", float: "number", list: "texts", dict: "values"}
+
+
+def _of_key(section: str, name: str, entry: Entry) -> Keyword:
+    """Return the keyword that sets a key of the configuration."""
+    kind = entry.kind or _KINDS.get(type(entry.default), "text")
+    text = entry.about[:1].upper() + entry.about[1:]
+    if kind in {"texts", "values"} and "|" not in entry.option:
+        text += "; may be given several times"
+    is_telling = entry.default and not isinstance(entry.default, list | dict)
+    shown = f"{entry.default:g}" if isinstance(entry.default, float) else entry.default
+    default = f"  [default: {shown}]" if is_telling and "default" not in text else ""
+    return Keyword(kind, entry.option, f"{text}.{default}", entry.panel, f"{section}.{name}")
+
+
+@cache
+def _keywords() -> dict[str, Keyword]:
+    known = {
+        entry.keyword or name: _of_key(section, name, entry)
+        for section, kind in SECTIONS.items()
+        for name, entry in kind.entries().items()
+        if entry.panel
+    }
+    for panel, rows in _TABLE.items():
+        known |= {
+            name: Keyword(row[0], row[1], row[2], panel, "", row[3:]) for name, row in rows.items()
+        }
+    return known
+
+
+def keyword_of(command: str, name: str) -> Keyword | None:
+    """Return what a keyword of a command is; None of what takes objects of Python alone.
+
+    Examples
+    --------
+    >>> keyword_of("identify", "skew").key
+    'rig.skew'
+    """
+    return _keywords().get(f"{command}.{name}") or _keywords().get(name)
+
+
+def option_of(name: str) -> str:
+    """Return the option that a keyword is on the command line.
+
+    Examples
+    --------
+    >>> option_of("hold_out")
+    '--hold-out'
+    """
+    return f"--{name.rstrip('_').replace('_', '-')}"
 
 
 def with_keywords(function: Callable[..., Any]) -> str:
@@ -459,20 +290,17 @@ def with_keywords(function: Callable[..., Any]) -> str:
     function : callable
         Of `damperfit.api`.
     """
-    known = function.__doc__ or ""
+    text = function.__doc__ or ""
     told = {
         name.strip().lstrip("*")
-        for line in known.splitlines()
+        for line in text.splitlines()
         if line[:4].isspace() and line[4:5].strip()
         for name in line.partition(" : ")[0].split(",")
     }
     lines = []
     for name in signature(function).parameters:
-        one = _KEYWORDS.get(f"{function.__name__}.{name}") or _KEYWORDS.get(name)
+        one = keyword_of(function.__name__, name)
         if one is not None and one.kind in _TYPES and name not in told:
             lines += [f"    {name} : {_TYPES[one.kind]}", f"        {one.help}"]
-    if not lines:
-        return known
-    return "\n".join(
-        [known.rstrip(), "", "    Other Parameters", "    ----------------", *lines, ""]
-    )
+    heading = ["", "    Other Parameters", "    ----------------"]
+    return "\n".join([text.rstrip(), *heading, *lines, ""]) if lines else text

@@ -92,7 +92,7 @@ def test_every_data_file_of_the_package_is_shipped():
         for path in package.rglob("*.*")
         if path.is_file() and path.suffix not in {".py", ".pyc", ".so", ".pyd"}
     }
-    assert {"py.typed", "configuration/defaults.toml", "manual/pages/start.md"} <= files
+    assert {"py.typed", "manual/pages/start.md"} <= files
     left = [
         name
         for name in sorted(files)

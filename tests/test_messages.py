@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ast
 import re
-import tomllib
 from dataclasses import fields
 from functools import cache
 from pathlib import Path
@@ -14,12 +13,13 @@ import typer
 
 import damperfit
 from damperfit.cli.main import app
+from damperfit.configuration.loading import default_document
 from damperfit.damper.model import MODELS
 from damperfit.io.options import Profile
 
 SOURCE = Path(damperfit.__file__).parent
 FILES = sorted(p for p in SOURCE.rglob("*.py") if p.name != "build_backend.py")
-DEFAULTS = tomllib.loads((SOURCE / "configuration" / "defaults.toml").read_text(encoding="utf-8"))
+DEFAULTS = default_document()
 COMMANDS = typer.main.get_command(app).commands
 OPTIONS = {name for command in COMMANDS.values() for p in command.params for name in p.opts}
 OTHERS = {"--help", "--force-reinstall"}  # typer's and pip's

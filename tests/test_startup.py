@@ -110,15 +110,6 @@ def test_a_call_of_the_command_line_leaves_garbage_to_its_caller(capsys):
     assert gc.get_threshold() == usual
 
 
-def test_the_schema_of_one_model_is_made_and_of_no_other():
-    script = (
-        "from damperfit.configuration import schema; from damperfit.configuration.loading import "
-        "load_configuration; load_configuration(); print(schema._document.cache_info().currsize)"
-    )
-    done = run([sys.executable, "-c", script])
-    assert done.stdout.split() == ["1"], done.stderr
-
-
 def test_help_names_every_command_and_loads_no_heavy_library():
     done = run([sys.executable, "-X", "importtime", "-m", "damperfit", "--help"])
     assert done.returncode == 0, done.stderr

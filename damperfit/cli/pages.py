@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable, Iterator, Sequence
-from importlib.resources import files
 from typing import Any
 
 import typer
@@ -18,6 +17,7 @@ import damperfit
 from damperfit.checks import CHECK_LISTS, CHECKS
 from damperfit.cli.main import app
 from damperfit.configuration.drawings import MEASURED
+from damperfit.configuration.loading import configuration_toml, load_configuration
 from damperfit.damper.model import MODELS
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.exporting.targets import TARGETS
@@ -219,9 +219,5 @@ TABLES: dict[str, Callable[..., str]] = {
         ("outcome", "what to do"), [[f"`{outcome.value}`", outcome.advice] for outcome in Outcome]
     ),
     "units": _units,
-    "defaults": lambda: (
-        "```toml\n"
-        + files("damperfit.configuration").joinpath("defaults.toml").read_text(encoding="utf-8")
-        + "```\n"
-    ),
+    "defaults": lambda: f"```toml\n{configuration_toml(load_configuration())}```\n",
 }

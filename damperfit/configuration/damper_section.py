@@ -4,42 +4,37 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, fields, is_dataclass
-from functools import cache
-from typing import TYPE_CHECKING, Annotated, Any
-
-from pydantic import (
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    ValidationError,
-    create_model,
-    model_validator,
-)
-from pydantic import ValidationInfo as Info
-from pydantic import field_validator as checks
+from typing import TYPE_CHECKING, Any
 
 from damperfit.damper.model import MODELS, model_named
 from damperfit.damper.mounting import NONE
 from damperfit.damper.warmed import Warmed
-from damperfit.errors import ConfigurationError
-from damperfit.units.quantities import parse_quantity, says_absolute_or_gauge
+from damperfit.errors import ConfigurationError, did_you_mean
+from damperfit.problem import Key
+from damperfit.units.quantities import QuantityError, parse_quantity, says_absolute_or_gauge
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-    from typing import Self
+    from collections.abc import Iterable, Mapping
 
     from damperfit.damper.model import Model
 
 __all__ = [
-    "DamperSection",
     "damper_defaults",
+    "damper_of",
     "damper_of_record",
     "damper_record",
-    "damper_section",
+    "not_a_section",
+    "unknown_key",
 ]
 
 _ASKED_BELOW = 2e5  # Pa: a gauge reading taken as absolute is here a third too low, or more
-_DIMENSIONS = {"m": "length", "m3": "volume", "kg/m3": "density", "Pa": "absolute pressure"}
+# Unit of a key: what it is, and the unit that people measure it in with its size.
+_UNITS = {
+    "m": ("length", "mm", 1e-3),
+    "m3": ("volume", "cm3", 1e-6),
+    "kg/m3": ("density", "kg/m3", 1.0),
+    "Pa": ("absolute pressure", "bara", 1e5),
+}
 # Numbers of a section inside [damper], which may be words too.
 _INNER_DIMENSIONS = {
     "series_stiffness": "stiffness",
@@ -52,61 +47,22 @@ _INNER_DIMENSIONS = {
     "seal_area": "area",
     "turning_speed": "velocity",
 }
+_VALVES = "twin_tube"  # whose geometry and gas the other layouts share
 _OF_LOGS = "mean"  # a reference temperature: the mean of the logs
 _WARMTH = (-60.0, 200.0)  # degC: what oil of dampers is tested at
-_RECORDED = {"is_recorded": True}  # what a run has written is a value, and no user's words
 _BEGIN_OF_NUMBER = frozenset("0123456789.+-")
 
 
-class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
-
-
-class DamperSection(_Section):
-    """[damper] of any model."""
-
-    model: str
-    reference_temperature: float | str
-
-    @checks("*")
-    @classmethod
-    def _is_plausible(cls, value: Any, info: Info) -> Any:
-        name = str(info.field_name)
-        if name == "reference_temperature":
-            return _reference(value)
-        if name in MODELS[cls.__name__].ranges:
-            low, high, unit = MODELS[cls.__name__].ranges[name]
-            if not low <= value <= high:
-                raise ValueError(f"expected {low:g} to {high:g}{' ' + unit if unit else ''}")
-        return value
-
-    @model_validator(mode="after")
-    def _can_be_built(self) -> Self:
-        try:
-            self.build()
-        except ConfigurationError as error:
-            raise ValueError(str(error)) from error
-        return self
-
-    def build(self) -> Model:
-        """Return the damper that is declared."""
-        kind = MODELS[type(self).__name__]
-        values = self.model_dump(exclude={"model", "reference_temperature"})
-        inner = _inner(kind)
-        if "passages" in values:
-            from damperfit.damper.valve_dampers import declared_passages
-
-            values["passages"] = declared_passages(values["passages"])
-        damper = kind(**{k: inner[k](**v) if k in inner else v for k, v in values.items()})
-        if self.reference_temperature == NONE:
-            return damper
-        told = self.reference_temperature
-        return Warmed(damper, math.nan if told == _OF_LOGS else float(told))
-
-
 def damper_defaults(model: str) -> dict[str, Any]:
-    """Return every key of [damper] for a model, as in defaults.toml, in SI."""
-    return damper_record(MODELS[model]())
+    """Return every key of [damper] for a model; lengths and pressures as people measure them."""
+    kind = MODELS[model]
+    record = damper_record(kind())
+    for name, (_, _, unit) in kind.ranges.items():
+        dimension, measured, size = _UNITS.get(unit, ("", "", 1.0))
+        text = f"{record[name] / size:.6g}{measured}"
+        if dimension and parse_quantity(text, dimension) == record[name]:
+            record[name] = text
+    return record
 
 
 def damper_record(damper: Model) -> dict[str, Any]:
@@ -135,125 +91,149 @@ def damper_of_record(record: Mapping[str, Any]) -> Model:
     ConfigurationError
         It is of no model, or has keys or values that no damper has.
     """
-    name = record.get("model", MODELS["purdy"].name)
-    known = damper_defaults(model_named(name if isinstance(name, str) else repr(name)).name)
+    name = record.get("model", "purdy")
+    known = damper_record(model_named(name if isinstance(name, str) else repr(name))())
     values = {
         key: {**known[key], **one} if isinstance(known.get(key), dict) and isinstance(one, dict)
         else one
         for key, one in record.items()
     }  # fmt: skip
-    section = damper_section(known["model"])
-    try:
-        return section.model_validate({**known, **values}, context=_RECORDED).build()
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        place = ".".join(("damper", *map(str, first["loc"])))
-        raise ConfigurationError(
-            f"{first['msg'].removeprefix('Value error, ')}, found {first['input']!r}", subject=place
-        ) from error
+    return damper_of({**known, **values}, is_recorded=True)
 
 
-def _reference(value: float | str) -> float | str:
-    """Return a temperature in degrees Celsius, or the word for that of the logs, or for none."""
-    if value in {NONE, _OF_LOGS}:
-        return value
-    try:
-        found = parse_quantity(value, "temperature")
-    except ValueError as error:
-        raise ValueError(
-            f"expected 'none', 'mean' or a temperature, as in '25degC'; {error}"
-        ) from error
-    low, high = _WARMTH
-    if not low <= found <= high:
-        raise ValueError(f"expected {low:g} to {high:g} degC")
-    return found
+def damper_of(keys: Mapping[str, Any], *, is_recorded: bool = False) -> Model:
+    """Return the damper that a complete [damper] declares.
 
+    Parameters
+    ----------
+    keys : mapping
+        By name; quantities as text with a unit, or in SI.
+    is_recorded : bool
+        A run has written it: a low pressure is a value, and no user's words.
 
-def _inner(kind: Any) -> dict[str, type]:
-    """The fields of a model that are sections of their own, and what they are."""
-    known = [one for one in fields(kind) if one.init]
-    return {one.name: type(one.default) for one in known if is_dataclass(one.default)}
-
-
-def _section(kind: type[Model]) -> type[DamperSection]:
-    inner = _inner(kind)
-    keys: dict[str, Any] = {}
-    for one in fields(kind):  # type: ignore[arg-type]
-        if not one.init:
-            continue
-        if one.name == "passages":
-            keys[one.name] = (list[dict[str, Any]], ...)
-        elif one.type == "bool":
-            keys[one.name] = (bool, ...)
-        elif one.name in inner:
-            found: dict[str, Any] = {
-                part.name: (_word(part.name, str(part.type)), ...)
-                for part in fields(inner[one.name])
-            }
-            whole = {"_whole": _can_be_built(inner[one.name])}
-            section = create_model(one.name, __base__=_Section, __validators__=whole, **found)
-            keys[one.name] = (section, ...)
-        else:
-            keys[one.name] = (_number(one.name, _unit(kind, one.name)), ...)
-    return create_model(kind.name, __base__=DamperSection, **keys)
-
-
-def _can_be_built(kind: Any) -> Any:
-    def build(section: BaseModel) -> BaseModel:
+    Raises
+    ------
+    ConfigurationError
+        A key is unknown or a value cannot be; the problem's place is the key.
+    """
+    kind: Any = model_named(keys["model"])
+    own = {one.name: one for one in fields(kind) if one.init}
+    _refuse_unknown(keys, ("model", "reference_temperature", *own), "damper")
+    values: dict[str, Any] = {}
+    for name, one in own.items():
         try:
-            kind(**section.model_dump())
+            values[name] = _value(kind, one, keys[name], is_recorded=is_recorded)
         except ConfigurationError as error:
-            raise ValueError(str(error)) from error
-        return section
-
-    return model_validator(mode="after")(build)
-
-
-def _unit(kind: type[Model], name: str) -> str:
-    return kind.ranges[name][2] if name in kind.ranges else ""
-
-
-def _number(name: str, unit: str) -> Any:
-    if unit not in _DIMENSIONS:
-        return float
-    dimension = _DIMENSIONS[unit]
-
-    def convert(value: object) -> object:
-        return parse_quantity(value, dimension) if isinstance(value, str) else value
-
-    is_gas = name == "gas_pressure"
-    return Annotated[float, BeforeValidator(_gas_pressure if is_gas else convert)]
+            found = f", found {keys[name]!r}" if isinstance(error, QuantityError) else ""
+            if isinstance(error.problem.where, Key):
+                raise
+            raise error.adding(found).at(Key(("damper", name))) from error
+    reference = _reference(keys["reference_temperature"])
+    damper: Model = kind(**values)
+    if reference == NONE:
+        return damper
+    return Warmed(damper, math.nan if reference == _OF_LOGS else float(reference))
 
 
-def _word(name: str, kind: str) -> Any:
-    """Text is a quantity where it begins like a number, else a word that its owner judges."""
-    if kind == "str":
-        return str
-
-    def convert(value: object) -> object:
-        is_number = isinstance(value, str) and value[:1] in _BEGIN_OF_NUMBER
-        return parse_quantity(str(value), _INNER_DIMENSIONS[name]) if is_number else value
-
-    return Annotated[float | str, BeforeValidator(convert)]
-
-
-def _gas_pressure(value: object, info: Info) -> object:
-    """Return an absolute pressure; ask what a low one counts from."""
-    if not isinstance(value, str | float | int) or isinstance(value, bool):
-        return value
-    pressure = parse_quantity(value, "absolute pressure")
-    says_which = isinstance(value, str) and says_absolute_or_gauge(value)
-    least: Mapping[str, Any] = MODELS["purdy"].ranges
-    is_low = pressure == 0.0 or least["gas_pressure"][0] <= pressure < _ASKED_BELOW
-    if is_low and not says_which and info.context != _RECORDED:
-        raise ValueError(
-            "is it absolute, or does it count from the atmosphere? expected a unit that says so, "
-            "as in 'bara' or 'barg'"
+def unknown_key(name: str, known: Iterable[str], *section: str) -> ConfigurationError:
+    """Return the refusal of a key that a section does not have."""
+    known = list(known)
+    hint = did_you_mean(name, known) or f" There are {', '.join(known)}."
+    if (
+        section == ("damper",)
+        and "gas_piston_diameter" in known
+        and name in damper_defaults(_VALVES)
+    ):
+        hint = (
+            f' The paper\'s model has none; real valves do: add model = "{_VALVES}", "monotube" or '
+            '"through_flow", or let the logs choose, with identify --model auto.'
         )
-    return pressure
+    text = f"unknown key '{name}' in [{'.'.join(section)}].{hint}"
+    return ConfigurationError(text, where=Key((*section, name)), code="unknown-key")
 
 
-@cache
-def damper_section(name: str) -> type[DamperSection]:
-    """Return the schema of [damper] for a model; each takes time to make, and a run needs one."""
-    return _section(MODELS[name])
+def not_a_section(*path: str) -> ConfigurationError:
+    """Return the refusal of a value that stands where a section is expected."""
+    name = ".".join(path)
+    text = f"{name} is a section: write [{name}]"
+    return ConfigurationError(text, where=Key(path), code="not-a-section")
+
+
+def _refuse_unknown(keys: Mapping[str, Any], known: Iterable[str], *section: str) -> None:
+    known = list(known)
+    if unknown := [name for name in keys if name not in known]:
+        raise unknown_key(unknown[0], known, *section)
+
+
+def _wrong(expected: str, found: object, *path: str) -> ConfigurationError:
+    text = f"expected {expected}, found {found!r}"
+    return ConfigurationError(text, where=Key(("damper", *path)), code="wrong-value")
+
+
+def _value(kind: Any, field: Any, value: Any, *, is_recorded: bool) -> Any:
+    name = field.name
+    if is_dataclass(field.default):
+        if not isinstance(value, dict):
+            raise not_a_section("damper", name)
+        part: Any = type(field.default)
+        inner = {one.name: one for one in fields(part)}
+        _refuse_unknown(value, inner, "damper", name)
+        return part(**{k: _word(inner[k], one, name) for k, one in value.items()})
+    if name == "passages":
+        from damperfit.damper.valve_dampers import declared_passages
+
+        if not (isinstance(value, list) and all(isinstance(one, dict) for one in value)):
+            raise _wrong("a list", value, name)
+        return declared_passages(value)
+    if field.type == "bool":
+        if not isinstance(value, bool):
+            raise _wrong("true or false", value, name)
+        return value
+    dimension = _UNITS.get(kind.ranges[name][2] if name in kind.ranges else "", ("",))[0]
+    if isinstance(value, bool) or not isinstance(
+        value, float | int | str if dimension else float | int
+    ):
+        raise _wrong("a number", value, name)
+    number = parse_quantity(value, dimension) if isinstance(value, str) else float(value)
+    if name == "gas_pressure" and not is_recorded:
+        says_which = isinstance(value, str) and says_absolute_or_gauge(value)
+        is_low = number == 0.0 or kind.ranges[name][0] <= number < _ASKED_BELOW
+        if is_low and not says_which:
+            raise ConfigurationError(
+                "is it absolute, or does it count from the atmosphere? expected a unit that says "
+                f"so, as in 'bara' or 'barg', found {value!r}",
+                where=Key(("damper", name)),
+                code="absolute-or-gauge",
+            )
+    return number
+
+
+def _word(field: Any, value: Any, section: str) -> Any:
+    """Text is a quantity where it begins like a number, else a word that its owner judges."""
+    if field.type == "str":
+        if not isinstance(value, str):
+            raise _wrong("a text", value, section, field.name)
+        return value
+    if isinstance(value, bool) or not isinstance(value, float | int | str):
+        raise _wrong("a number", value, section, field.name)
+    if isinstance(value, str) and value[:1] in _BEGIN_OF_NUMBER:
+        try:
+            return parse_quantity(value, _INNER_DIMENSIONS[field.name])
+        except QuantityError as error:
+            where = Key(("damper", section, field.name))
+            raise error.adding(f", found {value!r}").at(where) from error
+    return value
+
+
+def _reference(value: Any) -> Any:
+    """Return a temperature in degrees Celsius, or the word for that of the logs, or for none."""
+    if value in (NONE, _OF_LOGS):
+        return value
+    place = "reference_temperature"
+    try:
+        found = math.nan if isinstance(value, bool) else parse_quantity(value, "temperature")
+    except QuantityError as error:
+        raise _wrong("'none', 'mean' or a temperature, as in '25degC'", value, place) from error
+    if not _WARMTH[0] <= found <= _WARMTH[1]:
+        raise _wrong(f"{_WARMTH[0]:g} to {_WARMTH[1]:g} degC", value, place)
+    return found

@@ -1,8 +1,7 @@
-"""Configuration: defaults.toml, then a file, then the command line, to one frozen `Configuration`.
+"""Configuration: the defaults, then a file, then the command line, to one `Configuration`.
 
-A profile of a rig goes before [rig] for its logs; the command line goes before both.
-``defaults.toml`` is complete and commented, and is the documentation of the configuration. No
-default stands anywhere else. A key that defaults.toml does not know is an error.
+A profile of a rig goes before [rig] for its logs; the command line goes before both. A key that no
+section has is an error; a mistake is told with the file and line, or the option, that gave it.
 """
 
 from __future__ import annotations
@@ -12,16 +11,17 @@ import math
 import re
 import tomllib
 from copy import deepcopy
-from dataclasses import dataclass, field, replace
-from functools import cache
-from importlib import resources
+from dataclasses import replace
 from pathlib import Path
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
-from damperfit.configuration.damper_section import damper_defaults
+from damperfit.configuration.damper_section import damper_defaults, not_a_section, unknown_key
+from damperfit.configuration.drawings import MEASURED
 from damperfit.configuration.schema import build_configuration
+from damperfit.configuration.sections import SECTIONS, ProfileSection
 from damperfit.damper.model import model_named
 from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.io.files import IrregularFileError, read_text
@@ -30,24 +30,17 @@ from damperfit.problem import FilePlace, Key, Option
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from pydantic_core import ErrorDetails
-
     from damperfit.configuration.options import Configuration
 
-__all__ = ["configuration_toml", "load_configuration"]
+__all__ = ["configuration_toml", "default_document", "load_configuration"]
 
 _MAX_BYTES = 1_000_000  # a configuration is a page; anything larger is some other file
-_DEFAULTS = "defaults.toml"
 _OF_FILE = Option("config")
-_DEFAULT_MODEL = "purdy"
+_PAPERS = "purdy"
 _OF_VALVES = "twin_tube"  # whose geometry and gas the other layouts share
-_NAME_A_MODEL = (
-    ' The paper\'s model has none; real valves do: add model = "twin_tube", "monotube" or '
-    '"through_flow", or let the logs choose, with identify --model auto.'
-)
 _TEMPERATURES = {"rig.temperature", "rig.temperature_tolerance"}
-_WHOLE = "adjusters"  # its keys are the user's: it takes the place of the one before
-_SECTIONS = ("conditioning", "rig", "identification", "simulation", "damper", "output")
+# Where a key that names no section is looked for.
+_ORDER = ("conditioning", "rig", "identification", "simulation", "damper", "output")
 # What pydantic refuses, by its kind, and what it then has expected.
 _EXPECTED = {
     "int": "a whole number",
@@ -56,16 +49,15 @@ _EXPECTED = {
     "finite_number": "a finite number",
     "bool": "true or false",
     "string": "a text",
+    "string_too_short": "a text that is not empty",
     "list": "a list",
     "dict": "a section of keys",
     "greater_than": "more than {gt:g}",
     "greater_than_equal": "{ge:g} or more",
-    "less_than": "less than {lt:g}",
-    "less_than_equal": "{le:g} or less",
+    "less_than_equal": "at most {le:g}",
     "literal_error": "{expected}",
 }
 _HEADER = re.compile(r"\s*\[([^\[\]]+)\]")
-_ENTRY = re.compile(r"(?P<key>\w+) = (?P<value>[^#]*[^#\s])(?P<comment>\s*#.*)?$")
 
 
 def load_configuration(
@@ -80,7 +72,7 @@ def load_configuration(
     Parameters
     ----------
     path : str or Path, optional
-        TOML file; its keys replace those of defaults.toml.
+        TOML file; its keys replace the defaults.
     overlay : mapping, optional
         Sections and keys that replace those of the file, as from the command line.
     options : mapping of str to Option, optional
@@ -95,81 +87,70 @@ def load_configuration(
         The file cannot be read, or a key or value in it is wrong; the message names file, line
         and key, or the option.
     """
-    given = [] if path is None else [_file_layer(Path(path))]
+    layers = [] if path is None else [_read(Path(path))]
     if overlay:
-        given.append(_Layer("", "", overlay, options or {}))
-    known = {**_defaults(), "damper": damper_defaults(_model_of(given, is_law_open=is_law_open))}
-    document = deepcopy(_defaults())
-    if known["damper"]["model"] != _DEFAULT_MODEL:
-        document["damper"] = deepcopy(known["damper"])
-    for layer in given:
-        _check_keys(layer, known=known)
+        layers.append(_Layer(overlay, options=options))
+    for layer in layers:
+        for section, values in layer.values.items():
+            _check_section(layer, section, values)
+    model = _model_of(layers, is_law_open=is_law_open)
+    document = default_document(model)
+    for layer in layers:
         if not layer.name:
             _put_over_profiles(document["rig"], layer.values.get("rig", {}))
-        if layer.values.get(_WHOLE):
-            document.pop(_WHOLE, None)
+        if layer.values.get("adjusters"):  # its keys are the user's: they replace those before
+            document["adjusters"] = {}
         _merge(document, layer.values)
     declared = frozenset(
         f"{section}.{key}"
-        for layer in given
+        for layer in layers
         for section, values in layer.values.items()
         for key in values
     )
     has_damper = any(key.startswith("damper.") and key != "damper.model" for key in declared)
-    is_other = known["damper"]["model"] != _DEFAULT_MODEL and "rod_diameter" in known["damper"]
+    is_other = model != _PAPERS and "rod_diameter" in document["damper"]
     if (has_damper or is_other) and declared.isdisjoint(_TEMPERATURES):
         # The paper's 26 degC is no window of another damper's test.
         document["rig"]["temperature_tolerance"] = math.inf
     try:
-        found = build_configuration(document, declared=declared)
+        made = build_configuration(document, declared=declared)
     except ValidationError as error:
-        raise _explained(
-            error, [_Layer(_DEFAULTS, _defaults_text(), _defaults()), *given]
-        ) from error
+        raise _explained(error, layers) from error
     except ConfigurationError as error:
-        raise _blamed(error, given) from error
+        raise _blamed(error, layers) from error
     typed = (overlay or {}).get("rig", {})
     facts = frozenset(typed.get("tested_at", {})) | ({"skew"} & set(typed))
-    return replace(found, test=found.test.but(typed=facts))
+    return replace(made, test=made.test.but(typed=facts))
 
 
-def _model_of(given: Sequence[_Layer], *, is_law_open: bool) -> str:
-    """Return the model that the last layer names which names one.
-
-    Where none does and the logs choose the law, keys of real valves are as good as a name.
-    """
-    name = _DEFAULT_MODEL
-    sections = [(one, one.values.get("damper")) for one in given]
-    if is_law_open:
-        keys = {key for _, damper in sections if isinstance(damper, dict) for key in damper}
-        of_valves = keys & set(damper_defaults(_OF_VALVES)) - set(damper_defaults(name))
-        name = _OF_VALVES if of_valves else name
-    for layer, damper in sections:
-        found = damper.get("model", name) if isinstance(damper, dict) else name
-        if not isinstance(found, str):
-            wrong = f"expected the name of a model, found {found!r}"
-            raise layer.blame(ConfigurationError(wrong, code="unknown-model"), "damper", "model")
-        try:
-            name = model_named(found).name
-        except ConfigurationError as error:
-            raise layer.blame(error, "damper", "model") from error
-    return name
+def default_document(model: str = _PAPERS) -> dict[str, Any]:
+    """Return every key of every section with its default, as it would be written."""
+    document: dict[str, Any] = {
+        name: {key: deepcopy(one.default) for key, one in section.entries().items()}
+        for name, section in SECTIONS.items()
+    }
+    return document | {"damper": damper_defaults(model)}
 
 
-@dataclass(slots=True)
 class _Layer:
     """One source of configuration: its name (of the command line none), its text, its values."""
 
-    name: str
-    text: str
-    values: Mapping[str, Any] = field(default_factory=dict)
-    options: Mapping[str, Option] = field(default_factory=dict)
+    def __init__(
+        self,
+        values: Mapping[str, Any],
+        *,
+        name: str = "",
+        text: str = "",
+        options: Mapping[str, Option] | None = None,
+    ) -> None:
+        self.values, self.name, self.text, self.options = values, name, text, options or {}
 
     def blame(self, error: ConfigurationError, *keys: str) -> ConfigurationError:
         """Return an error with what a reader looks for: the option, else file, line and key."""
         option = self.options.get(".".join(keys[:2]))
         if option is None:
-            return error.at(self.place(*keys), subject=".".join(keys))
+            is_told = error.problem.code in {"unknown-key", "not-a-section"}  # the text names it
+            return error.at(self.place(*keys), subject="" if is_told else ".".join(keys))
         # An option that is given several times has no places: what was found says which.
         inner = ".".join(key for key in keys[2:] if not key.isdigit())
         if option.key or not inner:
@@ -181,12 +162,11 @@ class _Layer:
         """Return file and line of a key inside others, as far as the text tells."""
         if not self.name:
             return None
-        found = (
+        lines = (
             self._line(".".join(keys[:depth]), *keys[depth : depth + 1])
             for depth in range(len(keys), 0, -1)
         )
-        option = None if self.name == _DEFAULTS else _OF_FILE
-        return FilePlace(self.name, next(filter(None, found), 0), option)
+        return FilePlace(self.name, next(filter(None, lines), 0), _OF_FILE)
 
     def _line(self, section: str, key: str = "") -> int:
         """Return the line of a key in a section, or of its heading; 0: there is none."""
@@ -200,82 +180,55 @@ class _Layer:
         return 0
 
 
-def _defaults_text() -> str:
-    folder = resources.files("damperfit.configuration")
-    return (folder / _DEFAULTS).read_text(encoding="utf-8")
-
-
-@cache
-def _defaults() -> dict[str, Any]:
-    return tomllib.loads(_defaults_text())
-
-
-def _file_layer(path: Path) -> _Layer:
-    place = FilePlace(str(path), 0, _OF_FILE)
+def _read(path: Path) -> _Layer:
     try:
         text = read_text(path, max_bytes=_MAX_BYTES)
-        return _Layer(str(path), text, tomllib.loads(text))
+        return _Layer(tomllib.loads(text), name=str(path), text=text)
     except IrregularFileError as error:
+        said, code = f"{error.strerror}; this is not a configuration file", "not-a-configuration"
+        raise ConfigurationError(said, subject=path, code=code) from error
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
+        said, code = f"not valid TOML: {error}", "not-toml"
+        if isinstance(error, OSError):
+            said, code = f"cannot be read: {error.strerror}", "unreadable"
+        elif isinstance(error, UnicodeDecodeError):
+            said, code = f"not UTF-8 text, at byte {error.start}", "not-utf8"
+        place = FilePlace(str(path), 0, _OF_FILE)
+        raise ConfigurationError(said, where=place, code=code) from error
+
+
+def _check_section(layer: _Layer, section: str, values: object) -> None:
+    if section not in SECTIONS:
         raise ConfigurationError(
-            f"{error.strerror}; this is not a configuration file",
-            subject=path,
-            code="not-a-configuration",
-        ) from error
-    except OSError as error:
-        raise ConfigurationError(
-            f"cannot be read: {error.strerror}", where=place, code="unreadable"
-        ) from error
-    except UnicodeDecodeError as error:
-        raise ConfigurationError(
-            f"not UTF-8 text, at byte {error.start}", where=place, code="not-utf8"
-        ) from error
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise ConfigurationError(
-            f"not valid TOML: {error}", where=place, code="not-toml"
-        ) from error
+            f"unknown section [{section}]; "
+            f"there are {', '.join(SECTIONS)}.{did_you_mean(section, SECTIONS)}",
+            where=layer.place(section),
+            code="unknown-section",
+        )
+    if not isinstance(values, dict):
+        raise layer.blame(not_a_section(section), section)
 
 
-def _check_keys(layer: _Layer, *, known: Mapping[str, Any]) -> None:
-    """Refuse sections and keys that defaults.toml does not have."""
-    for section, values in layer.values.items():
-        if section not in known:
-            raise ConfigurationError(
-                f"unknown section [{section}]; "
-                f"there are {', '.join(known)}.{did_you_mean(section, known)}",
-                where=layer.place(section),
-                code="unknown-section",
-            )
-        if not isinstance(values, dict):
-            raise _no_section(section, layer.place())
-        if section != _WHOLE:
-            _check_section(layer, values, known[section], section)
+def _model_of(layers: Sequence[_Layer], *, is_law_open: bool) -> str:
+    """Return the model that the last layer names which names one.
 
-
-def _no_section(name: str, place: FilePlace | None) -> ConfigurationError:
-    text = f"{name} is a section: write [{name}]"
-    return ConfigurationError(text, where=place, code="not-a-section")
-
-
-def _check_section(
-    layer: _Layer, values: Mapping[str, Any], known: Mapping[str, Any], *section: str
-) -> None:
-    """Refuse keys that a section does not have; of [damper] those inside its sections too."""
-    name = ".".join(section)
-    for key, value in values.items():
-        if key not in known:
-            hint = did_you_mean(key, known) or f" There are {', '.join(known)}."
-            is_papers = section == ("damper",) and known.get("model") == _DEFAULT_MODEL
-            if is_papers and key in damper_defaults(_OF_VALVES):
-                hint = _NAME_A_MODEL
-            raise ConfigurationError(
-                f"unknown key '{key}' in [{name}].{hint}",
-                where=layer.place(*section, key),
-                code="unknown-key",
-            )
-        if section[0] == "damper" and isinstance(known[key], dict):
-            if not isinstance(value, dict):
-                raise _no_section(f"{name}.{key}", layer.place(*section, key))
-            _check_section(layer, value, known[key], *section, key)
+    Where none does and the logs choose the law, keys of real valves are as good as a name.
+    """
+    name = _PAPERS
+    if is_law_open:
+        keys = {key for layer in layers for key in layer.values.get("damper", {})}
+        if keys & set(damper_defaults(_OF_VALVES)) - set(damper_defaults(name)):
+            name = _OF_VALVES
+    for layer in layers:
+        named = layer.values.get("damper", {}).get("model", name)
+        if not isinstance(named, str):
+            wrong = f"expected the name of a model, found {named!r}"
+            raise layer.blame(ConfigurationError(wrong, code="unknown-model"), "damper", "model")
+        try:
+            name = model_named(named).name
+        except ConfigurationError as error:
+            raise layer.blame(error, "damper", "model") from error
+    return name
 
 
 def _merge(document: dict[str, Any], values: Mapping[str, Any]) -> None:
@@ -293,69 +246,65 @@ def _put_over_profiles(rig: dict[str, Any], typed: Mapping[str, Any]) -> None:
     In the document and not beside it, so that what `configuration_toml` prints reads logs alike.
     --skew is of all logs: what [rig] and its profiles say of single ones is left out.
     """
-    profiles = rig["profiles"]
-    inner = list(profiles.values()) if isinstance(profiles, dict) else []
+    profiles = rig["profiles"] if isinstance(rig["profiles"], dict) else {}
+    inner = [one for one in profiles.values() if isinstance(one, dict)]
     for section in (rig, *inner):
-        facts = section.get("tested_at") if isinstance(section, dict) else None
-        if "skew" in typed and isinstance(facts, dict):
-            facts.pop("skew", None)
+        if "skew" in typed and isinstance(section.get("tested_at"), dict):
+            section["tested_at"].pop("skew", None)
     for profile in inner:
-        if isinstance(profile, dict):
-            _merge(profile, {key: value for key, value in typed.items() if key in profile})
+        _merge(profile, {key: value for key, value in typed.items() if key in profile})
 
 
-def _blamed(error: ConfigurationError, given: Sequence[_Layer]) -> ConfigurationError:
+def _blamed(error: ConfigurationError, layers: Sequence[_Layer]) -> ConfigurationError:
     """Return a mistake with the place of the key that it names, where that was given last."""
     where = error.problem.where
     if not isinstance(where, Key):
         return error
     *section, key = where.path
-    sections = [tuple(section)] if section else [(one,) for one in _SECTIONS]
-    names = (key, *where.beside)
-    for layer in reversed(given):
-        paths = (
-            (name, (*one, name.removeprefix("rig_") if one == ("rig",) else name))
-            for name in names
-            for one in sections
-        )
-        for name, path in paths:
-            if _depth(layer.values, path) < len(path):
-                continue
-            if name == key:
-                more = {"beside": where.beside} if where.beside else {}
-                return layer.blame(error.adding("", **more), *path)
-            place = layer.place(*path)
-            if place is not None:
-                return error.at(place, subject=".".join((*path[:-1], key)))
-            itself = error.at(Key((key,)), subject="")
-            return layer.blame(ConfigurationError("{problem}", problem=itself), *path)
+    sections = [tuple(section)] if section else [(one,) for one in _ORDER]
+    for layer in reversed(layers):
+        for name in (key, *where.beside):
+            for one in sections:
+                path = (*one, name.removeprefix("rig_") if one == ("rig",) else name)
+                if _depth(layer.values, path) < len(path):
+                    continue
+                if name == key:
+                    more = {"beside": where.beside} if where.beside else {}
+                    return layer.blame(error.adding("", **more), *path)
+                if (place := layer.place(*path)) is not None:
+                    return error.at(place, subject=".".join((*path[:-1], key)))
+                itself = error.at(Key((key,)), subject="")
+                return layer.blame(ConfigurationError("{problem}", problem=itself), *path)
     return error
 
 
 def _explained(error: ValidationError, layers: Sequence[_Layer]) -> ConfigurationError:
     """Return the first thing that is wrong, with the layer it came from."""
-    first = error.errors(include_url=False)[0]
+    errors = error.errors(include_url=False)
+    first = next((one for one in errors if one["type"] == "extra_forbidden"), errors[0])
     keys = [str(part) for part in first["loc"]]
-    raised = first.get("ctx", {}).get("error")
-    cause = getattr(raised, "__cause__", None)
-    if isinstance(cause, ConfigurationError) and isinstance(cause.problem.where, Key):
-        where = cause.problem.where
-        path = (*keys, *where.path) if keys[-1:] != list(where.path) else tuple(keys)
-        return _blamed(cause.at(Key(path, where.beside)), layers[1:])
-    reason = str(raised) if raised is not None else _expected(first)
-    if keys == ["rig", "profiles"]:
-        reason = "expected sections named [rig.profiles.NAME]"
+    context = first.get("ctx", {})
+    kind = first["type"].removesuffix("_type").removesuffix("_parsing")
     # pydantic ends with the branch of a union that it tried, which is no key.
     source = max(reversed(layers), key=lambda layer: _depth(layer.values, keys))
     keys = keys[: max(_depth(source.values, keys), 1)]
+    if kind == "extra_forbidden":
+        is_profile = keys[:2] == ["rig", "profiles"]
+        known = (ProfileSection if is_profile else SECTIONS[keys[0]]).entries()
+        return source.blame(unknown_key(keys[-1], known, *keys[:-1]), *keys)
+    if kind == "model" or (kind == "dict" and len(keys) == 1):
+        return source.blame(not_a_section(*keys), *keys)
+    reason = str(context.get("error", ""))
+    if keys == ["rig", "profiles"]:
+        reason = "expected sections named [rig.profiles.NAME]"
+    elif not reason:
+        reason = f"expected {_EXPECTED.get(kind, 'another value').format(**context)}"
+    entry = SECTIONS[keys[0]].entries().get(keys[1]) if len(keys) == 2 else None
+    if kind == "less_than_equal" and entry is not None and entry.dimension:
+        unit = entry.default.lstrip("0123456789.").replace("mm", "m")
+        reason += f" {unit}; a bare number is in {unit}, as in {entry.default!r}"
     found = "" if isinstance(first["input"], dict) else f", found {first['input']!r}"
     return source.blame(ConfigurationError(f"{reason}{found}", code="wrong-value"), *keys)
-
-
-def _expected(first: ErrorDetails) -> str:
-    """Return what pydantic expected, by the kind of its refusal."""
-    kind = first["type"].removesuffix("_type").removesuffix("_parsing")
-    return f"expected {_EXPECTED.get(kind, 'another value').format(**first.get('ctx', {}))}"
 
 
 def _depth(values: Any, keys: Sequence[str]) -> int:
@@ -370,49 +319,63 @@ def _depth(values: Any, keys: Sequence[str]) -> int:
     return len(keys)
 
 
+# The page
+
+_PREFACE = """\
+# The complete configuration of damperfit; its defaults are the damper and test of D. J. Purdy,
+# "Theoretical and experimental investigation into an adjustable automotive damper", 2000.
+#
+# A configuration file (--config FILE.toml) needs only the keys that differ; options on the command
+# line take precedence. An unknown key is an error. A quantity is text with a unit ("19mm",
+# "4.6bar", "1.5Hz") or a bare number in SI (m, Pa, Hz, kg/m3, N).
+"""
+_COLUMN, _WIDE = 33, 108  # where comments begin, and end
+
+
 def configuration_toml(configuration: Configuration) -> str:
-    """Return the complete configuration as TOML, with the comments of defaults.toml.
+    """Return the complete configuration as TOML, each key with what it is for.
 
     `load_configuration` of the text gives equal settings.
     """
-    lines: list[str] = []
-    document = configuration.document
-    # Sections that defaults.toml does not show as they are, written without its comments.
-    own = {_WHOLE: False} | ({"damper": True} if configuration.damper.name != "purdy" else {})
-    section = ""
-    for line in _defaults_text().splitlines():
-        entry = _ENTRY.match(line)
-        if header := _HEADER.match(line):
-            section = header[1].strip()
-            if section in own:
-                lines.extend(_section_lines(document[section], section))
-                continue
-        if section in own and (own[section] or entry):
-            continue
-        if entry is None:
-            lines.append(line)
-        else:
-            value = _toml_value(document[section][entry["key"]])
-            lines.append(f"{entry['key']} = {value}{entry['comment'] or ''}")
-    return "\n".join(lines) + "\n"
+    lines: list[str] = [_PREFACE]
+    for name, section in SECTIONS.items():
+        about = {key: entry.about for key, entry in section.entries().items()}
+        lines += _section_lines(name, configuration.document[name], section.about, about)
+    return "\n".join(lines)
 
 
-def _section_lines(values: Mapping[str, Any], section: str) -> Iterator[str]:
-    yield f"[{section}]"
+def _section_lines(
+    name: str, values: Mapping[str, Any], about: str, of_keys: Mapping[str, str]
+) -> Iterator[str]:
+    yield f"[{name}]"
+    yield from (f"# {line}" for line in about.splitlines())
+    is_damper = name == "damper"
+    inner = {key: one for key, one in values.items() if is_damper and isinstance(one, dict)}
     for key, value in values.items():
-        if not isinstance(value, dict):
-            yield f"{key} = {_toml_value(value)}"
-    if section != _WHOLE:
-        yield ""
-    for key, value in values.items():
-        if isinstance(value, dict):
-            yield from _section_lines(value, f"{section}.{key}")
+        if key not in inner:
+            comment = of_keys.get(key) or (MEASURED.get(key, "") if is_damper else "")
+            yield from _entry_lines(f"{key} = {_toml_value(value)}", comment)
+    yield ""
+    for key, value in inner.items():
+        yield from _section_lines(f"{name}.{key}", value, "", {})
+
+
+def _entry_lines(entry: str, about: str) -> Iterator[str]:
+    if len(entry) >= _COLUMN and about:
+        yield from (f"# {line}" for line in wrap(f"{about}:", _WIDE))
+        yield entry
+        return
+    first, *others = wrap(about, _WIDE - _COLUMN, break_long_words=False) or [""]
+    yield f"{entry:<{_COLUMN}}# {first}" if first else entry
+    yield from (f"{'':<{_COLUMN}}# {line}" for line in others)
 
 
 def _toml_value(value: Any) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):
+        if "\\" in value and value.isprintable() and "'" not in value:
+            return f"'{value}'"
         return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
     if isinstance(value, list | tuple):
         return f"[{', '.join(_toml_value(item) for item in value)}]"

@@ -13,11 +13,11 @@ from damperfit.errors import ConfigurationError
 from damperfit.units.quantities import parse_quantity, says_absolute_or_gauge
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping, Sequence
+    from collections.abc import Collection, Iterator, Mapping, Sequence
     from pathlib import Path
 
     from damperfit.conditioning import ConditionOptions
-    from damperfit.configuration.schema import (
+    from damperfit.configuration.sections import (
         OutputSection,
         RigSection,
         SimulationSection,
@@ -61,24 +61,16 @@ _DIMENSIONS = {
 
 
 def offset_facts(damper: Model, named: Collection[str]) -> OffsetFacts:
-    """Return what the fit of a model makes of a force that the rig adds.
-
-    Parameters
-    ----------
-    damper : Model
-        Whose quantities there are.
-    named : collection of str
-        Those that are freed or held.
-    """
-    own = [
+    """Return what the fit of a model makes of a force that the rig adds; named: freed or held."""
+    own = tuple(
         one.name
         for one in damper.quantities
         if not (one.is_shared or one.is_offset) and one.default is None
-    ]
+    )
     for one in damper.quantities:
         if one.is_offset:
             is_known = one.default is None or one.name in named
-            return OffsetFacts(name=one.name, beside=tuple(own), is_known=is_known)
+            return OffsetFacts(name=one.name, beside=own, is_known=is_known)
     return OffsetFacts()
 
 
@@ -92,17 +84,7 @@ def facts_of_damper(damper: Model, named: Collection[str]) -> dict[str, Any]:
 
 
 def with_beta(damper: Model, share: Sequence[str], *, named: Collection[str]) -> tuple[str, ...]:
-    """Return what all settings share, and what temperature does, which is one damper's.
-
-    Parameters
-    ----------
-    damper : Model
-        Whose quantities there are.
-    share : sequence of str
-        As declared.
-    named : collection of str
-        What is freed or held.
-    """
+    """Return what all settings share, and what temperature does, which is one damper's."""
     names = tuple(name.strip() for name in share)
     is_said = BETA.name in {*names, *named} or names == ("detect",)
     return names if is_said or not isinstance(damper, Warmed) else (*names, BETA.name)
@@ -116,26 +98,14 @@ class Configuration:
     ----------
     damper : Model
         The model, with geometry, oil and gas as far as it has them.
-    rig : RigSection
-        Nominal test.
-    reading : ReadOptions
-        How logs are read.
-    conditioning : ConditionOptions
-        How signals become traces.
-    identification : FitOptions
-        What is fitted, and how.
-    hold_out : HoldOutOptions
-        What is not fitted but predicted.
+    rig, simulation, output, test : Section
+        As `damperfit.configuration.sections` says.
+    reading, conditioning, identification, hold_out : options
+        How logs are read, signals become traces, what is fitted and what is predicted.
     start_table : pathlib.Path or None
         Parameters of an earlier run that the fits start from; it is read when the run begins.
     profile : tuple of str
         Parameters whose misfit is followed away from the best value.
-    simulation : SimulationSection
-        Defaults of `simulate`.
-    output : OutputSection
-        Folder and gates.
-    test : TestSection
-        Whose damper it is, where the logs do not say.
     declared : frozenset of str
         Keys that somebody gave, as in "damper.rod_diameter"; the others are defaults.
     document : dict
@@ -180,15 +150,22 @@ class Configuration:
             What is fitted of it, and how; None: as before.
         """
         fit = identification or self.identification
-        conditioning = replace(
-            self.conditioning, **facts_of_damper(damper, {*fit.fixed, *(fit.free or ())})
-        )
+        facts = facts_of_damper(damper, {*fit.fixed, *(fit.free or ())})
         return replace(
             self,
             damper=damper,
-            conditioning=conditioning,
+            conditioning=replace(self.conditioning, **facts),
             identification=fit,
             document={**self.document, "damper": damper_record(damper)},
+        )
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Keys of [damper] that the model has."""
+        return tuple(
+            name
+            for name in self.document["damper"]
+            if name not in {"model", "reference_temperature"}
         )
 
     @property
@@ -200,15 +177,6 @@ class Configuration:
     def not_measured(self) -> tuple[str, ...]:
         """Those that somebody could have measured: the air is everywhere much the same."""
         return tuple(name for name in self.undeclared if name not in {*_OF_THE_LAW, _OUTSIDE})
-
-    @property
-    def keys(self) -> tuple[str, ...]:
-        """Keys of [damper] that the model has."""
-        return tuple(
-            name
-            for name in self.document["damper"]
-            if name not in {"model", "reference_temperature"}
-        )
 
     @property
     def is_assumed(self) -> bool:
@@ -223,7 +191,6 @@ class Configuration:
 
     @property
     def _not_declared(self) -> str:
-        """What is said where nothing that is measured of the damper is declared."""
         if self.chosen_law or len(self.undeclared) == len(self.keys):
             return "[damper] is not declared"
         return "[damper] declares no dimensions"
@@ -235,15 +202,14 @@ class Configuration:
         What the oil weighs, how its gas is compressed and what presses on the rod bend nothing that
         the grade hides.
         """
-        if self.is_assumed:
-            said = self._not_declared
-        else:
+        missing = self._not_declared
+        if not self.is_assumed:
             names = [name for name in self.undeclared if name not in {*_OF_THE_LAW, *_HARMLESS}]
             if not names:
                 return ""
             listed = " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))
-            said = f"{listed} {'are' if len(names) > 1 else 'is'} not declared"
-        return f"{said}, and with the dimensions of {self.whose}"
+            missing = f"{listed} {'are' if len(names) > 1 else 'is'} not declared"
+        return f"{missing}, and with the dimensions of {self.whose}"
 
     @property
     def damper_sentence(self) -> str:
@@ -262,66 +228,49 @@ class Configuration:
         return f"Damper: {self.damper.plain.sentence}{assumed}{origin}{self.damper.condition}."
 
     @property
-    def _assumed_gas(self) -> str:
-        """What is taken for the gas of valves where nobody declared it, in brackets."""
-        values = self.document["damper"]
-        taken = {name: values[name] for name in GAS if name in self.undeclared}
-        return f" ({gas_in_words(taken)})" if "gas_volume" in taken else ""
-
-    @property
-    def _air_in_words(self) -> str:
-        """What is taken for the air outside where nobody declared it."""
-        bar = 1e-5 * getattr(self.damper, _OUTSIDE)
-        if bar == 0.0:
-            return (
-                "the paper's equation leaves out the air that presses on the rod; if the load cell "
-                f'was zeroed without the damper, set damper.{_OUTSIDE} = "1.013bara"'
-            )
-        return (
-            f"the air presses on the rod with {bar:.4g} bar, unless damper.{_OUTSIDE} says "
-            "otherwise"
-        )
-
-    @property
     def notes(self) -> tuple[str, ...]:
         """What was assumed of the damper, a sentence each."""
-        said = []
-        names = self.not_measured
-        if names and not self.is_assumed:
-            said.append(
-                f"[damper] leaves {', '.join(names)} to {self.whose}{self._assumed_gas}: "
-                "declare what your damper has (damperfit config prints every key)"
-            )
-        if _OUTSIDE in self.undeclared and not self.is_assumed:
-            said.append(self._air_in_words)
-        if self.identification.follows and self.identification.procedure != "joint":
-            said.append(
-                "[adjusters] says what follows which adjuster; only procedure joint uses it, found "
-                f"procedure {self.identification.procedure}"
-            )
-        shared = self.document["identification"]["share"]
-        is_asked = "identification.share" in self.declared and shared not in _USUALLY_SHARED
-        if is_asked and self.identification.procedure != "joint":
-            said.append(
-                f"identification.share = {shared} has no effect: only procedure joint uses it, "
-                f"found procedure {self.identification.procedure}"
-            )
+        notes = [] if self.is_assumed else [*self._assumed()]
+        fit, only = self.identification, "only procedure joint uses it, found procedure"
+        if fit.procedure != "joint":
+            if fit.follows:
+                notes.append(
+                    f"[adjusters] says what follows which adjuster; {only} {fit.procedure}"
+                )
+            shared = self.document["identification"]["share"]
+            if "identification.share" in self.declared and shared not in _USUALLY_SHARED:
+                notes.append(
+                    f"identification.share = {shared} has no effect: {only} {fit.procedure}"
+                )
         pressure = self.document["damper"].get("gas_pressure")
         if isinstance(pressure, str) and not says_absolute_or_gauge(pressure):
-            said.append(
+            notes.append(
                 f"damper.gas_pressure = {pressure} is taken as absolute; a gauge shows 1.013 bar "
                 "less: say which, as in 12bara or 12barg"
             )
-        return tuple(said)
+        return tuple(notes)
+
+    def _assumed(self) -> Iterator[str]:
+        if names := self.not_measured:
+            taken = {name: getattr(self.damper, name) for name in GAS if name in self.undeclared}
+            gas = f" ({gas_in_words(taken)})" if "gas_volume" in taken else ""
+            yield (
+                f"[damper] leaves {', '.join(names)} to {self.whose}{gas}: "
+                "declare what your damper has (damperfit config prints every key)"
+            )
+        if _OUTSIDE in self.undeclared:
+            bar = 1e-5 * getattr(self.damper, _OUTSIDE)
+            yield (
+                f"the air presses on the rod with {bar:.4g} bar, unless damper.{_OUTSIDE} says "
+                "otherwise"
+                if bar
+                else "the paper's equation leaves out the air that presses on the rod; if the load "
+                f'cell was zeroed without the damper, set damper.{_OUTSIDE} = "1.013bara"'
+            )
 
 
 def gas_in_words(values: Mapping[str, float]) -> str:
-    """Return what is taken for a damper's gas.
-
-    Parameters
-    ----------
-    values : mapping of str to float
-        Some of `GAS`, SI.
+    """Return what is taken for a damper's gas, of some of `GAS` in SI.
 
     Examples
     --------
@@ -333,37 +282,27 @@ def gas_in_words(values: Mapping[str, float]) -> str:
         "gas_pressure": ("{:.3g} bar absolute", 1e-5),
         "gas_exponent": ("exponent {:g}", 1.0),
     }
-    return ", ".join(
-        text.format(factor * values[name])
-        for name, (text, factor) in words.items()
-        if name in values
-    )
+    known = [(*words[name], values[name]) for name in words if name in values]
+    return ", ".join(text.format(factor * value) for text, factor, value in known)
 
 
 def parameter_value(quantity: Quantity, value: str | float) -> float:
     """Return a parameter's value in SI; text may carry a unit where the parameter has a plain one.
 
-    Parameters
-    ----------
-    quantity : Quantity
-        Which.
-    value : str or float
-        As in "500MPa", "50N" or 3e4.
-
     Raises
     ------
     ConfigurationError
-        The name is unknown or the value is no finite number.
+        The value is no finite number.
     """
     name, unit = quantity.name, quantity.unit
     dimension = "absolute pressure" if quantity.is_absolute else _DIMENSIONS.get(unit)
+    is_text = isinstance(value, str) and dimension is not None
     try:
-        if isinstance(value, str) and dimension is not None:
-            number = parse_quantity(value, dimension)
-        else:
-            number = float(value)
+        number = parse_quantity(value, str(dimension)) if is_text else float(value)
     except ValueError as error:
-        raise ConfigurationError(f"{name} = {value}: expected a number in {unit}") from error
+        text = f"{name} = {value}: expected a number in {unit}"
+        raise ConfigurationError(text, code="not-a-number") from error
     if not math.isfinite(number):
-        raise ConfigurationError(f"{name} = {value}: expected a finite number")
+        text = f"{name} = {value}: expected a finite number"
+        raise ConfigurationError(text, code="not-a-number")
     return number

@@ -51,17 +51,11 @@ AdjusterKey: TypeAlias = Annotated[str | list[str], BeforeValidator(_adjuster)]
 
 
 def check_adjusters(adjusters: Mapping[str, AdjusterKey]) -> tuple[str, ...]:
-    """Return the names of the adjusters.
-
-    Raises
-    ------
-    ConfigurationError
-        A name is none, or is that of a column of the tables.
-    """
-    names, wrong = tuple(adjusters), ""
-    if not 1 <= len(names) <= _MOST:
-        wrong = f"found {len(names)}, expected 1 to {_MOST}"
-    for name in names:
+    """Return the names of the adjusters; refuse what is no name, or that of a column."""
+    wrong = ""
+    if not 1 <= len(adjusters) <= _MOST:
+        wrong = f"found {len(adjusters)}, expected 1 to {_MOST}"
+    for name in adjusters if not wrong else ():
         if not re.fullmatch(r"[a-z][a-z0-9_]{0,30}", name):
             wrong = f"found '{name}', expected small letters, digits and _, as in low_speed_rebound"
         elif name in column_names() or name in IDENTITY_KEYS:
@@ -70,7 +64,7 @@ def check_adjusters(adjusters: Mapping[str, AdjusterKey]) -> tuple[str, ...]:
             break
     if wrong:
         raise ConfigurationError(wrong, where=Key(("adjusters",)), code="wrong-adjuster")
-    return names
+    return tuple(adjusters)
 
 
 def followed(
@@ -92,12 +86,11 @@ def followed(
     ConfigurationError
         A word names nothing that a model has.
     """
-    own = _parts(damper)
-    words = _words(adjusters)
-    known = dict(own)
+    own, words = _parts(damper), _words(adjusters)
+    known = own
     if is_law_open and any(word not in own for _, word in words):
         known = {word: names for one in _every_model() for word, names in _parts(one).items()}
-    found: dict[str, dict[str, None]] = {}
+    by_quantity: dict[str, dict[str, None]] = {}
     for adjuster, word in words:
         if not known.get(word):
             near = did_you_mean(word, known) or f" There are {', '.join(known)}."
@@ -107,8 +100,8 @@ def followed(
                 code="unknown-quantity",
             )
         for name in own.get(word, ()):
-            found.setdefault(name, {})[adjuster] = None
-    return {name: tuple(who) for name, who in found.items()}
+            by_quantity.setdefault(name, {})[adjuster] = None
+    return {name: tuple(who) for name, who in by_quantity.items()}
 
 
 def unmatched(adjusters: Mapping[str, AdjusterKey], damper: Model) -> tuple[str, ...]:
@@ -125,21 +118,18 @@ def counted_from_closed(adjusters: Mapping[str, AdjusterKey]) -> tuple[str, ...]
     >>> counted_from_closed({"low": ["rebound.bleed", "from closed"], "high": "from open"})
     ('low',)
     """
-    first = {
-        name: [one for one in _listed(key) if one in _FROM][:1] for name, key in adjusters.items()
-    }
-    return tuple(name for name, how in first.items() if how == [_CLOSED])
-
-
-def _listed(key: AdjusterKey) -> list[str]:
-    return key if isinstance(key, list) else [key]
+    how = {name: [key] if isinstance(key, str) else key for name, key in adjusters.items()}
+    return tuple(
+        n for n, key in how.items() if [one for one in key if one in _FROM][:1] == [_CLOSED]
+    )
 
 
 def _words(adjusters: Mapping[str, AdjusterKey]) -> list[tuple[str, str]]:
     return [
         (adjuster, word.strip())
         for adjuster, key in adjusters.items()
-        for word in (key if isinstance(key, list) else ())
+        if isinstance(key, list)
+        for word in key
         if word not in _FROM
     ]
 
@@ -164,39 +154,27 @@ def _every_model() -> list[Model]:
 
 
 def facts_stated(stated: Mapping[str, float | str]) -> dict[str, float]:
-    """Return what logs were tested at, SI; a name that is none is left to the reader's options.
-
-    Raises
-    ------
-    ConfigurationError
-        A value is no such quantity.
-    """
-    found = {}
+    """Return what logs were tested at, SI; a name that is none is left to the reader's options."""
+    known = {}
     for name, text in stated.items():
         try:
-            found[name] = fact_of(name, str(text)) if name in FACTS else math.nan
+            known[name] = fact_of(name, str(text)) if name in FACTS else math.nan
         except ValueError as error:
             raise _wrong(text, error, "tested_at", name) from error
-    return found
+    return known
 
 
 def declared_settings(
     labels: Iterable[int | str], adjusters: tuple[str, ...], *, key: str
 ) -> tuple[Setting, ...]:
-    """Return the settings that labels name, in order.
-
-    Raises
-    ------
-    ConfigurationError
-        A label names none.
-    """
-    found = set()
+    """Return the settings that labels name, in order."""
+    known = set()
     for label in labels:
         try:
-            found.add(parse_setting(str(label), adjusters))
+            known.add(parse_setting(str(label), adjusters))
         except ValueError as error:
             raise _wrong(label, error, *key.split(".")) from error
-    return tuple(sorted(found))
+    return tuple(sorted(known))
 
 
 def _wrong(value: object, error: ValueError, *key: str) -> ConfigurationError:

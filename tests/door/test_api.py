@@ -32,7 +32,7 @@ def test_functions_without_a_command_read() -> None:
 
 def test_what_sets_a_key_sets_one_that_is_there() -> None:
     document = load_configuration().document
-    for name, one in keywords._KEYWORDS.items():
+    for name, one in keywords._keywords().items():
         if one.key:
             section, _, key = one.key.partition(".")
             assert key in document[section], name

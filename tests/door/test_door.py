@@ -235,7 +235,7 @@ def test_a_damper_is_declared_as_an_object_or_as_keys():
 
 # A wrong call, and what its sentence says: that, on one line, without an option's dashes
 _WRONG = """
-identify() -> damperfit.identify: logs missing
+identify() -> damperfit.identify: missing a required argument: 'logs'
 identify(LOG, LOG) -> too many arguments; give those after the first by name: logs, free
 identify(None) -> found NoneType; expected paths
 identify(3) -> found int; expected paths
@@ -290,7 +290,7 @@ inspect(LOG, jobs=1.5) -> (jobs=1.5): expected a whole
 inspect(LOG, test='t.csv') -> no keyword 'test'
 inspect(LOG, setting=object()) -> (setting=...): found object; expected a setting
 inspect(LOG, setting=9) -> (setting=9): setting_10.csv says setting 10; leave the option out
-read() -> damperfit.read: log missing
+read() -> damperfit.read: missing a required argument: 'log'
 read([LOG, LOG]) -> found several logs
 simulate() -> give setting=N or set= them all
 simulate(result) -> damperfit.simulate(10, parameters=result)
@@ -331,13 +331,13 @@ Run.load(3) -> damperfit.load: found int; expected the path of a results folder
 Damper(bore='32') -> damperfit.Damper: no keyword 'bore'; there are rod_diameter,
 Damper(rod_diamter=0.03) -> Did you mean 'rod_diameter'?
 Damper(rod_diameter='19mm') -> rod_diameter: expected a number in m, found '19mm'
-Motion([1, 2], [3]) -> damperfit.Motion: velocity missing
+Motion([1, 2], [3]) -> damperfit.Motion: missing a required argument: 'velocity'
 Motion('x', [1, 2], [3, 4]) -> motion: expected a number for interval, found 'x'
 Motion(0.001, [1, 2], [3, 4], 'x') -> motion: expected a number for start_time, found 'x'
 Motion(0.001, [1, 2], [3, 4], gas_pressure='x') -> number for gas_pressure, found 'x'
 Motion(0.001, ['a', 'b'], [3, 4]) -> expected an array of numbers for displacement
 Motion(0.001, [1, 2], [[1, 2], [3]]) -> expected an array of numbers for velocity
-result.setting() -> run.setting: setting missing
+result.setting() -> run.setting: missing a required argument: 'setting'
 result.setting(7) -> no setting 7; there are 1, 10
 result.setting(frame) -> run.setting: found DataFrame; expected a setting
 result.setting(True) -> run.setting: found bool; expected a setting
@@ -379,7 +379,7 @@ def test_a_type_error_that_is_no_wrong_call_stays_what_it_is():
 
     with pytest.raises(TypeError, match="unsupported operand"):
         door(3)
-    with pytest.raises(ConfigurationError, match="door: number missing"):
+    with pytest.raises(ConfigurationError, match="door: missing a required argument: 'number'"):
         door()
-    with pytest.raises(ConfigurationError, match="door: number given twice"):
+    with pytest.raises(ConfigurationError, match="door: multiple values for argument 'number'"):
         door(3, number=4)

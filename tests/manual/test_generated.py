@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 import re
-import tomllib
 from dataclasses import fields
 
 import pytest
 import yaml
 
 from damperfit.cli.pages import TABLES, filled
+from damperfit.configuration.loading import default_document
 from damperfit.manual import TOPICS, read_schema
 from damperfit.uncertainty.covariance import GasContent
 from damperfit.uncertainty.grades import Objection
@@ -39,9 +39,7 @@ def test_every_topic_is_a_page_in_the_menu_of_the_site() -> None:
 
 @pytest.mark.parametrize("page", EVERY)
 def test_keys_of_the_configuration_exist(page) -> None:
-    known = tomllib.loads(
-        (ROOT / "damperfit" / "configuration" / "defaults.toml").read_text(encoding="utf-8")
-    )
+    known = default_document()
     text = PLACE.sub("", text_of(page))
     sections = "|".join(known)
     for section, key in re.findall(rf"`({sections})\.(\w+)(?: = [^`]+)?`", text):

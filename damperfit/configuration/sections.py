@@ -1,0 +1,400 @@
+"""The sections of a configuration: each key once, with its default, what it is for, and its option.
+
+From here come the defaults, the page that `damperfit config` prints, the options of the commands
+and the keywords of the functions; `damperfit.configuration.schema` makes one pydantic model of it.
+Nothing here needs pydantic, so that help is there at once. [damper] beside the two keys of any
+model has the fields of the model that it names.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+    from damperfit.simulation import SolverOptions
+    from damperfit.tested.identity import Identity
+    from damperfit.tested.setting import Setting
+    from damperfit.units.shown_units import ShownUnits
+
+__all__ = [
+    "SECTIONS",
+    "ConditioningSection",
+    "Entry",
+    "IdentificationSection",
+    "OutputSection",
+    "RigSection",
+    "Section",
+    "SimulationSection",
+    "TestSection",
+]
+
+
+class Entry(NamedTuple):
+    """A key of a section.
+
+    Attributes
+    ----------
+    default : object
+        As it would be written.
+    about : str
+        What it is for, a phrase.
+    dimension : str
+        Of a quantity: text with a unit, or a bare number in SI.
+    word : str
+        Text that may stand in place of the quantity.
+    words : tuple of str
+        All that may be written.
+    above, least, most : float or None
+        Limits of a number.
+    has_infinity : bool
+        Whether it may be infinite.
+    given : type or None
+        What is written, where it is no more of the default's type.
+    option, panel : str
+        Word for the value of its option, and where the help shows it; no panel: it is no option.
+    keyword : str
+        Name of the option, where it is not the key's.
+    kind : str
+        Of the keyword, as in `damperfit.keywords`, where the default does not tell.
+    """
+
+    default: Any
+    about: str
+    dimension: str = ""
+    word: str = ""
+    words: tuple[str, ...] = ()
+    above: float | None = None
+    least: float | None = None
+    most: float | None = None
+    has_infinity: bool = False
+    given: Any = None
+    option: str = ""
+    panel: str = ""
+    keyword: str = ""
+    kind: str = ""
+
+
+def key(default: Any, about: str, dimension: str = "", **how: Any) -> Any:
+    """Return a key of a section; what the program reads of it has the type of its annotation."""
+    return Entry(default, about, dimension, **how)
+
+
+class Section:
+    """A section as the program reads it; two with equal values are equal."""
+
+    name = ""
+    about = ""
+
+    def __init__(self, **values: Any) -> None:
+        vars(self).update(values)
+
+    def but(self, **values: Any) -> Self:
+        """Return the section with other values, which are taken as they are."""
+        return type(self)(**{**vars(self), **values})
+
+    def __eq__(self, other: object) -> bool:
+        return type(self) is type(other) and vars(self) == vars(other)
+
+    __hash__ = None  # type: ignore[assignment] # it holds dictionaries
+
+    def __repr__(self) -> str:
+        return f"<[{self.name}] {vars(self)}>"
+
+    @classmethod
+    def entries(cls) -> dict[str, Entry]:
+        """Return the keys by name, in their order: its own first."""
+        kinds = map(vars, cls.__mro__)
+        return {name: one for kind in kinds for name, one in kind.items() if isinstance(one, Entry)}
+
+
+# fmt: off
+
+
+class _DamperSection(Section):
+    """[damper]: what any model has."""
+
+    name = "damper"
+    model: str = key("purdy",
+        "model of the damper: the paper's; twin_tube, monotube, through_flow, or one of the "
+        "literature such as bouc_wen (damperfit help models); with identify also auto, the one "
+        "that the logs support", option="NAME", panel="Damper")
+    reference_temperature: str = key("none",
+        'mean, or as in "25degC": viscous resistances follow the temperature of each log, and '
+        "are given at this one")
+
+
+class _AdjustersSection(Section):
+    """[adjusters]: its keys are the user's."""
+
+    name = "adjusters"
+    about = """\
+What can be turned, in the order of labels such as "R12 C8": rebound = "from open", and so on. Those
+given replace this one. Clicks count "from open", "from closed", or "": not declared.
+Or a list of what follows it, with that among it: low_speed = ["from open", "rebound.bleed"]. Parts
+are rebound.bleed, rebound.blow_off, compression.bleed ..., or names of columns, as in r_m1; in a
+joint fit each has one value per click, and what is not listed is shared by all settings."""
+    setting: str = key("", "the only adjuster, in whole clicks or words")
+
+
+class TestSection(Section):
+    """[test]: whose damper it is, where the logs and the table of tests do not say."""
+
+    __test__ = False  # no test of pytest's
+
+    name = "test"
+    about = "Whose damper it is, where neither its log nor the table of tests says."
+    damper: str = key("", "its name or type")
+    serial: str = key("", "logs of several serial numbers are several results")
+    customer: str = key("", "for whom")
+    operator: str = key("", "by whom")
+    date: str = key("", "when")
+    rig: str = key("", "on which machine")
+    text: str = key("", "anything else to remember")
+    table: Path | None = key("",
+        "table of tests: columns file, damper, serial, adjusters, anything else; by default "
+        "tests.csv beside the logs, where there is one",
+        option="FILE", panel="Logs", keyword="tests", kind="path")
+    # Facts of tests that the command line tells, or sets aside: no table goes before it.
+    typed: frozenset[str]
+
+    @property
+    def identity(self) -> Identity:
+        """What is declared of the damper."""
+        from damperfit.tested.identity import IDENTITY_KEYS, Identity
+
+        return Identity(**{key: getattr(self, key).strip() for key in IDENTITY_KEYS})
+
+
+class _Declarations(Section):
+    """How logs are to be understood: in [rig], and in a profile, where none is needed."""
+
+    reverse_displacement: bool | str = key("detect",
+        "true: the log counts it positive in bump (rod in); false: rebound; detect: from the "
+        "energy of the loop and the gas force", given="sign")
+    reverse_force: bool | str = key("detect", "the same; bump is compression", given="sign")
+    setting_pattern: str = key(
+        r"(?:setting(?:[ _](?=-\d)|[ _=-]?)|(?<![^\W_])s[ _=-]?(?=\d{1,3}(?!\d)))(-?\d+)(?![.]?\d)",
+        "finds the setting in a file's name, where the last match counts; named groups are "
+        "adjusters, damper, serial")
+    part_settings: tuple[int | float | str, ...] = key([],
+        "settings of the tests in one file, in their order", given=list[int | float | str])
+    columns: dict[str, str | int] = key({},
+        'where the names are not clear, as in {force = "Load cell", time = 3}',
+        given=dict[str, str | int])
+    units: dict[str, str] = key({},
+        'where the log does not state them, as in {displacement = "mm"}', given=dict[str, str])
+    scales: dict[str, float] = key({},
+        "value = scale * logged + offset, in the unit, as in {force = 250}", given=dict[str, float])
+    offsets: dict[str, float] = key({}, "as in {force = -1.5}", given=dict[str, float])
+    tested_at: dict[str, float | str] = key({},
+        "what its logs were tested at, where tests.csv does not say, as in {gas_pressure = "
+        '"8bara", temperature = "31", tare = "12N", skew = "2ms"}', given=dict[str, float | str])
+    encoding: str = key("", 'of text logs, as in "cp1252"; "": UTF-8, UTF-16 or Latin-1')
+    separator: str = key("", '"," ";" "|" "tab" or "blanks"; "": found from the rows')
+    decimal: str = key("", 'decimal mark, "." or ","; "": found from the rows')
+    thousands: str = key("", 'mark between groups of three digits; "": none')
+    skip_lines: int = key(0, "lines to skip above the log")
+    sample_rate: float = key("0Hz",
+        "time is sample number / rate; 0: the log has the time", "frequency", least=0.0)
+    pause: float = key("0s",
+        "a longer step in time begins another test; 0: 2 s and 50 steps", "time", least=0.0)
+    restarts: str = key("refuse",
+        "when time runs backwards: refuse, split into tests, keep the last")
+    bad_rows: str = key("refuse",
+        "rows with text, blanks, too few or too many fields: refuse or drop")
+    allow_truncated: bool = key(False,
+        "keep the part of a truncated TDMS log that all channels have", panel="Logs")
+
+
+class ProfileSection(_Declarations):
+    """[rig.profiles.NAME]: declarations for some logs; only what is given counts."""
+
+    files: str = key("", "pattern of the names of its files")
+
+
+_FILTERS = ("none", "causal", "zero_phase")
+
+
+class RigSection(_Declarations):
+    """[rig]: the nominal test, and how logs are read."""
+
+    name = "rig"
+    amplitude: float = key("32mm",
+        "amplitude of the motion that simulate and samples make; by default that of the test",
+        "length", above=0.0, most=2.0, option="LENGTH", panel="Motion")
+    frequency: float = key("1.5Hz",
+        "frequency of that motion; by default that of the test",
+        "frequency", above=0.0, most=500.0, option="FREQ", panel="Motion")
+    settings: tuple[Setting, ...] = key([],
+        "settings that must be among the logs; [] takes what is there", given=list[int | str])
+    contradictions: str = key("refuse",
+        "logs of one setting that differ by more than their scatter: refuse them, or average",
+        words=("refuse", "average"))
+    temperature: float = key(26.0,
+        "degC; a log outside this window, or without one, gets a warning")
+    temperature_tolerance: float = key(1.0,
+        "degC; inf: no temperature is required", least=0.0, has_infinity=True)
+    strict: bool = key(False, "refuse logs that have a warning; ends with code 4", panel="Gates")
+    filter: str = key("none",
+        "what the rig did to both channels: none, causal or zero_phase", words=_FILTERS)
+    filter_corner: float = key("30Hz",
+        "-3 dB of one pass of the rig's Butterworth filter", "frequency", above=0.0)
+    filter_order: int = key(4, "of one pass")
+    centre: float | str = key("mid-stroke",
+        "what the log counts where the model's x is 0, as in \"12.5mm\"",
+        "length", word="mid-stroke")
+    skew: float | str = key("0s",
+        "delay of the force against the displacement, as in 2ms; auto: as estimated, where a "
+        "log can show it; corrected", "time", word="auto", option="TIME|auto", panel="Logs")
+    max_log_bytes: int = key(500_000_000, "a larger log is refused")
+    max_stroke: float = key("0mm",
+        "what the rig can do, for advise: amplitude; 0: as tested", "length", least=0.0)
+    max_speed: float = key("0m/s", "0: twice what was tested", "velocity", least=0.0)
+    max_force: float = key("0N", "0: no limit", "force", least=0.0)
+    max_frequency: float = key("0Hz", "0: 10 Hz", "frequency", least=0.0)
+    profile: str = key("",
+        "name of the profile of the rig for every log; by default the first that fits",
+        option="NAME", panel="Logs", keyword="rig_profile")
+    profiles: dict[str, dict[str, Any]] = key({},
+        "by name, keys as below from reverse_displacement to allow_truncated, and files = "
+        '"ME*.txt"; or as sections [rig.profiles.NAME]. A key of a profile overrides the same '
+        "key here, and the command line both", given="profiles")
+
+    @property
+    def is_strict(self) -> bool:
+        """Whether a log with a warning is refused."""
+        return self.strict
+
+    @property
+    def is_averaging(self) -> bool:
+        """Whether logs of one setting that contradict each other are fitted together."""
+        return self.contradictions == "average"
+
+
+class ConditioningSection(Section):
+    """[conditioning]: how signals become traces."""
+
+    name = "conditioning"
+    filter: str = key("zero_phase",
+        "our own low-pass: zero_phase, causal or none; not used when the rig has filtered. The "
+        "model's force is filtered alike", words=_FILTERS)
+    filter_corner: float | str = key("30Hz",
+        "-3 dB, also for zero_phase; auto: 20 times the fastest motion of each log, at least 30 "
+        "Hz", "frequency", word="auto")
+    filter_order: int = key(4, "of one pass; zero_phase runs two")
+    steadiness: float = key(0.05,
+        "a cycle counts when amplitude and period are this near the median")
+    spikes: str = key("keep", "bridge: samples that stand out are replaced by a straight line")
+    min_amplitude: float = key("0.2mm",
+        "outside these a unit was surely misread", "length", above=0.0)
+    max_amplitude: float = key("1m", "on both sides of mid-stroke", "length", above=0.0)
+    max_force: float = key("100kN", "the same", "force", above=0.0)
+
+
+class IdentificationSection(Section):
+    """[identification]: what is fitted, and how."""
+
+    name = "identification"
+    procedure: str = key("paper",
+        "how to fit; paper: R_m3 and f_f once, then R_m1, R_m2, K_e; joint: all settings in one; "
+        "plain, the default of other models: each setting by itself", option="NAME", panel="Fit")
+    free: list[str] = key([],
+        "parameters to fit per setting, in the paper's model of r_m1 r_m2 r_m3 k_e f_f f_0; by "
+        "default those of the procedure", option="NAME,NAME", panel="Fit", kind="quantities")
+    fix: dict[str, float | str] = key({},
+        'parameters held at a value, in TOML as {f_f = "50N", k_e = 5e8}',
+        given=dict[str, float | str], option="NAME=VALUE", panel="Fit", kind="values")
+    share: list[str] = key(["r_m3", "f_f"],
+        "parameters shared by all settings in a joint fit; detect, the default of every model "
+        "but the paper's: what the logs show no adjuster to move",
+        option="NAME,NAME", panel="Fit", kind="quantities")
+    bulk_modulus: str = key("free",
+        "how K_e is fitted; free: at each setting; appendix1 (joint only): of all settings from a "
+        "gas content, eq. (28) of the paper", option="NAME", panel="Fit")
+    starts: int = key(1,
+        "fits of each setting, from starts spread over a factor of ten",
+        least=1, most=10_000, option="N", panel="Fit")
+    start: Path | None = key("",
+        "where the fits start: table of parameters of an earlier run; as an option also values, "
+        "as in f_f=30,k_e=2e9", option="FILE|NAME=VALUE", panel="Fit", kind="texts")
+    start_values: dict[str, float | str] = key({},
+        'the same by name, as in {k_e = "1GPa"}; overrides the table', given=dict[str, float | str])
+    profile: list[str] = key([],
+        "parameters along which the misfit is profiled, into profiles.csv",
+        option="NAME,NAME", panel="Trust", kind="quantities")
+    hold_out: list[str] = key([],
+        "logs not fitted but predicted, as in *_16mm.csv, or segments by frequency or peak "
+        "speed (4Hz-10Hz, 0.2m/s-); by default transients, which are the run-up, coast-down and "
+        "changes of speed within the logs", option="PATTERN", panel="Trust")
+    hold_out_cycles: float = key(0.0,
+        "last steady cycles of each log kept from the fit; 0.2: a fifth of them",
+        least=0.0, option="N", panel="Trust")
+    max_evaluations: int = key(100,
+        "simulations one descent may take; a doubtful fit starts several", least=1)
+    tolerance: float = key("10mN",
+        "force error that one step of the integrator may make", "force", above=0.0)
+    dead_band: float = key("0.1mm/s",
+        "half width of the friction's dead band", "velocity", least=0.0)
+    fallback_r_m3: float = key(2.597e6,
+        "used, with a warning, where no log determines R_m3 and this fits", above=0.0)
+    fallback_f_f: float = key("50N", "likewise for the friction", "force", least=0.0)
+
+
+class SimulationSection(Section):
+    """[simulation]: what `simulate` runs unless the command line says otherwise."""
+
+    name = "simulation"
+    wave: str = key("sine",
+        "sine or triangle", words=("sine", "triangle"), option="NAME", panel="Motion")
+    cycles: float = key(4.0,
+        "number of cycles; the figures printed are those of the last one",
+        least=1.0, most=10_000.0, option="N", panel="Motion")
+    sample_rate: float = key("1000Hz",
+        "samples per second", "frequency", above=0.0, option="RATE", panel="Motion")
+    tolerance: float = key("3mN",
+        "as in [identification]; tighter, as forces are shown here", "force", above=0.0)
+    max_steps: int = key(5_000_000,
+        "samples or steps, about 4 s of work; more is refused", least=1, option="N", panel="Motion")
+    dead_band: float  # of [identification]
+
+    @property
+    def solver(self) -> SolverOptions:
+        """How exactly to integrate."""
+        from damperfit.simulation import SolverOptions
+
+        return SolverOptions(tolerance=self.tolerance, dead_band=self.dead_band)
+
+
+class OutputSection(Section):
+    """[output]: where results go, in which units, and what they must reach."""
+
+    name = "output"
+    folder: Path = key("results",
+        "folder for the results", option="DIR", panel="Output", keyword="out", kind="path")
+    max_mse_percent: float = key(0.0,
+        "gate: above this MSE the command ends with code 4; 0: no gate",
+        least=0.0, option="PCT", panel="Gates", keyword="max_mse")
+    checks: tuple[str, ...] = key([],
+        "gates: names of checks that must pass, or of a list of them, as in purdy2000",
+        option="NAME,NAME", panel="Gates", keyword="check", kind="names")
+    speeds: tuple[float, ...] = key(
+        ["0.05m/s", "0.1m/s", "0.13m/s", "0.26m/s", "0.3m/s", "0.52m/s", "1.05m/s"],
+        "speeds of the forces that are shown",
+        "velocity", above=0.0, option="SPEED", panel="Output", keyword="velocity")
+    units: ShownUnits = key("N,m/s,m",
+        "units of forces, speeds and lengths that are shown, as in N,mm/s or lbf,in/s or daN; "
+        "by default those of the run or the configuration; files for programs stay in SI",
+        option="LIST", panel="Output")
+
+
+# fmt: on
+SECTIONS: Mapping[str, type[Section]] = {
+    one.name: one
+    for one in (
+        *(_DamperSection, _AdjustersSection, TestSection, RigSection, ConditioningSection),
+        *(IdentificationSection, SimulationSection, OutputSection),
+    )
+}
