@@ -1,1 +1,1 @@
-"""What a run does unless told otherwise: defaults.toml, then a file, then the command line."""
+"""What a run does unless told otherwise: the defaults, then a file, then the command line."""
