@@ -1,7 +1,7 @@
 """Tables of the manual, made from the code when a page is shown.
 
-`damperfit help` fills the places `<!-- table: NAME -->` of a page by `filled`; the site does so by
-the hook `on_page_markdown` (mkdocs.yml).
+`damperfit help`, and the site by `.ci/site.py`, fill the places `<!-- table: NAME -->` of a page by
+`filled`.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from damperfit.manual import TOPICS, read_page, read_schema
 from damperfit.tables.columns import describe_tables
 from damperfit.units.quantities import _TABLE
 
-__all__ = ["TABLES", "filled", "on_page_markdown"]
+__all__ = ["TABLES", "filled"]
 
 _PLACE = re.compile(r"<!-- table: ([\w -]+) -->\n")
 _COMMON = (
@@ -38,11 +38,6 @@ _COMMON = (
 def filled(text: str) -> str:
     """Return the text of a page with its tables."""
     return _PLACE.sub(lambda place: _table(place[1]), text)
-
-
-def on_page_markdown(markdown: str, **_: Any) -> str:
-    """Return a page of the site with its tables; mkdocs calls this."""
-    return filled(markdown)
 
 
 def _table(name: str) -> str:

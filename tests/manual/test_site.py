@@ -8,6 +8,7 @@ import sys
 
 import pytest
 
+import damperfit
 from tests.manual.generated import PAGES, ROOT
 
 pytestmark = pytest.mark.extras
@@ -33,6 +34,13 @@ def test_every_page_is_built(site) -> None:
     for page in PAGES.glob("*.md"):
         assert (site / f"{page.stem}.html").exists()
     assert (site / "damper.svg").read_bytes() == (PAGES / "damper.svg").read_bytes()
+
+
+def test_the_api_has_its_keywords(site) -> None:
+    page = (site / "api.html").read_text(encoding="utf-8")
+    for name in set(dir(damperfit)) - {"__version__"}:
+        assert re.search(rf'id="damperfit\.[\w.]*\.{name}"', page), name
+    assert "Predict these logs instead of fitting them" in page  # of hold_out, told in keywords.py
 
 
 def test_nothing_is_fetched_from_another_host(site) -> None:
