@@ -25,11 +25,11 @@ from damperfit.arguments import (
     starts_of,
     workers,
 )
-from damperfit.errors import ConfigurationError, DamperfitError, LogError
+from damperfit.errors import ConfigurationError, DamperfitError, LogError, did_you_mean
 from damperfit.problem import Option, Words
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from damperfit.answers import (
         Comparison,
@@ -43,7 +43,6 @@ if TYPE_CHECKING:
     )
     from damperfit.configuration.options import Configuration
     from damperfit.damper.model import Model
-    from damperfit.fleets.run import DamperTask, Done
     from damperfit.recording import Recording
     from damperfit.results import Run
     from damperfit.run.auto_model import LawChoice
@@ -68,11 +67,17 @@ __all__ = [
     "sweep",
 ]
 
-
-FIGURE_KINDS = ("png", "svg", "pdf")
+_FIGURE_KINDS = ("png", "svg", "pdf")
 _FEW = 3
 _AUTO = "auto"
 _RESULTS = Path("results")
+
+
+def _usage(text: str, code: str, where: Option | None = None, **values: Any) -> ConfigurationError:
+    return ConfigurationError(text, code=code, where=where, **values)
+
+
+# Logs
 
 
 @public
@@ -89,8 +94,6 @@ def read(
     ----------
     log : path, or mapping of one label to a data frame
         Any format that `damperfit inspect` reads.
-    units, rig, config
-        As of `identify`.
 
     Raises
     ------
@@ -103,9 +106,7 @@ def read(
     configuration = configured("read", {"units": units, "rig": rig, "config": config})
     with as_files(log, call="damperfit.read") as paths:
         if len(paths) > 1:
-            raise ConfigurationError(
-                "found several logs; give one", subject="damperfit.read", code="several-logs"
-            )
+            raise _usage("damperfit.read: found several logs; give one", "several-logs")
         return read_log(paths[0], configuration.reading)
 
 
@@ -129,7 +130,7 @@ def inspect(  # noqa: PLR0913 - one keyword an option of the command line
     Parameters
     ----------
     logs : path, pattern, list of such, or mapping of labels to data frames
-        As of `identify`, like the other keywords.
+        As of `identify`.
     units : mapping of str to str, optional
         Units of columns that do not say theirs.
     """
@@ -140,15 +141,20 @@ def inspect(  # noqa: PLR0913 - one keyword an option of the command line
 
     # No model is asked for; the file may be one for `model="auto"`.
     configuration = configured("inspect", given, is_law_open=True)
+    declared = declared_setting(setting, configuration)
     with as_files(logs, call="damperfit.inspect") as paths:
-        batch = read_batch(
-            expand(paths),
-            configuration,
-            jobs=workers(jobs),
-            setting=declared_setting(setting, configuration),
-            purpose=Purpose.INSPECT,
+        return Inspection(
+            read_batch(
+                expand(paths),
+                configuration,
+                jobs=workers(jobs),
+                setting=declared,
+                purpose=Purpose.INSPECT,
+            )
         )
-    return Inspection(batch)
+
+
+# Fits
 
 
 @public
@@ -197,8 +203,6 @@ def identify(  # noqa: PLR0913 - one keyword an option of the command line
         (``displacement_mm``) or in `units`.
     fix, start, rig : mapping
         As in ``{"f_f": "50N"}``; keys of [rig]. `start` may be a path too.
-    model : str, optional
-        "auto": the one that the logs support.
     units : mapping, or str
         Units of columns that do not say theirs, as in ``{"force": "kN"}``; as text those that
         results are shown in.
@@ -223,17 +227,17 @@ def identify(  # noqa: PLR0913 - one keyword an option of the command line
     """
     given = dict(locals())
     if out is None and (report or figures):
-        raise ConfigurationError(
-            "a report is written; give {out}", out=Option("out", "FOLDER"), code="no-folder"
-        )
+        folder = Option("out", "FOLDER")
+        raise _usage("a report is written; give {out}", "no-folder", out=folder)
     (one,) = identify_each(**given, is_one=True, is_written=out is not None)
     if one.error is not None:
         raise one.error
     if not one.run.settings:
         words = Words("damperfit.identify")
-        said = [failure.placed.sentence(words) for failure in one.failures]
-        more = f" (and {len(said) - _FEW} more)" if len(said) > _FEW else ""
-        raise LogError(f"no setting could be fitted: {'; '.join(said[:_FEW])}{more}")
+        lines = [failure.placed.sentence(words) for failure in one.failures]
+        more = f" (and {len(lines) - _FEW} more)" if len(lines) > _FEW else ""
+        text = f"no setting could be fitted: {'; '.join(lines[:_FEW])}{more}"
+        raise LogError(text, code="no-setting-fitted")
     return one.run
 
 
@@ -257,6 +261,7 @@ def identify_each(
     is_written : bool
         Whether anything is written.
     """
+    from damperfit.run.auto_model import choose_law, with_chosen_law
     from damperfit.run.identify import Watch, identified, written
     from damperfit.run.log_files import as_files, in_memory
 
@@ -267,36 +272,48 @@ def identify_each(
     unread, traces = in_memory(logs, configuration.conditioning)
     with ExitStack() as stack:
         is_ready = bool(traces) and not unread
-        call = "damperfit.identify"
-        paths = [] if is_ready else stack.enter_context(as_files(unread, call=call))
+        as_paths = as_files(unread, call="damperfit.identify")
+        paths = [] if is_ready else stack.enter_context(as_paths)
         if given.get("model") == _AUTO:
-            configuration = _chosen(configuration, paths, declared, given, watch, jobs)
+            choice = choose_law(
+                configuration,
+                paths,
+                jobs=jobs,
+                setting=declared,
+                start=_start_of_laws(configuration, given.get("start")),
+                on_law=lambda law: watch.on_law(law.tried.title),
+                on_rival=(lambda law: watch.on_law(law.title)) if given.get("rivals") else None,
+            )
+            made = with_chosen_law(configuration, choice)
+            watch.on_choice(choice, configuration, made)
+            configuration = made
         stack.enter_context(watch.during_work())
-        found = list(
-            (written if is_written else identified)(
+        work = written if is_written else identified
+        done = list(
+            work(
                 configuration, paths,
                 jobs=jobs, setting=declared, traces=traces, watch=watch, is_one=is_one,
             )
         )  # fmt: skip
     page, figures = given.get("report", False), given.get("figures")
-    for one in found:
+    for one in done:
         if one.run.settings and (page or figures) and one.is_written:
             try:
                 _write_report(one.folder, one.folder, page=page, figures=figures)
             except DamperfitError as error:
                 one.error = error
-    return found
+    return done
 
 
 def _identification(given: Mapping[str, Any]) -> Configuration:
     """The configuration that `identify` is asked for, once nothing is asked in vain."""
     _check_kind(given.get("figures"))
     if given.get("max_mse") == 0.0:
-        raise ConfigurationError(
+        raise _usage(
             "expected more than 0, as every fit leaves some misfit; for no gate leave the option "
             "out (output.max_mse_percent = 0)",
-            where=Option("max_mse", "0"),
-            code="out-of-range",
+            "out-of-range",
+            Option("max_mse", "0"),
         )
     is_open = given.get("model") == _AUTO
     start_file, start_values = starts_of(given.get("start"))
@@ -310,66 +327,45 @@ def _identification(given: Mapping[str, Any]) -> Configuration:
     )
     procedure = configuration.identification.procedure
     if given.get("share") is not None and procedure != "joint":
-        raise ConfigurationError(
+        raise _usage(
             "{where} has no effect: only procedure joint fits shared parameters, found procedure "
             f"{procedure}; add {{joint}}",
-            code="no-effect",
+            "no-effect",
+            Option("share", ",".join(given["share"])),
             joint=Option("procedure", "joint"),
-            where=Option("share", ",".join(given["share"])),
         )
+    auto = Option("model", _AUTO)
     if is_open and configuration.identification.free:
-        raise ConfigurationError(
+        raise _usage(
             "{free} has no effect: with {model} the logs choose what is fitted; hold a "
             "parameter with {fix}, or name the model",
+            "no-effect",
             free=Option("free"),
-            model=Option("model", "auto"),
+            model=auto,
             fix=Option("fix"),
         )
     if given.get("rivals") and not is_open:
-        raise ConfigurationError(
+        raise _usage(
             "models are ranked where the logs choose the law; add {model}, or ask damperfit "
             "models LOGS {rivals}",
-            model=Option("model", "auto"),
+            "not-together",
+            Option("rivals"),
+            model=auto,
             rivals=Option("rivals"),
-            where=Option("rivals"),
-            code="not-together",
         )
     return configuration
 
 
-def _chosen(
-    configuration: Configuration,
-    paths: list[str],
-    setting: Setting | None,
-    given: Mapping[str, Any],
-    watch: Watch,
-    jobs: int,
-) -> Configuration:
-    """Let the logs choose the law."""
-    from damperfit.run.auto_model import choose_law, with_chosen_law
+def _start_of_laws(configuration: Configuration, start: Any) -> Any:
     from damperfit.run.given_starts import start_of_laws
 
-    choice = choose_law(
-        configuration,
-        paths,
-        jobs=jobs,
-        setting=setting,
-        start=start_of_laws(configuration, starts_of(given.get("start"))[1]),
-        on_law=lambda law: watch.on_law(law.tried.title),
-        on_rival=(lambda law: watch.on_law(law.title)) if given.get("rivals") else None,
-    )
-    made = with_chosen_law(configuration, choice)
-    watch.on_choice(choice, configuration, made)
-    return made
+    return start_of_laws(configuration, starts_of(start)[1])
 
 
 def _check_kind(kind: str | None) -> None:
-    if kind is not None and kind not in FIGURE_KINDS:
-        raise ConfigurationError(
-            f"expected one of {', '.join(FIGURE_KINDS)}",
-            where=Option("figures", kind),
-            code="unknown-figure-kind",
-        )
+    if kind is not None and kind not in _FIGURE_KINDS:
+        text = f"expected one of {', '.join(_FIGURE_KINDS)}"
+        raise _usage(text, "unknown-figure-kind", Option("figures", kind))
 
 
 @public
@@ -393,7 +389,7 @@ def models(  # noqa: PLR0913 - one keyword an option of the command line
     Parameters
     ----------
     logs, start, rig, damper
-        As of `identify`, like the other keywords.
+        As of `identify`.
     on_law : callable
         Called with the name of each law that was tried.
 
@@ -403,22 +399,16 @@ def models(  # noqa: PLR0913 - one keyword an option of the command line
         `LawChoice.supported` names the law; `identify(model="auto")` fits it.
     """
     given = dict(locals())
-    from damperfit.errors import did_you_mean
     from damperfit.laws.structures import LAYOUTS
     from damperfit.run.auto_model import choose_law
-    from damperfit.run.given_starts import start_of_laws
     from damperfit.run.log_files import as_files
 
     if layout is not None and layout not in LAYOUTS:
-        raise ConfigurationError(
-            f"no layout {layout!r}; there are {', '.join(LAYOUTS)}.{did_you_mean(layout, LAYOUTS)}",
-            where=Option("layout"),
-            code="unknown-layout",
-        )
-    start_file, start_values = starts_of(start)
-    configuration = configured(
-        "models", given, ("start", "identification.start", start_file), is_law_open=True
-    )
+        there = f"no layout {layout!r}; there are {', '.join(LAYOUTS)}."
+        text = f"{there}{did_you_mean(layout, LAYOUTS)}"
+        raise _usage(text, "unknown-layout", Option("layout"))
+    file = ("start", "identification.start", starts_of(start)[0])
+    configuration = configured("models", given, file, is_law_open=True)
     with as_files(logs, call="damperfit.models") as paths:
         return choose_law(
             configuration,
@@ -426,10 +416,114 @@ def models(  # noqa: PLR0913 - one keyword an option of the command line
             layout=layout,
             jobs=workers(jobs),
             setting=declared_setting(setting, configuration),
-            start=start_of_laws(configuration, start_values),
+            start=_start_of_laws(configuration, start),
             on_law=lambda law: on_law(law.tried.title),
             on_rival=(lambda law: on_law(law.title)) if rivals else None,
         )
+
+
+@public
+def fleet(  # noqa: PLR0913 - one keyword an option of the command line
+    logs: Sequence[str] | str | None = None,
+    *,
+    out: str | Path = Path("fleet"),
+    jobs: int | None = None,
+    scheduler: str | None = None,
+    part: str | None = None,
+    collect: bool = False,
+    report: bool = False,
+    tolerance: str | Path | None = None,
+    model: str | None = None,
+    procedure: str | None = None,
+    covariate: str | None = None,
+    tests: str | Path | None = None,
+    strict: bool = False,
+    rig_profile: str | None = None,
+    rig: Mapping[str, Any] | None = None,
+    config: str | Path | None = None,
+    watch: Watch | None = None,
+) -> FleetDone:
+    """Fit many dampers, one part each; finished ones are not fitted again.
+
+    Parameters
+    ----------
+    logs : folders, files, patterns or addresses
+        Of all dampers; None: the parts that are there.
+    watch : Watch, optional
+        Who looks on: progress by damper, and the wish to stop.
+    """
+    given = dict(locals())
+    from damperfit.answers import FleetDone
+    from damperfit.comparison import parse_bands
+    from damperfit.fleets.run import planned, run_fleet, share_of
+    from damperfit.run.identify import Watch
+    from damperfit.workers import Cluster, Processes
+
+    watch = watch or Watch()
+    folder: Any = out
+    logs = [logs] if isinstance(logs, str) else logs
+    asked = [name for name in ("collect", "report", "tolerance") if given[name]]
+    if not logs and not asked:
+        raise _usage(
+            "fleet: expected LOGS, or {collect} or {report} for the parts that are there",
+            "nothing-to-do",
+            collect=Option("collect"),
+            report=Option("report"),
+        )
+    if scheduler is not None and jobs is not None:
+        raise _usage(
+            "{jobs} cannot be combined with {scheduler}: the cluster has its own workers; leave "
+            "one out",
+            "not-together",
+            jobs=Option("jobs"),
+            scheduler=Option("scheduler"),
+        )
+    if part is not None and asked:
+        raise _usage(
+            "{where} cannot be combined with {part}: other parts may not be done yet; collect with "
+            f"damperfit fleet --out {out} --{asked[0]} when all are",
+            "not-together",
+            Option(asked[0]),
+            part=Option("part"),
+        )
+    bands = parse_bands(_text(tolerance))
+    table: Any = tests
+    configuration = configured(
+        "fleet",
+        {**given, "tests": None if table is None else table.resolve()},
+        ("covariate", "damper.reference_temperature", covaried("fleet", given, of_fleet=True)),
+    )
+    share = None if part is None else share_of(part)
+    done = FleetDone(folder)
+    if logs:
+        _check_places(folder)
+        tasks = planned(configuration, logs, folder, share)
+        done.n_tasks = len(tasks)
+        with ExitStack() as stack:
+            engine: Any = None
+            if scheduler is None:
+                engine = Processes(min(workers(jobs), max(1, len(tasks))))
+            else:
+                engine = Cluster(scheduler)
+                stack.callback(engine.close)
+            stack.enter_context(watch.during_work())
+            watch.on_start(done.n_tasks)
+            for one in run_fleet(
+                configuration, tasks, folder.resolve(), engine, cancelled=watch.cancelled
+            ):
+                done.done.append(one)
+                watch.on_fit(one)
+            done.is_stopped = watch.cancelled()
+    if asked and not done.is_stopped:
+        try:
+            done.collect(bands, is_reported=report)
+        except DamperfitError as error:
+            error.done = done  # type: ignore[attr-defined] # it is told first
+            raise
+    return done
+
+
+# What is asked of results
 
 
 @public
@@ -446,11 +540,10 @@ def load(folder: str | Path) -> Run:
 
     place = path_of(folder, "damperfit.load", "the path of a results folder")
     if is_part(place):
-        raise ConfigurationError(
-            f"{place} is a part of a fleet, which keeps no more than a table; expected a folder "
-            "that damperfit identify wrote; pandas reads parts",
-            subject="damperfit.load",
-            code="part-of-a-fleet",
+        raise _usage(
+            f"damperfit.load: {place} is a part of a fleet, which keeps no more than a table; "
+            "expected a folder that damperfit identify wrote; pandas reads parts",
+            "part-of-a-fleet",
         )
     return Run.load(place, parts=("parameters", "mse"))
 
@@ -481,8 +574,6 @@ def simulate(  # noqa: PLR0913 - one keyword an option of the command line
     ----------
     setting : optional
         Whose parameters; not needed where `set` gives all of them.
-    parameters : Run or path, optional
-        Results, their folder or a parameters table.
     set : mapping, optional
         Parameters that replace the setting's.
     damper : Model or mapping, optional
@@ -498,7 +589,7 @@ def simulate(  # noqa: PLR0913 - one keyword an option of the command line
     if displacement is not None:
         names = ("amplitude", "frequency", "cycles", "sample_rate", "wave", "max_steps")
         refuse_idle(given, names, "the log is the motion", beside=Option("displacement"))
-    own = configured("simulate", {**given, "displacement": None, "out": None, "plot": None})
+    own = configured("simulate", given)
     log: Any = displacement
     files = {
         "out": _suffixed(out, "out", (".csv", ".parquet")),
@@ -506,13 +597,11 @@ def simulate(  # noqa: PLR0913 - one keyword an option of the command line
     }
     _check_places(*(path.parent for path in files.values() if path is not None))
     choice, configuration, sentence = _parameters("simulate", given, own)
-    configuration = warmed_to(configuration, None if temperature is None else str(temperature))
+    configuration = warmed_to(configuration, _text(temperature))
     if temperature is not None and isinstance(configuration.damper, Warmed):
         sentence += f" Simulated at {configuration.damper.oil_temperature:g} degC."
     if log is not None and not log.exists():
-        raise ConfigurationError(
-            "no such file", where=Option("displacement", log), code="no-such-file"
-        )
+        raise _usage("no such file", "no-such-file", Option("displacement", log))
     test = simulate_test(choice, configuration, log=log)
     notes = tuple(notes_on_simulation(configuration.damper, choice.parameters))
     done = Simulation(test, sentence, configuration.notes, notes)
@@ -527,17 +616,16 @@ def _parameters(
     from damperfit.queries.simulations import choose_parameters, damper_of
     from damperfit.results import Run
 
-    call, setting, table = f"damperfit.{command}", given["setting"], given["parameters"]
-    if isinstance(setting, Run):
-        raise ConfigurationError(
-            f"found a result in place of a setting; give {call}(10, parameters=result), or "
+    call = f"damperfit.{command}"
+    if isinstance(given["setting"], Run):
+        raise _usage(
+            f"{call}: found a result in place of a setting; give {call}(10, parameters=result), or "
             "result.setting(10).simulate()",
-            subject=call,
-            code="not-a-setting",
+            "not-a-setting",
         )
     choice = choose_parameters(
-        known_as_setting(setting),
-        table=table,
+        known_as_setting(given["setting"]),
+        table=given["parameters"],
         replaced=given["set"] or {},
         folder=configuration.output.folder,
         damper=configuration.damper,
@@ -547,11 +635,8 @@ def _parameters(
 
 def _suffixed(path: Any, keyword: str, known: tuple[str, ...]) -> Path | None:
     if path is not None and path.suffix.lower() not in known:
-        raise ConfigurationError(
-            f"expected a name that ends in {', '.join(known)}",
-            where=Option(keyword, path),
-            code="wrong-suffix",
-        )
+        text = f"expected a name that ends in {', '.join(known)}"
+        raise _usage(text, "wrong-suffix", Option(keyword, path))
     found: Path | None = path
     return found
 
@@ -563,6 +648,10 @@ def _check_places(*folders: Path | None) -> None:
     for folder in folders:
         if folder is not None:
             check_writable(folder)
+
+
+def _text(value: object) -> str | None:
+    return None if value is None else str(value)
 
 
 @public
@@ -585,8 +674,6 @@ def sweep(  # noqa: PLR0913 - one keyword an option of the command line
     ----------
     vary : mapping of str to sequence of float, or text
         As in ``{"r_m1": [0.8, 1, 1.2]}`` or "r_m1=0.8,1,1.2".
-    setting, parameters, set
-        As of `simulate`.
     out : path, optional
         Folder for the table and the figures; without it none is written.
     """
@@ -598,13 +685,10 @@ def sweep(  # noqa: PLR0913 - one keyword an option of the command line
     texts: Any = [vary] if isinstance(vary, str) else vary or []
     if isinstance(texts, dict):
         texts = [f"{name}={','.join(map(str, factors))}" for name, factors in texts.items()]
+    wanted = {"vary": Option("vary"), "paper": Option("paper")}
     if not texts and not paper:
-        raise ConfigurationError(
-            "nothing to vary: give {vary} NAME=F1,F2,... or {paper}",
-            vary=Option("vary"),
-            paper=Option("paper"),
-            code="nothing-to-do",
-        )
+        text = "nothing to vary: give {vary} NAME=F1,F2,... or {paper}"
+        raise _usage(text, "nothing-to-do", **wanted)
     folder: Any = out
     _check_places(folder)
     own = configured("sweep", {"config": config, "max_steps": max_steps})
@@ -612,21 +696,18 @@ def sweep(  # noqa: PLR0913 - one keyword an option of the command line
     choice, configuration, sentence = _parameters("sweep", given, own)
     variations = [parse_variation(text, configuration.damper) for text in texts]
     if len({variation.name for variation in variations}) < len(variations):
-        raise ConfigurationError(
-            "a name is given twice; put its factors into one list",
-            where=Option("vary"),
-            code="given-twice",
-        )
+        text = "a name is given twice; put its factors into one list"
+        raise _usage(text, "given-twice", wanted["vary"])
     if paper and configuration.damper.name != "purdy":
-        raise ConfigurationError(
+        raise _usage(
             f"the figures are of the paper's model; these parameters are of "
             f"{configuration.damper.name!r}: give {{vary}} NAME=F1,F2,...",
-            vary=Option("vary"),
-            where=Option("paper"),
-            code="other-model",
+            "other-model",
+            wanted["paper"],
+            vary=wanted["vary"],
         )
-    wanted = [(v, False) for v in variations] + [(v, True) for v in PAPER_SWEEPS if paper]
-    done = Sweep(choice, configuration, sentence, wanted)
+    both = [(v, False) for v in variations] + [(v, True) for v in PAPER_SWEEPS if paper]
+    done = Sweep(choice, configuration, sentence, both)
     if folder is not None:
         done.write(folder, kind=figures, spares_others=not overwrite)
     return done
@@ -655,8 +736,6 @@ def settings(  # noqa: PLR0913 - one keyword an option of the command line
         What `identify` found, or files of measured curves.
     force, velocity : number or text, optional
         As in "900N" and "0.2m/s".
-    rig : mapping, optional
-        As of `identify`.
     """
     given = dict(locals())
     from damperfit.answers import SettingForces
@@ -665,27 +744,23 @@ def settings(  # noqa: PLR0913 - one keyword an option of the command line
     from damperfit.units.shown_units import SI, parse_units
 
     shown = SI if units is None else parse_units(units)
-    said = {name: _text(given[name]) for name in ("force", "velocity", "stroke")}
-    question = parse_question(**said)
+    question = parse_question(force=_text(force), velocity=_text(velocity), stroke=stroke)
     places = results if isinstance(results, list | tuple) else [results]
     paths = [folder_of(one, "damperfit.settings") for one in places] or [_RESULTS]
-    reading = {name: given[name] for name in ("rig", "rig_profile", "config")}
     if all(path.is_file() for path in paths):
         from damperfit.queries.compared import measured_forces
 
-        refuse_idle(
-            given,
-            ("amplitude", "frequency", "temperature", "units"),
-            f"the forces of {paths[0]} were measured, not simulated",
-        )
+        idle = ("amplitude", "frequency", "temperature", "units")
+        refuse_idle(given, idle, f"the forces of {paths[0]} were measured, not simulated")
+        reading = {name: given[name] for name in ("rig", "rig_profile", "config")}
         options = configured("settings", reading, is_law_open=True).reading
         curves = measured_forces(paths, question, reading=options)
         return SettingForces(paths, question, shown, curves=curves)
     if len(paths) > 1:
-        raise ConfigurationError(
+        raise _usage(
             f"found {', '.join(map(str, paths[:3]))}; expected one results folder, or files of "
             "measured curves alone",
-            code="several-results",
+            "several-results",
         )
     refuse_idle(given, ("rig", "rig_profile"), f"{paths[0]} holds results, and no log is read")
     run = Run.load(
@@ -693,10 +768,6 @@ def settings(  # noqa: PLR0913 - one keyword an option of the command line
     )
     forces = tabulate_forces(run, question, amplitude=_text(amplitude), frequency=_text(frequency))
     return SettingForces(paths, question, shown, forces=forces)
-
-
-def _text(value: object) -> str | None:
-    return None if value is None else str(value)
 
 
 @public
@@ -725,50 +796,40 @@ def compare(  # noqa: PLR0913 - one keyword an option of the command line
         The first is the reference.
     velocity : sequence of speed
         As in ``["0.1m/s", "0.3m/s"]``.
-    out, save, junit : path, optional
-        Folder for page, Markdown, JSON and tables; the reference as a baseline; JUnit XML.
     """
     given = dict(locals())
     from damperfit.answers import Comparison
     from damperfit.comparison import parse_bands
-    from damperfit.queries.compared import Compared, compare_all, comparison_options
+    from damperfit.queries.compared import Compared, compare_all, comparison_options, one_run
+    from damperfit.queries.compared_runs import baseline_text
     from damperfit.results import Run
+    from damperfit.store import write_text
 
-    places, names = [folder_of(one, "damperfit.compare") for one in runs], _names_of_unsaved(runs)
+    places = [folder_of(one, "damperfit.compare") for one in runs]
     is_alone = len(runs) == 1 and not (tolerance or save)
     if not places or (is_alone and isinstance(runs[0], Run)):
-        raise ConfigurationError(
+        raise _usage(
             f"damperfit.compare: found {'one result' if places else 'no result'}; expected two or "
-            "more, or tolerance=FILE with nominal forces"
+            "more, or tolerance=FILE with nominal forces",
+            "too-few-results",
         )
-    if tolerance is not None and not isinstance(tolerance, str | Path):
-        raise ConfigurationError(
-            f"found {tolerance!r}; expected '5%', '20N' or the path of a table of bands",
-            where=Option("tolerance"),
-            code="not-a-tolerance",
-        )
+    if not isinstance(given["tolerance"], str | Path | None):
+        text = f"found {tolerance!r}; expected '5%', '20N' or the path of a table of bands"
+        raise _usage(text, "not-a-tolerance", Option("tolerance"))
     paths: dict[str, Any] = {name: given[name] for name in ("out", "save", "junit")}
-    kept = [paths[name] for name in ("save", "junit")]
-    _check_places(paths["out"], *(path.parent for path in kept if path is not None))
+    files = [paths[name].parent for name in ("save", "junit") if paths[name] is not None]
+    _check_places(paths["out"], *files)
     reading = None
     if measured:
         asked = {name: given[name] for name in ("rig", "rig_profile", "config")}
         reading = configured("compare", asked, is_law_open=True)
     else:
-        refuse_idle(
-            given,
-            ("rig", "rig_profile"),
-            "no log is read without {measured}",
-            measured=Option("measured"),
-        )
+        why = "no log is read without {measured}"
+        refuse_idle(given, ("rig", "rig_profile"), why, measured=Option("measured"))
     bands = parse_bands(_text(tolerance))
     if junit is not None and bands is None:
-        raise ConfigurationError(
-            "holds the points of {tolerance}, which was not given",
-            tolerance=Option("tolerance"),
-            where=Option("junit"),
-            code="nothing-to-do",
-        )
+        text = "holds the points of {tolerance}, which was not given"
+        raise _usage(text, "nothing-to-do", Option("junit"), tolerance=Option("tolerance"))
     options = comparison_options(
         velocities=given["velocity"] or (),
         amplitude=amplitude,
@@ -777,24 +838,36 @@ def compare(  # noqa: PLR0913 - one keyword an option of the command line
         jobs=workers(jobs),
         units=units,
     )
+    names: dict[Path, str] = {}  # of results that are in no folder of the user's
+    for k, one in enumerate(runs, 1):
+        if isinstance(one, Run) and one.is_temporary:
+            names.setdefault(one.folder, f"result {k}")
     options = replace(options, names=names)
     file: Any = config
     if paths["save"] is not None:
-        from damperfit.queries.compared import one_run
-        from damperfit.queries.compared_runs import baseline_text
-        from damperfit.store import write_text
-
         run = one_run(places[0], options, config=file, reading=reading)
         write_text(paths["save"], baseline_text(run, is_measured=measured))
         if len(places) == 1 and bands is None:
             return Comparison(Compared((), (), ()))
-    found = compare_all(
-        places, options, repeats=[Path(one) for one in repeats or ()], tolerance=bands, config=file,
-        reading=reading,
-    )  # fmt: skip
-    done = Comparison(found, _text(tolerance) or "")
+    repeated = [Path(one) for one in repeats or ()]
+    compared = compare_all(
+        places, options, repeats=repeated, tolerance=bands, config=file, reading=reading
+    )
+    done = Comparison(compared, _text(tolerance) or "")
     done.write(paths["out"], paths["junit"])
     return done
+
+
+# What is written
+
+
+def _own_folder(results: Any, out: object, call: str) -> Path:
+    """Return the folder of results; those that are in none of the user's need `out`."""
+    folder = folder_of(results, call)
+    if out is None and getattr(results, "is_temporary", False):
+        text = f"{call}: these results are in no folder of yours; give out=FOLDER"
+        raise _usage(text, "no-folder")
+    return folder
 
 
 @public
@@ -834,33 +907,22 @@ def export(  # noqa: PLR0913 - one keyword an option of the command line
     from damperfit.units.shown_units import SI, parse_units
 
     if to is None:
-        raise ConfigurationError(
-            f"no target: give {{to}}, one of {', '.join(TARGETS)}; damperfit export --list shows "
-            "what they are",
+        raise _usage(
+            f"export: no target: give {{to}}, one of {', '.join(TARGETS)}; damperfit export --list "
+            "shows what they are",
+            "no-target",
             to=Option("to"),
-            subject="export",
-            code="no-target",
         )
     target = find_target(str(to))
     for option, value, default in (("units", units, None), ("decimal", decimal, ".")):
         if value != default and option not in target.takes:
-            raise ConfigurationError(
-                f"{target.name} has units and marks of its own ({target.units}); leave it out",
-                where=Option(option, value),
-                code="no-effect",
-            )
+            text = f"{target.name} has units and marks of its own ({target.units}); leave it out"
+            raise _usage(text, "no-effect", Option(option, value))
     if decimal not in {".", ","}:
-        raise ConfigurationError(
-            "expected . or ,", where=Option("decimal", decimal), code="unknown-mark"
-        )
+        raise _usage("expected . or ,", "unknown-mark", Option("decimal", decimal))
     shown = SI if units is None else parse_units(units)
     speed = None if extend is None else parse_quantity(extend, "velocity", option="--extend")
-    folder = folder_of(results, "damperfit.export")
-    if out is None and getattr(results, "is_temporary", False):
-        raise ConfigurationError(
-            "damperfit.export: these results are in no folder of yours; give out=FOLDER",
-            code="no-folder",
-        )
+    folder = _own_folder(results, out, "damperfit.export")
     where, stem = written_of(folder, "export"), "damper"
     where = where if is_part(folder) else where / "export"
     if out is not None:
@@ -874,13 +936,8 @@ def export(  # noqa: PLR0913 - one keyword an option of the command line
     with file_set(where, spares_others=not overwrite) as drafts:
         for name, content in made.files.items():
             drafts.path(name).write_bytes(content)
-    return Files(
-        (where / name for name in made.files),
-        remarks=run.run.remarks,
-        notes=made.notes,
-        made=made,
-        checked=tuple(checked),
-    )
+    paths, remarks = [where / name for name in made.files], run.run.remarks
+    return Files(paths, remarks=remarks, notes=made.notes, made=made, checked=tuple(checked))
 
 
 @public
@@ -905,11 +962,7 @@ def report(
     configured("report", {"config": config})
     from damperfit.tables.reading import written_of
 
-    folder = folder_of(results, "damperfit.report")
-    if out is None and getattr(results, "is_temporary", False):
-        raise ConfigurationError(
-            "damperfit.report: these results are in no folder of yours; give out=FOLDER"
-        )
+    folder = _own_folder(results, out, "damperfit.report")
     where: Any = out
     _check_places(where)
     where = where or written_of(folder, "reports")
@@ -946,127 +999,6 @@ def _write_report(
 
 
 @public
-def fleet(  # noqa: PLR0913 - one keyword an option of the command line
-    logs: Sequence[str] | str | None = None,
-    *,
-    out: str | Path = Path("fleet"),
-    jobs: int | None = None,
-    scheduler: str | None = None,
-    part: str | None = None,
-    collect: bool = False,
-    report: bool = False,
-    tolerance: str | Path | None = None,
-    model: str | None = None,
-    procedure: str | None = None,
-    covariate: str | None = None,
-    tests: str | Path | None = None,
-    strict: bool = False,
-    rig_profile: str | None = None,
-    rig: Mapping[str, Any] | None = None,
-    config: str | Path | None = None,
-    watch: Watch | None = None,
-) -> FleetDone:
-    """Fit many dampers, one part each; finished ones are not fitted again.
-
-    Parameters
-    ----------
-    logs : folders, files, patterns or addresses
-        Of all dampers; None: the parts that are there.
-    watch : Watch, optional
-        Who looks on: progress by damper, and the wish to stop.
-    """
-    given = dict(locals())
-    from damperfit.answers import FleetDone
-    from damperfit.comparison import parse_bands
-    from damperfit.fleets.run import planned, share_of
-    from damperfit.run.identify import Watch
-
-    watch = watch or Watch()
-
-    folder: Any = out
-    logs = [logs] if isinstance(logs, str) else logs
-    asked = [name for name in ("collect", "report", "tolerance") if given[name]]
-    if not logs and not asked:
-        raise ConfigurationError(
-            "fleet: expected LOGS, or {collect} or {report} for the parts that are there",
-            collect=Option("collect"),
-            report=Option("report"),
-            code="nothing-to-do",
-        )
-    if scheduler is not None and jobs is not None:
-        raise ConfigurationError(
-            "{jobs} cannot be combined with {scheduler}: the cluster has its own workers; leave "
-            "one out",
-            jobs=Option("jobs"),
-            scheduler=Option("scheduler"),
-            code="not-together",
-        )
-    if part is not None and asked:
-        raise ConfigurationError(
-            "{where} cannot be combined with {part}: other parts may not be done yet; collect with "
-            f"damperfit fleet --out {out} --{asked[0]} when all are",
-            part=Option("part"),
-            where=Option(asked[0]),
-            code="not-together",
-        )
-    bands = parse_bands(_text(tolerance))
-    table: Any = tests
-    configuration = configured(
-        "fleet",
-        {**given, "tests": None if table is None else table.resolve()},
-        ("covariate", "damper.reference_temperature", covaried("fleet", given, of_fleet=True)),
-    )
-    share = None if part is None else share_of(part)
-    done = FleetDone(folder)
-    if logs:
-        _check_places(folder)
-        tasks = planned(configuration, logs, folder, share)
-        done.n_tasks = len(tasks)
-        cores = workers(jobs)
-        with watch.during_work():
-            watch.on_start(done.n_tasks)
-            for one in _worked_through(
-                configuration, tasks, folder, scheduler=scheduler, jobs=cores,
-                cancelled=watch.cancelled,
-            ):  # fmt: skip
-                done.done.append(one)
-                watch.on_fit(one)
-            done.is_stopped = watch.cancelled()
-    if asked and not done.is_stopped:
-        try:
-            done.collect(bands, is_reported=report)
-        except DamperfitError as error:
-            error.done = done  # type: ignore[attr-defined] # it is told first
-            raise
-    return done
-
-
-def _worked_through(
-    configuration: Configuration,
-    tasks: Sequence[DamperTask],
-    folder: Path,
-    *,
-    scheduler: str | None,
-    jobs: int,
-    cancelled: Callable[[], bool],
-) -> Iterator[Done]:
-    """Do the tasks where the user wants them done: in processes here, or on a Dask cluster."""
-    from damperfit.fleets.run import run_fleet
-    from damperfit.workers import Cluster, Processes
-
-    place = folder.resolve()
-    if scheduler is None:
-        engine = Processes(min(jobs, max(1, len(tasks))))
-        yield from run_fleet(configuration, tasks, place, engine, cancelled=cancelled)
-        return
-    cluster = Cluster(scheduler)
-    try:
-        yield from run_fleet(configuration, tasks, place, cluster, cancelled=cancelled)
-    finally:
-        cluster.close()
-
-
-@public
 def samples(  # noqa: PLR0913 - one keyword an option of the command line
     folder: str | Path,
     *,
@@ -1091,6 +1023,7 @@ def samples(  # noqa: PLR0913 - one keyword an option of the command line
     watch : Watch, optional
         Who looks on: progress by log.
     """
+    given = dict(locals())
     from damperfit.answers import Files
     from damperfit.queries.simulations import numbers_in, truth_of
     from damperfit.run.identify import Watch
@@ -1102,22 +1035,24 @@ def samples(  # noqa: PLR0913 - one keyword an option of the command line
     loaded = configured("samples", {"config": config, "model": model})
     truth, sentence = None, loaded.damper_sentence
     if parameters is not None:
-        given: Any = parameters
-        file: Any = config
-        truth, loaded, sentence = truth_of(given, loaded, file)
+        truth, loaded, sentence = truth_of(given["parameters"], loaded, given["config"])
+    quantities = {
+        name: parse_quantity(given[name], dimension, option=Option(name))
+        for name, dimension in (
+            ("sample_rate", "frequency"),
+            ("force_noise", "force"),
+            ("displacement_noise", "length"),
+            ("rig_filter", "frequency"),
+        )
+    }
     options = SampleOptions(
         settings=numbers_in(settings),
         cycles=cycles,
-        sample_rate=parse_quantity(sample_rate, "frequency", option="--sample-rate"),
         amplitude=loaded.rig.amplitude,
         frequency=loaded.rig.frequency,
-        force_noise=parse_quantity(force_noise, "force", option="--force-noise"),
-        displacement_noise=parse_quantity(
-            displacement_noise, "length", option="--displacement-noise"
-        ),
-        rig_filter=parse_quantity(rig_filter, "frequency", option="--rig-filter"),
         seed=seed,
         damper=loaded.damper,
+        **quantities,
     )
     watch = watch or Watch()
     with watch.during_work():
@@ -1175,14 +1110,3 @@ def init(
     if path is not None:
         write_text(path, text)
     return FirstConfiguration(text, guessed.why, guessed.open)
-
-
-def _names_of_unsaved(runs: Iterable[object]) -> dict[Path, str]:
-    """Return what to call the results among some runs that are in no folder of the user's."""
-    from damperfit.results import Run
-
-    names: dict[Path, str] = {}
-    for k, one in enumerate(runs, 1):
-        if isinstance(one, Run) and one.is_temporary:
-            names.setdefault(one.folder, f"result {k}")
-    return names
