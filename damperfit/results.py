@@ -59,13 +59,13 @@ from damperfit.tables.reading import (
     read_arrow,
     read_facts,
     read_part,
-    read_quantities,
     read_record,
     read_rows,
     read_signals,
     read_table,
-    rows_of,
+    table_quantities,
     title_of,
+    typed_rows,
 )
 from damperfit.tested.setting import Setting
 from damperfit.units.quantities import QuantityError, parse_quantity
@@ -89,15 +89,18 @@ if TYPE_CHECKING:
 
 
 TABLES = ("parameters", "mse", "adjustment", "characteristics", "valves", "responses", "profiles")
-_OF_PARAMETERS = ("parameters.parquet", "parameters.csv")
+PAGE = "report.html"
+NOTEBOOK_COLUMNS = 100
 _BEYOND = 1.05  # times what was tested, or less than that part of it
 _SAME = 1e-9  # 4.6bara and 460000 are one pressure, but for the last digit
-PAGE = "report.html"
 _OF_TABLE = {"schema_version", "table", "quantities"}  # facts that each table has of its own
 _FAN = "fan"  # force against velocity of all settings
 _SHOWN_FAILURES = 5
 _WORDS = Words("damperfit.identify")
-NOTEBOOK_COLUMNS = 100
+_IN_MEMORY = (
+    *("record", "quantities", "tables", "report_text", "place", "shown_as"),
+    *("_rows", "_signals", "_remarks", "_config", "_temperature", "_source", "_scratch"),
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,10 +111,8 @@ class Tested:
     ----------
     n_logs : int
         Logs that were fitted.
-    stroke : float or None
-        Largest amplitude of a motion that repeats, m.
-    speed : float or None
-        Highest peak speed, m/s.
+    stroke, speed : float or None
+        Largest amplitude of a motion that repeats, m; highest peak speed, m/s.
     frequencies, temperatures : tuple of float or None
         Lowest and highest, Hz and degrees Celsius.
     """
@@ -232,10 +233,8 @@ class LogResult:
 
     Attributes
     ----------
-    setting : Setting
-        Where the adjusters stood.
-    name : str
-        Of the file.
+    setting, name : Setting, str
+        Where the adjusters stood; of the file.
     role : str
         fitted, or held_out: predicted with what the other logs gave.
     mse_percent, noise_floor_percent : float or None
@@ -261,7 +260,7 @@ class LogResult:
     @property
     def temperature(self) -> float | None:
         """Mean over the log, degC."""
-        return next(iter(_numbers([self.facts], "temperature_degC")), None)
+        return number_in(self.facts, "temperature_degC")
 
     @property
     def signals(self) -> LogSignals | None:
@@ -290,8 +289,9 @@ class Run:
         What the columns of the parameters are of.
     place : pathlib.Path, optional
         Folder, part of a fleet or table that it stands in; None: nowhere yet.
-    signals : sequence of LogSignals, optional
-        Measured and simulated signals by setting and log.
+    signals : sequence of LogSignals or callable, optional
+        Measured and simulated signals by setting and log, or what makes them, one log after the
+        other, when they are first wanted.
     remarks : sequence of str
         What is missing or damaged.
     config : pathlib.Path, optional
@@ -300,8 +300,6 @@ class Run:
         Of the oil, where the damper follows it; the reference temperature by default.
     tables : mapping of str to pyarrow.Table, optional
         Its tables as they were made, by name, where it was not read.
-    report : str
-        report.md, where it was not read.
     """
 
     def __init__(  # noqa: PLR0913 - what a run is made of
@@ -311,25 +309,22 @@ class Run:
         *,
         quantities: tuple[Quantity, ...] = PAPER_QUANTITIES,
         place: Path | None = None,
-        signals: Sequence[LogSignals] | None = None,
+        signals: Sequence[LogSignals] | Callable[[], Iterable[LogSignals]] | None = None,
         remarks: Sequence[str] = (),
         config: Path | None = None,
         temperature: str | None = None,
         tables: Mapping[str, pa.Table] | None = None,
-        report: str = "",
     ) -> None:
         self.tables = dict(tables or {})
         self.record: dict[str, Any] = dict(record or {})
         self.quantities = quantities
         self.place = place
-        self.report_text = report
+        self.report_text = ""
         self._rows = {name: tuple(known) for name, known in (rows or {}).items()}
-        self._signals = None if signals is None else tuple(signals)
+        self._signals = signals
         self._remarks = list(remarks)
-        self._config = config
-        self._temperature = temperature
+        self._config, self._temperature = config, temperature
         self._source = self.shown_as = str(place or "")  # where people are told that it stands
-        self._make_signals: Callable[[], Iterable[LogSignals]] | None = None
         self._scratch: Path | None = None
 
     @classmethod
@@ -350,10 +345,8 @@ class Run:
             parameters; a run is as good as its folder.
         parts : sequence of str
             Tables to read, and to remark on, at once; the others are read when they are asked for.
-        config : pathlib.Path, optional
-            Configuration of the user.
-        temperature : str, optional
-            Of the oil.
+        config, temperature
+            As of `Run`.
 
         Raises
         ------
@@ -362,16 +355,23 @@ class Run:
         OutputError
             Writing was interrupted there, and the earlier results cannot be put back.
         """
+        more: dict[str, Any] = {"config": config, "temperature": temperature}
         if isinstance(place, Run):
-            return place._as_asked(config, temperature)  # noqa: SLF001 - its own
+            if (config, temperature) == (place._config, place._temperature):  # noqa: SLF001
+                return place
+            if place.place is not None:
+                return cls.load(place.place, parts=(), **more)
+            again = cls()
+            again.__dict__ |= {name: getattr(place, name) for name in _IN_MEMORY}
+            again._config, again._temperature, again._scratch = config, temperature, None
+            return again
         place = _path(place, "damperfit.load", "the path of a results folder")
-        more: Any = {"place": place, "config": config, "temperature": temperature}
         if is_part(place):
             record, quantities, rows = read_part(place)
-            return cls(record, {"parameters": rows}, quantities=quantities, **more)
+            return cls(record, {"parameters": rows}, quantities=quantities, place=place, **more)
         if place.is_file() or place.suffix in {".csv", ".parquet"}:
             record, quantities, rows, source = read_table(place)
-            run = cls(record, {"parameters": rows}, quantities=quantities, **more)
+            run = cls(record, {"parameters": rows}, quantities=quantities, place=place, **more)
             run._source = source
             return run
         if not place.is_dir():
@@ -383,12 +383,8 @@ class Run:
         record = read_record(place / "run.json", remarks)
         remarks.extend(filter(None, [unknown_schema(record)]))
         check_files(place, record, remarks, parts)
-        run = cls(
-            record,
-            quantities=read_quantities(place, record),
-            remarks=remarks,
-            **more,
-        )
+        known = table_quantities(place / "parameters.parquet", record)
+        run = cls(record, quantities=known, place=place, remarks=remarks, **more)
         for name in parts:
             if name == "responses":
                 run.signals  # noqa: B018 - read
@@ -403,26 +399,6 @@ class Run:
             )
         run._check_settings()
         return run
-
-    def _as_asked(self, config: Path | None, temperature: str | None) -> Run:
-        """Return the run with another configuration of the user, or temperature of the oil."""
-        if (config, temperature) == (self._config, self._temperature):
-            return self
-        if self.place is not None:
-            return Run.load(self.place, parts=(), config=config, temperature=temperature)
-        again = Run(
-            self.record,
-            self._rows,
-            quantities=self.quantities,
-            signals=self._signals,
-            remarks=self._remarks,
-            config=config,
-            temperature=temperature,
-            tables=self.tables,
-            report=self.report_text,
-        )
-        again._make_signals = self._make_signals
-        return again
 
     # What stands in it
 
@@ -459,8 +435,9 @@ class Run:
         found: list[MeasuredTest] = []
         for signals in self.signals:
             log = facts.get(signals.log, {})
-            warmth = next(iter(_numbers([log], "temperature_degC")), math.nan)
-            found += measured_tests(signals, segments_in(log), temperature=warmth)
+            warmth = number_in(log, "temperature_degC")
+            temperature = math.nan if warmth is None else warmth
+            found += measured_tests(signals, _segments_in(log), temperature=temperature)
         return tuple(found)
 
     def rows(self, name: str) -> tuple[dict[str, Any], ...]:
@@ -473,52 +450,43 @@ class Run:
         """
         if name not in self._rows:
             known: tuple[dict[str, Any], ...] = ()
-            if name in self.tables:
-                known = rows_of(self.tables[name], name, self.quantities)
+            if (table := self.tables.get(name)) is not None:
+                known = typed_rows(table.column_names, table.to_pylist(), name, self.quantities)
             is_needed = name in {"parameters", "mse"}
             if self._is_folder and (is_needed or has_table(self.folder, self.record, name)):
                 known = read_rows(self.folder, name, self._remarks, self.quantities, self.record)
-            self._rows[name] = self._once(known) if name == "parameters" else known
+            once = {row["setting"]: row for row in reversed(known)}  # the first of each
+            if name == "parameters" and len(once) < len(known):
+                known = tuple(reversed(once.values()))
+                self._remarks.append(
+                    "the parameters table lists a setting more than once: its first row is shown"
+                )
+            self._rows[name] = known
         return self._rows[name]
 
     @property
     def signals(self) -> tuple[LogSignals, ...]:
         """Measured and simulated signals by setting and log."""
-        if self._signals is None:
+        if not isinstance(self._signals, tuple):
             made: Iterable[LogSignals] = ()
-            if self._make_signals is not None:
-                made, self._make_signals = self._make_signals(), None
+            if self._signals is not None:
+                made = self._signals() if callable(self._signals) else self._signals
             elif self._is_folder:
                 made = read_signals(self.folder, self._remarks, self.quantities)
             known = sorted(made, key=lambda one: (one.setting, natural_order(one.log)))
             self._signals = tuple(known)
         return self._signals
 
-    def keep_signals(self, made: Callable[[], Iterable[LogSignals]]) -> None:
-        """Take what makes the signals, one log after the other, when they are first wanted."""
-        self._make_signals = made
-
     @property
     def _is_folder(self) -> bool:
         return self.place is not None and self.place.is_dir() and not is_part(self.place)
-
-    def _once(self, rows: tuple[dict[str, Any], ...]) -> tuple[dict[str, Any], ...]:
-        """Return the first row of each setting."""
-        first: dict[Setting, dict[str, Any]] = {}
-        for row in rows:
-            first.setdefault(row["setting"], row)
-        if len(first) < len(rows):
-            self._remarks.append(
-                "the parameters table lists a setting more than once: its first row is shown"
-            )
-        return tuple(first.values())
 
     def _check_settings(self) -> None:
         """Remark on settings that stand in one table alone; where one is empty, that was said."""
         parameters = self._rows.get("parameters", ())
         fitted = {row["setting"] for row in parameters if row["mse_percent"] is not None}
-        drawn = {log.setting for log in self._signals or ()}
         known = {row["setting"] for row in parameters}
+        drawn = {log.setting for log in self.signals} if self._signals is not None else set()
         if fitted and drawn and fitted - drawn:
             names = ", ".join(map(str, sorted(fitted - drawn)))
             self._remarks.append(f"setting {names}: parameters but no signals, so no loops")
@@ -526,13 +494,9 @@ class Run:
             names = ", ".join(map(str, sorted(drawn - known)))
             self._remarks.append(f"setting {names}: signals but no parameters")
 
-    @cached_property
-    def _rows_of_settings(self) -> dict[Setting, dict[str, Any]]:
-        return {Setting.of(row["setting"]): row for row in self.rows("parameters")}
-
     def row(self, setting: Setting) -> dict[str, Any]:
         """Return the row of a setting in the table of parameters; it must have one."""
-        return self._rows_of_settings[setting]
+        return next(row for row in self.rows("parameters") if row["setting"] == setting)
 
     @property
     def exit_code(self) -> int:
@@ -541,8 +505,7 @@ class Run:
 
     def document(self) -> dict[str, Any]:
         """Return run.json and the rows of parameters and MSE as one JSON document."""
-        names = ("parameters", "mse")
-        return self.record | {name: self.tables[name].to_pylist() for name in names}
+        return self.record | {n: self.tables[n].to_pylist() for n in ("parameters", "mse")}
 
     # The settings
 
@@ -555,11 +518,15 @@ class Run:
                 tops[log.get("setting")] = max(speed, tops.get(log.get("setting"), 0.0))
         settings = []
         for row in sorted(self.rows("parameters"), key=lambda row: Setting.of(row["setting"])):
-            values = _values(row, self.quantities)
-            if values is None:
+            cells = [(one.default, row.get(one.name)) for one in self.quantities]
+            numbers = [default if cell is None else cell for default, cell in cells]
+            if None in numbers:
                 continue
+            values = values_from(self.quantities, numbers)  # type: ignore[arg-type]
             setting = Setting.of(row["setting"])
             own, shared, covariance = _errors(values, row, self._errors_told.get(setting.cell, {}))
+            lost = [n for n in values.names if row.get(f"{n}_status") == Status.NOT_IDENTIFIABLE]
+            ends = {name: (row.get(f"{name}_ci_low"), row.get(f"{name}_ci_high")) for name in lost}
             settings.append(
                 SettingResult(
                     setting,
@@ -568,7 +535,7 @@ class Run:
                     shared,
                     covariance,
                     top_speed=tops.get(setting.cell, math.inf),
-                    open_limits=_open_limits(values, row),
+                    open_limits=open_limits(values, ends),
                     misfits={n: float(row.get(f"{n}_misfit_se") or 0.0) for n in values.names},
                     row=row,
                     run=self,
@@ -596,7 +563,17 @@ class Run:
         ConfigurationError
             There is none of that name.
         """
-        wanted = _label(setting)
+        given: object = setting
+        is_yes_or_no = isinstance(given, bool)
+        if isinstance(given, Real) and not is_yes_or_no:
+            wanted = f"{float(given):.0f}" if float(given).is_integer() else str(float(given))
+        elif isinstance(given, Setting | str):
+            wanted = str(given).strip()
+        else:
+            raise ConfigurationError(
+                f"run.setting: found {type(given).__name__}; expected a setting such as 10 or "
+                "'R12 C8'"
+            )
         for one in self.settings:
             if one.label.casefold() == wanted.casefold():
                 return one
@@ -689,11 +666,9 @@ class Run:
     @property
     def shown_speeds(self) -> tuple[float, ...]:
         """The speeds at which forces are shown, m/s: ``output.speeds`` of the run."""
-        document: Any = self.record.get("configuration")
-        for key in ("output", "speeds"):
-            document = document.get(key) if isinstance(document, dict) else None
+        speeds = _inside(self.record, "configuration", "output", "speeds")
         try:
-            return tuple(sorted(parse_quantity(one, "velocity") for one in document or ()))
+            return tuple(sorted(parse_quantity(one, "velocity") for one in speeds or ()))
         except (QuantityError, TypeError):
             return ()
 
@@ -712,16 +687,16 @@ class Run:
         """Its [damper], as it was written; None: it is not told."""
         known = _damper_in(self.record)
         if known is None and self._is_folder:
-            known = _damper_in(read_facts(self.folder / _OF_PARAMETERS[0]))
+            known = _damper_in(read_facts(self.folder / "parameters.parquet"))
         return known
 
     @property
     def source(self) -> str:
         """Where damper and motion are told, for people."""
-        if self._is_folder:
-            is_in_record = _damper_in(self.record) is not None
-            return str(self.folder / ("run.json" if is_in_record else _OF_PARAMETERS[0]))
-        return self._source
+        if not self._is_folder:
+            return self._source
+        is_in_record = _damper_in(self.record) is not None
+        return str(self.folder / ("run.json" if is_in_record else "parameters.parquet"))
 
     def configured(
         self, given: Configuration, *, config: Path | None = None, takes_motion: bool = False
@@ -758,8 +733,12 @@ class Run:
         self._refuse_other_damper(given, own, config)
         known = {f"damper.{key}" for key in self.declared_damper}
         meant = replace(given.with_damper(own), declared=given.declared | known)
-        motion = (self.motion_of_tests or self._nominal_motion) if takes_motion else None
-        if motion is None:
+        motion = self.motion_of_tests
+        rig = _inside(self.record, "configuration", "rig")
+        if motion is None and isinstance(rig, dict) and {"amplitude", "frequency"} <= rig.keys():
+            size = parse_quantity(rig["amplitude"], "length")
+            motion = Sine(size, parse_quantity(rig["frequency"], "frequency"))
+        if motion is None or not takes_motion:
             return meant
         taken = {
             name: getattr(motion, name)
@@ -787,9 +766,10 @@ class Run:
             found, fitted = getattr(given.damper, name), getattr(own, name)
             is_declared = f"damper.{name}" in given.declared
             if is_declared and not math.isclose(found, fitted, rel_tol=_SAME):
+                declared, known = (f"{value:g} {unit}".rstrip() for value in (found, fitted))
                 raise ConfigurationError(
-                    f"damper.{name} is {_in_unit(found, unit)}, but the "
-                    f"parameters of {self.source} were fitted with {_in_unit(fitted, unit)} and "
+                    f"damper.{name} is {declared}, but the "
+                    f"parameters of {self.source} were fitted with {known} and "
                     "hold for that damper alone; leave {config} out, or run identify again with it",
                     config=Option("config"),
                     where=Option("config", config),
@@ -815,19 +795,11 @@ class Run:
         self._remarks.append("the motion of the test is not known: the nominal one is used")
         return Sine(self.configuration.rig.amplitude, self.configuration.rig.frequency)
 
-    @property
-    def _nominal_motion(self) -> Sine | None:
-        rig = (self.record.get("configuration") or {}).get("rig")
-        if not isinstance(rig, dict) or not {"amplitude", "frequency"} <= rig.keys():
-            return None
-        amplitude, frequency = rig["amplitude"], rig["frequency"]
-        return Sine(parse_quantity(amplitude, "length"), parse_quantity(frequency, "frequency"))
-
     @cached_property
     def tested(self) -> Tested:
         """The range of the tests that were fitted."""
         logs = self._fitted_inputs
-        segments = [one for log in logs for one in segments_in(log)]
+        segments = [one for log in logs for one in _segments_in(log)]
         rates = _numbers(segments, "frequency_Hz")
         speeds = _numbers(segments, "peak_speed_m_per_s")
         speeds = speeds or [speed for log in logs for _, _, speed in _motions(log)]
@@ -856,11 +828,9 @@ class Run:
         found = []
         for entry in _listed(self.record, "speed_forces"):
             one = read_back(SpeedForces, entry)
-            rows = (
-                () if one is None else (one.measured, one.measured_se, one.difference, one.misfit)
-            )
-            if one is not None and all(len(row) == len(one.speeds) for row in rows):
-                found.append(one)
+            if one is not None:
+                rows = (one.measured, one.measured_se, one.difference, one.misfit)
+                found += [one] * all(len(row) == len(one.speeds) for row in rows)
         return tuple(found)
 
     @property
@@ -870,7 +840,7 @@ class Run:
             return ""
         paths = [part_in(self.place) if is_part(self.place) else self.place]
         if self._is_folder:
-            paths = [self.place / name for name in _OF_PARAMETERS]
+            paths = [self.place / f"parameters{suffix}" for suffix in (".parquet", ".csv")]
         return next((sha256_of(path) for path in paths if path.is_file()), "")
 
     # For people: frames, figures, text
@@ -1016,15 +986,13 @@ class Run:
         for one in self.settings:
             if one.covariance is None or not len(one.covariance):
                 continue
-            names = [*one.own, *one.shared]
-            errors = np.sqrt(np.diag(one.covariance))
-            scales = [
-                one.values[name] if one.values.quantity(name).is_logarithmic else 1.0
-                for name in names
-            ]
-            sizes = np.outer(errors, errors) if is_correlation else 1.0 / np.outer(scales, scales)
+            scales = np.sqrt(np.diag(one.covariance))
+            if not is_correlation:
+                known = [(one.values.quantity(name), one.values[name]) for name in one.names]
+                scales = np.array([1.0 / y if of.is_logarithmic else 1.0 for of, y in known])
             with np.errstate(divide="ignore", invalid="ignore"):
-                blocks[one.label] = pd.DataFrame(one.covariance / sizes, names, names)
+                matrix = one.covariance / np.outer(scales, scales)
+            blocks[one.label] = pd.DataFrame(matrix, one.names, one.names)
         if not blocks:
             return pd.DataFrame()
         table = pd.concat(blocks, names=["setting", "parameter"])
@@ -1094,10 +1062,8 @@ class Run:
         path = self.folder / f"{name}.parquet"
         if name in TABLES and self._is_folder and path.exists():
             return pd.read_parquet(path)
-        if name in TABLES and self._rows.get(name):
-            return pd.DataFrame(
-                [{**row, "setting": row["setting"].cell} for row in self._rows[name]]
-            )
+        if name in TABLES and (rows := self._rows.get(name)):
+            return pd.DataFrame([{**row, "setting": row["setting"].cell} for row in rows])
         there = [one for one in TABLES if one in self.tables or has_table(self.folder, {}, one)]
         raise ConfigurationError(
             f"no table {name!r} in these results; there are {', '.join(there)}."
@@ -1157,7 +1123,7 @@ class Run:
             axes = compose(plots[meant]).axes
         return axes[0] if len(axes) == 1 else list(axes)
 
-    def report(self, path: str | Path = "report.html") -> Path:
+    def report(self, path: str | Path = PAGE) -> Path:
         """Write the page and return where it is."""
         from damperfit.reporting.page import html_report
         from damperfit.reporting.run_figures import report_plots
@@ -1178,27 +1144,21 @@ class Run:
             It cannot be written, or is the folder of this run.
         """
         where = _path(folder, "run.save", "the path of a folder")
-        if self.place is not None:
-            if where.resolve() == self.place.resolve():
-                raise OutputError(
-                    "these results are there already; give another folder", subject=where
-                )
-            with file_set(where) as files:
-                for path in self._files():
-                    files.path(path.name).write_bytes(read_bytes(path))
+        if self.place is None:
+            self._write(where)
             return where
-        self._write(where)
+        if where.resolve() == self.place.resolve():
+            raise OutputError("these results are there already; give another folder", subject=where)
+        paths = [self.folder] if self.folder.is_file() else sorted(self.folder.iterdir())
+        with file_set(where) as files:
+            for path in paths:
+                if path.is_file() and path.name[0] != ".":  # a lock, or half a file
+                    files.path(path.name).write_bytes(read_bytes(path))
         return where
 
     def stand_in(self, folder: Path) -> None:
         """Take a folder that it was saved to for its own: what is large is read there from now."""
-        self.place, self._source = folder, str(folder)
-        self._signals = self._make_signals = None
-
-    def _files(self) -> list[Path]:
-        # What begins with a point is a lock or half a file.
-        paths = [self.folder] if self.folder.is_file() else sorted(self.folder.iterdir())
-        return [path for path in paths if path.is_file() and path.name[0] != "."]
+        self.place, self._source, self._signals = folder, str(folder), None
 
     def _write(self, folder: Path) -> None:
         """Write a run that is in memory as a set of files; those of an earlier run go."""
@@ -1209,9 +1169,7 @@ class Run:
                 write_table(files.path(f"{name}.parquet"), table, suffix=".parquet")
                 shown = table_in_units(table, units)
                 write_table(files.path(f"{name}.csv"), shown, suffix=".csv")
-            signals: Iterable[LogSignals] = self._signals or ()
-            if self._make_signals is not None:
-                signals = self._make_signals()
+            signals = self._signals() if callable(self._signals) else self._signals or ()
             write_responses(files.path("responses.parquet"), signals, **self._of_responses())
             text = self.report_text.encode("utf-8", "backslashreplace")
             files.path("report.md").write_bytes(text)
@@ -1233,8 +1191,8 @@ class Run:
 
     def _of_responses(self) -> dict[str, Any]:
         """Return what the table of signals has in common with that of the parameters."""
-        rows = self.rows("parameters")
-        facts = facts_of(self.tables["parameters"]) if "parameters" in self.tables else {}
+        rows, known = self.rows("parameters"), self.tables.get("parameters")
+        facts = {} if known is None else facts_of(known.schema)
         return {
             "settings": [row["setting"] for row in rows if row["mse_percent"] is not None],
             "quantities": self.quantities,
@@ -1243,25 +1201,20 @@ class Run:
 
     def __getstate__(self) -> dict[str, Any]:
         """Return all that is known, in memory: what a pickle holds."""
-        for name in TABLES:
-            if name == "responses":
-                self.signals  # noqa: B018 - read
-            elif name not in self.tables and self._is_folder:
+        self.signals  # noqa: B018 - read
+        if self._is_folder:
+            for name in set(TABLES) - {"responses", *self.tables}:
                 self.rows(name)
                 with suppress(OSError, ValueError):
                     self.tables[name] = read_arrow(self.folder / f"{name}.parquet")
-        if not self.report_text and self._is_folder:
             with suppress(OSError, ValueError):
-                self.report_text = read_text(self.folder / "report.md")
-        names = ("record", "quantities", "tables", "report_text")
-        hidden = ("_rows", "_signals", "_remarks", "_config", "_temperature", "_source")
-        fresh = {"place": None, "_make_signals": None, "_scratch": None}
-        return {name: getattr(self, name) for name in (*names, *hidden)} | fresh
+                self.report_text = self.report_text or read_text(self.folder / "report.md")
+        known = {name: getattr(self, name) for name in _IN_MEMORY}
+        return known | {"place": None, "_scratch": None}
 
     @property
     def _title(self) -> str:
-        test = self.identity
-        return test.get("serial") or test.get("damper") or "damperfit"
+        return self.identity.get("serial") or self.identity.get("damper") or "damperfit"
 
     def _sheet(self) -> Sheet:
         from damperfit.reporting.tables import parameter_sheet
@@ -1271,11 +1224,11 @@ class Run:
     def __repr__(self) -> str:
         rows = self.rows("parameters")
         misfits = [row["mse_percent"] for row in rows if row.get("mse_percent") is not None]
-        whose = self._title if self._title != "damperfit" else ""
+        whose = f"damper {self._title}, " if self._title != "damperfit" else ""
         spread = f", MSE {min(misfits):.2g} to {max(misfits):.2g} %" if misfits else ""
         failed = f", {len(self.failures)} failed" if self.failures else ""
         n = f"{len(rows)} setting{'' if len(rows) == 1 else 's'}"
-        return f"<Run: {f'damper {whose}, ' if whose else ''}{n}{spread}{failed}>"
+        return f"<Run: {whose}{n}{spread}{failed}>"
 
     def __str__(self) -> str:
         from damperfit.reporting.sheet import text_table
@@ -1291,8 +1244,8 @@ class Run:
             if one.get("passed") is False
         )
         lines = (*self.failures[:_SHOWN_FAILURES], *failed)
-        said = "".join(f"<p>{escape(line)}</p>" for line in lines)
-        return html_table(self._sheet(), caption=repr(self)[1:-1]) + said
+        shown = "".join(f"<p>{escape(line)}</p>" for line in lines)
+        return html_table(self._sheet(), caption=repr(self)[1:-1]) + shown
 
 
 # Folders of results: what an earlier run left there and a new one must not keep, or not lose.
@@ -1321,30 +1274,23 @@ def holds_fits(folder: Path) -> bool:
 def forget_others(folder: Path, written: Sequence[str]) -> None:
     """Remove what an earlier command left in a results folder: it holds one run only.
 
-    A folder inside goes only where its run.json says that it was written as one of several
-    dampers; what somebody put there by another command stays.
-
-    Parameters
-    ----------
-    folder : pathlib.Path
-        Where results go.
-    written : sequence of str
-        Folders inside of it that this command writes; "" for itself.
+    ``written`` are the folders inside that this command writes; "" for itself. A folder inside goes
+    only where its run.json says that it was written as one of several dampers; what somebody put
+    there by another command stays.
     """
     if "" not in written:
         _forget_run(folder)
     with suppress(OSError):
         for inside in sorted(folder.iterdir()):
             beside = read_record(inside / "run.json", []).get(_BESIDE) if inside.is_dir() else None
-            is_part = isinstance(beside, list) and inside.name in beside
-            if is_part and inside.name not in written and not inside.is_symlink():
+            is_one = isinstance(beside, list) and inside.name in beside
+            if is_one and inside.name not in written and not inside.is_symlink():
                 _forget_run(inside)
                 with suppress(OSError):  # what else it holds stays
                     inside.rmdir()
 
 
 def _forget_run(folder: Path) -> None:
-    """Remove the results of a run with its figures."""
     if (folder / "run.json").is_file():
         with file_set(folder) as files:
             for path in folder.iterdir():
@@ -1384,41 +1330,21 @@ def warmed_to(configuration: Configuration, temperature: str | None) -> Configur
     return replace(configuration, damper=at_temperature(configuration.damper, asked))
 
 
-def segments_in(log: Mapping[str, Any]) -> list[dict[str, Any]]:
+# What run.json tells, whatever else may stand there
+
+
+def _segments_in(log: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Return the segments of a log's entry in run.json; older runs tell of one, in the entry."""
-    segments = log.get("stretches")
-    known = segments if isinstance(segments, list) else [log]
-    return [one for one in known if isinstance(one, dict)]
+    return _listed(log, "stretches") if isinstance(log.get("stretches"), list) else [dict(log)]
 
 
 def _motions(log: Mapping[str, Any]) -> Iterator[tuple[float, float, float]]:
     """Yield amplitude, frequency and peak speed of each segment of a log."""
-    for one in segments_in(log):
-        size, rate, speed = (
-            next(iter(_numbers([one], key)), 0.0)
-            for key in ("amplitude_m", "frequency_Hz", "peak_speed_m_per_s")
-        )
+    for one in _segments_in(log):
+        keys = ("amplitude_m", "frequency_Hz", "peak_speed_m_per_s")
+        size, rate, speed = (number_in(one, key) or 0.0 for key in keys)
         if size > 0.0 and rate > 0.0:
             yield size, rate, speed if speed > 0.0 else 2.0 * math.pi * size * rate
-
-
-def _values(row: Mapping[str, Any], quantities: tuple[Quantity, ...]) -> Values | None:
-    """Return the values of a row; None where one is missing that has no default."""
-    cells = (row.get(one.name) for one in quantities)
-    numbers = [
-        one.default if cell is None else cell for one, cell in zip(quantities, cells, strict=True)
-    ]
-    known = [one for one in numbers if one is not None]
-    return values_from(quantities, known) if len(known) == len(quantities) else None
-
-
-def _open_limits(
-    values: Values, row: Mapping[str, Any]
-) -> tuple[tuple[str, tuple[float, float]], ...]:
-    """Return between which values the logs leave open what they do not determine."""
-    lost = [n for n in values.names if row.get(f"{n}_status") == Status.NOT_IDENTIFIABLE]
-    ends = {name: (row.get(f"{name}_ci_low"), row.get(f"{name}_ci_high")) for name in lost}
-    return open_limits(values, ends)
 
 
 def _errors(
@@ -1454,36 +1380,24 @@ def _errors(
     return own, shared, covariance[np.ix_(order, order)]
 
 
+def _inside(document: Any, *keys: str) -> Any:
+    for key in keys:
+        document = document.get(key) if isinstance(document, dict) else None
+    return document
+
+
 def _damper_in(facts: Mapping[str, Any]) -> Mapping[str, Any] | None:
-    document = facts.get("configuration")
-    damper = document.get("damper") if isinstance(document, dict) else None
+    damper = _inside(facts, "configuration", "damper")
     return damper if isinstance(damper, dict) else None
 
 
 def _listed(record: Mapping[str, Any], key: str) -> list[dict[str, Any]]:
-    """Return the entries of a list in run.json, whatever else stands there."""
     entries = record.get(key)
     return [one for one in entries if isinstance(one, dict)] if isinstance(entries, list) else []
 
 
 def _numbers(rows: Sequence[Mapping[str, Any]], key: str) -> list[float]:
     return [number for row in rows if (number := number_in(row, key)) is not None]
-
-
-def _in_unit(value: float, unit: str) -> str:
-    return f"{value:g} {unit}".rstrip()
-
-
-def _label(setting: object) -> str:
-    is_yes_or_no = isinstance(setting, bool)
-    if isinstance(setting, Real) and not is_yes_or_no:
-        number = float(setting)
-        return str(int(number) if number.is_integer() else number)
-    if isinstance(setting, Setting | str):
-        return str(setting).strip()
-    raise ConfigurationError(
-        f"run.setting: found {type(setting).__name__}; expected a setting such as 10 or 'R12 C8'"
-    )
 
 
 def _path(value: object, call: str, expected: str) -> Path:

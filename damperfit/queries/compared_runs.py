@@ -366,7 +366,7 @@ def _record(batch: LogBatch, configuration: Configuration) -> dict[str, Any]:
         inputs.append({"log": log.log, "sha256": log.sha256, "setting": setting.cell} | known)
     return {
         "inputs": inputs,
-        "test": common_identity(batch.identities.values()).describe(),
+        "test": common_identity(log.identity for log in batch.logs).describe(),
         "configuration": {
             section: configuration.document.get(section, {}) for section in ("rig", "conditioning")
         },

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass, fields, replace
-from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,17 +22,8 @@ from damperfit.laws.search import follows_by_scope, search_laws
 from damperfit.laws.structures import LAYOUTS
 from damperfit.problem import failure_lines
 from damperfit.reporting.laws import chosen_records, rival_records, tried_law_records
-from damperfit.run.log_files import expand
-from damperfit.run.logs import read_batch
-from damperfit.run.parting import (
-    named_files,
-    of_one_damper,
-    once_each,
-    part,
-    with_transients,
-    without_contradictions,
-    without_copies,
-)
+from damperfit.run.identify import gather
+from damperfit.run.parting import by_damper, prepare
 from damperfit.workers import available_cores
 
 if TYPE_CHECKING:
@@ -45,7 +35,7 @@ if TYPE_CHECKING:
     from damperfit.identification.sharing import Follows
     from damperfit.laws.law_fit import JudgedLaw, LawFit, LawSearch, Tried
     from damperfit.problem import Failure, Problem
-    from damperfit.run.parting import Parted
+    from damperfit.run.logs import LogBatch
     from damperfit.tested.setting import Setting
 
 __all__ = [
@@ -370,20 +360,13 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
     ConfigurationError
         A path or pattern names no file, or no log can be used.
     """
-    paths = expand(logs)
-    named = named_files(configuration.hold_out.patterns, paths)
-    paths = tuple(dict.fromkeys((*paths, *chain.from_iterable(named.values()))))
     workers = jobs or available_cores()
-    batch = of_one_damper(read_batch(paths, configuration, jobs=workers, setting=setting))
-    parted = part(batch, configuration.hold_out, named)
-    left = without_contradictions(
-        once_each(parted.batch), is_averaging=configuration.rig.is_averaging
-    )
-    left, held_out = without_copies(left, parted.held_out)
-    parted = with_transients(replace(parted, batch=left, held_out=held_out), configuration.hold_out)
-    evidence = _evidence(parted, start, configuration.identification.fixed)
+    batch, named = gather(configuration, logs, jobs=workers, setting=setting)
+    by_damper(batch, is_one=True)
+    prepare(configuration, batch, configuration.hold_out, named, is_law_open=True)
+    evidence = _evidence(batch, start, configuration.identification.fixed)
     if not evidence:
-        said = "; ".join(failure_lines(parted.batch.failures)[:3])
+        said = "; ".join(failure_lines(batch.failures)[:3])
         raise ConfigurationError(
             f"no log can be used to compare laws{f': {said}' if said else ''}; "
             "damperfit inspect shows what is wrong with them"
@@ -419,10 +402,10 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
         search,
         tuple(one.setting for one in evidence),
         found,
-        parted.batch.failures,
+        tuple(batch.failures),
         tuple(one.setting for one in evidence if one.setting not in fitted),
         rivals,
-        (*parted.batch.remarks, *assumed_gas(configuration, [one.tried for one in search.laws])),
+        (*batch.remarks, *assumed_gas(configuration, [one.tried for one in search.laws])),
         (*doubts, *undecided(search, found, evidence)),
         (*doubts, *interchangeable_parts(search, found, evidence)),
         (Monotube.name,) if is_open else (),
@@ -547,14 +530,14 @@ def _tied(
 
 
 def _evidence(
-    parted: Parted, start: GivenStart, fixed: Mapping[str, float]
+    batch: LogBatch, start: GivenStart, fixed: Mapping[str, float]
 ) -> tuple[SettingLogs, ...]:
-    settings = {trace.setting for trace in parted.batch.traces if trace.setting is not None}
+    settings = {trace.setting for trace in batch.traces if trace.setting is not None}
     return tuple(
         SettingLogs(
             setting,
-            tuple(one for one in parted.batch.traces if one.setting == setting),
-            tuple(one for one in parted.held_out if one.setting == setting),
+            tuple(one for one in batch.traces if one.setting == setting),
+            tuple(one for one in batch.held_out if one.setting == setting),
             start.of(setting),
             fixed,
         )

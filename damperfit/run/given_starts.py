@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from damperfit.configuration.options import Configuration
-    from damperfit.damper.quantity import Quantity
     from damperfit.tested.setting import Setting
 
 
@@ -62,19 +61,20 @@ def with_given_start(configuration: Configuration) -> Configuration:
 def start_of_laws(configuration: Configuration, named: Mapping[str, str]) -> GivenStart:
     """Return a start for laws that are only to be chosen; it may name what any of them has.
 
-    Parameters
-    ----------
-    configuration : Configuration
-        Its table of an earlier run counts too.
-    named : mapping of str to str
-        As typed, ``NAME=VALUE``.
+    ``named`` are NAME=VALUE as typed; the configuration's table of an earlier run counts too.
 
     Raises
     ------
     ConfigurationError
         No law has such a quantity, a value is wrong, or the table cannot be used.
     """
-    quantities = _of_any_law(configuration)
+    mounting = Mounting(FIT, FIT, FIT)
+    valves = [Valve("long", kind) for kind in BLOW_OFFS if kind != "none"]
+    kinds = (TwinTube, Monotube, ThroughFlow)
+    laws = [kind(rebound=v, compression=v, mounting=mounting) for kind in kinds for v in valves]
+    quantities = {
+        one.name: one for model in (configuration.damper, *laws) for one in model.quantities
+    }
     numbers: dict[str, float] = dict(configuration.identification.start.named)
     for name, text in named.items():
         if name not in quantities:
@@ -90,17 +90,6 @@ def start_of_laws(configuration: Configuration, named: Mapping[str, str]) -> Giv
             raise ConfigurationError(f"{error}", where=Option("start")) from error
     path = configuration.start_table
     return GivenStart(numbers, {} if path is None else _read(path))
-
-
-def _of_any_law(configuration: Configuration) -> dict[str, Quantity]:
-    mounting = Mounting(FIT, FIT, FIT)
-    valves = [Valve("long", kind) for kind in BLOW_OFFS if kind != "none"]
-    models = (
-        configuration.damper,
-        *(kind(rebound=valve, compression=valve, mounting=mounting)
-          for kind in (TwinTube, Monotube, ThroughFlow) for valve in valves),
-    )  # fmt: skip
-    return {one.name: one for model in models for one in model.quantities}
 
 
 def _read(path: Path) -> dict[Setting, dict[str, float]]:

@@ -14,38 +14,27 @@ import time
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from importlib import import_module
-from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 from damperfit.configuration.what_is_tested import unmatched
-from damperfit.damper.warmed import Warmed
 from damperfit.errors import ConfigurationError, OutputError
 from damperfit.problem import Option
 from damperfit.run.log_files import expand
-from damperfit.run.logs import read_batch, with_traces
+from damperfit.run.logs import LogBatch, add_traces, read_batch
 from damperfit.run.parting import (
-    Parted,
     by_damper,
-    check_temperatures,
     fitting,
     folder_name,
     named_files,
     note_unpredicted,
-    of_one_damper,
-    once_each,
     part,
-    with_reference,
-    with_rod_remark,
-    with_transients,
-    without_contradictions,
-    without_contradictory_motions,
-    without_copies,
+    prepare,
 )
 from damperfit.store import check_writable, reserved
 from damperfit.workers import apart, available_cores, told_here
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
     from contextlib import AbstractContextManager
     from pathlib import Path
 
@@ -56,13 +45,12 @@ if TYPE_CHECKING:
     from damperfit.results import Run
     from damperfit.run.auto_model import LawChoice
     from damperfit.run.judging import Mishaps
-    from damperfit.run.logs import LogBatch
     from damperfit.tables.reading import LogSignals
     from damperfit.tested.setting import Setting
-    from damperfit.uncertainty import HoldOutOptions
 
 
 _LOGGER = logging.getLogger(__name__)
+_AFTER_READING = ("judging", "record")
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +81,7 @@ class Watch:
     during_work: Callable[[], AbstractContextManager[object]] = nullcontext
 
 
-class _Clock:
+class Clock:
     """Seconds spent in each part of a run."""
 
     def __init__(self) -> None:
@@ -124,8 +112,6 @@ class Identified:
     ----------
     owner : str
         Its serial number or name; empty where no log says it.
-    folder : pathlib.Path
-        Where its results go.
     configuration : Configuration
         With what it was fitted.
     run : Run
@@ -141,13 +127,18 @@ class Identified:
     """
 
     owner: str
-    folder: Path
     configuration: Configuration
     run: Run
     failures: tuple[Failure, ...] = ()
     beside: tuple[str, ...] = ()
     error: Exception | None = None
     keeps_earlier: bool = False
+
+    @property
+    def folder(self) -> Path:
+        """Where its results go."""
+        folder: Path = self.configuration.output.folder
+        return folder
 
     @property
     def is_interrupted(self) -> bool:
@@ -159,40 +150,34 @@ class Identified:
         """Whether its folder has the results."""
         return self.run.place is not None
 
-    def save(self) -> None:
-        """Write it to its folder; without a fit only where no earlier results are lost."""
-        from damperfit.results import holds_fits
-
-        if not self.run.settings:
-            self.keeps_earlier = not self.is_interrupted and holds_fits(self.folder)
-            if self.is_interrupted or self.keeps_earlier:
-                return
-        try:
-            self.run.save(self.folder)
-            self.run.stand_in(self.folder)
-        except OutputError as error:
-            self.error = error
-
 
 def written(configuration: Configuration, logs: Sequence[str], **how: Any) -> Iterator[Identified]:
     """Identify the dampers in the logs and write each: `identified`, with its parameters, saved.
 
     Several dampers get folders of their own inside the results' folder, by serial number or name.
-    What cannot be written is not lost: `Identified.error` says why.
+    What cannot be written is not lost: `Identified.error` says why. Without a fit a run is written
+    only where no earlier results are lost.
 
     Raises
     ------
     OutputError
         The folder cannot be written to, or another run is at work there; nothing was touched.
     """
-    from damperfit.results import forget_others
+    from damperfit.results import forget_others, holds_fits
 
     folder = configuration.output.folder
     check_writable(folder)
     with reserved(folder):
         for one in identified(configuration, logs, **how):
             check_writable(one.folder)
-            one.save()
+            if not one.run.settings:
+                one.keeps_earlier = not one.is_interrupted and holds_fits(one.folder)
+            if one.run.settings or not (one.is_interrupted or one.keeps_earlier):
+                try:
+                    one.run.save(one.folder)
+                    one.run.stand_in(one.folder)
+                except OutputError as error:
+                    one.error = error
             if one.run.settings and one.error is None:
                 forget_others(folder, one.beside or ("",))
             yield one
@@ -232,7 +217,7 @@ def identified(  # noqa: PLR0913 - what is asked of it
     ConfigurationError
         A path or pattern names no file, or the logs are of several dampers and may not be.
     """
-    damper, clock, workers = configuration.damper, _Clock(), jobs or available_cores()
+    damper, clock, workers = configuration.damper, Clock(), jobs or available_cores()
     lost = unmatched(configuration.document["adjusters"], damper)
     if lost and configuration.identification.procedure == "joint":
         raise ConfigurationError(
@@ -245,95 +230,73 @@ def identified(  # noqa: PLR0913 - what is asked of it
         from damperfit.run.given_starts import with_given_start
 
         configuration = with_given_start(configuration)
-    paths = expand(logs) if logs or not traces else ()
-    named = named_files(configuration.hold_out.patterns, paths)
     with clock.lap("read"):
-        batch = read_batch(
-            tuple(dict.fromkeys((*paths, *chain.from_iterable(named.values())))),
+        batch, named = gather(
             configuration,
+            logs if logs or not traces else None,
             jobs=workers,
             setting=setting,
             cancelled=watch.cancelled,
             beside=lambda: [import_module(f"damperfit.run.{name}") for name in _AFTER_READING],
         )
-    batch = with_traces(batch, traces, setting)
+    add_traces(batch, traces, setting)
     if not batch.logs and not watch.cancelled():
         raise ConfigurationError(
             "no logs among the files given: they are all parameter tables or tables of tests"
         )
-    if is_one:
-        of_one_damper(batch)
-    groups = by_damper(batch)
+    groups = by_damper(batch, is_one=is_one)
     beside = tuple(map(folder_name, groups)) if len(groups) > 1 else ()
-    folder = configuration.output.folder
+    options, output = configuration.hold_out, configuration.output
+    if beside and not watch.cancelled():
+        part(replace(batch), options, named)  # a pattern that fits no log at all is refused
     prepared = []
     for owner, mine in groups.items():
-        own, parted = configuration, Parted(mine)
+        own = configuration
         if not watch.cancelled():
-            options = configuration.hold_out
-            if beside:
-                part(batch, options, named)  # a pattern that fits no log at all is refused
-                options = fitting(mine, options, named)
-            own, parted = _prepared(configuration, part(mine, options, named), options)
+            held_out = fitting(mine, options, named) if beside else options
+            own = prepare(configuration, mine, held_out, named)
         if beside:
-            own = replace(own, output=own.output.but(folder=folder / folder_name(owner)))
-        prepared.append((owner, own, parted))
-    for owner, own, parted in prepared:
-        run, failures = _fitted(own, parted, clock=clock, jobs=workers, watch=watch)
+            own = replace(own, output=output.but(folder=output.folder / folder_name(owner)))
+        prepared.append((owner, own, mine))
+    for owner, own, mine in prepared:
+        run, failures = _fitted(own, mine, clock=clock, jobs=workers, watch=watch)
         if beside:
             run.record["folders_of_this_run"] = list(beside)
-        yield Identified(owner, own.output.folder, own, run, failures, beside)
+        yield Identified(owner, own, run, failures, beside)
 
 
-_AFTER_READING = ("judging", "record")
-
-
-def _prepared(
-    configuration: Configuration, parted: Parted, options: HoldOutOptions
-) -> tuple[Configuration, Parted]:
-    """Leave out copies and contradictions among the logs of one damper; find its temperature."""
-    batch = once_each(parted.batch)
-    check_temperatures(configuration, (*batch.traces, *parted.held_out))
-    batch = without_contradictions(
-        batch,
-        is_averaging=configuration.rig.is_averaging,
-        is_warmed=isinstance(configuration.damper, Warmed),
-    )
-    batch = without_contradictory_motions(batch, configuration)
-    batch, held_out = without_copies(batch, parted.held_out)
-    batch = with_rod_remark(batch, configuration.damper)
-    parted = with_transients(replace(parted, batch=batch, held_out=held_out), options)
-    return with_reference(configuration, batch.traces), parted
+def gather(
+    configuration: Configuration, logs: Sequence[str] | None, **how: Any
+) -> tuple[LogBatch, Mapping[str, Sequence[Path]]]:
+    """Read the logs and what is held out beside them; return also the files of each pattern."""
+    paths = () if logs is None else expand(logs)
+    named = named_files(configuration.hold_out.patterns, paths)
+    held_out = (path for several in named.values() for path in several)
+    return read_batch(tuple(dict.fromkeys((*paths, *held_out))), configuration, **how), named
 
 
 def _fitted(
-    configuration: Configuration, parted: Parted, *, clock: _Clock, jobs: int, watch: Watch
+    configuration: Configuration, batch: LogBatch, *, clock: Clock, jobs: int, watch: Watch
 ) -> tuple[Run, tuple[Failure, ...]]:
     """Fit and judge the logs of one damper."""
-    from damperfit.run.judging import Mishaps, assessed, judge, with_profiles
+    from damperfit.run.judging import Mishaps, judge
     from damperfit.run.record import run_of
-    from damperfit.uncertainty import Bench
 
-    batch = parted.batch
     watch.on_start(len({trace.setting for trace in batch.traces}))
     with clock.lap("fit"):
         campaign = _fits(configuration, batch, jobs=jobs, watch=watch)
     mishaps = Mishaps(batch)
     if campaign.mishap is not None:
         mishaps.add(campaign.mishap)
-    bench = Bench(configuration.damper, configuration.identification.solver, watch.cancelled, jobs)
-    with clock.lap("judge"):
-        assessment = assessed(campaign, bench, mishaps)
-    if (names := configuration.profile) and campaign.fits and not watch.cancelled():
-        with clock.lap("profile"):
-            assessment = with_profiles(campaign, assessment, bench, mishaps, names)
-    with clock.lap("judge"):
-        campaign, judgement = judge(configuration, parted, campaign, assessment, mishaps, jobs=jobs)
-    if not watch.cancelled():
-        batch = note_unpredicted(parted, campaign, judgement.predictions, mishaps.failures)
-    is_interrupted = watch.cancelled()
+    campaign, judgement = judge(
+        configuration, batch, campaign, mishaps, clock=clock, cancelled=watch.cancelled, jobs=jobs
+    )
+    if not (is_interrupted := watch.cancelled()):
+        note_unpredicted(batch, campaign, judgement.predictions, mishaps.failures)
+    logs = [(fit, log) for fit in campaign.fits for log in fit.logs]
     with clock.lap("characteristics"):
-        rows = _characteristics(configuration, campaign, mishaps, jobs=jobs)
+        rows = _characteristics(configuration, logs, mishaps, jobs=jobs)
+    readable = [log for log, of_log in zip(logs, rows, strict=True) if of_log is not None]
     run, failures = run_of(
         configuration,
         batch,
@@ -341,9 +304,9 @@ def _fitted(
         judgement,
         mishaps,
         characteristics=[row for of_log in rows for row in of_log or ()],
+        signals=lambda: _signals(configuration, readable),
         is_interrupted=is_interrupted,
     )
-    run.keep_signals(lambda: _signals(configuration, campaign, rows))
     run.record["timings"] = clock.read()
     return run, failures
 
@@ -352,9 +315,9 @@ def _fits(configuration: Configuration, batch: LogBatch, *, jobs: int, watch: Wa
     """Return the fits of all settings; none where there is no log, or the user has stopped."""
     from damperfit.identification import Campaign, identify
 
-    options = configuration.identification
+    damper, options = configuration.damper, configuration.identification
     if not batch.traces or watch.cancelled():
-        return Campaign(options.procedure, (), named=configuration.damper.quantities)
+        return Campaign(options.procedure, (), named=damper.quantities)
 
     def note(fit: Fit) -> None:
         _LOGGER.debug(
@@ -370,17 +333,12 @@ def _fits(configuration: Configuration, batch: LogBatch, *, jobs: int, watch: Wa
         watch.on_fit(fit)
 
     return identify(
-        batch.traces,
-        configuration.damper,
-        options,
-        jobs=jobs,
-        on_fit=note,
-        cancelled=watch.cancelled,
+        batch.traces, damper, options, jobs=jobs, on_fit=note, cancelled=watch.cancelled
     )
 
 
 def _characteristics(
-    configuration: Configuration, campaign: Campaign, mishaps: Mishaps, *, jobs: int
+    configuration: Configuration, logs: Sequence[tuple[Fit, LogFit]], mishaps: Mishaps, *, jobs: int
 ) -> list[list[dict[str, Any]] | None]:
     """Return the characteristics of each log; None where it cannot be simulated."""
     from damperfit.tables.rows import characteristic_rows
@@ -403,19 +361,15 @@ def _characteristics(
             unread(log.trace, error)
             return []
 
-    logs = [(fit, log) for fit in campaign.fits for log in fit.logs]
     return list(apart(rows_of, logs, jobs=jobs))
 
 
 def _signals(
-    configuration: Configuration, campaign: Campaign, rows: Sequence[list[dict[str, Any]] | None]
+    configuration: Configuration, logs: Sequence[tuple[Fit, LogFit]]
 ) -> Iterator[LogSignals]:
     """Yield the signals of each log as the fit saw it last, one by one: they are large."""
     from damperfit.tables.rows import signals_of
 
     damper, solver = configuration.damper, configuration.identification.solver
-    logs = [(fit, log) for fit in campaign.fits for log in fit.logs]
-    for (fit, log), of_log in zip(logs, rows, strict=True):
-        if of_log is not None:
-            seen = log.compared(fit.parameters, damper, solver)
-            yield signals_of(fit.setting, log.trace, seen)
+    for fit, log in logs:
+        yield signals_of(fit.setting, log.trace, log.compared(fit.parameters, damper, solver))

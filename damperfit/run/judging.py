@@ -34,13 +34,13 @@ from damperfit.uncertainty.grades import air_objections
 from damperfit.workers import executor
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Sequence
 
     from damperfit.configuration.options import Configuration
     from damperfit.damper.model import Model
     from damperfit.identification import Campaign
+    from damperfit.run.identify import Clock
     from damperfit.run.logs import LogBatch
-    from damperfit.run.parting import Parted
     from damperfit.tested.setting import Setting
     from damperfit.uncertainty import Interval
 
@@ -55,19 +55,7 @@ _DELIVERED, _OF_NO_USE = 1.5, 1e-4
 
 
 class Judgement(NamedTuple):
-    """What was found of the fits once they were done.
-
-    Attributes
-    ----------
-    assessment : Assessment
-        How far the numbers may be trusted.
-    adjustment : Adjustment
-        What shows across settings.
-    checks : tuple of Check
-        The checklist.
-    predictions : tuple of Prediction
-        How well what was held out is predicted.
-    """
+    """What was found of the fits: errors and verdicts, across settings, checks, predictions."""
 
     assessment: Assessment = Assessment()
     adjustment: Adjustment = Adjustment()
@@ -76,13 +64,7 @@ class Judgement(NamedTuple):
 
 
 class Mishaps:
-    """What damperfit itself got wrong so far, from any thread.
-
-    Parameters
-    ----------
-    batch : LogBatch
-        The logs of the run.
-    """
+    """What damperfit itself got wrong so far with the logs of a run, from any thread."""
 
     def __init__(self, batch: LogBatch) -> None:
         self._batch = batch
@@ -114,10 +96,7 @@ class Mishaps:
     def spared(self, task: str, step: Callable[[], _Result], instead: _Result) -> _Result:
         """Return what a step finds, or what the run goes on with where the step has an error.
 
-        Raises
-        ------
-        ConfigurationError, InstallationError, OutputError
-            What is wrong with the command as a whole, and no mishap.
+        What is wrong with the command as a whole is raised, and no mishap.
         """
         try:
             return step()
@@ -128,92 +107,57 @@ class Mishaps:
             return instead
 
 
-def assessed(campaign: Campaign, bench: Bench, mishaps: Mishaps) -> Assessment:
-    """Return how far the fits may be trusted; a setting that cannot be judged is left out."""
-    return mishaps.spared(
-        "judging the fits",
-        lambda: assess(
-            campaign,
-            bench.damper,
-            solver=bench.solver,
-            jobs=bench.jobs,
-            cancelled=bench.cancelled,
-            on_error=mishaps.at(_TASK),
-        ),
-        Assessment(),
-    )
-
-
-def with_profiles(
-    campaign: Campaign,
-    assessment: Assessment,
-    bench: Bench,
-    mishaps: Mishaps,
-    names: Sequence[str],
-) -> Assessment:
-    """Return the assessment with the profiles that were asked for.
-
-    They come before the statuses: one that is flat has the last word on its parameter.
-    """
-    take = mishaps.at(_TASK)
-    return mishaps.spared(
-        "following profiles",
-        lambda: profile_campaign(campaign, assessment, bench, names=names, on_error=take),
-        assessment,
-    )
-
-
-def judge(
+def judge(  # noqa: PLR0913 - what a judgement takes
     configuration: Configuration,
-    parted: Parted,
+    batch: LogBatch,
     campaign: Campaign,
-    assessment: Assessment,
     mishaps: Mishaps,
     *,
+    clock: Clock,
+    cancelled: Callable[[], bool],
     jobs: int,
 ) -> tuple[Campaign, Judgement]:
-    """Return the campaign with the statuses that its errors allow, and what was found of it.
-
-    Parameters
-    ----------
-    configuration : Configuration
-        The complete configuration.
-    parted : Parted
-        The logs, and which of them were held out.
-    campaign : Campaign
-        The fits.
-    assessment : Assessment
-        Their errors, and the profiles that were asked for.
-    mishaps : Mishaps
-        Takes what goes wrong.
-    jobs : int
-        Threads.
-    """
-    damper = configuration.damper
-    judged = reconsider(campaign, assessment)
-    adjustment = mishaps.spared(
-        "comparing the settings",
-        lambda: compare_settings(
-            judged,
+    """Return the campaign with the statuses that its errors allow, and what was found of it."""
+    damper, options = configuration.damper, configuration.identification
+    solver, spared, take = options.solver, mishaps.spared, mishaps.at(_TASK)
+    bench = Bench(damper, solver, cancelled, jobs)
+    assessment = Assessment()
+    with clock.lap("judge"):
+        assessment = spared(
+            "judging the fits",
+            lambda: assess(
+                campaign, damper, solver=solver, jobs=jobs, cancelled=cancelled, on_error=take
+            ),
             assessment,
-            damper,
-            speeds=configuration.output.speeds,
-            on_error=mishaps.at(_TASK),
-        ),
-        Adjustment(),
-    )
-    predictions = _predicted(configuration, parted, judged, assessment, mishaps, jobs=jobs)
-    against = _objections(configuration, judged, assessment, mishaps, jobs=jobs)
-    for setting, objection in missed_predictions(predictions).items():
-        against[setting] = (*against.get(setting, ()), objection)
-    assessment = replace(assessment, objections=against)
-    checks = mishaps.spared(
-        "checking the run",
-        lambda: _checks(configuration, parted, judged, assessment, adjustment),
-        unchecked(),
-    )
-    alike = configuration.chosen_law.get("layouts_alike", ())
-    assessment = with_other_layouts(assessment, damper, alike)
+        )
+    # Before the statuses: a profile that is flat has the last word on its parameter.
+    if (names := configuration.profile) and campaign.fits and not cancelled():
+        with clock.lap("profile"):
+            assessment = spared(
+                "following profiles",
+                lambda: profile_campaign(campaign, assessment, bench, names=names, on_error=take),
+                assessment,
+            )
+    with clock.lap("judge"):
+        judged = reconsider(campaign, assessment)
+        speeds = configuration.output.speeds
+        adjustment = spared(
+            "comparing the settings",
+            lambda: compare_settings(judged, assessment, damper, speeds=speeds, on_error=take),
+            Adjustment(),
+        )
+        predictions = _predicted(configuration, batch, judged, assessment, mishaps, jobs=jobs)
+        against = _objections(configuration, judged, assessment, mishaps, jobs=jobs)
+        for setting, objection in missed_predictions(predictions).items():
+            against[setting] = (*against.get(setting, ()), objection)
+        assessment = replace(assessment, objections=against)
+        checks = spared(
+            "checking the run",
+            lambda: _checks(configuration, batch, judged, assessment, adjustment),
+            unchecked(),
+        )
+        alike = configuration.chosen_law.get("layouts_alike", ())
+        assessment = with_other_layouts(assessment, damper, alike)
     return judged, Judgement(assessment, adjustment, checks, predictions)
 
 
@@ -226,41 +170,20 @@ def _objections(
     jobs: int,
 ) -> dict[Setting, tuple[Objection, ...]]:
     """Return what a grade must not hide, but for predictions: of fits, of delivery, of air."""
-    none: dict[Setting, tuple[Objection, ...]] = {}
+    against: dict[Setting, tuple[Objection, ...]] = {}
+    gas, assumed = configuration.conditioning.gas, configuration.assumed_dimensions
     against = mishaps.spared(
         "looking for what a grade must not hide",
-        lambda: objections(
-            campaign,
-            assessment,
-            configuration.conditioning.gas,
-            assumed=configuration.assumed_dimensions,
-        ),
-        none,
+        lambda: objections(campaign, assessment, gas, assumed=assumed),
+        against,
     )
-    air: dict[Setting, Objection] = {}
-    if "damper.ambient_pressure" not in configuration.declared and not configuration.is_assumed:
-        options = configuration.identification
-        air = mishaps.spared(
-            "looking for the air on the rod",
-            lambda: air_objections(campaign, assessment, configuration.damper, options, jobs=jobs),
-            air,
-        )
-    more = [*_undelivered(configuration, campaign, mishaps), *air.items()]
-    for setting, objection in more:
-        against[setting] = (*against.get(setting, ()), objection)
-    return against
-
-
-def _undelivered(
-    configuration: Configuration, campaign: Campaign, mishaps: Mishaps
-) -> Iterator[tuple[Setting, Objection]]:
-    """Yield the settings at which a law that the logs chose is not fitted as it was chosen."""
     advice = "fit each setting by itself{plain}"
     ways = {"plain": Option("procedure", "plain", is_aside=True)}
     if campaign.procedure == "plain":
         advice = "name the model{model}, and give its values as a start{start}"
         ways = {name: Option(name, is_aside=True) for name in ("model", "start")}
-    for fit in campaign.fits:
+    more = []
+    for fit in campaign.fits:  # a law that the logs chose must be fitted as it was chosen
         chosen = configuration.chosen_mse.get(fit.setting, math.inf)
         if fit.mse_percent > _DELIVERED * max(chosen, _OF_NO_USE):
             text = (
@@ -270,12 +193,23 @@ def _undelivered(
             )
             problem = Problem("not-delivered", text, subject=f"setting {fit.setting}", values=ways)
             mishaps.add(Failure(problem, "DeliveryError"), fit.setting)
-            yield fit.setting, Objection("delivery", "", problem.message())
+            more.append((fit.setting, Objection("delivery", "", problem.message())))
+    air: dict[Setting, Objection] = {}
+    if "damper.ambient_pressure" not in configuration.declared and not configuration.is_assumed:
+        damper, options = configuration.damper, configuration.identification
+        air = mishaps.spared(
+            "looking for the air on the rod",
+            lambda: air_objections(campaign, assessment, damper, options, jobs=jobs),
+            air,
+        )
+    for setting, objection in (*more, *air.items()):
+        against[setting] = (*against.get(setting, ()), objection)
+    return against
 
 
 def _predicted(
     configuration: Configuration,
-    parted: Parted,
+    batch: LogBatch,
     campaign: Campaign,
     assessment: Assessment,
     mishaps: Mishaps,
@@ -294,21 +228,15 @@ def _predicted(
             return ()
 
     with executor(jobs) as pool:
-        predictions = [one for few in pool.map(predicted, parted.held_out) for one in few]
+        predictions = [one for few in pool.map(predicted, batch.held_out) for one in few]
     return tuple(sorted(predictions, key=lambda one: one.setting))
 
 
 def with_other_layouts(assessment: Assessment, damper: Model, layouts: Sequence[str]) -> Assessment:
     """Return the assessment with intervals of valves that reach to what they are in other layouts.
 
-    Parameters
-    ----------
-    assessment : Assessment
-        Of the fits in the layout that was taken.
-    damper : Model
-        In that layout.
-    layouts : sequence of str
-        Others that the logs do not tell from it.
+    The fits are in the layout of the damper; ``layouts`` are those that the logs do not tell from
+    it.
     """
     if not layouts or not isinstance(damper, ValveDamper):
         return assessment
@@ -320,37 +248,36 @@ def with_other_layouts(assessment: Assessment, damper: Model, layouts: Sequence[
         low, high = min(times) / _RETURNS, max(times) * _RETURNS
         return replace(own, low=min(1.0, low) * own.low, high=max(1.0, high) * own.high)
 
-    return replace(
-        assessment,
-        uncertainties=tuple(
-            replace(one, intervals={k: reaching(k, own) for k, own in one.intervals.items()})
-            for one in assessment.uncertainties
-        ),
+    wider = (
+        replace(one, intervals={k: reaching(k, own) for k, own in one.intervals.items()})
+        for one in assessment.uncertainties
     )
+    return replace(assessment, uncertainties=tuple(wider))
 
 
 def _checks(
     configuration: Configuration,
-    parted: Parted,
+    batch: LogBatch,
     campaign: Campaign,
     assessment: Assessment,
     adjustment: Adjustment,
 ) -> tuple[Check, ...]:
-    lost = failures_of(configuration, parted.batch, campaign)
+    lost = failures_of(configuration, batch, campaign)
     missing = [
         f"{one.place} {'left out' if one.is_left_out else 'failed'}" if one.place else one.message
         for one in lost[:MANY]
     ]
     if len(lost) > MANY:
         missing.append(f"and {len(lost) - MANY} more")
+    rig = configuration.rig
     return run_checks(
         Subject(
             campaign,
             assessment,
             adjustment,
             missing=tuple(missing),
-            temperature=configuration.rig.temperature,
-            temperature_tolerance=configuration.rig.temperature_tolerance,
+            temperature=rig.temperature,
+            temperature_tolerance=rig.temperature_tolerance,
             undeclared=configuration.not_measured,
             whose=configuration.whose if configuration.is_assumed else "",
         )

@@ -66,15 +66,8 @@ def matches(pattern: str, *, keeps_missing: bool = False) -> list[Path]:
 
     A folder stands for the logs in it, not below it: files with the suffix of a format that is
     read. A list has one path or pattern a line, relative to where the command is run; empty lines
-    and those that begin with ``#`` count for nothing.
-
-    Parameters
-    ----------
-    pattern : str
-        As given.
-    keeps_missing : bool
-        Return a named file that does not exist, or a folder without logs, as well, for the reader
-        to report; nothing of a folder of results.
+    and those that begin with ``#`` count for nothing. With ``keeps_missing`` a named file that does
+    not exist, or a folder without logs, is returned as well, for the reader to report.
 
     Raises
     ------
@@ -97,10 +90,8 @@ def matches(pattern: str, *, keeps_missing: bool = False) -> list[Path]:
             return files
         why = "the pattern matches no file"
         if hits:
-            why = (
-                f"the pattern matches only folders; for the logs in them give "
-                f"{pattern.rstrip('/')}/*.csv"
-            )
+            inside = f"{pattern.rstrip('/')}/*.csv"
+            why = f"the pattern matches only folders; for the logs in them give {inside}"
         raise ConfigurationError(why, subject=pattern)
     if keeps_missing and pattern.strip():
         return [path]
@@ -127,13 +118,12 @@ def _logs_in(folder: Path, *, keeps_missing: bool) -> list[Path]:
         return logs
     if keeps_missing:
         return [] if are_own else [folder]
+    why = (
+        "no log in this folder; expected files such as .csv, .txt, .xlsx, .mat or .tdms; for "
+        f"logs in its subfolders give {folder}/*/*.csv"
+    )
     if are_own:
         why = "contains only files that damperfit wrote; give the folder with the logs"
-    else:
-        why = (
-            "no log in this folder; expected files such as .csv, .txt, .xlsx, .mat or .tdms; for "
-            f"logs in its subfolders give {folder}/*/*.csv"
-        )
     raise ConfigurationError(why, subject=folder)
 
 
@@ -205,39 +195,32 @@ _UNIT = re.compile(rb" \[[^\],;\n]*\]")  # behind a heading, as `export` writes 
 _BEGIN = 256  # bytes; no heading is longer, and no beginning of a line of --log-file
 
 
-def is_own_table(path: Path) -> bool:
+def is_own_table(path: Path) -> bool:  # noqa: PLR0911 - one a kind of file
     """Whether a file is a table of results, by what it says of itself; run.json is one too.
 
     So is what --log-file wrote, and what `export` wrote of tables and text.
     """
-    with suppress(OSError):
+    try:
         if not path.is_file():
             return False
         with open_regular(path) as file:
             begin = file.read(4096 if path.name == "run.json" else _BEGIN)
-        if begin.startswith(b"PAR1"):
-            return _is_own_parquet(path)
-        if path.name == "run.json":
-            return b'"schema_version"' in begin
-        if _LOGGED.match(begin) or _EXPORTED.match(begin):
-            return True
-        heading = _UNIT.sub(b"", begin.partition(b"\n")[0]).replace(b";", b",")
-        return heading.startswith(_HEADINGS) or _is_of_model(heading)
-    return False
+    except OSError:
+        return False
+    if begin.startswith(b"PAR1"):
+        import pyarrow as pa
+        import pyarrow.parquet as pq
 
-
-def _is_own_parquet(path: Path) -> bool:
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    try:
-        return b"damperfit" in (pq.read_schema(path).metadata or {})
-    except (OSError, pa.ArrowInvalid):
-        return False  # whoever reads it says what is wrong
-
-
-def _is_of_model(heading: bytes) -> bool:
-    """Whether a table begins with a setting and quantities of a model: results, or truth."""
+        try:
+            return b"damperfit" in (pq.read_schema(path).metadata or {})
+        except (OSError, pa.ArrowInvalid):
+            return False  # whoever reads it says what is wrong
+    if path.name == "run.json":
+        return b'"schema_version"' in begin
+    heading = _UNIT.sub(b"", begin.partition(b"\n")[0]).replace(b";", b",")
+    if _LOGGED.match(begin) or _EXPORTED.match(begin) or heading.startswith(_HEADINGS):
+        return True
+    # A setting and quantities of a model: results, or truth.
     first, *columns = heading.decode("ascii", "replace").split(",")[:3]
     if first != "setting" or len(columns) < 2:
         return False
@@ -248,13 +231,7 @@ def _is_of_model(heading: bytes) -> bool:
 
 
 def is_own_log_file(path: Path) -> bool:
-    """Whether a file begins as --log-file writes it.
-
-    Raises
-    ------
-    OSError
-        The file cannot be read.
-    """
+    """Whether a file begins as --log-file writes it; an OSError tells that it cannot be read."""
     with open_regular(path) as file:
         return _LOGGED.match(file.read(_BEGIN)) is not None
 
@@ -269,17 +246,10 @@ _EXPECTED = (
 
 @contextmanager
 def as_files(logs: object, *, call: str) -> Iterator[list[str]]:
-    """Yield paths of logs, whatever they were given as.
+    """Yield paths of logs, whatever they were given as; ``call`` is the function, for the message.
 
     Frames are written to a temporary folder, with a table that says the setting of each; its label
     is the setting's. The folder goes when the block ends.
-
-    Parameters
-    ----------
-    logs : path, pattern, data frame, or an iterable or mapping of such
-        What the user gave.
-    call : str
-        The function, for the message.
 
     Raises
     ------
@@ -323,13 +293,10 @@ def in_memory(logs: object, options: ConditionOptions) -> tuple[object, list[Tra
     is_whole = isinstance(logs, str | os.PathLike | Mapping) or _is_frame(logs)
     if is_whole or not isinstance(logs, Iterable):
         return logs, []
-    unread, traces = [], []
-    for log in logs:
-        if isinstance(log, Trace | Recording):
-            traces.append(log if isinstance(log, Trace) else condition(log, options))
-        else:
-            unread.append(log)
-    return unread, traces
+    known = list(logs)
+    traces = [log for log in known if isinstance(log, Trace | Recording)]
+    unread = [log for log in known if not isinstance(log, Trace | Recording)]
+    return unread, [one if isinstance(one, Trace) else condition(one, options) for one in traces]
 
 
 def _is_frame(value: object) -> bool:
@@ -359,19 +326,18 @@ def _frame(label: object, value: object, call: str) -> pd.DataFrame:
     import numpy as np
     import pandas as pd
 
-    if isinstance(value, pd.DataFrame):
-        frame = value
-    elif isinstance(value, Mapping):
-        if value and all(np.ndim(column) == 0 for column in value.values()):
-            raise LogError("found single numbers; give columns of one length", subject=label)
-        try:
-            frame = pd.DataFrame(dict(value))
-        except ValueError as error:
-            raise LogError(f"{error}; give columns of one length", subject=label) from error
-    else:
+    if not isinstance(value, pd.DataFrame | Mapping):
         raise ConfigurationError(
             f"{label!r} is of type {type(value).__name__}; {_EXPECTED}", subject=call
         )
+    frame = value
+    if not isinstance(frame, pd.DataFrame):
+        if frame and all(np.ndim(column) == 0 for column in frame.values()):
+            raise LogError("found single numbers; give columns of one length", subject=label)
+        try:
+            frame = pd.DataFrame(dict(frame))
+        except ValueError as error:
+            raise LogError(f"{error}; give columns of one length", subject=label) from error
     if not len(frame.columns):
         raise LogError(
             "the data frame has no columns; expected time, displacement, force", subject=label

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -34,6 +34,7 @@ from damperfit.errors import (
 from damperfit.identification.blas_threads import one_blas_thread
 from damperfit.io import (
     Guess,
+    TestRow,
     guess_settings,
     is_tests_table,
     one_of_several,
@@ -61,7 +62,7 @@ if TYPE_CHECKING:
 
     from damperfit.conditioning import ConditionOptions
     from damperfit.configuration.options import Configuration
-    from damperfit.io import TestRow, TestsTable
+    from damperfit.io import TestsTable
     from damperfit.recording import Recording, Trace
     from damperfit.tested.setting import Place
 
@@ -80,8 +81,6 @@ _REFUSALS = {
     "QualityError": "strict",
     "InternalError": "internal_error",
 }
-# What is wrong is said at once, not one by one over as many runs.
-_NO_SETTING_EITHER = ". Nor does the log say its adjuster setting: give {setting} too"
 
 
 class Ending(Enum):
@@ -102,22 +101,33 @@ class Purpose(Enum):
     INSPECT = "inspect"  # no samples are kept
 
 
-class LogFacts(NamedTuple):
-    """What run.json and `inspect` tell about one log; never the samples.
+@dataclass(slots=True, eq=False, repr=False)
+class Log:
+    """One test that was read: its facts, and either a trace or a failure.
 
     Attributes
     ----------
     log, path, sha256 : str
         Name for tables, path as given, hash of the bytes (empty when unreadable).
     facts : dict
-        JSON values: samples, rate, cycles, frequency, amplitude, notes, findings, and the
-        verdict: "good", "warnings" (it is used, read them) or "refused".
+        JSON values for run.json and `inspect`: samples, rate, cycles, frequency, amplitude, notes,
+        findings, and the verdict: "good", "warnings" (it is used, read them) or "refused".
+    trace, failure : Trace or None, Failure or None
+        What was read, until the batch has it; why it cannot be used.
+    identity : Identity
+        Whose test it is.
+    shows_signs : bool
+        Whether it shows which way its channels are counted.
     """
 
     log: str
-    path: str
-    sha256: str
-    facts: dict[str, Any]
+    path: str = ""
+    sha256: str = ""
+    facts: dict[str, Any] = field(default_factory=dict)
+    trace: Trace | None = None
+    failure: Failure | None = None
+    identity: Identity = Identity()
+    shows_signs: bool = False
 
     def describe(self) -> dict[str, Any]:
         """Return the log as run.json lists it."""
@@ -125,54 +135,54 @@ class LogFacts(NamedTuple):
         return {"log": self.log, "path": self.path, "sha256": self.sha256, **facts}
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
+@dataclass(slots=True, eq=False, repr=False)
 class LogBatch:
-    """All logs of a run.
+    """All logs of a run; what is done with them before the fit changes it in place.
 
     Attributes
     ----------
-    traces : tuple of Trace
-        The good logs, in the order of their names.
-    logs : tuple of LogFacts
-        Every log, the failed ones too.
-    failures : tuple of Failure
-        Logs that cannot be used.
+    logs : list of Log
+        Every log, the failed ones too, in the order of their names.
+    traces : list of Trace
+        Those to fit.
+    failures : list of Failure
+        Logs and settings that cannot be used.
     skipped : tuple of str
         Files that are no logs and are not meant to be.
-    n_good : int
-        Logs that can be used, whether or not their traces were kept.
-    remarks : tuple of Problem or str
-        How settings were found, where that is more than reading them.
+    remarks : list of Problem or str
+        How settings were found, where that is more than reading them; what was left out.
     notes : tuple of str
         Tables of tests that were used.
-    identities : mapping of str to Identity
-        Whose test each log is, by its name.
+    held_out : list of Trace
+        To be predicted.
+    is_asked : bool
+        Whether the user said what to hold out; else it is what moves beside the steady cycles.
     """
 
-    traces: tuple[Trace, ...] = ()
-    logs: tuple[LogFacts, ...] = ()
-    failures: tuple[Failure, ...] = ()
+    logs: list[Log] = field(default_factory=list)
+    traces: list[Trace] = field(default_factory=list)
+    failures: list[Failure] = field(default_factory=list)
     skipped: tuple[str, ...] = ()
-    n_good: int = 0
-    remarks: tuple[Problem | str, ...] = ()
+    remarks: list[Problem | str] = field(default_factory=list)
     notes: tuple[str, ...] = ()
-    identities: Mapping[str, Identity] = field(default_factory=dict)
+    held_out: list[Trace] = field(default_factory=list)
+    is_asked: bool = True
 
     @property
-    def skipped_files(self) -> Iterator[str]:
+    def skipped_files(self) -> tuple[str, ...]:
         """Which files are no logs, a sentence each; of many, the first and how many."""
         if len(self.skipped) > _MANY:
             n = len(self.skipped) - 1
-            yield f"{self.skipped[0]} and {n} other files: written by damperfit, not logs; skipped"
-            return
-        for path in self.skipped:
-            yield f"{path}: written by damperfit, not a log; skipped"
+            more = f"and {n} other files: written by damperfit, not logs; skipped"
+            return (f"{self.skipped[0]} {more}",)
+        return tuple(f"{path}: written by damperfit, not a log; skipped" for path in self.skipped)
 
     @property
     def ending(self) -> Ending:
         """How reading alone ended."""
         if any(not failure.is_left_out for failure in self.failures):
-            return Ending.SOME_FAILED if self.n_good else Ending.ALL_FAILED
+            has_good = any(log.failure is None for log in self.logs)
+            return Ending.SOME_FAILED if has_good else Ending.ALL_FAILED
         return Ending.GATE_MISSED if self.failures else Ending.COMPLETE
 
     def path_of(self, log: str) -> str:
@@ -197,17 +207,6 @@ class LogBatch:
 class Labels:
     """Who says what of the logs of a run, before they are read.
 
-    Parameters
-    ----------
-    logs : iterable of pathlib.Path
-        The logs.
-    configuration : Configuration
-        Adjusters, identity and table of tests.
-    setting : Setting, optional
-        What the command line says of all logs.
-    is_needed : bool
-        Whether each log must have a setting.
-
     Raises
     ------
     ConfigurationError
@@ -222,39 +221,38 @@ class Labels:
         *,
         is_needed: bool = False,
     ) -> None:
-        reading, table = configuration.reading, configuration.test.table
-        logs = list(logs)
-        self.adjusters = reading.adjusters
+        reading, table, logs = configuration.reading, configuration.test.table, list(logs)
+        self.adjusters, self.identity = reading.adjusters, configuration.test.identity
         self.declared, self.is_needed = setting, is_needed
-        self.identity = configuration.test.identity
         # Tables beside logs speak for those in their own folders alone.
         self.is_beside = table is None
-        paths = [table] if table is not None else _tables_beside(logs)
-        self.tables: list[TestsTable] = [read_tests(path, reading.adjusters) for path in paths]
+        beside = (folder / "tests.csv" for folder in dict.fromkeys(path.parent for path in logs))
+        paths = filter(is_tests_table, beside) if table is None else [table]
+        self.tables: list[TestsTable] = [read_tests(path, self.adjusters) for path in paths]
         self.has_pattern = reading.setting_pattern != SETTING_PATTERN
-        is_open = setting is None and len(reading.adjusters) == 1
-        unlisted = [path.name for path in logs if self.row(path) is None]
         # Names of which several numbers may be the setting do not say it.
-        self.unclear = (
-            unclear_names(unlisted) if is_open and not self.has_pattern else frozenset[str]()
-        )
-        unsaid = (n for n in unlisted if n in self.unclear or not _says(n, configuration))
-        self.guess = guess_settings(list(unsaid)) if is_open else Guess()
+        self.unclear: frozenset[str] = frozenset()
+        self.guess = Guess()
+        if setting is None and len(self.adjusters) == 1:
+            unlisted = [path.name for path in logs if self.row(path) is None]
+            if not self.has_pattern:
+                self.unclear = unclear_names(unlisted)
+            self.guess = guess_settings(
+                [n for n in unlisted if n in self.unclear or not _says(n, configuration)]
+            )
 
     def row(self, path: Path) -> TestRow | None:
         """Return the row of a log: the one that names most of its path, in the nearest table."""
-        best: tuple[tuple[int, int], TestRow] | None = None
-        log = real_path(path)
+        log, ranks = real_path(path), dict[tuple[int, int], TestRow]()
         for table in self.tables:
             folder = real_path(table.path).parent
             if self.is_beside and not log.is_relative_to(folder):
                 continue
             for name, row in table.rows.items():
                 parts = Path(name).parts
-                rank = len(parts), len(folder.parts)
-                if log.parts[-len(parts) :] == parts and (best is None or rank > best[0]):
-                    best = rank, row
-        return None if best is None else best[1]
+                if log.parts[-len(parts) :] == parts:
+                    ranks.setdefault((len(parts), len(folder.parts)), row)
+        return ranks[max(ranks)] if ranks else None
 
     def labelled(self, recording: Recording, path: Path) -> tuple[Recording, Identity]:
         """Return the recording with its setting, None where nobody says it, and whose it is.
@@ -322,7 +320,13 @@ class Labels:
     def missing(self, recording: Recording) -> LogError:
         """Return why a log without a setting cannot be fitted, with what to write."""
         row, name = self.row(Path(recording.path)), recording.name
-        if row is not None and not row.places and (columns := _clicks_of(row)):
+        # Other columns that hold clicks, as adjusters are named.
+        columns = [
+            re.sub(r"[\W_]+", "_", column.casefold()).strip("_")
+            for column, cell in (row.identity.more if row is not None else ())
+            if re.fullmatch(r"[+-]?\d{1,3}(\.\d)?", cell)
+        ]
+        if row is not None and not row.places and columns:
             declared = ", ".join(f'{column} = ""' for column in columns)
             return LogError(
                 f"line {row.line} of the table of tests does not say its setting; it has "
@@ -359,20 +363,28 @@ class Labels:
             f"{path}: taken as the table of tests, {n} row{'s' * (n != 1)}" for path, n in counts
         )
 
-    def remarks(self, logs: Sequence[LogFacts]) -> Iterator[Problem | str]:
+    def remarks(self, logs: Sequence[Log]) -> Iterator[Problem | str]:
         """Yield what is doubtful in tables of tests and in labels, and what was guessed."""
         for table in self.tables:
             yield from table.notes
-            yield from _lost_rows(table)
-        if any(_GUESSED in log.facts.get("notes", ()) for log in logs):
+            folder = table.path.parent
+            lost = [
+                f"line {row.line} '{name}'"
+                for name, row in table.rows.items()
+                if not (folder / name).exists() and not list(folder.rglob(name))
+            ]
+            if lost:
+                more = f" and {len(lost) - _FEW} more" if len(lost) > _FEW else ""
+                yield f"{table.path}: no such file: {', '.join(lost[:_FEW])}{more}"
+        notes = {id(log): log.facts.get("notes", ()) for log in logs}
+        if any(_GUESSED in said for said in notes.values()):
             yield self.guess.said or ""
-        if words := self._taken_as_words([log.facts.get("setting") for log in logs]):
-            yield words
+        yield from self._taken_as_words([log.facts.get("setting") for log in logs])
         if self.has_pattern or len(self.adjusters) > 1:
             return
         for log in logs:
             name = Path(log.path).name
-            if _FROM_NAME in log.facts.get("notes", ()) and (number := one_of_several(name)):
+            if _FROM_NAME in notes[id(log)] and (number := one_of_several(name)):
                 yield warning(
                     "one-of-several",
                     f"of the numbers in its name the one after 's', {number}, is taken for the "
@@ -381,20 +393,19 @@ class Labels:
                     pattern=Option("rig", r"s(?P<setting>\d+)", "setting_pattern"),
                 )
 
-    def _taken_as_words(self, settings: Sequence[Setting | None]) -> str:
-        """Say that labels such as "L6 H1" were taken as words; empty where none was."""
+    def _taken_as_words(self, settings: Sequence[Setting | None]) -> Iterator[str]:
+        """Say that labels such as "L6 H1" were taken as words, where some were."""
         labels = [known.label for known in dict.fromkeys(settings) if known is not None]
-        letters = [letters_of(label) for label in labels]
+        letters = [sorted(letters_of(label)) for label in labels]
         if len(self.adjusters) > 1 or len(labels) < 2 or not letters[0]:
-            return ""
-        if any(sorted(others) != sorted(letters[0]) for others in letters):
-            return ""
-        declared = ", ".join(f'{letter} = ""' for letter in letters[0])
-        return (
-            f"settings such as '{labels[0]}' and '{labels[1]}' are taken as words, so there are no "
-            f"trends and no clicks: if the numbers are clicks, declare [adjusters] {declared}, or "
-            "longer names that begin with these letters"
-        )
+            return
+        if all(others == letters[0] for others in letters):
+            declared = ", ".join(f'{letter} = ""' for letter in letters_of(labels[0]))
+            yield (
+                f"settings such as '{labels[0]}' and '{labels[1]}' are taken as words, so there "
+                "are no trends and no clicks: if the numbers are clicks, declare [adjusters] "
+                f"{declared}, or longer names that begin with these letters"
+            )
 
     def _places(self, recording: Recording) -> dict[str, Place]:
         """Return where a log says that its adjusters stand."""
@@ -409,39 +420,12 @@ class Labels:
         return Setting(tuple((name, places[name]) for name in self.adjusters))
 
 
-def _clicks_of(row: TestRow) -> list[str]:
-    """Return the names of a row's other columns that hold clicks, as adjusters are named."""
-    return [
-        re.sub(r"[\W_]+", "_", name.casefold()).strip("_")
-        for name, cell in row.identity.more
-        if re.fullmatch(r"[+-]?\d{1,3}(\.\d)?", cell)
-    ]
-
-
-def _tables_beside(logs: Iterable[Path]) -> list[Path]:
-    folders = dict.fromkeys(path.parent for path in logs)
-    return [folder / "tests.csv" for folder in folders if is_tests_table(folder / "tests.csv")]
-
-
 def _says(name: str, configuration: Configuration) -> bool:
     options, _ = configuration.reading.for_file(name)
     try:
         return bool(file_setting(name, options.setting_pattern, options.adjusters).places)
     except LogError:
         return True
-
-
-def _lost_rows(table: TestsTable) -> Iterator[str]:
-    """Name the rows whose file is not there."""
-    folder = table.path.parent
-    lost = [
-        f"line {row.line} '{name}'"
-        for name, row in table.rows.items()
-        if not (folder / name).exists() and not list(folder.rglob(name))
-    ]
-    if lost:
-        more = f" and {len(lost) - _FEW} more" if len(lost) > _FEW else ""
-        yield f"{table.path}: no such file: {', '.join(lost[:_FEW])}{more}"
 
 
 # What a log was tested at
@@ -452,16 +436,7 @@ def facts_of(
 ) -> tuple[dict[str, float], tuple[str, ...]]:
     """Return what is stated of one test, SI, by the nearest word, and which words say too little.
 
-    Parameters
-    ----------
-    recording : Recording
-        As logged.
-    path : pathlib.Path
-        Its file.
-    configuration : Configuration
-        [rig], profiles, and what was typed.
-    row : TestRow or None
-        Its row in the table of tests.
+    ``row`` is that of the table of tests.
     """
     own, notes = facts_in(recording.metadata)
     if recording.temperature is not None:
@@ -479,17 +454,7 @@ def facts_of(
 def conditioned_as_tested(
     recording: Recording, options: ConditionOptions, facts: Mapping[str, float]
 ) -> Trace:
-    """Return the trace of a recording with what is stated of this test alone.
-
-    Parameters
-    ----------
-    recording : Recording
-        As logged.
-    options : ConditionOptions
-        For all logs.
-    facts : mapping of str to float
-        Of this test, SI, temperature in degrees Celsius; empty: nothing is stated.
-    """
+    """Return the trace of a recording with what is stated of this test alone, SI and degC."""
     if "tare" in facts:
         recording = replace(recording, force=recording.force - facts["tare"])
     if "temperature" in facts:
@@ -519,22 +484,9 @@ def read_batch(  # noqa: PLR0913 - one more than usual, for what is done beside 
 ) -> LogBatch:
     """Read and condition logs, several at a time.
 
-    Parameters
-    ----------
-    paths : sequence of pathlib.Path
-        Log files.
-    configuration : Configuration
-        How to read and condition them.
-    jobs : int
-        Workers.
-    setting : Setting, optional
-        Of logs that do not give one.
-    purpose : Purpose
-        To be inspected, curves without time are facts too, not failures.
-    cancelled : callable
-        Asked before each log; once it says True, the remaining logs are left out.
-    beside : callable
-        What this process does while others read.
+    ``setting`` is that of logs that do not give one. To be inspected, curves without time are facts
+    too, not failures. Once ``cancelled`` says True, the remaining logs are left out. ``beside`` is
+    what this process does while others read.
     """
     is_table = {path: is_own_table(path) for path in paths}
     logs = [path for path in paths if not is_table[path] and not is_tests_table(path)]
@@ -542,58 +494,58 @@ def read_batch(  # noqa: PLR0913 - one more than usual, for what is done beside 
     names = _distinct_names(logs)
     is_inspected = purpose is Purpose.INSPECT
 
-    def tests_of(path: Path) -> list[_Test]:
+    def logs_of(path: Path) -> list[Log]:
         if cancelled():
             return []
         begin = perf_counter()
-        tests = _read_file(path, names[path], configuration, labels)
-        for test in tests:
-            _log(test.facts, perf_counter() - begin)
-        if is_inspected and [test.kind for test in tests] == [TimelessError.__name__]:
-            tests = [_read_as_curves(path, tests[0].facts, configuration)]
-        return [test._replace(trace=None) for test in tests] if is_inspected else tests
+        found = _read_file(path, names[path], configuration, labels)
+        for one in found:
+            _LOGGER.debug(
+                "%s: %s, setting %s, %s samples, %.3f s, sha256 %s",
+                one.path,
+                one.facts.get("verdict"),
+                one.facts.get("setting"),
+                one.facts.get("n_samples_read", "no"),
+                perf_counter() - begin,
+                one.sha256 or "unknown",
+            )
+        if not is_inspected:
+            return found
+        failures = [one.failure.kind if one.failure is not None else "" for one in found]
+        if failures == [TimelessError.__name__]:
+            found = [_read_as_curves(path, found[0], configuration)]
+        for one in found:
+            one.trace = None  # a copy of this process need not send it
+        return found
 
     threads = jobs if any(_gains_by_threads(path) for path in logs) else 1
     with one_blas_thread():  # more would spin between small products, on the next log's core
-        found = apart(
-            tests_of, logs, jobs=jobs, cancelled=cancelled, threads=threads, beside=beside
-        )
-        tests = [test for tests in found for test in tests]
-        tests = _with_common_signs(tests, names, configuration, labels)
-    facts = tuple(test.facts for test in tests)
+        found = apart(logs_of, logs, jobs=jobs, cancelled=cancelled, threads=threads, beside=beside)
+        known = [one for several in found for one in several]
+        known = _with_common_signs(known, names, configuration, labels)
+    traces = [one.trace for one in known if one.trace is not None and not is_inspected]
+    for one in known:
+        one.trace = None
     return LogBatch(
-        tuple(t.trace for t in tests if t.trace is not None) if not is_inspected else (),
-        facts,
-        tuple(test.failure for test in tests if test.failure is not None),
+        known,
+        traces,
+        [one.failure for one in known if one.failure is not None],
         tuple(_shown(path) for path in paths if is_table[path]),
-        sum(test.failure is None for test in tests),
-        tuple(labels.remarks(facts)),
+        list(labels.remarks(known)),
         labels.tables_used,
-        {test.facts.log: test.identity for test in tests},
     )
 
 
-def with_traces(batch: LogBatch, traces: Sequence[Trace], setting: Setting | None) -> LogBatch:
-    """Return the logs of a run with traces that are there already, as if they had been read.
-
-    Parameters
-    ----------
-    batch : LogBatch
-        What was read.
-    traces : sequence of Trace
-        As `condition` returned them.
-    setting : Setting, optional
-        Of traces that do not say theirs.
+def add_traces(batch: LogBatch, traces: Sequence[Trace], setting: Setting | None) -> None:
+    """Put traces that are there already among the logs of a run, as if they had been read.
 
     Raises
     ------
     ConfigurationError
         Two logs have one name, by which tables tell them apart.
     LogError
-        A trace has no setting.
+        A trace has no setting, and none was given for such.
     """
-    if not traces:
-        return batch
     given = [t if t.setting is not None else replace(t, setting=setting) for t in traces]
     for trace in given:
         if trace.setting is None:
@@ -604,78 +556,47 @@ def with_traces(batch: LogBatch, traces: Sequence[Trace], setting: Setting | Non
             f"two logs are called {twice[0]}; give each trace a name of its own, as with "
             "dataclasses.replace(trace, name=...)"
         )
-    facts = (LogFacts(t.name, "", "", _facts_of_trace(t, len(t.force))) for t in given)
-    return replace(
-        batch,
-        traces=tuple(sorted([*batch.traces, *given], key=lambda trace: natural_order(trace.name))),
-        logs=(*batch.logs, *facts),
-        n_good=batch.n_good + len(given),
-        identities={**batch.identities, **{trace.name: Identity() for trace in given}},
-    )
+    batch.logs += [Log(t.name, facts=_facts_of_trace(t, len(t.force))) for t in given]
+    batch.traces = sorted([*batch.traces, *given], key=lambda trace: natural_order(trace.name))
 
 
-class _Test(NamedTuple):
-    """One test: its facts, and either a trace or a failure."""
-
-    facts: LogFacts
-    trace: Trace | None = None
-    failure: Failure | None = None
-    identity: Identity = Identity()
-    shows_signs: bool = False
-
-    @property
-    def kind(self) -> str:
-        """Which error it failed with; empty where it did not."""
-        return self.failure.kind if self.failure is not None else ""
-
-    @property
-    def asks_for_signs(self) -> bool:
-        """Whether the log does not show which way its channels are counted."""
-        if self.failure is not None:
-            return self.failure.code == UNKNOWN
-        names = {finding["name"] for finding in self.facts.facts.get("findings", ())}
-        return not names.isdisjoint({"direction", CONTRADICTED})
+def _asks_for_signs(log: Log) -> bool:
+    """Whether a log does not show which way its channels are counted."""
+    if log.failure is not None:
+        return log.failure.code == UNKNOWN
+    findings = {finding["name"] for finding in log.facts.get("findings", ())}
+    return not findings.isdisjoint({"direction", CONTRADICTED})
 
 
 def _with_common_signs(
-    tests: list[_Test], names: Mapping[Path, str], configuration: Configuration, labels: Labels
-) -> list[_Test]:
+    logs: list[Log], names: Mapping[Path, str], configuration: Configuration, labels: Labels
+) -> list[Log]:
     """Read logs that do not show their signs again, with those that the others of the rig show.
 
     A rig has one convention. Where a sign is declared, or logs disagree, nothing is changed.
     """
     reading = configuration.reading
     if {reading.reverse_displacement, reading.reverse_force} != {"detect"}:
-        return tests
-    shown = {tuple(test.facts.facts["reversed"]) for test in tests if test.shows_signs}
-    unknown = {test.facts.log: test.facts.path for test in tests if test.asks_for_signs}
+        return logs
+    shown = {tuple(log.facts["reversed"]) for log in logs if log.shows_signs}
+    unknown = {log.log: log.path for log in logs if _asks_for_signs(log)}
     if len(shown) != 1 or not unknown:
-        return tests
+        return logs
     (channels,) = shown
-    declared = replace(
-        configuration,
-        reading=replace(
-            reading,
-            reverse_displacement="displacement" in channels,
-            reverse_force="force" in channels,
-        ),
-    )
+    signs: Any = {f"reverse_{name}": name in channels for name in ("displacement", "force")}
+    declared = replace(configuration, reading=replace(reading, **signs))
     how = f"{' and '.join(channels)} reversed" if channels else "nothing reversed"
     note = f"signs as the other logs of the batch show them: {how}"
     again = {}
     for path, name in names.items():
-        if _shown(path) not in unknown.values():
-            continue
-        for test in _read_file(path, name, declared, labels):
-            facts = test.facts.facts
-            facts |= {"notes": [*facts.get("notes", ()), note]}
-            again[test.facts.log] = test
-    return [
-        again.get(test.facts.log, test) if test.facts.log in unknown else test for test in tests
-    ]
+        if _shown(path) in unknown.values():
+            for log in _read_file(path, name, declared, labels):
+                log.facts |= {"notes": [*log.facts.get("notes", ()), note]}
+                again[log.log] = log
+    return [again.get(log.log, log) if log.log in unknown else log for log in logs]
 
 
-def _read_file(path: Path, name: str, configuration: Configuration, labels: Labels) -> list[_Test]:
+def _read_file(path: Path, name: str, configuration: Configuration, labels: Labels) -> list[Log]:
     """Read one file, which may hold several tests."""
     try:
         recordings = read_logs(path, configuration.reading)
@@ -683,9 +604,9 @@ def _read_file(path: Path, name: str, configuration: Configuration, labels: Labe
         raise
     except Exception as error:  # noqa: BLE001 - whatever it is, the other logs go on
         if isinstance(error, LogError) and not error.says_setting and labels.is_unsaid(path):
-            error = error.adding(_NO_SETTING_EITHER, setting=Option("setting", "N"))
+            error = _without_setting(error)
         facts = {"name": name, "setting": labels.unread(path, configuration)}
-        return [_failed(LogFacts(name, _shown(path), _hash(path), facts), error)]
+        return [_failed(Log(name, _shown(path), _hash(path), facts), error)]
     return [
         _conditioned(
             replace(part, name=part.name.replace(path.name, name, 1)), path, configuration, labels
@@ -694,62 +615,70 @@ def _read_file(path: Path, name: str, configuration: Configuration, labels: Labe
     ]
 
 
-def _read_as_curves(path: Path, known: LogFacts, configuration: Configuration) -> _Test:
+def _without_setting(error: LogError) -> LogError:
+    """Say all that is wrong at once, not one by one over as many runs."""
+    more = ". Nor does the log say its adjuster setting: give {setting} too"
+    return error.adding(more, setting=Option("setting", "N"))
+
+
+def _read_as_curves(path: Path, log: Log, configuration: Configuration) -> Log:
     """Read a file without time as curves."""
     try:
         curves = read_curves(path, configuration.reading)
     except _USAGE:
         raise
     except Exception as error:  # noqa: BLE001 - the other files go on
-        return _failed(known, error, task="reading the curves")
+        return _failed(log, error, task="reading the curves")
     described = {"curves": [curve.describe() for curve in curves], "notes": list(curves[0].notes)}
-    facts = {"name": known.log, "verdict": "curves", **described}
-    return _Test(known._replace(sha256=curves[0].sha256, facts=facts))
+    facts = {"name": log.log, "verdict": "curves", **described}
+    return Log(log.log, log.path, curves[0].sha256, facts)
 
 
 def _conditioned(
     recording: Recording, path: Path, configuration: Configuration, labels: Labels
-) -> _Test:
+) -> Log:
     recording, identity = labels.labelled(recording, path)
     tested_at, unsaid = facts_of(recording, path, configuration, labels.row(path))
     recording = replace(recording, notes=(*recording.notes, *unsaid))
     whose = {"test": identity.describe()} if identity.describe() else {}
-    facts = {
+    log = Log(recording.name, _shown(path), recording.sha256, identity=identity)
+    log.facts = {
         "name": recording.name,
         "setting": recording.setting,
         "n_samples_read": len(recording.time),
         "notes": list(recording.notes),
         **whose,
     }
-    known = LogFacts(recording.name, _shown(path), recording.sha256, facts)
     has_no_setting = recording.setting is None and labels.is_needed
     try:
         try:
             trace = conditioned_as_tested(recording, configuration.conditioning, tested_at)
         except LogError as error:
             if has_no_setting:
-                raise error.adding(_NO_SETTING_EITHER, setting=Option("setting", "N")) from error
+                raise _without_setting(error) from error
             raise
         if has_no_setting:
             raise labels.missing(recording)  # noqa: TRY301 - as of a log that cannot be read
     except _USAGE:
         raise
     except Exception as error:  # noqa: BLE001
-        return _failed(known, error, _raw_findings(recording), task="conditioning the log")
+        findings: tuple[Finding, ...] = ()
+        with suppress(Exception):  # why it cannot be evaluated is reported already
+            findings = examine_raw(recording)
+        return _failed(log, error, findings, task="conditioning the log")
     if offset := configuration.log_offsets.get(trace.name, 0.0):
         trace = replace(trace, force=trace.force - offset)
         tested_at = {**tested_at, "force_offset": offset}
     told: dict[str, Any] = whose | ({"tested_at": tested_at} if tested_at else {})
     told["reversed"] = reversed_in(recording, trace)
-    known = known._replace(
-        facts=_facts_of_trace(trace, len(recording.time), recording.notes, **told)
-    )
+    log.facts = _facts_of_trace(trace, len(recording.time), recording.notes, **told)
     if configuration.rig.is_strict and trace.warnings:
         more = f" (and {len(trace.warnings) - 1} more)" if len(trace.warnings) > 1 else ""
         text = "refused because of a warning, as strict quality was requested"
         refused = QualityError(f"{text}: {trace.warnings[0]}{more}", subject=recording.name)
-        return _failed(known, refused, trace.findings)
-    return _Test(known, trace, identity=identity, shows_signs=trace.shows_signs)
+        return _failed(log, refused, trace.findings)
+    log.trace, log.shows_signs = trace, trace.shows_signs
+    return log
 
 
 def _facts_of_trace(
@@ -765,46 +694,25 @@ def _facts_of_trace(
     }
 
 
-def _raw_findings(recording: Recording) -> tuple[Finding, ...]:
-    """Return what a log shows that cannot be evaluated, if it can be looked at."""
-    try:
-        return examine_raw(recording)
-    except Exception:  # noqa: BLE001 - why it cannot be evaluated is reported already
-        return ()
-
-
 def _failed(
-    known: LogFacts,
+    log: Log,
     error: Exception,
     findings: tuple[Finding, ...] = (),
     *,
     task: str = "reading the log",
-) -> _Test:
+) -> Log:
+    """Return a log as one that cannot be used, with why."""
     mishap = mishap_of(error, task)
-    failure = replace(mishap, log=known.log, path=known.path, setting=known.facts["setting"])
-    is_of_log = mishap.problem.subject == known.log
+    log.failure = replace(mishap, log=log.log, path=log.path, setting=log.facts["setting"])
+    is_of_log = mishap.problem.subject == log.log
     sentence = mishap.problem.message() if is_of_log else mishap.message
     refusal = Finding(_REFUSALS.get(mishap.kind, "unreadable"), "refusal", sentence)
-    facts = {
-        **known.facts,
+    log.facts |= {
         "findings": [finding.describe() for finding in (refusal, *findings)],
         "verdict": "refused",
-        "code": failure.code,
+        "code": log.failure.code,
     }
-    return _Test(known._replace(facts=facts), failure=failure)
-
-
-def _log(known: LogFacts, spent: float) -> None:
-    facts = known.facts
-    _LOGGER.debug(
-        "%s: %s, setting %s, %s samples, %.3f s, sha256 %s",
-        known.path,
-        facts.get("verdict"),
-        facts.get("setting"),
-        facts.get("n_samples_read", "no"),
-        spent,
-        known.sha256 or "unknown",
-    )
+    return log
 
 
 def _gains_by_threads(path: Path) -> bool:

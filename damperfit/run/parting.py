@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 import re
 from collections import defaultdict
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING
 
@@ -40,7 +40,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from damperfit.configuration.options import Configuration
-    from damperfit.damper.model import Model
     from damperfit.identification import Campaign
     from damperfit.recording import Trace
     from damperfit.tested.setting import Setting
@@ -53,93 +52,59 @@ _ROD_OFF = 0.05  # an area of the rod that is further off is another's
 # 12 %, where settings repeat within a few per cent.
 _LEAST_WARMING = 3.0
 _COVARIATE = Option("covariate", "temperature")
-_NO_FIT = (
-    "has no fit, and no joint fit of others that have its clicks; fit settings that have them "
-    "together{joint}, give another log of it to fit, or hold out some of its cycles{cycles}"
-)
 
 
 # Logs of several dampers
 
 
-def by_damper(batch: LogBatch) -> dict[str, LogBatch]:
+def by_damper(batch: LogBatch, *, is_one: bool = False) -> dict[str, LogBatch]:
     """Return the logs of each damper, by serial number or name.
 
     Where no log or one damper alone is named there is one entry. Logs that say nothing then count
     as that damper's, which is said; beside several dampers they fail.
 
-    Parameters
-    ----------
-    batch : LogBatch
-        Everything that was read.
-    """
-    owners = {
-        log.log: identity.owner if (identity := batch.identities.get(log.log)) else ""
-        for log in batch.logs
-    }
-    named = sorted(set(owners.values()) - {""}, key=natural_order)
-    nameless = {log: owner for log, owner in owners.items() if not owner}
-    if len(named) <= 1:
-        remarks = batch.remarks
-        if named and nameless:
-            logs = listed_names(list(nameless), few=5)
-            remark = f"{logs}: assumed to belong to damper {named[0]}, like the others"
-            remarks = (*remarks, remark)
-        return {named[0] if named else "": replace(batch, remarks=remarks)}
-    failed = {failure.log for failure in batch.failures}
-    lost = [
-        Failure(
-            Problem(
-                "no-owner",
-                "the log does not say which damper it belongs to, and there are "
-                f"{listed_names(named, few=5)}; give it a line '# serial: {named[0]}' or a row in "
-                "tests.csv",
-                subject=log.log,
-            ),
-            *(LogError.__name__, log.log, log.path, log.facts.get("setting")),
-        )
-        for log in batch.logs
-        if log.log in nameless and log.log not in failed
-    ]
-    groups = {}
-    for owner in named:
-        mine = {log for log, whose in owners.items() if whose == owner}
-        failures = tuple(failure for failure in batch.failures if failure.log in mine)
-        groups[owner] = LogBatch(
-            tuple(trace for trace in batch.traces if trace.name in mine),
-            tuple(log for log in batch.logs if log.log in mine),
-            failures,
-            n_good=len(mine) - len(failures),
-            identities={log: one for log, one in batch.identities.items() if log in mine},
-        )
-    first = groups[named[0]]
-    nobodys = (failure for failure in batch.failures if failure.log in nameless)
-    groups[named[0]] = replace(
-        first,
-        failures=(*first.failures, *nobodys, *lost),
-        remarks=batch.remarks,
-        notes=batch.notes,
-        skipped=batch.skipped,
-        logs=(*first.logs, *(log for log in batch.logs if log.log in nameless)),
-    )
-    return groups
-
-
-def of_one_damper(batch: LogBatch) -> LogBatch:
-    """Return the batch where its logs are of one damper.
-
     Raises
     ------
     ConfigurationError
-        They are of several.
+        There are several, and there may be one only.
     """
-    groups = by_damper(batch)
-    if len(groups) > 1:
+    owners = {log.log: log.identity.owner for log in batch.logs}
+    named = sorted(set(owners.values()) - {""}, key=natural_order)
+    nameless = [log for log in batch.logs if not log.identity.owner]
+    if len(named) <= 1:
+        if named and nameless:
+            logs = listed_names([log.log for log in nameless], few=5)
+            batch.remarks.append(f"{logs}: assumed to belong to damper {named[0]}, like the others")
+        return {named[0] if named else "": batch}
+    if is_one:
         raise ConfigurationError(
-            f"logs of {len(groups)} dampers: {listed_names(list(groups), few=5)}; give the logs of "
+            f"logs of {len(named)} dampers: {listed_names(named, few=5)}; give the logs of "
             "one, or let damperfit identify on the command line give each a result"
         )
-    return next(iter(groups.values()))
+    groups = {}
+    for owner in named:
+        groups[owner] = LogBatch(
+            [log for log in batch.logs if log.identity.owner == owner],
+            [trace for trace in batch.traces if owners[trace.name] == owner],
+            [failure for failure in batch.failures if owners.get(failure.log) == owner],
+        )
+    first = groups[named[0]]
+    first.remarks, first.notes, first.skipped = batch.remarks, batch.notes, batch.skipped
+    first.logs += nameless
+    first.failures += [failure for failure in batch.failures if not owners.get(failure.log)]
+    text = (
+        f"the log does not say which damper it belongs to, and there are "
+        f"{listed_names(named, few=5)}; give it a line '# serial: {named[0]}' or a row in tests.csv"
+    )
+    first.failures += [
+        Failure(
+            Problem("no-owner", text, subject=log.log),
+            *(LogError.__name__, log.log, log.path, log.facts.get("setting")),
+        )
+        for log in nameless
+        if log.failure is None
+    ]
+    return groups
 
 
 def folder_name(owner: str) -> str:
@@ -153,15 +118,45 @@ def folder_name(owner: str) -> str:
     return re.sub(r"[^\w.-]+", "_", owner).strip("._") or "damper"
 
 
-# Logs of one setting beside each other
+# All steps, then each
 
 
-def once_each(batch: LogBatch) -> LogBatch:
-    """Return the batch with each test once; a test under two settings is a failure of both."""
+def prepare(
+    configuration: Configuration,
+    batch: LogBatch,
+    options: HoldOutOptions,
+    named: Mapping[str, Sequence[Path]],
+    *,
+    is_law_open: bool = False,
+) -> Configuration:
+    """Part the logs of one damper, and leave out copies and contradictions among them.
+
+    Returns the configuration with the temperature that resistances are told for. Where the law is
+    open, what takes a model is left out.
+    """
+    part(batch, options, named)
+    once_each(batch)
+    if not is_law_open:
+        check_temperatures(configuration, (*batch.traces, *batch.held_out))
+    without_contradictions(batch, configuration, is_law_open=is_law_open)
+    without_copies(batch)
+    ratio = None if is_law_open else rod_area_ratio(batch.traces, configuration.damper)
+    if ratio is not None and abs(ratio - 1.0) > _ROD_OFF:
+        batch.remarks.append(
+            "the level of the force over the gas pressures of the tests corresponds to a rod of "
+            f"{ratio:.3g} times the declared area: check rod_diameter, the pressures, and whether "
+            "the force was tared between the tests"
+        )
+    hold_out_transients(batch, options)
+    return configuration if is_law_open else with_reference(configuration, batch.traces)
+
+
+def once_each(batch: LogBatch) -> None:
+    """Keep each test once; a test under two settings is a failure of both."""
     copies = copies_in(batch.traces, {log.log: log.path for log in batch.logs})
     again = {id(copy) for several in copies.values() for copy in several}
     firsts = {trace.name: trace for trace in batch.traces if id(trace) not in again}
-    failures, remarks = [], []
+    remarks = []
     for name, several in copies.items():
         elsewhere = [copy for copy in several if copy.setting != firsts[name].setting]
         if elsewhere:
@@ -170,85 +165,60 @@ def once_each(batch: LogBatch) -> LogBatch:
                 f"the same test under several settings: {listed_names(tests)}; check which is "
                 "right and leave out the rest"
             )
-            failures.append(Failure(Problem("two-settings", text), ContradictionError.__name__))
+            problem = Problem("two-settings", text)
+            batch.failures.append(Failure(problem, ContradictionError.__name__))
             del firsts[name]
             continue
         n = len(several) - 1
         others = f" and {n} other log{'s' * (n > 1)}" if n else ""
         remarks.append(f"{several[0].name}{others}: the same test as {name}; it counts once")
     if (n := len(remarks) - _MANY) > 0:
-        more = f"and so do {n} other tests that were given several times"
-        remarks[_MANY:] = [more]
-    return replace(
-        batch,
-        traces=tuple(firsts.values()),
-        failures=(*batch.failures, *failures),
-        remarks=(*batch.remarks, *remarks),
-    )
+        remarks[_MANY:] = [f"and so do {n} other tests that were given several times"]
+    batch.traces = list(firsts.values())
+    batch.remarks += remarks
 
 
-def without_copies(
-    batch: LogBatch, held_out: Sequence[Trace]
-) -> tuple[LogBatch, tuple[Trace, ...]]:
-    """Return the batch, and what is held out without the tests that are fitted by another name."""
-    kept, remarks = [], list(batch.remarks)
-    for trace in held_out:
+def without_copies(batch: LogBatch) -> None:
+    """Hold out no test that is fitted by another name."""
+    kept = []
+    for trace in batch.held_out:
         others = (one for one in batch.traces if one.name != trace.name)
         first = next((one for one in others if is_same_test(one, trace)), None)
         if first is None:
             kept.append(trace)
-            continue
-        remarks.append(
-            f"{trace.name}: the same test as {first.name}, which is fitted; it is not held out"
-        )
-    return replace(batch, remarks=tuple(remarks)), tuple(kept)
+        else:
+            batch.remarks.append(
+                f"{trace.name}: the same test as {first.name}, which is fitted; it is not held out"
+            )
+    batch.held_out = kept
 
 
 def without_contradictions(
-    batch: LogBatch, *, is_averaging: bool, is_warmed: bool = False
-) -> LogBatch:
-    """Return the batch without the settings whose logs contradict each other, which fail.
+    batch: LogBatch, configuration: Configuration, *, is_law_open: bool = False
+) -> None:
+    """Leave out the settings whose logs contradict each other: of one motion, then of others.
 
-    Parameters
-    ----------
-    batch : LogBatch
-        What was read.
-    is_averaging : bool
-        Such logs are to be fitted together all the same; then it is only said.
-    is_warmed : bool
-        What temperature does is fitted: logs of different temperatures may differ.
+    They fail, or are fitted all the same, with a word on them, where that is asked for. Logs of
+    different temperatures may differ where what it does is fitted.
     """
-    sentences, remarks = {}, list(batch.remarks)
+    damper, sentences = configuration.damper, {}
     for setting, traces in _by_setting(batch).items():
-        worst = contradiction(traces, is_warmed=is_warmed)
+        worst = contradiction(traces, is_warmed=isinstance(damper, Warmed))
         if worst and worst.excess > 1.0:
             sentences[setting] = worst.sentence
         elif worst:
-            remarks.append(
+            batch.remarks.append(
                 f"setting {setting}: {worst.sentence}; fitted together, as one damper repeats "
                 f"within {100.0 * REPEATS:g} %: leave one out if the setting or the damper differs"
             )
-    batch = replace(batch, remarks=tuple(remarks))
-    return _without(batch, sentences, is_averaging=is_averaging)
-
-
-def without_contradictory_motions(batch: LogBatch, configuration: Configuration) -> LogBatch:
-    """Return the batch without the settings whose logs of other motions contradict each other.
-
-    Parameters
-    ----------
-    batch : LogBatch
-        What was read; logs of one motion have been compared.
-    configuration : Configuration
-        The model, how it is fitted, and whether such logs are averaged.
-    """
-    damper, options = configuration.damper, configuration.identification
-    sentences = {
-        setting: sentence
-        for setting, traces in _by_setting(batch).items()
-        if (sentence := contradictory_motions(traces, damper, options))
-    }
-    return _without(batch, sentences, is_averaging=configuration.rig.is_averaging)
+    _leave_out(batch, sentences, configuration)
+    if not is_law_open:
+        options = configuration.identification
+        motions = {
+            setting: contradictory_motions(traces, damper, options)
+            for setting, traces in _by_setting(batch).items()
+        }
+        _leave_out(batch, {k: text for k, text in motions.items() if text}, configuration)
 
 
 def _by_setting(batch: LogBatch) -> dict[Setting, list[Trace]]:
@@ -259,41 +229,22 @@ def _by_setting(batch: LogBatch) -> dict[Setting, list[Trace]]:
     return groups
 
 
-def _without(batch: LogBatch, sentences: Mapping[Setting, str], *, is_averaging: bool) -> LogBatch:
-    """Return the batch without these settings, which fail, or with a word on them."""
-    if is_averaging:
-        remarks = (f"setting {one}: {sentence}; averaged" for one, sentence in sentences.items())
-        return replace(batch, remarks=(*batch.remarks, *remarks))
-    average = Option("rig", "average", "contradictions")
-    failures = [
-        Failure(
-            Problem(
-                "logs-differ",
-                "{sentence}, more than their scatter; check whether the setting or the damper "
-                "differs, leave one out, or fit them together by {average}",
-                subject=f"setting {setting}",
-                values={"sentence": sentence, "average": average},
-            ),
-            ContradictionError.__name__,
-            setting=setting,
-        )
-        for setting, sentence in sentences.items()
-    ]
-    kept = tuple(trace for trace in batch.traces if trace.setting not in sentences)
-    return replace(batch, traces=kept, failures=(*batch.failures, *failures))
-
-
-def with_rod_remark(batch: LogBatch, damper: Model) -> LogBatch:
-    """Return the batch with a word where the pressures tell of another rod than is declared."""
-    ratio = rod_area_ratio(batch.traces, damper)
-    if ratio is None or abs(ratio - 1.0) <= _ROD_OFF:
-        return batch
-    remark = (
-        "the level of the force over the gas pressures of the tests corresponds to a rod of "
-        f"{ratio:.3g} times the declared area: check rod_diameter, the pressures, and whether the "
-        "force was tared between the tests"
+def _leave_out(
+    batch: LogBatch, sentences: Mapping[Setting, str], configuration: Configuration
+) -> None:
+    if configuration.rig.is_averaging:
+        batch.remarks += [f"setting {one}: {text}; averaged" for one, text in sentences.items()]
+        return
+    text = (
+        "{sentence}, more than their scatter; check whether the setting or the damper "
+        "differs, leave one out, or fit them together by {average}"
     )
-    return replace(batch, remarks=(*batch.remarks, remark))
+    average = Option("rig", "average", "contradictions")
+    for setting, sentence in sentences.items():
+        values = {"sentence": sentence, "average": average}
+        problem = Problem("logs-differ", text, subject=f"setting {setting}", values=values)
+        batch.failures.append(Failure(problem, ContradictionError.__name__, setting=setting))
+    batch.traces = [trace for trace in batch.traces if trace.setting not in sentences]
 
 
 # Logs of several temperatures
@@ -304,11 +255,6 @@ def check_temperatures(configuration: Configuration, traces: Iterable[Trace]) ->
 
     Before logs are asked whether they contradict each other: cold and warm ones do, unless it is
     known that they are.
-
-    Raises
-    ------
-    ConfigurationError
-        A log has no temperature.
     """
     lacking = [trace.name for trace in traces if trace.temperature is None]
     if lacking and isinstance(configuration.damper, Warmed):
@@ -324,19 +270,12 @@ def check_temperatures(configuration: Configuration, traces: Iterable[Trace]) ->
 def with_reference(configuration: Configuration, traces: Sequence[Trace]) -> Configuration:
     """Return the configuration with the temperature that the damper's resistances are told for.
 
-    Parameters
-    ----------
-    configuration : Configuration
-        Of a damper that follows the temperature, or of any other, which stays as it is.
-    traces : sequence of Trace
-        What is fitted; each has a temperature.
-
     Raises
     ------
     ConfigurationError
         All logs have nearly the same temperature, or whatever it does could be the setting's.
     """
-    damper = configuration.damper
+    damper, options = configuration.damper, configuration.identification
     if not isinstance(damper, Warmed) or not traces:
         return configuration
     by_setting: dict[str, list[float]] = defaultdict(list)
@@ -344,7 +283,7 @@ def with_reference(configuration: Configuration, traces: Sequence[Trace]) -> Con
         if trace.temperature is not None:
             by_setting[str(trace.setting)].append(trace.temperature)
     temperatures = [one for several in by_setting.values() for one in several]
-    if _reach(temperatures) < _LEAST_WARMING:
+    if max(temperatures) - min(temperatures) < _LEAST_WARMING:
         ends = dict.fromkeys(f"{one:.1f}" for one in (min(temperatures), max(temperatures)))
         raise ConfigurationError(
             f"the logs are {'all ' * (len(ends) == 1)}of {' to '.join(ends)} degC; "
@@ -352,7 +291,24 @@ def with_reference(configuration: Configuration, traces: Sequence[Trace]) -> Con
             f"{_LEAST_WARMING:g} K: test colder or warmer too, or leave the option out",
             where=_COVARIATE,
         )
-    _check_determined(configuration, damper, by_setting)
+    alone = [one for one, known in by_setting.items() if max(known) - min(known) < _LEAST_WARMING]
+    if BETA.name not in options.fixed and options.procedure == "plain" and alone:
+        raise ConfigurationError(
+            f"setting {alone[0]} was tested within {_LEAST_WARMING:g} K, "
+            "and procedure plain fits each setting by itself, so that beta cannot be determined "
+            "there: take procedure joint, with one beta for all settings, or leave the option out",
+            where=_COVARIATE,
+        )
+    is_open = BETA.name in options.fixed or options.is_detecting or bool(options.follows)
+    is_own = {*(options.share or ()), *options.fixed}.isdisjoint(damper.viscous)
+    if options.procedure == "joint" and len(alone) == len(by_setting) and is_own and not is_open:
+        raise ConfigurationError(
+            f"each setting was tested within {_LEAST_WARMING:g} K, and "
+            f"{' and '.join(damper.viscous)} are each setting's own, so that beta cannot be "
+            "determined: test one setting cold and warm, or share one of them ({share})",
+            share=Option("share"),
+            where=_COVARIATE,
+        )
     reference = damper.reference
     if math.isnan(reference):
         reference = round(sum(temperatures) / len(temperatures), 1)
@@ -361,71 +317,13 @@ def with_reference(configuration: Configuration, traces: Sequence[Trace]) -> Con
     return replace(configuration, damper=replace(damper, reference=reference), document=document)
 
 
-def _reach(temperatures: Sequence[float]) -> float:
-    return max(temperatures) - min(temperatures)
-
-
-def _check_determined(
-    configuration: Configuration, damper: Warmed, by_setting: Mapping[str, Sequence[float]]
-) -> None:
-    """Refuse logs in which whatever temperature does could as well be the setting's."""
-    options = configuration.identification
-    if BETA.name in options.fixed:
-        return
-    alone = [one for one, known in by_setting.items() if _reach(known) < _LEAST_WARMING]
-    if options.procedure == "plain" and alone:
-        raise ConfigurationError(
-            f"setting {alone[0]} was tested within {_LEAST_WARMING:g} K, "
-            "and procedure plain fits each setting by itself, so that beta cannot be determined "
-            "there: take procedure joint, with one beta for all settings, or leave the option out",
-            where=_COVARIATE,
-        )
-    is_open = options.is_detecting or bool(options.follows)
-    names = damper.viscous
-    is_own = {*(options.share or ()), *options.fixed}.isdisjoint(names)
-    if options.procedure == "joint" and len(alone) == len(by_setting) and is_own and not is_open:
-        raise ConfigurationError(
-            f"each setting was tested within {_LEAST_WARMING:g} K, and "
-            f"{' and '.join(names)} are each setting's own, so that beta cannot be determined: "
-            "test one setting cold and warm, or share one of them ({share})",
-            share=Option("share"),
-            where=_COVARIATE,
-        )
-
-
 # What is held out
-
-
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Parted:
-    """Logs in two parts.
-
-    Attributes
-    ----------
-    batch : LogBatch
-        All logs; its traces are those to fit, its failures hold the logs that could not be parted.
-    held_out : tuple of Trace
-        To be predicted.
-    is_asked : bool
-        Whether the user said what to hold out; else it is what moves beside the steady cycles.
-    """
-
-    batch: LogBatch
-    held_out: tuple[Trace, ...] = ()
-    is_asked: bool = True
 
 
 def named_files(patterns: Iterable[str], paths: Sequence[Path]) -> dict[str, tuple[Path, ...]]:
     """Return the files that each pattern names: among the logs, else beside them.
 
     A pattern that names neither is not refused here: it may fit one test of a file of several.
-
-    Parameters
-    ----------
-    patterns : iterable of str
-        What to hold out.
-    paths : sequence of pathlib.Path
-        The logs.
     """
     known = {real_path(path): path for path in paths}
     named: dict[str, tuple[Path, ...]] = {}
@@ -452,17 +350,10 @@ def fitting(
     return replace(options, patterns=patterns)
 
 
-def part(batch: LogBatch, options: HoldOutOptions, named: Mapping[str, Sequence[Path]]) -> Parted:
+def part(batch: LogBatch, options: HoldOutOptions, named: Mapping[str, Sequence[Path]]) -> None:
     """Part what was read into what is fitted and what is predicted, but for transients.
 
-    Parameters
-    ----------
-    batch : LogBatch
-        Everything that was read.
-    options : HoldOutOptions
-        What to hold out.
-    named : mapping of str to sequence of pathlib.Path
-        What `named_files` found for the patterns; all of it was read.
+    All that `named_files` found for the patterns was read.
 
     Raises
     ------
@@ -494,22 +385,20 @@ def part(batch: LogBatch, options: HoldOutOptions, named: Mapping[str, Sequence[
     if (held_out and not remaining) or (names and names == {log.log for log in batch.logs}):
         raise ConfigurationError("hold-out: every log is held out; none is left to fit")
     fitted: list[Trace] = []
-    failures = list(batch.failures)
+    failures = []
     for trace in remaining:
         try:
             rest, last = split_cycles(trace, options.cycles) if options.cycles else (trace, None)
         except Exception as error:  # noqa: BLE001 - the other logs go on
-            failures.append(
-                _failure(batch, trace, mishap_of(error, f"holding out cycles of {trace.name}"))
-            )
+            mishap = mishap_of(error, f"holding out cycles of {trace.name}")
+            failures.append(_of_log(mishap, trace, batch))
             continue
         fitted.append(rest)
-        held_out.extend([last] if last is not None else [])
-    left = replace(batch, traces=tuple(fitted), failures=tuple(failures))
-    return Parted(left, tuple(held_out))
+        held_out += [] if last is None else [last]
+    batch.traces, batch.held_out, batch.failures = fitted, held_out, [*batch.failures, *failures]
 
 
-def with_transients(parted: Parted, options: HoldOutOptions) -> Parted:
+def hold_out_transients(batch: LogBatch, options: HoldOutOptions) -> None:
     """Hold out what moves beside the steady cycles of the logs that are left to fit.
 
     After copies and contradictions are gone, for a log that is not fitted has no rest to predict.
@@ -521,47 +410,62 @@ def with_transients(parted: Parted, options: HoldOutOptions) -> Parted:
     """
     is_asked = TRANSIENTS in options.patterns
     if not is_asked and (options.patterns or options.cycles):
-        return parted
-    fitted = parted.batch.traces
-    beside = tuple(one for one in map(transients, fitted) if one is not None)
-    if is_asked and fitted and not beside:
+        return
+    beside = [one for one in map(transients, batch.traces) if one is not None]
+    if is_asked and batch.traces and not beside:
         raise ConfigurationError(
             "hold-out transients: no log has a run-up or coast-down from or to rest, or changes "
             "its speed between steady cycles; give one that does, or hold out another log"
         )
-    return replace(parted, held_out=(*parted.held_out, *beside), is_asked=is_asked)
+    batch.held_out, batch.is_asked = [*batch.held_out, *beside], is_asked
 
 
 def note_unpredicted(
-    parted: Parted,
+    batch: LogBatch,
     campaign: Campaign,
     predictions: Sequence[Prediction],
     known: Sequence[Failure] = (),
-) -> LogBatch:
-    """Return the batch with the held-out logs that could not be predicted among its failures.
+) -> None:
+    """Put the held-out logs that could not be predicted among the failures of the batch.
 
     Logs of which it is known already why are not said again. What nobody asked to hold out is no
     failure: a remark says so, where the setting is fitted.
     """
-    batch = parted.batch
     done = {id(prediction.trace) for prediction in predictions}
     failed = {failure.log for failure in known}
     fitted = {fit.setting for fit in campaign.fits}
-    lost = [trace for trace in parted.held_out if id(trace) not in done]
-    if not parted.is_asked:
-        remarks = (
-            f"{trace.name}: the motion beside its steady cycles cannot be simulated with the "
-            "fitted parameters, so it is not predicted"
-            for trace in lost
-            if trace.setting in fitted
+    for trace in batch.held_out:
+        is_fitted = trace.setting in fitted
+        if id(trace) in done or (trace.name in failed and batch.is_asked):
+            continue
+        if batch.is_asked:
+            batch.failures.append(_of_log(_unpredicted(trace, is_fitted=is_fitted), trace, batch))
+        elif is_fitted:
+            batch.remarks.append(
+                f"{trace.name}: the motion beside its steady cycles cannot be simulated with the "
+                "fitted parameters, so it is not predicted"
+            )
+
+
+def _unpredicted(trace: Trace, *, is_fitted: bool) -> Failure:
+    kind, why = "SimulationError", "cannot be simulated on it"
+    if not is_fitted:
+        kind = "PredictionError"
+        why = (
+            "has no fit, and no joint fit of others that have its clicks; fit settings that have "
+            "them together{joint}, give another log of it to fit, or hold out some of its "
+            "cycles{cycles}"
         )
-        return replace(batch, remarks=(*batch.remarks, *remarks))
-    failures = (
-        _failure(batch, trace, _unpredicted(trace, is_fitted=trace.setting in fitted))
-        for trace in lost
-        if trace.name not in failed
-    )
-    return replace(batch, failures=(*batch.failures, *failures))
+    text = f"held out, but cannot be predicted: setting {trace.setting} {why}"
+    ways = {
+        "joint": Option("procedure", "joint", is_aside=True),
+        "cycles": Option("hold_out_cycles", is_aside=True),
+    }
+    return Failure(Problem("not-predicted", text, subject=trace.name, values=ways), kind)
+
+
+def _of_log(mishap: Failure, trace: Trace, batch: LogBatch) -> Failure:
+    return replace(mishap, log=trace.name, path=batch.path_of(trace.name), setting=trace.setting)
 
 
 def _is_of_files(pattern: str) -> bool:
@@ -580,24 +484,8 @@ def _fits(pattern: str, *names: str) -> bool:
 def _segments(traces: Sequence[Trace], pattern: str) -> tuple[list[Trace], list[Trace]]:
     """Return the logs without the segments of a range, and with these alone."""
     limits = SegmentRange.parse(pattern)
-    if limits is None:
+    if limits is None or not traces:
         return list(traces), []
     parts = [limits.split(trace) for trace in traces]
     fitted, held = ([trace for trace in side if trace] for side in zip(*parts, strict=True))
     return fitted, held
-
-
-def _unpredicted(trace: Trace, *, is_fitted: bool) -> Failure:
-    kind, why = "PredictionError", _NO_FIT
-    if is_fitted:
-        kind, why = "SimulationError", "cannot be simulated on it"
-    text = f"held out, but cannot be predicted: setting {trace.setting} {why}"
-    ways = {
-        "joint": Option("procedure", "joint", is_aside=True),
-        "cycles": Option("hold_out_cycles", is_aside=True),
-    }
-    return Failure(Problem("not-predicted", text, subject=trace.name, values=ways), kind)
-
-
-def _failure(batch: LogBatch, trace: Trace, mishap: Failure) -> Failure:
-    return replace(mishap, log=trace.name, path=batch.path_of(trace.name), setting=trace.setting)

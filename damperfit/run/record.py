@@ -32,21 +32,21 @@ from damperfit.tables.columns import (
 )
 from damperfit.tables.files import json_values, lay_out
 from damperfit.tables.rows import make_tables, profile_rows, valve_rows
-from damperfit.tested.identity import common_identity
+from damperfit.tested.identity import Identity, common_identity
 from damperfit.tested.setting import ADJUSTER, Setting
 from damperfit.uncertainty import METHOD, prediction_warnings
 from damperfit.uncertainty.grades import doubted_cavitation
 from damperfit.units.quantities import engineering
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from damperfit.configuration.options import Configuration
     from damperfit.identification import Campaign, Fit
     from damperfit.recording import Finding, Trace
     from damperfit.run.judging import Judgement, Mishaps
     from damperfit.run.logs import LogBatch
-    from damperfit.tested.identity import Identity
+    from damperfit.tables.reading import LogSignals
     from damperfit.uncertainty import Assessment, MisfitProfile
 
 # Warnings, gates and failures
@@ -63,19 +63,19 @@ def warnings_of(
     configuration: Configuration, batch: LogBatch, campaign: Campaign, judgement: Judgement
 ) -> Iterator[Problem]:
     """Yield what the reader should know before believing the numbers."""
-    assessment = judgement.assessment
+    assessment, sharing = judgement.assessment, campaign.sharing
     yield from map(as_warning, (*batch.skipped_files, *batch.remarks))
     yield from log_warnings(_fitted_traces(campaign))
     yield from map(as_warning, campaign.warnings)
-    if campaign.sharing.friction_varies and campaign.sharing.spread is not None:
-        low, high = campaign.sharing.spread
+    if sharing.friction_varies and sharing.spread is not None:
+        low, high = sharing.spread
         yield warning(
             "friction-varies",
             f"friction goes from {low:.3g} to {high:.3g} N over the settings: one value for all "
             "does not hold; free it{free}",
             free=_freeing_friction(campaign),
         )
-    yield from _at_settings([(fit.setting, said) for fit in campaign.fits for said in fit.warnings])
+    yield from _at_settings([(fit.setting, one) for fit in campaign.fits for one in fit.warnings])
     yield from unconfirmed_tares(campaign, assessment)
     yield from unlike_frictions(campaign, assessment)
     yield from assessment.warnings
@@ -94,30 +94,29 @@ def warnings_of(
     yield from prediction_warnings(judgement.predictions)
 
 
-def as_warning(said: Problem | str) -> Problem:
+def as_warning(told: Problem | str) -> Problem:
     """Return a warning as a problem, where it is a sentence alone."""
-    return said if isinstance(said, Problem) else warning("said", said)
+    return told if isinstance(told, Problem) else warning("said", told)
 
 
 def _freeing_friction(campaign: Campaign) -> Option:
     """Return the option that gives each setting its own friction, all else as it was."""
-    fit = campaign.fits[0]
+    fit, sharing = campaign.fits[0], campaign.sharing
     frictions = [one.name for one in fit.parameters.quantities if one.is_friction]
-    if campaign.sharing.jointly:
-        shared = (n for n in campaign.sharing.jointly if n not in frictions)
+    if sharing.jointly:
+        shared = (n for n in sharing.jointly if n not in frictions)
         return Option("share", ",".join(shared), is_aside=True)
-    held = {*frictions, *campaign.sharing.found}
-    idle = {Status.FIXED, Status.SHARED}
+    held, idle = {*frictions, *sharing.found}, {Status.FIXED, Status.SHARED}
     own = [name for name, how in fit.status.items() if name not in held and how not in idle]
     return Option("free", ",".join((*own, *frictions)), is_aside=True)
 
 
-def _at_settings(said: Sequence[tuple[Setting, Problem | str]]) -> Iterator[Problem]:
+def _at_settings(told: Sequence[tuple[Setting, Problem | str]]) -> Iterator[Problem]:
     """Yield what is so at each setting; of many, the first, and which others have one."""
-    for setting, sentence in said[:1] if len(said) > MANY else said:
+    for setting, sentence in told[:1] if len(told) > MANY else told:
         problem = replace(as_warning(sentence), subject=f"setting {setting}")
-        if len(said) > MANY:
-            others = listed_settings({other for other, _ in said[1:]})
+        if len(told) > MANY:
+            others = listed_settings({other for other, _ in told[1:]})
             problem = replace(problem, text=f"{problem.text} (with other numbers at {others})")
         yield problem
 
@@ -174,23 +173,15 @@ def unlike_frictions(campaign: Campaign, assessment: Assessment) -> Iterator[Pro
     """Say where settings that were fitted apart have frictions that cannot be those of one damper.
 
     With the bleed closed, a preload and a friction give nearly the same force at one speed.
-
-    Parameters
-    ----------
-    campaign : Campaign
-        The fits.
-    assessment : Assessment
-        With the errors of noise and misfit.
     """
     known = {one.setting: one.intervals for one in assessment.uncertainties}
     for quantity in campaign.fits[0].parameters.quantities if campaign.fits else ():
         name = quantity.name
-        if not quantity.is_friction:
-            continue
         found = sorted(
             (getattr(fit.parameters, name), math.hypot(one.error, one.misfit), fit.setting)
             for fit in campaign.fits
-            if fit.status[name] == Status.FITTED
+            if quantity.is_friction
+            and fit.status[name] == Status.FITTED
             and (one := known.get(fit.setting, {}).get(name)) is not None
         )
         if not found:
@@ -264,42 +255,38 @@ def run_of(  # noqa: PLR0913 - all that a run is made of
     mishaps: Mishaps,
     *,
     characteristics: Sequence[dict[str, Any]],
+    signals: Callable[[], Iterable[LogSignals]] | None = None,
     is_interrupted: bool,
 ) -> tuple[Run, tuple[Failure, ...]]:
-    """Return the run that was fitted and judged, without its signals, and what has failed.
+    """Return the run that was fitted and judged, and what has failed.
 
-    Parameters
-    ----------
-    configuration : Configuration
-        The complete configuration.
-    batch : LogBatch
-        What was read.
-    campaign : Campaign
-        The fits.
-    judgement : Judgement
-        What was found of them.
-    mishaps : Mishaps
-        Takes what goes wrong, and tells what did.
-    characteristics : sequence of dict
-        Rows of that table.
-    is_interrupted : bool
-        Whether the user has stopped it.
+    ``characteristics`` are the rows of that table; ``signals`` makes those of each log.
     """
-    damper, fits = configuration.damper, campaign.fits
+    damper, fits, assessment = configuration.damper, campaign.fits, judgement.assessment
     settings, quantities = [fit.setting for fit in fits], campaign.quantities or PAPER_QUANTITIES
-    used = {log.trace.name for fit in fits for log in fit.logs}
-    facts = _provenance(configuration, batch, campaign.procedure, used, judgement)
+    fitted = {log.trace.name for fit in fits for log in fit.logs}
+    seen = {*fitted, *(one.trace.name for one in judgement.predictions)}
+    tested = _identity_of(batch, seen).describe()
+    # What the tables were made from; nothing in it depends on place, time or failures.
+    facts = {
+        "version": __version__,
+        "procedure": campaign.procedure,
+        **({"test": tested} if tested else {}),
+        "configuration": {k: v for k, v in configuration.document.items() if k != "output"},
+        "inputs": {log.log: log.sha256 for log in batch.logs if log.log in seen},
+    }
     rows: dict[str, list[dict[str, Any]]] = {"characteristics": list(characteristics)}
     for fit in fits:
         with sparing(fit.setting, mishaps.at("reading the valves of")):
             valves = damper.valve_characteristics(fit.parameters, [log.trace for log in fit.logs])
             rows.setdefault("valves", []).extend(valve_rows(fit.setting, valves))
     if configuration.profile:
-        wanted = (p for p in judgement.assessment.profiles if p.name in configuration.profile)
-        rows["profiles"] = profile_rows(wanted)
+        rows["profiles"] = profile_rows(
+            one for one in assessment.profiles if one.name in configuration.profile
+        )
     tables = make_tables(
         campaign,
-        assessment=judgement.assessment,
+        assessment=assessment,
         predictions=judgement.predictions,
         adjustment=judgement.adjustment,
         expected=configuration.rig.settings,
@@ -320,7 +307,7 @@ def run_of(  # noqa: PLR0913 - all that a run is made of
         "schema_version": SCHEMA_VERSION,
         "ending": ending.name.lower(),
         "exit_code": ending.value,
-        "test": _identity_of(batch, used).describe(),
+        "test": _identity_of(batch, fitted).describe(),
         "configuration": configuration.document,
         "inputs": [log.describe() for log in batch.logs],
         "skipped": list(batch.skipped),
@@ -333,7 +320,7 @@ def run_of(  # noqa: PLR0913 - all that a run is made of
     }
     # Key by key, so that no two forms of all of it stand beside each other.
     record = {key: json_values(document.pop(key)) for key in list(document)}
-    run = Run(record, quantities=quantities, tables=tables)
+    run = Run(record, quantities=quantities, tables=tables, signals=signals)
     run.report_text = markdown_report(run)
     return run, failures
 
@@ -355,29 +342,9 @@ def ending_of(
     return Ending.GATE_MISSED if gates else Ending.COMPLETE
 
 
-def _provenance(
-    configuration: Configuration,
-    batch: LogBatch,
-    procedure: str,
-    fitted: Collection[str],
-    judgement: Judgement,
-) -> dict[str, Any]:
-    """Return what the tables were made from; nothing in it depends on place, time or failures."""
-    used = {*fitted, *(one.trace.name for one in judgement.predictions)}
-    tested = _identity_of(batch, used).describe()
-    return {
-        "version": __version__,
-        "procedure": procedure,
-        **({"test": tested} if tested else {}),
-        "configuration": {k: v for k, v in configuration.document.items() if k != "output"},
-        "inputs": {log.log: log.sha256 for log in batch.logs if log.log in used},
-    }
-
-
-def _identity_of(batch: LogBatch, names: Collection[str]) -> Identity:
+def _identity_of(batch: LogBatch, names: set[str]) -> Identity:
     """Return whose test some logs of a run are; no name: all. What differs is listed."""
-    known = batch.identities
-    return common_identity(one for name, one in known.items() if name in names or not names)
+    return common_identity(log.identity for log in batch.logs if log.log in names or not names)
 
 
 def _told(
@@ -393,6 +360,10 @@ def _told(
         law = seen_again(law, campaign, configuration.damper)
     method = (METHOD, assessment.cycle_check) if campaign.fits else ()
     gas = () if assessment.gas is None else (assessment.gas.sentence,)
+    cavitation = describe_cavitation(
+        {fit.setting: fit.cavitation for fit in campaign.fits},
+        doubted=doubted_cavitation(assessment.objections),
+    )
     return {
         "warnings": list(map(str, warned)),
         "problems": [one.record() for one in warned],
@@ -404,12 +375,7 @@ def _told(
             "identifiability": list(map(str, assessment.doubts(campaign))),
             "undetermined": list(map(str, assessment.undetermined(campaign))),
             "many_starts": list(describe_searches(campaign.searches)),
-            "cavitation": list(
-                describe_cavitation(
-                    {fit.setting: fit.cavitation for fit in campaign.fits},
-                    doubted=doubted_cavitation(assessment.objections),
-                )
-            ),
+            "cavitation": list(cavitation),
             "force_offset": list(judgement.adjustment.of_offset),
         },
         **({"law_choice": dict(law)} if law else {}),
@@ -436,7 +402,7 @@ def procedure_sentences(configuration: Configuration, campaign: Campaign) -> Ite
         yield f"{sharing.sentence}."
     for one in fit.parameters.quantities:
         name, value, status = one.name, getattr(fit.parameters, one.name), fit.status[one.name]
-        said = f"{name} = {engineering(value, digits=5)} {one.unit}"
+        told = f"{name} = {engineering(value, digits=5)} {one.unit}"
         if sharing.follows.get(name):
             continue
         is_own = one.default is None and not one.is_shared
@@ -449,14 +415,14 @@ def procedure_sentences(configuration: Configuration, campaign: Campaign) -> Ite
                     f"; it {'varies' if sharing.friction_varies else 'hardly varies'}: fitted "
                     f"individually, the settings have {low:.3g} to {high:.3g} N"
                 )
-            yield f"{said} is shared by all settings, found from the logs{spread}."
+            yield f"{told} is shared by all settings, found from the logs{spread}."
         elif is_own and options.free and not is_asked:
             yield (
                 f"{name} of each setting is held at what a first fit of its logs gave, as it "
                 "was not freed; its error is not in those of the others."
             )
         elif status == Status.FIXED and value != one.default:
-            yield f"{said} is fixed."
+            yield f"{told} is fixed."
 
 
 def _judged(campaign: Campaign, judgement: Judgement) -> dict[str, Any]:

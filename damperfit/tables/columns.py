@@ -19,7 +19,7 @@ from damperfit.damper.quantity import Quantity
 from damperfit.tested.setting import ADJUSTER, LONGEST_WORD, Place, Setting, parse_place
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Collection, Iterator, Mapping, Sequence
 
     import pyarrow as pa
 
@@ -223,13 +223,21 @@ _TABLES: dict[str, tuple[Column, ...]] = {
 
 
 def _columns(
-    table: str, settings: Collection[Setting], quantities: Sequence[Quantity]
+    table: str, settings: Collection[Setting] = (), quantities: Sequence[Quantity] = ()
 ) -> Iterator[Column]:
     for column in _TABLES[table]:
         if column is _SETTING:
-            yield from _setting_columns(table, settings)
+            yield from _setting_columns(table, [Setting.of(one) for one in settings])
         elif column is _QUANTITIES:
-            yield from _parameter_columns(quantities)
+            yield from (_number(one.name, one.unit, one.meaning) for one in quantities)
+            for one in quantities:
+                yield _number(f"{one.name}_se", one.unit, f"standard error of {one.name}")
+                yield _number(f"{one.name}_ci_low", one.unit, f"95 % interval of {one.name}")
+                yield _number(f"{one.name}_ci_high", one.unit, f"95 % interval of {one.name}")
+                yield _text(f"{one.name}_status", f"how {one.name} was found")
+            for one in quantities:
+                misfit = f"error of {one.name} from lack of fit"
+                yield _number(f"{one.name}_misfit_se", one.unit, misfit)
         elif column is _REFITTED:
             for one in quantities:
                 yield _number(one.name, one.unit, f"{one.meaning}, {column.description}")
@@ -237,40 +245,24 @@ def _columns(
             yield column
 
 
-def _parameter_columns(quantities: Sequence[Quantity]) -> Iterator[Column]:
-    """A column for each quantity, then what is known of each."""
-    for one in quantities:
-        yield _number(one.name, one.unit, one.meaning)
-    for one in quantities:
-        name, unit = one.name, one.unit
-        yield _number(f"{name}_se", unit, f"standard error of {name}")
-        yield _number(f"{name}_ci_low", unit, f"95 % interval of {name}")
-        yield _number(f"{name}_ci_high", unit, f"95 % interval of {name}")
-        yield _text(f"{name}_status", f"how {name} was found")
-    for one in quantities:
-        said = f"error of {one.name} from lack of fit"
-        yield _number(f"{one.name}_misfit_se", one.unit, said)
-
-
-def _setting_columns(table: str, settings: Collection[Setting]) -> tuple[Column, ...]:
+def _setting_columns(table: str, settings: Sequence[Setting]) -> Iterator[Column]:
     """The column ``setting`` and one for each adjuster that has a name."""
-    known = [Setting.of(one) for one in settings]
-    is_whole = all(isinstance(one.cell, int) for one in known)
-    first = _SETTING if is_whole else _text(_SETTING.name, _SETTING.description)
-    names = known[0].adjusters if known else (ADJUSTER,)
+    is_whole = all(isinstance(one.cell, int) for one in settings)
+    yield _SETTING if is_whole else _text(_SETTING.name, _SETTING.description)
+    names = settings[0].adjusters if settings else (ADJUSTER,)
     if names == (ADJUSTER,):
-        return (first,)
-    turned = (_CHANGED,) if table == "adjustment" and len(names) > 1 else ()
-    return (first, *(_place_column(name, known) for name in names), *turned)
-
-
-def _place_column(name: str, settings: Iterable[Setting]) -> Column:
-    places = [one.place(name) for one in settings]
-    said = f"position of the adjuster {name}"
-    if any(isinstance(place, str) for place in places):
-        return _text(name, said)
-    is_whole = all(isinstance(place, int) for place in places)
-    return _count(name, said) if is_whole else _number(name, "1", said)
+        return
+    for name in names:
+        places = [one.place(name) for one in settings]
+        description = f"position of the adjuster {name}"
+        if any(isinstance(place, str) for place in places):
+            yield _text(name, description)
+        elif all(isinstance(place, int) for place in places):
+            yield _count(name, description)
+        else:
+            yield _number(name, "1", description)
+    if table == "adjustment" and len(names) > 1:
+        yield _CHANGED
 
 
 def table_schema(
@@ -280,46 +272,26 @@ def table_schema(
     settings: Collection[Setting] = (),
     quantities: Sequence[Quantity] = PAPER_QUANTITIES,
 ) -> pa.Schema:
-    """Return the Arrow schema of a table.
-
-    Parameters
-    ----------
-    name : str
-        As in the schema of run.json ("parameters", "mse", ...), or "time_series".
-    facts : mapping
-        JSON values for the schema's ``damperfit`` entry, beside version and name of the table.
-    settings : collection of Setting
-        Of the run: they say what the column ``setting`` holds, and which columns follow it.
-    quantities : sequence of Quantity
-        Of the model.
-    """
+    """Return the Arrow schema of a table; the facts join its ``damperfit`` entry as JSON values."""
     import pyarrow as pa
 
-    own = {"schema_version": SCHEMA_VERSION, "table": name}
-    entry = own | {"quantities": quantity_records(quantities)} | dict(facts)
-    fields_of_table = [
+    entry = {"schema_version": SCHEMA_VERSION, "table": name}
+    entry |= {"quantities": quantity_records(quantities), **facts}
+    columns = [
         pa.field(
-            c.name,
-            pa.type_for_alias(c.kind),
-            metadata={"unit": c.unit, "description": c.description},
+            one.name,
+            pa.type_for_alias(one.kind),
+            metadata={"unit": one.unit, "description": one.description},
         )
-        for c in _columns(name, settings, quantities)
+        for one in _columns(name, settings, quantities)
     ]
-    return pa.schema(fields_of_table, metadata={"damperfit": json.dumps(entry, sort_keys=True)})
+    return pa.schema(columns, metadata={"damperfit": json.dumps(entry, sort_keys=True)})
 
 
 def describe_tables(
     settings: Collection[Setting] = (), quantities: Sequence[Quantity] = PAPER_QUANTITIES
 ) -> dict[str, list[dict[str, str]]]:
-    """Return name, type, unit and meaning of every column that `identify` writes.
-
-    Parameters
-    ----------
-    settings : collection of Setting
-        Of the run.
-    quantities : sequence of Quantity
-        Of the model.
-    """
+    """Return name, type, unit and meaning of every column that `identify` writes, by table."""
     keys = ("name", "type", "unit", "description")
     return {
         table: [dict(zip(keys, c, strict=False)) for c in _columns(table, settings, quantities)]
@@ -333,13 +305,9 @@ def column_kinds(name: str, quantities: Sequence[Quantity] = PAPER_QUANTITIES) -
     return {column.name: _KINDS[column.kind] for column in _columns(name, (), quantities)}
 
 
-def column_names(quantities: Sequence[Quantity] = PAPER_QUANTITIES) -> frozenset[str]:
-    """Return the names of all columns, which no adjuster may have."""
-    return _column_names(tuple(quantities))
-
-
 @cache
-def _column_names(quantities: tuple[Quantity, ...]) -> frozenset[str]:
+def column_names(quantities: tuple[Quantity, ...] = PAPER_QUANTITIES) -> frozenset[str]:
+    """Return the names of all columns, which no adjuster may have."""
     every = (c.name for table in _TABLES for c in _columns(table, (), quantities))
     return frozenset((*every, _CHANGED.name)) - {ADJUSTER}
 
@@ -379,7 +347,7 @@ def adjusters_in(
     """
     if ADJUSTER not in names:
         return ()
-    known = column_names(quantities)
+    known = column_names(tuple(quantities))
     after = names[list(names).index(ADJUSTER) + 1 :]
     return tuple(takewhile(lambda name: name not in known, after))
 
@@ -387,17 +355,8 @@ def adjusters_in(
 def read_setting(row: Mapping[str, Any], adjusters: Sequence[str] = ()) -> Setting | None:
     """Return the setting of a row that was read back, None where its cell is empty.
 
-    Parameters
-    ----------
-    row : mapping
-        Cells by column, as numbers or text.
-    adjusters : sequence of str
-        Names of the adjusters; where their columns are missing the label is taken as it is.
-
-    Raises
-    ------
-    ValueError
-        A cell says no place of an adjuster.
+    Where the columns of the adjusters are missing the label is taken as it is; a ValueError tells
+    of a cell that says no place of an adjuster.
     """
     cells = [row.get(name) for name in adjusters]
     if adjusters and all(cell not in (None, "") for cell in cells):
@@ -415,32 +374,25 @@ def read_setting(row: Mapping[str, Any], adjusters: Sequence[str] = ()) -> Setti
 
 def quantity_records(quantities: Sequence[Quantity]) -> list[dict[str, Any]]:
     """Return quantities as JSON values; what has no limit has none."""
-    return [
-        {one.name: _as_json(getattr(quantity, one.name)) for one in fields(Quantity)}
-        for quantity in quantities
+    records = [
+        {one.name: getattr(known, one.name) for one in fields(Quantity)} for known in quantities
     ]
-
-
-def _as_json(value: Any) -> Any:
-    if isinstance(value, tuple):
-        return [end if math.isfinite(end) else None for end in value]
-    return value
+    for record in records:
+        ranges = {key: ends for key, ends in record.items() if isinstance(ends, tuple)}
+        for key, ends in ranges.items():
+            record[key] = [end if math.isfinite(end) else None for end in ends]
+    return records
 
 
 def quantities_in(facts: Mapping[str, Any], columns: Sequence[str] = ()) -> tuple[Quantity, ...]:
     """Return the quantities that the facts of a table or run.json tell, in their order.
 
-    Parameters
-    ----------
-    facts : mapping
-        With the key "quantities", but for older results, which are the paper's.
-    columns : sequence of str
-        Of the table, where known: where the facts tell nothing and a column has a status that the
-        paper's model does not know, the columns say what there is.
+    Older results told none: they are the paper's, unless a column of the table has a status that
+    the paper's model does not know; then the columns say what there is.
     """
     records = facts.get("quantities")
     try:
-        found = tuple(_quantity(one) for one in records) if isinstance(records, list) else ()
+        found = tuple(map(_quantity, records)) if isinstance(records, list) else ()
     except (KeyError, TypeError, ValueError):
         found = ()
     if found:
@@ -453,13 +405,14 @@ def quantities_in(facts: Mapping[str, Any], columns: Sequence[str] = ()) -> tupl
 
 def _quantity(record: Mapping[str, Any]) -> Quantity:
     known = {one.name: record[one.name] for one in fields(Quantity) if one.name in record}
-    ranges = {key: _range(ends) for key, ends in known.items() if isinstance(ends, list)}
-    return Quantity(**_LATER.get(known["label"], {}) | known | ranges)
-
-
-def _range(ends: Sequence[float | None]) -> tuple[float, float]:
-    low, high = ends
-    return -math.inf if low is None else float(low), math.inf if high is None else float(high)
+    for key, ends in known.items():
+        if isinstance(ends, list):
+            low, high = ends
+            known[key] = (
+                -math.inf if low is None else float(low),
+                math.inf if high is None else float(high),
+            )
+    return Quantity(**_LATER.get(known["label"], {}) | known)
 
 
 def values_from(quantities: tuple[Quantity, ...], numbers: Sequence[float]) -> Values:

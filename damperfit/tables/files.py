@@ -30,46 +30,37 @@ if TYPE_CHECKING:
     from damperfit.damper.quantity import Quantity
     from damperfit.simulation import Response
     from damperfit.tables.reading import LogSignals
-    from damperfit.tested.setting import Place
     from damperfit.units.shown_units import ShownUnits
+
+
+def finite(value: Any) -> Any:
+    """Return a cell; None for a number that no table and no JSON knows (NaN, infinity)."""
+    return None if isinstance(value, float) and not isfinite(value) else value
 
 
 # Arrow arrays from their buffers: `pyarrow.array` imports pandas, which every run would wait for.
 
 
 def _floats(values: NDArray[np.float64]) -> pa.Array:
-    """Return an Arrow array of the same numbers, without a copy where that is possible."""
     data = np.ascontiguousarray(values, dtype=np.float64)
     return pa.Array.from_buffers(pa.float64(), len(data), [None, pa.py_buffer(data)])
 
 
-def _column(values: Sequence[float | str | None], kind: pa.DataType) -> pa.Array:
-    """Return an Arrow array of type ``kind`` (float64, int64 or string); None is null."""
+def _column(cells: Iterable[Any], kind: pa.DataType) -> pa.Array:
+    """Return an Arrow array of type ``kind`` (float64, int64 or string); None and NaN are null."""
+    values = [finite(cell) for cell in cells]
     is_valid = np.array([value is not None for value in values], dtype=np.bool_)
     validity = None if is_valid.all() else pa.py_buffer(np.packbits(is_valid, bitorder="little"))
     if kind == pa.string():
-        texts = [b"" if value is None else _encoded(str(value)) for value in values]
-        offsets = np.cumsum([0, *(len(text) for text in texts)], dtype=np.int32)
+        shown = ["" if value is None else str(value) for value in values]
+        texts = [text.encode("utf-8", "backslashreplace") for text in shown]
+        offsets = np.cumsum([0, *map(len, texts)], dtype=np.int32)
         buffers = [validity, pa.py_buffer(offsets), pa.py_buffer(b"".join(texts))]
     else:
         dtype = np.int64 if kind == pa.int64() else np.float64
         data = np.array([0 if value is None else value for value in values], dtype=dtype)
         buffers = [validity, pa.py_buffer(data)]
     return pa.Array.from_buffers(kind, len(values), buffers)
-
-
-def _encoded(text: str) -> bytes:
-    return text.encode("utf-8", "backslashreplace")
-
-
-def _repeated(value: Place, n: int, kind: pa.DataType) -> pa.Array:
-    """Return an Arrow array of one number or text, ``n`` times."""
-    if kind != pa.string():
-        data = np.full(n, value, dtype=np.int64 if kind == pa.int64() else np.float64)
-        return pa.Array.from_buffers(kind, n, [None, pa.py_buffer(data)])
-    text = _encoded(str(value))
-    offsets = np.arange(n + 1, dtype=np.int32) * np.int32(len(text))
-    return pa.Array.from_buffers(kind, n, [None, pa.py_buffer(offsets), pa.py_buffer(text * n)])
 
 
 def lay_out(
@@ -80,20 +71,9 @@ def lay_out(
     settings: Collection[Setting] = (),
     quantities: Sequence[Quantity] = (),
 ) -> pa.Table:
-    """Return rows as a table of `columns`; cells that a row has not are null.
+    """Return rows as a table of `columns`; cells that a row has not, or not finite, are null.
 
-    Parameters
-    ----------
-    name : str
-        Of the table, as `columns` declares it.
-    rows : sequence of mapping
-        Cells by column; each row has its setting.
-    facts : mapping, optional
-        For the schema's ``damperfit`` entry, as JSON values.
-    settings : collection of Setting
-        Of the run.
-    quantities : sequence of Quantity
-        Of the model.
+    Each row has its setting; the facts go into the ``damperfit`` entry of the schema.
     """
     schema = table_schema(name, facts or {}, settings=settings, quantities=quantities)
     is_whole = schema.field("setting").type == pa.int64()
@@ -107,41 +87,22 @@ def lay_out(
     return pa.Table.from_arrays(arrays, schema=schema)
 
 
-def time_series_table(response: Response, *, facts: Mapping[str, Any] | None = None) -> pa.Table:
-    """Lay a simulated response out as a table with one row per sample.
-
-    Parameters
-    ----------
-    response : Response
-        Result of `damperfit.simulation.simulate`.
-    facts : mapping, optional
-        Facts for the schema's ``damperfit`` entry, as JSON values.
-    """
+def time_series_table(response: Response) -> pa.Table:
+    """Return a simulated response as a table with one row a sample."""
     signals = (response.time, response.displacement, response.velocity, response.force)
     arrays = [_floats(one) for one in (*signals, *response.pressures)]
-    return pa.Table.from_arrays(arrays, schema=table_schema("time_series", facts or {}))
+    return pa.Table.from_arrays(arrays, schema=table_schema("time_series", {}))
 
 
 def write_responses(
-    path: Path,
-    logs: Iterable[LogSignals],
-    *,
-    settings: Collection[Setting],
-    quantities: Sequence[Quantity],
-    facts: Mapping[str, Any] | None = None,
+    path: Path, logs: Iterable[LogSignals], facts: Mapping[str, Any] | None = None, **of: Any
 ) -> int:
     """Write measured and simulated signals, one row group per log, and return the rows written.
 
-    Parameters
-    ----------
-    path : pathlib.Path
-        Where to write.
-    logs : iterable of LogSignals
-        Taken one by one, so that memory need not grow with the number of logs.
-    settings, quantities, facts
-        As of `lay_out`.
+    The logs are taken one by one, so that memory need not grow with their number; the rest is as
+    of `lay_out`.
     """
-    schema = table_schema("responses", facts or {}, settings=settings, quantities=quantities)
+    schema = table_schema("responses", facts or {}, **of)
     n_rows = 0
     # A dictionary of numbers that never repeat costs twice the time and a sixth more space; to pack
     # them takes three tenths of the time, for a sixth less.
@@ -166,45 +127,32 @@ def write_responses(
 
 
 def responses_table(
-    logs: Iterable[LogSignals],
-    *,
-    settings: Collection[Setting],
-    quantities: Sequence[Quantity],
-    facts: Mapping[str, Any] | None = None,
+    logs: Iterable[LogSignals], facts: Mapping[str, Any] | None = None, **of: Any
 ) -> pa.Table:
     """Return what `write_responses` writes as one table."""
-    schema = table_schema("responses", facts or {}, settings=settings, quantities=quantities)
+    schema = table_schema("responses", facts or {}, **of)
     return pa.concat_tables([_signals_table(schema, log) for log in logs])
 
 
 def _signals_table(schema: pa.Schema, log: LogSignals) -> pa.Table:
     is_whole = schema.field("setting").type == pa.int64()
     named = setting_cells(log.setting, is_whole=is_whole) | {"log": log.log}
-    n = len(log.time)
     arrays = [
-        *(_repeated(cell, n, schema.field(name).type) for name, cell in named.items()),
-        *map(_floats, (log.time, log.displacement, log.velocity, log.force_measured, log.force)),
-        *map(_floats, log.pressures),
+        pa.repeat(_column([cell], schema.field(name).type)[0], len(log.time))
+        for name, cell in named.items()
     ]
+    signals = (log.time, log.displacement, log.velocity, log.force_measured, log.force)
+    arrays += map(_floats, (*signals, *log.pressures))
     return pa.Table.from_arrays(arrays, schema=schema)
 
 
 def write_table(path: Path, table: pa.Table, *, suffix: str | None = None) -> None:
-    """Write a table as Parquet (with page checksums) or CSV, chosen by the suffix.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        Where to write; see `damperfit.store` for writing whole or not at all.
-    table : pyarrow.Table
-        The table.
-    suffix : str, optional
-        ".parquet" or ".csv" when the path itself does not end so.
+    """Write a table as Parquet (with page checksums) or CSV, by the suffix of the path or given.
 
     Raises
     ------
     ConfigurationError
-        The suffix is neither.
+        The suffix is neither ".parquet" nor ".csv".
     """
     suffix = (suffix or path.suffix).lower()
     if suffix == ".parquet":
@@ -226,10 +174,7 @@ def write_table(path: Path, table: pa.Table, *, suffix: str | None = None) -> No
 
 
 def safe_cell(text: str) -> str:
-    """Return text that no spreadsheet takes for a formula.
-
-    A cell that starts with ``= + - @``, tab or carriage return gets a leading apostrophe.
-    Numbers are never touched.
+    """Return text that no spreadsheet takes for a formula: an apostrophe before ``= + - @``.
 
     Examples
     --------
@@ -270,8 +215,7 @@ _ENCODER = json.JSONEncoder(ensure_ascii=False, allow_nan=False)
 
 def json_values(value: Any) -> Any:
     """Return the value with every number that JSON does not know (NaN, infinity) as None."""
-    kind = type(value)  # with numbers, lists and dictionaries of them nearly all there is
-    if kind in _PLAIN or (kind is float and isfinite(value)):
+    if type(value) in _PLAIN:  # with numbers, lists and dictionaries of them nearly all there is
         return value
     if isinstance(value, float):
         return value if isfinite(value) else None
@@ -314,8 +258,7 @@ def _laid_out(value: Any, line: str) -> Iterator[str]:
         yield line + "}"
     elif isinstance(value, list) and any(isinstance(item, dict) for item in value):
         for place, item in enumerate(value):
-            yield ("," if place else "[") + deeper
-            yield _ENCODER.encode(item)
+            yield ("," if place else "[") + deeper + _ENCODER.encode(item)
         yield line + "]"
     else:
         yield _ENCODER.encode(value)

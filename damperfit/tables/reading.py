@@ -95,9 +95,8 @@ def read_facts(path: Path) -> dict[str, Any]:
         return {}
 
 
-def facts_of(table: pa.Table | pa.Schema) -> dict[str, Any]:
-    """Return what a table, or its schema, tells of the run that made it."""
-    schema = table.schema if isinstance(table, pa.Table) else table
+def facts_of(schema: pa.Schema) -> dict[str, Any]:
+    """Return what the schema of a table tells of the run that made it."""
     try:
         facts = json.loads((schema.metadata or {}).get(b"damperfit", b"{}"))
     except (ValueError, RecursionError):
@@ -122,11 +121,8 @@ def _cells(path: Path) -> tuple[list[str], list[dict[str, Any]]]:
     return list(reader.fieldnames or ()), rows
 
 
-def _typed(
-    names: Sequence[str],
-    rows: Iterable[Mapping[str, Any]],
-    table: str,
-    quantities: Sequence[Quantity],
+def typed_rows(
+    names: Sequence[str], rows: Iterable[Mapping[str, Any]], table: str, of: Sequence[Quantity]
 ) -> Rows:
     """Return the rows that say their setting, by column; None where a cell or a column is missing.
 
@@ -137,7 +133,7 @@ def _typed(
     def cell(value: Any, kind: type) -> Any:
         return None if value is None or (value == "" and kind is not str) else kind(value)
 
-    adjusters, kinds = adjusters_in(names, quantities), column_kinds(table, quantities)
+    adjusters, kinds = adjusters_in(names, of), column_kinds(table, of)
     del kinds["setting"]
     return tuple(
         {"setting": setting} | {name: cell(row.get(name), kind) for name, kind in kinds.items()}
@@ -159,19 +155,6 @@ def has_table(folder: Path, record: Mapping[str, Any], table: str) -> bool:
     files = record.get("files")
     is_listed = isinstance(files, dict) and f"{table}.parquet" in files
     return is_listed or any((folder / f"{table}{end}").is_file() for end in (".parquet", ".csv"))
-
-
-def read_quantities(folder: Path, record: Mapping[str, Any]) -> tuple[Quantity, ...]:
-    """What the table of parameters is of: as it says itself, else run.json, else its columns."""
-    facts = read_facts(folder / "parameters.parquet")
-    if "quantities" in facts:
-        return quantities_in(facts)
-    columns: list[str] = []
-    with suppress(*_BROKEN):
-        columns = pq.read_schema(regular(folder / "parameters.parquet")).names
-    with suppress(*_BROKEN):
-        columns = columns or _cells(folder / "parameters.csv")[0]
-    return quantities_in(record, columns)
 
 
 def read_record(path: Path, remarks: list[str]) -> dict[str, Any]:
@@ -209,13 +192,17 @@ def read_rows(
     record: Mapping[str, Any] | None = None,
 ) -> Rows:
     """Return the rows of a table, from Parquet, else from CSV."""
+    schema = (record or {}).get("schema")
+    columns = schema.get(table) if isinstance(schema, dict) else None
+    listed = columns if isinstance(columns, list) else ()
+    written = [str(column.get("name")) for column in listed if isinstance(column, dict)]
     for suffix in (".parquet", ".csv"):
         path = folder / (table + suffix)
         try:
             names, cells = _cells(path)
             if "setting" not in names:
                 raise KeyError("setting")  # noqa: TRY301 - as of a damaged file
-            rows = _typed(names, cells, table, quantities)
+            rows = typed_rows(names, cells, table, quantities)
         except FileNotFoundError:
             remarks.append(f"{path.name} is missing")
         except KeyError as error:
@@ -223,25 +210,12 @@ def read_rows(
         except _BROKEN as error:
             remarks.append(f"{path.name} cannot be read: {_reason(error)}")
         else:
-            missing = [name for name in _written(table, record or {}) if name not in names]
+            missing = [name for name in written if name not in names]
             if rows and missing:
                 more = f" and {len(missing) - _MANY} more" if len(missing) > _MANY else ""
                 remarks.append(f"{path.name} has no column {', '.join(missing[:_MANY])}{more}")
             return rows
     return ()
-
-
-def _written(table: str, record: Mapping[str, Any]) -> list[str]:
-    """Return the columns that a run says it wrote."""
-    schema = record.get("schema")
-    columns = schema.get(table) if isinstance(schema, dict) else None
-    listed = columns if isinstance(columns, list) else ()
-    return [str(column.get("name")) for column in listed if isinstance(column, dict)]
-
-
-def rows_of(table: pa.Table, name: str, quantities: Sequence[Quantity] = PAPER_QUANTITIES) -> Rows:
-    """Return the rows of a table in memory, as `read_rows` reads them from a file."""
-    return _typed(table.column_names, table.to_pylist(), name, quantities)
 
 
 def read_signals(
@@ -287,15 +261,20 @@ def _split(table: pa.Table, adjusters: Sequence[str]) -> Iterator[LogSignals]:
 # A table of parameters, of a run or of somebody's own
 
 
-def table_quantities(path: Path) -> tuple[Quantity, ...]:
-    """Return the quantities that a table of parameters is of: as it, or run.json beside it, tells.
+def table_quantities(path: Path, record: Mapping[str, Any] | None = None) -> tuple[Quantity, ...]:
+    """Return what a table of parameters is of: as it says itself, else run.json, else its columns.
 
     Older tables are of the paper's model.
     """
     facts = read_facts(path)
-    return quantities_in(
-        facts if "quantities" in facts else read_record(path.parent / "run.json", [])
-    )
+    if "quantities" in facts:
+        return quantities_in(facts)
+    columns: list[str] = []
+    for table in (path, path.with_suffix(".csv")):
+        with suppress(*_BROKEN):
+            columns = columns or _cells(table)[0]
+    known = read_record(path.parent / "run.json", []) if record is None else record
+    return quantities_in(known, columns)
 
 
 def read_table(
@@ -303,13 +282,8 @@ def read_table(
 ) -> tuple[dict[str, Any], tuple[Quantity, ...], Rows, str]:
     """Return what a table of parameters and run.json beside it tell, and where the damper stands.
 
-    Parameters
-    ----------
-    path : pathlib.Path
-        A table written by `write_table`, or any table with the columns ``setting`` and those of
-        the quantities in SI, as ``r_m1``, ``r_m2``, ``r_m3``, ``k_e``, ``f_f`` and perhaps ``f_0``.
-    is_whole : bool
-        Whether it must have a column for each quantity that has no default.
+    It was written by `write_table`, or is any table with the columns ``setting`` and those of the
+    quantities in SI; ``is_whole``: of each quantity that has no default.
 
     Raises
     ------
@@ -328,7 +302,7 @@ def read_table(
                 raise ConfigurationError(
                     f"not a parameters table: it has no column '{name}'", subject=path
                 )
-        rows = _typed(names, cells, "parameters", quantities)
+        rows = typed_rows(names, cells, "parameters", quantities)
     except OSError as error:
         why = f"cannot be read: {error.strerror or error}"
         raise ConfigurationError(why, subject=path) from error
@@ -356,7 +330,6 @@ def read_known_numbers(path: Path) -> dict[Setting, dict[str, float]]:
 
 
 def _parts_of(folder: Path) -> list[Path]:
-    """Return the parts in the folder of one serial number."""
     is_ours = folder.name.startswith(("serial-", "serial="))
     return sorted(folder.glob("part-*.parquet")) if is_ours else []
 
@@ -448,13 +421,6 @@ def read_part(path: Path) -> tuple[dict[str, Any], tuple[Quantity, ...], Rows]:
 
 def written_of(place: Path, name: str) -> Path:
     """Return where what is made of results goes: beside a fleet's parts, which programs read whole.
-
-    Parameters
-    ----------
-    place : pathlib.Path
-        As `Run.load` takes it.
-    name : str
-        What is made; a folder of the fleet.
 
     Examples
     --------

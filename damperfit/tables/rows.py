@@ -21,7 +21,7 @@ from damperfit.identification.outcome import Status
 from damperfit.simulation import NAMED_SPEEDS
 from damperfit.statistics import mean_of
 from damperfit.tables.columns import CAVITATION, CLICK, FORCE, PAPER_QUANTITIES
-from damperfit.tables.files import lay_out
+from damperfit.tables.files import finite, lay_out
 from damperfit.tables.reading import LogSignals
 from damperfit.uncertainty import Assessment
 
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from damperfit.adjustment.force_at import Force
     from damperfit.damper.model import Model
     from damperfit.damper.valves import ValveCharacteristic
-    from damperfit.identification import Campaign, Fit, LogFit, SimulatedLog
+    from damperfit.identification import Campaign, Fit, SimulatedLog
     from damperfit.recording import Stretch, Trace
     from damperfit.tables.columns import Column
     from damperfit.tested.setting import Setting
@@ -49,12 +49,8 @@ MISSING = "missing"  # outcome of a setting that the configuration expects but t
 _GOOD = 5.0  # per cent
 
 
-def _finite(value: float | None) -> float | None:
-    return None if value is None or not math.isfinite(value) else float(value)
-
-
-def _numbers(columns: Iterable[Column], one: object) -> dict[str, float | None]:
-    return {c.name: _finite(getattr(one, c.source)) for c in columns if c.source}
+def _cells(columns: Iterable[Column], one: object) -> dict[str, Any]:
+    return {c.name: finite(getattr(one, c.source)) for c in columns if c.source}
 
 
 def grade(mse_percent: float) -> str:
@@ -81,20 +77,8 @@ def make_tables(
 ) -> dict[str, pa.Table]:
     """Return the tables "parameters", "mse" and "adjustment" of a campaign.
 
-    Parameters
-    ----------
-    campaign : Campaign
-        Result of `damperfit.identification.identify`.
-    assessment : Assessment
-        Errors and intervals, cells without one stay empty; why grades are withheld.
-    predictions : sequence of Prediction
-        What was held out; their rows follow those of the setting in table ``mse``.
-    adjustment : Adjustment
-        Forces by setting; without them that table has no rows.
-    expected : iterable of Setting
-        Settings that ought to be there; those without a fit get a row of nulls.
-    facts : mapping, optional
-        For the schema's ``damperfit`` entry: JSON values that depend on the inputs alone.
+    Settings that were expected and have no fit get a row of nulls; the facts go into the schemas
+    and depend on the inputs alone.
     """
     reasons = {
         setting: "; ".join(one.sentence for one in why)
@@ -102,19 +86,21 @@ def make_tables(
     }
     known = {one.setting: one.intervals for one in assessment.uncertainties}
     parameters = {
-        fit.setting: _parameter_row(
-            fit, assessment, known.get(fit.setting, {}), reasons.get(fit.setting)
-        )
+        fit.setting: _parameter_row(fit, assessment, known.get(fit.setting, {}))
+        | {
+            "grade": WITHHELD if reasons.get(fit.setting) else grade(fit.mse_percent),
+            "grade_reason": reasons.get(fit.setting),
+        }
         for fit in campaign.fits
     }
-    for setting in set(expected) - parameters.keys():
-        parameters[setting] = {"setting": setting, "outcome": MISSING}
-    errors = list(_mse_rows(campaign, predictions))
-    for row in errors:
-        row["grade"] = WITHHELD if row["setting"] in reasons else row["grade"]
+    for setting in expected:
+        parameters.setdefault(setting, {"setting": setting, "outcome": MISSING})
     rows: dict[str, Sequence[Mapping[str, Any]]] = {
         "parameters": [parameters[setting] for setting in sorted(parameters)],
-        "mse": errors,
+        "mse": [
+            row | ({"grade": WITHHELD} if row["setting"] in reasons else {})
+            for row in _mse_rows(campaign, predictions)
+        ],
         "adjustment": adjustment_rows(adjustment.forces, adjustment.clicks),
     }
     quantities = campaign.quantities or PAPER_QUANTITIES
@@ -125,56 +111,48 @@ def make_tables(
 
 
 def _parameter_row(
-    fit: Fit, assessment: Assessment, intervals: Mapping[str, Interval], reason: str | None
+    fit: Fit, assessment: Assessment, intervals: Mapping[str, Interval]
 ) -> dict[str, Any]:
-    row: dict[str, Any] = {"setting": fit.setting}
+    row: dict[str, Any] = {"setting": fit.setting, **_cells(CAVITATION, fit.cavitation)}
     for name in fit.parameters.names:
-        row[name] = _finite(getattr(fit.parameters, name))
-        interval = intervals.get(name)
-        low, high = assessment.plausible_limits(fit, name)
+        interval, (low, high) = intervals.get(name), assessment.plausible_limits(fit, name)
         is_open = fit.status[name] == Status.NOT_IDENTIFIABLE and low is None and high is None
+        row[name] = getattr(fit.parameters, name)
         if interval is not None and not is_open:  # without a limit there is no error either
-            row[f"{name}_se"] = _finite(interval.error)
-            row[f"{name}_misfit_se"] = _finite(interval.misfit)
-        row[f"{name}_ci_low"], row[f"{name}_ci_high"] = _finite(low), _finite(high)
+            row |= {f"{name}_se": interval.error, f"{name}_misfit_se": interval.misfit}
+        row |= {f"{name}_ci_low": low, f"{name}_ci_high": high}
         row[f"{name}_status"] = fit.status[name].value
     return row | {
-        "mse_percent": _finite(fit.mse_percent),
-        "grade": WITHHELD if reason else grade(fit.mse_percent),
-        "grade_reason": reason,
+        "mse_percent": fit.mse_percent,
         "outcome": fit.outcome.value,
         "n_logs": len(fit.logs),
         "n_samples": fit.n_samples,
         "n_cycles": fit.n_cycles,
         "evaluations": fit.evaluations,
         "lowest_pressure_chamber": fit.cavitation.chamber or None,
-        **_numbers(CAVITATION, fit.cavitation),
     }
 
 
 def _mse_rows(campaign: Campaign, predictions: Sequence[Prediction]) -> Iterator[dict[str, Any]]:
     """Yield for each setting the row of the whole, of each log fitted, of each held out."""
 
-    def row(setting: Setting, role: str, log: str, n: int, one: Any) -> dict[str, Any]:
+    def row(setting: Setting, role: str, one: Any) -> dict[str, Any]:
+        trace = getattr(one, "trace", None)
         return {
             "setting": setting,
-            "log": log,
-            "mse_percent": _finite(one.mse_percent),
-            "noise_floor_percent": _finite(one.noise_floor_percent),
+            "log": "" if trace is None else trace.name,
+            "mse_percent": one.mse_percent,
+            "noise_floor_percent": one.noise_floor_percent,
             "grade": grade(one.mse_percent),
-            "n_samples": n,
+            "n_samples": one.n_samples if trace is None else trace.n_samples,
             "role": role,
         }
 
-    def of_log(role: str, setting: Setting, one: LogFit | Prediction) -> dict[str, Any]:
-        return row(setting, role, one.trace.name, one.trace.n_samples, one)
-
     for fit in campaign.fits:
-        yield row(fit.setting, "fitted", "", fit.n_samples, fit)
-        yield from (of_log("fitted", fit.setting, one) for one in fit.logs)
+        yield from (row(fit.setting, "fitted", one) for one in (fit, *fit.logs))
         held_out = (one for one in predictions if one.setting == fit.setting)
-        yield from (of_log("held_out", fit.setting, one) for one in held_out)
-    yield from (of_log("held_out", one.setting, one) for one in predictions if one.is_unseen)
+        yield from (row(fit.setting, "held_out", one) for one in held_out)
+    yield from (row(one.setting, "held_out", one) for one in predictions if one.is_unseen)
 
 
 def profile_rows(profiles: Iterable[MisfitProfile]) -> list[dict[str, Any]]:
@@ -183,9 +161,9 @@ def profile_rows(profiles: Iterable[MisfitProfile]) -> list[dict[str, Any]]:
         {
             "setting": profile.setting,
             "parameter": profile.name,
-            "value": _finite(point.value),
-            "misfit_rise": _finite(point.rise),
-            **{name: _finite(getattr(point.parameters, name)) for name in point.parameters.names},
+            "value": point.value,
+            "misfit_rise": point.rise,
+            **{name: getattr(point.parameters, name) for name in point.parameters.names},
         }
         for profile in profiles
         for point in profile.points
@@ -193,44 +171,34 @@ def profile_rows(profiles: Iterable[MisfitProfile]) -> list[dict[str, Any]]:
 
 
 def adjustment_rows(forces: Sequence[Force], clicks: Sequence[Click]) -> list[dict[str, Any]]:
-    """Return the rows of the table "adjustment".
+    """Return the rows of the table "adjustment": by setting, speed and stroke, as they are told.
 
-    Parameters
-    ----------
-    forces : sequence of Force
-        By setting, speed and stroke, as they are told.
-    clicks : sequence of Click
-        Their changes; the rows of the lowest setting have none. With several adjusters a setting
-        has a row for each that has a neighbour below it.
+    The rows of the lowest setting have no change. With several adjusters a setting has a row for
+    each that has a neighbour below it.
     """
     changes: dict[tuple[Setting, float, str], list[dict[str, Any]]] = defaultdict(list)
     for click in clicks:
-        change = {**_numbers(CLICK, click), "changed": click.adjuster}
+        change = {**_cells(CLICK, click), "changed": click.adjuster}
         changes[click.second, click.speed, click.stroke].append(change)
     none = [dict.fromkeys(column.name for column in CLICK)]
-    return [
-        _force_row(one) | change
-        for one in forces
-        for change in changes.get((one.setting, one.speed, one.stroke), none)
-    ]
-
-
-def _force_row(one: Force) -> dict[str, Any]:
-    seen = one.measured
-    tare = one.tare if seen is not None and one.measured_force != seen.force else 0.0
-    return {
-        "setting": one.setting,
-        "speed_m_per_s": one.speed,
-        "stroke": one.stroke,
-        **_numbers(FORCE, one),
-        "origin": one.origin,
-        "tested": "yes" if one.is_tested else "no",
-        "measured_as": None if seen is None else seen.kind,
-        **{
-            f"measured_{part}_N": None if seen is None else _finite(getattr(seen, part) - tare)
-            for part in ("opening", "closing", "peak")
-        },
-    }
+    rows = []
+    for one in forces:
+        seen = one.measured
+        tare = one.tare if seen is not None and one.measured_force != seen.force else 0.0
+        row = {
+            "setting": one.setting,
+            "speed_m_per_s": one.speed,
+            "stroke": one.stroke,
+            **_cells(FORCE, one),
+            "origin": one.origin,
+            "tested": "yes" if one.is_tested else "no",
+            "measured_as": None if seen is None else seen.kind,
+        }
+        for part in ("opening", "closing", "peak"):
+            force = None if seen is None else getattr(seen, part) - tare
+            row[f"measured_{part}_N"] = finite(force)
+        rows += [row | change for change in changes.get((one.setting, one.speed, one.stroke), none)]
+    return rows
 
 
 def signals_of(setting: Setting, trace: Trace, seen: SimulatedLog) -> LogSignals:
@@ -254,8 +222,7 @@ def signals_of(setting: Setting, trace: Trace, seen: SimulatedLog) -> LogSignals
 # that of the damper's data at the displacement of each sample; a model without gas has none, and
 # the cells stay empty. Of a motion that does not repeat there are the peaks alone.
 
-_STROKES = (("rebound", 1.0), ("bump", -1.0))
-_UNREPEATED = ((math.nan, math.nan),) * len(_STROKES)
+_UNREPEATED = ((math.nan, math.nan),) * 2  # opening and closing force of both strokes
 
 
 def characteristic_rows(
@@ -265,21 +232,7 @@ def characteristic_rows(
     damper: Model,
     speeds: Sequence[float] = NAMED_SPEEDS,
 ) -> Iterator[dict[str, Any]]:
-    """Yield the rows of a log: of each stretch the peaks, then the named speeds.
-
-    Parameters
-    ----------
-    setting : Setting
-        Of the log.
-    trace : Trace
-        The log.
-    seen : SimulatedLog
-        The model's force as compared.
-    damper : Model
-        Whose gas force is taken off.
-    speeds : sequence of float
-        At which forces are read, m/s.
-    """
+    """Yield the rows of a log: of each stretch the peaks, then the named speeds (m/s)."""
     for place, stretch in enumerate(trace.stretches, start=1):
         facts = {
             "setting": setting,
@@ -293,30 +246,21 @@ def characteristic_rows(
             "temperature_degC": trace.temperature,
         }
         for row in _stretch_rows(trace, stretch, seen.force, damper, speeds):
-            cells = facts | row
-            yield {
-                name: None if isinstance(cell, float) and not math.isfinite(cell) else cell
-                for name, cell in cells.items()
-            }
+            yield facts | row
 
 
 def _stretch_rows(
-    trace: Trace,
-    stretch: Stretch,
-    simulated: FloatArray,
-    damper: Model,
-    speeds: Sequence[float],
+    trace: Trace, stretch: Stretch, simulated: FloatArray, damper: Model, speeds: Sequence[float]
 ) -> Iterator[dict[str, Any]]:
     edges = counted_edges(stretch)
     part = slice(int(edges[0]), int(edges[-1]))
     velocity, begins = trace.velocity[part], edges[:-1] - edges[0]
-    forces = {("measured", ""): trace.force[part], ("simulated", ""): simulated[part]}
     gas = damper.rest_force(trace.displacement[part])
-    level = {}
+    level = {} if gas is None else {"mean_gas_force_N": mean_of(gas)}
+    forces = {("measured", ""): trace.force[part], ("simulated", ""): simulated[part]}
     if gas is not None:
-        level = {"mean_gas_force_N": mean_of(gas)}
         forces = {
-            (whose, suffix): force if not suffix else force - gas
+            (whose, suffix): force - gas if suffix else force
             for (whose, _), force in forces.items()
             for suffix in ("", "_without_gas")
         }
@@ -327,71 +271,45 @@ def _stretch_rows(
     speeds = [speed for speed in speeds if speed < top] if stretch.n_cycles else []
     passed = sorted({*speeds, half}) if stretch.n_cycles else []
     # By speed and force: of each stroke the opening and the closing branch.
-    both = [branch_forces(velocity, stacked, passed, sign=sign) for _, sign in _STROKES]
+    both = [branch_forces(velocity, stacked, passed, sign=sign) for sign in (1.0, -1.0)]
     branches = dict(zip(passed, np.transpose(both, (2, 3, 0, 1)).tolist(), strict=True))
-    tops, bottoms = mean_extremes(stacked, begins)
+
+    def cells(pairs: Iterable[Sequence[float]], ends: Iterable[Any]) -> dict[str, Any]:
+        """Of each force that of both strokes, their ratio, and opening less closing branch."""
+        row: dict[str, Any] = {}
+        for (whose, suffix), (rebound, bump), of in zip(forces, pairs, ends, strict=True):
+            row[f"{whose}_rebound{suffix}_N"], row[f"{whose}_bump{suffix}_N"] = rebound, bump
+            # Where the gas pushes both strokes to one side there is no ratio.
+            row[f"{whose}_ratio{suffix}"] = -rebound / bump if rebound > 0.0 > bump else None
+            if not suffix:
+                for stroke, (opening, closing) in zip(("rebound", "bump"), of, strict=True):
+                    row[f"{whose}_hysteresis_{stroke}_N"] = opening - closing
+        return row
+
+    extremes = zip(*mean_extremes(stacked, begins), strict=True)
     yield {
         **level,
         "point": "peak",
         "speed_rebound_m_per_s": measured.peak_speed_rebound,
         "speed_bump_m_per_s": measured.peak_speed_bump,
         "hysteresis_speed_m_per_s": half,
-        **_pairs(forces, zip(tops, bottoms, strict=True)),
         "measured_energy_J": measured.energy,
         "simulated_energy_J": mean_energy(trace, stretch, simulated),
         "measured_energy_se_J": measured.energy_se,
         "measured_hysteresis_rebound_se_N": measured.hysteresis_rebound_se,
         "measured_hysteresis_bump_se_N": measured.hysteresis_bump_se,
-        **_hysteresis(forces, branches.get(half, [_UNREPEATED] * len(forces))),
+        **cells(extremes, branches.get(half, [_UNREPEATED] * len(forces))),
     }
     for speed in speeds:
+        names = ("speed_rebound_m_per_s", "speed_bump_m_per_s", "hysteresis_speed_m_per_s")
         means = [[0.5 * sum(ends) for ends in of] for of in branches[speed]]
-        yield {
-            **level,
-            "point": "speed",
-            **dict.fromkeys(("speed_rebound_m_per_s", "speed_bump_m_per_s"), speed),
-            "hysteresis_speed_m_per_s": speed,
-            **_pairs(forces, means),
-            **_hysteresis(forces, branches[speed]),
-        }
-
-
-def _pairs(
-    forces: Iterable[tuple[str, str]], pairs: Iterable[Sequence[float]]
-) -> dict[str, float | None]:
-    """Of each force that of both strokes, and their ratio."""
-    found: dict[str, float | None] = {}
-    for (whose, suffix), (rebound, bump) in zip(forces, pairs, strict=True):
-        found[f"{whose}_rebound{suffix}_N"] = rebound
-        found[f"{whose}_bump{suffix}_N"] = bump
-        # Where the gas pushes both strokes to one side there is no ratio.
-        ratio = -rebound / bump if rebound > 0.0 > bump else None
-        found[f"{whose}_ratio{suffix}"] = ratio
-    return found
-
-
-def _hysteresis(
-    forces: Iterable[tuple[str, str]], branches: Sequence[Sequence[Sequence[float]]]
-) -> dict[str, float]:
-    """Of each force its opening less its closing branch, by stroke."""
-    return {
-        f"{whose}_hysteresis_{stroke}_N": opening - closing
-        for (whose, suffix), of in zip(forces, branches, strict=True)
-        if not suffix
-        for (stroke, _), (opening, closing) in zip(_STROKES, of, strict=True)
-    }
+        yield {**level, "point": "speed", **dict.fromkeys(names, speed)} | cells(
+            means, branches[speed]
+        )
 
 
 def valve_rows(setting: Setting, valves: Iterable[ValveCharacteristic]) -> Iterator[dict[str, Any]]:
-    """Yield the rows of a setting: of each valve what was measured, its law, its opening.
-
-    Parameters
-    ----------
-    setting : Setting
-        Which.
-    valves : iterable of ValveCharacteristic
-        Flow against pressure of the setting's valves.
-    """
+    """Yield the rows of a setting: of each valve what was measured, its law, its opening."""
     for valve in valves:
         measured = zip(valve.drop.tolist(), valve.flow.tolist(), strict=True)
         law = zip(valve.law_drop.tolist(), valve.law_flow.tolist(), strict=True)

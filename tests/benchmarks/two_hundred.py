@@ -136,7 +136,7 @@ def _tell_judging(pattern: str, results: Path, rounds: int) -> None:
     for _ in range(1 + rounds):  # the first warms up; each anew, for logs and fits keep things
         (found,) = identify.identified(configuration, [pattern], jobs=1)
         begin = time.process_time()
-        found.save()
+        found.run.save(found.folder)
         laps = found.run.record["timings"]
         written = time.process_time() - begin
         times = (laps["judge_s"], laps["characteristics_s"], written)

@@ -12,7 +12,7 @@ from damperfit.configuration.loading import load_configuration
 from damperfit.identification.unlike_motions import _differing
 from damperfit.io import read_log
 from damperfit.run.logs import LogBatch
-from damperfit.run.parting import without_contradictory_motions
+from damperfit.run.parting import without_contradictions
 from damperfit.tested.setting import Setting
 from tests.conditioning.logs import sine_log, static_force
 from tests.identification.rig import trace
@@ -31,20 +31,21 @@ def slow_and_fast():
 
 
 def told(traces, overlay=None):
-    batch = LogBatch(tuple(traces), (), (), (), len(traces))
-    return without_contradictory_motions(batch, load_configuration(overlay=overlay))
+    batch = LogBatch(traces=list(traces))
+    without_contradictions(batch, load_configuration(overlay=overlay))
+    return batch
 
 
 def test_one_damper_under_two_motions_is_fitted(slow_and_fast):
     slow, fast, _ = slow_and_fast
     left = told([slow, fast])
-    assert (left.traces, left.failures, left.remarks) == ((slow, fast), (), ())
+    assert (left.traces, left.failures, left.remarks) == ([slow, fast], [], [])
 
 
 def test_a_log_of_the_next_click_is_named(slow_and_fast):
     slow, _, other = slow_and_fast
     left = told([slow, other])
-    assert left.traces == ()
+    assert left.traces == []
     (failure,) = left.failures
     assert failure.kind == "ContradictionError"
     assert failure.message.startswith(
@@ -57,7 +58,7 @@ def test_a_log_of_the_next_click_is_named(slow_and_fast):
 def test_told_to_they_are_averaged(slow_and_fast):
     slow, _, other = slow_and_fast
     left = told([slow, other], {"rig": {"contradictions": "average"}})
-    assert left.traces == (slow, other)
+    assert left.traces == [slow, other]
     assert "slow.csv and other.csv contradict" in left.remarks[0]
     assert left.remarks[0].endswith("; averaged")
 
@@ -81,7 +82,7 @@ def test_where_the_law_does_not_suit_nothing_is_told(tmp_path):
         of_real_valves(tmp_path / "b.csv", 0.03, more=1.2),
     ]
     assert _differing(tuple(logs), [one.force for one in logs]) is not None
-    assert told(logs).failures == ()
+    assert told(logs).failures == []
 
 
 @pytest.mark.parametrize(("more", "differs"), [(0.047, False), (0.055, True)])

@@ -16,7 +16,7 @@ from damperfit.problem import Failure, Problem
 from damperfit.recording import Finding
 from damperfit.reporting.records import gaps_in
 from damperfit.run.judging import Judgement, Mishaps
-from damperfit.run.logs import Ending, LogBatch
+from damperfit.run.logs import Ending, Log, LogBatch
 from damperfit.run.record import (
     MANY,
     ending_of,
@@ -35,7 +35,7 @@ from damperfit.uncertainty.covariance import make_interval
 from tests.fakes import campaign, fit
 
 PLAIN = load_configuration()
-EMPTY = LogBatch((), (), (), (), 0)
+EMPTY = LogBatch()
 CLIPPED = Finding("force_clipping", "warning", "the force is clipped")
 TURNED = Finding("direction", "note", "force reversed", is_correction=True)
 TARE = Finding("tare", "warning", "the force has an offset of 120 N")
@@ -166,7 +166,7 @@ def test_what_many_settings_or_files_have_in_common_is_one_line(n) -> None:
 
 def gates(*fits, failures=(), limit=0.0) -> list[str]:
     asked = replace(PLAIN, output=PLAIN.output.but(max_mse_percent=limit))
-    batch = LogBatch((), (), tuple(failures), (), 1)
+    batch = LogBatch(failures=list(failures))
     return [str(one) for one in gates_not_met(asked, batch, campaign(*fits))]
 
 
@@ -210,7 +210,8 @@ def test_a_failure_counts_before_a_gate_and_an_interruption_before_both(
     found = ending_of(fits, failures, gates, is_interrupted=stopped)
     assert (found.name, found.value) == (ending, code)
     if not gates and not stopped and failures != (SETTING,):  # reading alone ends alike
-        alone = LogBatch((), (), failures, (), fits).ending
+        good = [Log(f"{k}.csv") for k in range(fits)]
+        alone = LogBatch(good, failures=list(failures)).ending
         assert alone is (found if fits or failures else Ending.COMPLETE)
 
 

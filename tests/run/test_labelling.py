@@ -10,12 +10,11 @@ import pytest
 from damperfit.configuration.loading import load_configuration
 from damperfit.recording import Recording
 from damperfit.run import parting
-from damperfit.run.logs import Labels, LogBatch, LogFacts, read_batch
+from damperfit.run.logs import Labels, Log, LogBatch, read_batch
 from damperfit.tested.setting import Setting
 from tests.fakes import campaign, fit, trace
 
 PLAIN = load_configuration()
-EMPTY = LogBatch()
 
 
 def labels(paths, adjusters="", **rig):
@@ -83,7 +82,7 @@ def test_a_setting_of_the_log_does_not_stand_for_half_a_row_of_the_table(
     ],
 )
 def test_labels_with_numbers_are_said_to_be_words(settings, is_said) -> None:
-    logs = [LogFacts(one, one, "", {"setting": Setting.of(one)}) for one in settings]
+    logs = [Log(one, one, "", {"setting": Setting.of(one)}) for one in settings]
     assert [("taken as words" in str(one)) for one in labels([]).remarks(logs)] == [True] * is_said
 
 
@@ -97,7 +96,7 @@ def test_labels_with_numbers_are_said_to_be_words(settings, is_said) -> None:
 )
 def test_a_number_of_several_is_named_where_it_was_guessed(adjusters, rig, is_said) -> None:
     facts = {"notes": ["setting: from the file name"]}
-    said = list(labels([], adjusters, **rig).remarks([LogFacts("", "run_s3_4.csv", "", facts)]))
+    said = list(labels([], adjusters, **rig).remarks([Log("", "run_s3_4.csv", "", facts)]))
     assert [one.code for one in said] == ["one-of-several"] * is_said
 
 
@@ -108,28 +107,29 @@ def test_a_log_whose_cycles_cannot_be_parted_hides_none_behind_it(monkeypatch) -
         return one, replace(one, name=f"last of {one.name}")
 
     monkeypatch.setattr(parting, "split_cycles", split)
-    traces = tuple(trace(setting) for setting in (1, 2, 3))
-    options = replace(PLAIN.hold_out, patterns=(), cycles=1)
-    parted = parting.part(replace(EMPTY, traces=traces), options, {})
-    assert [one.setting for one in parted.batch.traces] == [2, 3]
-    assert [one.setting for one in parted.held_out] == [2, 3]
-    assert [one.setting for one in parted.batch.failures] == [1]
+    batch = LogBatch(traces=[trace(setting) for setting in (1, 2, 3)])
+    parting.part(batch, replace(PLAIN.hold_out, patterns=(), cycles=1), {})
+    assert [one.setting for one in batch.traces] == [2, 3]
+    assert [one.setting for one in batch.held_out] == [2, 3]
+    assert [one.setting for one in batch.failures] == [1]
 
 
 def test_transients_that_nobody_asked_for_are_of_logs_that_are_fitted_and_no_failure(
     monkeypatch,
 ) -> None:
     monkeypatch.setattr(parting, "transients", lambda one: replace(one, start_time=9.0))
-    left = parting.Parted(replace(EMPTY, traces=(trace(1), trace(2))))
-    parted = parting.with_transients(left, PLAIN.hold_out)
-    assert [one.setting for one in parted.held_out] == [1, 2]
-    assert not parted.is_asked
-    cycles = replace(PLAIN.hold_out, patterns=(), cycles=1)
-    assert parting.with_transients(left, cycles) is left
+
+    def held_out(**options) -> LogBatch:
+        batch = LogBatch(traces=[trace(1), trace(2)])
+        parting.hold_out_transients(batch, replace(PLAIN.hold_out, **options))
+        parting.note_unpredicted(batch, campaign(fit(2)), ())
+        return batch
+
+    assert held_out(patterns=(), cycles=1).held_out == []
     # Setting 1 has no fit: that is said elsewhere. Setting 2 cannot be simulated beside its cycles.
-    batch = parting.note_unpredicted(parted, campaign(fit(2)), ())
-    assert batch.failures == ()
+    batch = held_out()
+    assert [one.setting for one in batch.held_out] == [1, 2]
+    assert batch.failures == []
     (said,) = batch.remarks
     assert "beside its steady cycles cannot be simulated" in said
-    asked = parting.with_transients(left, replace(PLAIN.hold_out, patterns=("transients",)))
-    assert len(parting.note_unpredicted(asked, campaign(fit(2)), ()).failures) == 2
+    assert len(held_out(patterns=("transients",)).failures) == 2

@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from damperfit.configuration.loading import load_configuration
 from damperfit.recording import StretchFigures
-from damperfit.run.logs import LogBatch, LogFacts
+from damperfit.run.logs import Log, LogBatch
 from damperfit.run.parting import once_each, without_contradictions, without_copies
 from damperfit.tested.setting import Setting
 from tests.fakes import trace
@@ -35,8 +36,21 @@ def log(name, setting=1, *, rebound=1000.0, bump=-800.0, speed=0.3, noise=4.0, t
 
 def batch(*traces, paths=None):
     places = paths or [one.name for one in traces]
-    facts = [LogFacts(one.name, path, "", {}) for one, path in zip(traces, places, strict=True)]
-    return LogBatch(tuple(traces), tuple(facts), (), (), len(traces))
+    logs = [Log(one.name, path) for one, path in zip(traces, places, strict=True)]
+    return LogBatch(logs, list(traces))
+
+
+def once(*traces, **how):
+    found = batch(*traces, **how)
+    once_each(found)
+    return found
+
+
+def checked(*traces, overlay=None):
+    """What contradicts among logs of one motion is left out."""
+    found = batch(*traces)
+    without_contradictions(found, load_configuration(overlay=overlay), is_law_open=True)
+    return found
 
 
 def names(found):
@@ -46,16 +60,16 @@ def names(found):
 def test_the_same_test_in_another_format_counts_once():
     first = log("a.csv")
     printed = np.round(first.force, 3)
-    found = once_each(batch(first, replace(first, name="a.tdms", force=printed), log("b.csv")))
+    found = once(first, replace(first, name="a.tdms", force=printed), log("b.csv"))
     assert names(found) == ["a.csv", "b.csv"]
-    assert found.remarks == ("a.tdms: the same test as a.csv; it counts once",)
-    assert found.failures == ()
+    assert found.remarks == ["a.tdms: the same test as a.csv; it counts once"]
+    assert found.failures == []
 
 
 @pytest.mark.parametrize("order", [(0, 1, 2), (2, 1, 0), (1, 0, 2)])
 def test_the_two_logs_that_are_furthest_apart_are_named(order):
     logs = [log(f"{n}.csv", rebound=force) for n, force in enumerate((1000.0, 1100.0, 1400.0))]
-    found = without_contradictions(batch(*(logs[k] for k in order)), is_averaging=False)
+    found = checked(*(logs[k] for k in order))
     for failure in found.failures:
         assert "0.csv" in failure.message
         assert "2.csv" in failure.message
@@ -70,7 +84,7 @@ def test_the_two_logs_that_are_furthest_apart_are_named(order):
 def test_what_differs_beyond_the_scatter_is_told_and_fitted(rebound, noise, is_told):
     """Half a per cent of half the range of 1800 N is 4.5 N; three times 4 N twice, 17 N."""
     logs = [log("a.csv", noise=noise), log("b.csv", rebound=rebound, noise=noise)]
-    found = without_contradictions(batch(*logs), is_averaging=False)
+    found = checked(*logs)
     assert names(found) == ["a.csv", "b.csv"]
     assert not found.failures
     assert [one.split(": peak")[0] for one in found.remarks] == [
@@ -82,7 +96,7 @@ def test_what_differs_beyond_the_scatter_is_told_and_fitted(rebound, noise, is_t
 def test_a_log_at_another_gas_pressure_hides_no_contradiction():
     first = replace(log("a.csv"), gas_pressure=5e5)
     others = (log("b.csv"), log("c.csv", rebound=1400.0))
-    found = without_contradictions(batch(first, *others), is_averaging=False)
+    found = checked(first, *others)
     (failure, *_) = found.failures
     assert "b.csv" in failure.message
     assert "c.csv" in failure.message
@@ -92,7 +106,7 @@ def test_a_log_at_another_gas_pressure_hides_no_contradiction():
 def test_the_tests_in_one_file_are_no_twins():
     first = log("a.txt part 1")
     second = replace(first, name="a.txt part 2")
-    assert names(once_each(batch(first, second, paths=["a.txt", "a.txt"]))) == [
+    assert names(once(first, second, paths=["a.txt", "a.txt"])) == [
         "a.txt part 1",
         "a.txt part 2",
     ]
@@ -101,7 +115,7 @@ def test_the_tests_in_one_file_are_no_twins():
 def test_one_test_under_two_settings_is_a_failure_of_both():
     first = log("a.csv", 3)
     other = replace(first, name="b.csv", setting=Setting.of(4))
-    found = once_each(batch(first, other, log("c.csv", 5)))
+    found = once(first, other, log("c.csv", 5))
     assert names(found) == ["c.csv"]
     (failure,) = found.failures
     assert failure.kind == "ContradictionError"
@@ -125,14 +139,13 @@ def test_one_test_under_two_settings_is_a_failure_of_both():
     ],
 )
 def test_what_contradicts(change, is_contradiction):
-    found = without_contradictions(batch(log("a.csv"), log("b.csv", **change)), is_averaging=False)
-    assert (found.traces == ()) is is_contradiction
+    found = checked(log("a.csv"), log("b.csv", **change))
+    assert (found.traces == []) is is_contradiction
     assert bool(found.failures) is is_contradiction
 
 
 def test_a_contradiction_is_told_by_name_and_costs_its_setting_alone():
-    logs = batch(log("a.csv"), log("b.csv", rebound=1300.0, temperature=60.0), log("c.csv", 2))
-    found = without_contradictions(logs, is_averaging=False)
+    found = checked(log("a.csv"), log("b.csv", rebound=1300.0, temperature=60.0), log("c.csv", 2))
     assert names(found) == ["c.csv"]
     (failure,) = found.failures
     assert failure.setting == 1
@@ -145,23 +158,23 @@ def test_a_contradiction_is_told_by_name_and_costs_its_setting_alone():
 
 
 def test_told_to_they_are_averaged_and_it_is_said():
-    logs = batch(log("a.csv"), log("b.csv", rebound=1300.0))
-    found = without_contradictions(logs, is_averaging=True)
+    averaged = {"rig": {"contradictions": "average"}}
+    found = checked(log("a.csv"), log("b.csv", rebound=1300.0), overlay=averaged)
     assert names(found) == ["a.csv", "b.csv"]
     assert "a.csv and b.csv contradict" in found.remarks[0]
-    assert found.failures == ()
+    assert found.failures == []
 
 
 def test_a_copy_of_a_fitted_log_is_not_held_out():
     fitted, other = log("a.csv"), log("b.csv")
-    copy = replace(fitted, name="a_copy.csv")
-    left, held_out = without_copies(batch(fitted), (copy, other))
-    assert [one.name for one in held_out] == ["b.csv"]
-    assert left.remarks == (
-        "a_copy.csv: the same test as a.csv, which is fitted; it is not held out",
-    )
     # The last cycles of a fitted log itself are no copy.
-    assert without_copies(batch(fitted), (fitted,))[1] == (fitted,)
+    found = batch(fitted)
+    found.held_out = [replace(fitted, name="a_copy.csv"), other, fitted]
+    without_copies(found)
+    assert [one.name for one in found.held_out] == ["b.csv", "a.csv"]
+    assert found.remarks == [
+        "a_copy.csv: the same test as a.csv, which is fitted; it is not held out",
+    ]
 
 
 @pytest.mark.parametrize(("share", "counts"), [(0.999, 1), (1.001, 2)])
@@ -175,5 +188,5 @@ def test_the_first_samples_tell_nothing_that_all_do_not(share, counts, where):
     misses = np.zeros(n)
     misses[part] = 1.0
     misses *= share * limit / np.sqrt(np.mean(misses**2))
-    found = once_each(batch(first, replace(first, name="b.csv", force=first.force + misses)))
+    found = once(first, replace(first, name="b.csv", force=first.force + misses))
     assert len(found.traces) == counts

@@ -9,13 +9,14 @@ import pytest
 
 from damperfit.conditioning import ConditionOptions, GasFacts
 from damperfit.conditioning.duplicates import rod_area_ratio
+from damperfit.configuration.loading import load_configuration
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.errors import ConfigurationError
 from damperfit.identification import FitOptions, identify
 from damperfit.io import read_tests
 from damperfit.run.logs import conditioned_as_tested
-from damperfit.run.parting import with_rod_remark
+from damperfit.run.parting import prepare
 from damperfit.simulation import motion_of, simulate
 from tests.identification import adjusted, rig
 from tests.run.test_same_setting import batch
@@ -123,15 +124,22 @@ def test_tests_at_several_pressures_are_fitted_together() -> None:
 
 def test_the_level_over_pressure_tells_the_rod() -> None:
     logs = logs_at([3e5, 4.6e5, 9e5])
+    plain = load_configuration()
+
+    def remarks(damper) -> list[str]:
+        found = batch(*logs)
+        prepare(plain.with_damper(damper), found, plain.hold_out, {})
+        return [one for one in found.remarks if "times the declared area" in one]
+
     assert rod_area_ratio(logs, PURDY_DAMPER) == pytest.approx(1.0, abs=0.02)
-    assert with_rod_remark(batch(*logs), PURDY_DAMPER).remarks == ()
+    assert remarks(PURDY_DAMPER) == []
     # Declared 4 % too thin, its area is 8 % too small; 2 % are within the limit of 5 % of it.
     thin = replace(PURDY_DAMPER, rod_diameter=0.96 * PURDY_DAMPER.rod_diameter)
     assert rod_area_ratio(logs, thin) == pytest.approx(1.085, abs=0.02)
-    (said,) = with_rod_remark(batch(*logs), thin).remarks
+    (said,) = remarks(thin)
     assert "a rod of 1.07 times the declared area" in said
     near = replace(PURDY_DAMPER, rod_diameter=0.98 * PURDY_DAMPER.rod_diameter)
-    assert with_rod_remark(batch(*logs), near).remarks == ()
+    assert remarks(near) == []
     assert rod_area_ratio(logs[:1], PURDY_DAMPER) is None
     assert (
         rod_area_ratio([replace(log, setting=k) for k, log in enumerate(logs)], PURDY_DAMPER)

@@ -211,7 +211,8 @@ def test_logs_half_a_kelvin_apart_need_not_be_alike(apart: float, *, unlike: boo
     near = replace(other, temperature=COLD + apart)
     assert are_unlike(one, near) is unlike
     assert not are_unlike(one, replace(other, temperature=None))
-    left = without_contradictions(batch(one, near), is_averaging=False, is_warmed=True)
+    left = batch(one, near)
+    without_contradictions(left, asked_for("mean"), is_law_open=True)
     assert len(left.traces) == (2 if unlike else 0)
 
 
