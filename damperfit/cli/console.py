@@ -50,7 +50,7 @@ __all__ = [
     "wrapped",
 ]
 
-_PIPE_WIDTH = 80
+_PIPE_WIDTH = 120
 _COLOURS = ("auto", "always", "never")
 _colour = {"is": "auto"}
 _OF_CHECKS = re.compile(r"^FAILED(?= )|\bnot evaluated\b", re.MULTILINE)
@@ -144,7 +144,7 @@ def wrapped(*texts: str, widest: int = 0, indent: str = "") -> list[str]:
 
 
 def print_renderable(renderable: RenderableType) -> None:
-    """Write a text of rich to stdout: coloured on a terminal, plain and 80 wide in a pipe."""
+    """Write a text of rich to stdout: coloured on a terminal, plain in a pipe."""
     from io import StringIO
 
     from rich.console import Console
@@ -153,7 +153,7 @@ def print_renderable(renderable: RenderableType) -> None:
         Console(highlight=False, markup=False, emoji=False, **how).print(renderable)
 
     text = StringIO()  # plain also where FORCE_COLOR is set
-    rendered(file=text, width=_PIPE_WIDTH, color_system=None)
+    rendered(file=text, width=screen_columns(), color_system=None)
     plain = [line.rstrip() for line in text.getvalue().splitlines()]
     is_coloured = _is_coloured()
     if not (sys.stdout.isatty() or is_coloured):
@@ -212,8 +212,10 @@ def _is_coloured() -> bool:
 
 
 def screen_columns() -> int:
-    """Return the width of the terminal; 80 in a pipe or a file."""
-    return shutil.get_terminal_size().columns if sys.stdout.isatty() else _PIPE_WIDTH
+    """Return $COLUMNS, else the width of the terminal; 120 in a pipe or a file."""
+    if sys.stdout.isatty() or os.environ.get("COLUMNS", "").isdecimal():
+        return shutil.get_terminal_size().columns
+    return _PIPE_WIDTH
 
 
 def spark_levels() -> str:
