@@ -245,8 +245,12 @@ def _runs(values: FloatArray) -> _Runs:
 def _clipped(channel: Channel, runs: _Runs, step: float, span: float) -> list[_Runs]:
     """Return the runs at the lowest and at the highest value that are no rounded peaks."""
     found = []
+    # Where a converter is slower than the rows each value stands for as long.
+    is_held = 2 * int(runs.length.sum()) > len(channel.values)
+    usual = median(runs.length) if is_held else 0.0
+    is_long = (runs.length > 2.0 * usual) & (runs.least_leap > _LEAP * step)
     for rail in (channel.values.min(), channel.values.max()):
-        at = runs.where((channel.values[runs.start] == rail) & (runs.least_leap > _LEAP * step))
+        at = runs.where((channel.values[runs.start] == rail) & is_long)
         is_flat = np.array([_is_clip(channel, at, i, span) for i in range(len(at.start))], bool)
         found.append(at.where(is_flat))
     return found

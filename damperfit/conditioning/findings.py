@@ -433,6 +433,7 @@ _BEYOND_MOTION = 3.0  # times its frequency
 _FAR = (0.3, 0.45)  # of the sample rate
 _LEAST_FAR = 60.0  # Hz
 _FEWEST_LINES = 5
+_LOUD = 20.0  # times the median power of half a cycle
 _FILTERED = 100.0
 _SMOOTHED, _NOT_SMOOTHED = 30.0, 10.0
 # Hz, and by how much less noise there is: an amplifier's filter of 60 Hz or more does no harm.
@@ -469,7 +470,9 @@ def noise_ratio(
     period = float(starts[-1] - starts[0]) / (len(starts) - 1)
     at = np.arange(math.ceil(starts[0]), math.floor(starts[-1] - period))
     unlike = np.interp(at + period, np.arange(len(signal)), signal) - signal[at]
-    _without_scatter(unlike, signal[at], round(period / 2.0))
+    size = round(period / 2.0)
+    _without_scatter(unlike, signal[at], size)
+    _without_damage(unlike, size)
     low = max(_NEAR_RIG_FILTER[0], _BEYOND_MOTION / (period * interval))
     high = low + _NEAR_RIG_FILTER[1] - _NEAR_RIG_FILTER[0]
     length = len(at) * interval
@@ -495,6 +498,14 @@ def _without_scatter(unlike: FloatArray, signal: FloatArray, size: int) -> None:
     form = signal - middle(signal)
     power = np.maximum(np.add.reduceat(form * form, begins), 1e-300)
     unlike -= np.repeat(np.add.reduceat(form * unlike, begins) / power, lengths) * form
+
+
+def _without_damage(unlike: FloatArray, size: int) -> None:
+    """Take off half cycles that are far louder than most, in place: a blow is no noise."""
+    begins = np.arange(0, len(unlike), size)
+    lengths = np.diff([*begins, len(unlike)])
+    power = np.add.reduceat(unlike * unlike, begins) / lengths
+    unlike[np.repeat(power > _LOUD * median(power), lengths)] = 0.0
 
 
 def falls_off(displacement: FloatArray, force: FloatArray, interval: float) -> bool:

@@ -197,6 +197,7 @@ def _autocorrelation(sections: bytes, is_zero_phase: bool) -> FloatArray:  # noq
 
 
 _SCATTER = 1.0  # %
+_FALL = 3.0  # %, of the peaks from the first cycle to the last; K_e is off by half of it or more
 _FORCE_DRIFT = 1.0  # % of the peak force
 _STROKE_DRIFT = 5.0  # % of the amplitude
 _SURE = 4.0  # standard errors
@@ -290,9 +291,10 @@ def _scatter_repeatability(
     else:
         text += f"; a good rig has {_SCATTER:g} % or less: check play, temperature, air in the oil"
         yield Finding("cycle_scatter", "warning", text, worst, "%")
-    # As much of a trend as would have been called scatter.
-    whole = 100.0 * max(float(np.std(tops, ddof=1)), float(np.std(bottoms, ddof=1))) / size
-    if whole > sure and (up.trend or down.trend):
+    # Both peaks move the same way where the zero drifts.
+    ends = [trend or (0.0, 0.0) for trend in (up.trend, down.trend)]
+    fall = 0.5 * abs(ends[0][1] - ends[0][0] - ends[1][1] + ends[1][0])
+    if 100.0 * fall / size > _FALL:
         yield _trend_of_peaks(up, down, warming)
 
 

@@ -58,7 +58,8 @@ __all__ = [
 
 # Signatures of `damperfit.uncertainty.flaws`: of any force, and of what holds oil and gas.
 FLAWS_OF_FORCE = (
-    "delay", "offset", "friction_with_speed", "valve_law_rebound", "valve_law_bump",
+    "delay", "offset", "friction_with_speed", "friction_with_position", "friction_with_pressure",
+    "valve_law_rebound", "valve_law_bump",
 )  # fmt: skip
 FLAWS_OF_OIL = ("gas_volume", "compressibility")
 

@@ -33,7 +33,13 @@ from damperfit.uncertainty.profiles import (
 )
 from damperfit.uncertainty.residuals import Diagnosis, diagnose, group_warning, reconciled
 from damperfit.uncertainty.speed_forces import SpeedForces, speed_forces
-from damperfit.uncertainty.verdicts import doubts, undetermined, verdicts, with_least_openings
+from damperfit.uncertainty.verdicts import (
+    doubts,
+    motions_apart,
+    undetermined,
+    verdicts,
+    with_least_openings,
+)
 from damperfit.workers import apart, executor, told_here
 
 if TYPE_CHECKING:
@@ -83,6 +89,8 @@ class Assessment:
         Measured forces over speed, and what the model misses there.
     objections : mapping of Setting to tuple of Objection
         Why grades are withheld: `damperfit.uncertainty.grades.objections`.
+    apart : tuple of Problem
+        A log whose clock or stroke is off those of all others.
     """
 
     uncertainties: tuple[Uncertainty, ...] = ()
@@ -91,6 +99,7 @@ class Assessment:
     gas: GasContent | None = None
     forces: tuple[SpeedForces, ...] = ()
     objections: Mapping[Setting, tuple[Objection, ...]] = field(default_factory=dict)
+    apart: tuple[Problem, ...] = ()
 
     @cached_property
     def _known(self) -> dict[Setting, Uncertainty]:
@@ -177,12 +186,12 @@ class Assessment:
 
     @property
     def warnings(self) -> tuple[Problem, ...]:
-        """One for each kind of misfit that repeats, with the settings it is seen at."""
+        """Logs with a motion apart; of each kind of misfit that repeats the settings it is at."""
         groups: dict[str, list[Diagnosis]] = defaultdict(list)
         for one in self.diagnoses:
             if one.is_structured:
                 groups[one.hints[0].name if one.hints else ""].append(one)
-        return tuple(group_warning(group) for group in groups.values())
+        return (*self.apart, *(group_warning(group) for group in groups.values()))
 
     @property
     def cycle_check(self) -> str:
@@ -260,10 +269,11 @@ def assess(
         own = replace(campaign, fits=(fit,))
         for one in linearise_settings(own, damper, solver=solver, on_error=take):
             with sparing(fit.setting, take):
-                diagnosis = diagnose(one, doubted=doubted)
+                diagnosis, pulls = diagnose(one, doubted=doubted)
                 is_structured = diagnosis.is_structured
                 over_speed = tuple(speed_forces(one, is_structured=is_structured))
-                return one.summed(is_structured=is_structured), diagnosis, over_speed
+                seen = one.summed(is_structured=is_structured, pulls=pulls)
+                return seen, diagnosis, over_speed
         return None
 
     each = apart(alone, campaign.fits, jobs=jobs, known=(*campaign.fits, damper))
@@ -295,6 +305,7 @@ def assess(
         profiles=profiles,
         gas=gas_content(linearised, campaign.sharing),
         forces=forces,
+        apart=tuple(motions_apart(campaign)),
     )
 
 

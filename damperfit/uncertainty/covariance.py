@@ -13,9 +13,10 @@ each setting with the weight of its own residual. Procedure `paper`: f_f is the 
 of fits with everything free; R_m3 comes from the lowest setting with that mean held.
 
 The covariance is one sandwich, (D + B T) M (D + B T)^T of a setting's own scores and B T M T^T B^T
-of every other one's, and M has three terms (`linearisation`): noise, lack of fit that repeats, and
-what was held at a default that nobody has measured. That last is one mistake, the same at every
-setting: its shifts are summed over the settings before they are squared.
+of every other one's, and M has four terms (`linearisation`): noise, lack of fit that repeats, what
+was held at a default that nobody has measured, and a flaw that explains what repeats (`flaws`).
+The last two are one mistake, the same at every setting: their shifts are summed over the settings
+before they are squared.
 
 What follows an adjuster is an unknown for each of its clicks, and theta holds them all: A picks
 those that a setting has. Where K_e follows from a gas content, theta holds V_r and K_B/C in its
@@ -172,11 +173,15 @@ def uncertainties(
     noise = [row @ one.scores @ row.T for row, one in both]
     misfit = [nothing if one.misfit is None else row @ one.misfit @ row.T for row, one in both]
     supposed = sum(row @ one.supposed for row, one in both if one.supposed is not None)
+    flawed: dict[str, FloatArray] = {}
+    for row, one in both:
+        for name, pull in one.flawed.items():
+            flawed[name] = flawed.get(name, 0.0) + row @ pull
     others = zip(_sums_of_others(noise, nothing), _sums_of_others(misfit, nothing), strict=True)
     found = []
     for (row, one), of_others in zip(both, others, strict=True):
         with sparing(one.fit.setting, on_error):
-            found.append(_of_setting(one, row, sharing, of_others, np.asarray(supposed)))
+            found.append(_of_setting(one, row, sharing, of_others, np.asarray(supposed), flawed))
     return tuple(found)
 
 
@@ -186,6 +191,7 @@ def _of_setting(
     sharing: Sharing,
     others: tuple[FloatArray, FloatArray],
     supposed: FloatArray,
+    flawed: Mapping[str, FloatArray],
 ) -> Uncertainty:
     """The sandwich of one setting; ``others`` are T M T^T summed over all but it."""
     fit, values = one.fit, one.fit.parameters
@@ -205,6 +211,11 @@ def _of_setting(
     if one.supposed is not None:
         shifts = direct[places] @ one.supposed + by_shared @ supposed
         misfit = misfit + np.sum(shifts**2, axis=1)
+    for name, of_shared in flawed.items():
+        shift = by_shared @ of_shared
+        if name in one.flawed:
+            shift = shift + direct[places] @ one.flawed[name]
+        misfit = misfit + shift**2
     by_cycles, by_lags = (
         np.diag(direct[places] @ scores @ direct[places].T)
         for scores in (one.cycle_scores, one.scores)

@@ -42,7 +42,10 @@ _STRIBECK_SPEEDS = (0.01, 0.03, 0.1)
 
 
 def signatures(
-    trace: Trace, force: FloatArray, stiff: Sequence[FloatArray] = ()
+    trace: Trace,
+    force: FloatArray,
+    stiff: Sequence[FloatArray] = (),
+    friction: FloatArray | float = 0.0,
 ) -> dict[str, list[FloatArray]]:
     """Return the force that one unit of each flaw adds, behind the filter, where it is compared.
 
@@ -55,10 +58,13 @@ def signatures(
     stiff : sequence of numpy.ndarray
         Shape (n,) each, derivatives of the modelled force by ln of stiffnesses; none leave a
         stiffness that changes with pressure out.
+    friction : numpy.ndarray or float
+        Shape (n,), the part of the force that is friction, N.
     """
     x, v = trace.displacement, trace.velocity
     peak = float(np.max(np.abs(v[trace.compared])))
     stroke = float(np.max(np.abs(x[trace.compared])))
+    turned = np.tanh(v / 1e-3)
 
     def passed(values: FloatArray) -> FloatArray:
         return apply_filter(trace.model_filter, values)[trace.compared]
@@ -70,8 +76,10 @@ def signatures(
         "gas_volume": [passed(x / stroke)],
         "offset": [np.ones(len(force))],
         "friction_with_speed": [
-            passed(np.tanh(v / 1e-3) * np.exp(-np.abs(v) / speed)) for speed in _STRIBECK_SPEEDS
+            passed(turned * np.exp(-np.abs(v) / speed)) for speed in _STRIBECK_SPEEDS
         ],
+        "friction_with_position": [passed(turned * np.abs(x) / stroke)],
+        "friction_with_pressure": _by_pressure(passed(turned), force - friction),
     }
     if stiff:
         pressure = np.abs(force - force.mean())
@@ -80,6 +88,14 @@ def signatures(
     found["valve_law_rebound"] = [passed(np.maximum(v, 0.0) ** 2 / peak**2)]
     found["valve_law_bump"] = [passed(np.minimum(v, 0.0) ** 2 / peak**2)]
     return found
+
+
+def _by_pressure(turned: FloatArray, force: FloatArray) -> list[FloatArray]:
+    """Friction that grows with the pressure on a seal: both strokes alike (piston), one (rod)."""
+    varying = force - force.mean()
+    largest = max(float(np.max(np.abs(varying))), 1e-300)
+    one_way = (np.abs(varying), np.maximum(varying, 0.0), np.maximum(-varying, 0.0))
+    return [turned * pressed / largest for pressed in one_way]
 
 
 def gain(column: FloatArray, absorbed: FloatArray, residuals: FloatArray) -> tuple[float, float]:
@@ -219,6 +235,24 @@ _FLAWS: Mapping[str, _Flaw] = {
             ),
         ),
         _Flaw(
+            "friction_with_position",
+            "the sign of v",
+            1.0,
+            lambda a: (
+                f"friction that changes along the stroke ({_rounded(a)} N "
+                f"{'more' if a > 0.0 else 'less'} at its ends)"
+            ),
+        ),
+        _Flaw(
+            "friction_with_pressure",
+            "the sign of v",
+            1.0,
+            lambda a: (
+                f"friction that {'grows' if a > 0.0 else 'falls'} with the pressure "
+                f"({_rounded(a)} N at the peak force)"
+            ),
+        ),
+        _Flaw(
             "compressibility",
             "reversals",
             100.0,
@@ -241,9 +275,12 @@ def _signatures(
     """Force that one unit of each flaw adds, behind the filter, over the compared samples."""
     quantities = linearised.fit.parameters.quantities
     stiff = [seen.jacobian[:, k] for k, one in enumerate(quantities) if one.is_open]
+    friction = sum(
+        seen.jacobian[:, k] for k, one in enumerate(quantities) if one.is_friction
+    )  # in ln y the derivative is the force itself
     found = {
         name: columns
-        for name, columns in signatures(trace, seen.force, stiff).items()
+        for name, columns in signatures(trace, seen.force, stiff, friction).items()
         if name in linearised.flaws
     }
     return found | {name: [seen.gas[:, k]] for k, name in enumerate(linearised.conditions)}
@@ -255,11 +292,11 @@ def seek_flaws(
     *,
     doubted: tuple[str, ...] = (),
     has_yielded: bool = False,
-) -> tuple[Hint, ...]:
-    """Return the flaws that explain what repeats in the residuals, best first.
+) -> tuple[tuple[Hint, ...], dict[str, FloatArray]]:
+    """Return the flaws that explain what repeats in the residuals, best first, and their pulls.
 
-    Those that cannot be told from the best stand beside it; none where the best explains less than
-    half.
+    A pull, (k,), is what the flaw adds to the summed scores: by H^-1 of it the fit is off. Flaws
+    that cannot be told from the best stand beside it; none where the best explains less than half.
 
     Parameters
     ----------
@@ -295,27 +332,39 @@ def seek_flaws(
     power = repeats * len(counts)
     # Values that the other settings hold back absorb nothing of what one setting lacks.
     own = _absorbed(linearised, alone, counts) if doubted else absorbed
-    found = []
+    found, pulls = [], {}
+    weighed = np.vstack([seen.jacobian * seen.weights[:, None] ** 2 for seen in linearised.logs])
     half_range = 0.5 * float(np.ptp(np.concatenate([seen.force for seen in linearised.logs])))
     friction = _friction(linearised)
     unlikely = _OF_VALVES if has_yielded else frozenset()
     for name, candidates in columns.items():
         basis = own if name in doubted else absorbed
-        share, amount = max(gain(column * counts, basis, residuals) for column in candidates)
+        gains = [gain(column * counts, basis, residuals) for column in candidates]
+        best = max(range(len(gains)), key=gains.__getitem__)
+        share, amount = gains[best]
+        if name not in doubted:
+            pulls[name] = amount * (weighed.T @ candidates[best])
         flaw = _FLAWS.get(name) or _held_flaw(name, is_shared=name in doubted)
         size = amount * flaw.unit
-        found.append(Hint(name, flaw.family, min(share / power, 1.0), size, flaw.words(size)))
+        explained = min(share / power, 1.0)
+        found.append(Hint(name, flaw.family, explained, size, flaw.words(size)))
     found.sort(key=lambda hint: -hint.share)
     if not found or found[0].share < _NAMED:
-        return ()
+        return (), {}
+    pull_of_best = pulls.get(found[0].name)
     found[0] = _as_stiffness(found[0])
+    if pull_of_best is not None:
+        pulls[found[0].name] = pull_of_best
     # What stands far behind a best one that is beyond reason leaves most of the misfit unexplained.
     bar = max(_TIE * found[0].share, _NAMED)
-    return tuple(
+    hints = tuple(
         _without_amount(hint, friction)
         for hint in found
-        if hint.share >= bar and hint.name not in unlikely and _is_reasonable(hint, half_range)
+        if hint.share >= bar
+        and hint.name not in unlikely
+        and _is_reasonable(hint, half_range, friction)
     )
+    return hints, pulls
 
 
 def _as_stiffness(hint: Hint) -> Hint:
@@ -351,8 +400,10 @@ def _without_amount(hint: Hint, friction: float) -> Hint:
     return replace(hint, words="friction that depends on velocity (less at low speed)")
 
 
-def _is_reasonable(hint: Hint, half_range: float) -> bool:
-    """Whether a rig or damper can be wrong by so much; the half range is the force's, N."""
+def _is_reasonable(hint: Hint, half_range: float, friction: float = math.inf) -> bool:
+    """Whether a rig or damper can be wrong by so much; half the force's range and friction in N."""
+    if hint.name in {"friction_with_position", "friction_with_pressure"}:
+        return -friction < hint.amount <= _LARGEST_FORCE * half_range
     if hint.name == "gas_stiffness":
         return True
     if hint.name in _LARGEST:

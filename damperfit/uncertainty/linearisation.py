@@ -25,6 +25,7 @@ from __future__ import annotations
 import math
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -76,6 +77,9 @@ _REFILLING = 2
 # R_m3 hold on a road that cavitates, with none too many
 # (`python -m tests.uncertainty.motion_coverage --motions "rough road"`).
 _SEEN = 0.25
+# Cycles, to tell a drift from scatter.
+_SEEN_TO_DRIFT = 4
+_SURE = 4.0  # standard errors
 _FOUND = frozenset({Status.FITTED, Status.NOT_IDENTIFIABLE})
 
 
@@ -138,6 +142,9 @@ class Linearisation:
         standard error of that, and by other forms of the friction; None where there is none.
     flaws : tuple of str
         Which flaws its residuals may be said to show.
+    flawed : mapping of str to numpy.ndarray
+        Summed scores, (k,), by the flaws that they do show, by name; of several that cannot be
+        told apart each by the root of its share in the doubt.
     precision : float
         One over the mean square of the weighed residuals, 1/N^2.
     pressed : mapping of str to float
@@ -156,6 +163,7 @@ class Linearisation:
     flaws: tuple[str, ...] = ()
     precision: float = math.nan
     pressed: Mapping[str, float] = field(default_factory=dict)
+    flawed: Mapping[str, FloatArray] = field(default_factory=dict)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -166,10 +174,22 @@ class Linearisation:
         """Return the rows of some quantities."""
         return np.array([self.names.index(name) for name in names], dtype=np.intp)
 
-    def summed(self, *, is_structured: bool) -> Linearisation:
-        """Return the same with what its misfit does, without curves, which fill the memory."""
+    def summed(
+        self, *, is_structured: bool, pulls: Mapping[str, FloatArray] = MappingProxyType({})
+    ) -> Linearisation:
+        """Return the same with what its misfit does, without curves, which fill the memory.
+
+        Parameters
+        ----------
+        is_structured : bool
+            Whether more of the residual repeats than noise can explain.
+        pulls : mapping of str to numpy.ndarray
+            Of the flaws that explain it, (k,) each.
+        """
         misfit = _misfit_scores(self) if is_structured else None
-        return replace(self, logs=(), misfit=misfit)
+        flawed = {name: np.asarray(pull / math.sqrt(len(pulls))) for name, pull in pulls.items()}
+        flawed["drift"] = _drift_pull(self)
+        return replace(self, logs=(), misfit=misfit, flawed=flawed)
 
 
 def linearise_settings(
@@ -383,6 +403,27 @@ def _misfit_scores(linearised: Linearisation) -> FloatArray:
     table = np.array(pulls)
     few = len(table) / max(len(table) - len(linearised.names), 1)
     return np.asarray(few * table.T @ table)
+
+
+def _drift_pull(linearised: Linearisation) -> FloatArray:
+    """Summed scores by a zero that moves: as much as a log drifts by may be in its mean force."""
+    pull = np.zeros(len(linearised.names))
+    for log, seen in zip(linearised.fit.logs, linearised.logs, strict=True):
+        for stretch, place in zip(log.trace.stretches, log.trace.places, strict=True):
+            if stretch.n_cycles < _SEEN_TO_DRIFT:
+                continue
+            residuals = seen.residuals[place]
+            starts = np.rint(stretch.cycle_starts - stretch.first).astype(np.intp)
+            starts = np.clip(starts, 0, len(residuals))
+            sums = np.add.reduceat(residuals[: starts[-1]], starts[:-1])
+            phase = np.linspace(-0.5, 0.5, len(sums))
+            means = sums / np.diff(starts)
+            drift = float(phase @ means / (phase @ phase))
+            rest = means - means.mean() - drift * phase
+            error = math.sqrt(float(rest @ rest / (phase @ phase)) / (len(means) - 2))
+            if abs(drift) > _SURE * error:
+                pull += drift * (seen.jacobian[place].T @ seen.weights[place] ** 2)
+    return pull
 
 
 def _blocks(stretch: Stretch, residuals: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:

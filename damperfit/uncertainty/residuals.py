@@ -126,8 +126,12 @@ class Diagnosis:
         return self.mse_percent < EXCELLENT
 
 
-def diagnose(linearised: Linearisation, *, doubted: tuple[str, ...] = ()) -> Diagnosis:
+def diagnose(
+    linearised: Linearisation, *, doubted: tuple[str, ...] = ()
+) -> tuple[Diagnosis, dict[str, FloatArray]]:
     """Return what the residuals of a setting say; from its linearised fit alone, no simulation.
+
+    And the pulls of the hints, (k,) each, as `seek_flaws` has them.
 
     Parameters
     ----------
@@ -147,10 +151,10 @@ def diagnose(linearised: Linearisation, *, doubted: tuple[str, ...] = ()) -> Dia
         for log, measured, seen in zip(fit.logs, forces, linearised.logs, strict=True)
     ]
     share, modelled = (_middle(of) for of in zip(*shares, strict=True))
-    hints = (
+    hints, pulls = (
         seek_flaws(linearised, repeats, doubted=doubted, has_yielded=share >= YIELDS)
         if is_structured
-        else ()
+        else ((), {})
     )
     hints = tuple(one for one in hints if one.name != "delay" or _fits_skew(linearised, one.amount))
     noise_percent = float(min(100.0 * noise / variance, fit.mse_percent))
@@ -166,7 +170,8 @@ def diagnose(linearised: Linearisation, *, doubted: tuple[str, ...] = ()) -> Dia
         held_share=share,
         modelled_share=modelled,
     )
-    return replace(found, sentence=_sentence(found) + _warned(linearised, found))
+    found = replace(found, sentence=_sentence(found) + _warned(linearised, found))
+    return found, {one.name: pulls[one.name] for one in hints if one.name in pulls}
 
 
 def _middle(shares: Sequence[float]) -> float:

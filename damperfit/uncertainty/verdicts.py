@@ -34,10 +34,20 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["doubts", "reconsider", "undetermined", "verdicts", "with_least_openings"]
+__all__ = [
+    "doubts",
+    "motions_apart",
+    "reconsider",
+    "undetermined",
+    "verdicts",
+    "with_least_openings",
+]
 
 # At this correlation knowing the one would shrink the error of the other to a third.
 _CORRELATED = 0.95
+# Rigs repeat frequency and stroke to parts in a thousand: one log of at least so many that is off
+# by more than so much, and by so many times what the others differ by, was logged otherwise.
+_ENOUGH_LOGS, _APART, _FAR = 4, 5e-3, 10.0
 # What oil meets once a blow-off is open.
 # Of a stroke's oil: a share below it is that of a passage which the logs do not show.
 _UNNOTICED = 0.01
@@ -218,6 +228,40 @@ def doubts(campaign: Campaign, assessment: Assessment) -> tuple[Problem, ...]:
             warning("correlated", text, quantity=one, other=other, settings=at, correlation=spread)
         )
     return tuple(problems)
+
+
+def motions_apart(campaign: Campaign) -> Iterator[Problem]:
+    """Yield the one log whose clock or stroke is off those of all others, which agree."""
+    motions = [
+        (log.trace.name, stretch.frequency, log.trace.amplitude)
+        for fit in campaign.fits
+        for log in fit.logs
+        for stretch in log.trace.stretches
+        if stretch.n_cycles and len(log.trace.stretches) == 1
+    ]
+    for code, unit, scale, what, values in (
+        ("clock-apart", "Hz", 1.0, "clock", [one[1] for one in motions]),
+        ("stroke-apart", "mm", 1e3, "displacement channel", [one[2] for one in motions]),
+    ):
+        if len(values) < _ENOUGH_LOGS:
+            continue
+        middle = float(np.median(values))
+        off = np.abs(np.array(values) / middle - 1.0)
+        *_, second, most = np.sort(off).tolist()
+        if most > _APART and most > _FAR * second:
+            place = int(np.argmax(off))
+            yield warning(
+                code,
+                "{log} has {found} {unit}, all other logs have {expected} {unit}: its {what} is "
+                "{percent} % off, or it is another test; a wrong {what} puts its parameters off by "
+                "about as much",
+                log=motions[place][0],
+                found=f"{scale * values[place]:.4g}",
+                expected=f"{scale * middle:.4g}",
+                unit=unit,
+                what=what,
+                percent=f"{100.0 * most:.2g}",
+            )
 
 
 def _ties(known: Uncertainty) -> Iterator[tuple[str, str, float]]:

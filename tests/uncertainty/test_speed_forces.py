@@ -197,7 +197,7 @@ def test_an_error_for_the_wrong_model_holds_what_another_stroke_moves() -> None:
     moved = shorter.k_e / values.k_e - 1.0
     assert moved == pytest.approx(0.07, abs=0.01)
     assert 3.0 < moved / (intervals["k_e"].error / values.k_e) < 5.0
-    assert intervals["k_e"].misfit / values.k_e == pytest.approx(0.23, abs=0.02)
+    assert moved < 1.96 * intervals["k_e"].misfit / values.k_e < 10.0 * moved
     # It knows nothing of what the parameters absorb.
     assert shortest.r_m1 - values.r_m1 > 5.0 * intervals["r_m1"].misfit
 
