@@ -16,6 +16,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from damperfit import __version__
+from damperfit.cli.completion import completion_of
 from damperfit.cli.console import say, set_colour
 from damperfit.errors import ConfigurationError
 from damperfit.keywords import PANELS, PYTHON_ONLY, keyword_of, option_of
@@ -128,7 +129,9 @@ def _parameter(called: str, one: Parameter) -> Parameter:
     if known.kind in {"argument", "arguments"}:
         if known.kind == "arguments" or default is None:
             default, kind = None, kind if is_needed else kind | None
-        info = typer.Argument(metavar=known.metavar, help=known.help)
+        info = typer.Argument(
+            metavar=known.metavar, help=known.help, autocompletion=completion_of(one.name, "")
+        )
         default = Parameter.empty if is_needed else default
     else:
         if known.kind == "flag":
@@ -154,7 +157,8 @@ def of_presentation(name: str) -> Parameter:
 def _option(name: str, known: Any, **how: Any) -> Any:
     return typer.Option(
         option_of(name), *known.names, metavar=known.metavar or None, help=known.help,
-        rich_help_panel=known.panel, **how,
+        rich_help_panel=known.panel,
+        autocompletion=None if known.kind == "flag" else completion_of(name, known.key), **how,
     )  # fmt: skip
 
 
