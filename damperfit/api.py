@@ -261,7 +261,6 @@ def identify_each(
     is_written : bool
         Whether anything is written.
     """
-    from damperfit.run.auto_model import choose_law, with_chosen_law
     from damperfit.run.identify import Watch, identified, written
     from damperfit.run.log_files import as_files, in_memory
 
@@ -275,6 +274,8 @@ def identify_each(
         as_paths = as_files(unread, call="damperfit.identify")
         paths = [] if is_ready else stack.enter_context(as_paths)
         if given.get("model") == _AUTO:
+            from damperfit.run.auto_model import choose_law, with_chosen_law
+
             choice = choose_law(
                 configuration,
                 paths,

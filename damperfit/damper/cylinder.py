@@ -14,7 +14,9 @@ if TYPE_CHECKING:
 
     from damperfit.simulation import Motion
 
-__all__ = ["Cylinder", "filling"]
+__all__ = ["AMBIENT", "Cylinder", "filling"]
+
+AMBIENT = 101325.0  # Pa, of the air
 
 
 class Cylinder:

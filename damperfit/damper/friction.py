@@ -13,10 +13,9 @@ friction's.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from damperfit.damper.mounting import NONE
-from damperfit.damper.valve_dampers import ValveDamper
+from damperfit.damper.mounting import NONE, Friction
 from damperfit.damper.warmed import Warmed
 
 if TYPE_CHECKING:
@@ -39,8 +38,8 @@ def with_pressed_seal(damper: Model, values: Values) -> tuple[Model, Values] | N
 
     None where the law has such a seal, or no valves.
     """
-    own = damper.plain
-    if not isinstance(own, ValveDamper) or own.friction.seal_area != NONE:
+    own: Any = damper.plain
+    if not _has_seals(own) or own.friction.seal_area != NONE:
         return None
     return _with(damper, values, own, seal_area=_AREA)
 
@@ -54,8 +53,8 @@ def other_turns(damper: Model, values: Values) -> tuple[tuple[float, Model, Valu
         The force of that form is the sum of these, each times its weight. Empty where there is no
         friction, or it builds up over a distance.
     """
-    own = damper.plain
-    if not isinstance(own, ValveDamper) or not values.f_f or own.friction.presliding != NONE:
+    own: Any = damper.plain
+    if not _has_seals(own) or not values.f_f or own.friction.presliding != NONE:
         return ()
     if own.friction.turning_speed != NONE:
         ends = (values.turning_speed * (1.0 + away) for away in (-_SPREAD, _SPREAD))
@@ -63,7 +62,12 @@ def other_turns(damper: Model, values: Values) -> tuple[tuple[float, Model, Valu
     return ((1.0, *_with(damper, values, own, turning_speed=_WITHIN)),)
 
 
-def _with(damper: Model, values: Values, own: ValveDamper, **part: float) -> tuple[Model, Values]:
+def _has_seals(damper: Any) -> bool:
+    """Whether it is a damper of valves; their module is not loaded to learn that it is none."""
+    return isinstance(getattr(damper, "friction", None), Friction)
+
+
+def _with(damper: Model, values: Values, own: Any, **part: float) -> tuple[Model, Values]:
     """The damper with a part of friction that is known."""
     changed: Model = replace(own, friction=replace(own.friction, **part))
     if isinstance(damper, Warmed):

@@ -41,7 +41,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from damperfit.damper import quantity as roles
-from damperfit.damper.cylinder import Cylinder, filling
+from damperfit.damper.cylinder import AMBIENT, Cylinder, filling
 from damperfit.damper.model import OilModel
 from damperfit.damper.mounting import NONE, Friction, Mounting
 from damperfit.damper.network import (
@@ -90,7 +90,6 @@ __all__ = [
 ]
 
 STROKES = ("rebound", "compression")
-AMBIENT = 101325.0
 # What any damper has, with room to spare, in SI; what lies outside was misread.
 VALVE_RANGES: dict[str, tuple[float, float, str]] = {
     "rod_diameter": (1e-3, 0.5, "m"),

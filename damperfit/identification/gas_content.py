@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from damperfit.damper.purdy.appendices import modulus_at_pressure
 from damperfit.identification.simulated_log import compare
 
 if TYPE_CHECKING:
@@ -67,6 +66,8 @@ class GasLaw:
 
     def modulus(self, setting: Setting) -> float:
         """K_e of a setting, Pa."""
+        from damperfit.damper.purdy.appendices import modulus_at_pressure
+
         # Eq. (28) with K_B/C in place of K_B and V_r/C in place of V_r has C = 1.
         return float(
             modulus_at_pressure(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from damperfit.laws.law_fit import UNDETERMINED
 from damperfit.reporting.records import listed_in, number_in
 from damperfit.reporting.sheet import NOTHING, Column, Sheet, laid_out, number
 
@@ -108,6 +107,8 @@ def chosen_sheet(fits: Sequence[LawFit]) -> Sheet:
     if any(fit.at_bound for fit in fits):
         notes.append("! at a bound: not determined by these logs")
     if any(fit.undetermined for fit in fits):
+        from damperfit.laws.law_fit import UNDETERMINED
+
         notes.append(
             f"? not determined by these logs: {UNDETERMINED:g} times as much or little would do as "
             "well"

@@ -12,9 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from damperfit.adjustment.clicks import Adjustment, compare_settings
 from damperfit.checks import Check, Subject, run_checks, unchecked
-from damperfit.damper.valve_dampers import ValveDamper
 from damperfit.errors import ConfigurationError, InstallationError, OutputError, mishap_of
-from damperfit.laws.structures import times_in
 from damperfit.problem import Failure, Option, Problem
 from damperfit.recording import Trace
 from damperfit.run.record import MANY, failures_of
@@ -238,7 +236,12 @@ def with_other_layouts(assessment: Assessment, damper: Model, layouts: Sequence[
     The fits are in the layout of the damper; ``layouts`` are those that the logs do not tell from
     it.
     """
-    if not layouts or not isinstance(damper, ValveDamper):
+    if not layouts:
+        return assessment
+    from damperfit.damper.valve_dampers import ValveDamper
+    from damperfit.laws.structures import times_in
+
+    if not isinstance(damper, ValveDamper):
         return assessment
 
     def reaching(name: str, own: Interval) -> Interval:

@@ -15,9 +15,9 @@ import numpy as np
 from damperfit.conditioning import apply_filter
 from damperfit.conditioning.gas_force import force_level
 from damperfit.conditioning.polarity import CONTRADICTED
+from damperfit.damper.cylinder import AMBIENT
 from damperfit.damper.load_cell import behind_lag
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.damper.valve_dampers import AMBIENT
 from damperfit.errors import DamperfitError
 from damperfit.identification import GivenStart, identify
 from damperfit.identification.fit_problem import edge_of

@@ -23,7 +23,6 @@ from damperfit.identification import (
     unlimited_in,
     values_from_others,
 )
-from damperfit.laws.law_fit import PREDICTED_PERCENT
 from damperfit.problem import Problem, warning
 from damperfit.simulation import SolverOptions
 from damperfit.tested.setting import Setting
@@ -488,6 +487,8 @@ def _prediction(fit: Fit, trace: Trace, seen: SimulatedLog, fitted_noise: float)
 
 def _expected(lack: float, noise: float) -> float:
     """Return the MSE that a model which carries over has, %; none below what matters is asked."""
+    from damperfit.laws.law_fit import PREDICTED_PERCENT
+
     return max(lack + noise, PREDICTED_PERCENT)
 
 

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from damperfit.damper.valve_dampers import ValveDamper
 from damperfit.damper.warmed import Warmed
 from damperfit.identification.fit_setting import NOT_FIT_TO_SHARE, NOT_FOUND, is_loose
 from damperfit.identification.inactive_parts import is_nothing
@@ -89,7 +88,11 @@ def _passes_from(name: str, one: Linearisation, damper: Model) -> float:
     opening: float = getattr(one.fit.parameters, name)
     own = damper.damper if isinstance(damper, Warmed) else damper
     stroke = name.removesuffix("_opening")
-    if not isinstance(own, ValveDamper) or f"{stroke}_slope" not in one.names:
+    if f"{stroke}_slope" not in one.names:
+        return opening
+    from damperfit.damper.valve_dampers import ValveDamper
+
+    if not isinstance(own, ValveDamper):
         return opening
     area = own.pressed_areas[0 if stroke == "rebound" else 1]
     speed = max(part.peak_speed for log in one.fit.logs for part in log.trace.stretches)
