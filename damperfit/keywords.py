@@ -181,6 +181,8 @@ _TABLE: dict[str, dict[str, tuple[Any, ...]]] = {
         "figures": ("text", "KIND", "Write the figures as files: png, svg or pdf.", "--plots"),
         "plot": ("path", "FILE", "Draw the loops: .png, .svg or .pdf."),
         "to": ("text", "TARGET", "What to write; --list shows them."),
+        "schema": ("flag", "",
+            "Print the JSON schema of configuration files, for an editor, and exit."),
         "list": ("flag", "", "Show the targets with file, units and sign."),
         "github_summary": ("flag", "", "Append the report to the summary of the job."),
         "save": ("path", "FILE.json", "Keep A as a baseline."),

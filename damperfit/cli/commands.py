@@ -682,16 +682,21 @@ def _fleet_summary(found: FleetDone) -> list[str]:
 # config, help, doctor
 
 
-def _config(config: Path | None = None) -> None:
+def _config(config: Path | None = None, *, schema: bool = False) -> None:
     """Take what the command takes."""
 
 
 @command(_config, name="config")
-def config(how: Shown, config: Path | None) -> int:
+def config(how: Shown, config: Path | None, *, schema: bool) -> int:
     """Print the complete configuration in force, as TOML.
 
     Example: damperfit config > my_damper.toml
     """
+    if schema:
+        from damperfit.configuration.json_schema import configuration_schema
+
+        print_json(configuration_schema())
+        return 0
     from damperfit.configuration import loading
     from damperfit.tables.files import json_values
 

@@ -9,7 +9,15 @@ from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, create_model
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    WithJsonSchema,
+    create_model,
+)
 
 from damperfit.conditioning import ConditionOptions, NominalTest
 from damperfit.configuration.damper_section import damper_of
@@ -95,7 +103,8 @@ def _type_of(name: str, entry: Entry) -> Any:
     if name == "hold_out_cycles":
         kind = Annotated[kind, AfterValidator(_whole_or_share)]
     if entry.dimension:
-        kind = Annotated[kind | str if entry.word else kind, _quantity(entry)]
+        written = WithJsonSchema({"type": ["number", "string"]})
+        kind = Annotated[kind | str if entry.word else kind, _quantity(entry), written]
     if not is_list:
         return Annotated[kind, Field(min_length=1)] if name == "folder" else kind
     return Annotated[list[kind], Field(min_length=1)] if name == "speeds" else list[kind]
