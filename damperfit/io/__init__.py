@@ -40,14 +40,7 @@ _DEFAULTS = ReadOptions()
 def read_logs(
     path: str | os.PathLike[str], options: ReadOptions = _DEFAULTS
 ) -> tuple[Recording, ...]:
-    """Return every test in a log file, in SI, with the project's signs.
-
-    Parameters
-    ----------
-    path : path-like
-        Log of any known format (`damperfit.io.formats.FORMATS`).
-    options : ReadOptions, optional
-        Declared columns, units, signs and setting.
+    """Return every test in a log file of any known format, in SI, with the project's signs.
 
     Raises
     ------
@@ -75,14 +68,7 @@ def read_logs(
 def read_curves(
     path: str | os.PathLike[str], options: ReadOptions = _DEFAULTS
 ) -> tuple[ForceCurve, ...]:
-    """Return the curves of force over speed in a file without time.
-
-    Parameters
-    ----------
-    path : path-like
-        File of any known format: points (PVP) or loops (CVP), by stroke and setting.
-    options : ReadOptions, optional
-        Declared units and signs.
+    """Return the curves of force over speed, points or loops, in a file without time.
 
     Raises
     ------
@@ -92,6 +78,15 @@ def read_curves(
     from damperfit.io.force_curves import make_curves
 
     return make_curves(*_opened(path, options))
+
+
+def read_log(path: str | os.PathLike[str], options: ReadOptions = _DEFAULTS) -> Recording:
+    """Return the one test in a log file; as `read_logs`, which returns several."""
+    recordings = read_logs(path, options)
+    if len(recordings) != 1:
+        name = recordings[0].name.removesuffix(" part 1")
+        raise LogError(f"holds {len(recordings)} tests; read_logs gives them all", subject=name)
+    return recordings[0]
 
 
 def _opened(
@@ -105,21 +100,6 @@ def _opened(
     options, notes = options.for_file(source.name)
     source, format_notes = unpack(source, max_bytes=options.max_bytes)
     return source, find_format(source).read(source, options), options, (*notes, *format_notes)
-
-
-def read_log(path: str | os.PathLike[str], options: ReadOptions = _DEFAULTS) -> Recording:
-    """Return the one test in a log file, in SI, with the project's signs.
-
-    Raises
-    ------
-    LogError
-        As `read_logs`; also when the file holds several tests.
-    """
-    recordings = read_logs(path, options)
-    if len(recordings) != 1:
-        name = recordings[0].name.removesuffix(" part 1")
-        raise LogError(f"holds {len(recordings)} tests; read_logs gives them all", subject=name)
-    return recordings[0]
 
 
 def __getattr__(name: str) -> Any:

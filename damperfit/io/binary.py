@@ -41,9 +41,6 @@ from damperfit.io.options import ReadOptions
 from damperfit.problem import Option
 from damperfit.recording import Finding
 
-__all__ = ["read_parquet", "read_tdms"]
-
-_MAGIC = b"PAR1"
 _NEXT_NUMBER = b"\x15"
 _NO_PAGE_CHECKSUMS = "Parquet without page checksums: a damaged value could not be seen"
 _TICKS = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}  # in a second
@@ -70,31 +67,48 @@ _NO_CHECKSUMS = "TDMS has no checksums: a damaged value could not be seen"
 def read_parquet(source: Source, options: ReadOptions) -> tuple[Table, ...]:
     """Return the table of a Parquet log."""
     import pyarrow as pa
-    from pyarrow import parquet
+    from pyarrow import parquet, types
 
     name = source.name
-    if len(source.data) < 12 or not source.data.endswith(_MAGIC):
+    if len(source.data) < 12 or not source.data.endswith(b"PAR1"):
         raise LogError("truncated Parquet; the end of the file is missing", subject=name)
     with refusing_damage("Parquet", name=name):
         file = parquet.ParquetFile(pa.BufferReader(source.data), page_checksum_verification=True)
         schema = file.schema_arrow
         metadata = _texts(schema.metadata)
         fields = [schema.field(i) for i in range(len(schema))]
-    n_rows = max(file.metadata.num_rows, sum(max(n, 0) for n in _rows_of_groups(file)))
+    counts = [file.metadata.row_group(i).num_rows for i in range(file.metadata.num_row_groups)]
+    n_declared = file.metadata.num_rows
+    n_rows = max(n_declared, sum(max(n, 0) for n in counts))
     claimed = max(n_rows, 0) * 8 * 4  # four channels of float64 are all that is ever loaded
     check_size(claimed, limit=options.max_bytes, what=f"a table of {n_rows} rows", name=name)
-    return (
-        Table(
-            columns=tuple(_column(field) for field in fields),
-            load=lambda wanted: _load(file, fields, wanted, name),
-            metadata=metadata,
-            notes=() if _has_checksums(source.data) else (_NO_PAGE_CHECKSUMS,),
-        ),
-    )
+    columns = []
+    for field in fields:
+        texts = _texts(field.metadata)
+        unit = "s" if types.is_duration(field.type) else texts.get("unit") or texts.get("units")
+        columns.append(Column(field.name.strip(), unit, _is_clock(field.type)))
 
+    def load(wanted: Mapping[str, int]) -> Samples:
+        for channel, index in wanted.items():
+            kind = fields[index].type
+            is_number = types.is_integer(kind) or types.is_floating(kind) or types.is_decimal(kind)
+            if not (is_number or _is_clock(kind) or types.is_duration(kind)):
+                raise LogError(f"{channel} is of type {kind}, expected numbers", subject=name)
+        names = {channel: fields[index].name for channel, index in wanted.items()}
+        with refusing_damage("Parquet", name=name):
+            table = file.read(columns=sorted(set(names.values())), use_threads=False)
+            # The counts of the columns are left alone: asking for a damaged one ends the process.
+            if not n_declared == sum(counts) == table.num_rows:
+                raise LogError(
+                    f"damaged Parquet: {n_declared} rows are declared, {sum(counts)} held and "
+                    f"{table.num_rows} read; copy the log again",
+                    subject=name,
+                )
+            table.validate(full=True)
+            return Samples({channel: _numbers(table.column(one)) for channel, one in names.items()})
 
-def _rows_of_groups(file: Any) -> list[int]:
-    return [file.metadata.row_group(i).num_rows for i in range(file.metadata.num_row_groups)]
+    notes = () if _has_checksums(source.data) else (_NO_PAGE_CHECKSUMS,)
+    return (Table(tuple(columns), load, metadata, notes),)
 
 
 def _has_checksums(data: bytes) -> bool:
@@ -103,7 +117,7 @@ def _has_checksums(data: bytes) -> bool:
     A page header is in Thrift's compact form: each 32-bit number is 0x15 and the number in groups
     of seven bits. The first three are kind and two sizes, the fourth is the checksum.
     """
-    at = len(_MAGIC)
+    at = len(b"PAR1")
     for _ in range(3):
         if data[at : at + 1] != _NEXT_NUMBER:
             return False
@@ -112,15 +126,6 @@ def _has_checksums(data: bytes) -> bool:
             at += 1
         at += 1
     return data[at : at + 1] == _NEXT_NUMBER
-
-
-def _column(field: Any) -> Column:
-    import pyarrow as pa
-
-    said = _texts(field.metadata)
-    is_duration = pa.types.is_duration(field.type)
-    unit = "s" if is_duration else said.get("unit") or said.get("units")
-    return Column(field.name.strip(), unit, _is_clock(field.type))
 
 
 def _is_clock(kind: Any) -> bool:
@@ -136,32 +141,6 @@ def _texts(metadata: Mapping[bytes, bytes] | None) -> dict[str, str]:
         for key, value in (metadata or {}).items()
         if len(value) <= 1000 and not key.startswith((b"ARROW:", b"PARQUET:", b"pandas"))
     }
-
-
-def _load(file: Any, fields: list[Any], wanted: Mapping[str, int], name: str) -> Samples:
-    import pyarrow as pa
-
-    for channel, index in wanted.items():
-        kind = fields[index].type
-        is_number = pa.types.is_integer(kind) or pa.types.is_floating(kind)
-        is_time = _is_clock(kind) or pa.types.is_duration(kind)
-        if not (is_number or pa.types.is_decimal(kind) or is_time):
-            raise LogError(f"{channel} is of type {kind}, expected numbers", subject=name)
-    columns = sorted({fields[index].name for index in wanted.values()})
-    with refusing_damage("Parquet", name=name):
-        table = file.read(columns=columns, use_threads=False)
-        # The counts of the columns are left alone: asking for a damaged one ends the process.
-        n_declared, n_held = file.metadata.num_rows, sum(_rows_of_groups(file))
-        if not n_declared == n_held == table.num_rows:
-            raise LogError(
-                f"damaged Parquet: {n_declared} rows are declared, {n_held} held and "
-                f"{table.num_rows} read; copy the log again",
-                subject=name,
-            )
-        table.validate(full=True)
-        return Samples(
-            {channel: _numbers(table.column(fields[i].name)) for channel, i in wanted.items()}
-        )
 
 
 def _numbers(column: Any) -> FloatArray:
@@ -230,10 +209,9 @@ def read_tdms(source: Source, options: ReadOptions) -> tuple[Table, ...]:
             subject=name,
         )
     tables = group_tables(groups, options, name=name, notes=(_NO_CHECKSUMS,))
-    if not lost:
-        return tables
-    cut = Finding("truncated", "warning", f"the end of the file is missing: {lost}")
-    return tuple(replace(table, findings=(cut,)) for table in tables)
+    words = f"the end of the file is missing: {lost}"
+    findings = (Finding("truncated", "warning", words),) if lost else ()
+    return tuple(replace(table, findings=findings) for table in tables)
 
 
 def _extent(data: bytes, name: str) -> _Extent:
@@ -248,18 +226,16 @@ def _extent(data: bytes, name: str) -> _Extent:
         order = ">" if contents & _IS_BIG_ENDIAN else "<"
         _, n_bytes, n_before_values = struct.unpack_from(f"{order}IQQ", data, at + 8)
         if contents & _IS_DAQMX:
-            raise LogError(
-                "raw DAQmx values in TDMS are not supported; export as CSV", subject=name
-            )
+            text = "raw DAQmx values in TDMS are not supported; export as CSV"
+            raise LogError(text, subject=name)
         values_at, end = at + _LEAD_IN + n_before_values, at + _LEAD_IN + n_bytes
         is_sound = values_at <= end if contents & _HAS_VALUES else values_at == end
         if is_sound and values_at <= len(data):
-            said_to = _end_of_metadata(data[:values_at], at + _LEAD_IN, order, contents)
-            is_sound = 0 <= said_to <= values_at and not any(data[said_to:values_at])
+            ends_at = _end_of_metadata(data[:values_at], at + _LEAD_IN, order, contents)
+            is_sound = 0 <= ends_at <= values_at and not any(data[ends_at:values_at])
         if n_bytes != _OPEN and not is_sound:
-            raise LogError(
-                f"damaged TDMS file: the segment at byte {at} is inconsistent", subject=name
-            )
+            text = f"damaged TDMS file: the segment at byte {at} is inconsistent"
+            raise LogError(text, subject=name)
         if n_bytes == _OPEN or end > len(data):
             has_values = contents & _HAS_VALUES and values_at <= len(data)
             held = len(data) - values_at if has_values else 0
@@ -304,12 +280,8 @@ def _end_of_metadata(data: bytes, at: int, order: str, contents: int) -> int:
 
 def _lengths(nptdms: Any, data: bytes) -> dict[tuple[str, str], int]:
     """Return how many values each channel has, by names of group and channel."""
-    metadata = nptdms.TdmsFile.read_metadata(io.BytesIO(data))
-    return {
-        (str(group.name), str(channel.name)): len(channel)
-        for group in metadata.groups()
-        for channel in group.channels()
-    }
+    groups = nptdms.TdmsFile.read_metadata(io.BytesIO(data)).groups()
+    return {(str(g.name), str(one.name)): len(one) for g in groups for one in g.channels()}
 
 
 def _lost(
@@ -336,8 +308,7 @@ def _lost(
 def _n_bytes(channel: Any) -> int:
     """Return how many bytes the values of a channel take in the file."""
     values = channel[:]
-    size = getattr(channel.data_type, "size", None)
-    if size is not None:
+    if (size := getattr(channel.data_type, "size", None)) is not None:
         return int(size) * len(values)
     return sum(4 + len(str(text).encode("utf-8")) for text in values)  # an offset and the text
 

@@ -33,16 +33,6 @@ from damperfit.io.files import Source
 from damperfit.io.options import ReadOptions
 from damperfit.own_process import child_environment
 
-__all__ = [
-    "ChildAnswer",
-    "ChildReader",
-    "ask_child",
-    "check_size",
-    "load_library",
-    "refusing_damage",
-    "serve",
-]
-
 _TIME_LIMIT = 60  # s for a log, and 1 s for each megabyte; libraries take seconds to load
 _IDLE = 10.0  # s after which a child ends that nobody asks
 _OWN_MEMORY = 320_000_000  # bytes that Python and the library take before they see a log
@@ -60,23 +50,12 @@ serve()
 
 
 def load_library(module: str, *, extra: str, reads: str, name: str) -> Any:
-    """Return a library that is not installed with the program itself.
-
-    Parameters
-    ----------
-    module : str
-        As in "nptdms".
-    extra : str
-        Name of the optional dependency in the package.
-    reads : str
-        Format, for the message.
-    name : str
-        Log, for the message.
+    """Return a library that an extra of the package brings, or name the command that installs it.
 
     Raises
     ------
     LogError
-        The library is not there; names the command that installs it.
+        The library is not there.
     """
     try:
         library = importlib.import_module(module)
@@ -95,13 +74,7 @@ def _missing(extra: str, reads: str, name: str) -> LogError:
 
 @contextmanager
 def refusing_damage(reads: str, *, name: str = "") -> Iterator[None]:
-    """Turn whatever a library raises over damaged bytes into one line.
-
-    Raises
-    ------
-    LogError
-        The block raised anything but LogError and MemoryError.
-    """
+    """Turn whatever a library raises over damaged bytes into a LogError of one line."""
     try:
         yield
     except (LogError, MemoryError):
@@ -113,13 +86,7 @@ def refusing_damage(reads: str, *, name: str = "") -> Iterator[None]:
 
 
 def check_size(n_bytes: int, *, limit: int, what: str, name: str = "") -> None:
-    """Refuse what would need more memory than the limit.
-
-    Raises
-    ------
-    LogError
-        n_bytes is more than the limit, or negative.
-    """
+    """Refuse what would need more memory than the limit, or a negative number of bytes."""
     if not 0 <= n_bytes <= limit:
         raise LogError(
             f"{what} claims {n_bytes} bytes, more than the limit of {limit} (rig.max_log_bytes)",
@@ -147,10 +114,6 @@ class ChildAnswer(NamedTuple):
 class _EndedError(Exception):
     """A child has no answer to give, and is not to be asked again."""
 
-    def __init__(self, reason: str, *, is_final: bool) -> None:
-        super().__init__(reason)
-        self.is_final = is_final  # another child would not do better
-
 
 def ask_child(reader: ChildReader, source: Source, options: ReadOptions) -> ChildAnswer:
     """Return what a child finds in a log.
@@ -173,7 +136,7 @@ def ask_child(reader: ChildReader, source: Source, options: ReadOptions) -> Chil
             is_kept = reader.is_memory_safe
             raise error.at(subject=source.name) from error
         except _EndedError as error:
-            if error.is_final:
+            if child.n_asked == 1 or child.is_late.is_set():  # another one would not do better
                 raise LogError(f"{error}", subject=source.name) from error
         else:
             return answer
@@ -197,7 +160,8 @@ class _Child:
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
         )
-        self._n_asked = 0
+        self.n_asked = 0
+        self.is_late = Event()
 
     @property
     def is_alive(self) -> bool:
@@ -205,13 +169,10 @@ class _Child:
 
     def ask(self, reader: ChildReader, data: bytes, limit: int) -> ChildAnswer:
         """Return the answer; raises what the child says against the log, or _EndedError."""
-        self._n_asked += 1
+        self.n_asked += 1
         seconds = _TIME_LIMIT + len(data) // 1_000_000
         head = json.dumps({"answer": reader.answer, "limit": limit, "n_bytes": len(data)})
-        is_late = Event()
-        said: dict[str, Any] = {}
-        parts: list[bytes] = []
-        timer = Timer(seconds, self._stop, (is_late,))
+        timer = Timer(seconds, self._stop)
         timer.start()
         try:
             to_child, out = self._process.stdin, self._process.stdout
@@ -224,44 +185,38 @@ class _Child:
             parts = [out.read(n) for n in said.get("lengths", ())]
             is_whole = [len(part) for part in parts] == said.get("lengths", [])
         except (OSError, ValueError):
-            is_whole = False
+            said, parts, is_whole = {}, [], False
         finally:
             timer.cancel()
         if not is_whole:  # it is gone
             with suppress(subprocess.TimeoutExpired):
                 self._process.wait(1.0)
             self.end()
-            reason = f"damaged {reader.reads} file: "
-            if is_late.is_set():
-                reason += f"not read in {seconds:g} s"
-            else:
-                reason += (
-                    f"its reader ended by {_ending(self._process.returncode)}; copy the log "
-                    "again, or raise the limit of memory (rig.max_log_bytes)"
+            reason = f"not read in {seconds:g} s"
+            if not self.is_late.is_set():
+                code = self._process.returncode
+                with suppress(ValueError):
+                    code = signal.Signals(-code).name
+                reason = (
+                    f"its reader ended by {code if isinstance(code, str) else f'code {code}'}; "
+                    "copy the log again, or raise the limit of memory (rig.max_log_bytes)"
                 )
-            raise _EndedError(reason, is_final=is_late.is_set() or self._n_asked == 1)
+            raise _EndedError(f"damaged {reader.reads} file: {reason}")
         if said.get("refused") == _OUT_OF_MEMORY:
-            reason = f"{reader.reads}: needs more memory than the limit (rig.max_log_bytes) allows"
-            raise _EndedError(reason, is_final=self._n_asked == 1)
+            what = f"{reader.reads}: needs more memory than the limit (rig.max_log_bytes) allows"
+            raise _EndedError(what)
         if "refused" in said:
             raise LogError(said["refused"])
         return ChildAnswer(said["said"], parts)
 
-    def _stop(self, is_late: Event) -> None:
-        is_late.set()
+    def _stop(self) -> None:
+        self.is_late.set()
         self._process.kill()
 
     def end(self) -> None:
         self._process.kill()
         with suppress(OSError, ValueError):
             self._process.communicate()
-
-
-def _ending(code: int) -> str:
-    try:
-        return signal.Signals(-code).name
-    except ValueError:
-        return f"code {code}"
 
 
 class _Children:
@@ -322,16 +277,18 @@ def serve() -> None:
             os._exit(0)  # what a library does at exit is of no interest
         limit = asked["limit"]
         _limit_memory(_OWN_MEMORY + min(3 * limit, max(_LEAST, _UNPACKED * len(data))))
+        said: dict[str, Any] = {}
+        parts: Sequence[bytes] = ()
         try:
             module, _, function = asked["answer"].partition(":")
-            found = getattr(importlib.import_module(module), function)(data, limit)
-            said = {"said": found.said, "lengths": [len(part) for part in found.parts]}
-            out.write(json.dumps(said).encode() + b"\n")
-            out.writelines(found.parts)
+            found, parts = getattr(importlib.import_module(module), function)(data, limit)
+            said = {"said": found, "lengths": [len(part) for part in parts]}
         except LogError as error:
-            out.write(json.dumps({"refused": str(error)}).encode() + b"\n")
+            said = {"refused": str(error)}
         except MemoryError:
-            out.write(json.dumps({"refused": _OUT_OF_MEMORY}).encode() + b"\n")
+            said = {"refused": _OUT_OF_MEMORY}
+        out.write(json.dumps(said).encode() + b"\n")
+        out.writelines(parts)
         out.flush()
 
 

@@ -29,8 +29,6 @@ from damperfit.io.options import EXTRAS
 from damperfit.recording import Finding
 from damperfit.statistics import median
 
-__all__ = ["buffer_ends", "on_one_clock", "rate_of_stamps", "steps_of_level"]
-
 _FEWEST = 50  # rows; of fewer nothing is said
 _CLOCK_BITS = (16, 24, 32)
 _BITS = (10, 12, 14, 16, 18, 20, 24, 32)  # of encoders and converters
@@ -52,20 +50,11 @@ _STEP, _FLAT = 0.2, 0.1  # of the range: a level's least step, and what it may m
 _MOST_LEVELS = 20  # more is a controlled damper
 _COMMON = 0.5  # of the force that the other channels must have too
 
-Bools = NDArray[np.bool_]
-
 
 def on_one_clock(samples: Samples, *, is_wall_clock: bool = False, name: str = "") -> Samples:
     """Return samples with counters unrolled, clocks put right and all channels at the same times.
 
-    Parameters
-    ----------
-    samples : Samples
-        Time, and every clock of a channel, in seconds.
-    is_wall_clock : bool
-        Time is by a clock that somebody may set.
-    name : str
-        Log, for messages.
+    Time, and every clock of a channel, is in seconds; a wall clock is one that somebody may set.
 
     Raises
     ------
@@ -78,17 +67,13 @@ def on_one_clock(samples: Samples, *, is_wall_clock: bool = False, name: str = "
         samples = _unrolled(samples)
         if is_wall_clock:
             samples = _unset(samples)
-        samples = _unheld(samples)
-        return _together(samples, name)
+        return _together(_unheld(samples), name)
 
 
 def _with(samples: Samples, finding: Finding, **channels: FloatArray) -> Samples:
     """Return samples with channels replaced, and why."""
-    return replace(
-        samples,
-        channels={**samples.channels, **channels},
-        findings=(*samples.findings, finding),
-    )
+    channels = {**samples.channels, **channels}
+    return replace(samples, channels=channels, findings=(*samples.findings, finding))
 
 
 # Counters.
@@ -98,17 +83,17 @@ def _unrolled(samples: Samples) -> Samples:
     time = samples.channels.get("time")
     if time is not None and (bits := _clock_bits(time)):
         jumps = np.concatenate(([0.0], np.cumsum(np.diff(time) < 0.0)))
-        finding = _rolled("time", bits, int(jumps[-1]), "a clock")
+        finding = _rolled("time: a clock", bits, int(jumps[-1]))
         samples = _with(samples, finding, time=time + jumps * 2.0**bits)
     for channel in ("displacement", "force"):
         values = samples.channels[channel]
         if period := _period(values):
             bits, quantum = period
             unrolled = np.unwrap(values, period=quantum * 2.0**bits)
-            jumps = np.flatnonzero(np.abs(np.diff(values - unrolled)) > quantum)
+            at = np.flatnonzero(np.abs(np.diff(values - unrolled)) > quantum)
             steps = np.diff(samples.channels.get("time", np.arange(len(values), dtype=np.float64)))
-            if np.max(steps[jumps]) <= _LATE * median(steps):  # over a gap anything may jump
-                finding = _rolled(channel, bits, len(jumps), "a counter")
+            if np.max(steps[at]) <= _LATE * median(steps):  # over a gap anything may jump
+                finding = _rolled(f"{channel}: a counter", bits, len(at))
                 samples = _with(samples, finding, **{channel: unrolled})
         if n_rows := _repeats(samples.channels[channel]):
             words = (
@@ -120,9 +105,9 @@ def _unrolled(samples: Samples) -> Samples:
     return samples
 
 
-def _rolled(channel: str, bits: int, n_jumps: int, what: str) -> Finding:
+def _rolled(what: str, bits: int, n_jumps: int) -> Finding:
     times = "once" if n_jumps == 1 else f"{n_jumps} times"
-    sentence = f"{channel}: {what} of {bits} bits rolls over {times}; put right"
+    sentence = f"{what} of {bits} bits rolls over {times}; put right"
     return Finding("rolled_over", "note", sentence, float(n_jumps), is_correction=True)
 
 
@@ -168,8 +153,7 @@ def _repeats(values: FloatArray) -> int:
     is_new = values[1:] != values[:-1]
     if 2 * np.count_nonzero(is_new) > len(values):
         return 0
-    starts = np.flatnonzero(np.concatenate(([True], is_new)))
-    runs = np.diff(starts)
+    runs = np.diff(np.flatnonzero(np.concatenate(([True], is_new))))
     usual = int(median(runs)) if len(runs) else 0
     is_held = 2 <= usual <= _LONGEST and float(np.mean(runs % usual == 0)) >= _REPEATED
     return usual if is_held else 0
@@ -187,13 +171,13 @@ def _unset(samples: Samples) -> Samples:
     if not 0 < len(jumps) <= _MOST_SET or not all(_runs_on(x, int(i)) for i in jumps):
         return samples
     time = time.copy()
-    told = []
+    listed = []
     for i in map(int, jumps):
-        told.append(f"by {abs(steps[i]):.6g} s {'on' if steps[i] > 0.0 else 'back'} after {{}}")
-        told[-1] = told[-1].format(samples.place(i))
+        way = "on" if steps[i] > 0.0 else "back"
+        listed.append(f"by {abs(steps[i]):.6g} s {way} after {samples.place(i)}")
         time[i + 1 :] -= steps[i] - usual
     words = (
-        f"the clock was set {', '.join(told)}, where rows and motion run on every {usual:.6g} s; "
+        f"the clock was set {', '.join(listed)}, where rows and motion run on every {usual:.6g} s; "
         f"put right; if that is wrong, split the log there, else declare rig.sample_rate = "
         f"'{1.0 / usual:.6g}Hz' to say so"
     )
@@ -206,8 +190,7 @@ def _runs_on(x: FloatArray, i: int) -> bool:
     beside = np.diff(x[max(i - 5, 0) : i + 7])
     at = min(i, 5)
     others = np.delete(beside, at)
-    speed = median(others)
-    noise = 2.0 * float(np.std(others))
+    speed, noise = median(others), 2.0 * float(np.std(others))
     return abs(speed) > noise and abs(beside[at] - speed) <= _LIKE * abs(speed) + noise
 
 
@@ -221,14 +204,12 @@ def _unheld(samples: Samples) -> Samples:
         return samples
     tick = float(np.min(steps))
     ticks = np.rint(steps / tick)
-    n_ticks = int(np.sum(ticks))
-    is_long = ticks > 1.0
+    n_ticks, is_long = int(np.sum(ticks)), ticks > 1.0
     share = float(np.mean(is_long))
     if share < _HELD or n_ticks > _DENSE * len(time) or np.max(np.abs(steps / tick - ticks)) > 0.1:
         return samples
-    changes = np.stack(
-        [np.abs(np.diff(samples.channels[one])) for one in ("displacement", "force")]
-    )
+    measured = [samples.channels[name] for name in ("displacement", "force")]
+    changes = np.abs(np.diff(measured))
     quanta = np.array([[_quantum(row)] for row in changes])
     if not (np.all(quanta > 0.0) and np.all(changes.sum(axis=0) > 0.0)):
         return samples
@@ -297,11 +278,8 @@ def steps_of_level(values: FloatArray) -> tuple[list[int], list[float]]:
     inner = [piece[1:-1] if len(piece) > 4 else piece for piece in pieces]
     if not 0 < len(jumps) < _MOST_LEVELS or max(map(np.ptp, inner)) > _FLAT * span:
         return [], []
-    starts = []
-    for k in jumps * size:
-        within = np.abs(np.diff(values[k : k + 3 * size]))
-        starts.append(int(k + np.argmax(within)) + 1)
-    return starts, [float(median(piece)) for piece in pieces]
+    starts = [int(k + np.argmax(np.abs(np.diff(values[k : k + 3 * size])))) for k in jumps * size]
+    return [start + 1 for start in starts], [float(median(piece)) for piece in pieces]
 
 
 # One clock for all.
@@ -310,17 +288,16 @@ def steps_of_level(values: FloatArray) -> tuple[list[int], list[float]]:
 def _together(samples: Samples, name: str) -> Samples:
     """Return each channel at the times of the force: its own rows, interpolated where needed."""
     channels = samples.channels
-    rows = np.arange(len(channels["force"]), dtype=np.float64)
-    time = channels.get("time", rows)
+    time = channels.get("time", np.arange(len(channels["force"]), dtype=np.float64))
     measured = [one for one in ("force", "displacement", *EXTRAS) if one in channels]
     times = {one: samples.times.get(one, time) for one in measured}
     own = {one: _own_rows(channels[one], times[one]) for one in measured}
     force = times["force"]
-    apart = {
+    apart = [
         one
         for one in measured
         if not own[one].all() or not (times[one] is force or np.array_equal(times[one], force))
-    }
+    ]
     if not apart:
         return samples
     stamps = {one: times[one][own[one]] for one in measured}
@@ -329,30 +306,17 @@ def _together(samples: Samples, name: str) -> Samples:
     needed = [stamps[one] for one in measured if one not in EXTRAS]
     slack = 1e-6 * float(np.min(np.diff(stamps["force"])))  # starts are differences of stamps
     first, last = max(t[0] for t in needed) - slack, min(t[-1] for t in needed) + slack
-    kept = own["force"] & (times["force"] >= first) & (times["force"] <= last)
+    kept = own["force"] & (force >= first) & (force <= last)
     if samples.times and np.count_nonzero(kept) < _COMMON * np.count_nonzero(own["force"]):
         spans = ", ".join(f"{one} from {t[0]:g} to {t[-1]:g} s" for one, t in stamps.items())
-        raise LogError(f"channels of different rate or start: {spans}; log them together",
-                       subject=name)  # fmt: skip
+        text = f"channels of different rate or start: {spans}; log them together"
+        raise LogError(text, subject=name)
     at = np.flatnonzero(kept)
-    clock = times["force"][at]
-    n_rows = len(time)
-    together = {
-        one: np.interp(clock, stamps[one], channels[one][own[one]])
-        if one in apart
-        else channels[one][at]
-        for one in measured
-    }
-    together |= {
-        one: values[at]
-        for one, values in channels.items()
-        if one not in together and len(values) == n_rows
-    }
+    together = {one: values[at] for one, values in channels.items() if len(values) == len(time)}
+    together |= {one: np.interp(force[at], stamps[one], channels[one][own[one]]) for one in apart}
     if "time" in channels:
-        together["time"] = clock
-    findings = tuple(
-        _own_clock(one, stamps[one], len(own[one])) for one in measured if one in apart
-    )
+        together["time"] = force[at]
+    findings = [_own_clock(one, stamps[one], len(own[one])) for one in apart]
     return Samples(
         together,
         lambda i: samples.place(int(at[i])),
@@ -362,17 +326,15 @@ def _together(samples: Samples, name: str) -> Samples:
 
 
 def _own_clock(channel: str, stamps: FloatArray, n_rows: int) -> Finding:
-    if len(stamps) < n_rows:
-        words = f"a value of its own in {len(stamps)} of {n_rows} rows"
-    else:
+    words = f"a value of its own in {len(stamps)} of {n_rows} rows"
+    if len(stamps) == n_rows:
         step = median(np.diff(stamps))
         words = f"a clock of its own, every {step:.6g} s from {stamps[0]:.6g} s"
     words = f"{channel}: {words}; each value is used once, at the times of the force"
-    share = len(stamps) / n_rows
-    return Finding("own_rows", "note", words, share, is_correction=True)
+    return Finding("own_rows", "note", words, len(stamps) / n_rows, is_correction=True)
 
 
-def _own_rows(values: FloatArray, time: FloatArray) -> Bools:
+def _own_rows(values: FloatArray, time: FloatArray) -> NDArray[np.bool_]:
     """Return the rows in which a slow channel has a value of its own; all of any other channel."""
     every = np.ones(len(values), dtype=np.bool_)
     if np.isfinite(values.sum()):

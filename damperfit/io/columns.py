@@ -19,19 +19,6 @@ from damperfit.io.options import CHANNELS, EXTRAS, ReadOptions
 from damperfit.problem import Option
 from damperfit.units.quantities import QuantityError, Unit, find_unit, is_unit, units_of
 
-__all__ = [
-    "OWN_TIME",
-    "ChannelChoice",
-    "choose_channels",
-    "has_channel",
-    "joined_problems",
-    "mentions_channel",
-    "split_name",
-    "unit_of_channel",
-    "visible",
-    "words_of_name",
-]
-
 OWN_TIME = "time of "  # and the name of the channel that it is of
 
 # English, German, French, Italian, Spanish.
@@ -59,14 +46,12 @@ _IN_BRACKETS = re.compile(r"(?P<base>.*?)\s*[(\[]\s*(?P<unit>[^()\[\]]*?)\s*[)\]
 _BEFORE_UNIT = re.compile(r"[_/, ]")
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
 _APART = re.compile(r"[\W_]+")
-_NAMES = 512  # remembered, for the logs of a rig have the same
 
 
 class ChannelChoice(NamedTuple):
     """Where a channel comes from; a setting has no unit, nor has what is left out."""
 
     column: int  # from 0
-    name: str  # as the log names it, or its number
     unit: Unit | None
     note: str = ""  # what was assumed
 
@@ -82,7 +67,7 @@ def visible(text: str, *, limit: int = 60) -> str:
     return repr(text if len(text) <= limit else text[:limit] + "...")
 
 
-@lru_cache(maxsize=_NAMES)
+@lru_cache(maxsize=512)  # the logs of a rig have the same names
 def split_name(name: str) -> tuple[str, str | None]:
     """Return a column's name and the unit inside it.
 
@@ -100,7 +85,7 @@ def split_name(name: str) -> tuple[str, str | None]:
     return name, None
 
 
-@lru_cache(maxsize=_NAMES)
+@lru_cache(maxsize=512)
 def words_of_name(base: str) -> tuple[str, ...]:
     """Return the words of a name in lower case.
 
@@ -112,17 +97,22 @@ def words_of_name(base: str) -> tuple[str, ...]:
     return tuple(word.lower() for word in _APART.split(_CAMEL.sub(" ", base)) if word)
 
 
+def _n_hits(words: Sequence[str], known: Collection[str]) -> int:
+    """Return how many words are known; a letter only by itself, as degF is no force."""
+    return sum(word in known and (len(word) > 1 or len(words) == 1) for word in words)
+
+
 def mentions_channel(names: Iterable[str]) -> bool:
     """Say whether any of the names could be a channel's."""
-    return any(_hits(words_of_name(split_name(name)[0]), _ALL_WORDS) for name in names)
+    return any(_n_hits(words_of_name(split_name(name)[0]), _ALL_WORDS) for name in names)
 
 
-def _hits(words: Sequence[str], known: Collection[str]) -> list[str]:
-    """Return the words that are known; a letter only by itself, as degF is no force."""
-    return [word for word in words if word in known and (len(word) > 1 or len(words) == 1)]
+def has_channel(channel: str, columns: Sequence[Column], options: ReadOptions) -> bool:
+    """Say whether a column is declared or named as the channel."""
+    return options.columns.get(channel, "") != "" or bool(_candidates(channel, columns))
 
 
-def choose_channels(
+def choose_channels(  # noqa: C901, PLR0912  # every channel in turn, all that is wrong said at once
     columns: Sequence[Column],
     options: ReadOptions,
     *,
@@ -132,25 +122,8 @@ def choose_channels(
 ) -> tuple[dict[str, ChannelChoice], tuple[str, ...]]:
     """Return the column of each channel that the log has, and notes.
 
-    Parameters
-    ----------
-    columns : sequence of Column
-        As in the log.
-    options : ReadOptions
-        Declared columns and units.
-    where : str
-        Log, for messages.
-    needs_time : bool
-        False: a sample rate tells the time where no column does.
-    hint : str
-        Why names may be missing; said where a channel is not found.
-
-    Returns
-    -------
-    dict
-        By channel; a clock that a channel has for itself under `OWN_TIME` and its name.
-    tuple of str
-        Notes.
+    A clock that a channel has for itself is under `OWN_TIME` and its name; a sample rate tells
+    the time where it is not needed. `hint` says why names may be missing.
 
     Raises
     ------
@@ -165,22 +138,23 @@ def choose_channels(
     clocks = _clocks(columns, options)
     for channel in _WORDS:
         if not has_channel(channel, columns, options):
-            is_needed = channel not in {*EXTRAS, "setting"} and (channel != "time" or needs_time)
-            lost += [channel] if is_needed else []
+            if channel not in {*EXTRAS, "setting"} and (channel != "time" or needs_time):
+                lost.append(channel)
             continue
         try:
-            index: int | None = clocks.get("force")
-            note = ""
+            index, note = clocks.get("force"), ""
             if channel != "time" or index is None:
                 index, note = _column_of(channel, columns, options, where)
-            notes += [note] if note else []
+            notes += [note] * (note != "")
             if index is None:
                 continue
-            choice = _with_unit(channel, index, columns[index], options, where)
+            choice = ChannelChoice(index, None)
+            if channel != "setting":
+                choice = channel_choice(channel, index, columns[index], options, where)
         except LogError as error:
             problems.append(error)
             continue
-        notes += [choice.note] if choice.note else []
+        notes += [choice.note] * (choice.note != "")
         if choice.unit is not None or channel not in EXTRAS:
             chosen[channel] = choice
     if lost:
@@ -189,16 +163,12 @@ def choose_channels(
         raise joined_problems(problems, where)
     for channel, clock in clocks.items():
         if channel in chosen and clock != clocks["force"]:
-            own = _with_unit("time", clock, columns[clock], options, where)
+            own = channel_choice("time", clock, columns[clock], options, where)
             chosen[f"{OWN_TIME}{channel}"] = own
-    for name in options.adjusters:
-        named = [
-            i
-            for i, column in enumerate(columns)
-            if "_".join(words_of_name(split_name(column.name)[0])) == name.casefold()
-        ]
-        if name not in chosen and len(named) == 1:
-            chosen[name] = ChannelChoice(named[0], name, None)
+    names = ["_".join(words_of_name(split_name(column.name)[0])) for column in columns]
+    for adjuster in options.adjusters:
+        if adjuster not in chosen and names.count(adjuster.casefold()) == 1:
+            chosen[adjuster] = ChannelChoice(names.index(adjuster.casefold()), None)
     return chosen, tuple(notes)
 
 
@@ -206,65 +176,36 @@ def _clocks(columns: Sequence[Column], options: ReadOptions) -> dict[str, int]:
     """Return the column of time left of each channel, where there is not one for all."""
     if options.columns.get("time", "") != "":
         return {}
-    ranked = _candidates("time", columns)
-    stamps = [i for *_, i in ranked if any(is_unit(u, "time") for u in _units_of(columns[i]))]
+    stamps = [
+        i
+        for *_, i in _candidates("time", columns)
+        if is_unit(columns[i].unit, "time") or is_unit(split_name(columns[i].name)[1], "time")
+    ]
     clocks: dict[str, int] = {}
     for channel in ("force", "displacement", *EXTRAS):
         found = [i for *_, i in sorted(_candidates(channel, columns)) if i not in stamps]
-        left = [i for i in stamps if found and i < found[0]]
-        if left:
+        if left := [i for i in stamps if found and i < found[0]]:
             clocks[channel] = left[-1]
     is_apart = {"force", "displacement"} <= clocks.keys()
     return clocks if is_apart and clocks["force"] != clocks["displacement"] else {}
 
 
-def _units_of(column: Column) -> tuple[str | None, str | None]:
-    return column.unit, split_name(column.name)[1]
+def _candidates(channel: str, columns: Sequence[Column]) -> list[tuple[bool, int, int]]:
+    """Return (lacks the unit, words beside the channel's own, index) of columns that may be it."""
+    candidates = []
+    for i, column in enumerate(columns):
+        base, unit = split_name(column.name)
+        words = words_of_name(base)
+        if n_hits := _n_hits(words, _WORDS[channel]):
+            is_sure = column.is_clock or _is_unit_of(column.unit or unit, channel)
+            candidates.append((not is_sure, len(words) - n_hits, i))
+    if channel == "time" and not candidates:  # times of day need no name
+        return [(False, 0, i) for i, column in enumerate(columns) if column.is_clock]
+    return candidates
 
 
-def has_channel(channel: str, columns: Sequence[Column], options: ReadOptions) -> bool:
-    """Say whether a column is declared or named as the channel."""
-    return options.columns.get(channel, "") != "" or bool(_candidates(channel, columns))
-
-
-def unit_of_channel(
-    channel: str, index: int, column: Column, options: ReadOptions, where: str
-) -> Unit:
-    """Return the unit of a column that holds a channel.
-
-    Raises
-    ------
-    LogError
-        There is none, it is unknown or of another dimension.
-    """
-    choice = _with_unit(channel, index, column, options, where)
-    if choice.unit is None:
-        first = units_of(CHANNELS[channel])[0]
-        raise LogError(
-            f"column {choice.name} has no unit of {channel}; write it into the name or "
-            f"declare it in rig.units ({{declared}})",
-            declared=Option("rig", first, f"units.{channel}"),
-            subject=where,
-        )
-    return choice.unit
-
-
-def joined_problems(problems: Sequence[LogError], subject: str) -> LogError:
-    """Return one error for all that is wrong with a log.
-
-    Examples
-    --------
-    >>> print(joined_problems([LogError("no column for time"), LogError("no unit")], "a.csv"))
-    a.csv: 2 things are wrong: (1) no column for time; (2) no unit
-    """
-    if len(problems) == 1:
-        return problems[0].at(subject=subject)
-    parts: dict[str, Any] = {
-        f"problem_{i}": problem.at(subject="") for i, problem in enumerate(problems, start=1)
-    }
-    listed = "; ".join(f"({i}) {{{name}}}" for i, name in enumerate(parts, start=1))
-    text = f"{len(problems)} things are wrong: {listed}"
-    return LogError(text, code=problems[0].problem.code, subject=subject, **parts)
+def _is_unit_of(unit: str | None, channel: str) -> bool:
+    return channel in CHANNELS and is_unit(unit, CHANNELS[channel])
 
 
 def _label(index: int, column: Column) -> str:
@@ -299,44 +240,80 @@ def _column_of(
     else:
         ranked = _candidates(channel, columns)
         best = [i for *rank, i in ranked if rank == [*min(ranked)[:2]]]
-    first = columns[best[0]]
-    if len(best) > 1 and len({columns[i].name for i in best}) == 1:
-        numbers = " and ".join(str(i + 1) for i in best)
-        raise LogError(
-            f"columns {numbers} are both named {visible(first.name)}; "
-            f"declare the number of the one that is the {channel} in rig.columns",
-            subject=where,
-        )
+    first, label = columns[best[0]], _label(best[0], columns[best[0]])
     if len(best) > 1:
         names = " or ".join(_label(i, columns[i]) for i in best)
-        if channel in EXTRAS:
+        problem = f"{channel} could be column {names}; declare which in rig.columns"
+        if len({columns[i].name for i in best}) == 1:
+            numbers = " and ".join(str(i + 1) for i in best)
+            problem = (
+                f"columns {numbers} are both named {visible(first.name)}; declare the number of "
+                f"the one that is the {channel} in rig.columns"
+            )
+        elif channel in EXTRAS:
             return None, f"{channel}: left out; it could be column {names}: declare which"
-        raise LogError(
-            f"{channel} could be column {names}; declare which in rig.columns", subject=where
-        )
-    note = f"{channel}: column {_label(best[0], first)}"
+        raise LogError(problem, subject=where)
     if declared != "":
-        return best[0], f"{note}, as declared"
+        return best[0], f"{channel}: column {label}, as declared"
     is_plain = split_name(first.name)[0].lower() == channel or first.is_clock  # has its own note
-    return best[0], "" if is_plain else note
+    return best[0], "" if is_plain else f"{channel}: column {label}"
 
 
-def _candidates(channel: str, columns: Sequence[Column]) -> list[tuple[bool, int, int]]:
-    """Return (lacks the unit, words beside the channel's own, index) of columns that may be it."""
-    candidates = []
-    for i, column in enumerate(columns):
-        base, unit = split_name(column.name)
-        words = words_of_name(base)
-        if hits := _hits(words, _WORDS[channel]):
-            is_sure = column.is_clock or _is_unit_of(column.unit or unit, channel)
-            candidates.append((not is_sure, len(words) - len(hits), i))
-    if channel == "time" and not candidates:  # times of day need no name
-        return [(False, 0, i) for i, column in enumerate(columns) if column.is_clock]
-    return candidates
+def channel_choice(
+    channel: str, index: int, column: Column, options: ReadOptions, where: str
+) -> ChannelChoice:
+    """Return a column with the unit of its channel: declared, or as the log has it.
+
+    An extra channel without one is left out: its unit is None, and the note says so.
+    """
+    name, dimension = _label(index, column), CHANNELS[channel]
+    if column.is_clock:
+        if channel != "time":
+            text = f"column {name} holds times of day, declared as {channel}"
+            raise LogError(text, subject=where)
+        return ChannelChoice(index, find_unit("s", dimension), f"time: wall clock in column {name}")
+    logged = column.unit or split_name(column.name)[1]
+    if declared := options.units.get(channel):
+        unit = find_unit(declared, dimension)
+        is_other = _is_unit_of(logged, channel) and find_unit(logged or "", dimension) != unit
+        beside = f" although the log says {logged}" if is_other else ""
+        return ChannelChoice(index, unit, f"{channel}: unit {declared}, as declared{beside}")
+    if logged is None:
+        if channel in EXTRAS:
+            return ChannelChoice(index, None, f"{channel}: left out; it has no unit")
+        example = units_of(dimension)[0]
+        raise LogError(
+            f"column {name} has no unit, needed for {channel}; write it into the name, as in "
+            f"{channel}_{example}, or declare it in rig.units ({{declared}})",
+            declared=Option("rig", example, f"units.{channel}"),
+            subject=where,
+        )
+    try:
+        return ChannelChoice(index, find_unit(logged, dimension))
+    except QuantityError as error:
+        if channel == "velocity":  # a motor's, in revolutions per minute
+            return ChannelChoice(index, None, f"velocity: left out; column {name}: {error}")
+        advice = f" For volts declare rig.scales and the unit in rig.units of the {channel}."
+        advice *= is_unit(logged, "voltage")
+        raise LogError(f"column {name}: {error}{advice}", subject=where) from error
 
 
-def _is_unit_of(unit: str | None, channel: str) -> bool:
-    return channel in CHANNELS and is_unit(unit, CHANNELS[channel])
+def joined_problems(problems: Sequence[LogError], subject: str) -> LogError:
+    """Return one error for all that is wrong with a log.
+
+    Examples
+    --------
+    >>> print(joined_problems([LogError("no column for time"), LogError("no unit")], "a.csv"))
+    a.csv: 2 things are wrong: (1) no column for time; (2) no unit
+    """
+    if len(problems) == 1:
+        return problems[0].at(subject=subject)
+    parts: dict[str, Any] = {
+        f"problem_{i}": problem.at(subject="") for i, problem in enumerate(problems, start=1)
+    }
+    listed = "; ".join(f"({i}) {{{name}}}" for i, name in enumerate(parts, start=1))
+    text = f"{len(problems)} things are wrong: {listed}"
+    return LogError(text, code=problems[0].problem.code, subject=subject, **parts)
 
 
 def _missing(channels: Sequence[str], columns: Sequence[Column], hint: str) -> str:
@@ -346,7 +323,6 @@ def _missing(channels: Sequence[str], columns: Sequence[Column], hint: str) -> s
             f"{found} declare the numbers and units of time, displacement and force in "
             "rig.columns and rig.units"
         )
-    beside = f" ({hint})" if hint else ""
     bases = {split_name(column.name)[0].lower(): column.name for column in columns}
     hints = ""
     for channel in channels:
@@ -358,44 +334,5 @@ def _missing(channels: Sequence[str], columns: Sequence[Column], hint: str) -> s
     if "force" in channels:
         advice += "; without a force nothing can be fitted"
     which = " and ".join(part for part in (", ".join(channels[:-1]), channels[-1]) if part)
+    beside = f" ({hint})" if hint else ""
     return f"no column for {which}{beside}; there are {_listed(columns)}.{hints}{advice}"
-
-
-def _with_unit(
-    channel: str, index: int, column: Column, options: ReadOptions, where: str
-) -> ChannelChoice:
-    name = _label(index, column)
-    if channel == "setting":
-        return ChannelChoice(index, name, None)
-    dimension = CHANNELS[channel]
-    if column.is_clock:
-        if channel != "time":
-            raise LogError(
-                f"column {name} holds times of day, declared as {channel}", subject=where
-            )
-        note = f"time: wall clock in column {name}"
-        return ChannelChoice(index, name, find_unit("s", dimension), note)
-    logged = column.unit or split_name(column.name)[1]
-    if declared := options.units.get(channel):
-        unit = find_unit(declared, dimension)
-        is_other = _is_unit_of(logged, channel) and find_unit(logged or "", dimension) != unit
-        beside = f" although the log says {logged}" if is_other else ""
-        return ChannelChoice(index, name, unit, f"{channel}: unit {declared}, as declared{beside}")
-    if logged is None:
-        if channel in EXTRAS:
-            return ChannelChoice(index, name, None, f"{channel}: left out; it has no unit")
-        raise LogError(
-            f"column {name} has no unit, needed for {channel}; write it into the name, "
-            f"as in {channel}_{units_of(dimension)[0]}, or declare it in rig.units "
-            "({declared})",
-            declared=Option("rig", units_of(dimension)[0], f"units.{channel}"),
-            subject=where,
-        )
-    try:
-        return ChannelChoice(index, name, find_unit(logged, dimension))
-    except QuantityError as error:
-        if channel == "velocity":  # a motor's, in revolutions per minute
-            return ChannelChoice(index, name, None, f"velocity: left out; column {name}: {error}")
-        is_volts = is_unit(logged, "voltage")
-        advice = f" For volts declare rig.scales and the unit in rig.units of the {channel}."
-        raise LogError(f"column {name}: {error}{advice * is_volts}", subject=where) from error

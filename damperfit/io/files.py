@@ -19,34 +19,18 @@ import re
 import stat
 import zlib
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 from pathlib import Path
 from threading import Thread
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from damperfit.errors import LogError
 
 if TYPE_CHECKING:
     from io import FileIO
 
-__all__ = [
-    "IrregularFileError",
-    "Source",
-    "is_binary",
-    "is_json",
-    "open_regular",
-    "read_bytes",
-    "read_source",
-    "read_text",
-    "regular",
-    "to_utf8",
-    "unpack",
-]
-
 MAX_TEXT = 100_000_000  # bytes of a file that is no log
 _HASHED_BESIDE = 4_000_000  # bytes; below it, starting a thread costs more than it saves
 _GZIP = b"\x1f\x8b"
-_CHUNK = 1 << 20  # bytes unpacked at a time
 _UTF16 = {codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
 _CONTROL = re.compile(rb"[\x01-\x08\x0e-\x1a\x1c-\x1f\x7f]")  # ESC occurs in terminals' captures
 # "[Data]" begins a text of entries, and no JSON.
@@ -54,8 +38,7 @@ _BEGINS = re.compile(r'\s*(?:\{\s*(?:["}]|$)|\[\s*(?:[\[{"\d\]-]|$))')
 _HEAD = 4096  # bytes looked at for signs of binary data
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Source:
+class Source(NamedTuple):
     """A file in memory."""
 
     name: str  # for messages
@@ -121,6 +104,20 @@ def read_text(path: str | os.PathLike[str], *, max_bytes: int = MAX_TEXT) -> str
     return read_bytes(path, max_bytes=max_bytes).decode("utf-8-sig")
 
 
+def sha256_of(path: Path) -> str:
+    """Return the hash of a file, hexadecimal."""
+    with open_regular(path) as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _read_up_to(file: FileIO, n_bytes: int) -> bytes:
+    parts = []
+    while n_bytes > 0 and (part := file.read(n_bytes)):
+        parts.append(part)
+        n_bytes -= len(part)
+    return parts[0] if len(parts) == 1 else b"".join(parts)
+
+
 def read_source(path: str | os.PathLike[str], *, max_bytes: int) -> Source:
     """Return a regular file's bytes.
 
@@ -135,12 +132,11 @@ def read_source(path: str | os.PathLike[str], *, max_bytes: int) -> Source:
         with open_regular(path) as file:
             data = _content(file, shown, max_bytes)
     except FileNotFoundError as error:
+        text = "no such file"
         if Path(path).is_symlink():
             there = _one_line(str(Path(path).readlink()))
-            raise LogError(
-                f"a link to {there}, which is not there; link it again, or remove it", subject=shown
-            ) from error
-        raise LogError("no such file", subject=shown) from error
+            text = f"a link to {there}, which is not there; link it again, or remove it"
+        raise LogError(text, subject=shown) from error
     except IsADirectoryError as error:
         raise LogError("is a folder; name the logs in it", subject=shown) from error
     except IrregularFileError as error:
@@ -190,14 +186,6 @@ def _content(file: FileIO, shown: str, max_bytes: int) -> bytes:
     return data
 
 
-def _read_up_to(file: FileIO, n_bytes: int) -> bytes:
-    parts = []
-    while n_bytes > 0 and (part := file.read(n_bytes)):
-        parts.append(part)
-        n_bytes -= len(part)
-    return parts[0] if len(parts) == 1 else b"".join(parts)
-
-
 def unpack(source: Source, *, max_bytes: int) -> tuple[Source, tuple[str, ...]]:
     """Return the source as it is, or what gzip packed in one member or several, and a note.
 
@@ -208,33 +196,27 @@ def unpack(source: Source, *, max_bytes: int) -> tuple[Source, tuple[str, ...]]:
     """
     if not source.data.startswith(_GZIP):
         return source, ()
-    name = source.name
-    parts: list[bytes] = []
-    n_bytes = 0
+    problem = ""
+    data = b""
     try:
         with gzip.GzipFile(fileobj=io.BytesIO(source.data)) as file:
-            while part := file.read(_CHUNK):
-                n_bytes += len(part)
-                if n_bytes > max_bytes:
-                    raise LogError(
-                        f"more than the limit of {max_bytes} bytes when unpacked "
-                        "(rig.max_log_bytes)",
-                        subject=name,
-                    )
-                parts.append(part)
-    except EOFError as error:
-        raise LogError("truncated gzip; the end of the file is missing", subject=name) from error
+            data = file.read(max_bytes + 1)
+    except EOFError:
+        problem = "truncated gzip; the end of the file is missing"
     except (gzip.BadGzipFile, zlib.error) as error:
         # The file begins as gzip does: only what stands behind a member can be no gzip.
         is_behind = str(error).startswith("Not a gzipped file")
         reason = "odd bytes at its end" if is_behind else str(error)
-        raise LogError(f"damaged gzip: {reason}; copy the log again", subject=name) from error
-    data = b"".join(parts)
-    if not data:
-        raise LogError("empty file inside the gzip", subject=name)
-    if data.startswith(_GZIP):
-        raise LogError("a gzip inside a gzip; unpack it once", subject=name)
-    return replace(source, data=data), ("gzip: unpacked",)
+        problem = f"damaged gzip: {reason}; copy the log again"
+    if len(data) > max_bytes:
+        problem = f"more than the limit of {max_bytes} bytes when unpacked (rig.max_log_bytes)"
+    elif data.startswith(_GZIP):
+        problem = "a gzip inside a gzip; unpack it once"
+    elif not data:
+        problem = problem or "empty file inside the gzip"
+    if problem:
+        raise LogError(problem, subject=source.name)
+    return source._replace(data=data), ("gzip: unpacked",)
 
 
 def is_binary(data: bytes) -> bool:
@@ -300,22 +282,14 @@ def _decoded(data: bytes, encoding: str, name: str) -> bytes:
 
 
 def _refuse_nul(data: bytes, offset: int, name: str) -> None:
-    if not data.strip(b"\0"):
-        raise LogError(
-            f"{len(data)} bytes, all of them NUL; the log was never written to the disk: "
-            "copy it again from the rig",
-            subject=name,
-        )
     head = data[:64]
-    if len(head) >= 8 and (not any(head[1::2]) or not any(head[::2])):
-        raise LogError(
-            "looks like UTF-16 without a byte order mark; save the log as UTF-8", subject=name
-        )
     line = data.count(b"\n", 0, offset) + 1
-    raise LogError(f"{name}, line {line}: NUL byte at byte offset {offset}; the file is damaged")
-
-
-def sha256_of(path: Path) -> str:
-    """Return the hash of a file, hexadecimal."""
-    with open_regular(path) as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+    text = f"{name}, line {line}: NUL byte at byte offset {offset}; the file is damaged"
+    if not data.strip(b"\0"):
+        text = (
+            f"{name}: {len(data)} bytes, all of them NUL; the log was never written to the disk: "
+            "copy it again from the rig"
+        )
+    elif len(head) >= 8 and (not any(head[1::2]) or not any(head[::2])):
+        text = f"{name}: looks like UTF-16 without a byte order mark; save the log as UTF-8"
+    raise LogError(text)

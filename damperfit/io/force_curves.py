@@ -12,34 +12,32 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from damperfit.errors import LogError
 from damperfit.io.columns import (
+    channel_choice,
     has_channel,
     joined_problems,
     split_name,
-    unit_of_channel,
     visible,
     words_of_name,
 )
 from damperfit.io.files import Source
 from damperfit.io.formats import Column, FloatArray, Table
 from damperfit.io.options import ReadOptions
+from damperfit.problem import Option
 from damperfit.statistics import median
 from damperfit.units.quantities import Unit, is_unit
 
-__all__ = ["ForceCurve", "holds_curves", "make_curves"]
-
-_Part = tuple[str, FloatArray, FloatArray]  # stroke, speeds, forces
-
-_REBOUND = {"rebound", "reb", "r", "extension", "ext", "zug", "détente", "estensione"}
-_BUMP = {"bump", "compression", "comp", "c", "jounce", "druck", "kompression", "compressione"}
+_STROKES = {
+    "rebound": {"rebound", "reb", "r", "extension", "ext", "zug", "détente", "estensione"},
+    "bump": {"bump", "compression", "comp", "c", "jounce", "druck", "kompression", "compressione"},
+}
 _SPEED = {"velocity", "vel", "speed", "v", "geschwindigkeit", "vitesse", "velocità", "velocidad"}
 _FORCE = {"force", "load", "f", "kraft", "effort", "forza", "fuerza", "pvp", "peak"}
 _SETTING = {
@@ -90,18 +88,16 @@ class ForceCurve:
 
     def hysteresis_at(self, speed: float, stroke: str) -> float:
         """Return the opening less the closing force of a loop, N; NaN of points."""
-        branches = self._branches(stroke)
-        if len(branches) < 2:
-            return np.nan
-        return _between(*branches[0], speed) - _between(*branches[1], speed)
+        opening, *closing = (_between(*branch, speed) for branch in self._branches(stroke))
+        return opening - closing[0] if closing else np.nan
 
     def _branches(self, stroke: str) -> list[tuple[FloatArray, FloatArray]]:
         """Return the points, or the opening and the closing branch of a loop."""
         speed, force = self.points(stroke)
         if len(speed) < _LOOP:
             return [(speed, force)]
-        change = np.gradient(speed)
-        branches = [(speed[side], force[side]) for side in (change >= 0.0, change < 0.0)]
+        is_rising = np.gradient(speed) >= 0.0
+        branches = [(speed[side], force[side]) for side in (is_rising, ~is_rising)]
         is_loop = min(len(branch[0]) for branch in branches) > _LOOP // 10
         return branches if is_loop else [(speed, force)]
 
@@ -124,21 +120,21 @@ def _between(speeds: FloatArray, forces: FloatArray, speed: float) -> float:
     return float(np.interp(speed, known, means, left=np.nan, right=np.nan))
 
 
-class _Pair(NamedTuple):
-    """Columns of speed and force that belong together."""
-
-    label: str
-    stroke: str  # "rebound", "bump", or empty: the signs tell
-    speed: int
-    force: int
-
-
 class _Heading(NamedTuple):
     """What a column's name says."""
 
     label: str
-    stroke: str
+    stroke: str  # "rebound", "bump" or empty
     kind: str  # "speed", "force", "setting" or empty
+
+
+class _Pair(NamedTuple):
+    """Columns of speed and force that belong together."""
+
+    label: str
+    stroke: str  # empty: the signs tell
+    speed: int
+    force: int
 
 
 def holds_curves(tables: Sequence[Table], options: ReadOptions) -> bool:
@@ -147,7 +143,7 @@ def holds_curves(tables: Sequence[Table], options: ReadOptions) -> bool:
         bool(tables)
         and options.sample_rate == 0.0
         and not any(has_channel("time", table.columns, options) for table in tables)
-        and all(_pairs(table.columns, options) for table in tables)
+        and all(_pairs(table.columns, _headings(table.columns, options)) for table in tables)
     )
 
 
@@ -167,22 +163,33 @@ def make_curves(
             f"has a time column, so it is a log, not a curve; fit it by damperfit identify {name}",
             subject=name,
         )
-    curves = [curve for table in tables for curve in _table_curves(table, source, options)]
+    curves = [curve for table in tables for curve in _table_curves(table, source, options, notes)]
     if len(curves) > _MAX_CURVES:
         raise LogError(f"{len(curves)} curves, more than the limit of {_MAX_CURVES}", subject=name)
     if not curves:
         raise LogError("no speed with a force beside it", subject=name)
-    return tuple(replace(curve, notes=(*notes, *curve.notes)) for curve in curves)
+    return tuple(curves)
 
 
 def _headings(columns: Sequence[Column], options: ReadOptions) -> list[_Heading]:
     """Return what the names say, and before them what is declared."""
-    headings = [_heading(column) for column in columns]
-    for channel, kind in (("velocity", "speed"), ("force", "force"), ("setting", "setting")):
-        declared = options.columns.get(channel, "")
-        for i, column in enumerate(columns):
+    headings = []
+    for i, column in enumerate(columns):
+        label, rest = _parted(column.name)
+        base, unit = _split(rest)
+        words = set(words_of_name(base))
+        unit = column.unit or unit
+        stroke = next((one for one, known in _STROKES.items() if words & known), "")
+        kind = "force" if words & _FORCE or stroke or is_unit(unit, "force") else ""
+        if words & _SPEED or is_unit(unit, "velocity"):
+            kind = "speed"
+        if len(words) == 1 and words <= _SETTING:
+            stroke, kind = "", "setting"
+        for channel, other in (("velocity", "speed"), ("force", "force"), ("setting", "setting")):
+            declared = options.columns.get(channel, "")
             if declared != "" and declared in (i + 1, column.name):
-                headings[i] = headings[i]._replace(kind=kind)
+                kind = other
+        headings.append(_Heading(label, stroke, kind))
     return headings
 
 
@@ -193,32 +200,18 @@ def _parted(name: str) -> tuple[str, str]:
     return label, _NUMBERED.sub("", rest)
 
 
-def _heading(column: Column) -> _Heading:
-    label, rest = _parted(column.name)
-    base, unit = _split(rest)
-    words = set(words_of_name(base))
-    unit = column.unit or unit
-    stroke = "rebound" if words & _REBOUND else "bump" if words & _BUMP else ""
-    if len(words) == 1 and words <= _SETTING:
-        return _Heading(label, "", "setting")
-    if words & _SPEED or is_unit(unit, "velocity"):
-        return _Heading(label, stroke, "speed")
-    is_force = words & _FORCE or stroke or is_unit(unit, "force")
-    return _Heading(label, stroke, "force" if is_force else "")
-
-
 def _split(name: str) -> tuple[str, str | None]:
     """Return name and unit; the C of "4 clicks C" is a stroke, and no degree."""
     base, unit = split_name(name)
     return (base, unit) if is_unit(unit, "velocity") or is_unit(unit, "force") else (name, None)
 
 
-def _pairs(columns: Sequence[Column], options: ReadOptions) -> list[_Pair]:
+def _pairs(columns: Sequence[Column], headings: Sequence[_Heading]) -> list[_Pair]:
     """Return which force goes with which speed, from the left to the right."""
     pairs: list[_Pair] = []
     speeds: dict[str, int] = {}  # by stroke
     label = ""
-    for i, heading in enumerate(_headings(columns, options)):
+    for i, heading in enumerate(headings):
         if heading.label and heading.label != label:
             label = heading.label
             speeds = {"": speeds[""]} if "" in speeds else {}
@@ -231,58 +224,71 @@ def _pairs(columns: Sequence[Column], options: ReadOptions) -> list[_Pair]:
     # they say beside the stroke, where a stroke is there twice; else "0 clicks R" and "4 clicks R"
     # were one curve.
     bare = Counter(pair.stroke for pair in pairs if not pair.label)
-    are_strokes_distinct = all(n < 2 for stroke, n in bare.items() if stroke)
+    is_doubled = any(n > 1 for stroke, n in bare.items() if stroke)
+    known = set.union(*_STROKES.values(), _FORCE)
     seen: Counter[str] = Counter()
     labelled = []
     for pair in pairs:
         name, label = columns[pair.force].name, pair.label
         if not pair.label and not pair.stroke and bare[""] > 1:
             label = split_name(name)[0]
-        elif not pair.label and pair.stroke and not are_strokes_distinct:
+        elif not pair.label and pair.stroke and is_doubled:
             seen[pair.stroke] += 1
-            beside = _beside_stroke(_split(_parted(name)[1])[0])
+            base = _split(_parted(name)[1])[0]
+            rest = _WORD.sub(lambda word: "" if word[0].casefold() in known else word[0], base)
+            beside = " ".join(rest.replace("_", " ").split()).strip(" -,;:/()")
             label = beside or f"curve {seen[pair.stroke]}"
         labelled.append(pair._replace(label=label))
     return labelled
 
 
-def _beside_stroke(name: str) -> str:
-    known = _REBOUND | _BUMP | _FORCE
-    rest = _WORD.sub(lambda word: "" if word[0].casefold() in known else word[0], name)
-    return " ".join(rest.replace("_", " ").split()).strip(" -,;:/()")
-
-
-def _table_curves(table: Table, source: Source, options: ReadOptions) -> list[ForceCurve]:
+def _table_curves(
+    table: Table, source: Source, options: ReadOptions, notes: tuple[str, ...]
+) -> list[ForceCurve]:
     columns, where = table.columns, source.name
-    pairs = _pairs(columns, options)
+    headings = _headings(columns, options)
+    pairs = _pairs(columns, headings)
     used = sorted({index for pair in pairs for index in (pair.speed, pair.force)})
     if not used:
         return []
-    headings = _headings(columns, options)
-    setting = next((i for i, heading in enumerate(headings) if heading.kind == "setting"), None)
     units = _units(pairs, columns, options, where)
     keys = {i: f"column {i + 1}, {visible(columns[i].name)}" for i in used}
     wanted = {key: i for i, key in keys.items()}
-    samples = table.load(wanted if setting is None else {**wanted, "setting": setting})
+    if setting := [i for i, heading in enumerate(headings) if heading.kind == "setting"]:
+        wanted["setting"] = setting[0]
+    samples = table.load(wanted)
     values = {i: units[i].to_si(samples.channels[key]) for i, key in keys.items()}
-    rows: Mapping[str, NDArray[np.bool_]] = {"": np.ones(len(values[used[0]]), dtype=bool)}
-    if setting is not None:
+    rows = {"": np.ones(len(values[used[0]]), dtype=np.bool_)}
+    if setting:
         settings = samples.channels["setting"]
         rows = {f"{value:.15g}": settings == value for value in dict.fromkeys(settings.tolist())}
-    curves: dict[str, list[_Part]] = {}
+    curves: dict[str, list[tuple[str, FloatArray, FloatArray]]] = {}
     for part, is_in in rows.items():
         for pair in pairs:
             speed, force = values[pair.speed][is_in], values[pair.force][is_in]
             alone = np.flatnonzero(np.isnan(speed) & ~np.isnan(force))
             if len(alone):
-                at = int(np.flatnonzero(is_in)[alone[0]])
-                raise LogError(
-                    f"{where}, {samples.place(at)}: {keys[pair.force]}: a force without a speed"
-                )
+                at = samples.place(int(np.flatnonzero(is_in)[alone[0]]))
+                raise LogError(f"{where}, {at}: {keys[pair.force]}: a force without a speed")
             is_there = ~np.isnan(force)
             label = " ".join(text for text in (pair.label, part) if text)
             curves.setdefault(label, []).append((pair.stroke, speed[is_there], force[is_there]))
-    return [_curve(label, parts, table, source, options) for label, parts in curves.items()]
+    made = []
+    for label, parts in curves.items():
+        signed = [_signed(*part, where, options) for part in parts]
+        velocity, force = (np.concatenate([part[k] for part in signed]) for k in (0, 1))
+        if not np.isfinite(force).all() or not np.isfinite(velocity).all():
+            raise LogError(f"a speed or force {label} is infinite", subject=where)
+        if not len(force):
+            what = visible(label) if label else "the curve"
+            raise LogError(f"no points of {what}", subject=where)
+        called = label or table.metadata.get("setting") or where
+        signs = dict.fromkeys(note for *_, note in signed if note)
+        every = (*notes, *table.notes, *signs)
+        made.append(
+            ForceCurve(where, source.path, source.sha256, called, velocity, force, notes=every)
+        )
+    return made
 
 
 def _units(
@@ -295,35 +301,21 @@ def _units(
     for i, kind in kinds.items():
         column = columns[i]._replace(name=_parted(columns[i].name)[1])
         try:
-            units[i] = unit_of_channel(kind, i, column, options, where)
+            unit = channel_choice(kind, i, column, options, where).unit
+            if unit is None:
+                name = visible(column.name) if column.name else f"number {i + 1}"
+                raise LogError(  # noqa: TRY301  # as for a force
+                    f"column {name} has no unit of {kind}; write it into the name or declare it in "
+                    "rig.units ({declared})",
+                    declared=Option("rig", "m/s", f"units.{kind}"),
+                    subject=where,
+                )
+            units[i] = unit
         except LogError as error:
             problems.setdefault(kind, error)
     if problems:
         raise joined_problems(list(problems.values()), where)
     return units
-
-
-def _curve(
-    label: str, parts: Sequence[_Part], table: Table, source: Source, options: ReadOptions
-) -> ForceCurve:
-    signed = [_signed(stroke, v, f, source.name, options) for stroke, v, f in parts]
-    velocity = np.concatenate([v for v, _, _ in signed])
-    force = np.concatenate([f for _, f, _ in signed])
-    notes = dict.fromkeys(note for _, _, note in signed if note)
-    if not np.isfinite(force).all() or not np.isfinite(velocity).all():
-        raise LogError(f"a speed or force {label} is infinite", subject=source.name)
-    if not len(force):
-        what = visible(label) if label else "the curve"
-        raise LogError(f"no points of {what}", subject=source.name)
-    return ForceCurve(
-        name=source.name,
-        path=source.path,
-        sha256=source.sha256,
-        label=label or table.metadata.get("setting") or source.name,
-        velocity=velocity,
-        force=force,
-        notes=(*table.notes, *notes),
-    )
 
 
 def _signed(

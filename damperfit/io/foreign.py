@@ -28,9 +28,9 @@ import io
 import math
 import re
 import struct
+import zipfile
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 from itertools import islice
 from typing import Any
 from warnings import catch_warnings, simplefilter
@@ -58,8 +58,6 @@ from damperfit.io.groups import (
 )
 from damperfit.io.options import ReadOptions
 from damperfit.io.text import read_delimited
-
-__all__ = ["read_excel", "read_matlab", "read_mdf"]
 
 _MAT = ChildReader("MATLAB", "", "scipy", f"{__name__}:matlab_vectors")
 _MAT73 = ChildReader("MATLAB 7.3", "mat73", "h5py", f"{__name__}:hdf5_vectors")
@@ -89,10 +87,16 @@ def read_matlab(source: Source, options: ReadOptions) -> tuple[Table, ...]:
 
     A matrix ``x_F`` of three columns gives the columns ``x_F:1``, ``x_F:2`` and ``x_F:3``.
     """
-    name = source.name
-    is_old = source.data.startswith(b"MATLAB 5.0")
-    if is_old and not _is_whole(source.data):  # SciPy reads what is left without a word
-        raise LogError("truncated MATLAB file; the end is missing, or it is damaged", subject=name)
+    name, data = source.name, source.data
+    is_old = data.startswith(b"MATLAB 5.0")
+    if is_old:  # does it end where its last variable does? SciPy reads what is left without a word
+        order, at = "<" if data[126:128] == b"IM" else ">", 128
+        while at + 8 <= len(data):
+            kind, n_bytes = struct.unpack_from(f"{order}II", data, at)
+            at += 4 + 4 if kind >> 16 else 8 + n_bytes
+        if at != len(data):
+            text = "truncated MATLAB file; the end is missing, or it is damaged"
+            raise LogError(text, subject=name)
     (group,) = groups_of_child(_MAT if is_old else _MAT73, source, options)
     others = group.metadata  # name -> what it is instead
     lengths = [channel.length for channel in group.channels]
@@ -112,15 +116,6 @@ def read_matlab(source: Source, options: ReadOptions) -> tuple[Table, ...]:
     n_others = len(others) + len(variables)
     note = f"{n_others} variables left out; they are not vectors of {usual} numbers"
     return group_tables([Group("", used)], options, name=name, notes=(note,) * (n_others > 0))
-
-
-def _is_whole(data: bytes) -> bool:
-    """Whether a file up to version 7 ends where its last variable does."""
-    order, at = "<" if data[126:128] == b"IM" else ">", 128
-    while at + 8 <= len(data):
-        kind, n_bytes = struct.unpack_from(f"{order}II", data, at)
-        at += 4 + 4 if kind >> 16 else 8 + n_bytes
-    return at == len(data)
 
 
 def matlab_vectors(data: bytes, limit: int) -> ChildAnswer:
@@ -186,10 +181,11 @@ def _columns_of(shape: Sequence[int]) -> int:
 def _vectors(name: str, values: NDArray[Any]) -> list[GroupChannel]:
     columns = np.asarray(values, dtype=np.float64).reshape(_columns_of(values.shape), -1)
     names = [name] if len(columns) == 1 else [f"{name}:{i + 1}" for i in range(len(columns))]
-    return [
-        GroupChannel(label, None, len(column), partial(np.asarray, column))
-        for label, column in zip(names, columns, strict=True)
-    ]
+    return [_channel(label, None, column) for label, column in zip(names, columns, strict=True)]
+
+
+def _channel(name: str, unit: str | None, values: NDArray[Any]) -> GroupChannel:
+    return GroupChannel(name, unit, len(values), lambda: values)
 
 
 # MDF.
@@ -209,33 +205,30 @@ def read_mdf(source: Source, options: ReadOptions) -> tuple[Table, ...]:
 
 def mdf_groups(data: bytes, limit: int) -> ChildAnswer:
     """Return the channel groups of a file; runs in a process of its own."""
-    import asammdf
-
+    asammdf: Any = importlib.import_module("asammdf")
+    groups = []
     with refusing_damage(_MDF.reads):
         file = asammdf.MDF(io.BytesIO(data), remove_source_from_channel_names=True)
-        for group in file.groups:
-            n_bytes = int(group.channel_group.cycles_nr) * 8 * max(len(group.channels), 1)
+        for held in file.groups:
+            n_bytes = int(held.channel_group.cycles_nr) * 8 * max(len(held.channels), 1)
             check_size(n_bytes, limit=limit, what="a channel group")
-        return answer_of_groups([_mdf_group(file, index) for index in range(len(file.groups))])
-
-
-def _mdf_group(file: Any, index: int) -> Group:
-    held = file.groups[index]
-    n_rows = int(held.channel_group.cycles_nr)
-    channels: list[GroupChannel] = []
-    for i, channel in enumerate(held.channels):
-        if i == file.masters_db.get(index):
-            continue
-        signal = file.get(group=index, index=i)
-        if signal.samples.dtype.kind not in "fiu" or signal.samples.ndim != 1:
-            continue
-        if not channels:
-            time = partial(np.asarray, signal.timestamps)
-            channels.append(GroupChannel("time", "s", n_rows, time))
-        unit, values = str(signal.unit) or None, partial(np.asarray, signal.samples)
-        channels.append(GroupChannel(str(channel.name), unit, n_rows, values))
-    name = str(getattr(held.channel_group, "acq_name", "") or f"group {index + 1}")
-    return Group(name, tuple(channels))
+        for index, held in enumerate(file.groups):
+            channels: list[GroupChannel] = []
+            for i, channel in enumerate(held.channels):
+                if i == file.masters_db.get(index):
+                    continue
+                signal = file.get(group=index, index=i)
+                if signal.samples.dtype.kind not in "fiu" or signal.samples.ndim != 1:
+                    continue
+                if not channels:
+                    channels.append(_channel("time", "s", signal.timestamps))
+                unit = str(signal.unit) or None
+                channels.append(_channel(str(channel.name), unit, signal.samples))
+            n_rows = int(held.channel_group.cycles_nr)
+            whole = tuple(channel._replace(length=n_rows) for channel in channels)
+            name = str(getattr(held.channel_group, "acq_name", "") or f"group {index + 1}")
+            groups.append(Group(name, whole))
+        return answer_of_groups(groups)
 
 
 def _check_blocks(data: bytes, *, name: str, limit: int) -> None:
@@ -263,9 +256,8 @@ def _check_blocks(data: bytes, *, name: str, limit: int) -> None:
             chain.add(at)
             at = successors.get(at, 0)
         if at in chain:
-            raise LogError(
-                f"damaged MDF file: the block at byte {at} leads to itself", subject=name
-            )
+            text = f"damaged MDF file: the block at byte {at} leads to itself"
+            raise LogError(text, subject=name)
         done |= chain
 
 
@@ -296,7 +288,7 @@ def read_excel(source: Source, options: ReadOptions) -> tuple[Table, ...]:
     for sheet, text in zip(answer.said["sheets"], answer.parts, strict=True):
         notes = [f"sheet: {visible(sheet)}"] * (len(answer.parts) > 1) + [note] * (n_formulas > 0)
         try:
-            read = read_delimited(replace(source, data=text), options)
+            read = read_delimited(source._replace(data=text), options)
         except LogError as error:
             refusals.append(f"sheet {visible(sheet)}: {error}")
             continue
@@ -308,8 +300,6 @@ def read_excel(source: Source, options: ReadOptions) -> tuple[Table, ...]:
 
 def _check_archive(source: Source, options: ReadOptions) -> None:
     """Refuse archives that are no workbook, or too large; no member is unpacked."""
-    import zipfile
-
     name = source.name
     with (
         refusing_damage("ZIP archive", name=name),
@@ -332,8 +322,6 @@ def _check_archive(source: Source, options: ReadOptions) -> None:
 
 def sheets_in(data: bytes, limit: int) -> ChildAnswer:
     """Return the sheets of a workbook as text; runs in a process of its own."""
-    import zipfile
-
     calamine = importlib.import_module("python_calamine")
     n_formulas = 0
     with refusing_damage("Excel workbook"):
@@ -367,12 +355,12 @@ def _as_text(rows: Sequence[Sequence[Any]]) -> str:
 def _cell(value: Any) -> str:
     if isinstance(value, bool):
         return str(value).lower()
+    if isinstance(value, dt.timedelta):
+        value = value.total_seconds()
     if isinstance(value, int | float):
         return repr(value)
     if isinstance(value, dt.datetime):
         return value.isoformat(" ")
     if isinstance(value, dt.date | dt.time):
         return value.isoformat()
-    if isinstance(value, dt.timedelta):
-        return repr(value.total_seconds())
     return re.sub(r"\s+", " ", str(value)).replace('"', "'").strip()

@@ -20,8 +20,6 @@ from damperfit.io.files import Source, is_binary, is_json
 from damperfit.io.options import ReadOptions
 from damperfit.recording import Finding
 
-__all__ = ["FORMATS", "LOG_SUFFIXES", "Column", "Format", "Samples", "Table", "find_format"]
-
 FloatArray = NDArray[np.float64]
 
 
@@ -62,30 +60,14 @@ class Table:
     hint: str = ""  # why names may be missing, said where a channel is not found
 
 
-@dataclass(frozen=True, slots=True)
-class Format:
-    """One format: a reader and this line are all that it takes.
+class Format(NamedTuple):
+    """One format: a reader and this line are all that it takes."""
 
-    Attributes
-    ----------
-    name : str
-        For people.
-    reader : str
-        ``module:function`` in this package, loaded when a log is of the format:
-        (source, options) -> tables, one for each test.
-    suffixes : tuple of str
-        In lower case, with the point.
-    magic : tuple of bytes
-        What its files start with; empty when nothing tells.
-    in_child : bool
-        Read in a process of its own, so that other logs can be read meanwhile.
-    """
-
-    name: str
-    reader: str
-    suffixes: tuple[str, ...]
-    magic: tuple[bytes, ...] = ()
-    in_child: bool = False
+    name: str  # for people
+    reader: str  # ``module:function`` in this package: (source, options) -> tables, one a test
+    suffixes: tuple[str, ...]  # in lower case, with the point
+    magic: tuple[bytes, ...] = ()  # what its files start with; empty when nothing tells
+    in_child: bool = False  # read in a process of its own; other logs can be read meanwhile
 
     def read(self, source: Source, options: ReadOptions) -> tuple[Table, ...]:
         """Return the tables of a file.

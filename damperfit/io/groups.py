@@ -7,7 +7,6 @@ group is, the channels of all groups together are one test, each on the clock of
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -19,8 +18,6 @@ from damperfit.io.files import Source
 from damperfit.io.formats import Column, FloatArray, Samples, Table
 from damperfit.io.options import ReadOptions
 from damperfit.units.quantities import find_unit, is_unit
-
-__all__ = ["Group", "GroupChannel", "answer_of_groups", "group_tables", "groups_of_child"]
 
 _TIME = frozenset({"time", "t", "zeit"})
 
@@ -48,25 +45,35 @@ class GroupChannel(NamedTuple):
             return (self.stamps.name, self.stamps.load)
         return None if self.interval is None else (self.start, self.interval)
 
-    def times(self, name: str) -> FloatArray:
+    def values(self, channel: str, file: str) -> FloatArray:
+        """Return its values; refuses other than it says it has."""
+        values = np.asarray(self.load(), dtype=np.float64)
+        if values.shape != (self.length,):
+            raise LogError(
+                f"{channel}: {self.length} values are declared but {values.size} found; "
+                "copy the log again",
+                subject=file,
+            )
+        return values
+
+    def times(self, file: str) -> FloatArray:
         """Return the times of its values, s."""
         if self.stamps is not None:
             unit = self.stamps.unit or split_name(self.stamps.name)[1] or "s"
             seconds = find_unit(unit if is_unit(unit, "time") else "s", "time")
-            return seconds.to_si(_values("time", self.stamps, name))
+            return seconds.to_si(self.stamps.values("time", file))
         step = self.interval
         if step is None or not np.isfinite(step) or step <= 0.0:
-            raise LogError(f"the interval between values is {step} s", subject=name)
+            raise LogError(f"the interval between values is {step} s", subject=file)
         return self.start + step * np.arange(self.length, dtype=np.float64)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Group:
+class Group(NamedTuple):
     """Channels of numbers that belong together."""
 
     name: str
     channels: tuple[GroupChannel, ...]
-    metadata: Mapping[str, str] = field(default_factory=dict)  # keys in lower case
+    metadata: Mapping[str, str] = {}  # never changed; keys in lower case
     is_cut: bool = False  # the end of the file is missing: what all channels have is kept
 
     @property
@@ -108,18 +115,17 @@ def _is_test(group: Group, options: ReadOptions) -> bool:
 
 def _together(groups: Sequence[Group]) -> Group:
     """Return the channels of all groups; where several have stamps, each with its group's."""
+    channels = [channel for group in groups for channel in group.channels]
     stamps = [next((one for one in group.channels if one.is_time), None) for group in groups]
     if sum(one is not None for one in stamps) > 1:
-        channels = tuple(
+        channels = [
             channel._replace(stamps=own)
             for group, own in zip(groups, stamps, strict=True)
             for channel in group.channels
             if channel is not own
-        )
-    else:
-        channels = tuple(channel for group in groups for channel in group.channels)
+        ]
     metadata = {key: text for group in groups[::-1] for key, text in group.metadata.items()}
-    return Group("", channels, metadata, is_cut=any(group.is_cut for group in groups))
+    return Group("", tuple(channels), metadata, is_cut=any(group.is_cut for group in groups))
 
 
 def _table(group: Group, options: ReadOptions, name: str, notes: tuple[str, ...]) -> Table:
@@ -127,52 +133,37 @@ def _table(group: Group, options: ReadOptions, name: str, notes: tuple[str, ...]
         n = len(group.channels)
         chosen = {channel: group.channels[i] for channel, i in wanted.items() if i < n}
         lengths = {channel: column.length for channel, column in chosen.items()}
-        makes_time = "time" in wanted and "time" not in chosen
-        clocks = {column.clock for column in chosen.values()}
         claimed = 8 * sum(lengths.values())
         check_size(claimed, limit=options.max_bytes, what="the log", name=name)
+        makes_time = "time" in wanted and "time" not in chosen
+        clocks = {column.clock for column in chosen.values()}
         if makes_time and len(clocks) > 1 and None not in clocks and not group.is_cut:
-            values = {channel: _values(channel, column, name) for channel, column in chosen.items()}
+            values = {channel: column.values(channel, name) for channel, column in chosen.items()}
             times = {channel: column.times(name) for channel, column in chosen.items()}
             return Samples({**values, "time": times["force"]}, times=times)
         n_common = min(lengths.values(), default=0)
-        said: tuple[str, ...] = ()
+        kept: tuple[str, ...] = ()
         if len(set(lengths.values())) > 1:
             shown = ", ".join(f"{channel} {n}" for channel, n in lengths.items())
             if not group.is_cut:
-                raise LogError(
-                    f"channels of different length: {shown} values; log them together", subject=name
-                )
-            said = (f"kept: the first {n_common} values, which all channels have, of {shown}",)
-        values = {
-            channel: _values(channel, one, name)[:n_common] for channel, one in chosen.items()
-        }
+                text = f"channels of different length: {shown} values; log them together"
+                raise LogError(text, subject=name)
+            kept = (f"kept: the first {n_common} values, which all channels have, of {shown}",)
+        values = {channel: one.values(channel, name)[:n_common] for channel, one in chosen.items()}
         if makes_time:
             if len(clocks) > 1:
-                raise LogError(
-                    "channels of different rate or start; log them together", subject=name
-                )
+                text = "channels of different rate or start; log them together"
+                raise LogError(text, subject=name)
             values["time"] = next(iter(chosen.values())).times(name)[:n_common]
-        return Samples(values, notes=said)
+        return Samples(values, notes=kept)
 
     if group.name:
         notes = (*notes, f"group: {visible(group.name)}")
     if group.makes_time:
-        by = "the interval between values"
-        by = by if any(one.interval is not None for one in group.channels) else "each group's own"
+        has_interval = any(channel.interval is not None for channel in group.channels)
+        by = "the interval between values" if has_interval else "each group's own"
         notes = (*notes, f"time: from {by}")
     return Table(group.columns, load, group.metadata, notes)
-
-
-def _values(channel: str, column: GroupChannel, name: str) -> FloatArray:
-    values = np.asarray(column.load(), dtype=np.float64)
-    if values.shape != (column.length,):
-        raise LogError(
-            f"{channel}: {column.length} values are declared but {values.size} found; "
-            "copy the log again",
-            subject=name,
-        )
-    return values
 
 
 def groups_of_child(reader: ChildReader, source: Source, options: ReadOptions) -> list[Group]:
@@ -192,9 +183,9 @@ def groups_of_child(reader: ChildReader, source: Source, options: ReadOptions) -
 
 def answer_of_groups(groups: Sequence[Group]) -> ChildAnswer:
     """Return groups of channels as a child sends them."""
-    said = [
+    found = [
         (group.name, [channel[:3] for channel in group.channels], dict(group.metadata))
         for group in groups
     ]
     values = [channel.load() for group in groups for channel in group.channels]
-    return ChildAnswer(said, [np.asarray(one, dtype=np.float64).tobytes() for one in values])
+    return ChildAnswer(found, [np.asarray(one, dtype=np.float64).tobytes() for one in values])

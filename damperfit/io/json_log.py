@@ -27,8 +27,6 @@ from damperfit.io.formats import Column, Samples, Table
 from damperfit.io.options import EXTRAS, ReadOptions
 from damperfit.io.text import clock_seconds, is_stamp, rows_dropped
 
-__all__ = ["read_json"]
-
 # Two numbers in a row that are text.
 _QUOTED = re.compile(rb'"\s*[-+]?\d[\d.eE+-]*\s*"\s*,\s*"\s*[-+]?\d[\d.eE+-]*\s*"\s*[,\]]')
 _VALUE_BYTES, _LIST_BYTES = 32, 64  # what a number and a list or object take in memory
@@ -48,18 +46,18 @@ def read_json(source: Source, options: ReadOptions) -> tuple[Table, ...]:
     claimed = _VALUE_BYTES * data.count(b",") + _LIST_BYTES * n_lists
     check_size(claimed, limit=options.max_bytes, what="the JSON", name=name)
     tables = list(_tables(_parsed(data.decode("utf-8", "replace"), name), {}, name))
-    if not tables and _QUOTED.search(data):
-        raise LogError(
-            "the numbers of this JSON are in quotes and so are text; write them "
-            "without, as in 0.012",
-            subject=name,
-        )
-    if not tables:
-        raise LogError(
-            f"this is JSON without columns or rows of numbers; {_EXPECTED}", subject=name
-        )
+    problem = ""
     if len(tables) > _MAX_TABLES:
-        raise LogError(f"{len(tables)} tables, more than the limit of {_MAX_TABLES}", subject=name)
+        problem = f"{len(tables)} tables, more than the limit of {_MAX_TABLES}"
+    elif not tables and _QUOTED.search(data):
+        problem = (
+            "the numbers of this JSON are in quotes and so are text; write them without, as in "
+            "0.012"
+        )
+    elif not tables:
+        problem = f"this is JSON without columns or rows of numbers; {_EXPECTED}"
+    if problem:
+        raise LogError(problem, subject=name)
     notes = (*notes, "format: JSON")
     drops = options.bad_rows == "drop"
     return tuple(
@@ -71,8 +69,7 @@ def read_json(source: Source, options: ReadOptions) -> tuple[Table, ...]:
 def _parsed(text: str, name: str) -> Any:
     def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         if len(document := dict(pairs)) < len(pairs):
-            keys = [key for key, _ in pairs]
-            double = next(key for key in keys if keys.count(key) > 1)
+            double = _doubled([key for key, _ in pairs])
             raise LogError(f"this is JSON with two values for {visible(double)}", subject=name)
         return document
 
@@ -82,20 +79,21 @@ def _parsed(text: str, name: str) -> Any:
             return decoder.decode(text)
         except json.JSONDecodeError as error:
             lines = [line for line in text.splitlines() if line.strip()]
-            if not error.msg.startswith("Extra data") or error.lineno == len(lines) == 1:
-                raise
-            with suppress(json.JSONDecodeError):  # why the whole is none says more
-                return [decoder.decode(line) for line in lines]
+            if error.msg.startswith("Extra data") and not error.lineno == len(lines) == 1:
+                with suppress(json.JSONDecodeError):  # why the whole is none says more
+                    return [decoder.decode(line) for line in lines]
             raise
     except json.JSONDecodeError as error:
         place = f"line {error.lineno}, column {error.colno}"
-        raise LogError(
-            f"this is JSON, damaged in {place}: {error.msg}; copy the log again", subject=name
-        ) from error
+        problem = f"this is JSON, damaged in {place}: {error.msg}; copy the log again"
+        raise LogError(problem, subject=name) from error
     except RecursionError as error:
-        raise LogError(
-            f"this is JSON, nested too deep for a log; {_EXPECTED}", subject=name
-        ) from error
+        problem = f"this is JSON, nested too deep for a log; {_EXPECTED}"
+        raise LogError(problem, subject=name) from error
+
+
+def _doubled(names: Sequence[str]) -> str:
+    return next(name for name in names if names.count(name) > 1)
 
 
 def _tables(
@@ -156,15 +154,13 @@ def _column(value: Any) -> tuple[str | None, list[Any]] | None:
 
 def _from_columns(listed: list[Any]) -> _Columns:
     """Return columns that stand in a list, each an object with its name; none where they do not."""
-    if not _are(dict, listed):
-        return {}
-    columns = {_name_in(one): column for one in listed if (column := _column(one))}
-    return columns if len(columns) == len(listed) and "" not in columns else {}
-
-
-def _name_in(column: Mapping[str, Any]) -> str:
-    name = next((column[key] for key in ("name", "channel", "label") if key in column), "")
-    return name.strip() if isinstance(name, str) else ""
+    columns: _Columns = {}
+    for one in listed if _are(dict, listed) else ():
+        name = next((one[key] for key in ("name", "channel", "label") if key in one), "")
+        name = name.strip() if isinstance(name, str) else ""
+        if name and (column := _column(one)):
+            columns[name] = column
+    return columns if len(columns) == len(listed) else {}
 
 
 def _from_rows(rows: list[Any], name: str) -> _Columns:
@@ -184,8 +180,7 @@ def _from_rows(rows: list[Any], name: str) -> _Columns:
     names = [text.strip() for text in heads[0]] if heads else [f"\0{i}" for i in range(n)]
     units = [text.strip("()[] ") for text in heads[1]] if len(heads) > 1 else [""] * n
     if len(set(names)) < len(names):
-        double = next(one for one in names if names.count(one) > 1)
-        raise LogError(f"two columns are named {visible(double)}", subject=name)
+        raise LogError(f"two columns are named {visible(_doubled(names))}", subject=name)
     for number, row in enumerate(rows[1:], start=2):
         if len(row) != n:
             raise LogError(
@@ -217,8 +212,7 @@ def _table(
         is_bad = np.zeros(next(iter(lengths.values())), dtype=bool)
         channels, first_bad = {}, ""
         for channel, index in wanted.items():
-            values = raw[index]
-            is_clock = _is_clock(values)
+            values, is_clock = raw[index], _is_clock(raw[index])
             bad = np.array([not _is_value(value, is_clock=is_clock) for value in values], bool)
             known = [None if wrong else one for one, wrong in zip(values, bad, strict=True)]
             channels[channel] = clock_seconds(known) if is_clock else np.array(known, np.float64)
@@ -229,9 +223,8 @@ def _table(
                 shown = visible(str(values[at]))
                 problem = f"{name}, row {at + 1}: {channel} is {shown}, expected a number"
                 if not drops:
-                    raise LogError(
-                        f"{problem}; repair it, or drop such rows by rig.bad_rows = 'drop'"
-                    )
+                    advice = "repair it, or drop such rows by rig.bad_rows = 'drop'"
+                    raise LogError(f"{problem}; {advice}")
                 first_bad = first_bad or problem
                 is_bad |= bad
         kept = np.flatnonzero(~is_bad)

@@ -28,18 +28,6 @@ from damperfit.tested.identity import IDENTITY_KEYS
 from damperfit.tested.setting import ADJUSTER, Place, Setting, parse_place, parse_setting
 from damperfit.units.quantities import is_unit
 
-__all__ = [
-    "Guess",
-    "LogLabel",
-    "file_setting",
-    "guess_settings",
-    "one_of_several",
-    "place_from_number",
-    "preamble_setting",
-    "setting_in_words",
-    "unclear_names",
-]
-
 _CLICKS = {
     "click", "clicks", "clk", "clicked", "setting", "set", "pos", "position", "adj", "adjuster",
     "detent", "notch", "klick", "klicks", "raste", "rasten", "stufe", "stellung", "einstellung",
@@ -59,13 +47,12 @@ _NO_CLICKS = {
 _MAY_BE_DEGREES = "c"  # 25c is as well 25 clicks of compression
 # What several numbers are called that have no word before them, or the same.
 _PLACES = ("a", "b", "c", "d")
-_FEWEST = 2  # adjusters
 _WORD = r"[^\W\d_]+"
 _ENDING = re.compile(rf"({_WORD})[ _=.-]*$")  # the last word before a number
 _TOKEN = re.compile(rf"{_WORD}|\d+|[\W_]+")
 _SIGNED = re.compile(rf"({_WORD})[ _=.]*[+-]\d")
 # A hyphen behind a blank or "_" is a minus, as in a label; behind a word it parts.
-_NUMBERS = re.compile(r"((?:(?<=[\s_=])-)?\d+(?:\.\d+)?)")
+_NUMBERS = re.compile(r"((?:(?<=[\s_])-)?\d+(?:\.\d+)?)")
 # More than three digits are a serial number or a date; half clicks have the word before them.
 _NUMBER = r"-?\d{1,3}"
 _CLICK = r"-?\d{1,3}(\.\d)?"
@@ -115,9 +102,8 @@ class _Field(NamedTuple):
     place: int
     before: str  # the text between the number before and this one
     word: str
-    after: str
     values: tuple[str, ...]
-    is_joined: bool = False  # nothing but a word stands between it and the next number
+    may_be: bool  # nothing says that it counts something else than clicks
 
     @property
     def is_varied(self) -> bool:
@@ -127,25 +113,9 @@ class _Field(NamedTuple):
     def is_clicks(self) -> bool:
         return self.word in _CLICKS
 
-    @property
-    def may_be(self) -> bool:
-        """Whether nothing says that it counts something else than clicks."""
-        digits = _CLICK if self.is_clicks else _NUMBER
-        is_short = all(re.fullmatch(digits, value) for value in self.values)
-        after = self.after.casefold()
-        has_unit = _is_unit(self.after) or after in _NO_CLICKS or after == _MAY_BE_DEGREES
-        if self.is_joined and len(after) == 1:
-            has_unit = False  # R12C08: the letter is of the number behind it
-        return is_short and not has_unit and self.word not in _NO_CLICKS
-
 
 def guess_settings(names: Iterable[str]) -> Guess:
-    r"""Return what the names of logs tell of their settings.
-
-    Parameters
-    ----------
-    names : iterable of str
-        Of the files whose setting nobody said.
+    r"""Return what the names of logs, whose setting nobody said, tell of their settings.
 
     Examples
     --------
@@ -161,36 +131,33 @@ def guess_settings(names: Iterable[str]) -> Guess:
     whole = [name for alike in kinds.values() for name in alike]
     if pattern := _pattern_of_signs(whole) or (_pattern_of_words(whole) if len(kinds) > 1 else ""):
         return Guess(way=_declaring(pattern))
-    texts, alike = max(kinds.items(), key=lambda kind: len(kind[1]))
-    fields = _fields(texts, alike)
+    alike = max(kinds.values(), key=len)
+    fields = _fields(alike)
+    may_be = [one for one in fields if one.may_be]
+    ranked = [one for one in may_be if one.is_clicks] or [one for one in may_be if one.is_varied]
     is_most = len(kinds) == 1 or (len(alike) > 1 and 2 * len(alike) > len(whole))
-    chosen = _chosen(fields) if is_most else None
-    if chosen is not None:
-        settings = {
-            name: Setting.of(parse_place(value))
-            for name, value in zip(alike, chosen.values, strict=True)
-        }
-        why = "what differs between the names" if chosen.is_varied else "the clicks in the name"
-        where = f"the number after '{chosen.before}'" if chosen.before else "the first number"
+    if is_most and len(ranked) == 1:
+        chosen = ranked[0]
+        places = map(parse_place, chosen.values)
+        settings = {name: Setting.of(place) for name, place in zip(alike, places, strict=True)}
         pattern = _pattern(chosen, alike)
         said = note(
             "setting-guessed",
             "the setting is guessed from the file names: {why}, {where}; to confirm it: {option}",
-            why=why,
-            where=where,
-            option=_option(pattern),
+            why="what differs between the names" if chosen.is_varied else "the clicks in the name",
+            where=f"the number after '{chosen.before}'" if chosen.before else "the first number",
+            option=Option("rig", pattern, "setting_pattern"),
         )
         return Guess(settings, said, _declaring(pattern), pattern=pattern)
     likely = sorted(fields, key=lambda one: (not one.is_clicks, not one.may_be, not one.is_varied))
     pattern = _pattern(likely[0], alike) if likely else ""
-    called = _called(fields)
+    called = _called(may_be)
     if not called:
         return Guess(way=_declaring(pattern))
     adjusters = tuple(called.values())
     every = _pattern_of_all(called, fields, alike)
     way = _declaring(pattern, adjusters, every)
-    is_said = len(kinds) == 1 and adjusters != _PLACES[: len(adjusters)]
-    if is_said and all(adjuster_of(one.word) for one in called):
+    if len(kinds) == 1 and all(adjuster_of(one.word) in adjusters for one in called):
         return Guess(way=way, adjusters=adjusters, pattern=every)
     return Guess(way=way)
 
@@ -203,21 +170,16 @@ def one_of_several(name: str) -> str:
     >>> one_of_several("t1_2_24_s5_100psi.csv"), one_of_several("run3_s5_1.5Hz.csv")
     ('5', '')
     """
-    fields = [one for one in _fields(_texts(name), [name]) if one.may_be]
+    fields = [one for one in _fields([name]) if one.may_be]
     chosen = [one.values[0] for one in fields if one.word == "s"]
     return chosen[-1] if len(fields) > len(chosen) > 0 else ""
 
 
 def unclear_names(names: Iterable[str]) -> frozenset[str]:
-    """Return the names in which the number after a bare "s" is no setting for certain.
+    """Return the names of a run in which the number after a bare "s" is no setting for certain.
 
     Others in them vary too, and may count clicks: then "s" may be the speed of the test. A number
     that is another one in each name counts the logs.
-
-    Parameters
-    ----------
-    names : iterable of str
-        Of all logs of a run.
 
     Examples
     --------
@@ -228,8 +190,8 @@ def unclear_names(names: Iterable[str]) -> frozenset[str]:
     frozenset()
     """
     unclear: set[str] = set()
-    for texts, alike in _kinds(names).items():
-        fields = [one for one in _fields(texts, alike) if one.may_be]
+    for alike in _kinds(names).values():
+        fields = [one for one in _fields(alike) if one.may_be]
         others = [one for one in fields if one.word != "s" and one.is_varied]
         is_count = len(others) == 1 and len(set(others[0].values)) == len(alike)
         if others and not is_count and any(one.word == "s" for one in fields):
@@ -241,7 +203,8 @@ def _kinds(names: Iterable[str]) -> dict[tuple[str, ...], list[str]]:
     """Return names, each once, by what they have besides numbers."""
     kinds: dict[tuple[str, ...], list[str]] = {}
     for name in dict.fromkeys(names):
-        kinds.setdefault(_texts(name), []).append(name)
+        texts = tuple(part.casefold() for part in _NUMBERS.split(_stem(name))[::2])
+        kinds.setdefault(texts, []).append(name)
     return kinds
 
 
@@ -252,38 +215,28 @@ def _stem(name: str) -> str:
     return path.name
 
 
-def _texts(name: str) -> tuple[str, ...]:
-    """Return what stands between the numbers of a name."""
-    return tuple(part.casefold() for part in _NUMBERS.split(_stem(name))[::2])
-
-
-def _plain(text: str) -> str:
-    """Return the text without accents, however a file system wrote them."""
-    letters = unicodedata.normalize("NFD", text)
-    return "".join(one for one in letters if not unicodedata.combining(one))
-
-
-def _fields(texts: Sequence[str], names: Sequence[str]) -> list[_Field]:
+def _fields(names: Sequence[str]) -> list[_Field]:
+    """Return the numbers in names of one kind."""
     numbers = [_NUMBERS.split(_stem(name))[1::2] for name in names]
-    first = _NUMBERS.split(_stem(names[0]))[::2]
+    texts = _NUMBERS.split(_stem(names[0]))[::2]
     fields = []
-    for k in range(len(texts) - 1):
-        word = _ENDING.search(_plain(texts[k]))
-        # As written: degC and kN are units.
-        after = re.match(rf" ?(?:[\u00b0\u00ba\u02da] ?)?({_WORD})", first[k + 1])
+    for k, before in enumerate(texts[:-1]):
+        # Without accents, however a file system wrote them.
+        letters = unicodedata.normalize("NFD", before.casefold())
+        ending = _ENDING.search("".join(c for c in letters if not unicodedata.combining(c)))
         # What stands at a number is its unit, and no word of the next one: 1.5Hz_3.
-        unit = re.fullmatch(rf" ?({_WORD})[ _=.-]+", first[k]) if k else None
-        is_word = word and not (unit and _is_unit(unit[1]))
-        fields.append(
-            _Field(
-                k,
-                first[k],
-                word[1] if word and is_word else "",
-                after[1] if after else "",
-                tuple(row[k] for row in numbers),
-                is_joined=after is not None and first[k + 1] == after[1] and k + 2 < len(first),
-            )
-        )
+        unit = re.fullmatch(rf" ?({_WORD})[ _=.-]+", before) if k else None
+        word = ending[1] if ending and not (unit and _is_unit(unit[1])) else ""
+        # As written: degC and kN are units.
+        following = re.match(rf" ?(?:[\u00b0\u00ba\u02da] ?)?({_WORD})", texts[k + 1])
+        after = following[1] if following else ""
+        # R12C08: the letter is of the number behind it.
+        is_of_next = len(after) == 1 and texts[k + 1] == after and k + 2 < len(texts)
+        is_other = word in _NO_CLICKS or (not is_of_next and _counts_no_clicks(after))
+        values = tuple(row[k] for row in numbers)
+        digits = _CLICK if word in _CLICKS else _NUMBER
+        may_be = not is_other and all(re.fullmatch(digits, value) for value in values)
+        fields.append(_Field(k, texts[k], word, values, may_be))
     return fields
 
 
@@ -291,22 +244,20 @@ def _is_unit(word: str) -> bool:
     return is_unit(word) or is_unit(word.casefold())
 
 
-def _chosen(fields: Sequence[_Field]) -> _Field | None:
-    """Return the number that counts clicks; None where there is none or a choice."""
-    may_be = [one for one in fields if one.may_be]
-    clicks = [one for one in may_be if one.is_clicks]
-    ranked = clicks or [one for one in may_be if one.is_varied]
-    return ranked[0] if len(ranked) == 1 else None
+def _counts_no_clicks(after: str) -> bool:
+    """Say whether the word behind a number says that it counts something else than clicks."""
+    word = after.casefold()
+    return _is_unit(after) or word in _NO_CLICKS or word == _MAY_BE_DEGREES
 
 
-def _called(fields: Sequence[_Field]) -> dict[_Field, str]:
+def _called(may_be: Sequence[_Field]) -> dict[_Field, str]:
     """Return what to call the numbers that differ, where several may be adjusters."""
-    varied = [one for one in fields if one.is_varied and one.may_be]
+    varied = [one for one in may_be if one.is_varied]
     if len(varied) > len(_PLACES):
         varied = [one for one in varied if one.word != "s"]  # a speed, as likely
-    if not _FEWEST <= len(varied) <= len(_PLACES):
+    if not 2 <= len(varied) <= len(_PLACES):
         return {}
-    called = [adjuster_of(one.word) or one.word.casefold() for one in varied]
+    called = [adjuster_of(one.word) or one.word for one in varied]
     if len(set(called)) < len(called) or not all(one.isascii() and one for one in called):
         called = list(_PLACES[: len(varied)])
     return dict(zip(varied, called, strict=True))
@@ -315,23 +266,19 @@ def _called(fields: Sequence[_Field]) -> dict[_Field, str]:
 # Patterns to copy: each is tried on the names it was made from.
 
 
-def _option(pattern: str) -> Option:
-    return Option("rig", pattern, "setting_pattern")
-
-
 def _declaring(pattern: str, called: Sequence[str] = (), every: str = "") -> Problem | None:
     """Return what to declare; also where several of the numbers that differ are adjusters."""
-    if not called:
-        return note("setting-in-names", "{option}", option=_option(pattern)) if pattern else None
-    declared = ", ".join(f'{name} = ""' for name in called)
-    text = (
-        "; or, where several adjusters were turned, declare them in a configuration, [adjusters] "
-        f"{declared}, and give it with {{config}} and {{every}}"
-    )
-    values = {"config": Option("config"), "every": _option(every)}
+    texts, values = [], {}
     if pattern:
-        text, values = f"{{option}}{text}", {**values, "option": _option(pattern)}
-    return note("setting-in-names", text, **values)
+        texts, values = ["{option}"], {"option": Option("rig", pattern, "setting_pattern")}
+    if called:
+        declared = ", ".join(f'{name} = ""' for name in called)
+        texts.append(
+            "or, where several adjusters were turned, declare them in a configuration, [adjusters] "
+            f"{declared}, and give it with {{config}} and {{every}}"
+        )
+        values |= {"config": Option("config"), "every": Option("rig", every, "setting_pattern")}
+    return note("setting-in-names", "; ".join(texts), **values) if texts else None
 
 
 def _escaped(text: str) -> str:
@@ -366,8 +313,7 @@ def _pattern_of_all(
     parts = [_escaped(one.before) + number.get(one.place, rf"{sign}\d+") for one in fields]
     first, last = varied[0].place, varied[-1].place
     if ending := _ENDING.search(varied[0].before):
-        rest = "".join([number[first], *parts[first + 1 : last + 1]])
-        short = _escaped(ending[0]) + rest
+        short = "".join([_escaped(ending[0]), number[first], *parts[first + 1 : last + 1]])
         values = list(zip(*(one.values for one in varied), strict=True))
         if [_finds(short, name)[:1] for name in names] == [[row] for row in values]:
             return short
@@ -404,8 +350,7 @@ def _pattern_of_signs(names: Sequence[str]) -> str:
     if len(words) != 1:
         return ""
     (word,) = words
-    number = r"(?P<setting>[+-]?\d+)"
-    patterns = (f"{word}{number}", f"{word}[ _=.]*{number}")
+    patterns = (f"{word}{gap}(?P<setting>[+-]?\\d+)" for gap in ("", "[ _=.]*"))
     return next((p for p in patterns if all(_finds(p, name) for name in names)), "")
 
 
@@ -438,12 +383,7 @@ class LogLabel:
 
 
 def setting_in_words(text: str, where: str, adjusters: Sequence[str] = (ADJUSTER,)) -> Setting:
-    """Return the setting that a text says.
-
-    Raises
-    ------
-    LogError
-        It says none.
+    """Return the setting that a text says, or LogError.
 
     Examples
     --------
@@ -454,6 +394,14 @@ def setting_in_words(text: str, where: str, adjusters: Sequence[str] = (ADJUSTER
         return parse_setting(text, adjusters)
     except ValueError as error:
         raise LogError(f"setting {visible(text)}; {error}", subject=where) from error
+
+
+def place_from_number(number: float, where: str) -> Place:
+    """Return where a column's number says that an adjuster stands."""
+    try:
+        return parse_place(f"{number:.15g}")
+    except ValueError as error:
+        raise LogError(f"{number:.6g}; {error}", subject=where) from error
 
 
 def preamble_setting(metadata: Mapping[str, str], name: str, adjusters: Sequence[str]) -> LogLabel:
@@ -510,11 +458,3 @@ def _label_in(matches: list[re.Match[str]], name: str, adjusters: Sequence[str])
             places = dict(setting_in_words(plain[-1], where, adjusters).places)
     others = {key: text for key, text in named.items() if key in IDENTITY_KEYS}
     return LogLabel(places, others, ("setting: from the file name",) if places else ())
-
-
-def place_from_number(number: float, where: str) -> Place:
-    """Return where a column's number says that an adjuster stands."""
-    try:
-        return parse_place(f"{number:.15g}")
-    except ValueError as error:
-        raise LogError(f"{number:.6g}; {error}", subject=where) from error

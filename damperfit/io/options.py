@@ -16,16 +16,6 @@ from damperfit.tested.identity import IDENTITY_KEYS
 from damperfit.tested.setting import ADJUSTER, Setting
 from damperfit.units.quantities import find_unit
 
-__all__ = [
-    "CHANNELS",
-    "EXTRAS",
-    "SEPARATORS",
-    "SETTING_PATTERN",
-    "Declarations",
-    "Profile",
-    "ReadOptions",
-]
-
 # Channel of a recording -> dimension of its unit.
 CHANNELS = {
     "time": "time",
@@ -57,77 +47,48 @@ _WORDS = {
 class Declarations:
     """How logs are to be understood where they do not speak for themselves.
 
-    Attributes
-    ----------
-    setting_pattern : str
-        Regular expression whose first group is the setting in a file name; the last match
-        counts, and case does not matter.
-    part_settings : tuple of int, float or str
-        Settings of the tests in one file, in their order, by number or label; empty when the log
-        says them.
-    columns : mapping of str to str or int
-        Column of a channel, by name or by number from 1, as in {"force": "Load cell"}; empty text:
-        found by its name.
-    units : mapping of str to str
-        Unit of a channel, whatever the log says, as in {"displacement": "mm"}; empty text: what
-        the log says.
-    scales, offsets : mapping of str to float
-        value = scale * logged + offset, in the channel's unit, as for volts.
-    reverse_force, reverse_displacement : bool or str
-        Whether the log counts the channel positive in bump; "detect": not declared.
-    encoding : str
-        Of text, as in "cp1252"; empty: UTF-8, UTF-16 with a mark, else Latin-1.
-    separator : str
-        Of fields: "," ";" "|" "tab" or "blanks"; empty: found from the rows.
-    decimal : str
-        Decimal mark, "." or ","; empty: found from the rows.
-    thousands : str
-        Mark between groups of three digits; empty: there is none, and "1,234" is refused.
-    skip_lines : int
-        Lines of text above the log that are not looked at.
-    sample_rate : float
-        Hz; time is the number of the sample divided by it. 0: the log has the time.
-    pause : float
-        A step in time longer than this begins another test, s. 0: 2 s and 50 times the usual.
-    restarts : str
-        When time runs backwards: "refuse" the log, "split" it into tests, or keep the "last".
-    bad_rows : str
-        Rows with text or blanks in a channel, or too few or many fields: "refuse" or "drop".
-    allow_truncated : bool
-        Of a TDMS log whose end is missing, keep the values that all channels have.
-    tested_at : mapping of str to float
-        What the log was tested at, whatever it says itself: names of `FACTS`, SI, temperature in
-        degrees Celsius.
-
     Raises
     ------
     ConfigurationError
         An unknown channel, unit or word, or a pattern that is no regular expression with a group.
     """
 
+    # Its first group is the setting in a file name; the last match counts, and no case matters.
     setting_pattern: str = SETTING_PATTERN
+    # Settings of the tests in one file, in their order, by number or label.
     part_settings: tuple[int | float | str, ...] = ()
+    # Column of a channel, by name or by number from 1; empty text: found by its name.
     columns: Mapping[str, str | int] = field(default_factory=dict)
-    units: Mapping[str, str] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)  # of a channel, whatever the log says
+    # value = scale * logged + offset, in the channel's unit, as for volts.
     scales: Mapping[str, float] = field(default_factory=dict)
     offsets: Mapping[str, float] = field(default_factory=dict)
+    # Whether the log counts the channel positive in bump; "detect": not declared.
     reverse_force: bool | str = "detect"
     reverse_displacement: bool | str = "detect"
-    encoding: str = ""
-    separator: str = ""
-    decimal: str = ""
-    thousands: str = ""
-    skip_lines: int = 0
-    sample_rate: float = 0.0
-    pause: float = 0.0
-    restarts: str = "refuse"
-    bad_rows: str = "refuse"
-    allow_truncated: bool = False
+    encoding: str = ""  # of text, as in "cp1252"; empty: UTF-8, UTF-16 with a mark, else Latin-1
+    separator: str = ""  # of fields: "," ";" "|" "tab" or "blanks"; empty: found from the rows
+    decimal: str = ""  # "." or ","; empty: found from the rows
+    thousands: str = ""  # between groups of three digits; empty: none, and "1,234" is refused
+    skip_lines: int = 0  # of text above the log, that are not looked at
+    sample_rate: float = 0.0  # Hz; time is the number of the sample divided by it. 0: in the log
+    pause: float = 0.0  # s; a longer step begins another test. 0: 2 s and 50 times the usual
+    restarts: str = "refuse"  # where time runs backwards; "split" into tests, keep the "last"
+    bad_rows: str = "refuse"  # with text or blanks in a channel, or too few or many fields; "drop"
+    allow_truncated: bool = False  # of a cut TDMS log, keep the values that all channels have
+    # What the log was tested at, whatever it says itself: names of `FACTS`, SI, degrees Celsius.
     tested_at: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Refuse declarations that mean nothing."""
-        _check_pattern(self.setting_pattern)
+        try:
+            groups = re.compile(self.setting_pattern, re.IGNORECASE).groups
+        except re.error as error:
+            text = f"{self.setting_pattern!r} is not a regular expression: {error}"
+            raise _wrong("setting_pattern", text) from error
+        if groups < 1:
+            text = f"{self.setting_pattern!r} has no group (...) around the number"
+            raise _wrong("setting_pattern", text)
         try:
             "".encode(self.encoding or "utf-8")
         except LookupError as error:
@@ -172,37 +133,15 @@ def _wrong(key: str, text: str) -> ConfigurationError:
     return ConfigurationError(text, where=Key((key,)))
 
 
-def _check_pattern(pattern: str) -> None:
-    try:
-        groups = re.compile(pattern, re.IGNORECASE).groups
-    except re.error as error:
-        text = f"{pattern!r} is not a regular expression: {error}"
-        raise _wrong("setting_pattern", text) from error
-    if groups < 1:
-        raise _wrong("setting_pattern", f"{pattern!r} has no group (...) around the number")
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Profile:
-    """Declarations for the logs of one rig.
+    """Declarations for the logs of one rig, named, or found by the pattern of its files' names.
 
-    Attributes
-    ----------
-    name : str
-        For notes and the command line.
-    files : str
-        Pattern of the names of its files, as in "ME*.txt"; empty: only when asked for by name.
-    declared : mapping of str to object
-        Attributes of `Declarations` that the profile gives, also where it gives the default.
-
-    Raises
-    ------
-    ConfigurationError
-        As for `Declarations`.
+    `declared` has the attributes of `Declarations` that it gives, also where it gives the default.
     """
 
     name: str
-    files: str = ""
+    files: str = ""  # as in "ME*.txt"; empty: only when asked for by name
     declared: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -226,30 +165,17 @@ class Profile:
 class ReadOptions(Declarations):
     """How logs are read.
 
-    Attributes
-    ----------
-    setting : Setting or None
-        Adjuster setting, whatever the log says.
-    adjusters : tuple of str
-        Names of the damper's adjusters, in the order of labels.
-    profile : str
-        Name of the profile for every log; empty: the first whose pattern fits the file name.
-    profiles : tuple of Profile
-        Profiles to choose from.
-    max_bytes : int
-        Largest log to read, in bytes (of text, when it is compressed).
-
     Raises
     ------
     ConfigurationError
         As for `Declarations`; or there is no such profile.
     """
 
-    setting: Setting | None = None
-    adjusters: tuple[str, ...] = (ADJUSTER,)
-    profile: str = ""
+    setting: Setting | None = None  # whatever the log says
+    adjusters: tuple[str, ...] = (ADJUSTER,)  # names, in the order of labels
+    profile: str = ""  # for every log; empty: the first whose pattern fits the file name
     profiles: tuple[Profile, ...] = ()
-    max_bytes: int = 500_000_000
+    max_bytes: int = 500_000_000  # of the largest log (of text, when it is compressed)
 
     def __post_init__(self) -> None:
         """Refuse options that mean nothing."""
@@ -283,8 +209,7 @@ class ReadOptions(Declarations):
         for profile in self.profiles:
             is_asked = profile.name == self.profile
             if is_asked or (not self.profile and profile.files and fnmatch(name, profile.files)):
-                merged = profile.put_over(self)
                 # No other profile is put over this one.
-                options = replace(self, **merged, profile="", profiles=())
+                options = replace(self, **profile.put_over(self), profile="", profiles=())
                 return options, (f"profile: {profile.name}",)
         return self, ()

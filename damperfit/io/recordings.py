@@ -42,8 +42,6 @@ from damperfit.statistics import median
 from damperfit.tested.identity import identity_in
 from damperfit.tested.setting import Setting
 
-__all__ = ["make_recordings"]
-
 _TITLE = "part: "  # begins the note that says which block a part was
 # Steps from block to block, in usual sample intervals; stamps are rounded to few digits.
 _LEAST_STEP, _LARGEST_STEP = 0.5, 1.5
@@ -72,16 +70,14 @@ def make_recordings(
     blocks = []
     for table in tables:
         try:
-            blocks.append(_table_parts(table, source, options))
+            blocks.append(_tests_in(table, source, options))
         except LogError as error:
             error.says_setting = _says_setting(table, source, options)
             raise
     are_buffers = len(tables) > 1 and all(table.may_run_on for table in tables)
     parts = _join_buffers(blocks) if are_buffers else list(chain.from_iterable(blocks))
     where = f"{source.name}: part_settings"
-    settings = [
-        setting_in_words(str(text), where, options.adjusters) for text in options.part_settings
-    ]
+    settings = [setting_in_words(str(s), where, options.adjusters) for s in options.part_settings]
     if settings and len(settings) != len(parts):
         raise LogError(
             f"{len(parts)} tests found, but {len(settings)} settings declared for "
@@ -102,6 +98,18 @@ def make_recordings(
     )
 
 
+def _says_setting(table: Table, source: Source, options: ReadOptions) -> bool:
+    """Say whether a log that cannot be read says its setting, or tries to."""
+    if options.setting is not None or options.part_settings:
+        return True
+    if any(key in table.metadata for key in ("setting", *options.adjusters)):
+        return True
+    with suppress(LogError):
+        label = file_setting(source.name, options.setting_pattern, options.adjusters)
+        return bool(label.places) or has_channel("setting", table.columns, options)
+    return True
+
+
 # Write buffers of one record.
 
 
@@ -115,14 +123,18 @@ def _join_buffers(blocks: Sequence[Sequence[Recording]]) -> list[Recording]:
                 records[-1].append(part)
                 continue
             if records:
-                breaks.append(_break(records[-1][-1], part, number))
+                end, start = records[-1][-1].time[-1], part.time[0]
+                how = f"{abs(start - end):.4g} s {'later' if start > end else 'earlier'}"
+                breaks.append(
+                    f"block {number} begins at {start:.6g} s, {how} than the block before ends"
+                )
             records.append([part])
     joined = [record for record in records if len(record) > 1]
     if not joined:
         return [record[0] for record in records]
-    more = [f"and {len(breaks) - _LISTED} more"] if len(breaks) > _LISTED else []
     note = f"{sum(map(len, joined))} blocks joined, as time runs on by one step from each to the"
     note += f" next, into {len(joined)} of {len(records)} tests" if breaks else " next"
+    more = [f"and {len(breaks) - _LISTED} more"] if len(breaks) > _LISTED else []
     note = "; ".join([note, *breaks[:_LISTED], *more])
     return [_joined(record, note) for record in records]
 
@@ -138,46 +150,38 @@ def _runs_on(before: Recording, after: Recording) -> bool:
     return all(_LEAST_STEP < between / step < _LARGEST_STEP for step in steps)
 
 
-def _break(before: Recording, after: Recording, block: int) -> str:
-    """Tell where time does not run on: what is missing there, or where it goes back to."""
-    end, start = before.time[-1], after.time[0]
-    how = f"{abs(start - end):.4g} s {'later' if start > end else 'earlier'}"
-    return f"block {block} begins at {start:.6g} s, {how} than the block before ends"
-
-
 def _joined(record: Sequence[Recording], note: str) -> Recording:
-    first = record[0]
     notes = [text for part in record for text in part.notes]
     if len(record) > 1:
-        title = [text for text in first.notes if text.startswith(_TITLE)]
+        title = [text for text in record[0].notes if text.startswith(_TITLE)]
         notes = [*title, *(text for text in notes if not text.startswith(_TITLE))]
-
-    def whole(name: str) -> Any:
+    channels: dict[str, Any] = {}
+    for name in ("time", "displacement", "force", *EXTRAS):
         values = [getattr(part, name) for part in record]
-        return None if any(one is None for one in values) else np.concatenate(values)
-
-    channels = {name: whole(name) for name in ("time", "displacement", "force", *EXTRAS)}
+        is_whole = all(part is not None for part in values)
+        channels[name] = np.concatenate(values) if is_whole else None
     findings = tuple(dict.fromkeys(finding for part in record for finding in part.findings))
     every_note = tuple(dict.fromkeys([*notes, note]))
-    return replace(first, **channels, notes=every_note, findings=findings)
+    return replace(record[0], **channels, notes=every_note, findings=findings)
 
 
 # One table.
 
 
-def _table_parts(table: Table, source: Source, options: ReadOptions) -> list[Recording]:
+def _tests_in(table: Table, source: Source, options: ReadOptions) -> list[Recording]:
     """Return the tests in one table; their names are still the file's."""
     name = source.name
     rate, rate_note = _sample_rate(table, options)
     choices, notes = choose_channels(
         table.columns, options, where=name, needs_time=rate == 0.0, hint=table.hint
     )
-    wanted = {channel: choice.column for channel, choice in choices.items()}
-    current = _current_column(table, wanted)
-    samples = _loaded(table, wanted, current)
+    samples, current = _loaded(table, choices)
     if not len(samples.channels["force"]):
         raise LogError("no data rows", subject=name)
-    samples = _timed(samples, choices, table, options, name)
+    clock = choices.get("time")
+    is_wall_clock = clock is not None and table.columns[clock.column].is_clock
+    is_wall_clock = is_wall_clock and options.sample_rate == 0.0
+    samples = on_one_clock(samples, is_wall_clock=is_wall_clock, name=name)
     channels = _si_channels(samples, choices, options, name)
     more_notes = [
         f"{channel}: {options.scales.get(channel, 1.0):g} times the log plus "
@@ -199,12 +203,13 @@ def _table_parts(table: Table, source: Source, options: ReadOptions) -> list[Rec
     is_own_time = "time" in channels and options.sample_rate == 0.0
     more_notes += [] if is_own_time else [rate_note]
     cuts = _cuts(samples, channels, options, name)
-    steps: tuple[Finding, ...] = ()
-    if current is not None and len(cuts) == 1:
-        cuts, steps = _cut_at_levels(*cuts[0], samples, table.columns[current].name, options)
-    findings = (*table.findings, *samples.findings, *steps)
-    said = (*table.notes, *samples.notes, *(finding.sentence for finding in findings))
-    notes = (*((f"{_TITLE}{table.part}",) if table.part else ()), *said, *notes, *more_notes)
+    findings = (*table.findings, *samples.findings)
+    if current and len(cuts) == 1:
+        cuts, steps = _cut_at_levels(*cuts[0], samples, current, options)
+        findings = (*findings, *steps)
+    title = (f"{_TITLE}{table.part}",) if table.part else ()
+    sentences = (finding.sentence for finding in findings)
+    notes = (*title, *table.notes, *samples.notes, *sentences, *notes, *more_notes)
     parts = []
     for start, stop in cuts:
         part: dict[str, Any] = {channel: values[start:stop] for channel, values in channels.items()}
@@ -212,7 +217,7 @@ def _table_parts(table: Table, source: Source, options: ReadOptions) -> list[Rec
             part["time"] = np.arange(stop - start) / rate
         label = _label(samples, start, table.metadata, source, options)
         setting = label.setting(options.adjusters)
-        partly = {} if setting else {name: str(place) for name, place in label.places.items()}
+        partly = {} if setting else {one: str(place) for one, place in label.places.items()}
         preamble = identity_in(table.metadata).describe() if label.others else {}
         named = {key: text for key, text in label.others.items() if key not in preamble}
         parts.append(
@@ -243,50 +248,36 @@ def _sample_rate(table: Table, options: ReadOptions) -> tuple[float, str]:
     return 0.0, ""
 
 
-def _current_column(table: Table, wanted: Mapping[str, int]) -> int | None:
-    """Return the only column, none of a channel, that holds the current or voltage of a valve."""
-    named = [
+def _loaded(table: Table, choices: Mapping[str, ChannelChoice]) -> tuple[Samples, str]:
+    """Return the channels as logged, clocks of their own in the log's unit of time.
+
+    The only column, none of a channel, that holds the current or voltage of a valve comes with
+    them where it can be read; its name, else empty text.
+    """
+    wanted = {channel: choice.column for channel, choice in choices.items()}
+    valves = [
         i
         for i, column in enumerate(table.columns)
         if i not in wanted.values()
         and _CURRENTS.intersection(words_of_name(split_name(column.name)[0]))
     ]
-    return named[0] if len(named) == 1 else None
-
-
-def _loaded(table: Table, wanted: Mapping[str, int], current: int | None) -> Samples:
-    """Return the channels, with the current where it can be read."""
-    if current is not None:
+    current, samples = "", None
+    if len(valves) == 1:
+        current = table.columns[valves[0]].name
         with suppress(LogError):
-            return table.load({**wanted, _CURRENT: current})
-    return table.load(wanted)
-
-
-def _timed(
-    samples: Samples,
-    choices: Mapping[str, ChannelChoice],
-    table: Table,
-    options: ReadOptions,
-    name: str,
-) -> Samples:
-    """Return samples that all have one clock, as logged."""
+            samples = table.load({**wanted, _CURRENT: valves[0]})
+    samples = samples or table.load(wanted)
     clock = choices.get("time")
-    own = {
-        channel.removeprefix(OWN_TIME): samples.channels[channel]
-        for channel in choices
-        if channel.startswith(OWN_TIME)
-    }
-    if clock is not None and clock.unit is not None and own:
-        ratio = {one: choices[OWN_TIME + one].unit for one in own}
+    own = {one: choice.unit for one, choice in choices.items() if one.startswith(OWN_TIME)}
+    if own and clock is not None and clock.unit is not None:
         times = {
-            one: unit.to_si(own[one]) / clock.unit.factor for one, unit in ratio.items() if unit
+            one.removeprefix(OWN_TIME): unit.to_si(samples.channels[one]) / clock.unit.factor
+            for one, unit in own.items()
+            if unit is not None
         }
-        channels = {one: v for one, v in samples.channels.items() if not one.startswith(OWN_TIME)}
+        channels = {one: v for one, v in samples.channels.items() if one not in own}
         samples = replace(samples, channels=channels, times=times)
-    is_wall_clock = (
-        clock is not None and options.sample_rate == 0.0 and table.columns[clock.column].is_clock
-    )
-    return on_one_clock(samples, is_wall_clock=is_wall_clock, name=name)
+    return samples, current
 
 
 def _si_channels(
@@ -356,11 +347,11 @@ def _cuts(
                 _check_pieces(ends, channels, name)
             return list(pairwise([0, *(end + 1 for end in ends), n]))
         late = np.flatnonzero((steps <= 0.0) & ~is_cut[1:n])
-        if len(late) and options.restarts == "refuse" and options.sample_rate == 0.0:
+        if options.sample_rate == 0.0 and options.restarts == "refuse" and len(late):
             raise LogError(_backwards(channels, late + 1, samples, name))
-        if options.sample_rate == 0.0 or options.restarts != "refuse":
+        if options.restarts != "refuse":
             is_cut[late + 1] = True
-        if len(late) and options.restarts == "last":
+        if options.restarts == "last" and len(late):
             first = int(late[-1]) + 1
         forward = steps[steps > 0.0]
         usual = _PAUSE_STEPS * median(forward) if len(forward) else 0.0
@@ -400,14 +391,14 @@ def _cut_at_levels(
     starts, levels = steps_of_level(samples.channels.get(_CURRENT, np.empty(0)))
     if not starts:
         return [(first, stop)], ()
-    told = ", ".join(f"{level:.3g}" for level in levels)
+    listed = ", ".join(f"{level:.3g}" for level in levels)
     places = ", ".join(samples.place(start) for start in starts)
     is_named = bool(options.part_settings) and options.setting is None
     words = (
-        f"column {visible(name)} steps at {places}: settings of their own, {told}, in one record, "
-        f"read as {len(levels)} tests"
+        f"column {visible(name)} steps at {places}: settings of their own, {listed}, in one "
+        f"record, read as {len(levels)} tests"
     )
-    words += "" if is_named else f"; name them by rig.part_settings = [{told}]"
+    words += "" if is_named else f"; name them by rig.part_settings = [{listed}]"
     finding = Finding("level_steps", "note" if is_named else "warning", words, float(len(starts)))
     return list(pairwise([first, *starts, stop])), (finding,)
 
@@ -449,17 +440,15 @@ def _label(
     if options.setting is not None:
         places = dict(Setting.of(options.setting).places)
         return LogLabel(places, named.others, ("setting: as declared",))
-    columns = LogLabel(
-        {
-            adjuster: place_from_number(
-                samples.channels[adjuster][first], f"{source.name}: column '{adjuster}'"
-            )
-            for adjuster in options.adjusters
-            if adjuster in samples.channels
-        }
-    )
+    of_columns = {
+        adjuster: place_from_number(
+            samples.channels[adjuster][first], f"{source.name}: column '{adjuster}'"
+        )
+        for adjuster in options.adjusters
+        if adjuster in samples.channels
+    }
     preamble = preamble_setting(metadata, source.name, options.adjusters)
-    label = preamble.over(columns).over(named)
+    label = preamble.over(LogLabel(of_columns)).over(named)
     doubts = (
         f"{adjuster}: {preamble.places[adjuster]} of the preamble; the file name says {place}: "
         "check which is right"
@@ -467,16 +456,3 @@ def _label(
         if preamble.places.get(adjuster, place) != place
     )
     return replace(label, notes=(*label.notes, *doubts))
-
-
-def _says_setting(table: Table, source: Source, options: ReadOptions) -> bool:
-    """Say whether a log that cannot be read says its setting, or tries to."""
-    if options.setting is not None or options.part_settings:
-        return True
-    if any(key in table.metadata for key in ("setting", *options.adjusters)):
-        return True
-    if has_channel("setting", table.columns, options):
-        return True
-    with suppress(LogError):
-        return bool(file_setting(source.name, options.setting_pattern, options.adjusters).places)
-    return True

@@ -20,16 +20,6 @@ from damperfit.tested.identity import IDENTITY_KEYS, Identity, identity_in
 from damperfit.tested.setting import ADJUSTER, Place, parse_place, parse_setting
 from damperfit.units.quantities import parse_quantity, says_absolute_or_gauge
 
-__all__ = [
-    "FACTS",
-    "TestRow",
-    "TestsTable",
-    "fact_of",
-    "facts_in",
-    "is_tests_table",
-    "read_tests",
-]
-
 # What a log was tested at, where somebody says so, and its dimension.
 FACTS = {
     "gas_pressure": "absolute pressure",
@@ -45,14 +35,7 @@ _SHORT = 4  # letters; shorter names lie near too many words
 
 
 def fact_of(key: str, text: str) -> float:
-    """Return what somebody says of a test, SI; a temperature in degrees Celsius.
-
-    Parameters
-    ----------
-    key : str
-        Of `FACTS`.
-    text : str
-        With its unit.
+    """Return what somebody says of a test, a name of `FACTS`, SI or degrees Celsius.
 
     Raises
     ------
@@ -76,11 +59,6 @@ def _key(name: str) -> str:
 
 def facts_in(preamble: Mapping[str, str]) -> tuple[dict[str, float], tuple[str, ...]]:
     """Return the facts that a log's own preamble tells, and which lines say too little.
-
-    Parameters
-    ----------
-    preamble : mapping of str to str
-        Lines above the log, by their keys.
 
     Examples
     --------
@@ -123,23 +101,13 @@ class TestRow:
 
 @dataclass(frozen=True, slots=True)
 class TestsTable:
-    """A table of tests.
-
-    Attributes
-    ----------
-    path : pathlib.Path
-        Where it stands.
-    rows : mapping of str to TestRow
-        By file name as written, with ``/`` between folders.
-    notes : tuple of str
-        What was doubtful in it.
-    """
+    """A table of tests: its rows by file name as written, with ``/`` between folders."""
 
     __test__ = False
 
     path: Path
     rows: Mapping[str, TestRow]
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # what was doubtful in it
 
 
 def is_tests_table(path: Path) -> bool:
@@ -155,14 +123,7 @@ def is_tests_table(path: Path) -> bool:
 
 
 def read_tests(path: Path, adjusters: Sequence[str]) -> TestsTable:
-    """Read a table of tests.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The table.
-    adjusters : sequence of str
-        Names of the adjusters.
+    """Read a table of tests of a damper with these adjusters.
 
     Raises
     ------
@@ -172,22 +133,19 @@ def read_tests(path: Path, adjusters: Sequence[str]) -> TestsTable:
     """
     try:
         lines = _text(read_bytes(path, max_bytes=_MAX_BYTES)).splitlines()
-    except IrregularFileError as error:
-        raise ConfigurationError(
-            f"{error.strerror}; this is not a table of tests", subject=path
-        ) from error
     except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise ConfigurationError(f"cannot be read: {reason}", subject=path) from error
-    heading = next((k for k, line in enumerate(lines) if line.strip()), None)
-    if heading is None:
-        raise ConfigurationError(
-            "is empty; expected a line of names, as in 'file,setting'", subject=path
-        )
-    separator = _separator(lines[heading])
-    names = _fields(lines[heading], separator)
+        reason = f"cannot be read: {getattr(error, 'strerror', None) or error}"
+        if isinstance(error, IrregularFileError):
+            reason = f"{error.strerror}; this is not a table of tests"
+        raise ConfigurationError(reason, subject=path) from error
+    head = next((k for k, line in enumerate(lines) if line.strip()), None)
+    if head is None:
+        text = "is empty; expected a line of names, as in 'file,setting'"
+        raise ConfigurationError(text, subject=path)
+    separator = _separator(lines[head])
+    names = _fields(lines[head], separator)
     at = _file_column(names)
-    where = FilePlace(str(path), heading + 1)
+    where = FilePlace(str(path), head + 1)
     if at is None:
         raise ConfigurationError(
             f"no column 'file'; found {', '.join(names[:10])}; name the one that holds the names "
@@ -197,13 +155,13 @@ def read_tests(path: Path, adjusters: Sequence[str]) -> TestsTable:
     if doubled := [name for name in names if name and names.count(name) > 1]:
         raise ConfigurationError(f"two columns are named '{doubled[0]}'", where=where)
     rows: dict[str, TestRow] = {}
-    for k, line in enumerate(lines[heading + 1 :], start=heading + 2):
+    for k, line in enumerate(lines[head + 1 :], start=head + 2):
         cells, where = _fields(line, separator), FilePlace(str(path), k)
         if not any(cells):
             continue
         if len(cells) > len(names):
             raise ConfigurationError(
-                f"{len(cells)} fields, but {len(names)} names in line {heading + 1}; put a text "
+                f"{len(cells)} fields, but {len(names)} names in line {head + 1}; put a text "
                 "that holds the separator in quotes",
                 where=where,
             )
@@ -270,10 +228,8 @@ def _separator(line: str) -> str:
 
 
 def _text(data: bytes) -> str:
-    is_utf16 = data[:2] in {b"\xff\xfe", b"\xfe\xff"}
-    for encoding in ("utf-8-sig", *(["utf-16"] * is_utf16)):
-        try:
-            return data.decode(encoding)
-        except UnicodeDecodeError:
-            continue
-    return data.decode("latin-1")
+    encoding = "utf-16" if data[:2] in {b"\xff\xfe", b"\xfe\xff"} else "utf-8-sig"
+    try:
+        return data.decode(encoding)
+    except UnicodeDecodeError:
+        return data.decode("latin-1")

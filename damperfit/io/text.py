@@ -19,12 +19,11 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from damperfit.errors import LogError
 from damperfit.io.columns import has_channel, mentions_channel, visible
@@ -35,8 +34,6 @@ from damperfit.recording import Finding
 from damperfit.statistics import median
 from damperfit.tested.identity import names_identity
 from damperfit.units.quantities import is_unit
-
-__all__ = ["clock_seconds", "is_stamp", "read_delimited", "read_lvm", "rows_dropped"]
 
 _HEAD_BYTES = 262_144
 _HEAD_LINES = (40, 1_000)  # tried in turn: nearly all preambles are short
@@ -69,8 +66,8 @@ _PATTERN = (
 _STAMP = re.compile(_PATTERN, re.ASCII)
 
 _BLANK = ["", "nan", "NaN", "NAN"]
-_THREADED = 4_000_000  # bytes; below it, starting threads costs more than it saves
 _PIECE = 1_000_000  # bytes
+_THREADED = 4_000_000  # bytes; below it, starting threads costs more than it saves
 
 # A line that begins a block of MTS text. What stands above the first one is the file's preamble.
 _BLOCK = re.compile(rb'(?m)^"?Data Acquisition\b[^\r\n]*(?:\r\n|\n|\r|\Z)')
@@ -209,7 +206,7 @@ def _with_time_of_titles(tables: tuple[Table, ...], options: ReadOptions) -> tup
         load=lambda wanted: _joined([table.load(wanted) for table in tables]),
         metadata={**first.metadata, "sample rate": repr(rate)},
         notes=(*first.notes, note),
-        findings=tuple(dict.fromkeys(one for table in tables for one in table.findings)),
+        findings=tuple(dict.fromkeys(finding for table in tables for finding in table.findings)),
         may_run_on=False,
     )
     return (whole,)
@@ -217,8 +214,9 @@ def _with_time_of_titles(tables: tuple[Table, ...], options: ReadOptions) -> tup
 
 def _rate(tables: Sequence[Table], times: FloatArray) -> float | None:
     """Return the sample rate, Hz; None where the blocks are not known to be one record."""
-    kinds = [(table.columns, table.metadata) for table in tables]
-    if len(tables) < _FEWEST or kinds.count(kinds[0]) < len(kinds):
+    first = tables[0]
+    is_alike = all((t.columns, t.metadata) == (first.columns, first.metadata) for t in tables)
+    if len(tables) < _FEWEST or not is_alike:
         return None
     try:
         rows = [len(table.load({"any": 0}).channels["any"]) for table in tables]
@@ -234,32 +232,7 @@ def _rate(tables: Sequence[Table], times: FloatArray) -> float | None:
     return rows[0] * len(steps) / float(steps.sum())
 
 
-# Dialects: separator, decimal mark, names row, units row, first row of data.
-
-
-@dataclass(frozen=True, slots=True)
-class _Dialect:
-    """How a text log is written."""
-
-    separator: str  # " " is any run of blanks
-    decimal: str
-    names: tuple[str, ...]  # above the data; empty when the log has none
-    units: tuple[str, ...]
-    names_line: int  # from 1; 0 without names
-    data_line: int
-    data_offset: int  # byte where the first row of data starts
-    preamble: tuple[str, ...]  # lines above the names
-    is_short: bool = False  # most rows have one field less than there are names
-    hint: str = ""  # why a line that holds names was not taken for them
-
-    def notes(self) -> tuple[str, ...]:
-        """Return what differs from comma, point and '#' lines."""
-        foreign = sum(not line.lstrip().startswith("#") for line in self.preamble)
-        return (
-            *([f"separator: {_MARKS[self.separator]}"] if self.separator != "," else []),
-            *(["decimal mark: comma"] if self.decimal != "." else []),
-            *([f"preamble: {_counted(foreign, 'line')} above the names"] if foreign else []),
-        )
+# The head: separator, names row, units row, first row of data.
 
 
 class _Row(NamedTuple):
@@ -299,27 +272,30 @@ def _fields(text: str, separator: str) -> list[str]:
     return [field.strip() for field in text.split(separator)]
 
 
-def _metadata(preamble: Iterable[str]) -> dict[str, str]:
-    """Return the ``key: value`` lines of a preamble, keys in lower case.
-
-    Whose test it is may stand in two cells, as in ``Operator;J. Smith``.
-    """
-    lines = list(preamble)
-    cells = [match for line in lines if (match := _CELLS.fullmatch(line))]
-    pairs = [match for line in lines if (match := _ENTRY.fullmatch(line))]
-    pairs = [*(one for one in cells if names_identity(one["key"])), *pairs]
-    return {pair["key"].strip("#%\" '").lower(): pair["value"].strip('" ') for pair in pairs}
-
-
-def _find_dialect(block: _Block, options: ReadOptions, name: str) -> _Dialect:
-    """Return how a text is written; refuses one without rows of numbers."""
-    head: list[_Row] = []
+def _parted_head(block: _Block, options: ReadOptions, name: str) -> tuple[str, Sequence[_Row], int]:
+    """Return the separator, the first lines of a text parted by it, and the first row of data."""
+    lines: list[_Row] = []
     for n_lines in _HEAD_LINES:
-        head = _head(block, n_lines, name)
-        if best := _best_separator(head, options):
-            return _dialect(*best, block, options, name)
-    shown, what = head[0], "no rows of numbers found"
-    for row, below in zip(reversed(head), [None, *reversed(head)], strict=False):
+        lines = _head(block, n_lines, name)
+        best, best_score = None, 0.0
+        asked = SEPARATORS.get(options.separator)
+        for separator in _MARKS if asked is None else (asked,):
+            if separator != " " and not any(separator in line.text for line in lines):
+                continue
+            rows = [_parted(line, separator, options.thousands) for line in lines]
+            start = _first_data(rows)
+            if start is None:
+                continue
+            # Over all lines, so that a separator that fits only some of them does not win.
+            score = sum(row.share for row in rows[start:] if len(row.fields) >= 2)
+            if score > best_score + 1e-9:
+                best, best_score = (separator, rows, start), score
+            if score == len(rows) - start:
+                break  # every field of every row is a number
+        if best:
+            return best
+    what, shown = "no rows of numbers found", lines[0]
+    for row, below in zip(reversed(lines), [None, *reversed(lines)], strict=False):
         if any(row.names_by(separator) for separator in _MARKS):
             what = f"no {'rows of numbers' if below else 'data rows'} after the names in line"
             found = f"; line {below.number} is {visible(below.text)}" if below else ""
@@ -348,32 +324,9 @@ def _head(block: _Block, n_lines: int, name: str) -> list[_Row]:
     return head
 
 
-def _best_separator(
-    head: Sequence[_Row], options: ReadOptions
-) -> tuple[str, list[_Row], int] | None:
-    """Return the separator that makes most fields numbers, its rows, and the first of data."""
-    best: tuple[str, list[_Row], int] | None = None
-    best_score = 0.0
-    asked = SEPARATORS.get(options.separator)
-    for separator in _MARKS if asked is None else (asked,):
-        if separator != " " and not any(separator in line.text for line in head):
-            continue
-        rows = [_parted(line, separator, options) for line in head]
-        start = _first_data(rows)
-        if start is None:
-            continue
-        # Over all lines, so that a separator that fits only some of them does not win.
-        score = sum(row.share for row in rows[start:] if len(row.fields) >= 2)
-        if score > best_score + 1e-9:
-            best, best_score = (separator, rows, start), score
-        if score == len(rows) - start:
-            break  # every field of every row is a number
-    return best
-
-
-def _parted(line: _Row, separator: str, options: ReadOptions) -> _Row:
+def _parted(line: _Row, separator: str, thousands: str) -> _Row:
     fields = _fields(line.text, separator)
-    filled = [field.replace(options.thousands or "\0", "") for field in fields if field]
+    filled = [field.replace(thousands or "\0", "") for field in fields if field]
     is_comment = line.text.lstrip().startswith(("#", "%", "//"))
     values = sum(_VALUE.fullmatch(field) is not None for field in filled)
     share = 0.0 if is_comment or not filled else values / len(filled)
@@ -394,50 +347,41 @@ def _first_data(rows: Sequence[_Row]) -> int | None:
     return None
 
 
-def _dialect(
-    separator: str,
-    rows: Sequence[_Row],
-    start: int,
-    block: _Block,
-    options: ReadOptions,
-    name: str,
-) -> _Dialect:
-    first = rows[start]
-    if len(first.fields) > _MAX_COLUMNS:
-        raise LogError(
-            f"{name}, line {first.number}: {len(first.fields)} columns, more than the limit "
-            f"of {_MAX_COLUMNS}"
-        )
-    start, names_at, units_at = _heading(rows, start)
-    names = [] if names_at is None else list(rows[names_at].fields)
-    units = () if units_at is None else rows[units_at].fields
-    if names and names[0].startswith("#"):
-        names[0] = names[0].lstrip("# ")
-    whole = rows[start:-1] or rows[start:]  # the last row of the head may be cut
-    decimal = options.decimal or block.decimal
-    decimal = decimal or _decimal(rows[start:], separator, options.thousands)
-    offset = rows[start].offset
-    is_open = not options.decimal and not block.decimal and separator != ","
-    if is_open and block.data.find(b".", offset) < 0 <= block.data.find(b",", offset):
-        decimal = ","  # the first rows may hold whole numbers only, as of a machine at rest
-    return _Dialect(
-        separator=separator,
-        decimal=decimal,
-        names=tuple(names),
-        units=tuple(unit.strip("()[] ") for unit in units),
-        names_line=0 if names_at is None else rows[names_at].number,
-        data_line=rows[start].number,
-        data_offset=offset,
-        preamble=tuple(row.text for row in rows[: start if names_at is None else names_at]),
-        is_short=2 * sum(len(row.fields) == len(names) - 1 for row in whole) > len(whole),
-        hint="" if names else _odd_names(rows[:start], separator, first),
-    )
+def _heading(rows: Sequence[_Row], start: int) -> tuple[int, int | None, int | None]:
+    """Return the first row of data, the names row and the units row.
+
+    Text rows right above the numbers are names, units, or rows of data with text in them.
+    """
+    above, n_fields = start, len(rows[start].fields)
+    while above > 0 and start - above < 3:
+        row = rows[above - 1]
+        is_entry = row.text.lstrip().startswith("#") and not mentions_channel(row.fields)
+        if len(row.fields) < 2 or abs(len(row.fields) - n_fields) > 1 or is_entry:
+            break
+        above -= 1
+    named = [i for i in reversed(range(above, start)) if mentions_channel(rows[i].fields)]
+    # "s;V;V" may be names, but stands below them where there are others.
+    named.sort(key=lambda i: _is_units_row(rows[i].fields))
+    if named:
+        names_at, below = named[0], named[0] + 1
+        if below < start and _is_units_row(rows[below].fields):
+            return below + 1, names_at, below
+        return below, names_at, None
+    if start - above > 1 and _is_units_row(rows[start - 1].fields):
+        return start, start - 2, start - 1
+    return start, start - 1 if start > above else None, None
+
+
+def _is_units_row(fields: Sequence[str]) -> bool:
+    stripped = [field.strip("()[] ") for field in fields]
+    others = [field for field in stripped if not is_unit(field)]
+    return len(others) < len(stripped) and not mentions_channel(others)
 
 
 def _odd_names(above: Sequence[_Row], separator: str, first: _Row) -> str:
     """Say which line above the rows holds names, though not as many as there are fields."""
     for row in reversed(above):
-        for mark in (separator, *(mark for mark in _MARKS if mark != separator)):
+        for mark in dict.fromkeys((separator, *_MARKS)):
             if names := row.names_by(mark):
                 by, of_rows = (
                     f" (separator: {_MARKS[one]})" * (mark != separator)
@@ -450,47 +394,17 @@ def _odd_names(above: Sequence[_Row], separator: str, first: _Row) -> str:
     return ""
 
 
-def _heading(rows: Sequence[_Row], start: int) -> tuple[int, int | None, int | None]:
-    """Return the first row of data, the names row and the units row.
-
-    Text rows right above the numbers are names, units, or rows of data with text in them.
-    """
-    n = len(rows[start].fields)
-    above = start
-    while above > 0 and start - above < 3 and _is_heading(rows[above - 1], n):
-        above -= 1
-    named = [i for i in reversed(range(above, start)) if mentions_channel(rows[i].fields)]
-    # "s;V;V" may be names, but stands below them where there are others.
-    named.sort(key=lambda i: _is_units_row(rows[i].fields))
-    if named:
-        (names_at, *_), below = named, named[0] + 1
-        if below < start and _is_units_row(rows[below].fields):
-            return below + 1, names_at, below
-        return below, names_at, None
-    if start - above > 1 and _is_units_row(rows[start - 1].fields):
-        return start, start - 2, start - 1
-    return start, start - 1 if start > above else None, None
-
-
-def _is_heading(row: _Row, n_fields: int) -> bool:
-    is_near = abs(len(row.fields) - n_fields) <= 1
-    is_entry = row.text.lstrip().startswith("#") and not mentions_channel(row.fields)
-    return len(row.fields) >= 2 and is_near and not is_entry
-
-
-def _is_units_row(fields: Sequence[str]) -> bool:
-    stripped = [field.strip("()[] ") for field in fields]
-    others = [field for field in stripped if not is_unit(field)]
-    return len(others) < len(stripped) and not mentions_channel(others)
-
-
-def _decimal(rows: Sequence[_Row], separator: str, thousands: str) -> str:
-    """Return the decimal mark that the first rows show.
+def _decimal(rows: Sequence[_Row], separator: str, thousands: str, below: bytes) -> str:
+    """Return the decimal mark that the first rows show, or without commas those below them.
 
     Between commas, "1,234" in quotes has thousands or decimals. It has decimals where no number
     has a point and others, such as "0,5" or "-12,25", cannot have thousands; more than one in ten
     of them, so that a damaged field does not decide.
     """
+    if separator != "," and below.find(b".", rows[0].offset) < 0 <= below.find(
+        b",", rows[0].offset
+    ):
+        return ","  # the first rows may hold whole numbers only, as of a machine at rest
     if thousands:
         return "," if thousands == "." else "."
     fields = [field for row in rows for field in row.fields]
@@ -502,86 +416,103 @@ def _decimal(rows: Sequence[_Row], separator: str, thousands: str) -> str:
     return "," if not points and commas - grouped > commas / 10 else "."
 
 
-# Tables: names over rows.
+# The table: names over rows.
 
 
-def _table(block: _Block, name: str, notes: tuple[str, ...], options: ReadOptions) -> Table:
-    """Return the table of a block; as `read_delimited`."""
-    dialect = _find_dialect(block, options, name)
-    start = dialect.data_offset
-    rows, cut = _without_cut_row(block.data, start, name)
-    notes = (*notes, *dialect.notes())
-    if dialect.separator == " ":
-        rows, start = re.sub(rb"[ \t]+", b"\t", rows[start:]), 0
+def _metadata(preamble: Sequence[str]) -> dict[str, str]:
+    """Return the ``key: value`` lines of a preamble, keys in lower case.
+
+    Whose test it is may stand in two cells, as in ``Operator;J. Smith``.
+    """
+    cells = [match for line in preamble if (match := _CELLS.fullmatch(line))]
+    pairs = [match for match in cells if names_identity(match["key"])]
+    pairs += [match for line in preamble if (match := _ENTRY.fullmatch(line))]
+    return {pair["key"].strip("#%\" '").lower(): pair["value"].strip('" ') for pair in pairs}
+
+
+def _table(  # noqa: PLR0915  # one table from top to bottom: names, units, marks, rows
+    block: _Block, name: str, notes: tuple[str, ...], options: ReadOptions
+) -> Table:
+    separator, head, first_row = _parted_head(block, options, name)
+    if (n := len(head[first_row].fields)) > _MAX_COLUMNS:
+        where, limit = head[first_row].number, f"more than the limit of {_MAX_COLUMNS}"
+        raise LogError(f"{name}, line {where}: {n} columns, {limit}")
+    data_at, names_at, units_at = _heading(head, first_row)
+    start, names_line = head[data_at].offset, 0 if names_at is None else head[names_at].number
+    names = [] if names_at is None else list(head[names_at].fields)
+    if names and names[0].startswith("#"):
+        names[0] = names[0].lstrip("# ")
+    above = [row.text for row in head[: data_at if names_at is None else names_at]]
+    hint = "" if names else _odd_names(head[:data_at], separator, head[first_row])
+    whole = head[data_at:-1] or head[data_at:]  # the last row of the head may be cut
+    is_short = 2 * sum(len(row.fields) == len(names) - 1 for row in whole) > len(whole)
+    decimal = options.decimal or block.decimal
+    decimal = decimal or _decimal(head[data_at:], separator, options.thousands, block.data)
+    foreign = sum(not line.lstrip().startswith("#") for line in above)
+    notes += (f"separator: {_MARKS[separator]}",) * (separator != ",")
+    notes += ("decimal mark: comma",) * (decimal != ".")
+    notes += (f"preamble: {_counted(foreign, 'line')} above the names",) * (foreign > 0)
+    findings = []
+    rows = block.data
+    if not rows.endswith((b"\n", b"\r")):  # -12 may be what was written of -1234
+        end = max(rows.rfind(b"\n", start), rows.rfind(b"\r", start)) + 1 or start
+        if rows[end:].strip():
+            if end == start:
+                text = "no data rows; the only one has no line end and may be cut"
+                raise LogError(text, subject=name)
+            words = "no final newline; the last row may be cut and was dropped; is the log whole?"
+            findings.append(Finding("cut_row", "warning", words, 1.0))
+        rows = rows[:end]
+    if separator == " ":
+        rows, start, separator = re.sub(rb"[ \t]+", b"\t", rows[start:]), 0, "\t"
         rows = re.sub(rb"(?m)^\t|\t(?=\r?$)", b"", rows)
-        dialect = replace(dialect, separator="\t")
-    if len(dialect.names) >= 2 and _EVENTS.fullmatch(dialect.names[-1]) and b'"' not in rows:
+    if len(names) >= 2 and _EVENTS.fullmatch(names[-1]) and b'"' not in rows:
         # The last column, which only rows with an event may have, is given to every row.
-        n_before, mark = len(dialect.names) - 2, dialect.separator.encode()
+        n_before, mark = len(names) - 2, separator.encode()
         lines = _LINE_END.sub(b"\n", rows[start:]).split(b"\n")
         rows = b"\n".join(row + mark * (row.count(mark) == n_before) for row in lines)
-        dialect, start = replace(dialect, is_short=False), 0
+        is_short, start = False, 0
     first = _LINE.match(rows, start)
-    fields = _fields(first[1].decode("utf-8", "replace") if first else "", dialect.separator)
-    names, n_fields, odd = _width(fields, dialect, name)
+    fields = _fields(first[1].decode("utf-8", "replace") if first else "", separator)
+    names = names or [""] * len(fields)
+    n_fields = len(names) - is_short
+    units = [] if units_at is None else [unit.strip("()[] ") for unit in head[units_at].fields]
+    if units and len(units) not in (n_fields, len(names)):
+        raise LogError(
+            f"{name}, line {names_line + 1}: {len(units)} units for {len(names)} names in line "
+            f"{names_line}"
+        )
+    if is_short:
+        hint = (
+            f"line {names_line} has {len(names)} names and every row {n_fields} fields: the last, "
+            f"{visible(names.pop())}, was taken to have no values"
+        )
+        findings.insert(0, Finding("short_rows", "warning", hint))
+    elif len(fields) == len(names) + 1 and not fields[-1]:
+        n_fields += 1
+        note = "every row ends in a separator; the empty last column was left out"
+        findings.insert(0, Finding("extra_separator", "warning", note))
     clocks = frozenset(i for i, field in enumerate(fields[: len(names)]) if is_stamp(field))
-    text = _Rows(name, rows, start, dialect, len(names), n_fields, clocks, options)
-    text.check_quotes()
-    units = dialect.units[: len(names)] or ("",) * len(names)
+    line = head[data_at].number
+    like = names_line if names_line and not is_short else line
+    text_rows = _Rows(
+        name, rows, start, line, like, separator, decimal, len(names), n_fields, clocks, options
+    )
+    text_rows.check_quotes()
+    units = units[: len(names)] or [""] * len(names)
     return Table(
         columns=tuple(
             Column(column, unit or None, i in clocks)
             for i, (column, unit) in enumerate(zip(names, units, strict=True))
         ),
-        load=text.load,
-        metadata=_metadata([*block.preamble, *dialect.preamble]),
+        load=text_rows.load,
+        metadata=_metadata([*block.preamble, *above]),
         notes=notes,
         part=block.title,
         may_run_on=bool(block.title),
-        hint=dialect.hint or next((one.sentence for one in odd if one.name == "short_rows"), ""),
-        findings=(*odd, *cut),
+        hint=hint,
+        findings=tuple(findings),
     )
-
-
-def _without_cut_row(text: bytes, start: int, name: str) -> tuple[bytes, tuple[Finding, ...]]:
-    """Drop a last row without line end: -12 may be what was written of -1234."""
-    if text.endswith((b"\n", b"\r")):
-        return text, ()
-    end = max(text.rfind(b"\n", start), text.rfind(b"\r", start)) + 1 or start
-    if not text[end:].strip():
-        return text[:end], ()
-    if end == start:
-        raise LogError("no data rows; the only one has no line end and may be cut", subject=name)
-    words = "no final newline; the last row may be cut and was dropped; is the log whole?"
-    return text[:end], (Finding("cut_row", "warning", words, 1.0),)
-
-
-def _width(
-    fields: list[str], dialect: _Dialect, name: str
-) -> tuple[tuple[str, ...], int, tuple[Finding, ...]]:
-    """Return names, number of fields in a row, and findings.
-
-    A separator at the end may add a field; of names one more than fields the last has no values.
-    """
-    names = dialect.names or ("",) * len(fields)
-    is_short = dialect.is_short
-    fields = fields[: len(names) - 1] if is_short else fields
-    widths = {len(names), len(fields)} if is_short else {len(names)}
-    if dialect.units and len(dialect.units) not in widths:
-        raise LogError(
-            f"{name}, line {dialect.names_line + 1}: {len(dialect.units)} units for "
-            f"{len(names)} names in line {dialect.names_line}"
-        )
-    if is_short:
-        note = (
-            f"line {dialect.names_line} has {len(names)} names and every row {len(fields)} "
-            f"fields: the last, {visible(names[-1])}, was taken to have no values"
-        )
-        return names[:-1], len(fields), (Finding("short_rows", "warning", note),)
-    if len(fields) == len(names) + 1 and not fields[-1]:
-        note = "every row ends in a separator; the empty last column was left out"
-        return names, len(names) + 1, (Finding("extra_separator", "warning", note),)
-    return names, len(names), ()
 
 
 # Rows: numbers and stamps.
@@ -599,13 +530,7 @@ def is_stamp(text: str) -> bool:
 
 
 def clock_seconds(stamps: Any) -> FloatArray:
-    """Return seconds from the first stamp; NaN for what is no stamp.
-
-    Parameters
-    ----------
-    stamps : sequence of str or pyarrow.ChunkedArray
-        Text, shape (n,).
-    """
+    """Return seconds from the first stamp, of text or a pyarrow column; NaN for what is none."""
     import pyarrow as pa
     from pyarrow import compute
 
@@ -615,19 +540,17 @@ def clock_seconds(stamps: Any) -> FloatArray:
         return np.zeros(0)
     parts = compute.extract_regex(stamps, _PATTERN)
 
-    def texts(field: str) -> NDArray[np.object_]:
-        return np.asarray(compute.struct_field(parts, field).to_pylist(), dtype=object)
-
     def numbers(field: str) -> FloatArray:
         text = compute.struct_field(parts, field)
         filled = compute.if_else(compute.equal(text, ""), "0", text)
         return _column_floats(filled.cast(pa.float64()))
 
-    fraction = compute.struct_field(parts, "fraction")
-    digits = _column_floats(compute.utf8_length(fraction).cast(pa.float64()))
-    tenths = numbers("fraction") / 10.0**digits
-    hour, dates = numbers("hour"), texts("date")
-    half = np.array([text[:1].lower() if text else "" for text in texts("half")])
+    fraction = compute.utf8_length(compute.struct_field(parts, "fraction"))
+    tenths = numbers("fraction") / 10.0 ** _column_floats(fraction.cast(pa.float64()))
+    dates = np.asarray(compute.struct_field(parts, "date").to_pylist(), dtype=object)
+    halves = compute.struct_field(parts, "half").to_pylist()
+    half = np.array([text[:1].lower() if text else "" for text in halves])
+    hour = numbers("hour")
     hour = np.where(half == "", hour, hour % 12.0 + 12.0 * (half == "p"))
     whole = hour * 3600.0 + numbers("minute") * 60.0 + numbers("second")
     is_next = dates[1:] != dates[:-1] if dates[0] else np.diff(whole) < -_DAY / 2.0
@@ -637,17 +560,9 @@ def clock_seconds(stamps: Any) -> FloatArray:
 
 
 def _column_floats(column: Any) -> FloatArray:
-    """Return a float64 column, nulls as NaN, from its buffers: to_numpy() imports pandas first."""
-    parts = [np.empty(0)]
-    for chunk in column.chunks:
-        validity, data = chunk.buffers()
-        rows = slice(chunk.offset, chunk.offset + len(chunk))
-        values = np.frombuffer(data, dtype=np.float64)[rows]
-        if chunk.null_count:
-            bits = np.unpackbits(np.frombuffer(validity, dtype=np.uint8), bitorder="little")[rows]
-            values = np.where(bits.astype(np.bool_), values, np.nan)
-        parts.append(values)
-    return np.concatenate(parts[1:] if len(parts) > 1 else parts)
+    """Return a float64 column, nulls as NaN; its own to_numpy() imports pandas first."""
+    filled = column.fill_null(np.nan) if column.null_count else column
+    return np.array(np.from_dlpack(filled.combine_chunks()))
 
 
 def rows_dropped(n_bad: int, first_bad: str) -> tuple[Finding, ...]:
@@ -658,19 +573,21 @@ def rows_dropped(n_bad: int, first_bad: str) -> tuple[Finding, ...]:
     return (Finding("rows_dropped", "warning", sentence, float(n_bad)),)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Rows:
+class _Rows(NamedTuple):
     """Rows of data as UTF-8 bytes, of which every row ends, and how to read them.
 
     pyarrow reads them fast, but refuses ragged rows and text in number columns without always
-    saying where. What it refuses is read again piece by piece, and a piece that it refuses field by
-    field, which ends in the exact line and channel, or drops them.
+    saying where. What it refuses is read again field by field, which ends in the exact line and
+    channel, or drops the rows.
     """
 
     name: str  # of the log, for messages
     rows: bytes
     start: int  # of the first row; a copy of a large log without its head would cost time
-    dialect: _Dialect
+    line: int  # of the first row
+    like: int  # line that has as many fields as rows should have
+    separator: str
+    decimal: str
     n_names: int
     n_fields: int  # in a row; one more than names when every row ends in a separator
     clocks: frozenset[int]  # columns of wall-clock stamps
@@ -680,22 +597,15 @@ class _Rows:
     def drops_bad_rows(self) -> bool:
         return self.options.bad_rows == "drop"
 
-    @property
-    def has_quotes(self) -> bool:
-        return self.rows.find(b'"', self.start) >= 0
-
     def check_quotes(self) -> None:
         """Refuse a row whose quote does not close, where rows are not dropped."""
-        if self.drops_bad_rows or not self.has_quotes:
-            return
-        for number, line in self.lines():
-            _check_quotes(line, f"{self.name}, line {number}")
+        if self.rows.find(b'"', self.start) >= 0 and not self.drops_bad_rows:
+            for number, line in self.lines():
+                _check_quotes(line, f"{self.name}, line {number}")
 
     def lines(self) -> Iterator[tuple[int, str]]:
         """Yield number and text of each row that is not blank."""
-        for number, match in enumerate(
-            _LINE.finditer(self.rows, self.start), start=self.dialect.data_line
-        ):
+        for number, match in enumerate(_LINE.finditer(self.rows, self.start), start=self.line):
             if match[1]:
                 yield number, match[1].decode("utf-8", "replace")
 
@@ -705,38 +615,50 @@ class _Rows:
         return next(at, f"row {index + 1}")
 
     def load(self, wanted: Mapping[str, int]) -> Samples:
-        """Return columns as floats.
-
-        Raises
-        ------
-        LogError
-            A row has too few or too many fields, or text where a number should be.
-        """
+        """Return columns as floats; refuses rows with other fields, or text for a number."""
         if (columns := self._fast(wanted)) is not None:
             return Samples(columns, self.place)
         bad: list[str] = []
-        pieces = [
-            Samples(fast, rows.place)
-            if rows is not self and (fast := rows._fast(wanted)) is not None  # noqa: SLF001  # own
-            else rows._slow(wanted, bad)  # noqa: SLF001  # its own class
-            for rows in ([self] if self.clocks else self._cut())
-        ]
+        pieces = []
+        for rows in [self] if self.clocks else self._pieces():
+            columns = None if rows is self else rows._fast(wanted)  # noqa: SLF001  # its own class
+            slow = rows._slow  # noqa: SLF001
+            pieces.append(Samples(columns, rows.place) if columns else slow(wanted, bad))
         samples = _joined(pieces)
         if not len(next(iter(samples.channels.values()))):
             first = f"; first: {bad[0]}" if bad else ""
             raise LogError(f"no data rows{first}", subject=self.name)
         return replace(samples, findings=rows_dropped(len(bad), bad[0] if bad else ""))
 
-    def _cut(self) -> Iterator[_Rows]:
-        """Yield the rows in pieces of whole lines."""
-        start, line, end = self.start, self.dialect.data_line, len(self.rows)
-        while start < end:
-            last = _LINE.match(self.rows, min(start + _PIECE, end))
-            stop = last.end() if last else end
+    def _pieces(self) -> Iterator[_Rows]:
+        """Yield the rows in pieces of whole lines, as most of a large log is read fast."""
+        start, line = self.start, self.line
+        while start < len(self.rows):
+            last = _LINE.match(self.rows, min(start + _PIECE, len(self.rows)))
+            stop = last.end() if last else len(self.rows)
             rows = self.rows[start:stop]
-            yield replace(self, rows=rows, start=0, dialect=replace(self.dialect, data_line=line))
+            yield self._replace(rows=rows, start=0, line=line)
             line += len(_LINE_END.findall(rows))
             start = stop
+
+    def _slow(self, wanted: Mapping[str, int], bad: list[str]) -> Samples:
+        """Read field by field; why a row was dropped goes to `bad`."""
+        lines: list[int] = []
+        rows: list[list[float | str]] = []
+        for number, line in self.lines():
+            try:
+                rows.append(self._values(line, wanted, f"{self.name}, line {number}"))
+                lines.append(number)
+            except LogError as error:
+                if not self.drops_bad_rows:
+                    raise
+                bad.append(str(error) if not bad else "")
+        channels = {}
+        for k, (channel, index) in enumerate(wanted.items()):
+            values = [row[k] for row in rows]
+            is_clock = index in self.clocks
+            channels[channel] = clock_seconds(values) if is_clock else np.array(values, float)
+        return Samples(channels, lambda i: f"line {lines[i]}")
 
     def _fast(self, wanted: Mapping[str, int]) -> dict[str, FloatArray] | None:
         """Return columns as pyarrow reads them; None where it refuses, or rows must be dropped."""
@@ -747,70 +669,47 @@ class _Rows:
         extra = names[self.n_names :]  # anything in it is an error
         chosen = dict.fromkeys(names[i] for i in sorted(wanted.values()))
         types = {name: pa.string() if int(name) in self.clocks else pa.float64() for name in chosen}
+        quote = '"' if self.rows.find(b'"', self.start) >= 0 else False
+        is_large = len(self.rows) > _THREADED
         try:
             table = arrow.read_csv(
                 pa.BufferReader(pa.py_buffer(self.rows).slice(self.start)),
-                read_options=arrow.ReadOptions(
-                    column_names=names, use_threads=len(self.rows) > _THREADED
-                ),
-                parse_options=arrow.ParseOptions(
-                    delimiter=self.dialect.separator, quote_char='"' if self.has_quotes else False
-                ),
+                read_options=arrow.ReadOptions(column_names=names, use_threads=is_large),
+                parse_options=arrow.ParseOptions(delimiter=self.separator, quote_char=quote),
                 convert_options=arrow.ConvertOptions(
                     column_types={**types, **dict.fromkeys(extra, pa.null())},
                     include_columns=[*chosen, *extra],
                     null_values=_BLANK,
-                    decimal_point=self.dialect.decimal,
+                    decimal_point=self.decimal,
                 ),
             )
             columns = {
-                name: clock_seconds(table.column(name))
-                if int(name) in self.clocks
-                else _column_floats(table.column(name))
+                name: (clock_seconds if int(name) in self.clocks else _column_floats)(
+                    table.column(name)
+                )
                 for name in chosen
             }
         except (pa.ArrowException, ValueError):
             return None
         read = {channel: columns[names[index]] for channel, index in wanted.items()}
+        drops = self.drops_bad_rows
         whole = [columns[name] for name in chosen if int(name) in self.clocks]
-        if self.drops_bad_rows:
-            whole += [values for channel, values in read.items() if channel not in EXTRAS]
-        is_good = all(
-            not np.isnan(values).any() and (not self.drops_bad_rows or np.isfinite(values).all())
-            for values in whole
+        whole += [values for one, values in read.items() if drops and one not in EXTRAS]
+        is_bad = any(
+            np.isnan(values).any() or (drops and not np.isfinite(values).all()) for values in whole
         )
-        return read if is_good else None
-
-    def _slow(self, wanted: Mapping[str, int], bad: list[str]) -> Samples:
-        """Read field by field; why a row was dropped goes to `bad`."""
-        lines: list[int] = []
-        values: list[list[float | str]] = []
-        for number, line in self.lines():
-            try:
-                row = self._values(line, wanted, f"{self.name}, line {number}")
-            except LogError as error:
-                if not self.drops_bad_rows:
-                    raise
-                bad.append(str(error) if not bad else "")
-                continue
-            lines.append(number)
-            values.append(row)
-        columns: dict[str, FloatArray] = {}
-        for k, (channel, index) in enumerate(wanted.items()):
-            column = [row[k] for row in values]
-            is_clock = index in self.clocks
-            columns[channel] = clock_seconds(column) if is_clock else np.array(column, float)
-        return Samples(columns, lambda i: f"line {lines[i]}")
+        return None if is_bad else read
 
     def _values(self, line: str, wanted: Mapping[str, int], where: str) -> list[float | str]:
+        """Return the fields of a row; text for clocks."""
         _check_quotes(line, where)
-        fields = _fields(line, self.dialect.separator)
+        drop = "; repair the row, or drop such rows by rig.bad_rows = 'drop'"
+        advice = "" if self.drops_bad_rows else drop
+        fields = _fields(line, self.separator)
         if len(fields) != self.n_fields:
-            has_names = self.dialect.names_line and not self.dialect.is_short
-            line_above = self.dialect.names_line if has_names else self.dialect.data_line
             raise LogError(
-                f"found {_counted(len(fields), 'field')}, expected "
-                f"{self.n_names} fields as in line {line_above}{self._advice}",
+                f"found {_counted(len(fields), 'field')}, expected {self.n_names} fields as in "
+                f"line {self.like}{advice}",
                 subject=where,
             )
         if self.n_fields > self.n_names and fields[-1]:
@@ -819,37 +718,34 @@ class _Rows:
                 f"expected {self.n_names} fields",
                 subject=where,
             )
-        return [self._value(fields[index], index, channel, where) for channel, index in
-                wanted.items()]  # fmt: skip
-
-    @property
-    def _advice(self) -> str:
-        drop = "; repair the row, or drop such rows by rig.bad_rows = 'drop'"
-        return "" if self.drops_bad_rows else drop
-
-    def _value(self, field: str, index: int, channel: str, where: str) -> float | str:
-        shown = f"{channel} is {visible(field)}, expected"
-        if index in self.clocks:
-            if not is_stamp(field):
+        values: list[float | str] = []
+        for channel, index in wanted.items():
+            shown = f"{channel} is {visible(fields[index])}, expected"
+            if index not in self.clocks:
+                value = self._number(fields[index], f"{shown} a number", advice, where)
+                if self.drops_bad_rows and channel not in EXTRAS and not np.isfinite(value):
+                    raise LogError(f"{shown} a finite number", subject=where)
+                values.append(value)
+            elif is_stamp(fields[index]):
+                values.append(fields[index])
+            else:
                 raise LogError(f"{shown} a time of day", subject=where)
-            return field
+        return values
+
+    def _number(self, field: str, problem: str, advice: str, where: str) -> float:
         plain, thousands = field, self.options.thousands
         grouped = _GROUPED.fullmatch(field)
         if grouped and grouped["mark"] == thousands:
             plain = plain.replace(thousands, "")
-        if self.dialect.decimal == ",":
+        if self.decimal == ",":
             plain = "?" if "." in plain else plain.replace(",", ".")
         if not plain or _NUMBER.fullmatch(plain) or _NOT_FINITE.fullmatch(plain):
-            value = float(plain or "nan")
-            if self.drops_bad_rows and channel not in EXTRAS and not np.isfinite(value):
-                raise LogError(f"{shown} a finite number", subject=where)
-            return value
-        hint = self._advice
+            return float(plain or "nan")
         if grouped:
-            hint = "; if it has a mark of thousands, declare rig.thousands"
-            if grouped["mark"] == "," != self.dialect.decimal:
-                hint += ", if a decimal comma, rig.decimal"
-        raise LogError(f"{shown} a number{hint}", subject=where)
+            advice = "; if it has a mark of thousands, declare rig.thousands"
+            if grouped["mark"] == "," != self.decimal:
+                advice += ", if a decimal comma, rig.decimal"
+        raise LogError(f"{problem}{advice}", subject=where)
 
 
 def _check_quotes(line: str, where: str) -> None:

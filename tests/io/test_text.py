@@ -16,7 +16,6 @@ from hypothesis import strategies as st
 
 from damperfit.errors import LogError
 from damperfit.io import ReadOptions, read_log, read_logs
-from damperfit.io import text as text_reader
 from damperfit.io.formats import FORMATS
 from tests.io.scenarios import HEADER, Scenario, parquet_bytes, parquet_table, text
 
@@ -432,9 +431,7 @@ def test_one_row_that_says_no_number_is_dropped_alone(put, field) -> None:
 
 
 @pytest.mark.parametrize("end", ["\n", "\r", "\r\n"])
-def test_one_bad_row_in_a_large_log(put, monkeypatch, end) -> None:
-    # Large enough for several pieces; only the one with the fault is read field by field.
-    monkeypatch.setattr(text_reader, "_PIECE", 50_000)
+def test_one_bad_row_in_a_large_log(put, end) -> None:
     lines = [f"{i / 1000:.3f},{i % 97},{i % 89},26.0" for i in range(7_000)]
     lines[6_000] = "6.000,OVR,1,26.0"
     lines.insert(500, "")
