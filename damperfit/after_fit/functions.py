@@ -3,26 +3,23 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from damperfit.arguments import folder_of, path_of, public
 from damperfit.errors import ConfigurationError
 from damperfit.problem import Option
-from damperfit.units.quantities import parse_quantity
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from threading import Event
 
     from damperfit.after_fit.advise import Advice
-    from damperfit.after_fit.car_log import DrivenStroke
-    from damperfit.after_fit.ride import Ride
+    from damperfit.after_fit.ride import DrivenStroke, Ride
     from damperfit.after_fit.valves import Orifices
     from damperfit.after_fit.watch import Arrival
     from damperfit.results import Run, SettingResult
-
-__all__ = ["advise", "passport", "ride", "valves", "watch"]
 
 _RESULTS = Path("results")
 _FASTER = 2.0  # times the tested speed, where the rig's is not declared
@@ -67,27 +64,24 @@ def advise(  # noqa: PLR0913 - one keyword an option of the command line
             code="question",
         )
     run = run_of(results, "damperfit.advise", config)
-    wanted = run.settings if setting is None else (_setting(run, setting),)
-    rig = run.configuration.rig
-    stroke = _limit("max_stroke", max_stroke, rig.max_stroke, "length") or run.tested.stroke
-    speed = _limit("max_speed", max_speed, rig.max_speed, "velocity") or _FASTER * (
-        run.tested.speed or 0.0
-    )
+    rig, tested = run.configuration.rig, run.tested
+    stroke = _size("max_stroke", max_stroke, "length") or rig.max_stroke or tested.stroke
+    speed = _size("max_speed", max_speed, "velocity") or rig.max_speed
+    speed = speed or _FASTER * (tested.speed or 0.0)
     if not stroke or not speed:
         raise ConfigurationError(
             f"{run.name}: the tested stroke and speed are not known; declare rig.max_stroke and "
             "rig.max_speed",
             code="no-limits",
         )
-    stroke = min(stroke, _OF_TRAVEL * run.damper.travel)
     limits = Limits(
-        stroke,
+        min(stroke, _OF_TRAVEL * run.damper.travel),
         speed,
-        _limit("max_force", max_force, rig.max_force, "force") or math.inf,
-        _limit("max_frequency", max_frequency, rig.max_frequency, "frequency") or _FASTEST,
-        _positive("minutes", minutes),
+        _size("max_force", max_force, "force") or rig.max_force or math.inf,
+        _size("max_frequency", max_frequency, "frequency") or rig.max_frequency or _FASTEST,
+        _size("minutes", minutes) or 0.0,
     )
-    return advised(run, Question.of(for_), limits, wanted)
+    return advised(run, Question.of(for_), limits, _settings(run, setting))
 
 
 @public
@@ -100,7 +94,7 @@ def valves(
     reference: Run | str | Path | None = None,
     config: str | Path | None = None,
 ) -> Orifices:
-    """Return the valves as parts: holes in mm, preloads in bar and N, and where a click jumps.
+    """Show the valves as parts: holes in mm, preloads in bar and N, and where a click jumps.
 
     Parameters
     ----------
@@ -109,12 +103,19 @@ def valves(
     """
     from damperfit.after_fit.valves import read_valves
 
+    if _size("cd", cd) and not 0.0 <= cd_spread < cd:
+        raise ConfigurationError(
+            f"expected 0 or more, and less than the coefficient, {cd:g}",
+            where=Option("cd_spread", cd_spread),
+            code="cd-spread",
+        )
+    run = run_of(results, "damperfit.valves", config)
     return read_valves(
-        run_of(results, "damperfit.valves", config),
-        discharge=_positive("cd", cd),
-        discharge_spread=_spread(cd, cd_spread),
-        seat=None if seat is None else _positive("seat", seat, "length"),
-        reference=None if reference is None else run_of(reference, "damperfit.valves"),
+        run,
+        discharge=cd,
+        discharge_spread=cd_spread,
+        seat=_size("seat", seat, "length"),
+        reference=_reference(reference, "damperfit.valves", run.damper.name),
     )
 
 
@@ -126,7 +127,7 @@ def passport(
     units: str | None = None,
     config: str | Path | None = None,
 ) -> tuple[Path, Path]:
-    """Write the passport of a damper: one A4 page, and a JSON that `compare` takes as a baseline.
+    """Write the passport of a damper: one A4 page, and a JSON that compare takes as a baseline.
 
     Parameters
     ----------
@@ -144,14 +145,14 @@ def passport(
 
     run = run_of(results, "damperfit.passport", config)
     shown = units_in(run.record) if units is None else parse_units(units)
-    return write_passport(run, Path(out) if out is not None else Path(), shown)
+    return write_passport(run, Path(out or ""), shown)
 
 
 @public
 def ride(
     results: Run | str | Path = _RESULTS,
     *,
-    car: str | Path | None = None,
+    car: str | Path | Mapping[str, Any] | None = None,
     stroke: str | Path | None = None,
     setting: str | None = None,
     config: str | Path | None = None,
@@ -162,16 +163,15 @@ def ride(
     ----------
     results : Run or path
         Of one damper.
-    car : path
-        [car] in TOML: masses, spring, tyre, motion ratio, road, speed.
+    car : path or mapping
+        [car] in TOML, or its keys: masses, spring, tyre, motion ratio, road, speed.
     stroke : path
         Log of time and damper displacement from a car, in place of the road.
     """
-    from damperfit.after_fit.car_log import drive_along, read_stroke
-    from damperfit.after_fit.ride import read_car, ride_on_road
+    from damperfit.after_fit.ride import drive_along, read_car, read_stroke, ride_on_road
 
     run = run_of(results, "damperfit.ride", config)
-    wanted = run.settings if setting is None else (_setting(run, setting),)
+    wanted = _settings(run, setting)
     if (car is None) == (stroke is None):
         raise ConfigurationError(
             "expected {car} or {stroke}, one of them",
@@ -181,7 +181,7 @@ def ride(
         )
     if stroke is not None:
         return drive_along(run, read_stroke(Path(stroke)), wanted)
-    return ride_on_road(run, read_car(Path(str(car))), wanted)
+    return ride_on_road(run, read_car(car if isinstance(car, Mapping) else Path(str(car))), wanted)
 
 
 @public
@@ -193,7 +193,7 @@ def watch(
     config: str | Path | None = None,
     stop: Event | None = None,
 ) -> Iterator[Arrival]:
-    """Yield what comes of each new log in a folder, until it is stopped.
+    """Fit each log as soon as it is complete, and answer in one line; Ctrl-C ends it.
 
     Results and page of all logs so far are written whenever no log waits.
 
@@ -207,16 +207,23 @@ def watch(
         What forces are compared with.
     stop : threading.Event, optional
         Ends it when it is set; Ctrl-C does so too.
+
+    Returns
+    -------
+    iterator of Arrival
+        One a log.
     """
     from threading import Event
 
+    from damperfit.configuration.loading import load_configuration
+    from damperfit.store import check_writable
+
     place = path_of(folder, "damperfit.watch", "the path of a folder")
-    earlier = None if reference is None else run_of(reference, "damperfit.watch")
     if not place.is_dir():
         raise ConfigurationError("no such folder", subject=place, code="no-folder")
+    model = load_configuration(None if config is None else Path(config)).damper.name
+    earlier = _reference(reference, "damperfit.watch", model)
     if out is not None:
-        from damperfit.store import check_writable
-
         if place.resolve().is_relative_to(Path(out).resolve()):
             raise ConfigurationError(
                 "the results would stand among the logs; give another folder, such as "
@@ -225,7 +232,7 @@ def watch(
                 code="out-is-watched",
             )
         check_writable(Path(out))
-    return _watched(place, out, earlier, config, stop or Event())
+    return _watched(place.resolve(), out, earlier, config, stop or Event())
 
 
 def _watched(
@@ -235,35 +242,36 @@ def _watched(
     config: str | Path | None,
     stop: Event,
 ) -> Iterator[Arrival]:
-    from damperfit.after_fit.watch import answered, arrivals
+    from damperfit.after_fit.watch import answers
     from damperfit.api import identify
 
-    folder = folder.resolve()
     own = None if out is None else Path(out).resolve()
     fitted: dict[Path, None] = {}
     is_stale = False
+
+    def write() -> None:
+        logs = [path for path in fitted if path.exists()]
+        if is_stale and logs:
+            identify(logs, config=config, out=out, report=True)
+
+    def fit(log: Path) -> Run:
+        return identify([log], config=config)
+
     try:
-        for paths in arrivals(folder, own, stop):
-            for path in paths:
-                found = answered(
-                    path,
-                    lambda log: identify([log], config=config),
-                    reference,
-                    str(path.relative_to(folder)),
-                )
-                fitted.pop(path, None)
-                if found.run is not None:
-                    fitted[path] = None
-                    is_stale = out is not None
-                yield found
-            if is_stale and not paths:
-                identify(list(fitted), config=config, out=out, report=True)
+        for arrival in answers(folder, own, stop, fit, reference):
+            if arrival is None:
+                write()
                 is_stale = False
+                continue
+            fitted.pop(arrival.path, None)
+            if arrival.run is not None:
+                fitted[arrival.path] = None
+                is_stale = out is not None
+            yield arrival
     except KeyboardInterrupt:
         pass
     finally:
-        if is_stale:
-            identify(list(fitted), config=config, out=out, report=True)
+        write()
 
 
 def run_of(results: object, call: str, config: str | Path | None = None) -> Run:
@@ -277,35 +285,38 @@ def run_of(results: object, call: str, config: str | Path | None = None) -> Run:
     return refuse_unfitted(Run.load(folder_of(results, call), config=own))
 
 
-def _spread(cd: float, spread: float) -> float:
-    if not 0.0 <= spread < cd:
+def _reference(given: object, call: str, model: str) -> Run | None:
+    """Return the run that others are held against, of the same model."""
+    if given is None:
+        return None
+    run = run_of(given, call)
+    if run.damper.name != model:
         raise ConfigurationError(
-            f"expected 0 or more, and less than the coefficient, {cd:g}",
-            where=Option("cd_spread", spread),
-            code="cd-spread",
+            f"is of the model {run.damper.name}, and this one of {model}: they cannot be compared",
+            where=Option("reference", run.name),
+            code="other-model",
         )
-    return spread
+    return run
 
 
-def _setting(run: Run, setting: str) -> SettingResult:
+def _settings(run: Run, setting: str | None) -> tuple[SettingResult, ...]:
+    if setting is None:
+        return run.settings
     try:
-        return run.setting(setting)
+        return (run.setting(setting),)
     except ConfigurationError as error:
         raise ConfigurationError(str(error), where=Option("setting", setting)) from None
 
 
-def _limit(name: str, given: str | float | None, declared: float, dimension: str) -> float:
-    return declared if given is None else _positive(name, given, dimension)
+def _size(name: str, given: object, dimension: str = "") -> float | None:
+    """Read a number above 0, of a dimension or plain; of None None."""
+    from damperfit.units.quantities import parse_quantity
 
-
-def _positive(name: str, given: object, dimension: str = "") -> float:
-    """Read a number above 0, of a dimension or plain."""
-    if dimension:
-        value = parse_quantity(str(given), dimension, option=Option(name))
-    else:
-        value = float(str(given))
-    if not 0.0 < value < math.inf:
+    if given is None:
+        return None
+    value = parse_quantity(str(given), dimension, option=Option(name)) if dimension else given
+    if not 0.0 < float(str(value)) < math.inf:
         raise ConfigurationError(
             "expected more than 0", where=Option(name, given), code="not-above-0"
         )
-    return value
+    return float(str(value))

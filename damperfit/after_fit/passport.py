@@ -8,7 +8,7 @@ import re
 from html import escape
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from damperfit import __version__
 from damperfit.queries.compared_runs import baseline_text, read_run
@@ -16,15 +16,15 @@ from damperfit.reporting.drawing import draw_plot
 from damperfit.reporting.forces import force_sheets
 from damperfit.reporting.report import lead
 from damperfit.reporting.run_figures import report_plots
-from damperfit.reporting.sheet import Sheet, html_table, rows_in_units, sheet_in_units
+from damperfit.reporting.sheet import html_table, rows_in_units, sheet_in_units
 from damperfit.reporting.tables import parameter_sheet
 from damperfit.store import check_writable, write_text
 
 if TYPE_CHECKING:
+    from typing import Any
+
     from damperfit.results import Run
     from damperfit.units.shown_units import ShownUnits
-
-__all__ = ["passport_document", "write_passport"]
 
 _STYLE = """
 @page { size: A4; margin: 10mm }
@@ -39,23 +39,7 @@ img { display: block; height: 62mm; margin: 1mm auto } p { margin: .4mm 0 }
 .logs { columns: 2; font-size: 4.5pt } code { font-size: 4.5pt }
 """
 _TITLES = ("damper", "serial", "customer", "operator", "date", "rig")
-_DPI = 150.0
 _MANY = 40  # logs that are listed by their hash on the page; the JSON has all
-
-
-def passport_document(run: Run) -> dict[str, Any]:
-    """Return the passport as JSON values: a baseline of `compare`, with identity and checks."""
-    document: dict[str, Any] = json.loads(baseline_text(read_run(run.place or run.folder)))
-    document["passport"] = {
-        "identity": dict(run.identity),
-        "lead": lead(run),
-        "damper": run.damper.plain.sentence,
-        "temperatures_degC": run.tested.temperatures,
-        "checks": run.record.get("checks", []),
-        "logs": {str(log["log"]): log.get("sha256") for log in run.record.get("inputs", ())},
-        "clicks": json.loads(run.forces.to_json(orient="records")),
-    }
-    return document
 
 
 def write_passport(run: Run, folder: Path, units: ShownUnits) -> tuple[Path, Path]:
@@ -66,42 +50,58 @@ def write_passport(run: Run, folder: Path, units: ShownUnits) -> tuple[Path, Pat
     OutputError
         They cannot be written.
     """
-    name = run.identity.get("serial") or run.identity.get("damper") or run.name
-    stem = f"passport_{re.sub(r'[^A-Za-z0-9._-]+', '_', Path(name).name) or 'damper'}"
-    document = passport_document(run)
+    title = run.identity.get("serial") or run.identity.get("damper") or run.name
+    stem = f"passport_{re.sub(r'[^A-Za-z0-9._-]+', '_', Path(title).name) or 'damper'}"
+    document: dict[str, Any] = json.loads(baseline_text(read_run(run.place or run.folder)))
+    document["passport"] = {
+        "identity": dict(run.identity),
+        "lead": lead(run),
+        "damper": run.damper.plain.sentence,
+        "temperatures_degC": run.tested.temperatures,
+        "checks": run.record.get("checks", []),
+        "logs": {str(log["log"]): log.get("sha256") for log in run.record.get("inputs", ())},
+        "clicks": json.loads(run.forces.to_json(orient="records")),
+    }
     page, record = folder / f"{stem}.html", folder / f"{stem}.json"
     check_writable(folder)
     folder.mkdir(parents=True, exist_ok=True)
     write_text(record, json.dumps(document, indent=1, allow_nan=False) + "\n")
-    write_text(page, _page(run, document["passport"], units))
+    write_text(page, _page(run, title, document["passport"], units))
     return page, record
 
 
-def _page(run: Run, known: dict[str, Any], units: ShownUnits) -> str:
-    identity = [(title, run.identity[title]) for title in _TITLES if run.identity.get(title)]
-    title = run.identity.get("serial") or run.identity.get("damper") or run.name
+def _page(run: Run, title: str, known: dict[str, Any], units: ShownUnits) -> str:
+    identity = (
+        f"{one}: <b>{escape(run.identity[one])}</b>" for one in _TITLES if run.identity.get(one)
+    )
+    tested = "temperature of the tests not known"
+    if known["temperatures_degC"]:
+        tested = "tested at {:.0f} to {:.0f} &deg;C".format(*known["temperatures_degC"])
+    passed = [bool(one["passed"]) for one in known["checks"]]
     failed = [f"{one['name']}: {one['reason']}" for one in known["checks"] if not one["passed"]]
-    n_passed = sum(bool(one["passed"]) for one in known["checks"])
-    rows = rows_in_units(run.rows("adjustment"), units)
-    hashes = list(known["logs"].items())
-    more = len(hashes) - _MANY
+    hashes = [
+        f"{escape(log)} <code>{escape(str(sha))}</code>" for log, sha in known["logs"].items()
+    ]
+    forces = force_sheets(rows_in_units(run.rows("adjustment"), units))
+    tables = [
+        html_table(sheet_in_units(sheet, units)) if sheet.rows else ""
+        for sheet in (*forces, parameter_sheet(run.rows("parameters"), run.quantities))
+    ]
     parts = [
         f"<h1>{escape(title)}</h1>",
-        "<p>" + " &middot; ".join(f"{a}: <b>{escape(str(b))}</b>" for a, b in identity) + "</p>",
+        f"<p>{' &middot; '.join(identity)}</p>",
         f"<p>{escape(known['lead'])}</p>",
-        f"<p>{escape(known['damper'])}{_temperatures(known['temperatures_degC'])}</p>",
+        f"<p>{escape(known['damper'])}; {tested}</p>",
         "<div class=two>",
-        *(_table(sheet, units) for sheet in force_sheets(rows)),
+        *tables[:-1],
         "</div>",
         _picture(run),
-        _table(parameter_sheet(run.rows("parameters"), run.quantities), units),
-        f"<h2>Checks: {n_passed} of {len(known['checks'])} passed</h2>",
+        tables[-1],
+        f"<h2>Checks: {sum(passed)} of {len(passed)} passed</h2>",
         *(f"<p>{escape(sentence)}</p>" for sentence in failed),
         "<h2>Logs and their SHA-256</h2><p class=logs>",
-        "<br>".join(
-            f"{escape(log)} <code>{escape(str(digest))}</code>" for log, digest in hashes[:_MANY]
-        ),
-        f"<br>and {more} more, in the JSON" if more > 0 else "",
+        "<br>".join(hashes[:_MANY]),
+        f"<br>and {len(hashes) - _MANY} more, in the JSON" if len(hashes) > _MANY else "",
         f"</p><p>&plusmn; is a 95 % interval. damperfit {__version__}</p>",
     ]
     return (
@@ -109,20 +109,9 @@ def _page(run: Run, known: dict[str, Any], units: ShownUnits) -> str:
         "<meta http-equiv=Content-Security-Policy "
         "content=\"default-src 'none'; style-src 'unsafe-inline'; img-src data:\">\n"
         f"<title>{escape(title)}</title><style>{_STYLE}</style>\n<body>\n"
-        + "\n".join(part for part in parts if part)
+        + "\n".join(filter(None, parts))
         + "\n</body></html>\n"
     )
-
-
-def _table(sheet: Sheet, units: ShownUnits) -> str:
-    return html_table(sheet_in_units(sheet, units)) if sheet.rows else ""
-
-
-def _temperatures(limits: tuple[float, float] | None) -> str:
-    if limits is None:
-        return "; temperature of the tests not known"
-    low, high = limits
-    return f"; tested at {low:.0f} to {high:.0f} &deg;C"
 
 
 def _picture(run: Run) -> str:
@@ -133,6 +122,6 @@ def _picture(run: Run) -> str:
         return ""
     with TemporaryDirectory() as folder:
         path = Path(folder) / "fan.png"
-        draw_plot(path, plot, kind="png", dpi=_DPI)
+        draw_plot(path, plot, kind="png", dpi=150.0)
         data = base64.b64encode(path.read_bytes()).decode()
     return f'<img alt="{escape(plot.title)}" src="data:image/png;base64,{data}">'

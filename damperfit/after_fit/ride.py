@@ -9,26 +9,35 @@ states; both are solved in turn until they agree (a waveform iteration)::
 
     Z(w) X = road + D,    D = F_d - c (x_s' - x_u'),    c: the linear damping that fits F_d best
 
-Body acceleration is weighted by W_k of ISO 2631-1 (vertical, seated).
+Body acceleration is weighted by W_k of ISO 2631-1 (vertical, seated). A damper stroke that was
+measured on a car takes the place of car and road: what each setting dissipates along it.
 """
 
 from __future__ import annotations
 
 import math
+import re
 import tomllib
-from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from damperfit.conditioning.filters import differentiate
 from damperfit.errors import ConfigurationError, SimulationError
-from damperfit.reporting.sheet import Sheet
+from damperfit.io.files import read_text
+from damperfit.reporting.answer import Answer
+from damperfit.reporting.sheet import Column, Sheet, laid_out
 from damperfit.simulation import Motion
 from damperfit.statistics import NORMAL_95
+from damperfit.tables.files import json_values
 from damperfit.units.quantities import QuantityError, parse_quantity
 
 if TYPE_CHECKING:
-    from pathlib import Path
+    from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
@@ -36,8 +45,6 @@ if TYPE_CHECKING:
     from damperfit.results import Run, SettingResult
 
     FloatArray = NDArray[np.float64]
-
-__all__ = ["Car", "Ride", "RideOfSetting", "read_car", "ride_on_road", "weighting_k"]
 
 # G_d(n_0) at n_0 = 0.1 cycles/m, m3: geometric means of the classes of ISO 8608.
 _ROUGHNESS = {name: 16e-6 * 4.0**k for k, name in enumerate("ABCDEFGH")}
@@ -49,6 +56,15 @@ _STEP = 1e-2  # of u, for derivatives
 _FRICTION_BAND = 5e-3  # m/s, as in an exported FMU: with the fit's a car at rest would shake
 _LIFTS = 0.33  # rms of the dynamic load over the static one: three deviations lift the wheel
 _LEAD = 1.0  # s that the damper runs in, before the period
+_EDGES = (0.0, 0.025, 0.05, 0.1, 0.2, 0.5, np.inf)  # m/s, of bands of speed
+_GAP = 10.0  # times the usual step in time
+_NAMES = {
+    "time": (r"time|t", "time"),
+    "displacement": (
+        r"displacement|position|stroke|travel|damper[ _](?:position|pos|travel|displacement)|x",
+        "length",
+    ),
+}
 _KEYS = {
     "sprung_mass": "mass",
     "unsprung_mass": "mass",
@@ -62,8 +78,7 @@ _KEYS = {
 _NEEDED = ("sprung_mass", "unsprung_mass", "spring", "tyre")
 
 
-@dataclass(frozen=True, slots=True)
-class Car:
+class Car(NamedTuple):
     """A corner of a car and its road, SI.
 
     Attributes
@@ -92,8 +107,7 @@ class Car:
     speed: float = 20.0
 
 
-@dataclass(frozen=True, slots=True)
-class RideOfSetting:
+class RideOfSetting(NamedTuple):
     """One setting on the road; each number with half of its 95 % interval from the parameters.
 
     Attributes
@@ -123,12 +137,12 @@ class RideOfSetting:
     wheel_load_error: float
     stroke_error: float
     outside_s: float
-    period_s: float
+    period_s: float = _SECONDS
 
 
-@dataclass(frozen=True, slots=True)
-class Ride:
-    """All settings on one road, and which of them no other beats in both."""
+@dataclass(frozen=True, repr=False, eq=False)
+class Ride(Answer):
+    """All settings on one road."""
 
     car: Car
     settings: tuple[RideOfSetting, ...]
@@ -146,117 +160,105 @@ class Ride:
         )
 
     @property
-    def sentence(self) -> str:
+    def sentence(self) -> str:  # type: ignore[override]
         """The answer in a sentence."""
         softest = min(self.settings, key=lambda one: one.comfort)
         safest = min(self.settings, key=lambda one: one.wheel_load)
-        flying = [one.setting for one in self.settings if one.load_share > _LIFTS]
-        warning = (
-            "; the wheel leaves the road now and then at setting "
-            f"{', '.join(flying)}, where a linear tyre says nothing"
-            if flying
-            else ""
-        )
-        if len(self.settings) == 1:
-            return (
-                f"road {self.car.road} at {self.car.speed:.3g} m/s, setting {softest.setting}: "
-                f"{softest.comfort:.3g} m/s2 weighted, wheel load {softest.wheel_load:.3g} N rms"
-                f"{warning}"
+        comfort, load = f"{softest.comfort:.3g} m/s2 weighted", f"{safest.wheel_load:.3g} N rms"
+        road = f"road {self.car.road} at {self.car.speed:.3g} m/s"
+        text = f"{road}, setting {softest.setting}: {comfort}, wheel load {load}"
+        if len(self.settings) > 1:
+            text = (
+                f"{road}: setting {softest.setting} is most comfortable ({comfort}), setting "
+                f"{safest.setting} holds the road best ({load}); no other beats "
+                f"{', '.join(self.pareto)} in both"
             )
-        return (
-            f"road {self.car.road} at {self.car.speed:.3g} m/s: setting {softest.setting} is most "
-            f"comfortable ({softest.comfort:.3g} m/s2 weighted), setting {safest.setting} holds "
-            f"the road best ({safest.wheel_load:.3g} N rms); no other beats "
-            f"{', '.join(self.pareto)} in both{warning}"
-        )
+        if flying := [one.setting for one in self.settings if one.load_share > _LIFTS]:
+            text += (
+                f"; the wheel leaves the road now and then at setting {', '.join(flying)}, where a "
+                "linear tyre says nothing"
+            )
+        return text
 
     def document(self) -> dict[str, Any]:
         """Return all of it as JSON values."""
         return {
-            "car": asdict(self.car),
+            "car": self.car._asdict(),
             "sentence": self.sentence,
             "pareto": list(self.pareto),
-            "settings": [asdict(one) for one in self.settings],
+            "settings": [one._asdict() for one in self.settings],
         }
 
-    def sheet(self) -> Sheet:
+    def sheets(self) -> tuple[Sheet]:
         """Return the table."""
         best = set(self.pareto)
-        rows = tuple(
-            (
-                one.setting,
-                f"{one.comfort:.4g} ± {one.comfort_error:.1g}",
-                f"{one.wheel_load:.4g} ± {one.wheel_load_error:.1g}",
-                f"{100.0 * one.load_share:.3g}",
-                f"{1e3 * one.stroke:.3g} ± {1e3 * one.stroke_error:.1g}",
-                f"{one.outside_s:.2g}",
-                "*" if one.setting in best else "",
-            )
-            for one in self.settings
+
+        def numbers(heading: str, unit: str, name: str, size: float = 1.0) -> Column:
+            def cell(row: RideOfSetting) -> str:
+                value, error = getattr(row, name), getattr(row, f"{name}_error")
+                digits = 3 if size != 1.0 else 4
+                return f"{size * value:.{digits}g} ± {size * error:.1g}"
+
+            return Column(heading, unit, cell)
+
+        columns = (
+            Column("set", "", lambda row: row.setting, is_number=False),
+            numbers("body acceleration", "m/s2 rms W_k ±95 %", "comfort"),
+            numbers("wheel load", "N rms ±95 %", "wheel_load"),
+            Column("of static", "%", lambda row: f"{100.0 * row.load_share:.3g}"),
+            numbers("stroke", "mm rms ±95 %", "stroke", 1e3),
+            Column("untested", "s of 16", lambda row: f"{row.outside_s:.2g}"),
+            Column("", "", lambda row: "*" * (row.setting in best), is_number=False),
         )
-        return Sheet(
-            ("set", "body acceleration", "wheel load", "of static", "stroke", "untested", ""),
-            ("", "m/s2 rms W_k ±95 %", "N rms ±95 %", "%", "mm rms ±95 %", "s of 16", ""),
-            rows,
-            (False, *(True,) * 5, False),
-            ("*: no other setting is better in comfort and wheel load",),
-        )
+        note = "*: no other setting is better in comfort and wheel load"
+        return (laid_out(self.settings, columns, note),)
 
 
-def read_car(path: Path) -> Car:
-    """Read [car] of a TOML file.
+def read_car(given: Path | Mapping[str, Any]) -> Car:
+    """Read [car] of a TOML file, or its keys.
 
     Raises
     ------
     ConfigurationError
         A key is missing, unknown or no quantity of its kind.
     """
-    from damperfit.io.files import read_text
 
-    if not path.is_file():
-        raise ConfigurationError("no such file", subject=path, code="car")
-    try:
-        table = tomllib.loads(read_text(path))
-    except (tomllib.TOMLDecodeError, OSError, UnicodeDecodeError) as error:
-        raise ConfigurationError(f"not a TOML file: {error}", subject=path, code="car") from None
+    def wrong(text: str) -> ConfigurationError:
+        subject = given if isinstance(given, Path) else ""
+        return ConfigurationError(text, subject=subject, code="car")
+
+    table: Mapping[str, Any] = {}
+    if isinstance(given, Mapping):
+        table = given
+    elif not given.is_file():
+        raise wrong("no such file")
+    else:
+        try:
+            table = tomllib.loads(read_text(given))
+        except (tomllib.TOMLDecodeError, OSError, UnicodeDecodeError) as error:
+            raise wrong(f"not a TOML file: {error}") from None
     section = table.get("car", table)
-    unknown = sorted(set(section) - set(_KEYS))
-    missing = sorted(set(_NEEDED) - set(section))
+    unknown, missing = sorted({*section} - {*_KEYS}), sorted({*_NEEDED} - {*section})
     if unknown or missing:
-        raise ConfigurationError(
-            f"[car]: {_named('unknown', unknown)}{_named('missing', missing)}"
-            f"expected {', '.join(_KEYS)}",
-            subject=path,
-            code="car",
-        )
-    values = {name: _value(path, name, section[name]) for name in _KEYS if name in section}
+        lists = {"unknown": unknown, "missing": missing}
+        words = (f"{word} {', '.join(keys)}; " for word, keys in lists.items() if keys)
+        raise wrong(f"[car]: {''.join(words)}expected {', '.join(_KEYS)}")
+    values: dict[str, Any] = {}
+    for name, value in section.items():
+        kind = _KEYS[name]
+        try:
+            if kind == "text":
+                values[name] = str(value).upper()
+                continue
+            values[name] = parse_quantity(str(value), kind) if kind else float(value)
+        except (QuantityError, TypeError, ValueError) as error:
+            raise wrong(f"car.{name}: {error}") from None
+        if not 0.0 < values[name] < math.inf and name != "tyre_damping":
+            raise wrong(f"car.{name}: found {values[name]:g}; expected more than 0")
     car = Car(**values)
     if car.road not in _ROUGHNESS:
-        raise ConfigurationError(
-            f"car.road: found {car.road!r}; expected a class of ISO 8608, A to H",
-            subject=path,
-            code="car",
-        )
+        raise wrong(f"car.road: found {car.road!r}; expected a class of ISO 8608, A to H")
     return car
-
-
-def _named(word: str, keys: list[str]) -> str:
-    return f"{word} {', '.join(keys)}; " if keys else ""
-
-
-def _value(path: Path, name: str, given: object) -> Any:
-    kind = _KEYS[name]
-    if kind == "text":
-        return str(given).upper()
-    try:
-        value = parse_quantity(str(given), kind) if kind else float(str(given))
-    except (QuantityError, ValueError) as error:
-        raise ConfigurationError(f"car.{name}: {error}", subject=path, code="car") from None
-    if not 0.0 < value < math.inf and name != "tyre_damping":
-        raise ConfigurationError(
-            f"car.{name}: found {value:g}; expected more than 0", subject=path, code="car"
-        )
-    return value
 
 
 def weighting_k(frequencies: NDArray[np.floating[Any]]) -> FloatArray:
@@ -281,7 +283,7 @@ def weighting_k(frequencies: NDArray[np.floating[Any]]) -> FloatArray:
     return np.asarray(np.abs(high * low * transition * step))
 
 
-def ride_on_road(run: Run, car: Car, settings: tuple[SettingResult, ...]) -> Ride:
+def ride_on_road(run: Run, car: Car, settings: Sequence[SettingResult]) -> Ride:
     """Return every setting on the same road.
 
     Raises
@@ -338,7 +340,6 @@ class _Road:
             *(float(numbers[0]), float(numbers[1]), float(numbers[1] / static), float(numbers[2])),
             *(float(errors[0]), float(errors[1]), float(errors[2])),
             float(np.count_nonzero(outside) / _RATE),
-            _SECONDS,
         )
 
     def _solve(
@@ -419,3 +420,164 @@ def _mixed(tried: list[tuple[FloatArray, FloatArray]]) -> FloatArray:
 def _rms(spectrum: Any, n: int) -> float:
     power = np.abs(spectrum[1:]) ** 2
     return float(np.sqrt(2.0 * power.sum()) / n)
+
+
+class Band(NamedTuple):
+    """One band of speed: share of the time in it, and the mean power of each setting there, W."""
+
+    low: float
+    high: float
+    share: float
+    powers: dict[str, float]
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class DrivenStroke(Answer):
+    """What settings do along a measured stroke; outside: s beyond the tested speed by setting."""
+
+    seconds: float
+    bands: tuple[Band, ...]
+    outside: dict[str, float]
+
+    @property
+    def sentence(self) -> str:  # type: ignore[override]
+        """Where most of the energy goes, and where the clicks act."""
+        first, *_, last = (*self.outside, *self.outside)[:: max(len(self.outside) * 2 - 1, 1)]
+        most = max(self.bands, key=lambda band: sum(band.powers.values()))
+        text = (
+            f"{self.seconds:.3g} s; most energy is dissipated at {most.low:g} to "
+            f"{most.high:g} m/s, in {100.0 * most.share:.2g} % of the time"
+        )
+        if first == last:
+            return text
+        acting = max(self.bands, key=lambda band: abs(band.powers[last] - band.powers[first]))
+        return (
+            f"{text}; from setting {first} to {last} the clicks act most at {acting.low:g} to "
+            f"{acting.high:g} m/s"
+        )
+
+    def document(self) -> dict[str, Any]:
+        """Return all of it as JSON values."""
+        document: dict[str, Any] = json_values(
+            {
+                "seconds": self.seconds,
+                "sentence": self.sentence,
+                "bands": [band._asdict() for band in self.bands],
+                "outside_s": self.outside,
+            }
+        )
+        return document
+
+    def sheets(self) -> tuple[Sheet]:
+        """Return one row a setting, one column a band of speed."""
+
+        def power(band: Band) -> Column:
+            def cell(label: str) -> str:
+                return f"{band.powers[label]:.3g}" if label else f"{100.0 * band.share:.3g} %"
+
+            return Column(f"{band.low:g} to {band.high:g}", "W at m/s", cell)
+
+        columns = (
+            Column("set", "", lambda label: label or "time", is_number=False),
+            *(power(band) for band in self.bands if band.share > 0.0),
+            Column("untested", "s", lambda label: f"{self.outside[label]:.2g}" if label else ""),
+        )
+        return (laid_out(["", *self.outside], columns),)
+
+
+def drive_along(run: Run, motion: Motion, settings: Sequence[SettingResult]) -> DrivenStroke:
+    """Return what settings of a run dissipate along a stroke, by band of speed."""
+    speed = np.abs(motion.velocity)
+    inside = [(low <= speed) & (speed < high) for low, high in pairwise(_EDGES)]
+    powers: dict[str, list[float]] = {}
+    outside: dict[str, float] = {}
+    for setting in settings:
+        seen = run.damper.simulate(setting.parameters, motion, sensitivities=(), options=run.solver)
+        rest = run.damper.rest_force(motion.displacement)
+        work = (seen.force - (0.0 if rest is None else rest)) * motion.velocity
+        powers[setting.label] = [float(work[part].sum() / len(speed)) for part in inside]
+        outside[setting.label] = float(np.sum(speed > setting.top_speed) * motion.interval)
+    bands = tuple(
+        Band(low, high, float(np.mean(part)), {label: mine[k] for label, mine in powers.items()})
+        for k, ((low, high), part) in enumerate(zip(pairwise(_EDGES), inside, strict=True))
+    )
+    return DrivenStroke(len(speed) * motion.interval, bands, outside)
+
+
+def read_stroke(path: Path) -> Motion:
+    """Read time and displacement of a text log, as in ``time_s,displacement_mm``.
+
+    Raises
+    ------
+    ConfigurationError
+        It has no such columns, or times that do not rise.
+    """
+    import io
+
+    import pandas as pd
+
+    if not path.is_file():
+        raise ConfigurationError("no such file", subject=path, code="stroke")
+    try:
+        text = read_text(path)
+    except UnicodeDecodeError:
+        raise ConfigurationError("no text in UTF-8", subject=path, code="stroke") from None
+    head = next((line for line in text.splitlines() if line and not line.startswith("#")), "")
+    separator = max(";\t,", key=head.count)
+    decimal = "," if separator != "," and "," in text else "."
+    try:
+        frame = pd.read_csv(io.StringIO(text), comment="#", sep=separator, decimal=decimal)
+    except ValueError as error:
+        sentence = f"no table with a row of names: {error}"
+        raise ConfigurationError(sentence, subject=path, code="stroke") from None
+    channels = {name: _channel(path, frame, name) for name in _NAMES}
+    time, displacement = channels["time"], channels["displacement"]
+    if len(time) < 10:
+        sentence = f"found {len(time)} rows; expected ten or more"
+        raise ConfigurationError(sentence, subject=path, code="stroke")
+    steps = np.diff(time)
+    if not (steps > 0.0).all():
+        row = int(np.argmin(steps > 0.0)) + 2
+        raise ConfigurationError(f"time does not rise at row {row}", subject=path, code="stroke")
+    interval = float(np.median(steps))
+    if steps.max() > _GAP * interval:
+        row = int(np.argmax(steps)) + 2
+        sentence = f"a gap of {steps.max():.3g} s before row {row}; cut the log there"
+        raise ConfigurationError(sentence, subject=path, code="stroke")
+    uniform = np.arange(time[0], time[-1], interval)
+    x = np.interp(uniform, time, displacement)
+    x -= 0.5 * (x.max() + x.min())
+    return Motion(interval, x, differentiate(x, interval))
+
+
+def _channel(path: Path, frame: Any, name: str) -> FloatArray:
+    import pandas as pd
+
+    words, dimension = _NAMES[name]
+    example = "s" if name == "time" else "mm"
+    for column in frame.columns:
+        found = re.fullmatch(
+            rf"\s*(?:{words})[ _(\[]*([^)\]\s]*)[)\]]?\s*", str(column), re.IGNORECASE
+        )
+        if found is None:
+            continue
+        if not found[1]:
+            sentence = f"column {column!r} has no unit; name it as in {name}_{example}"
+            raise ConfigurationError(sentence, subject=path, code="stroke")
+        try:
+            factor = parse_quantity(f"1{found[1]}", dimension)
+        except QuantityError as error:
+            sentence = f"column {column!r}: {error}"
+            raise ConfigurationError(sentence, subject=path, code="stroke") from None
+        values = pd.to_numeric(frame[column], errors="coerce").to_numpy(np.float64)
+        if not np.isfinite(values).all():
+            row = int(np.argmin(np.isfinite(values))) + 1
+            sentence = f"column {column!r}, row {row}: no number"
+            raise ConfigurationError(sentence, subject=path, code="stroke")
+        return np.asarray(values * factor, dtype=np.float64)
+    columns = ", ".join(map(str, frame.columns))
+    raise ConfigurationError(
+        f"no column of {name}; found {columns}; expected one as in {name}_{example}",
+        subject=path,
+        code="stroke",
+    )

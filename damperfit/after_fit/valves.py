@@ -11,34 +11,30 @@ A blow-off opens at the pressure p on its seat of area A_s, with the preload p A
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from itertools import pairwise
 from statistics import median
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from damperfit.damper.quasi_static import quasi_static
 from damperfit.errors import ConfigurationError
-from damperfit.reporting.sheet import Sheet
+from damperfit.reporting.answer import Answer
+from damperfit.reporting.sheet import Column, Sheet, laid_out
 from damperfit.tables.files import json_values
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from damperfit.damper.model import Model, Values
     from damperfit.damper.quantity import Quantity
     from damperfit.results import Run, SettingResult
-
-__all__ = ["Hole", "Orifices", "Preload", "read_valves", "sized_for"]
 
 _ORIFICE = "s sqrt(N)/(m kg)"  # unit of S
 _OPENING = "opening"
 _JUMP = 2.5  # times the change of the clicks beside it
 _FACTOR = 1e3  # within which a part is sized
-_CLOSE = 1e-4  # of the wanted force
 
 
-@dataclass(frozen=True, slots=True)
-class Hole:
+class Hole(NamedTuple):
     """An orifice of one setting as one hole.
 
     Attributes
@@ -47,6 +43,8 @@ class Hole:
         Whose it is.
     area, area_low, area_high : float
         m2, with a 95 % interval from the fit and the spread of C_d; NaN: not limited there.
+    diameter : float
+        Of one round hole, m.
     change : float or None
         Area less that of the setting before, m2.
     """
@@ -56,16 +54,11 @@ class Hole:
     area: float
     area_low: float
     area_high: float
-    change: float | None = None
-
-    @property
-    def diameter(self) -> float:
-        """Of one round hole, m."""
-        return math.sqrt(4.0 * self.area / math.pi)
+    diameter: float
+    change: float | None
 
 
-@dataclass(frozen=True, slots=True)
-class Preload:
+class Preload(NamedTuple):
     """The opening of a blow-off at one setting.
 
     Attributes
@@ -86,11 +79,11 @@ class Preload:
     low: float
     high: float
     force: float
-    change: float | None = None
+    change: float | None
 
 
-@dataclass(frozen=True, slots=True)
-class Orifices:
+@dataclass(frozen=True, repr=False, eq=False)
+class Orifices(Answer):
     """The valves of all settings, and what is odd about them.
 
     Attributes
@@ -107,52 +100,36 @@ class Orifices:
 
     def document(self) -> dict[str, Any]:
         """Return all of it as JSON values."""
-        holes = [asdict(hole) | {"diameter": hole.diameter} for hole in self.holes]
-        document = {
-            "holes": holes,
-            "preloads": [asdict(preload) for preload in self.preloads],
-            "remarks": list(self.remarks),
+        rows = {"holes": self.holes, "preloads": self.preloads}
+        found = {
+            name: json_values([one._asdict() for one in known]) for name, known in rows.items()
         }
-        return {name: json_values(rows) for name, rows in document.items()}
+        return {**found, "remarks": list(self.remarks)}
 
-    def sheets(self) -> tuple[Sheet, ...]:
+    def sheets(self) -> tuple[Sheet, Sheet]:
         """Return the tables of holes and of preloads."""
-        holes = tuple(
-            (
-                hole.setting,
-                hole.quantity,
-                f"{1e6 * hole.area:.4g}",
-                f"{1e6 * hole.area_low:.3g} to {1e6 * hole.area_high:.3g}",
-                f"{1e3 * hole.diameter:.4g}",
-                "-" if hole.change is None else f"{1e6 * hole.change:+.3g}",
-            )
-            for hole in self.holes
-        )
-        preloads = tuple(
-            (
-                preload.setting,
-                preload.quantity,
-                f"{1e-5 * preload.pressure:.4g}",
-                f"{1e-5 * preload.low:.3g} to {1e-5 * preload.high:.3g}",
-                "-" if math.isnan(preload.force) else f"{preload.force:.4g}",
-                "-" if preload.change is None else f"{1e-5 * preload.change:+.3g}",
-            )
-            for preload in self.preloads
-        )
-        is_number = (False, False, True, True, True, True)
+
+        def columns(name: str, unit: str, size: float, last: Column) -> list[Column]:
+            def change(row: Any) -> str:
+                return "-" if row.change is None else f"{size * row.change:+.3g}"
+
+            return [
+                Column("set", "", lambda row: row.setting, is_number=False),
+                Column(name, "", lambda row: row.quantity, is_number=False),
+                Column("size", unit, lambda row: f"{size * row[2]:.4g}"),
+                Column("95 %", unit, lambda row: f"{size * row[3]:.3g} to {size * row[4]:.3g}"),
+                last,
+                Column("click", unit, change),
+            ]
+
+        def on_seat(row: Preload) -> str:
+            return "-" if math.isnan(row.force) else f"{row.force:.4g}"
+
+        hole = Column("one hole", "mm", lambda row: f"{1e3 * row.diameter:.4g}")
+        seat = Column("on seat", "N", on_seat)
         return (
-            Sheet(
-                ("set", "orifice", "area", "95 %", "one hole", "click"),
-                ("", "", "mm2", "mm2", "mm", "mm2"),
-                holes,
-                is_number,
-            ),
-            Sheet(
-                ("set", "opening", "preload", "95 %", "on seat", "click"),
-                ("", "", "bar", "bar", "N", "bar"),
-                preloads,
-                is_number,
-            ),
+            laid_out(self.holes, columns("orifice", "mm2", 1e6, hole)),
+            laid_out(self.preloads, columns("opening", "bar", 1e-5, seat)),
         )
 
 
@@ -164,7 +141,7 @@ def read_valves(
     seat: float | None = None,
     reference: Run | None = None,
 ) -> Orifices:
-    """Return the orifices and preloads of a run.
+    """Return the orifices and preloads of a run of any model that has them.
 
     Parameters
     ----------
@@ -182,41 +159,44 @@ def read_valves(
     ConfigurationError
         The model has no such valve.
     """
-    density = float(getattr(run.damper, "oil_density", math.nan))
-    quantities = [q for q in run.damper.quantities if q.unit == _ORIFICE or q.part == _OPENING]
-    if not quantities:
-        raise ConfigurationError(
-            f"{run.name}: the model {run.damper.name} has no orifices or preloaded valves",
-            code="no-valves",
-        )
-    factor = 1.0 / (discharge * math.sqrt(2.0 * density))
-    spread = discharge_spread / discharge
+    factor = 1.0 / (discharge * math.sqrt(2.0 * getattr(run.damper, "oil_density", math.nan)))
     seat_area = math.nan if seat is None else math.pi * seat**2 / 4.0
     holes: list[Hole] = []
     preloads: list[Preload] = []
     remarks: list[str] = []
-    for quantity in quantities:
-        rows = [_read(setting, quantity) for setting in run.settings]
-        if quantity.part == _OPENING:
-            found = [
-                Preload(label, quantity.name, value, low, high, value * seat_area, change)
-                for (label, value, low, high), change in _changes(rows)
-            ]
-            preloads += found
-            remarks += _jumps(quantity, [(one.setting, one.pressure / 1e5) for one in found], "bar")
-        else:
-            areas = [
-                (label, factor / value, *_area_limits(factor, value, low, high, spread))
-                for label, value, low, high in rows
-            ]
-            sized = [
-                Hole(label, quantity.name, area, low, high, change)
-                for (label, area, low, high), change in _changes(areas)
-            ]
-            holes += sized
-            remarks += _jumps(quantity, [(one.setting, 1e6 * one.area) for one in sized], "mm2")
-        if reference is not None:
-            remarks += _worn(quantity, run, reference)
+    for quantity in run.damper.quantities:
+        is_opening = quantity.part == _OPENING
+        if not is_opening and quantity.unit != _ORIFICE:
+            continue
+        sizes: list[tuple[str, float]] = []
+        before = None
+        for setting in run.settings:
+            value, low, high = _read(setting, quantity)
+            if is_opening:
+                size, limits = value, (low, high)
+            else:  # a large S is a small hole; the errors of S and C_d add in squares
+                size, spread = factor / value, discharge_spread / discharge
+                below, above = (
+                    math.hypot(1.0 - value / high, spread),
+                    math.hypot(value / low - 1.0, spread),
+                )
+                limits = size * (1.0 - below), size * (1.0 + above)
+            change = None if before is None else size - before
+            place = (setting.label, quantity.name, size, *limits)
+            if is_opening:
+                preloads.append(Preload(*place, size * seat_area, change))
+            else:
+                holes.append(Hole(*place, math.sqrt(4.0 * size / math.pi), change))
+            sizes.append((setting.label, size))
+            before = size
+        size, unit = (1e-5, "bar") if is_opening else (1e6, "mm2")
+        remarks += _jumps(quantity, [(label, size * one) for label, one in sizes], unit)
+        remarks += () if reference is None else _worn(quantity, run, reference)
+    if not holes and not preloads:
+        raise ConfigurationError(
+            f"{run.name}: the model {run.damper.name} has no orifices or preloaded valves",
+            code="no-valves",
+        )
     return Orifices(tuple(holes), tuple(preloads), tuple(remarks))
 
 
@@ -233,6 +213,8 @@ def sized_for(run: Run, setting: SettingResult, quantity: str, force: float, spe
     ConfigurationError
         No value within a factor of a thousand gives it.
     """
+    from scipy.optimize import brentq
+
     values = setting.parameters
     if quantity not in values.names:
         raise ConfigurationError(
@@ -244,94 +226,54 @@ def sized_for(run: Run, setting: SettingResult, quantity: str, force: float, spe
         )
 
     def missing(step: float) -> float:
-        return _force(run.damper, values, quantity, math.exp(step), speed) - force
+        changed = values.replace({quantity: values[quantity] * math.exp(step)})
+        return float(quasi_static(run.damper, changed, [speed]).forces[0]) - force
 
-    low, high = -math.log(_FACTOR), math.log(_FACTOR)
-    ends = missing(low), missing(high)
-    if ends[0] * ends[1] > 0.0:
-        reach = sorted(end + force for end in ends)
+    reach = math.log(_FACTOR)
+    low, high = sorted((missing(-reach), missing(reach)))
+    if low * high > 0.0:
         raise ConfigurationError(
             f"no {quantity} gives {force:g} N at {speed:g} m/s: from a thousandth to a thousand "
-            f"times the fitted one the force goes from {reach[0]:.4g} to {reach[1]:.4g} N",
+            f"times the fitted one the force goes from {low + force:.4g} to {high + force:.4g} N",
             code="out-of-reach",
         )
-    rises = ends[1] > ends[0]
-    while high - low > 1e-6:
-        middle = 0.5 * (low + high)
-        gap = missing(middle)
-        if abs(gap) < _CLOSE * abs(force):
-            break
-        low, high = (low, middle) if (gap > 0.0) == rises else (middle, high)
-    return float(values[quantity]) * math.exp(0.5 * (low + high))
+    return float(values[quantity]) * math.exp(brentq(missing, -reach, reach, xtol=1e-6))
 
 
-def _force(damper: Model, values: Values, quantity: str, factor: float, speed: float) -> float:
-    changed = values.replace({quantity: values[quantity] * factor})
-    return float(quasi_static(damper, changed, [speed]).forces[0])
+def _read(setting: SettingResult, quantity: Quantity) -> tuple[float, float, float]:
+    low, high = (math.nan if one is None else one for one in setting.intervals[quantity.name])
+    return float(setting.parameters[quantity.name]), low, high
 
 
-def _read(setting: SettingResult, quantity: Quantity) -> tuple[str, float, float, float]:
-    low, high = setting.intervals[quantity.name]
-    value = float(setting.parameters[quantity.name])
-    return setting.label, value, _or_nan(low), _or_nan(high)
-
-
-def _or_nan(limit: float | None) -> float:
-    return math.nan if limit is None else float(limit)
-
-
-def _area_limits(
-    factor: float, value: float, low: float, high: float, spread: float
-) -> tuple[float, float]:
-    """A large S is a small hole; the relative errors of S and C_d add in squares."""
-    area = factor / value
-    below = math.hypot(1.0 - value / high, spread)
-    above = math.hypot(value / low - 1.0, spread)
-    return area * (1.0 - below), area * (1.0 + above)
-
-
-def _changes(
-    rows: Sequence[tuple[str, float, float, float]],
-) -> Iterator[tuple[tuple[str, float, float, float], float | None]]:
-    before: float | None = None
-    for row in rows:
-        yield row, None if before is None else row[1] - before
-        before = row[1]
-
-
-def _jumps(quantity: Quantity, curve: Sequence[tuple[str, float]], unit: str) -> Iterator[str]:
+def _jumps(quantity: Quantity, sizes: Sequence[tuple[str, float]], unit: str) -> Iterator[str]:
     """Say where a click changes a valve far more than the others, or the other way."""
-    steps = [(first[0], second[0], second[1] - first[1]) for first, second in pairwise(curve)]
+    steps = [(first[0], second[0], second[1] - first[1]) for first, second in pairwise(sizes)]
     if len(steps) < 4:
         return
     way = math.copysign(1.0, sum(step for *_, step in steps))
     for k, (first, second, step) in enumerate(steps):
-        near = [abs(other) for *_, other in (*steps[max(k - 2, 0) : k], *steps[k + 1 : k + 3])]
-        usual = median(near)
+        usual = median(abs(near) for *_, near in (*steps[max(k - 2, 0) : k], *steps[k + 1 : k + 3]))
+        place = f"{quantity.symbol}: {step:+.3g} {unit} from setting {first} to {second}"
         if abs(step) > _JUMP * usual:
+            times = f"{abs(step) / usual:.2g} times" if usual else "unlike"
             yield (
-                f"{quantity.symbol}: {step:+.3g} {unit} from setting {first} to {second}, "
-                f"{abs(step) / usual:.2g} times the clicks beside it: a port opens or closes, or a "
-                "jet is blocked"
+                f"{place}, {times} the clicks beside it: a port opens or closes, or a jet is "
+                "blocked"
             )
         elif step * way < -0.5 * usual:
-            yield (
-                f"{quantity.symbol}: {step:+.3g} {unit} from setting {first} to {second}, against "
-                "the other clicks: play in the adjuster, or a damaged needle"
-            )
+            yield (f"{place}, against the other clicks: play in the adjuster, or a damaged needle")
 
 
 def _worn(quantity: Quantity, run: Run, reference: Run) -> Iterator[str]:
     """Say where a valve has changed since an earlier run by more than both intervals."""
     earlier = {setting.label: setting for setting in reference.settings}
     for setting in run.settings:
-        other = earlier.get(setting.label)
-        if other is None or quantity.name not in other.parameters.names:
-            continue
-        _, now, low, high = _read(setting, quantity)
-        _, then, first, last = _read(other, quantity)
-        if first > high or last < low:
-            yield (
-                f"{quantity.symbol} of setting {setting.label}: "
-                f"{100.0 * (now / then - 1.0):+.2g} % since {reference.name}, beyond both intervals"
-            )
+        if setting.label in earlier:
+            now, low, high = _read(setting, quantity)
+            then, first, last = _read(earlier[setting.label], quantity)
+            if first > high or last < low:
+                yield (
+                    f"{quantity.symbol} of setting {setting.label}: "
+                    f"{100.0 * (now / then - 1.0):+.2g} % since {reference.name}, beyond both "
+                    "intervals"
+                )

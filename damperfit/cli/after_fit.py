@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from functools import partial
 from threading import Event
 from typing import Any
 
@@ -10,50 +12,37 @@ from damperfit.cli.command import Shown, command
 from damperfit.cli.console import print_json, print_lines, print_table, say, wrapped
 from damperfit.cli.watching import stop_on_signal
 
-__all__ = ["advise", "passport", "ride", "valves", "watch"]
 
-
-@command(functions.advise)
-def advise(how: Shown, **given: Any) -> int:
-    """Say which further test narrows an interval most.
-
-    Example: damperfit advise results --for k_e --max-stroke 40mm
-    """
-    advice = functions.advise(**given)
+def _answer(function: Any, how: Shown, **given: Any) -> int:
+    """Print the sentence, the tables and the remarks of an answer."""
+    answer = function(**given)
     if how.json:
-        print_json(advice.document())
+        print_json(answer.document())
         return 0
-    print_lines(wrapped(advice.sentence))
-    if advice.tests and not how.quiet:
-        print_lines([""])
-        print_table(advice.sheet())
-    return 0
-
-
-@command(functions.valves)
-def valves(how: Shown, **given: Any) -> int:
-    """Show the valves as parts: holes in mm, preloads in bar and N, and where a click jumps.
-
-    Example: damperfit valves results --cd 0.7
-    """
-    found = functions.valves(**given)
-    if how.json:
-        print_json(found.document())
-        return 0
-    for sheet in found.sheets():
-        if sheet.rows:
-            print_table(sheet)
-    for remark in found.remarks:
+    if answer.sentence:
+        print_lines(wrapped(answer.sentence))
+    is_short = how.quiet and answer.sentence
+    for k, sheet in enumerate(() if is_short else [one for one in answer.sheets() if one.rows]):
+        if k or answer.sentence:
+            print_lines([""])
+        print_table(sheet)
+    for remark in answer.remarks:
         say(f"note: {remark}")
     return 0
 
 
-@command(functions.passport)
-def passport(how: Shown, **given: Any) -> int:
-    """Write the passport of a damper: one A4 page, and a JSON that compare takes as a baseline.
+def _answering(function: Any, example: str) -> Any:
+    return command(function, example=example)(partial(_answer, function))
 
-    Example: damperfit passport results --out passports
-    """
+
+advise = _answering(functions.advise, "advise results --for k_e --max-stroke 40mm")
+valves = _answering(functions.valves, "valves results --cd 0.7")
+ride = _answering(functions.ride, "ride results --car car.toml")
+
+
+@command(functions.passport, example="passport results --out passports")
+def passport(how: Shown, **given: Any) -> int:
+    """Say where the passport stands."""
     files = functions.passport(**given)
     if how.json:
         print_json({"files": [str(path) for path in files]})
@@ -62,37 +51,15 @@ def passport(how: Shown, **given: Any) -> int:
     return 0
 
 
-@command(functions.ride)
-def ride(how: Shown, **given: Any) -> int:
-    """Show comfort and wheel load of each setting on a road, or its work along a measured stroke.
-
-    Example: damperfit ride results --car car.toml
-    """
-    found = functions.ride(**given)
-    if how.json:
-        print_json(found.document())
-        return 0
-    print_lines(wrapped(found.sentence))
-    if not how.quiet:
-        print_lines([""])
-        print_table(found.sheet())
-    return 0
-
-
-@command(functions.watch, shown=("json", "quiet", "debug", "version"))
+@command(functions.watch, example="watch runs --out results --reference before")
 def watch(how: Shown, **given: Any) -> int:
-    """Fit each log as soon as it is complete, and answer in one line; Ctrl-C ends it.
-
-    Example: damperfit watch runs --out results --reference before
-    """
+    """Print a line for each log, with --json a document of one line."""
     stop = Event()
     arrivals = functions.watch(**given, stop=stop)
     if not how.quiet:
         say(f"damperfit: watching {given['folder']}; Ctrl-C ends it")
     with stop_on_signal("the results will be written", stop):
         for arrival in arrivals:
-            if how.json:
-                print_json({"log": str(arrival.path), "sentence": arrival.sentence})
-            else:
-                print_lines([arrival.sentence])
+            line = json.dumps(arrival.document(), ensure_ascii=False) if how.json else ""
+            print_lines([line or arrival.sentence])
     return 0

@@ -7,7 +7,6 @@ panels, by what the options are for.
 from __future__ import annotations
 
 import os
-from functools import wraps
 from inspect import Parameter, Signature, signature, unwrap
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
@@ -24,9 +23,6 @@ from damperfit.keywords import PANELS, PYTHON_ONLY, keyword_of, option_of
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-__all__ = ["Commands", "PanelledCommand", "Shown", "command", "of_presentation", "with_options"]
-
-_WHOLE = 1000  # characters of a summary: none is that long
 # What may be given several times; all else is one text, for `damperfit.arguments` to read.
 _SEVERAL = {"texts", "names", "quantities", "values", "pairs", "paths", "arguments"}
 _COMMON = ("json", "quiet", "debug", "version")
@@ -54,6 +50,7 @@ def command(
     name: str = "",
     shown: Sequence[str] = _COMMON,
     takes_context: bool = False,
+    example: str = "",
 ) -> Callable[[Callable[..., int]], Callable[..., int]]:
     """Return a decorator that makes a command of what prints the results of a function.
 
@@ -67,12 +64,13 @@ def command(
         Options that say how it talks.
     takes_context : bool
         Whether it is told of the other commands.
+    example : str
+        With one the help is the summary of the function, else the decorated one's.
     """
     called = name or (function.__name__ if function is not None else "")
     keywords = [] if function is None else list(signature(unwrap(function)).parameters.values())
 
     def decorated(run: Callable[..., int]) -> Callable[..., int]:
-        @wraps(run)
         def typed(*arguments: Any, **given: Any) -> int:
             given.update(zip((one.name for one in keywords), arguments, strict=False))
             given.pop("version", None)
@@ -86,6 +84,9 @@ def command(
             except KeyboardInterrupt:  # typer ends without a word
                 raise typer.Abort from None
 
+        summary = (function.__doc__ or "").partition("\n")[0] if function else ""
+        typed.__doc__ = f"{summary}\n\nExample: damperfit {example}" if example else run.__doc__
+        typed.__name__ = called
         parameters = [
             _parameter(called, one)
             for one in keywords
@@ -93,9 +94,7 @@ def command(
         ]
         parameters += [of_presentation(one) for one in (*shown, *_OF_ALL)]
         if takes_context:
-            one = Parameter("context", Parameter.KEYWORD_ONLY, annotation=typer.Context)
-            parameters.insert(0, one)
-        typed.__name__ = called
+            parameters.insert(0, _typed("context", typer.Context, None, Parameter.empty))
         return with_options(typed, parameters)
 
     return decorated
@@ -123,25 +122,24 @@ def _parameter(called: str, one: Parameter) -> Parameter:
     """The option, or argument, of a keyword; its default is the keyword's."""
     known = keyword_of(called, one.name)
     assert known is not None, one.name
-    is_needed = one.default is Parameter.empty
     default = None if one.default in (Parameter.empty, ()) else one.default
     kind: Any = list[str] if known.kind in _SEVERAL else str
     if known.kind in {"argument", "arguments"}:
-        if known.kind == "arguments" or default is None:
-            default, kind = None, kind if is_needed else kind | None
         info = typer.Argument(
             metavar=known.metavar, help=known.help, autocompletion=completion_of(one.name, "")
         )
-        default = Parameter.empty if is_needed else default
-    else:
-        if known.kind == "flag":
-            kind = bool
-        elif default is None:
-            kind = kind | None
-        elif kind is str:
-            default = str(default)
-        info = _option(one.name, known)
-    return _typed(one.name, kind, info, default)
+        if one.default is Parameter.empty:
+            return _typed(one.name, kind, info, Parameter.empty)
+        if default is None or known.kind == "arguments":
+            return _typed(one.name, kind | None, info, None)
+        return _typed(one.name, kind, info, default)
+    if known.kind == "flag":
+        kind = bool
+    elif default is None:
+        kind = kind | None
+    elif kind is str:
+        default = str(default)
+    return _typed(one.name, kind, _option(one.name, known), default)
 
 
 def of_presentation(name: str) -> Parameter:
@@ -149,9 +147,9 @@ def of_presentation(name: str) -> Parameter:
     known = keyword_of("", name)
     assert known is not None, name
     how = {"callback": _print_version, "is_eager": True} if name == "version" else {}
-    if known.kind == "flag":
-        return _typed(name, bool, _option(name, known, **how), default=False)
-    return _typed(name, str | None, _option(name, known, **how), None)
+    is_flag = known.kind == "flag"
+    kind, default = (bool, False) if is_flag else (str | None, None)
+    return _typed(name, kind, _option(name, known, **how), default)
 
 
 def _option(name: str, known: Any, **how: Any) -> Any:
@@ -163,7 +161,7 @@ def _option(name: str, known: Any, **how: Any) -> Any:
 
 
 def _typed(name: str, kind: Any, info: Any, default: Any) -> Parameter:
-    annotation = Annotated[kind, info]
+    annotation = kind if info is None else Annotated[kind, info]
     return Parameter(name, Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
 
 
@@ -187,9 +185,7 @@ class Commands(TyperGroup):
         """Write them under one heading."""
         commands = [(name, self.get_command(ctx, name)) for name in self.list_commands(ctx)]
         with formatter.section("Commands"):
-            formatter.write_dl(
-                [(name, one.get_short_help_str(_WHOLE)) for name, one in commands if one]
-            )
+            formatter.write_dl([(name, one.get_short_help_str(1000)) for name, one in commands if one])
 
 
 class PanelledCommand(TyperCommand):
@@ -221,20 +217,18 @@ class PanelledCommand(TyperCommand):
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
         """Write arguments, then the options panel by panel."""
-        rows: dict[str, list[tuple[str, str]]] = {"Arguments": []}
+        rows: dict[str, list[tuple[str, str]]] = {panel: [] for panel in ("Arguments", *PANELS)}
         for param in self._arguments(ctx):
-            help_text = getattr(param, "help", None) or ""
             needed = "[required]" if param.required else ""
-            rows["Arguments"].append((_word(param), " ".join(filter(None, (help_text, needed)))))
+            rows["Arguments"].append((_word(param), f"{param.help or ''} {needed}".strip()))
         for param in self.get_params(ctx):
             record = None if param.param_type_name == "argument" else param.get_help_record(ctx)
             if record is not None:
-                panel = getattr(param, "rich_help_panel", None) or PANELS[-1]
-                rows.setdefault(panel, []).append(record)
-        for panel in ("Arguments", *PANELS):
-            if rows.get(panel):
+                rows[getattr(param, "rich_help_panel", None) or PANELS[-1]].append(record)
+        for panel, lines in rows.items():
+            if lines:
                 with formatter.section(panel):
-                    formatter.write_dl(rows[panel])
+                    formatter.write_dl(lines)
 
     def _arguments(self, ctx: Any) -> Iterator[Any]:
         return (one for one in self.get_params(ctx) if one.param_type_name == "argument")

@@ -27,13 +27,12 @@ if TYPE_CHECKING:
 __all__ = ["app", "main"]
 
 _INTERRUPTED = 130
+_BUG = 70  # "internal software error" of sysexits.h; none of the documented codes
 # Imports make many objects and little garbage: `inspect` of a log some 120 000, among which to look
 # for any takes a fifteenth of its time.
 _NEW_OBJECTS = 200_000
-_TELLS_OF_ALL = "help"
-# Of files, by themselves.
+# These write files, by themselves.
 _WRITERS = {"identify", "fleet", "export", "samples", "report", "sweep", "init"}
-_BUG = 70  # "internal software error" of sysexits.h; none of the documented codes
 
 
 class _App(typer.Typer):
@@ -41,9 +40,9 @@ class _App(typer.Typer):
 
     def __call__(self, argv: Sequence[str], **how: Any) -> Any:
         typed = argv[0] if argv else ""
-        if typed == _TELLS_OF_ALL or typed not in map(_name_of, self.registered_commands):
-            return super().__call__(argv, **how)
-        return typer.Typer.__call__(self._alone(typed), argv, **how)
+        known = [one for one in self.registered_commands if _name_of(one) == typed]
+        is_alone = bool(known) and typed != "help"  # which tells of all
+        return typer.Typer.__call__(self._alone(typed) if is_alone else self, argv, **how)
 
     @cache  # noqa: B019 - there is one of these
     def _alone(self, typed: str) -> typer.Typer:
@@ -66,18 +65,14 @@ app = _App(
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
     epilog="Example: damperfit identify sample_runs/*.csv",
 )
-for _name in (
-    *("identify", "report", "settings", "compare", "simulate", "sweep", "models", "fleet"),
-    *("export", "inspect", "samples", "config"),
-):
-    app.command(cls=PanelledCommand)(getattr(commands, _name))
 for _command in (
-    *(after_fit.advise, after_fit.valves, after_fit.passport, after_fit.ride),
-    after_fit.watch,
-    *(init, commands.doctor),
+    *(commands.identify, commands.report, commands.settings, commands.compare),
+    *(commands.simulate, commands.sweep, commands.models, commands.fleet, commands.export),
+    *(commands.inspect, commands.samples, commands.config),
+    *(after_fit.advise, after_fit.valves, after_fit.passport, after_fit.ride, after_fit.watch),
+    *(init, commands.doctor, commands.show_help),
 ):
     app.command(cls=PanelledCommand)(_command)
-app.command(_TELLS_OF_ALL, cls=PanelledCommand)(commands.show_help)
 
 
 def _root(**_: Any) -> None:
@@ -117,15 +112,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except ConfigurationError as error:
         say(f"damperfit: {error}")
         return error.exit_code
-    code = _ended_with(argv, is_program=arguments is None)
+    usual = gc.get_threshold()
+    gc.set_threshold(_NEW_OBJECTS, *usual[1:])
+    try:
+        code = _ended_with(argv)
+    finally:
+        if arguments is None:  # it ends, and Python would look through all that there is twice
+            gc.freeze()
+        gc.set_threshold(*usual)
     kept.close(code)
     return code
 
 
-def _ended_with(argv: list[str], *, is_program: bool) -> int:
+def _ended_with(argv: list[str]) -> int:
     """Run the command; whatever goes wrong is one line on stderr and an exit code."""
-    usual = gc.get_threshold()
-    gc.set_threshold(_NEW_OBJECTS, *usual[1:])
     try:
         code = int(app(argv, standalone_mode=False, prog_name="damperfit") or 0)
     except KeyboardInterrupt:
@@ -146,17 +146,10 @@ def _ended_with(argv: list[str], *, is_program: bool) -> int:
         say(f"damperfit: {message}", logging.ERROR)
         unprinted()
         return exit_code
-    finally:
-        if is_program:  # it ends, and Python would look through all that there is twice
-            gc.freeze()
-        gc.set_threshold(*usual)
-    return _unless_unprinted(code, argv)
-
-
-def _unless_unprinted(code: int, argv: Sequence[str]) -> int:
-    """Return the exit code; 1 where all is well but that stdout did not take the answer."""
     reason = unprinted()
-    if not reason and "stdout" in CLOSED_STREAMS and not _keeps_its_results(argv):
+    asked = {"--json", "--list", "--help", "-h", "--version", "-V"} & {*argv}
+    has_files = any(word.partition("=")[0] == "--out" for word in argv) or _WRITERS & {*argv}
+    if not reason and "stdout" in CLOSED_STREAMS and (asked or not has_files):
         reason = "it is closed"
     if not reason:
         return code
@@ -164,53 +157,30 @@ def _unless_unprinted(code: int, argv: Sequence[str]) -> int:
     return code or 1
 
 
-def _explain(error: Exception) -> tuple[str, int]:
+def _explain(error: Exception) -> tuple[str, int]:  # noqa: PLR0911 - one a kind of error
     """Return what to tell the user, and the exit code."""
     if isinstance(error, DamperfitError):
         return error.problem.sentence(), error.exit_code
-    if hasattr(error, "format_message"):  # every usage error of typer
-        return _usage_message(error), 2
+    if hasattr(error, "format_message"):  # every usage error of typer, with the misused command
+        context = getattr(error, "ctx", None)
+        command = "" if context is None else context.command_path.removeprefix("damperfit").strip()
+        message = " ".join(error.format_message().split()).rstrip(".")
+        place = f"{command}: " if command else ""
+        return f"{place}{message}; see damperfit {f'{command} '.lstrip()}--help", 2
     if isinstance(error, typer.Abort):
         return "interrupted", _INTERRUPTED
-    return _of_the_machine(error) or (
-        f"internal error, {type(error).__name__}: {error}; this is a bug, --debug shows where",
-        _BUG,
-    )
-
-
-def _keeps_its_results(argv: Sequence[str]) -> bool:
-    """Whether what is printed stands in files too."""
-    is_asked = {"--json", "--list", "--help", "-h", "--version", "-V"} & set(argv)
-    has_out = any(word.partition("=")[0] == "--out" for word in argv)
-    return not is_asked and (has_out or bool(_WRITERS & set(argv)))
-
-
-def _of_the_machine(error: Exception) -> tuple[str, int] | None:
-    """Return the same of what disk and memory do not allow; None of anything else."""
     code = error.errno if isinstance(error, OSError) else None
     if code == errno.ENOSPC:
         return f"cannot write the output: {getattr(error, 'strerror', '')}", 1
-    if code == errno.ENOENT and not _has_working_folder():
-        return "the folder that this was started in is gone; go to one that is there (cd)", 2
     if code == errno.ENAMETOOLONG:
         name = str(getattr(error, "filename", ""))
         return f"{name[:40]}...: a file's name cannot be that long; give a shorter one", 2
     if isinstance(error, MemoryError):
         return "out of memory; give fewer or shorter logs at a time", 1
-    return None
-
-
-def _has_working_folder() -> bool:
-    try:
-        return bool(os.getcwd())  # noqa: PTH109
-    except OSError:
-        return False
-
-
-def _usage_message(error: Any) -> str:
-    """Return typer's usage error as one sentence, with the command that was misused."""
-    context = getattr(error, "ctx", None)
-    command = "" if context is None else context.command_path.removeprefix("damperfit").strip()
-    place = f"{command}: " if command else ""
-    message = " ".join(error.format_message().split()).rstrip(".")
-    return f"{place}{message}; see damperfit {command + ' ' if command else ''}--help"
+    if code == errno.ENOENT:
+        try:
+            os.getcwd()  # noqa: PTH109
+        except OSError:
+            return "the folder that this was started in is gone; go to one that is there (cd)", 2
+    name = type(error).__name__
+    return f"internal error, {name}: {error}; this is a bug, --debug shows where", _BUG
