@@ -316,9 +316,8 @@ class _Known:
             )
         segments.sort(key=lambda segment: float(segment["noise_N"]))
         self.segments = segments
-        self.noise = float(
-            segments[len(segments) // 2]["noise_N"]
-        )  # of the filtered force between cycles, N
+        # Of the filtered force between cycles, N.
+        self.noise = float(segments[len(segments) // 2]["noise_N"])
 
     def share_after(self, before: FloatArray, after: FloatArray, scores: FloatArray) -> float:
         """Interval after a test, as a share of that before: H, H + G and S of all settings."""
@@ -504,22 +503,22 @@ class _Rig:
         complement), and that serves all settings. Procedure `paper` averages only the friction so.
         """
         is_paper = self.run.configuration.identification.procedure == "paper"
-        triples = [(h, h + g, scores) for h, (g, scores) in zip(self.told, added, strict=True)]
-        lent = []
-        for one, (before, after, scores) in zip(self.known, triples, strict=True):
+        whole, lent = [], []
+        for one, before, (gained, scores) in zip(self.known, self.told, added, strict=True):
+            after = before + gained
             roles = [one.result.parameters.quantity(name).role for name in one.result.shared]
             lends = np.array([not is_paper or role == FRICTION for role in roles], dtype=float)
-            parts = ((before, before), (after, after), (after, scores))
-            lent.append([_left(h, s, len(one.result.own), lends) for h, s in parts])
+            pairs = ((before, before), (after, after), (after, scores))
+            whole.append([part.copy() for part in (before, after, scores)])
+            lent.append([_left(h, s, len(one.result.own), lends) for h, s in pairs])
         shares = {}
-        for one, triple in zip(self.known, triples, strict=True):
+        for one, mine in zip(self.known, whole, strict=True):
             n = len(one.result.own)
-            whole = [part.copy() for part in triple]
             for other, parts in zip(self.known, lent, strict=True):
                 if other is not one and other.result.shared == one.result.shared:
-                    for mine, more in zip(whole, parts, strict=True):
-                        mine[n:, n:] += more
-            shares[one.result.label] = one.share_after(*whole)
+                    for part, more in zip(mine, parts, strict=True):
+                        part[n:, n:] += more
+            shares[one.result.label] = one.share_after(*mine)
         return shares
 
 

@@ -219,10 +219,10 @@ def watch(
     from damperfit.store import check_writable
 
     place = path_of(folder, "damperfit.watch", "the path of a folder")
-    if not place.is_dir():
-        raise ConfigurationError("no such folder", subject=place, code="no-folder")
     model = load_configuration(None if config is None else Path(config)).damper.name
     earlier = _reference(reference, "damperfit.watch", model)
+    if not place.is_dir():
+        raise ConfigurationError("no such folder", subject=place, code="no-folder")
     if out is not None:
         if place.resolve().is_relative_to(Path(out).resolve()):
             raise ConfigurationError(

@@ -100,11 +100,11 @@ class Orifices(Answer):
 
     def document(self) -> dict[str, Any]:
         """Return all of it as JSON values."""
-        rows = {"holes": self.holes, "preloads": self.preloads}
-        found = {
-            name: json_values([one._asdict() for one in known]) for name, known in rows.items()
+        return {
+            "holes": json_values([hole._asdict() for hole in self.holes]),
+            "preloads": json_values([preload._asdict() for preload in self.preloads]),
+            "remarks": list(self.remarks),
         }
-        return {**found, "remarks": list(self.remarks)}
 
     def sheets(self) -> tuple[Sheet, Sheet]:
         """Return the tables of holes and of preloads."""
@@ -169,7 +169,7 @@ def read_valves(
         if not is_opening and quantity.unit != _ORIFICE:
             continue
         sizes: list[tuple[str, float]] = []
-        before = None
+        before: float | None = None
         for setting in run.settings:
             value, low, high = _read(setting, quantity)
             if is_opening:

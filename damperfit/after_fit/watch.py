@@ -143,6 +143,7 @@ def answers(
 
 def _answered(path: Path, fit: Callable[[Path], Run], reference: Run | None, name: str) -> Arrival:
     """Good or why not, forces, and the difference from a reference."""
+    run = None
     try:
         run = fit(path)
         why = "; ".join(run.failures) or ("" if run.settings else "no setting was fitted")
@@ -150,7 +151,7 @@ def _answered(path: Path, fit: Callable[[Path], Run], reference: Run | None, nam
         why = str(error).removeprefix("no setting could be fitted: ")
         for prefix in (f"{path.name}: ", f"{path.name}, "):
             why = why.removeprefix(prefix)
-    if why:
+    if run is None or why:
         return Arrival(path, None, f"{name}: {why}", why)
     findings = (finding for log in run.record["inputs"] for finding in log.get("findings", ()))
     warnings = [str(one["name"]) for one in findings if one.get("severity") == "warning"]

@@ -185,7 +185,9 @@ class Commands(TyperGroup):
         """Write them under one heading."""
         commands = [(name, self.get_command(ctx, name)) for name in self.list_commands(ctx)]
         with formatter.section("Commands"):
-            formatter.write_dl([(name, one.get_short_help_str(1000)) for name, one in commands if one])
+            formatter.write_dl(
+                [(name, one.get_short_help_str(1000)) for name, one in commands if one]
+            )
 
 
 class PanelledCommand(TyperCommand):

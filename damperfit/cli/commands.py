@@ -6,6 +6,7 @@ import math
 import platform
 import sys
 import time
+from collections.abc import Callable, Iterable
 from dataclasses import asdict, replace
 from itertools import chain
 from pathlib import Path
@@ -34,33 +35,12 @@ from damperfit.cli.watching import looking_on
 from damperfit.errors import ConfigurationError, DamperfitError, SimulationError, did_you_mean
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
-
     from damperfit.answers import FleetDone, SettingForces
     from damperfit.comparison import RunComparison
     from damperfit.configuration.options import Configuration
-    from damperfit.fleets.survey import HeldFleet
     from damperfit.run.auto_model import LawChoice
     from damperfit.run.identify import Identified
 
-__all__ = [
-    "compare",
-    "config",
-    "doctor",
-    "export",
-    "fleet",
-    "identify",
-    "inspect",
-    "models",
-    "report",
-    "samples",
-    "settings",
-    "show_help",
-    "simulate",
-    "sweep",
-]
-
-_WIDEST = 80  # columns of sentences: longer lines are hard to read
 _MANY = 20  # failures of a fleet that are listed one by one; the parts hold them all
 _ALL_FAILED = 3
 
@@ -72,6 +52,12 @@ def _tell(how: Shown, *, notes: Iterable[object] = (), warnings: Iterable[object
             say(f"note: {note}")
         for warning in warnings:
             say(f"warning: {warning}")
+
+
+def _done(how: Shown, *lines: str) -> None:
+    """Say what was done, unless they asked for quiet."""
+    for line in () if how.quiet else lines:
+        say(f"damperfit: {line}")
 
 
 def _tables(*sheets: Any) -> None:
@@ -86,7 +72,7 @@ def _plural(number: int, word: str) -> str:
     return f"{number} {word}{'' if number == 1 else 's'}"
 
 
-# identify
+# identify, inspect, models
 
 
 @command(api.identify, shown=("github_summary", "json", "quiet", "debug", "version"))
@@ -97,24 +83,18 @@ def identify(how: Shown, **given: Any) -> int:
     """
     summary = summary_file() if how.github_summary else None
 
-    def tell(line: str) -> None:
-        if not how.quiet:
-            say(line)
-
     def tell_choice(choice: LawChoice, asked: Configuration, made: Configuration) -> None:
-        tell(f"damperfit: the logs support {choice.supported}.")
-        for one in choice.alike:
-            tell(f"note: these logs cannot tell apart: {one[0].lower()}{one[1:]}")
+        _done(how, f"the logs support {choice.supported}.")
+        alike = (f"these logs cannot tell apart: {one[0].lower()}{one[1:]}" for one in choice.alike)
         named, taken = asked.identification.procedure, made.identification.procedure
+        _tell(how, notes=alike)
         if "identification.procedure" in asked.declared and named != taken:
-            tell(
-                f"note: procedure {named} fits the paper's model alone; the law that the logs "
-                f"support is fitted by {taken}"
-            )
+            only = f"procedure {named} fits the paper's model alone"
+            _tell(how, notes=[f"{only}; the law that the logs support is fitted by {taken}"])
 
     watch = looking_on(
         is_quiet=how.quiet or how.no_progress,
-        on_law=lambda title: tell(f"damperfit: tried {title}"),
+        on_law=lambda title: _done(how, f"tried {title}"),
         on_choice=tell_choice,
     )
     found = api.identify_each(**given, watch=watch)
@@ -177,33 +157,27 @@ def _tell_of_run(one: Identified, how: Shown) -> None:
         say(f"damperfit: {gate}")
     if how.quiet:
         return
-    physics = " ".join(law_in(record).get("sentences", ()))
-    if physics:
+    if physics := " ".join(law_in(record).get("sentences", ())):
         say(f"damperfit: {physics}")
     corrected = (sentences_in(record, about) for about in ("tables_of_tests", "corrections"))
-    _tell(how, notes=chain(configuration.notes, *corrected), warnings=listing(one.run.warned))
-    grades = short_listing(withheld(one.run))
-    _tell(how, warnings=(f"grade withheld: {sentence}" for sentence in grades))
+    grades = (f"grade withheld: {sentence}" for sentence in short_listing(withheld(one.run)))
+    warnings = (*listing(one.run.warned), *grades)
+    _tell(how, notes=chain(configuration.notes, *corrected), warnings=warnings)
     _tell(how, notes=sentences_in(record, "undetermined"))
-    if one.error is None or one.is_written:
-        profiles = ", the profiles in profiles.csv" if configuration.profile else ""
-        say(f"damperfit: {_summary_of_run(one)}{profiles}")
-
-
-def _summary_of_run(one: Identified) -> str:
+    if one.error is not None and not one.is_written:
+        return
     n_fits, n_all = len(one.run.settings), len(one.failures)
     n_failed = sum(not failure.is_left_out for failure in one.failures)
     done = f"{_plural(n_fits, 'setting')} fitted"
     done += f", {n_failed} failed" if n_failed else ""
     done += f", {n_all - n_failed} left out" if n_all > n_failed else ""
     if one.is_interrupted and not n_fits:
-        return "interrupted before a setting was finished; nothing was written"
-    if one.keeps_earlier:
-        return f"{done}; nothing was written: the earlier results in {one.folder} stay"
-    return f"{'interrupted; ' * one.is_interrupted}{done}; results in {one.folder}"
-
-
-# inspect, models
+        done = "interrupted before a setting was finished; nothing was written"
+    elif one.keeps_earlier:
+        done += f"; nothing was written: the earlier results in {one.folder} stay"
+    else:
+        done = f"{'interrupted; ' * one.is_interrupted}{done}; results in {one.folder}"
+    say(f"damperfit: {done}{', the profiles in profiles.csv' if configuration.profile else ''}")
 
 
 @command(api.inspect)
@@ -219,21 +193,15 @@ def inspect(how: Shown, **given: Any) -> int:
     if how.json:
         print_json(batch.document())
     elif facts:
-        from damperfit.reporting.inspection import (
-            VERDICT_COLOURS,
-            curve_sheet,
-            finding_lines,
-            inspection_sheet,
-            stretch_sheet,
-        )
+        from damperfit.reporting import inspection as shown
 
-        print_table(inspection_sheet(facts), VERDICT_COLOURS)
-        for sheet in (stretch_sheet(facts), curve_sheet(facts)):
+        print_table(shown.inspection_sheet(facts), shown.VERDICT_COLOURS)
+        for sheet in (shown.stretch_sheet(facts), shown.curve_sheet(facts)):
             if sheet.rows:
                 print_lines([""])
                 print_table(sheet)
-        columns = min(screen_columns(), _WIDEST)
-        lines = finding_lines(facts, has_notes=not how.quiet, columns=columns)
+        columns = min(screen_columns(), 80)  # longer lines are hard to read
+        lines = shown.finding_lines(facts, has_notes=not how.quiet, columns=columns)
         print_lines(["", *map(one_line, lines)])
     return int(batch.ending.value)
 
@@ -244,25 +212,15 @@ def models(how: Shown, **given: Any) -> int:
 
     Example: damperfit models runs/*.csv --config damper.toml --hold-out '*_check.csv'
     """
-
-    def tell(title: str) -> None:
-        if not how.quiet:
-            say(f"damperfit: tried {title}")
-
-    choice = api.models(**given, on_law=tell)
-    _tell(how, notes=(*choice.assumed, *choice.remarks))
-    say_failures(choice.failures, is_debug=how.debug)
-    if how.json:
-        print_json(choice.document())
-    else:
-        _show_choice(choice)
-    return int(bool(choice.failures or choice.lost))
-
-
-def _show_choice(choice: LawChoice) -> None:
     from damperfit.reporting.laws import chosen_sheet, rival_sheet, tried_laws_sheet
 
-    document = choice.document()
+    choice = api.models(**given, on_law=lambda title: _done(how, f"tried {title}"))
+    _tell(how, notes=(*choice.assumed, *choice.remarks))
+    say_failures(choice.failures, is_debug=how.debug)
+    document, code = choice.document(), int(bool(choice.failures or choice.lost))
+    if how.json:
+        print_json(document)
+        return code
     print_table(tried_laws_sheet(document, is_narrow=True))
     reasons = (f"{law.tried.title}: {law.reason}" for law in choice.search.laws)
     sentences = " ".join((f"The logs support {choice.supported}.", *choice.sentences))
@@ -277,6 +235,7 @@ def _show_choice(choice: LawChoice) -> None:
         from damperfit.identification.sharing import of_settings
 
         print_lines([f"The chosen law cannot be simulated at {of_settings(choice.lost)}."])
+    return code
 
 
 # simulate, sweep, settings
@@ -289,28 +248,22 @@ def simulate(how: Shown, **given: Any) -> int:
     Example: damperfit simulate --setting 10 --amplitude 32mm --frequency 1.5Hz
     """
     done = api.simulate(**given)
-    if not how.quiet:
-        say(f"damperfit: {done.damper}")
-        say(f"damperfit: {done.test.choice.source}")
+    test = done.test
+    _done(how, done.damper, test.choice.source)
     _tell(how, notes=(*done.configured_notes, *done.notes), warnings=done.warnings)
     if how.json:
         print_json(done.document())
     elif not how.quiet or given["out"] is None:
-        from damperfit.reporting.simulated import (
-            cycle_force_sheet,
-            cycle_pressure_sheet,
-            cycle_sparklines,
-        )
+        from damperfit.reporting import simulated as shown
 
-        test = done.test
-        figures, levels = test.characteristics, spark_levels()
+        figures = test.characteristics
         print_lines([done.title, ""])
-        print_table(cycle_force_sheet(figures))
+        print_table(shown.cycle_force_sheet(figures))
         if not math.isnan(figures.pressure_ranges[0][0]):
             print_lines([""])
-            print_table(cycle_pressure_sheet(figures))
-        cycle = cycle_sparklines(
-            test.response, test.frequency, columns=screen_columns(), levels=levels
+            print_table(shown.cycle_pressure_sheet(figures))
+        cycle = shown.cycle_sparklines(
+            test.response, test.frequency, columns=screen_columns(), levels=spark_levels()
         )
         print_lines(["", "last cycle", *cycle])
     return 0
@@ -327,9 +280,7 @@ def sweep(how: Shown, **given: Any) -> int:
 
     out = given["out"] or Path("sweep")
     done = api.sweep(**{**given, "out": out})
-    if not how.quiet:
-        say(f"damperfit: {done.damper}")
-        say(f"damperfit: {done.source}")
+    _done(how, done.damper, done.source)
     _tell(how, notes=done.notes, warnings=done.warnings)
     if how.json:
         facts = {"damper": done.damper, "source": done.source}
@@ -339,8 +290,7 @@ def sweep(how: Shown, **given: Any) -> int:
         for (variation, members, _), sentence in zip(done.sweeps, done.sentences, strict=True):
             print_table(sweep_sheet(variation.name, units[variation.name], members))
             print_lines([*wrapped(sentence), ""])
-    if not how.quiet:
-        say(f"damperfit: sweep.csv and {_plural(len(done.plots), 'figure')} written to {out}")
+    _done(how, f"sweep.csv and {_plural(len(done.plots), 'figure')} written to {out}")
     return 0
 
 
@@ -353,30 +303,24 @@ def settings(how: Shown, **given: Any) -> int:
     done = api.settings(**{**given, "results": given["results"] or []})
     for remark in done.remarks:
         say(f"damperfit: {done.places[0]}: {remark}")
-    if done.curves is not None:
-        print_json(done.document()) if how.json else _show_curves(done, how)
-        return 0
-    if done.forces is not None and how.debug:
-        for trace in done.forces.traces:
+    if done.curves is None:
+        for trace in done.forces.traces if done.forces and how.debug else ():
             say_lines(trace)
-    for note in done.notes:
-        say(f"note: {note}")
-    print_json(done.document()) if how.json else _show_forces(done, how)
+        for note in done.notes:
+            say(f"note: {note}")
+    if how.json:
+        print_json(done.document())
+    elif done.curves is None:
+        _show_forces(done, how)
+    else:
+        from damperfit.reporting.inspection import curve_forces_sheet
+
+        if done.sentence:
+            print_lines([*wrapped(done.sentence), *([] if how.quiet else [""])])
+        if not (done.sentence and how.quiet):
+            _tell(how, notes=done.notes)
+            print_table(curve_forces_sheet(done.curves.curves, done.curves.speeds[-5:]))
     return 1 if done.remarks else 0
-
-
-def _show_curves(done: SettingForces, how: Shown) -> None:
-    """Answer from curves that were measured without time."""
-    from damperfit.reporting.inspection import curve_forces_sheet
-
-    if done.sentence:
-        print_lines(wrapped(done.sentence))
-        if how.quiet:
-            return
-        print_lines([""])
-    _tell(how, notes=done.notes)
-    if done.curves is not None:
-        print_table(curve_forces_sheet(done.curves.curves, done.curves.speeds[-5:]))
 
 
 def _show_forces(done: SettingForces, how: Shown) -> None:
@@ -389,8 +333,7 @@ def _show_forces(done: SettingForces, how: Shown) -> None:
     from damperfit.tables.rows import adjustment_rows
 
     forces, question, units = done.forces, done.question, done.units
-    if forces is None:
-        return
+    assert forces is not None
     if forces.wanted:
         answers = [one.said_in(units) for one in forces.wanted]
         print_lines(answers if how.quiet else [*wrapped(*answers), ""])
@@ -400,14 +343,12 @@ def _show_forces(done: SettingForces, how: Shown) -> None:
     print_lines([f"force by setting, {forces.source}", ""])
     both = question.stroke is None or (question.speed is not None and question.force is not None)
     strokes = ("rebound", "bump") if both else (question.stroke or "",)
-    if question.speed is not None:
-        sheets = [force_by_setting_sheet(rows, strokes)]
-    else:
-        sheets = list(force_sheets(rows, strokes))
+    is_at_speed = question.speed is not None
+    sheets = [force_by_setting_sheet(rows, strokes)] if is_at_speed else force_sheets(rows, strokes)
     measured = measured_force_sheet(rows)
     for sheet in sheets:
         print_table(sheet_in_units(sheet, units))
-        if measured.rows or question.speed is None:
+        if measured.rows or not is_at_speed:
             print_lines([""])
     if measured.rows:
         print_table(sheet_in_units(measured, units))
@@ -426,16 +367,15 @@ def compare(how: Shown, runs: list[Path], **given: Any) -> int:
     """
     summary = summary_file() if how.github_summary else None
     done = api.compare(*runs, **given)
-    if given["save"] is not None and not how.quiet:
-        say(f"damperfit: {given['save']} written: give it as A or B of a later comparison")
+    if given["save"] is not None:
+        _done(how, f"{given['save']} written: give it as A or B of a later comparison")
     found, out = done.compared, given["out"]
     if len(runs) == 1 and given["save"] is not None and not found.points:
         return 0
     for remark in (*found.remarks, *found.alone):
         say(f"damperfit: {remark}")
-    for one in found.comparisons if how.debug else ():
-        for trace in one.traces:
-            say_lines(trace)
+    for trace in chain(*(one.traces for one in found.comparisons)) if how.debug else ():
+        say_lines(trace)
     if how.json:
         print_json(done.document())
     else:
@@ -450,8 +390,8 @@ def compare(how: Shown, runs: list[Path], **given: Any) -> int:
                 print_table(tolerance_sheet(found.points, is_short=True))
     if summary is not None:
         append_summary(summary, done.markdown, instead="The comparison is too long for a summary.")
-    if out is not None and not how.quiet:
-        say(f"damperfit: {out}/comparison.html written, with Markdown, JSON and tables")
+    if out is not None:
+        _done(how, f"{out}/comparison.html written, with Markdown, JSON and tables")
     return 1 if found.remarks else 0 if done.is_met else 4
 
 
@@ -488,9 +428,9 @@ def report(how: Shown, **given: Any) -> int:
         say(f"damperfit: {given['results']}: {remark}")
     if how.json:
         print_json({"files": [str(path) for path in files], "remarks": list(files.remarks)})
-    elif not how.quiet:
+    else:
         more = f" and {len(files) - 1} figures" if len(files) > 1 else ""
-        say(f"damperfit: {files[0]} written{more}")
+        _done(how, f"{files[0]} written{more}")
     return 1 if files.remarks else 0
 
 
@@ -523,26 +463,23 @@ def export(how: Shown, **given: Any) -> int:
             "notes": list(files.notes),
         }
         document |= {"lost_in_a_table": made.lost} if made.lost else {}
+        tops = [(one.setting.cell, one.determined) for one in made.tables]
         document["determined"] = [
-            {
-                "setting": one.setting.cell,
-                "speed_m_per_s": None if math.isnan(one.determined) else one.determined,
-            }
-            for one in made.tables
+            {"setting": setting, "speed_m_per_s": None if math.isnan(top) else top}
+            for setting, top in tops
         ]
         rows = [{**asdict(one), "setting": one.setting.cell} for one in files.checked]
         print_json(document | ({"check": rows} if given["check"] else {}))
         return code
-    if not how.quiet:
-        shown = SI if given["units"] is None else parse_units(given["units"])
-        more = f" and {len(files) - 1} more" if len(files) > 1 else ""
-        used = target.units if shown.is_si else f"{shown.of('m/s')}, {shown.of('N')}"
-        say(f"damperfit: {files[0]} written{more}; {used}; {target.sign}")
-        notes = [made.lost] if made.lost else []
-        if given["extend"] is not None:
-            tested = max(one.tested for one in made.tables)
-            notes.append(f"beyond {tested:.4g} m/s the tables are untested")
-        _tell(how, notes=(*notes, *files.notes, made.determined))
+    shown = SI if given["units"] is None else parse_units(given["units"])
+    more = f" and {len(files) - 1} more" if len(files) > 1 else ""
+    used = target.units if shown.is_si else f"{shown.of('m/s')}, {shown.of('N')}"
+    _done(how, f"{files[0]} written{more}; {used}; {target.sign}")
+    notes = [made.lost] if made.lost else []
+    if given["extend"] is not None:
+        tested = max(one.tested for one in made.tables)
+        notes.append(f"beyond {tested:.4g} m/s the tables are untested")
+    _tell(how, notes=(*notes, *files.notes, made.determined))
     if files.checked:
         print_lines([f"check, {one}" for one in files.checked])
     return code
@@ -569,8 +506,7 @@ def _show_targets(*, is_json: bool) -> None:
         print_lines(wrapped(f"{row['target']}: {row['title']}", indent="  "))
         goes = {**row, "goes": f"to {row['place']}"}
         for word in ("file", "units", "sign", "goes"):
-            head = f"  {word:<7}"
-            print_lines(wrapped(f"{head}{goes[word]}", indent=" " * len(head)))
+            print_lines(wrapped(f"  {word:<7}{goes[word]}", indent=" " * 9))
 
 
 @command(api.samples)
@@ -581,8 +517,7 @@ def samples(how: Shown, **given: Any) -> int:
     """
     files = api.samples(**given, watch=looking_on(is_quiet=how.quiet or how.no_progress))
     written = [str(path) for path in files]
-    if not how.quiet:
-        say(f"damperfit: {files.notes[0]}")
+    _done(how, files.notes[0])
     if how.json:
         print_json({"logs": written[:-2], "files": written})
     elif not how.quiet:
@@ -600,41 +535,56 @@ def fleet(how: Shown, **given: Any) -> int:
     Example: damperfit fleet runs --out fleet --collect
     """
     fault = None
+    watch = looking_on(is_quiet=how.quiet or how.no_progress, of_fleet=True)
     try:
-        found = api.fleet(
-            **given, watch=looking_on(is_quiet=how.quiet or how.no_progress, of_fleet=True)
-        )
+        found = api.fleet(**given, watch=watch)
     except DamperfitError as error:
         if not hasattr(error, "done"):
             raise
         fault, found = error, error.done  # parts are done, and could not be collected
     _tell_of_fleet(found, how)
-    if not how.quiet and found.n_rows is not None:
+    if found.n_rows is not None:
         table = found.folder / "_fleet" / "fleet.parquet"
-        say(f"damperfit: {found.n_rows} rows of the fleet in {table} and .csv")
+        _done(how, f"{found.n_rows} rows of the fleet in {table} and .csv")
         if found.page is not None:
-            say(f"damperfit: {found.page} written, with tables of dampers and outliers")
+            _done(how, f"{found.page} written, with tables of dampers and outliers")
     if fault is not None:
         raise fault
     if how.json:
         print_json(found.document())
     else:
-        print_lines([*(_fleet_summary(found) if given["logs"] else ()), *_held_lines(found.held)])
+        print_lines(_fleet_lines(found, has_logs=bool(given["logs"])))
     return found.code
 
 
-def _held_lines(held: HeldFleet | None) -> list[str]:
-    if held is None:
-        return []
-    lines = [
-        f"{point.run or 'unknown'}{f', setting {point.setting}' if str(point.setting) else ''}"
-        f"{f', {point.speed:g} m/s {point.stroke}' if point.stroke else ''}: {point.words}"
-        for point in held.worst[:_MANY]
-    ]
-    more = len(held.worst) - _MANY
+def _fleet_lines(found: FleetDone, *, has_logs: bool) -> list[str]:
+    """How many dampers ended in which way, and those that are out of tolerance."""
+    counts, lines = found.counts, []
+    words = {
+        "fitted": "fitted now",
+        "known": "done before",
+        "failed": "without any fit",
+        "later": "not done, tried again next time",
+    }
+    if has_logs:
+        asked = (key for key in words if counts[key] or key == "fitted")
+        parts = ", ".join(f"{counts[key]} {words[key]}" for key in asked)
+        n_logs, n_settings = (
+            sum(getattr(one, n) for one in found.done) for n in ("n_logs", "n_settings")
+        )
+        dampers = _plural(found.n_tasks, "damper")
+        lines = [f"{dampers}: {parts}; {n_logs} logs, {n_settings} settings with a fit"]
+    if found.held is None:
+        return lines
+    lines.append(f"tolerance {found.held.source}: {found.held.sentence}")
+    for point in found.held.worst[:_MANY]:
+        setting = f", setting {point.setting}" if str(point.setting) else ""
+        speed = f", {point.speed:g} m/s {point.stroke}" if point.stroke else ""
+        lines.append(f"{point.run or 'unknown'}{setting}{speed}: {point.words}")
+    more = len(found.held.worst) - _MANY
     if more > 0:
-        lines.append(f"and {more} more damper{'s' * (more > 1)}; --report lists them")
-    return [f"tolerance {held.source}: {held.sentence}", *lines]
+        lines.append(f"and {_plural(more, 'more damper')}; --report lists them")
+    return lines
 
 
 def _tell_of_fleet(found: FleetDone, how: Shown) -> None:
@@ -647,36 +597,15 @@ def _tell_of_fleet(found: FleetDone, how: Shown) -> None:
     for one in done:
         for gate in one.gates:
             say(f"damperfit: {one.owner or 'logs'}: {gate}")
-    n_before = sum(one.n_failures for one in done) - len(lines)
-    if n_before and not how.quiet:
+    if n_before := sum(one.n_failures for one in done) - len(lines):
         verb, them = ("counts", "it") if n_before == 1 else ("count", "them")
         count = _plural(n_before, "failure")
-        say(f"damperfit: {count} of an earlier run {verb} too; the parts hold {them}")
+        _done(how, f"{count} of an earlier run {verb} too; the parts hold {them}")
     if found.is_stopped:
-        left = n_tasks - len(done)
-        say(
-            f"damperfit: interrupted; {left} of {n_tasks} dampers left, the same command goes on "
-            "with them"
-        )
-    elif n_tasks and not how.quiet:
-        say(f"damperfit: parts in {out}")
-
-
-def _fleet_summary(found: FleetDone) -> list[str]:
-    counts = found.counts
-    words = {
-        "fitted": "fitted now",
-        "known": "done before",
-        "failed": "without any fit",
-        "later": "not done, tried again next time",
-    }
-    parts = ", ".join(
-        f"{counts[key]} {word}" for key, word in words.items() if counts[key] or key == "fitted"
-    )
-    n_settings = sum(one.n_settings for one in found.done)
-    n_logs = sum(one.n_logs for one in found.done)
-    dampers = _plural(found.n_tasks, "damper")
-    return [f"{dampers}: {parts}; {n_logs} logs, {n_settings} settings with a fit"]
+        left = f"{n_tasks - len(done)} of {n_tasks} dampers left"
+        say(f"damperfit: interrupted; {left}, the same command goes on with them")
+    elif n_tasks:
+        _done(how, f"parts in {out}")
 
 
 # config, help, doctor
@@ -723,13 +652,11 @@ def show_help(how: Shown, context: typer.Context, topic: str | None) -> int:
     commands = {} if context.parent is None else getattr(context.parent.command, "commands", {})
     if topic is None:
         pages = [read_page(one) for one in TOPICS]
-        if how.json:
-            print_json({"topics": {page.topic: page.title for page in pages}})
-            return 0
         wide = max(map(len, TOPICS))
         lines = [f"{page.topic:{wide}}  {page.title}" for page in pages]
         last = "damperfit help TOPIC shows one of them, or what a command takes."
-        print_lines([*lines, "", last])
+        record: Any = {"topics": {page.topic: page.title for page in pages}}
+        print_json(record) if how.json else print_lines([*lines, "", last])
     elif topic.strip().lower() in TOPICS:
         from rich.markdown import Markdown
 
@@ -754,7 +681,6 @@ def show_help(how: Shown, context: typer.Context, topic: str | None) -> int:
     return 0
 
 
-_MOST_OFF = 1e-3  # of a value that is known
 # Extra, the distribution that it brings, what it is for.
 _EXTRAS = (
     ("tdms", "npTDMS", "TDMS logs"),
@@ -772,10 +698,18 @@ def doctor(how: Shown) -> int:
 
     Example: damperfit doctor
     """
+    from importlib import metadata  # slow to load, and every command registers this one
+
+    def version(distribution: str) -> str:
+        try:
+            return metadata.version(distribution)
+        except metadata.PackageNotFoundError:
+            return ""
+
     python = f"{platform.python_version()}, {platform.system()} {platform.machine()}"
     found = {"damperfit": __version__, "python": python, "executable": sys.executable}
     checks = {name: _tried(check) for name, check in (("core", _core), ("fit", _fit))}
-    extras = {extra: _version(name) for extra, name, _ in _EXTRAS}
+    extras = {extra: version(name) for extra, name, _ in _EXTRAS}
     if how.json:
         results = {name: {"works": ok, "said": text} for name, (ok, text) in checks.items()}
         print_json({**found, "checks": results, "extras": extras})
@@ -800,16 +734,6 @@ def _tried(check: Callable[[], str]) -> tuple[bool, str]:
         return False, f"{type(error).__name__}: {error}; to mend it: {advice}"
 
 
-def _version(distribution: str) -> str:
-    """Return the version of what is installed; empty where it is not."""
-    from importlib import metadata  # slow to load, and every command registers this one
-
-    try:
-        return metadata.version(distribution)
-    except metadata.PackageNotFoundError:
-        return ""
-
-
 def _core() -> str:
     from damperfit.damper import _core as core
 
@@ -824,13 +748,14 @@ def _fit() -> str:
     from damperfit.identification import FitOptions
     from damperfit.identification import identify as fitted
     from damperfit.recording import Recording
-    from damperfit.simulation import simulate as simulated
+    from damperfit.simulation import simulate as simulate_log
     from damperfit.simulation import sine_motion
     from damperfit.tested.setting import Setting
 
     begun = time.perf_counter()
     truth = reference_parameters(10)
-    seen = simulated(truth, PURDY_DAMPER, sine_motion(0.032, 1.5, cycles=5, sample_rate=1000.0))
+    motion = sine_motion(0.032, 1.5, cycles=5, sample_rate=1000.0)
+    seen = simulate_log(truth, PURDY_DAMPER, motion)
     signals = (seen.time, seen.displacement, seen.force)
     log = Recording("made up", "", "", Setting.of(10), *signals)
     quantities = PURDY_DAMPER.quantities
@@ -840,7 +765,7 @@ def _fit() -> str:
     (fit,) = fitted([condition(log)], PURDY_DAMPER, options).fits
     adjusted = quantities[0]
     off = abs(getattr(fit.parameters, adjusted.name) / getattr(truth, adjusted.name) - 1.0)
-    if off > _MOST_OFF:
+    if off > 1e-3:
         raise SimulationError(f"{adjusted.symbol} of a synthetic log is {100.0 * off:.2g} % off")
     taken = time.perf_counter() - begun
     return f"{adjusted.symbol} of a synthetic log within {100.0 * off:.1g} %, {taken:.1f} s"

@@ -142,6 +142,8 @@ _TABLE: dict[str, dict[str, float | tuple[float, float]]] = {
         "mm/s mm_per_s mm_s": 1e-3,
         "cm/s cm_per_s cm_s": 1e-2,
         "in/s in_per_s in_s": _INCH,
+        "km/h kmh kph": 1.0 / 3.6,
+        "mph": 0.44704,
     },
     "mass": {"kg": 1.0, "lb lbm": _POUND},
     "density": {"kg/m3 kg/m^3 kg/m³": 1.0, "g/cm3 g/cm^3 g/cm³": 1e3},
