@@ -108,9 +108,10 @@ def reading_as(command: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
                 if value is None or keyword is None or _is_of_python(command, name):
                     return value
                 found = _read(keyword, value, Option(name))
-                if keyword.kind in {"path", "paths", "results"}:
+                if keyword.kind in {"path", "paths", "results", "table"}:
                     given = value if isinstance(value, str | list) else found
-                    paths[name] = given if isinstance(given, list) else [given]
+                    given = given if isinstance(given, list) else [given]
+                    paths[name] = [one for one in given if not isinstance(one, Mapping)]
                 return found
 
             for name, value in list(bound.arguments.items()):
@@ -159,7 +160,9 @@ def _given_by(error: DamperfitError, paths: Mapping[str, list[Any]]) -> Damperfi
 def _read(keyword: Keyword, value: Any, option: Option) -> Any:  # noqa: C901, PLR0911, PLR0912 - a kind each
     """Return an argument as its kind has it."""
     kind, place = keyword.kind, f"the path of {_PLACES.get(keyword.metavar, 'a file')}"
-    if kind == "path":
+    if kind == "table" and isinstance(value, Mapping):
+        return value
+    if kind in {"path", "table"}:
         return path_of(value, option, place)
     if kind == "paths":
         return [path_of(one, option, place) for one in _listed(value, option)]

@@ -11,6 +11,7 @@ import pytest
 
 import damperfit
 from damperfit.cli import main
+from damperfit.errors import DamperfitError
 
 
 @pytest.fixture(scope="module")
@@ -65,15 +66,21 @@ def test_a_watched_folder_answers_complete_logs_once_and_keeps_the_results(
                 file.flush()
                 time.sleep(0.1)
         (runs / "bad_s3.csv").write_text("x,y\n1,2\n", encoding="utf-8")
+        shutil.copy(runs / "setting_01.csv", runs / "copy_01.csv")
 
     threading.Thread(target=rig).start()
     for arrival in damperfit.watch(runs, out=out, reference=results, stop=stop):
         seen.append(arrival)
-        if len(seen) == 3:
+        if len(seen) == 4:
             stop.set()
     by_name = {arrival.path.name: arrival for arrival in seen}
-    assert set(by_name) == {"setting_01.csv", "setting_02.csv", "bad_s3.csv"}
+    assert set(by_name) == {"setting_01.csv", "setting_02.csv", "bad_s3.csv", "copy_01.csv"}
     assert by_name["bad_s3.csv"].run is None
+    assert "the same log as setting_01.csv" in by_name["copy_01.csv"].verdict
+    document = by_name["setting_01.csv"].document()
+    assert document["setting"] == 1
+    assert {one["stroke"] for one in document["forces"]} == {"rebound", "bump"}
+    assert abs(document["forces"][0]["change_percent"]) < 1.0
     assert "good" in by_name["setting_01.csv"].sentence
     whole = damperfit.identify([logs / "setting_02.csv"])
     found = by_name["setting_02.csv"].run
@@ -85,3 +92,22 @@ def test_a_watched_folder_answers_complete_logs_once_and_keeps_the_results(
 def test_a_folder_that_is_not_there_is_refused(tmp_path, capsys) -> None:
     assert main(["watch", str(tmp_path / "nowhere")]) == 2
     assert "no such folder" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(
+    not pytest.importorskip("importlib.util").find_spec("watchfiles"), reason="needs watchfiles"
+)
+def test_a_folder_that_goes_ends_the_watch(tmp_path) -> None:
+    runs = tmp_path / "runs"
+    runs.mkdir()
+    threading.Timer(0.5, runs.rmdir).start()
+    with pytest.raises(DamperfitError, match="is gone"):
+        list(damperfit.watch(runs))
+
+
+def test_a_reference_of_another_model_is_refused(results, sample_results, tmp_path, capsys) -> None:
+    log = sample_results / "sample_runs" / "setting_01.csv"
+    damperfit.identify([log], model="bilinear", out=tmp_path / "other")
+    for words in (["watch", str(tmp_path)], ["valves", str(results)]):
+        assert main([*words, "--reference", str(tmp_path / "other")]) == 2
+        assert "bilinear" in capsys.readouterr().err

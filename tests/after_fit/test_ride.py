@@ -92,6 +92,10 @@ def test_stiffer_settings_move_less_and_the_command_says_the_same(
     )
     run = damperfit.load(results)
     strokes = [damperfit.ride(run, car=path, setting=n).settings[0].stroke for n in (1, 10, 20)]
+    keys = {"sprung_mass": 300, "unsprung_mass": 40, "spring": "25N/mm", "tyre": "200N/mm"}
+    ride = damperfit.ride(run, car=keys | {"road": "b", "speed": "54km/h"}, setting=1)
+    assert ride.settings[0].stroke == pytest.approx(strokes[0])
+    assert "body acceleration" in repr(ride)
     assert strokes == sorted(strokes, reverse=True)
     assert main(["ride", str(results), "--car", str(path), "--setting", "10", "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
@@ -120,6 +124,7 @@ def test_a_measured_stroke_dissipates_what_its_loop_encloses(results, tmp_path) 
         ("[car]\nspring = 1", "missing"),
         ("[car", "TOML"),
         ('[car]\nsprung_mass=300\nunsprung_mass=40\nspring=2e4\ntyre=2e5\nroad="Z"', "ISO 8608"),
+        ('[car]\nsprung_mass=300\nunsprung_mass=40\nspring=2e4\ntyre="2m"', "car.tyre"),
     ],
 )
 def test_a_car_that_is_none_is_refused_in_one_line(results, tmp_path, capsys, text, word) -> None:
