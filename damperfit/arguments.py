@@ -11,7 +11,7 @@ import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from functools import wraps
 from inspect import Parameter, signature
 from numbers import Integral, Real
@@ -152,7 +152,7 @@ def _given_by(error: DamperfitError, paths: Mapping[str, list[Any]]) -> Damperfi
             continue
         if isinstance(where, FilePlace):
             file = str(path) if is_itself else where.file
-            return error.at(replace(where, file=file, option=Option(name)))
+            return error.at(where._replace(file=file, option=Option(name)))
         return error.at(Option(name, path if is_itself else ""), subject="" if is_itself else place)
     return error
 
@@ -189,7 +189,7 @@ def _read(keyword: Keyword, value: Any, option: Option) -> Any:  # noqa: C901, P
             return {name: str(one) for name, one in _mapping(value, option).items()}
         is_key = kind == "pairs"
         return assignments(value, option, "rod_diameter=12mm") if is_key else _values(value, option)
-    shown = replace(option, value=str(value))
+    shown = option._replace(value=str(value))
     if kind in {"count", "workers"}:
         if isinstance(value, str):
             with suppress(ValueError):
@@ -272,7 +272,7 @@ def assignments(
     values: dict[str, str] = {}
     for text in texts:
         name, equals, value = (part.strip() for part in text.partition("="))
-        where = replace(option, value=text)
+        where = option._replace(value=text)
         if not (name and equals and (value or may_be_empty)):
             raise _wrong(f"expected NAME=VALUE, such as {example}", where, "not-an-assignment")
         if name in values:

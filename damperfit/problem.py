@@ -9,8 +9,8 @@ configuration file the line of a key. Lists group them by code (`listing`).
 from __future__ import annotations
 
 import shlex
-from dataclasses import dataclass, field, fields, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -46,8 +46,7 @@ _GENERAL = frozenset({
 })  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
-class Option:
+class Option(NamedTuple):
     """Something that a user gave or may give to a command or a call.
 
     Attributes
@@ -68,8 +67,7 @@ class Option:
     is_aside: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class Key:
+class Key(NamedTuple):
     """A key of the configuration.
 
     Attributes
@@ -84,19 +82,8 @@ class Key:
     beside: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class FilePlace:
-    """A line of a file that a user gave.
-
-    Attributes
-    ----------
-    file : str
-        Its path as given.
-    line : int
-        From 1; 0: the file as a whole.
-    option : Option or None
-        What gave the file.
-    """
+class FilePlace(NamedTuple):
+    """A line of a file that a user gave, by the option that gave it; line 0: the whole file."""
 
     file: str
     line: int = 0
@@ -106,14 +93,8 @@ class FilePlace:
 Where = Option | Key | FilePlace
 
 
-@dataclass(frozen=True, slots=True)
-class Words:
-    """What an outlet calls an option.
-
-    Attributes
-    ----------
-    call : str
-        Of a call in Python its function; empty: the command line.
+class Words(NamedTuple):
+    """What an outlet calls an option: that of a call in Python by its keyword.
 
     Examples
     --------
@@ -142,7 +123,10 @@ class Words:
         """Return how a sentence begins that is about an option."""
         if not self.call:
             return self.named(option)
-        return f"{self.call}({self.named(replace(option, value=option.value or '...'))})"
+        return f"{self.call}({self.named(option._replace(value=option.value or '...'))})"
+
+
+_COMMAND = Words()
 
 
 def _keyword(name: str, key: str, value: str) -> str:
@@ -160,11 +144,8 @@ def _keyword(name: str, key: str, value: str) -> str:
 
 def _in_python(value: str) -> str:
     """Return a value as Python has it; numbers, and words such as N that stand for one, bare."""
-    if (
-        value in {"", "...", "True", "False"}
-        or (value.isalpha() and value.isupper())
-        or value[0] in "'\"[{("
-    ):
+    is_bare = value in {"", "...", "True", "False"} or value[0] in "'\"[{("
+    if is_bare or (value.isalpha() and value.isupper()):
         return value
     try:
         float(value)
@@ -207,7 +188,7 @@ class Problem:
     where: Where | None = None
     values: Mapping[str, Any] = field(default_factory=dict)
 
-    def sentence(self, words: Words = Words()) -> str:
+    def sentence(self, words: Words = _COMMAND) -> str:
         """Return the problem as one sentence, its place first."""
         lead, text = self._lead(words), self.message(words)
         return f"{lead}: {text}" if lead and text else lead or text
@@ -224,6 +205,7 @@ class Problem:
 
     def record(self) -> dict[str, Any]:
         """Return the problem as JSON values; `of_record` reads them back."""
+        where = self.where
         values = {
             name: [value.name, str(value.value), value.key, value.is_aside]
             if isinstance(value, Option)
@@ -234,7 +216,7 @@ class Problem:
             "code": self.code,
             "severity": self.severity,
             "subject": self.subject,
-            "where": None if self.where is None else _told_place(self.where),
+            "where": where and {name: str(one) for name, one in where._asdict().items()},
             "message": self.message(),
             "text": self.text,
             "values": values,
@@ -266,7 +248,7 @@ class Problem:
             found += [value] if isinstance(value, Option) else getattr(inner, "offered", ())
         return tuple(found)
 
-    def message(self, words: Words = Words()) -> str:
+    def message(self, words: Words = _COMMAND) -> str:
         """Return the sentence without its place."""
         text = self.text
         if text.startswith("{where}") and isinstance(self.where, Option):
@@ -281,23 +263,19 @@ class Problem:
             if self.text.startswith("{where}"):
                 return subject
             if subject and not str(where.value):
-                where, subject = replace(where, value=subject), ""
+                where, subject = where._replace(value=subject), ""
             return ": ".join(filter(None, (words.asked(where), subject)))
         if isinstance(where, FilePlace):
             file = f"{where.file}:{where.line}" if where.line else where.file
             if where.option is not None:
                 given = words.asked(
-                    where.option if words.call else replace(where.option, value=file)
+                    where.option if words.call else where.option._replace(value=file)
                 )
                 file = f"{given}: {file}" if words.call else given
             return ": ".join(filter(None, (file, subject)))
         if isinstance(where, Key):
             return ": ".join(filter(None, (subject, ".".join(where.path))))
         return subject
-
-
-def _told_place(where: Where) -> dict[str, str]:
-    return {one.name: str(getattr(where, one.name)) for one in fields(where)}
 
 
 def _worded(value: object, words: Words) -> str:
@@ -400,21 +378,21 @@ def listed_names(names: Sequence[str], *, few: int = _NAMES + 1) -> str:
     return f"{', '.join(names[:_NAMES])} and {len(names) - _NAMES} more"
 
 
-def failure_lines(failures: Iterable[Failure], words: Words = Words()) -> list[str]:
+def failure_lines(failures: Iterable[Failure], words: Words = _COMMAND) -> list[str]:
     """Return a line for each failure; of many alike the first, and how many more.
 
     A logger that leaves out the setting does so in each of a file's hundreds of tests.
     """
-    of_file: dict[tuple[str, str], list[Failure]] = {}
+    alike: dict[tuple[str, str], list[Problem]] = {}
     for failure in failures:
         key = (failure.path or failure.place, failure.problem.likeness)
-        of_file.setdefault(key, []).append(failure)
-    problems = []
-    for group in of_file.values():
-        problems += [one.placed for one in group[: 1 if len(group) > _MANY else _MANY]]
+        alike.setdefault(key, []).append(failure.placed)
+    problems: list[Problem] = []
+    for group in alike.values():
         if len(group) > _MANY:
-            text = f"{problems[-1].text} (and {len(group) - 1} other tests of this file alike)"
-            problems[-1] = replace(problems[-1], text=text)
+            text = f"{group[0].text} (and {len(group) - 1} other tests of this file alike)"
+            group[:] = [replace(group[0], text=text)]
+        problems += group
     return listing(problems, words)
 
 
@@ -425,20 +403,11 @@ def short_listing(sentences: Iterable[object]) -> list[str]:
     return known[:FEW] + ([f"and {more} more; run.json and --json list them all"] * (more > 0))
 
 
-def listing(problems: Iterable[Problem], words: Words = Words(), *, few: int = FEW) -> list[str]:
+def listing(problems: Iterable[Problem], words: Words = _COMMAND, *, few: int = FEW) -> list[str]:
     """Return sentences, the gravest first; of many of one code the first, and how many more.
 
     A few are all shown, but for long ones of one code. Within a severity the order stays: what is
     wrong with a log is found before what it does to a setting.
-
-    Parameters
-    ----------
-    problems : iterable of Problem
-        Each with its log or setting as subject.
-    words : Words
-        What the outlet calls an option.
-    few : int
-        Sentences in all that are shown one by one, and codes.
     """
     everything = sorted(problems, key=lambda one: SEVERITIES.index(one.severity))
     groups: dict[str, list[Problem]] = {}
@@ -451,8 +420,7 @@ def listing(problems: Iterable[Problem], words: Words = Words(), *, few: int = F
         if len(group) <= _SHOWN or is_short:
             lines += sentences
             continue
-        others = [one.subject for one in group[1:] if one.subject]
-        names = listed_names(list(dict.fromkeys(others)))
+        names = listed_names(list(dict.fromkeys(one.subject for one in group[1:] if one.subject)))
         lines.append(f"{sentences[0]} (and {len(group) - 1} alike{': ' * bool(names)}{names})")
     if len(groups) > few:
         n, more = len(groups) - few, sum(map(len, list(groups.values())[few:]))

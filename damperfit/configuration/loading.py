@@ -155,7 +155,7 @@ class _Layer:
         inner = ".".join(key for key in keys[2:] if not key.isdigit())
         if option.key or not inner:
             key = ".".join(filter(None, (option.key, inner)))
-            return error.at(replace(option, key=key), subject="")
+            return error.at(option._replace(key=key), subject="")
         return error.at(option, subject=inner)
 
     def place(self, *keys: str) -> FilePlace | None:
