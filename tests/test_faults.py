@@ -26,7 +26,7 @@ COMMANDS = [
     ("identify LOG --procedure x", 2, "unknown-procedure", "--procedure"),
     ("identify LOG --free x", 2, "usage", "--free"),
     ("identify LOG --fix k_e=x", 2, "not-a-number", "--fix"),
-    ("identify LOG --start k_e=1", 2, "usage", "--start"),
+    ("identify LOG --start k_e=1", 2, "implausible", "--start"),
     ("identify LOG --check x", 2, "usage", "--check"),
     ("identify LOG --rig skip_lines=a", 2, "wrong-value", "--rig skip_lines"),
     ("identify LOG --hold-out x*", 2, "usage", "--hold-out x*"),

@@ -84,7 +84,7 @@ class Campaign:
         By rising setting.
     failures : tuple of SettingFailure
         Settings without a fit and why.
-    warnings : tuple of Problem or str
+    warnings : tuple of Problem
         One plain sentence each.
     is_complete : bool
         False when the caller asked to stop before every setting was done.
@@ -101,7 +101,7 @@ class Campaign:
     procedure: str
     fits: tuple[Fit, ...]
     failures: tuple[SettingFailure, ...] = ()
-    warnings: tuple[Problem | str, ...] = ()
+    warnings: tuple[Problem, ...] = ()
     is_complete: bool = True
     sharing: Sharing = Sharing()
     searches: tuple[Search, ...] = ()
@@ -132,7 +132,7 @@ class Campaign:
 def fit_every_setting(
     given: ProcedureInput,
     fit: Callable[[Setting], tuple[Fit, Search | None]],
-    warnings: Iterable[Problem | str] = (),
+    warnings: Iterable[Problem] = (),
     *,
     known: Mapping[Setting, SettingFailure] = MappingProxyType({}),
 ) -> Campaign:

@@ -236,7 +236,7 @@ class FitProblem:
             The caller asked to stop.
         """
         if self.cancelled():
-            raise FitCancelledError("stopped while a fit was running.")
+            raise FitCancelledError("stopped while a fit was running.", code="cancelled")
         parts = (
             self._of_logs(values, names)
             if self.cycles is None
@@ -246,7 +246,8 @@ class FitProblem:
         rows = blocks[0] if len(blocks) == 1 else np.hstack(blocks)
         if not largest_of(rows) < _WILD:  # "not <" catches NaN too
             raise SimulationError(
-                "simulation failed: the force is beyond anything that could be fitted."
+                "simulation failed: the force is beyond anything that could be fitted.",
+                code="force-beyond",
             )
         return rows, any(empty)
 

@@ -28,6 +28,7 @@ from damperfit.identification.least_squares import Stopping, inverse_information
 from damperfit.identification.log_facts import inseparable, said_of_speeds
 from damperfit.identification.outcome import Outcome, Status
 from damperfit.identification.simulated_log import LogFit, SeenLog, compare, normalised_mse
+from damperfit.problem import Problem, warning
 from damperfit.statistics import largest_of
 
 if TYPE_CHECKING:
@@ -154,7 +155,7 @@ class Fit:
         Share of the time, lowest pressure, margins to the onset.
     logs : tuple of LogFit
         The logs fitted together.
-    warnings : tuple of str
+    warnings : tuple of Problem
         One plain sentence each.
     """
 
@@ -169,7 +170,7 @@ class Fit:
     evaluations: int
     cavitation: Cavitation
     logs: tuple[LogFit, ...]
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Problem, ...] = ()
 
     @property
     def cavitation_fraction(self) -> float:
@@ -220,7 +221,7 @@ def _ended(problem: FitProblem, start: Values) -> FitResult:
     left = max(problem.max_evaluations - near.evaluations, 1)
     logs = replace(problem, cycles=None, max_evaluations=left)
     if problem.cancelled():
-        raise FitCancelledError("stopped while a fit was running.")
+        raise FitCancelledError("stopped while a fit was running.", code="cancelled")
     ended = None if near.ending == _LIMIT else _last_step(logs, near.values)
     ended = ended or _on_logs(logs, near.values)
     return ended.after(near.evaluations, near.failed_trials)
@@ -540,7 +541,7 @@ def describe_fit(setting: Setting, result: FitResult, problem: FitProblem) -> Fi
     )
 
 
-def _warnings(result: FitResult) -> tuple[str, ...]:
+def _warnings(result: FitResult) -> tuple[Problem, ...]:
     if not result.failed_trials:
         return ()
     where = ", ".join(
@@ -548,4 +549,5 @@ def _warnings(result: FitResult) -> tuple[str, ...]:
         for one in result.values.quantities
         if one.is_logarithmic
     )
-    return (f"{result.failed_trials} trial points could not be simulated, near {where}.",)
+    text = f"{result.failed_trials} trial points could not be simulated, near {where}."
+    return (warning("failed-trials", text),)

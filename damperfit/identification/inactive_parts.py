@@ -16,6 +16,7 @@ from damperfit.errors import FitCancelledError, SimulationError
 from damperfit.identification.fit_problem import edge_of, kept_within
 from damperfit.identification.fit_setting import describe_fit, minimised
 from damperfit.identification.outcome import Status
+from damperfit.problem import Problem, warning
 from damperfit.workers import executor
 
 if TYPE_CHECKING:
@@ -86,10 +87,10 @@ def without_idle_parts(
 
 def _lean(fit: Fit, problem: FitProblem) -> Fit:
     lost: dict[str, None] = {}
-    said: list[str] = []
+    said: list[Problem] = []
     first = fit.warnings
     while idle := [name for name in _at_edge(fit) if does_nothing(fit.parameters, name)]:
-        said += [_sentence(fit.parameters, name) for name in idle]
+        said += [warning("left-out", _sentence(fit.parameters, name)) for name in idle]
         lost |= dict.fromkeys(one for name in idle for one in _part(fit, name))
         start = kept_within(fit.parameters, lost)
         rest = replace(problem, free=tuple(one for one in problem.free if one not in lost))

@@ -20,6 +20,7 @@ from damperfit.identification.gas_content import GAS_FOLLOWER, first_law, workin
 from damperfit.identification.outcome import Outcome, Status
 from damperfit.identification.sharing import Sharing, Unknown, unknown_at, unknowns_of
 from damperfit.identification.tied_problem import JointSolution, TiedProblem, fit_jointly
+from damperfit.problem import Problem, warning
 from damperfit.statistics import chi_squared_quantile
 from damperfit.workers import executor
 
@@ -34,8 +35,12 @@ if TYPE_CHECKING:
 
 __all__ = ["JointResult", "fit_from_one_model", "fit_settings_jointly"]
 
-_NO_MINIMUM = "the joint fit stopped before its minimum: the shared values are the best found."
-_WEIGHTS_MOVE = "the weights of the settings had not settled when the joint fit stopped."
+_NO_MINIMUM = warning(
+    "no-minimum", "the joint fit stopped before its minimum: the shared values are the best found."
+)
+_WEIGHTS_MOVE = warning(
+    "weights-move", "the weights of the settings had not settled when the joint fit stopped."
+)
 # The working pressure hardly depends on K_e: it moves by less than this in the second round.
 _SAME_PRESSURE = 1e-4
 _MAX_ROUNDS = 5
@@ -58,7 +63,7 @@ class JointResult:
     status: Mapping[Unknown, Status]  # of what is shared
     sharing: Sharing  # for its errors
     evaluations: int  # simulations of each setting
-    warnings: tuple[str, ...]
+    warnings: tuple[Problem, ...]
 
     def start(self, fit: Fit, problem: FitProblem) -> Values:
         """Where a setting's own fit starts: the joint result, or its own with what is shared."""
@@ -118,7 +123,7 @@ def fit_settings_jointly(
         if (fit.outcome is Outcome.CONVERGED if is_plain else fit.outcome.is_minimum)
     }
     broken: dict[Setting, SettingFailure] = {}
-    said: list[str] = []
+    said: list[Problem] = []
     while True:
         try:
             together = _fit_sound(given, sound, way, moving)
@@ -128,7 +133,7 @@ def fit_settings_jointly(
             if failure.is_internal:
                 broken[failure.setting] = failure
             else:
-                said.append(f"left out of the joint fit: {error}")
+                said.append(warning("left-out-of-joint", f"left out of the joint fit: {error}"))
             continue
         if together is not None:
             together = replace(together, warnings=(*said, *together.warnings))
@@ -339,13 +344,14 @@ def _pressures(problem: TiedProblem, at: Mapping[Setting, Values]) -> dict[Setti
     return found
 
 
-def _judged_law(rises: Mapping[Setting, float]) -> list[str]:
+def _judged_law(rises: Mapping[Setting, float]) -> list[Problem]:
     """Say so when a K_e of each setting fits better than noise explains."""
     spare = len(rises) - _LAW_UNKNOWNS
     if spare < 1:
-        return [
+        text = (
             "the gas content is drawn through two settings: only a third can tell whether it holds."
-        ]
+        )
+        return [warning("two-settings", text)]
     if sum(rises.values()) <= chi_squared_quantile(spare, 1.0 - _CHANCE):
         return []
     of_one = chi_squared_quantile(1, 1.0 - _CHANCE)
@@ -356,4 +362,4 @@ def _judged_law(rises: Mapping[Setting, float]) -> list[str]:
         f"than noise explains at {len(worse)} of {len(rises)} settings, most at setting {worst}; "
         "take the gas content as a rough mean, its interval does not hold."
     )
-    return [said]
+    return [warning("gas-content", said)]

@@ -712,7 +712,9 @@ def minimise(
             system = DenseSystem(residuals, jacobian)
             # A number that is none is in every sum after it.
             if not math.isfinite(cost + float(np.add.reduce(system.triangle, axis=None))):
-                raise SimulationError(f"no finite residuals or derivatives at {values}.")
+                raise SimulationError(
+                    f"no finite residuals or derivatives at {values}.", code="not-finite"
+                )
         return system, extra
 
     low_high = bounds and (transformation.pack(bounds[0]), transformation.pack(bounds[1]))

@@ -10,6 +10,7 @@ import numpy as np
 
 from damperfit.conditioning import apply_filter
 from damperfit.damper.quantity import GAS_AMOUNT, RIG, STIFFNESS
+from damperfit.problem import Problem, warning
 from damperfit.recording import FilterDesign
 from damperfit.statistics import mean_of, median, variance_of
 
@@ -261,13 +262,13 @@ def inseparable(
 
 def said_of_speeds(
     facts: LogFacts, free: Sequence[str], quantities: Sequence[Quantity]
-) -> tuple[str, ...]:
+) -> tuple[Problem, ...]:
     """Return what is to be said of logs that hold one speed, or too few for what is fitted.
 
     As `inseparable`; stiffness, gas and mounting show in the corners and along the stroke.
     """
     if inseparable(facts, free, quantities):
-        return (_ONE_SPEED,)
+        return (warning("one-speed", _ONE_SPEED),)
     unknown = [
         one
         for one in quantities
@@ -280,4 +281,4 @@ def said_of_speeds(
     n = facts.n_speeds
     if n is None or _LEVELS * n >= len(unknown):
         return ()
-    return (_FEW_SPEEDS.format(n, _LEVELS * n, len(unknown)),)
+    return (warning("few-speeds", _FEW_SPEEDS.format(n, _LEVELS * n, len(unknown))),)

@@ -67,19 +67,23 @@ def check_start(quantity: Quantity, value: float, *, is_fixed: bool, is_held: bo
     """
     name = quantity.name
     if is_fixed:
-        raise ConfigurationError(f"{name} is fixed and also given a start; choose one.")
+        raise ConfigurationError(
+            f"{name} is fixed and also given a start; choose one.", code="fixed-and-started"
+        )
     if is_held:
         raise ConfigurationError(
             f"{name} is given a start but is not fitted: it is held at {quantity.default:g} "
             f"{quantity.unit} unless {{free}} names it; free it, or give {{fix}}.",
             free=Option("free"),
             fix=Option("fix", f"{value:g}", name),
+            code="held-and-started",
         )
     low, high = quantity.plausible
     if not low <= value <= high:
         raise ConfigurationError(
             f"{name} = {value:g} is given as a start, far from any damper's; expected {low:g} to "
-            f"{high:g} {quantity.unit}."
+            f"{high:g} {quantity.unit}.",
+            code="implausible",
         )
 
 
@@ -176,6 +180,7 @@ def check_options(options: FitOptions, damper: Model) -> None:
             f"procedure {options.procedure} cannot fit the model {damper.name!r}; expected one "
             f"of {', '.join(damper.procedures)}.",
             where=_PROCEDURE,
+            code="other-procedure",
         )
     share = shared_names(options, damper)
     asked = {"free": options.free or (), "fix": options.fixed, "share": share}
@@ -210,6 +215,7 @@ def check_options(options: FitOptions, damper: Model) -> None:
                 f"{quantity.name} = {value:g} is fixed, far from any damper's; expected {low:g} to "
                 f"{high:g} {quantity.unit}.",
                 where=Key(("identification", "fix")),
+                code="implausible",
             )
 
 
@@ -219,12 +225,14 @@ def _check_sharing(options: FitOptions, share: tuple[str, ...]) -> None:
             raise ConfigurationError(
                 f"{name} follows an adjuster and is fixed; choose one.",
                 where=Key(("identification", "fix")),
+                code="followed-and-fixed",
             )
     for name in share if options.procedure == "joint" and not options.is_detecting else ():
         if name in options.fixed or name in (options.free or ()):
             raise ConfigurationError(
                 f"{name} is shared and also free or fixed; choose one.",
                 where=Key(("identification", "share"), ("free", "fix")),
+                code="shared-and-fixed",
             )
 
 
@@ -246,6 +254,7 @@ def _check_bulk_modulus(options: FitOptions, damper: Model) -> None:
         raise ConfigurationError(
             f"no bulk modulus {options.bulk_modulus!r}; there are {known}.{hint}",
             where=Key(("identification", "bulk_modulus")),
+            code="unknown-bulk-modulus",
         )
     if options.bulk_modulus == "free":
         return
@@ -254,16 +263,19 @@ def _check_bulk_modulus(options: FitOptions, damper: Model) -> None:
             f"{options.bulk_modulus}: the model {damper.name!r} has no gas content "
             "that K_e could follow; expected free.",
             where=Key(("bulk_modulus",)),
+            code="no-gas-content",
         )
     if options.procedure != "joint":
         raise ConfigurationError(
             f"{options.bulk_modulus}: one gas content for all settings needs one fit "
             f"of all settings; expected procedure joint, found {options.procedure}.",
             where=Key(("bulk_modulus",)),
+            code="no-gas-content",
         )
     if GAS_FOLLOWER in {*options.fixed, *(options.free or ()), *shared_names(options, damper)}:
         raise ConfigurationError(
             f"{options.bulk_modulus}: K_e follows from the gas content; it cannot be "
             "free, fixed or shared too.",
             where=Key(("bulk_modulus",)),
+            code="no-gas-content",
         )

@@ -120,7 +120,7 @@ class _Stages:
         self.shared: dict[str, float] = {}
         self.status: dict[str, Status] = {}
         self.sharing = Sharing()
-        self.warnings: list[Problem | str] = []
+        self.warnings: list[Problem] = []
 
     def run(self) -> None:
         """Fit everything free everywhere, then find what is shared."""
@@ -136,16 +136,10 @@ class _Stages:
             self.searches = tuple(s for s in self.searches if s.setting != failure.setting)
         self.shared = {name: self._fallback(name) for name in self.wanted}
         self.status = dict.fromkeys(self.wanted, Status.FIXED)
-        self.sharing, self.warnings = (
-            Sharing(),
-            [
-                "with all parameters free no setting can be fitted: these are used: "
-                + ", ".join(
-                    f"{n} {v:.4g} (identification.fallback_{n})" for n, v in self.shared.items()
-                )
-                + "."
-            ],
-        )
+        known = [f"{n} {v:.4g} (identification.fallback_{n})" for n, v in self.shared.items()]
+        text = "with all parameters free no setting can be fitted: these are used"
+        self.sharing = Sharing()
+        self.warnings = [warning("assumed", f"{text}: {', '.join(known)}.")]
 
     def _fallback(self, name: str) -> float:
         """What is taken for a shared parameter that no log tells; its model knows one."""
@@ -207,8 +201,11 @@ class _Stages:
         self.warnings, self.shared, self.sharing = [], {}, Sharing(self.names)
         if TAKEN in self.wanted and lowest != first:
             self.warnings.append(
-                f"setting {first} could not be fitted with all parameters free: R_m3 is taken from "
-                f"setting {lowest}."
+                warning(
+                    "taken-from-another",
+                    f"setting {first} could not be fitted with all parameters free: R_m3 is taken "
+                    f"from setting {lowest}.",
+                )
             )
         source = None
         if TAKEN in self.wanted:
@@ -226,8 +223,11 @@ class _Stages:
         failure = attempted(where, lambda: self._take_r_m3(where, f_f))
         if failure is None and where != lowest:
             self.warnings.append(
-                f"the logs of setting {lowest} do not determine R_m3: it is taken from setting "
-                f"{where}."
+                warning(
+                    "taken-from-another",
+                    f"the logs of setting {lowest} do not determine R_m3: it is taken from setting "
+                    f"{where}.",
+                )
             )
         return failure
 
@@ -269,8 +269,11 @@ class _Stages:
         left_out = sorted(set(self.judged) - set(used))
         if left_out:
             self.warnings.append(
-                f"friction is the mean over {len(used)} of {len(self.judged)} settings: with all "
-                f"parameters free the fit is not sound at {of_settings(left_out)}."
+                warning(
+                    "mean-of-some",
+                    f"friction is the mean over {len(used)} of {len(self.judged)} settings: with "
+                    f"all parameters free the fit is not sound at {of_settings(left_out)}.",
+                )
             )
         own = np.array([self.judged[setting].values.f_f for setting in used])
         self.shared[MEAN] = float(np.mean(own))
@@ -331,7 +334,7 @@ class _Stages:
 def _assumed(said: str, name: str) -> Problem:
     """A warning that a value is used which the logs do not determine."""
     return warning(
-        "said", f"{said}; give {{fix}} if yours is known.", fix=Option("fix", "VALUE", name)
+        "assumed", f"{said}; give {{fix}} if yours is known.", fix=Option("fix", "VALUE", name)
     )
 
 

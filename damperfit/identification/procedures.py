@@ -32,7 +32,7 @@ from damperfit.identification.mean_cycle import SettledLogs, settled
 from damperfit.identification.options import FitOptions, check_options, shared_names
 from damperfit.identification.paper import MEAN, TAKEN, as_in_the_paper
 from damperfit.identification.starts import Search, fit_from
-from damperfit.problem import Failure, Option, Problem
+from damperfit.problem import Failure, Option, Problem, warning
 from damperfit.recording import Trace, natural_order
 from damperfit.tested.setting import Setting
 from damperfit.workers import apart
@@ -98,11 +98,12 @@ def identify(
             raise ConfigurationError(
                 f"identify: found {type(one).__name__} among the traces; expected what "
                 "damperfit.conditioning.condition(read_log(path)) returns; "
-                "damperfit.identify(paths) takes paths"
+                "damperfit.identify(paths) takes paths",
+                code="not-a-trace",
             )
     check_options(options, damper)
     if not traces:
-        raise LogError("identify: found no log to fit; give one trace or more")
+        raise LogError("identify: found no log to fit; give one trace or more", code="no-log")
     settings = _by_setting(traces)
     given = ProcedureInput(
         settings,
@@ -117,8 +118,12 @@ def identify(
     # setting's thread needs.
     with one_blas_thread():
         campaign = PROCEDURES[options.procedure](given)
-    said = [f"setting {one.setting}: {one.warning}" for one in campaign.searches if one.warning]
-    return replace(campaign, warnings=(*campaign.warnings, *said), named=damper.quantities)
+    ambiguous = (
+        warning("starts", one.warning, f"setting {one.setting}")
+        for one in campaign.searches
+        if one.warning
+    )
+    return replace(campaign, warnings=(*campaign.warnings, *ambiguous), named=damper.quantities)
 
 
 def _cycles(
@@ -151,6 +156,7 @@ def _plain(given: ProcedureInput) -> Campaign:
                 f"add it to {{free}} or give {{fix}}.",
                 free=Option("free"),
                 fix=Option("fix", "VALUE", name),
+                code="neither-free-nor-fixed",
             )
 
     def fit(setting: Setting) -> tuple[Fit, Search | None]:
@@ -188,7 +194,7 @@ def _joint(given: ProcedureInput) -> Campaign:
     except FitCancelledError:
         return Campaign("joint", (), is_complete=False)
     if isinstance(found, Failure):
-        warnings = (*before.warnings, _NOT_FITTED_JOINTLY.format(name))
+        warnings = (*before.warnings, warning("joint-failed", _NOT_FITTED_JOINTLY.format(name)))
         return replace(before, procedure="joint", warnings=warnings, mishap=found)
     together, broken = found
     failed = {one.setting: one for one in before.failures} | broken
@@ -201,7 +207,10 @@ def _joint(given: ProcedureInput) -> Campaign:
             procedure="joint",
             fits=tuple(fit for fit in before.fits if fit.setting not in failed),
             failures=tuple(failed[setting] for setting in sorted(failed)),
-            warnings=(*before.warnings, *((_NOT_JOINT.format(name),) if is_told else ())),
+            warnings=(
+                *before.warnings,
+                *((warning("not-joint", _NOT_JOINT.format(name)),) if is_told else ()),
+            ),
         )
     fits = {fit.setting: fit for fit in before.fits}
     campaign = _each_beside(
@@ -235,7 +244,7 @@ def _each_beside(
     start: Callable[[Setting, FitProblem], Values],
     spent: Mapping[Setting, int],
     *,
-    warnings: Iterable[Problem | str] = (),
+    warnings: Iterable[Problem] = (),
     known: Mapping[Setting, Failure] = MappingProxyType({}),
 ) -> Campaign:
     """What is each setting's own, fitted beside what a joint fit has found."""
@@ -293,6 +302,7 @@ def _by_setting(traces: Sequence[Trace]) -> dict[Setting, tuple[Trace, ...]]:
                 "name it setting_N, or give {setting}.",
                 setting=Option("setting", "N"),
                 subject=trace.name,
+                code="no-setting",
             )
         groups[Setting.of(trace.setting)].append(trace)
     return {setting: tuple(sorted(groups[setting], key=_by_name)) for setting in sorted(groups)}

@@ -343,7 +343,9 @@ def best_of_starts(
             if is_as_expected(problem, looks[-1]):
                 break
     if not looks:
-        raise SimulationError(f"{problem.model.name} cannot be simulated from any of its starts.")
+        raise SimulationError(
+            f"{problem.model.name} cannot be simulated from any of its starts.", code="no-start"
+        )
     spent = sum(one.evaluations for one in looks)
     best, *others = sorted(looks, key=lambda one: one.cost)
     if best.cost > hopeless:

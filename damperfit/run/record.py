@@ -66,7 +66,7 @@ def warnings_of(
     assessment, sharing = judgement.assessment, campaign.sharing
     yield from map(as_warning, (*batch.skipped_files, *batch.remarks))
     yield from log_warnings(_fitted_traces(campaign))
-    yield from map(as_warning, campaign.warnings)
+    yield from campaign.warnings
     if sharing.friction_varies and sharing.spread is not None:
         low, high = sharing.spread
         yield warning(

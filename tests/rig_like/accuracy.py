@@ -104,7 +104,7 @@ def measured(kind: str, seed: int, *, has_play: bool = False) -> Accuracy:
             error = abs(peak(part_of) - peak(true_part))
             damping = abs(peak(true_part) - level)
             errors[f"{stroke}_{k}_force"] = float(100.0 * error / damping)
-    return Accuracy(errors, covered, tuple(undetermined), tuple(campaign.warnings))
+    return Accuracy(errors, covered, tuple(undetermined), tuple(map(str, campaign.warnings)))
 
 
 def main() -> None:
