@@ -97,12 +97,12 @@ def test_a_figure_is_as_agreed(plots, name, tmp_path):
 
 
 def test_every_style_is_drawn_as_agreed(tmp_path):
-    """What the folder of the tests lacks: a trend with a band, rings, values off the scale."""
+    """What the folder of the tests lacks: a trend with a band, rings."""
     x = np.arange(1.0, 7.0)
     colours = setting_colours(range(1, 7))
     ticks, x_range = setting_axis(range(1, 7))
     band = Line(x, x**2, "trend", "muted", style="dashed", low=0.8 * x**2, high=1.2 * x**2)
-    styles = ("points", "triangles", "above", "below", "rings", "points")
+    styles = ("points", "triangles", "rings", "points")
     points = tuple(
         Line(x[k : k + 1], x[k : k + 1] ** 2, style, colours[k + 1], k + 1, style, False)
         for k, style in enumerate(styles)

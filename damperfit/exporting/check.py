@@ -11,9 +11,7 @@ import csv
 import ctypes as ct
 import io
 import json
-import platform
 import re
-import sys
 import zipfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,6 +25,7 @@ from damperfit.conditioning.filters import apply_filter, completed, design_filte
 from damperfit.configuration.loading import load_configuration
 from damperfit.errors import ConfigurationError, SimulationError
 from damperfit.exporting.fmu import PLATFORMS, exported_damper
+from damperfit.exporting.fmu_build import this_platform
 from damperfit.problem import Option
 
 if TYPE_CHECKING:
@@ -49,6 +48,7 @@ _NEAR = 1.02  # of a table's end
 # Value references of an FMU: `c/exported.h`.
 _INPUTS, _FORCE, _SETTING, _BAND, _EXTRAPOLATION, _WITH_RIG = (1, 2), 3, 8, 9, 10, 24
 _SHEETS = "{http://schemas.openxmlformats.org/spreadsheetml/2006/main}"
+_NUMBER = r"(-?\d[\d.]*(?:e[-+]?\d+)?)"
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,52 +98,49 @@ def check_export(run: ExportedRun, export: Export) -> tuple[SettingCheck, ...]:
             where=Option("check"),
         )
     tables, band = export.tables, run.run.solver.dead_band
+    tares = [table.tare for table in tables]
+    ends = [table.end if export.lost else np.inf for table in tables]
     first, content = next(iter(export.files.items()))
+    forces: list[Force]
     if first.endswith(".fmu"):
         with TemporaryDirectory(prefix="damperfit-", ignore_cleanup_errors=True) as folder:
             unit = _Unit(content, Path(folder))
-            places = exported_damper(run).settings
-            units = [unit.at(place, band) for place in places]
+            forces = [unit.at(place, band) for place in exported_damper(run).settings]
             # With the rig, hence with its tare.
-            return tuple(_checks(run, tables, units, [0.0] * len(tables), None))
-    tares = [table.tare for table in tables]
+            return tuple(_checks(run, export, forces, [0.0 for _ in tables], ends))
     if first.endswith(".mo"):
         model = _Model(content.decode("utf-8"))
-        models = [model.at(place, band) for place in range(1, len(tables) + 1)]
-        ends = [table.end for table in tables] if export.lost else None
-        return tuple(_checks(run, tables, models, tares, ends))
-    curves = read_back(export)
-    looked_up = [_look_up(curve, table) for curve, table in zip(curves, tables, strict=True)]
-    return tuple(_checks(run, tables, looked_up, tares, [float(v[-1]) for v, _ in curves]))
+        forces = [model.at(place, band) for place in range(1, len(tables) + 1)]
+    else:
+        curves = read_back(export)
+        ends = [float(v[-1]) for v, _ in curves]
+        forces = [_looked_up(*both) for both in zip(curves, tables, strict=True)]
+    return tuple(_checks(run, export, forces, tares, ends))
 
 
-def _look_up(curve: Curve, table: ForceTable) -> Force:
+def _looked_up(curve: Curve, table: ForceTable) -> Force:
     return lambda _, x, v: np.interp(v, *curve) + table.at_rest(x)
 
 
 def _checks(
     run: ExportedRun,
-    tables: Sequence[ForceTable],
+    export: Export,
     forces: Sequence[Force],
     tares: Sequence[float],
-    ends: Sequence[float] | None,
+    ends: Sequence[float],
 ) -> Iterator[SettingCheck]:
     """Compare the settings one by one; samples beyond the end of a table are left out."""
-    for place, table in enumerate(tables):
+    for table, force_of, tare, end in zip(export.tables, forces, tares, ends, strict=True):
         rows, n_beyond = [], 0
         for log in run.run.signals:
-            if log.setting != table.setting:
-                continue
-            for part in _segments(log.time):
+            for part in _segments(log.time) if log.setting == table.setting else ():
                 time, x, v = log.time[part], log.displacement[part], log.velocity[part]
                 interval = float(np.median(np.diff(time)))
                 design = _filter(run.run.record, 1.0 / interval)
-                force = apply_filter(design, forces[place](time, x, v) + tares[place])
+                force = apply_filter(design, force_of(time, x, v) + tare)
                 inner = slice(round(_RUN_IN / interval), len(force) - round(_EDGE / interval))
                 both = log.force_measured[part][inner], log.force[part][inner]
-                known = np.isfinite(both[0])
-                if ends is not None:
-                    known &= np.abs(v[inner]) <= _NEAR * ends[place]
+                known = np.isfinite(both[0]) & (np.abs(v[inner]) <= _NEAR * end)
                 n_beyond += int((~known).sum())
                 rows.append(np.array([force[inner], *both])[:, known])
         if not rows:
@@ -197,20 +194,25 @@ def read_back(export: Export) -> list[Curve]:
         A table is not found in its file.
     """
     read = {"csv": _from_csv, "xlsx": _from_workbook, "matlab": _from_matlab}
-    curves = read.get(export.target.name, _from_texts)(export)
-    for table, (v, _) in zip(export.tables, curves, strict=True):
+    curves = []
+    found = read.get(export.target.name, _from_texts)(export)
+    for table, rows in zip(export.tables, found, strict=True):
+        v, force = np.array(rows, dtype=np.float64).reshape(-1, 2).T + 0.0
         if len(v) < 2 or not (np.diff(v) > 0.0).all():
             raise SimulationError(
                 f"setting {table.setting}: the {export.target.name} file does not hold its table"
             )
+        if "units" in export.target.takes:
+            units = export.options.units
+            v, force = v / units.show(1.0, "m/s"), force / units.show(1.0, "N")
+        curves.append((v, force))
     return curves
 
 
-def _from_texts(export: Export) -> list[Curve]:
+def _from_texts(export: Export) -> Iterator[Any]:
     """Find the rows of each setting by the pattern of the target, ``read`` in targets.toml."""
     target, read = export.target, export.target.read
-    row = read["row"].replace("@", r"(-?\d[\d.]*(?:e[-+]?\d+)?)")
-    found = []
+    row = read["row"].replace("@", _NUMBER)
     for table in export.tables:
         file = target.file.format(stem=export.options.stem, setting=table.slug)
         text = export.files[file].decode(target.encoding)
@@ -218,55 +220,41 @@ def _from_texts(export: Export) -> list[Curve]:
         if "begins" in read:
             name = re.sub(r"[^A-Za-z0-9]", "_", table.slug)
             text = text.partition(read["begins"].format(setting=name))[2].partition("double")[0]
-        rows = []
+        rows = set()
         for heading, side in read.get("sides", {"": 1.0}).items():
             part = re.search(rf"{heading}[^\n]*\n(?:\t[^\n]*\n?)*", text) if heading else None
-            rows += [
-                (side * read["speed"] * float(v), side * read["force"] * float(force))
-                for v, force in re.findall(row, part[0] if part else text, re.MULTILINE)
-            ]
-        found.append(_curve(sorted(set(rows))))
-    return found
+            for v, force in re.findall(row, part[0] if part else text, re.MULTILINE):
+                rows.add((side * read["speed"] * float(v), side * read["force"] * float(force)))
+        yield sorted(rows)
 
 
-def _curve(rows: Sequence[Sequence[float]]) -> Curve:
-    v, force = np.array(rows, dtype=np.float64).reshape(-1, 2).T + 0.0
-    return v, force
-
-
-def _from_csv(export: Export) -> list[Curve]:
+def _from_csv(export: Export) -> list[Any]:
     options = export.options
     text = export.files[f"{options.stem}.csv"].decode("utf-8").replace(options.decimal, ".")
     _, *rows = csv.reader(io.StringIO(text), delimiter=";" if options.decimal == "," else ",")
     of_setting: dict[str, list[tuple[float, float]]] = {}
     for name, v, force, *_ in rows:
         of_setting.setdefault(name, []).append((float(v), float(force)))
-    return [_in_si(_curve(one), export) for one in of_setting.values()]
+    return list(of_setting.values())
 
 
-def _in_si(curve: Curve, export: Export) -> Curve:
-    shown = export.options.units
-    return curve[0] / shown.show(1.0, "m/s"), curve[1] / shown.show(1.0, "N")
-
-
-def _from_workbook(export: Export) -> list[Curve]:
+def _from_workbook(export: Export) -> Iterator[Any]:
     content = export.files[f"{export.options.stem}.xlsx"]
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         book = ET.fromstring(archive.read("xl/workbook.xml"))  # noqa: S314 - our own file
         names = [one.get("name") for one in book.iter(f"{_SHEETS}sheet")]
         place = f"xl/worksheets/sheet{names.index('forces') + 1}.xml"
         sheet = ET.fromstring(archive.read(place))  # noqa: S314
-    rows = [
+    rows = (
         [float(cell.text or "nan") for cell in row.iter(f"{_SHEETS}v")]
         for row in sheet.iter(f"{_SHEETS}row")
-    ]
+    )
     numbers = np.array([row for row in rows if row])  # the heads are texts
-    return [
-        _in_si((numbers[:, 0], numbers[:, k]), export) for k in range(1, len(export.tables) + 1)
-    ]
+    for k in range(1, len(export.tables) + 1):
+        yield numbers[:, [0, k]]
 
 
-def _from_matlab(export: Export) -> list[Curve]:
+def _from_matlab(export: Export) -> Iterator[Any]:
     """Read the data file, and the script, which must hold the same."""
     from scipy.io import loadmat
 
@@ -278,7 +266,8 @@ def _from_matlab(export: Export) -> list[Curve]:
         rows = [row.split() for row in found[1].split(";")] if found else []
         if not rows or not np.allclose(np.array(rows, dtype=float), known[name], rtol=1e-8):
             raise SimulationError(f"{stem}.m and {stem}.mat do not hold the same {name}")
-    return [(known["velocity"][:, 0], force) for force in known["force"].T]
+    for force in known["force"].T:
+        yield np.column_stack([known["velocity"][:, 0], force])
 
 
 # Equations of a Modelica model
@@ -292,62 +281,51 @@ class _Model:
         head, word, body = flat.rpartition(" equation ")
         if not word or not re.fullmatch(r"[\w\s()\[\]{}.,;=+*/^-]*", flat):
             raise SimulationError("the Modelica file holds no equations that could be solved")
+        parameters = r"parameter (?:Real|Integer) (\w+)(?:\[[^\]]*\])?(?:\([^)]*\))? = ([^;]+);"
         self.known = {
-            name: _number(value)
-            for name, value in re.findall(
-                r"parameter (?:Real|Integer) (\w+)(?:\[[^\]]*\])?(?:\([^)]*\))? = ([^;]+);", head
-            )
+            name: json.loads(value.replace("{", "[").replace("}", "]"))
+            for name, value in re.findall(parameters, head)
         }
-        self.starts = {
-            name: float(value)
-            for name, value in re.findall(r"Real (\w+)\(unit = , start = ([^)]+)\)", head)
-        }
-        begin = head.partition(" initial equation ")[2]
-        self.begin, self.body = _compiled(begin), _compiled(body)
+        starts = re.findall(r"Real (\w+)\(unit = , start = ([^)]+)\)", head)
+        self.starts = {name: float(value) for name, value in starts}
+        self.begin = _compiled(head.partition(" initial equation ")[2])
+        self.body = _compiled(body)
 
     def at(self, setting: int, band: float) -> Force:
         """Return what gives the force of a setting, counted from 1."""
         known = {**self.known, "setting": setting, "friction_band": band}
+        functions = {"__builtins__": {}, "max": np.maximum, "min": np.minimum}
 
-        def solved(code: Any, x: Any, v: Any, **states: Any) -> dict[str, Any]:
+        def solved(x: Any, v: Any, *codes: Any, **states: Any) -> dict[str, Any]:
             names = {**known, "s_rel": x, "v_rel": v, **states}
-            exec(code, {"__builtins__": {}, "max": np.maximum, "min": np.minimum}, names)  # noqa: S102 - read by `_compiled`
+            for code in codes or (self.body,):
+                exec(code, functions, names)  # noqa: S102 - read by `_compiled`
             return names
 
         def force(time: FloatArray, x: FloatArray, v: FloatArray) -> FloatArray:
-            states: dict[str, FloatArray] = {}
-            if self.starts:
-                from scipy.integrate import solve_ivp
-                from scipy.interpolate import CubicHermiteSpline
+            if not self.starts:
+                return np.asarray(solved(x, v)["f"])
+            from scipy.integrate import solve_ivp
+            from scipy.interpolate import CubicHermiteSpline
 
-                motion = CubicHermiteSpline(time, x, v)
-                speed = motion.derivative()
+            motion = CubicHermiteSpline(time, x, v)
+            speed = motion.derivative()
 
-                def rates(t: float, masses: FloatArray) -> list[float]:
-                    held = dict(zip(self.starts, masses, strict=True))
-                    now = solved(self.body, float(motion(t)), float(speed(t)), **held)
-                    return [now[f"rate_of_{name}"] for name in self.starts]
+            def rates(t: float, masses: FloatArray) -> list[float]:
+                states = dict(zip(self.starts, masses, strict=True))
+                now = solved(float(motion(t)), float(speed(t)), **states)
+                return [now[f"rate_of_{name}"] for name in self.starts]
 
-                at_first = solved(self.body, x[0], v[0], **self.starts)
-                exec(self.begin, {"__builtins__": {}}, at_first)  # noqa: S102
-                start = [float(at_first[name]) for name in self.starts]
-                done = solve_ivp(
-                    rates, (time[0], time[-1]), start, method="LSODA", t_eval=time, rtol=1e-7,
-                    atol=1e-11, max_step=5e-3,
-                )  # fmt: skip
-                if not done.success:
-                    raise SimulationError(f"the equations cannot be solved: {done.message}")
-                states = dict(zip(self.starts, done.y, strict=True))
-            return np.asarray(solved(self.body, x, v, **states)["f"])
+            at_first = solved(x[0], v[0], self.body, self.begin, **self.starts)
+            done = solve_ivp(
+                rates, (time[0], time[-1]), [float(at_first[name]) for name in self.starts],
+                method="LSODA", t_eval=time, rtol=1e-7, atol=1e-11, max_step=5e-3,
+            )  # fmt: skip
+            if not done.success:
+                raise SimulationError(f"the equations cannot be solved: {done.message}")
+            return np.asarray(solved(x, v, **dict(zip(self.starts, done.y, strict=True)))["f"])
 
         return force
-
-
-def _number(text: str) -> Any:
-    """Return a number or, of nested braces, a list of them."""
-    if not text.startswith("{"):
-        return float(text)
-    return json.loads(text.replace("{", "[").replace("}", "]"))
 
 
 def _compiled(equations: str) -> Any:
@@ -373,14 +351,10 @@ class _Unit:
     def __init__(self, content: bytes, folder: Path) -> None:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             archive.extractall(folder)
-        here = f"{platform.machine().lower()}-{sys.platform}".replace("arm64", "aarch64")
-        here = here.replace("amd64", "x86_64").replace("win32", "windows")
-        paths = [
-            folder / "binaries" / name / one.library
-            for one in PLATFORMS
-            for name in (one.name, one.fmi2)
-            if one.name == here and name
-        ]
+        here = this_platform()
+        known = next((one for one in PLATFORMS if one.name == here), None)
+        names = (known.name, known.fmi2 or known.name) if known else ()
+        paths = [folder / "binaries" / name / known.library for name in names if known]
         path = next((one for one in paths if one.is_file()), None)
         if path is None:
             raise ConfigurationError(
@@ -396,48 +370,48 @@ class _Unit:
 
     def at(self, setting: int, band: float) -> Force:
         """Return what gives the force of a setting as the rig would log it."""
-        return lambda time, x, v: self._force(setting, band, time, x, v)
-
-    def _force(
-        self, setting: int, band: float, time: FloatArray, x: FloatArray, v: FloatArray
-    ) -> FloatArray:
         no, zero = ct.c_bool(False), ct.c_double(0.0)
-        flags = [no] * 4
-        instance = ct.c_void_p(
-            self.library.fmi3InstantiateCoSimulation(
-                b"check", self.token, self.resources, *flags, None, ct.c_size_t(0), None, None, None
-            )
-        )
-        if not instance.value:
-            raise SimulationError("the FMU cannot be instantiated")
 
-        def call(name: str, *arguments: Any) -> None:
-            if getattr(self.library, f"fmi3{name}")(instance, *arguments):
-                raise SimulationError(f"setting {setting}: the FMU refuses fmi3{name}")
+        def force(time: FloatArray, x: FloatArray, v: FloatArray) -> FloatArray:
+            instance = ct.c_void_p(
+                self.library.fmi3InstantiateCoSimulation(
+                    b"check", self.token, self.resources, no, no, no, no, None, ct.c_size_t(0),
+                    None, None, None,
+                )
+            )  # fmt: skip
+            if not instance.value:
+                raise SimulationError("the FMU cannot be instantiated")
 
-        def number(verb: str, kind: str, references: Sequence[int], *values: float) -> Any:
-            n, places = len(references), (ct.c_uint32 * len(references))(*references)
-            held: Any = (ct.c_double * n)(*values)
-            if kind == "Int32":
-                held = (ct.c_int32 * n)(*map(int, values))
-            call(f"{verb}{kind}", places, ct.c_size_t(n), held, ct.c_size_t(n))
-            return held
+            def call(name: str, *arguments: Any) -> None:
+                if getattr(self.library, f"fmi3{name}")(instance, *arguments):
+                    raise SimulationError(f"setting {setting}: the FMU refuses fmi3{name}")
 
-        try:
-            # Inputs are those of a step's end: between samples they go as in the fit.
-            number("Set", "Int32", (_SETTING, _EXTRAPOLATION, _WITH_RIG), setting, 0, 1)
-            number("Set", "Float64", (_BAND,), band)
-            call("EnterInitializationMode", no, zero, zero, no, zero)
-            number("Set", "Float64", _INPUTS, x[0], v[0])
-            call("ExitInitializationMode")
-            force = [number("Get", "Float64", (_FORCE,))[0]]
-            done = [ct.byref(ct.c_bool()) for _ in range(3)]
-            for k in range(1, len(x)):
-                number("Set", "Float64", _INPUTS, x[k], v[k])
-                start, step = time[k - 1] - time[0], time[k] - time[k - 1]
-                call("DoStep", ct.c_double(start), ct.c_double(step), no, *done,
-                     ct.byref(ct.c_double()))  # fmt: skip
-                force.append(number("Get", "Float64", (_FORCE,))[0])
-        finally:
-            self.library.fmi3FreeInstance(instance)
-        return np.array(force)
+            def number(verb: str, references: Sequence[int], *values: float) -> Any:
+                n, places = len(references), (ct.c_uint32 * len(references))(*references)
+                is_whole = any(isinstance(value, int) for value in values)
+                cell: Any = ct.c_int32 if is_whole else ct.c_double
+                held = (cell * n)(*values)
+                kind = "Int32" if is_whole else "Float64"
+                call(f"{verb}{kind}", places, ct.c_size_t(n), held, ct.c_size_t(n))
+                return held[0]
+
+            try:
+                # Inputs are those of a step's end: between samples they go as in the fit.
+                number("Set", (_SETTING, _EXTRAPOLATION, _WITH_RIG), setting, 0, 1)
+                number("Set", (_BAND,), band)
+                call("EnterInitializationMode", no, zero, zero, no, zero)
+                number("Set", _INPUTS, x[0], v[0])
+                call("ExitInitializationMode")
+                forces = [number("Get", (_FORCE,))]
+                done = [ct.byref(ct.c_bool()) for _ in range(3)]
+                for k in range(1, len(x)):
+                    number("Set", _INPUTS, x[k], v[k])
+                    begin, step = time[k - 1] - time[0], time[k] - time[k - 1]
+                    call("DoStep", ct.c_double(begin), ct.c_double(step), no, *done,
+                         ct.byref(ct.c_double()))  # fmt: skip
+                    forces.append(number("Get", (_FORCE,)))
+            finally:
+                self.library.fmi3FreeInstance(instance)
+            return np.array(forces)
+
+        return force

@@ -3,7 +3,7 @@
 The library in an FMU holds no damper: it is built once, with the wheel for the host and on request
 for others (`fmu_build`), and reads ``resources/damper.txt``. So exporting is writing a zip.
 `c/reading.c` reads that text, `c/exported.h` numbers the variables; both are held together by
-tests.
+tests. A variable is an entry of ``fmu_variables.toml``, as the templates write it.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ import math
 import re
 import tomllib
 import zipfile
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import cache, lru_cache
 from importlib import metadata, resources
@@ -23,20 +22,21 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from damperfit import __version__
 from damperfit.damper.model import PRESSURES
-from damperfit.damper.network import BODY_NUMBERS
 from damperfit.damper.purdy.parameters import Damper
 from damperfit.damper.valve_dampers import ValveDamper
 from damperfit.errors import ConfigurationError
-from damperfit.exporting.header import determined_line, rendered, taken_out
+from damperfit.exporting.tables import determined_line, taken_out
+from damperfit.exporting.targets import rendered
 from damperfit.reporting.report import tested_range
 from damperfit.reporting.sheet import printable
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from damperfit.damper.model import Values
     from damperfit.exporting.tables import ExportedRun, ForceTable
-    from damperfit.exporting.targets import ExportOptions
+
+    Variable = dict[str, Any]
 
 _HERE = Path(__file__).parent
 _CORE = _HERE.parent / "damper" / "core"
@@ -59,84 +59,25 @@ _OF_VALVES = (
 _LONGEST = 400  # letters of a string that every C compiler takes
 _COMMENT = re.compile(rb"[ \t]*/\*.*?\*/", re.DOTALL)
 _DOCUMENTED = (0.005, 0.025, 0.05, 0.13, 0.25)  # m/s: forces on the page
-
-
 _FIXED = tomllib.loads(
     resources.files("damperfit.exporting").joinpath("fmu_variables.toml").read_text("utf-8")
 )
-_STATES: Mapping[str, Mapping[str, Any]] = _FIXED["states"]
+_STATES: Mapping[str, Mapping[str, Any]] = _FIXED["states"]  # all that any damper may have
 NUMBERS = 100  # value reference of the first number of the damper
-STATES = tuple(_STATES)  # all that any damper may have
 FRICTION_BAND: float = _FIXED["choices"][0]["start"]
+_FOLLOWS = "follows the setting unless it is changed from its start value"
 
 
-@dataclass(frozen=True, slots=True)
-class Variable:
-    """One variable: its number in ``exported.h``, words of the standard, range and size.
+class ExportedDamper(NamedTuple):
+    """A damper as its FMU holds it."""
 
-    Without a unit it is a whole number; without a start it is calculated. `derivative_of` is the
-    reference of the state whose rate it is.
-    """
-
-    reference: int
-    name: str
-    description: str
-    causality: str
-    variability: str = "continuous"
-    unit: str = ""
-    start: float | None = None
-    low: float | None = None
-    high: float | None = None
-    nominal: float | None = None
-    derivative_of: int | None = None
-
-    @property
-    def initial(self) -> str:
-        """Word of the standard; inputs have none."""
-        if self.causality == "input":
-            return ""
-        return "calculated" if self.start is None else "exact"
-
-    @property
-    def numbers(self) -> dict[str, str]:
-        """Attributes that say unit, range and size."""
-        known = {"min": self.low, "max": self.high, "nominal": self.nominal, "start": self.start}
-        return ({"unit": self.unit} if self.unit else {}) | {
-            key: repr(float(value)) if self.unit else str(int(value))
-            for key, value in known.items()
-            if value is not None
-        }
-
-
-@dataclass(frozen=True, slots=True)
-class ExportedDamper:
-    """A damper as its FMU holds it.
-
-    Attributes
-    ----------
-    token : str
-        Hash of everything in the text.
-    text : str
-        Of ``resources/damper.txt``.
-    numbers : tuple of Variable
-        Those of the damper that an importer may change, in the order of the text's columns.
-    settings : dict of int to str
-        By the number that an importer sets: what people call the setting.
-    start : int
-        The setting that is set at the beginning.
-    states : tuple of str
-        Of `STATES` those that it has, in their order.
-    is_of_valves : bool
-        Its passages are any; otherwise it is the paper's.
-    """
-
-    token: str
-    text: str
-    numbers: tuple[Variable, ...]
-    settings: dict[int, str]
-    start: int
-    states: tuple[str, ...]
-    is_of_valves: bool = False
+    token: str  # hash of everything in the text
+    text: str  # of resources/damper.txt
+    numbers: Sequence[Variable]  # that an importer may change, in the order of the text's columns
+    settings: dict[int, str]  # what people call a setting, by the number that an importer sets
+    start: int  # the setting that is set at the beginning
+    states: tuple[str, ...]  # of `_STATES` those that it has
+    is_of_valves: bool  # its passages are any; otherwise it is the paper's
 
 
 def exported_damper(run: ExportedRun) -> ExportedDamper:
@@ -149,7 +90,7 @@ def exported_damper(run: ExportedRun) -> ExportedDamper:
     ConfigurationError
         The model is none that an FMU can hold.
     """
-    damper = run.damper
+    damper, tested, solver = run.damper, run.run.tested, run.run.solver
     if not isinstance(damper, Damper | ValveDamper):
         raise ConfigurationError(
             f"a damper of the model {damper.name} cannot be an FMU, only one of the paper's or of "
@@ -160,58 +101,57 @@ def exported_damper(run: ExportedRun) -> ExportedDamper:
     places = whole if len(whole) == len(cells) else range(1, len(cells) + 1)
     named = dict(zip(places, (str(one.setting) for one in run.settings), strict=True))
     start = sorted(named)[len(named) // 2]
-    is_of_valves = isinstance(damper, ValveDamper)
-    columns = (
-        damper.network.numbers
-        if isinstance(damper, ValveDamper)
-        else (*damper.names, "gas_pressure", "gas_exponent")
-    )
+    air = damper.rod_area * damper.ambient_pressure
+    left_out = set()  # of the states
+    columns: Sequence[str]
+    if isinstance(damper, ValveDamper):
+        network = damper.network
+        columns = network.numbers
+        place = {"": -1} | {name: k for k, name in enumerate(columns)}
+        body = [*(getattr(damper, name) for name in _OF_VALVES), air, solver.rounding]
+        counts = (int(network.has_floating_piston), len(network.passages), len(columns))
+        passages = (
+            (one.start, one.end, *(place[name] for name in one.numbers), int(one.is_two_way))
+            for one in network.passages
+        )
+        head = [f"network {_joined(body)} {' '.join(map(str, counts))}"]
+        head += [" ".join(map(str, row)) for row in passages]
+        tolerance = max(solver.tolerance, _TOLERANCE_OF_VALVES)
+        if network.has_floating_piston:  # chamber 2 is at the gas pressure
+            left_out.add("oil_2")
+    else:
+        columns = (*damper.names, "gas_pressure", "gas_exponent")
+        head = [f"purdy {_joined([*(getattr(damper, name) for name in _OF_PAPER), air])}"]
+        tolerance = solver.tolerance
     rows = {
-        place: tuple(_value(damper, one.values, name) for name in columns)
-        for place, one in zip(named, run.settings, strict=True)
+        number: [_value(damper, one.values, name) for name in columns]
+        for number, one in zip(named, run.settings, strict=True)
     }
-    rig = [
-        [getattr(one.values, name) if name in one.values.names else 0.0 for name in _RIG]
-        for one in run.settings
-    ]
-    tolerance = max(run.run.solver.tolerance, _TOLERANCE_OF_VALVES if is_of_valves else 0.0)
-    tested = run.run.tested
     lines = [
-        *_head(run, damper, columns),
+        *head,
         f"solver {tolerance!r} {_MAX_STEPS}",
         f"tested {tested.stroke or 0.0!r} {tested.speed or 0.0!r}",
         f"friction_band {FRICTION_BAND!r}",
         f"start {start}",
         f"settings {len(rows)}",
-        *(
-            f"{k} {_joined([*row, *more])}"
-            for (k, row), more in zip(rows.items(), rig, strict=True)
-        ),
     ]
-    body = "\n".join(lines)
-    token = "{" + hashlib.sha256(body.encode()).hexdigest()[:32] + "}"
+    for (number, row), one in zip(rows.items(), run.settings, strict=True):
+        rig = (getattr(one.values, name) if name in one.values.names else 0.0 for name in _RIG)
+        lines.append(f"{number} {_joined([*row, *rig])}")
+    text = "\n".join(lines)
+    token = "{" + hashlib.sha256(text.encode()).hexdigest()[:32] + "}"
+    grips = [row[columns.index("presliding")] for row in rows.values() if "presliding" in columns]
+    if not any(grip > 0.0 for grip in grips):  # friction has no state
+        left_out.add("grip")
     return ExportedDamper(
         token,
-        f"damperfit-damper 2\ntoken {token}\n{body}\n",
-        tuple(_numbers(damper, columns, rows[start])),
+        f"damperfit-damper 2\ntoken {token}\n{text}\n",
+        _numbers(damper, columns, rows[start]),
         named,
         start,
-        _states(damper, columns, rows),
-        is_of_valves,
+        tuple(one for one in _STATES if one not in left_out),
+        isinstance(damper, ValveDamper),
     )
-
-
-def _states(
-    damper: Damper | ValveDamper, columns: Sequence[str], rows: dict[int, tuple[float, ...]]
-) -> tuple[str, ...]:
-    """With a floating piston chamber 2 is at the gas pressure; friction may be a state."""
-    left_out = set()
-    if isinstance(damper, ValveDamper) and damper.network.has_floating_piston:
-        left_out.add("oil_2")
-    place = columns.index("presliding") if "presliding" in columns else None
-    if place is None or not any(row[place] > 0.0 for row in rows.values()):
-        left_out.add("grip")
-    return tuple(one for one in STATES if one not in left_out)
 
 
 def _value(damper: Damper | ValveDamper, values: Values, name: str) -> float:
@@ -222,25 +162,7 @@ def _value(damper: Damper | ValveDamper, values: Values, name: str) -> float:
     return float(getattr(damper, name)) if name.startswith("gas_") else 0.0
 
 
-def _head(run: ExportedRun, damper: Damper | ValveDamper, columns: Sequence[str]) -> list[str]:
-    air = damper.rod_area * damper.ambient_pressure
-    if isinstance(damper, Damper):
-        return [f"purdy {_joined([*(getattr(damper, name) for name in _OF_PAPER), air])}"]
-    network = damper.network
-    place = {"": -1} | {name: k for k, name in enumerate(columns)}
-    body = [*(getattr(damper, name) for name in _OF_VALVES), air, run.run.solver.rounding]
-    counts = (int(network.has_floating_piston), len(network.passages), len(columns))
-    rows = (
-        (one.start, one.end, *(place[name] for name in one.numbers), int(one.is_two_way))
-        for one in network.passages
-    )
-    return [
-        f"network {_joined(body)} {' '.join(map(str, counts))}",
-        *(" ".join(map(str, row)) for row in rows),
-    ]
-
-
-def _joined(numbers: Sequence[float]) -> str:
+def _joined(numbers: Iterable[float]) -> str:
     return " ".join(repr(float(one)) for one in numbers)
 
 
@@ -248,68 +170,58 @@ def _numbers(
     damper: Damper | ValveDamper, columns: Sequence[str], row: Sequence[float]
 ) -> list[Variable]:
     """The numbers that mean something for this damper; their start is of the first setting."""
-    known = {
+    known: dict[str, tuple[str, str, float | None]] = {
         "gas_pressure": ("Pa", "pressure at rest, absolute", 0.0),
         "gas_exponent": ("1", "polytropic exponent of the gas", 0.0),
         "gas_volume": ("m3", "volume of the gas at x = 0", 0.0),
-    } | {
-        one.name: (one.unit, one.meaning, 0.0 if one.is_logarithmic else None)
-        for one in damper.quantities
     }
-    follows = "follows the setting unless it is changed from its start value"
+    for one in damper.quantities:
+        known[one.name] = (one.unit, one.meaning, 0.0 if one.is_logarithmic else None)
     numbers = []
     for place, name in enumerate(columns):
         if name in known and name not in _RIG_NUMBERS:
             unit, meaning, low = known[name]
-            told = f"{meaning}; {follows}", "parameter", "tunable", unit
-            numbers.append(Variable(NUMBERS + place, name, *told, row[place], low))
-        elif name not in BODY_NUMBERS and name not in _RIG_NUMBERS:
-            raise AssertionError(name)  # a passage's number is always a quantity
+            kind = {"causality": "parameter", "variability": "tunable", "low": low, "unit": unit}
+            words = {"name": name, "description": f"{meaning}; {_FOLLOWS}"}
+            numbers.append({"reference": NUMBERS + place, "start": row[place], **words, **kind})
     return numbers
 
 
-def write_fmu(
-    run: ExportedRun, tables: Sequence[ForceTable], options: ExportOptions, *, version: int
-) -> Mapping[str, bytes]:
+def write_fmu(run: ExportedRun, tables: Sequence[ForceTable], *, version: int) -> bytes:
     """Return an FMU of FMI 2.0 or 3.0."""
     damper = exported_damper(run)
     sources = {name: _bare(code) for name, code in source_files().items()}
     sources["data.c"] = _data(damper.text)
-    files = sorted(name for name in sources if name.endswith(".c"))
-    date = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
-    if version == 2:
-        libraries = {f"{one.fmi2}/{one.library}": code for one, code in built().items() if one.fmi2}
-    else:
-        libraries = {f"{one.name}/{one.library}": code for one, code in built().items()}
     members = {
-        **_descriptions(run, damper, version=version, files=files, date=date),
+        **_descriptions(run, damper, version, sorted(one for one in sources if one[-2:] == ".c")),
         "resources/damper.txt": damper.text.encode(),
         "documentation/index.html": _documentation(run, damper, tables),
         "documentation/licenses/LICENSE.txt": _licence(),
         **{f"sources/{name}": content for name, content in sources.items()},
-        **{f"binaries/{name}": content for name, content in libraries.items()},
     }
+    for one, code in built().items():
+        if folder := one.fmi2 if version == 2 else one.name:
+            members[f"binaries/{folder}/{one.library}"] = code
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
         archive.comment = b"damperfit"
         for name, content in members.items():
             archive.writestr(name, content)
-    return {f"{options.stem}.fmu": buffer.getvalue()}
+    return buffer.getvalue()
 
 
 def _documentation(run: ExportedRun, damper: ExportedDamper, tables: Sequence[ForceTable]) -> bytes:
     """The page of an FMU: whose damper, tested how, and how to use it."""
+    speeds = [sign * v for v in _DOCUMENTED for sign in (1.0, -1.0)]
     rows = [
         {
             "place": place,
             "name": name,
-            "mse": "" if math.isnan(one.mse_percent) else f"{one.mse_percent:.3g}",
+            "mse": "" if math.isnan(table.mse_percent) else f"{table.mse_percent:.3g}",
             "determined": f"{table.determined:.3g}",
-            "forces": [table.said_at(sign * v) for v in _DOCUMENTED for sign in (1.0, -1.0)],
+            "forces": map(table.said_at, speeds),
         }
-        for (place, name), one, table in zip(
-            damper.settings.items(), run.settings, tables, strict=True
-        )
+        for (place, name), table in zip(damper.settings.items(), tables, strict=True)
     ]
     return rendered(
         "index.html",
@@ -318,7 +230,7 @@ def _documentation(run: ExportedRun, damper: ExportedDamper, tables: Sequence[Fo
         version=__version__,
         damper=damper,
         rows=rows,
-        speeds=[f"{sign * v:+g}" for v in _DOCUMENTED for sign in (1.0, -1.0)],
+        speeds=[f"{speed:+g}" for speed in speeds],
         tested=tested_range(run.run.tested),
         taken_out=taken_out(run),
         determined=determined_line(tables),
@@ -337,122 +249,147 @@ class _Unknown(NamedTuple):
     parameters: tuple[int, ...] = ()
 
 
-def variables(damper: ExportedDamper) -> tuple[Variable, ...]:
-    """Return all variables but time, in the order of the files."""
+def _variables(damper: ExportedDamper) -> list[Variable]:
+    """Return all variables but time, in the order of the files, with words of the standard."""
     places = sorted(damper.settings)
     named = ", ".join(
         str(place) if str(place) == name else f"{place}: {name}"
         for place, name in damper.settings.items()
     )
-    signals = [Variable(**one) for one in _FIXED["signals"]]
-    pressures = (
-        Variable(r, p.name, f"absolute pressure {p.where}", "output", unit=p.unit, nominal=1e5)
-        for r, p in enumerate(PRESSURES, start=4)
-    )
-    setting = Variable(
-        8, "setting", f"of the adjuster, may change in mid-run; one of {named}", "parameter",
-        "tunable", start=damper.start, low=places[0], high=places[-1],
-    )  # fmt: skip
-    choices = (
-        Variable(**one)
-        for one in _FIXED["choices"]
+    setting = {
+        "reference": 8,
+        "name": "setting",
+        "description": f"of the adjuster, may change in mid-run; one of {named}",
+        "causality": "parameter",
+        "variability": "tunable",
+        "start": damper.start,
+        "low": places[0],
+        "high": places[-1],
+    }
+    pressures = [
+        {
+            "reference": r,
+            "name": one.name,
+            "causality": "output",
+            "nominal": 1e5,
+            "description": f"absolute pressure {one.where}",
+            "unit": one.unit,
+        }
+        for r, one in enumerate(PRESSURES, start=4)
+    ]
+    choices = [
+        one for one in _FIXED["choices"]
         if damper.is_of_valves or one["name"] != "carry_derivatives"
+    ]  # fmt: skip
+    states = [{"name": name, "causality": "local", **_STATES[name]} for name in damper.states]
+    rates = [
+        {"causality": "local", "derivative_of": one["reference"], **one["rate"]} for one in states
+    ]
+    signals = _FIXED["signals"]
+    listed = (
+        *(*signals[:3], *pressures, signals[3], setting),
+        *(*damper.numbers, *choices, *states, *rates),
     )
-    states, rates = [], []
-    for name in damper.states:
-        known = {key: value for key, value in _STATES[name].items() if key != "rate"}
-        states.append(Variable(name=name, causality="local", **known))
-        rate = _STATES[name]["rate"]
-        rates.append(Variable(causality="local", derivative_of=known["reference"], **rate))
-    return (
-        *signals[:3],
-        *pressures,
-        signals[3],
-        setting,
-        *damper.numbers,
-        *choices,
-        *states,
-        *rates,
-    )
+    return [_worded(one) for one in listed]
 
 
-def _unknowns(damper: ExportedDamper) -> dict[str, tuple[_Unknown, ...]]:
+def _worded(one: Variable) -> Variable:
+    """Return a variable with the standard's words, and attributes for unit, range and size.
+
+    Without a unit it is a whole number; without a start it is calculated; inputs have no word.
+    """
+    unit = one.get("unit", "")
+    known = {"min": one.get("low"), "max": one.get("high")}
+    known |= {"nominal": one.get("nominal"), "start": one.get("start")}
+    numbers = {
+        key: repr(float(value)) if unit else str(int(value))
+        for key, value in known.items()
+        if value is not None
+    }
+    initial = "calculated" if known["start"] is None else "exact"
+    return {
+        "variability": "continuous",
+        "derivative_of": None,
+        **one,
+        "unit": unit,
+        "initial": "" if one["causality"] == "input" else initial,
+        "numbers": ({"unit": unit} if unit else {}) | numbers,
+    }
+
+
+def _unknowns(damper: ExportedDamper) -> dict[str, list[_Unknown]]:
     """Return outputs, derivatives, event indicators and initial unknowns with what they follow."""
-    numbers = tuple(one.reference for one in damper.numbers)
     oil = tuple(_STATES[name]["reference"] for name in damper.states if name.startswith("oil"))
     grip = tuple(_STATES[name]["reference"] for name in damper.states if name == "grip")
-    flows = tuple(3 + reference for reference in oil)
-    grip_rate = tuple(1 + reference for reference in grip)
-    point = (1, *oil)
-    at_first = (1,), (8, *numbers)
+    words: dict[str, Sequence[int]] = {
+        "x": (1,),
+        "v": (2,),
+        "setting": (8,),
+        "band": (9,),
+        "outside": (13,),
+        "oil": oil,
+        "oil_first": oil[:1],
+        "oil_last": oil[-1:],
+        "grip": grip,
+        "flow": [3 + one for one in oil],
+        "grip_rate": [1 + one for one in grip],
+        "numbers": [one["reference"] for one in damper.numbers],
+    }
+
+    def references(names: str) -> tuple[int, ...]:
+        return tuple(
+            one
+            for name in names.split()
+            for one in (words[name] if name in words else (int(name),))
+        )
+
     return {
-        "outputs": (
-            _Unknown(3, (1, 2, *oil, *grip), (*numbers, 9)),
-            *(_Unknown(r, point, numbers) for r in (4, 5, 6)),
-            _Unknown(7, (13,)),
-        ),
-        "rates": (
-            *(_Unknown(r, (1, 2, *oil), numbers) for r in flows),
-            _Unknown(16, (1, 2)),
-            *(_Unknown(r, (2, *grip), numbers) for r in grip_rate),
-        ),
-        "indicators": (
-            _Unknown(17, (2,), (9,)),
-            _Unknown(18, (1, oil[0]), numbers),
-            _Unknown(19, (1, oil[-1]), numbers),
-            _Unknown(20, (1, 2)),
-        ),
-        "initial": (
-            _Unknown(3, (1, 2), (8, *numbers, 9)),
-            *(_Unknown(r, *at_first) for r in (4, 5, 6)),
-            _Unknown(7, ()),
-            *(_Unknown(r, *at_first) for r in oil),
-            *(_Unknown(r, ()) for r in (13, *grip)),
-            *(_Unknown(r, (1, 2), (8, *numbers)) for r in flows),
-            _Unknown(16, (1, 2)),
-            *(_Unknown(r, (2,), (8, *numbers)) for r in grip_rate),
-        ),
+        kind: [
+            _Unknown(one, references(dependencies), references(parameters))
+            for names, dependencies, parameters in rows
+            for one in references(names)
+        ]
+        for kind, rows in _FIXED["follows"].items()
     }
 
 
 def _descriptions(
-    run: ExportedRun, damper: ExportedDamper, *, version: int, files: Sequence[str], date: str
+    run: ExportedRun, damper: ExportedDamper, version: int, files: Sequence[str]
 ) -> dict[str, bytes]:
     """Return ``modelDescription.xml`` and what else describes an FMU, by its name in the zip."""
     owner = (run.run.identity[key] for key in ("damper", "serial") if key in run.run.identity)
-    listed, found = variables(damper), _unknowns(damper)
-    places = {one.reference: i for i, one in enumerate(listed, 1)}
+    listed, structure = _variables(damper), _unknowns(damper)
+    places = {one["reference"]: i for i, one in enumerate(listed, 1)}
+    if version == 2:  # an unknown is a place in the list
+        structure = {
+            key: sorted(known, key=lambda one: places.get(one.reference, 0))
+            for key, known in structure.items()
+        }
     about = {
         "modelName": printable(" ".join(owner)) or "damper",
         "description": f"{run.damper.title}; {run.damper.sentence}",
         "version": __version__,
         "generationTool": f"damperfit {__version__}",
-        "generationDateAndTime": date,
+        "generationDateAndTime": datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
         "license": "the sources: MIT, documentation/licenses",
         "variableNamingConvention": "flat",
     }
-    # In FMI 2.0 an unknown is a place in the list, and no parameter counts after the beginning.
-    structure = {
-        key: sorted(found[key], key=lambda one: places.get(one.reference, 0))
-        if version == 2
-        else found[key]
-        for key in found
-    }
-    known = {
-        "about": about,
-        "damper": damper,
-        "files": files,
-        "unit_definitions": _FIXED["units"],
-        "variables": listed,
-        "places": places,
-        "structure": structure,
-    }
-    if version == 2:
-        return {"modelDescription.xml": rendered("fmi2.xml", **known).encode()}
+    templates = {"modelDescription.xml": f"fmi{version}.xml"}
+    if version == 3:
+        templates["sources/buildDescription.xml"] = "build.xml"
+        templates["terminalsAndIcons/terminalsAndIcons.xml"] = "terminals.xml"
     return {
-        "modelDescription.xml": rendered("fmi3.xml", **known).encode(),
-        "sources/buildDescription.xml": rendered("build.xml", **known).encode(),
-        "terminalsAndIcons/terminalsAndIcons.xml": rendered("terminals.xml").encode(),
+        name: rendered(
+            template,
+            about=about,
+            damper=damper,
+            files=files,
+            unit_definitions=_FIXED["units"],
+            variables=listed,
+            places=places,
+            structure=structure,
+        ).encode()
+        for name, template in templates.items()
     }
 
 
@@ -524,8 +461,9 @@ def source_files() -> dict[str, bytes]:
     """Return the C sources by name: the doors, and of the core what they need."""
     own = {path.name: path for path in sorted((_HERE / "c").glob("*.[ch]"))}
     listed = (_HERE / "c" / "core_sources.txt").read_text(encoding="ascii").split()
-    core = {name: _CORE / name for name in listed}
-    return {name: path.read_bytes() for name, path in (own | core).items()}
+    return {name: path.read_bytes() for name, path in own.items()} | {
+        name: (_CORE / name).read_bytes() for name in listed
+    }
 
 
 def sources_digest() -> str:
@@ -538,23 +476,22 @@ def sources_digest() -> str:
 
 def built() -> dict[Platform, bytes]:
     """Return the libraries that were built of these very sources."""
-    digest, found = sources_digest(), {}
+    digest, libraries = sources_digest(), {}
     for platform in PLATFORMS:
         folder = BINARIES / platform.name
         try:
             if (folder / DIGEST).read_text(encoding="ascii").strip() == digest:
-                found[platform] = (folder / platform.library).read_bytes()
+                libraries[platform] = (folder / platform.library).read_bytes()
         except OSError:
             continue
-    return found
+    return libraries
 
 
 def missing_platforms(version: int) -> tuple[str, ...]:
     """Say which platforms' libraries were not built here, and how they are; none: nothing."""
     there = built()
     missing = [one.name for one in PLATFORMS if one not in there and (version == 3 or one.fmi2)]
-    if not missing:
-        return ()
     how = "pip install 'damperfit[fmu]' && python -m damperfit.exporting.fmu_build"
     names = ", ".join(missing)
-    return (f"no library inside for {names}, only the C sources; to build them once: {how}",)
+    sentence = f"no library inside for {names}, only the C sources; to build them once: {how}"
+    return (sentence,) if missing else ()

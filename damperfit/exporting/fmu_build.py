@@ -31,8 +31,6 @@ from damperfit.exporting.fmu import (
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-__all__ = ["build", "main"]
-
 # As the core itself is compiled: the same numbers on every machine.
 _OPTIONS = (
     *("-std=c99", "-O3", "-ffp-contract=off", "-fno-math-errno"),
@@ -64,11 +62,8 @@ def build(platform: Platform) -> Path:
             command, cwd=place, capture_output=True, text=True, check=False
         )
         if done.returncode:
-            lines = done.stderr.strip().splitlines()
-            raise InstallationError(
-                f"the compiler could not build {platform.name}: "
-                f"{lines[-1] if lines else 'it says nothing'}"
-            )
+            *_, why = ["it says nothing", *done.stderr.strip().splitlines()]
+            raise InstallationError(f"the compiler could not build {platform.name}: {why}")
         try:
             folder.mkdir(parents=True, exist_ok=True)
             (folder / DIGEST).unlink(missing_ok=True)
@@ -84,18 +79,34 @@ def build(platform: Platform) -> Path:
 def _compiler(platform: Platform) -> list[str]:
     if importlib.util.find_spec("ziglang") is not None:
         return [sys.executable, "-P", "-m", "ziglang", "cc", "-target", platform.zig, *_ORDINARY]
-    here = f"{machine.machine().lower()}-{sys.platform}".replace("arm64", "aarch64")
     own = shutil.which("cc") or shutil.which("gcc")
-    if own is not None and platform.name == here:
+    if own is not None and platform.name == this_platform():
         return [own]
     raise InstallationError("no Zig compiler is installed: pip install 'damperfit[fmu]' brings it")
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def this_platform() -> str:
+    """Return the name of this machine's platform."""
+    here = f"{machine.machine().lower()}-{sys.platform}"
+    for word, name in (("arm64", "aarch64"), ("amd64", "x86_64"), ("win32", "windows")):
+        here = here.replace(word, name)
+    return here
+
+
+def main(names: Sequence[str]) -> int:
     """Build the platforms that are named, else all that are missing."""
-    names = list(sys.argv[1:] if arguments is None else arguments)
+    known = {one.name: one for one in PLATFORMS}
     try:
-        for one in _wanted(names):
+        for name in names:
+            if name not in known:
+                hint = did_you_mean(name, known)
+                there = ", ".join(known)
+                raise ConfigurationError(  # noqa: TRY301
+                    f"no platform {name!r}; there are {there}.{hint}"
+                )
+        there_already = built()
+        missing = [one for one in PLATFORMS if one not in there_already]
+        for one in [known[name] for name in names] or missing:
             sys.stderr.write(f"damperfit: {build(one)} built\n")
     except (ConfigurationError, InstallationError, OutputError) as error:
         sys.stderr.write(f"damperfit: {error}\n")
@@ -103,15 +114,5 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0
 
 
-def _wanted(names: Sequence[str]) -> list[Platform]:
-    known = {one.name: one for one in PLATFORMS}
-    for name in names:
-        if name not in known:
-            there = ", ".join(known)
-            hint = did_you_mean(name, known)
-            raise ConfigurationError(f"no platform {name!r}; there are {there}.{hint}")
-    return [known[name] for name in names] or [one for one in PLATFORMS if one not in built()]
-
-
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(main(sys.argv[1:]))

@@ -1,4 +1,4 @@
-"""What is exported of a run, and force by speed: the characteristic of the damper alone.
+"""What is exported of a run: force by speed, the characteristic of the damper alone.
 
 The valves at constant speed through the middle of the stroke. What the rig adds (mounting, play,
 moving mass, lag, tare) is out, and so is what only moves with the stroke: the elasticity of the
@@ -8,25 +8,30 @@ the table goes straight through 0 0 below its first speed.
 Points lie close where cars are tuned, and are added where the straight line between two of them
 misses the force, as at the opening of a valve. A table ends at the speed that was tested; beyond it
 goes only who asks for it. Intervals, and the speed up to which the logs determine the force, are
-those of `damperfit.adjustment.force_at`.
+those of `damperfit.adjustment.force_at`. What every file says of itself stands here too.
 """
 
 from __future__ import annotations
 
 import math
+from collections import Counter
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import groupby
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from damperfit.adjustment.force_at import STROKES, determined_speed, force_at
+from damperfit import __version__
+from damperfit.adjustment.force_at import determined_speed, force_at
 from damperfit.damper.mounting import NONE, Mounting
+from damperfit.damper.quantity import RIG
 from damperfit.damper.quasi_static import quasi_static
 from damperfit.damper.valve_dampers import ValveDamper
 from damperfit.damper.warmed import Warmed
 from damperfit.errors import ConfigurationError
 from damperfit.problem import Option
+from damperfit.reporting.report import tested_range
 from damperfit.results import Run
 from damperfit.simulation import Motion, simulate
 
@@ -50,6 +55,8 @@ _HALVED = 6  # times, between two points whose line misses
 _MISS, _LEAST_MISS = 3e-3, 0.1  # of the force, and N
 _FARTHEST = 5.0  # times the tested speed; the model says little of the damper beyond
 _GAS_POINTS = 13
+_SHOWN = {"N/m": (1e-3, "N/mm"), "m": (1e3, "mm"), "s": (1e3, "ms")}
+_OTHERS = 6  # settings whose MSE is listed one by one
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,13 +79,6 @@ class ExportedRun:
     damper: Model
     settings: tuple[SettingResult, ...]
     notes: tuple[str, ...] = ()
-
-    @property
-    def fastest(self) -> float:
-        """Speed of the run's fastest motion, m/s, for settings whose own tests are not known."""
-        return (
-            self.run.motion.peak_speed if self.run.tested.speed is None else self.run.tested.speed
-        )
 
 
 def exported_run(
@@ -120,67 +120,37 @@ def exported_run(
 
 def _at_one_temperature(one: SettingResult, damper: Warmed) -> SettingResult:
     values = damper.at_reference(one.values, damper.oil_temperature)
-    names = (*one.own, *one.shared)
-    kept = [k for k, name in enumerate(names) if name in values.names]
-    covariance = None if one.covariance is None else one.covariance[np.ix_(kept, kept)]
+    kept = [k for k, name in enumerate((*one.own, *one.shared)) if name in values.names]
     return replace(
         one,
         parameters=values,
         own=tuple(name for name in one.own if name in values.names),
         shared=tuple(name for name in one.shared if name in values.names),
-        covariance=covariance,
+        covariance=None if one.covariance is None else one.covariance[np.ix_(kept, kept)],
         open_limits=tuple(pair for pair in one.open_limits if pair[0] in values.names),
     )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ForceTable:
-    """The characteristic of a setting, without gas force and tare.
-
-    Attributes
-    ----------
-    setting : Setting
-        Which.
-    slug : str
-        For names of files; no two settings of a damper have the same.
-    mse_percent : float
-        Of the fit; NaN where it is not known.
-    speeds, forces : numpy.ndarray
-        Rising, through 0 0; m/s and N, positive in rebound.
-    low, high : numpy.ndarray
-        95 % interval of each force, N; the force itself where no error is known.
-    tested : float
-        Highest speed of the setting's own logs, m/s.
-    determined : float
-        Speed up to which the logs determine the force, m/s, tested or beyond; NaN: not known.
-    stroke : float
-        Amplitude of the tested motion, m.
-    level, tare : float
-        What presses at rest at x = 0, and the rig's offset: N, in no force of the table.
-    gas_displacements, gas_forces : numpy.ndarray
-        What presses at rest over the tested stroke, m and N; one point where the model has no gas.
-    has_gas : bool
-        The model knows its gas; otherwise the level is of gas and tare together.
-    has_interval : bool
-        The errors of its forces are known.
-    """
+    """The characteristic of a setting, without gas force and tare; m/s, N, positive in rebound."""
 
     setting: Setting
-    slug: str
-    mse_percent: float
-    speeds: FloatArray
+    slug: str  # for names of files; no two settings of a damper have the same
+    mse_percent: float  # of the fit; NaN where it is not known
+    speeds: FloatArray  # rising, through 0
     forces: FloatArray
-    low: FloatArray
+    low: FloatArray  # 95 % interval; the force itself where no error is known
     high: FloatArray
-    tested: float
-    determined: float
-    stroke: float
-    level: float
-    tare: float
-    gas_displacements: FloatArray
-    gas_forces: FloatArray
-    has_gas: bool
-    has_interval: bool
+    tested: float  # highest speed of the setting's own logs
+    determined: float  # speed up to which the logs determine the force; NaN: not known
+    stroke: float  # amplitude of the tested motion, m
+    level: float  # what presses at rest at x = 0
+    tare: float  # the rig's offset
+    gas_displacements: FloatArray  # over the tested stroke, m
+    gas_forces: FloatArray  # what presses at rest there; one point where the model has no gas
+    has_gas: bool  # the model knows its gas; otherwise the level is of gas and tare together
+    has_interval: bool  # the errors of its forces are known
 
     @property
     def end(self) -> float:
@@ -216,17 +186,6 @@ class ForceTable:
         return np.asarray(np.interp(displacement, self.gas_displacements, self.gas_forces))
 
 
-class RoadMiss(NamedTuple):
-    """Force of a table less the model's on a road on which the damper reaches `speed`, m/s.
-
-    `rms` in N; `percent` is its mean square over the variance of the model's force, as an MSE.
-    """
-
-    speed: float
-    rms: float
-    percent: float
-
-
 def force_tables(
     run: ExportedRun, *, extend: float | None = None, common: bool = False
 ) -> tuple[ForceTable, ...]:
@@ -241,11 +200,11 @@ def force_tables(
     SimulationError
         The model cannot be simulated.
     """
-    curves = [_Curve(run, one) for one in run.settings]
-    tested = [curve.tested for curve in curves]
+    known = run.run.tested.speed
+    fastest = run.run.motion.peak_speed if known is None else known
+    tested = [_rounded_down(min(one.top_speed, fastest)) for one in run.settings]
     if max(tested) < 1.02 * min(tested):  # the same test, but for noise
-        for curve in curves:
-            curve.tested = min(tested)
+        tested = [min(tested)] * len(tested)
     if extend is not None and not min(tested) < extend <= _FARTHEST * max(tested):
         raise ConfigurationError(
             f"expected a speed above the tested {min(tested):.4g} m/s and "
@@ -253,16 +212,20 @@ def force_tables(
             extend=Option("extend"),
             where=Option("extend", f"{extend:g} m/s"),
         )
-    tables = []
-    for group in [curves] if common else [[curve] for curve in curves]:
-        end = max(min(curve.tested for curve in group), extend or 0.0)
-        grid = _refined(_grid({end, *(one.tested for one in group if one.tested < end)}), group)
-        tables += [_table(run, curve, grid) for curve in group]
-    slugs: dict[str, int] = {}
-    for k, table in enumerate(tables):
-        # Labels that differ in signs alone, or in capitals, must not share a file.
-        seen = slugs[table.slug.casefold()] = slugs.get(table.slug.casefold(), 0) + 1
-        tables[k] = table if seen == 1 else replace(table, slug=f"{table.slug}_{seen}")
+    tables: list[ForceTable] = []
+    slugs: Counter[str] = Counter()
+    settings = list(zip(run.settings, tested, strict=True))
+    for group in [settings] if common else [[one] for one in settings]:
+        own = {speed for _, speed in group}
+        end = max(min(own), extend or 0.0)
+        grid = _grid({end, *(speed for speed in own if speed < end)})
+        grid, forces = _characteristics(run.damper, [one for one, _ in group], grid)
+        for (setting, speed), row in zip(group, forces, strict=True):
+            # Labels that differ in signs alone, or in capitals, must not share a file.
+            slug = setting.setting.slug
+            slugs[slug.casefold()] += 1
+            slug += f"_{n}" if (n := slugs[slug.casefold()]) > 1 else ""
+            tables.append(_table(run, setting, slug, speed, grid, row))
     return tuple(tables)
 
 
@@ -272,54 +235,6 @@ def _rounded_down(speed: float) -> float:
     return math.floor(speed * size * (1.0 + 1e-9)) / size
 
 
-class _Curve:
-    """The characteristic of one setting at any speeds, each of them asked for once."""
-
-    def __init__(self, run: ExportedRun, setting: SettingResult) -> None:
-        self.run, self.of = run, setting
-        self.tested = _rounded_down(min(setting.top_speed, run.fastest))
-        rest = quasi_static(run.damper, setting.values, np.zeros(1))
-        self.tare, self.level = rest.tare, float(rest.forces[0]) - rest.tare
-        self.known: dict[float, float] = {}
-
-    def forces(self, speeds: FloatArray) -> FloatArray:
-        """Return the forces without what presses at rest, N."""
-        new = np.array([v for v in speeds.tolist() if v not in self.known])
-        if len(new):
-            found = quasi_static(self.run.damper, self.of.values, new).forces
-            self.known |= dict(zip(new.tolist(), found - self.tare - self.level, strict=True))
-        self.known[0.0] = 0.0
-        return np.array([self.known[v] for v in speeds.tolist()])
-
-    def interval(self, speeds: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return how far the forces may lie below and above, N, with 95 % confidence."""
-        down, up = np.zeros(len(speeds)), np.zeros(len(speeds))
-        if self.of.covariance is None:
-            return down, up
-        measured = [one for one in self.run.run.speed_forces if one.setting == self.of.setting]
-        sizes = sorted({abs(v) for v in speeds.tolist()} - {0.0})
-        for one in force_at([self.of], self.run.damper, sizes, measured=measured):
-            at = speeds == (one.speed if one.stroke == STROKES[0] else -one.speed)
-            down[at], up[at] = one.force - one.low, one.high - one.force
-        return down, up
-
-
-@lru_cache(maxsize=128)
-def without_rig(damper: Model, values: Values) -> tuple[Model, Values]:
-    """Return the damper without what the rig adds to its force: tare, mounting, late channel.
-
-    Where the model knows no gas of its own the offset holds the gas force, and stays.
-    """
-    if isinstance(damper, ValveDamper):
-        bare: Model = replace(damper, mounting=Mounting(series_stiffness=NONE))
-        values = bare.values({name: getattr(values, name) for name in bare.names})
-        damper = bare
-    if damper.rest_force(0.0) is not None:
-        offsets = {one.name: 0.0 for one in values.quantities if one.is_offset}
-        values = values.replace(offsets)
-    return damper, values
-
-
 def _grid(tops: set[float]) -> FloatArray:
     """Speeds of both strokes and 0, up to the highest of some that are among them."""
     top = max(tops)
@@ -327,49 +242,77 @@ def _grid(tops: set[float]) -> FloatArray:
     side = [scale * speed for speed in _TUNED]
     while side[-1] * _FARTHER < top:
         side.append(side[-1] * _FARTHER)
-    others = [v for v in side if all(abs(v / one - 1.0) > 0.02 for one in tops if one)]
-    side = sorted({*others, *(one for one in tops if one)})
+    side = [v for v in side if all(abs(v / one - 1.0) > 0.02 for one in tops)]
+    side = sorted({*side, *tops})
     return np.array([*(-v for v in reversed(side)), 0.0, *side])
 
 
-def _refined(grid: FloatArray, curves: Sequence[_Curve]) -> FloatArray:
-    """Return the speeds and those between them where a straight line misses the force."""
+def _at_rest(damper: Model, values: Values) -> tuple[float, float]:
+    """Return what presses at rest and the rig's offset, N."""
+    rest = quasi_static(damper, values, np.zeros(1))
+    return float(rest.forces[0]) - rest.tare, rest.tare
+
+
+def _characteristics(
+    damper: Model, settings: Sequence[SettingResult], grid: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return speeds, with those between them where a straight line misses, and forces (n, m)."""
+    offsets = [sum(_at_rest(damper, one.values)) for one in settings]
+
+    def at(speeds: FloatArray) -> FloatArray:
+        rows = zip(settings, offsets, strict=True)
+        return np.array([quasi_static(damper, s.values, speeds).forces - off for s, off in rows])
+
+    forces = at(grid)
+    forces[:, grid == 0.0] = 0.0
+    is_new = (grid[1:] != 0.0) & (grid[:-1] != 0.0)  # friction jumps at rest
     for _ in range(_HALVED):
-        middle = 0.5 * (grid[1:] + grid[:-1])
-        beside = (grid[1:] != 0.0) & (grid[:-1] != 0.0)  # friction jumps at rest
-        missed = np.zeros(len(middle), dtype=bool)
-        for curve in curves:
-            known, there = curve.forces(grid), curve.forces(middle[beside])
-            line = 0.5 * (known[1:] + known[:-1])[beside]
-            missed[beside] |= np.abs(line - there) > _MISS * np.abs(there) + _LEAST_MISS
+        place = np.flatnonzero(is_new)
+        middle = 0.5 * (grid[place] + grid[place + 1])
+        line, there = 0.5 * (forces[:, place] + forces[:, place + 1]), at(middle)
+        missed = (np.abs(line - there) > _MISS * np.abs(there) + _LEAST_MISS).any(axis=0)
         if not missed.any():
             break
-        grid = np.sort(np.concatenate([grid, middle[missed]]))
-    return grid
+        place = place[missed]
+        grid = np.insert(grid, place + 1, middle[missed])
+        forces = np.insert(forces, place + 1, there[:, missed], axis=1)
+        is_new = np.isin(np.arange(len(is_new)), place)
+        is_new = np.repeat(is_new, 1 + is_new)  # both halves
+    return grid, forces
 
 
-def _table(run: ExportedRun, curve: _Curve, grid: FloatArray) -> ForceTable:
-    forces, (down, up) = curve.forces(grid), curve.interval(grid)
+def _table(
+    run: ExportedRun, of: SettingResult, slug: str, tested: float, grid: FloatArray, row: FloatArray
+) -> ForceTable:
+    low, high = row.copy(), row.copy()
+    if of.covariance is not None:
+        measured = [one for one in run.run.speed_forces if one.setting == of.setting]
+        sizes = sorted(set(np.abs(grid).tolist()) - {0.0})
+        for one in force_at([of], run.damper, sizes, measured=measured):
+            at = grid == (one.speed if one.stroke == "rebound" else -one.speed)
+            low[at] -= one.force - one.low
+            high[at] += one.high - one.force
+    level, _ = _at_rest(run.damper, of.values)
     stroke = run.run.motion.amplitude
     x = np.linspace(-stroke, stroke, _GAS_POINTS)
     gas = run.damper.rest_force(x)
     return ForceTable(
-        curve.of.setting,
-        curve.of.setting.slug,
-        curve.of.mse_percent,
-        grid,
-        forces,
-        forces - down,
-        forces + up,
-        curve.tested,
-        determined_speed(curve.of, run.damper),
-        stroke,
-        curve.level,
-        0.0 if gas is None else curve.of.offset,
-        np.zeros(1) if gas is None else x,
-        np.array([curve.level]) if gas is None else gas,
-        gas is not None,
-        curve.of.covariance is not None,
+        setting=of.setting,
+        slug=slug,
+        mse_percent=of.mse_percent,
+        speeds=grid,
+        forces=row,
+        low=low,
+        high=high,
+        tested=tested,
+        determined=determined_speed(of, run.damper),
+        stroke=stroke,
+        level=level,
+        tare=0.0 if gas is None else of.offset,
+        gas_displacements=np.zeros(1) if gas is None else x,
+        gas_forces=np.array([level]) if gas is None else gas,
+        has_gas=gas is not None,
+        has_interval=of.covariance is not None,
     )
 
 
@@ -383,6 +326,17 @@ _LOWEST, _HIGHEST, _STEP = 0.5, 25.0, 1.0 / _SECONDS  # Hz
 _GOLDEN = 0.6180339887498949  # its multiples by squares spread phases evenly, without a generator
 _ROAD_SPEEDS = (0.05, 0.1, 0.25)  # m/s
 _SLOWER = (0.2, 0.4, 1.0)  # of the table's end, where that is not reached
+
+
+class RoadMiss(NamedTuple):
+    """Force of a table less the model's on a road on which the damper reaches `speed`, m/s.
+
+    `rms` in N; `percent` is its mean square over the variance of the model's force, as an MSE.
+    """
+
+    speed: float
+    rms: float
+    percent: float
 
 
 @lru_cache(maxsize=1)
@@ -408,14 +362,20 @@ def standard_road() -> Motion:
 def road_misses(run: ExportedRun, table: ForceTable) -> tuple[RoadMiss, ...]:
     """Return how far the damper's dynamics are from a table, at three speeds of the same road."""
     values = next(one.values for one in run.settings if one.setting == table.setting)
-    damper, bare = without_rig(run.damper, values)
+    damper = run.damper
+    if isinstance(damper, ValveDamper):  # without the rig: mounting, late channel, tare
+        bare = replace(damper, mounting=Mounting(series_stiffness=NONE))
+        values = bare.values({name: getattr(values, name) for name in bare.names})
+        damper = bare
+    if damper.rest_force(0.0) is not None:  # else the offset holds the gas force, and stays
+        values = values.replace({one.name: 0.0 for one in values.quantities if one.is_offset})
     road, first = standard_road(), int(_RUN_IN * _RATE)
     top, widest = float(np.abs(road.velocity).max()), float(np.abs(road.displacement).max())
     is_reached = table.end >= _ROAD_SPEEDS[-1]
     misses = []
     for speed in _ROAD_SPEEDS if is_reached else [share * table.end for share in _SLOWER]:
         scale = min(speed / top, table.stroke / widest)
-        force = _on_road(damper, bare, scale, run.run.solver)[first:]
+        force = _on_road(damper, values, scale, run.run.solver)[first:]
         x, v = scale * road.displacement[first:], scale * road.velocity[first:]
         miss = np.interp(v, table.speeds, table.forces) + table.at_rest(x) - force
         square = float(np.mean(miss * miss))
@@ -429,3 +389,151 @@ def _on_road(damper: Model, values: Values, scale: float, solver: SolverOptions)
     road = standard_road()
     motion = Motion(road.interval, scale * road.displacement, scale * road.velocity)
     return simulate(values, damper, motion, options=solver).force
+
+
+# What every file says of itself: plain lines; each target puts its own mark of a comment before.
+
+
+def header_lines(
+    run: ExportedRun, tables: Sequence[ForceTable], *, sign: str, gas: str, has_table: bool = True
+) -> list[str]:
+    """Return whose damper it is, tested where, how good; what is in the file and what is not.
+
+    What is positive (``sign``), where the gas force is (``gas``); of force by speed, or of the
+    equations.
+    """
+    about = run.run
+    lines = [
+        f"damperfit {__version__}: {about.name}, setting "
+        + ", ".join(str(one.setting) for one in tables),
+        f"identity: {'; '.join(f'{k} {v}' for k, v in about.identity.items()) or 'not named'}",
+        f"model: {run.damper.sentence}",
+        f"tested: {tested_range(about.tested)}",
+        f"MSE of the fit: {_mse(tables)}",
+    ]
+    if has_table:
+        lines.append(
+            "table: force of the damper alone at constant speed, in the middle of the stroke"
+        )
+    lines += [f"taken out: {taken_out(run)}", determined_line(tables)]
+    if has_table:
+        lines += [_beyond(tables), road_line(run, tables)]
+    lines += [f"gas: {gas}", f"sign: {sign}", f"results: sha256 {about.digest or 'not known'}"]
+    return list(map(one_line, lines))
+
+
+def one_line(text: str) -> str:
+    """Return text that ends no comment and holds no control characters."""
+    return "".join(letter if letter.isprintable() else " " for letter in text)
+
+
+def _mse(tables: Sequence[ForceTable]) -> str:
+    known = [one for one in tables if math.isfinite(one.mse_percent)]
+    if len(known) > _OTHERS:
+        ranked = sorted(known, key=lambda one: one.mse_percent)
+        ends = (ranked[0], ranked[-1])
+        return " to ".join(f"{one.mse_percent:.3g} % (setting {one.setting})" for one in ends)
+    if len(known) == 1:
+        return f"{known[0].mse_percent:.3g} %"
+    shown = (f"{one.mse_percent:.3g} % at setting {one.setting}" for one in known)
+    return ", ".join(shown) or "not known"
+
+
+def taken_out(run: ExportedRun) -> str:
+    """Return what the fit found and the file does not hold: mounting, play, mass, lag, tare."""
+    parts = []
+    for one in run.damper.quantities:
+        values = [setting.values for setting in run.settings]
+        numbers = [getattr(known, one.name) for known in values if one.name in known.names]
+        is_tare = one.is_offset and run.damper.rest_force(0.0) is not None
+        if any(numbers) and (is_tare or one.scope == RIG):
+            factor, unit = _SHOWN.get(one.unit, (1.0, one.unit))
+            ends = dict.fromkeys(f"{factor * end:.4g}" for end in (min(numbers), max(numbers)))
+            label = "tare of the rig" if is_tare else one.label
+            parts.append(f"{label} {' to '.join(ends)} {unit}")
+    if getattr(getattr(run.damper, "mounting", None), "series_stiffness", NONE) == NONE:
+        parts.insert(0, "no mounting (rigid)")
+    return ", ".join(parts)
+
+
+def gas_line(table: ForceTable, place: str, *, is_bump_positive: bool = False) -> str:
+    """Return what presses at rest, and what to do with it (``place``: "add it to the spring").
+
+    The table may be of any setting: the gas is the damper's. Where a file counts compression as
+    positive the gas has the sign of its spring.
+    """
+    sign, way = (-1.0, "plus") if is_bump_positive else (1.0, "minus")
+    what = "gas force" if table.has_gas else "force at rest, gas and tare of the rig together,"
+    sentence = (
+        f"not in the table; {what} {sign * table.level:.4g} N at x = 0 ({way} pushes the rod out)"
+    )
+    if table.has_gas:
+        in_bump, in_rebound = sign * table.gas_forces[0], sign * table.gas_forces[-1]
+        sentence += (
+            f", {in_bump:.4g} N at -{1e3 * table.stroke:.3g} mm, "
+            f"{in_rebound:.4g} N at +{1e3 * table.stroke:.3g} mm of rebound"
+        )
+    return f"{sentence}; {place}"
+
+
+def determined_line(tables: Sequence[ForceTable]) -> str:
+    """Return up to which speed the logs determine the force of each setting."""
+
+    def speed_of(one: ForceTable) -> str:
+        return "not known" if math.isnan(one.determined) else f"{one.determined:.2g} m/s"
+
+    parts = []
+    for speed, group in groupby(tables, key=speed_of):
+        names = [str(one.setting) for one in group]
+        which = f"s {names[0]} to {names[-1]}" if len(names) > 1 else f" {names[0]}"
+        parts.append(f"{speed} at setting{which}")
+    tested = {f"{one.tested:.3g}" for one in tables}
+    return (
+        f"force determined by the logs (95 % interval within 5 %) to {', '.join(parts)}; tested to "
+        f"{' to '.join(sorted({min(tested), max(tested)}))} m/s"
+    )
+
+
+def _beyond(tables: Sequence[ForceTable]) -> str:
+    if any(one.is_extended for one in tables):
+        end, tested = max(one.end for one in tables), min(one.tested for one in tables)
+        return (
+            f"beyond {tested:.4g} m/s UNTESTED: up to {end:.4g} m/s the table is the model's, "
+            "unmeasured there"
+        )
+    return (
+        f"beyond {tables[0].end:.4g} m/s there is nothing: do not let a program hold the last "
+        "value, the damper's force goes on rising; an extended table has rows of the model"
+    )
+
+
+def road_line(run: ExportedRun, tables: Sequence[ForceTable]) -> str:
+    """Return how far the damper's dynamics are from its tables on a road, at three speeds."""
+
+    def shares(misses: Sequence[RoadMiss]) -> str:
+        return ", ".join(
+            f"{one.percent:.2g} % MSE ({one.rms:.3g} N rms) at {one.speed:.2g} m/s"
+            for one in misses
+        )
+
+    ranked = [(road_misses(run, one), one) for one in tables]
+    ranked.sort(key=lambda pair: max(one.percent for one in pair[0]))
+    (least, _), (most, table) = ranked[0], ranked[-1]
+    sentence = (
+        "on a class B road the damper's dynamics (elasticity of the oil) are off the table by "
+        + shares(most)
+    )
+    if len(tables) > 1:
+        sentence += f" at setting {table.setting}, by {shares(least)} at the best"
+    return sentence
+
+
+def interval_lines(table: ForceTable, speed: float = 1.0, sign: float = 1.0) -> list[str]:
+    """Return the 95 % interval of each force, in a file's units and signs, as lines."""
+    if not table.has_interval:
+        return ["95 % interval of the forces: not known"]
+    rows = [f"95 % interval of the forces: {'mm/s' if abs(speed) > 1.0 else 'm/s'}, low N, high N"]
+    for v, *ends in zip(table.speeds, table.low, table.high, strict=True):
+        low, high = sorted(sign * end for end in ends)
+        rows.append(f"  {speed * v + 0.0:.6g} {low:.3f} {high:.3f}")
+    return rows

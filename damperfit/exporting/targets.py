@@ -38,32 +38,31 @@ import re
 import tomllib
 import zipfile
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cache
 from importlib import resources
 from itertools import groupby
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
-from xml.sax.saxutils import escape as escape_xml
 
 import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup, escape
 
 from damperfit import __version__
 from damperfit.damper.purdy.parameters import Damper
 from damperfit.errors import ConfigurationError, did_you_mean
-from damperfit.exporting.fmu import missing_platforms, write_fmu
-from damperfit.exporting.header import (
+from damperfit.exporting.tables import (
     determined_line,
+    force_tables,
     gas_line,
     header_lines,
     interval_lines,
     one_line,
-    rendered,
     road_line,
 )
-from damperfit.exporting.tables import force_tables
 from damperfit.problem import Option
+from damperfit.reporting.sheet import printable
 from damperfit.tables.columns import describe_tables
 from damperfit.tables.files import safe_cell
-from damperfit.tested.setting import Setting
 from damperfit.units.shown_units import SI, ShownUnits
 
 if TYPE_CHECKING:
@@ -82,9 +81,6 @@ _OF_PAPER = ("r_m1", "r_m2", "r_m3", "k_e", "f_f")
 _STORED = ("parameters", "mse", "adjustment", "characteristics")
 _SIGN = "forces, displacement and velocity are positive in rebound (rod out)"
 _DATE = (1980, 1, 1, 0, 0, 0)
-_MAIN = "http://schemas.openxmlformats.org/spreadsheetml/2006/main"
-_HEAD = '<?xml version="1.0" encoding="UTF-8" standalone="yes"?>\n'
-_BOLD, _GREY = 1, 2  # places in templates/xlsx_styles.xml
 _PARTS = {
     "[Content_Types].xml": "xlsx_types.xml",
     "_rels/.rels": "xlsx_rels.xml",
@@ -122,10 +118,8 @@ class Export:
 
     Attributes
     ----------
-    target : Target
-        For which.
-    options : ExportOptions
-        As it was asked for.
+    target, options
+        For which, and as it was asked for.
     files : mapping of str to bytes
         By name.
     tables : tuple of ForceTable
@@ -220,39 +214,64 @@ class Target:
         SimulationError
             The model cannot be simulated.
         """
+        from damperfit.exporting.fmu import missing_platforms, write_fmu
+
         has_table = self.has_table_of(run.damper)
-        is_one_each = "{setting}" in self.file
         if options.extend is not None and not has_table:
             raise ConfigurationError(
                 f"{self.name} holds no table here; leave it out",
                 where=Option("extend", f"{options.extend:g}"),
             )
+        is_one_each = "{setting}" in self.file
         tables = force_tables(run, extend=options.extend, common=not is_one_each)
-        write = _WRITERS.get(self.name, self._text)
-        files: dict[str, bytes] = {}
-        for group in [(one,) for one in tables] if is_one_each else [tables]:
-            made = write(run, group, options)
-            if isinstance(made, str):
-                name = self.file.format(stem=options.stem, setting=group[0].slug)
-                lost = "xmlcharrefreplace" if made.startswith("<?xml") else "replace"
-                made = {name: made.encode(self.encoding, lost)}
-            files |= made
         fmi = {"fmu2": 2, "fmu3": 3}.get(self.name)
+        files: dict[str, bytes] = {}
+        if fmi:
+            files[f"{options.stem}.fmu"] = write_fmu(run, tables, version=fmi)
+        for group in () if fmi else [(one,) for one in tables] if is_one_each else [tables]:
+            if self.name in _WRITERS:
+                files |= _WRITERS[self.name](run, group, options)
+                continue
+            text = rendered(self.template, **_known(run, group, options)).rstrip("\n") + "\n"
+            name = self.file.format(stem=options.stem, setting=group[0].slug)
+            lost = "xmlcharrefreplace" if text.startswith("<?xml") else "replace"
+            files[name] = text.encode(self.encoding, lost)
         return Export(
-            self,
-            options,
-            files,
-            tables,
+            *(self, options, files, tables),
             road_line(run, tables) if has_table else "",
             determined_line(tables),
             (*run.notes, *(missing_platforms(fmi) if fmi else ())),
         )
 
-    def _text(self, run: ExportedRun, tables: Sequence[ForceTable], options: ExportOptions) -> str:
-        return rendered(self.template, **_known(run, tables, options)).rstrip("\n") + "\n"
-
 
 # Texts
+
+
+def rendered(template: str, **known: Any) -> str:
+    """Return a template of this package, by its file's name, filled in with what it asks for.
+
+    In XML and HTML texts cannot leave their place.
+    """
+    is_marked = template.endswith((".xml", ".html"))
+    return _environment(is_marked=is_marked).get_template(template).render(**known)
+
+
+@cache
+def _environment(*, is_marked: bool) -> Environment:
+    def shown(text: object) -> Markup:
+        return text if isinstance(text, Markup) else escape(printable(str(text)))
+
+    made = Environment(
+        loader=PackageLoader("damperfit.exporting"),
+        autoescape=is_marked,  # noqa: S701 - other texts are no markup
+        finalize=shown if is_marked else None,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    made.filters["one_line"] = one_line
+    return made
 
 
 def _known(
@@ -264,19 +283,17 @@ def _known(
     def header(
         sign: str, place: str, *, is_bump_positive: bool = False, has_table: bool = True
     ) -> list[str]:
-        gas = gas_line(first, place=place, is_bump_positive=is_bump_positive)
-        gas = gas if has_table else place
-        return list(header_lines(run, tables, sign=sign, gas=gas, has_table=has_table))
+        gas = gas_line(first, place, is_bump_positive=is_bump_positive) if has_table else place
+        return header_lines(run, tables, sign=sign, gas=gas, has_table=has_table)
 
     def grid_of(column: str) -> FloatArray:
-        grid = np.zeros((len(first.speeds) + 1, len(tables) + 1))
-        grid[0, 1:], grid[1:, 0] = numbers, first.speeds
-        grid[1:, 1:] = np.column_stack([getattr(table, column) for table in tables])
-        return grid
+        rows = [[0.0, *numbers], *zip(first.speeds, *(getattr(t, column) for t in tables))]  # noqa: B905
+        return np.array(rows)
 
     gas = list(zip(first.gas_displacements, first.gas_forces, strict=True))
     if len(gas) == 1:  # a table needs two points
         gas = [(-first.stroke, first.level), (first.stroke, first.level)]
+    ranges = groupby(first.rows(), key=lambda row: first.range_of(row[0]))
     return {
         "run": run,
         "version": __version__,
@@ -284,15 +301,10 @@ def _known(
         "table": first,
         "options": options,
         "header": header,
-        "intervals": lambda speed=1.0, sign=None, of=first: interval_lines(
-            of, speed=speed, sign=(-1.0 if speed < 0.0 else 1.0) if sign is None else sign
-        ),
+        "intervals": lambda speed=1.0, of=first: interval_lines(of, speed, np.sign(speed)),
         "comments": lambda mark, lines: "\n".join(f"{mark} {one}".rstrip() for one in lines),
         "rebound": _REBOUND,
-        "ranges": [
-            (range_, list(rows))
-            for range_, rows in groupby(first.rows(), key=lambda row: first.range_of(row[0]))
-        ],
+        "ranges": [(range_, list(rows)) for range_, rows in ranges],
         "grid_of": grid_of,
         "gas_rows": gas,
         # A name that programs take as an identifier: 10, _3.
@@ -305,16 +317,17 @@ def _known(
     }
 
 
-def _setting_numbers(tables: Sequence[ForceTable]) -> FloatArray:
+def _setting_numbers(tables: Sequence[ForceTable]) -> list[float]:
     """Return a number for each setting, rising: where it stands, else 1, 2, ..."""
     known = [table.setting.number() for table in tables]
-    numbers = np.array([np.nan if one is None else one for one in known])
-    if np.isfinite(numbers).all() and (np.diff(numbers) > 0.0).all():
-        return numbers
-    return np.arange(1.0, len(tables) + 1.0)
+    numbers = [math.nan if one is None else float(one) for one in known]
+    is_rising = np.isfinite(numbers).all() and (np.diff(numbers) > 0.0).all()
+    return numbers if is_rising else [1.0 + k for k in range(len(tables))]
 
 
-def _modelica(run: ExportedRun, tables: Sequence[ForceTable], options: ExportOptions) -> str:
+def _modelica(
+    run: ExportedRun, tables: Sequence[ForceTable], options: ExportOptions
+) -> Mapping[str, bytes]:
     """Return a Modelica model with all settings; ``setting`` counts them from 1."""
     speeds = tables[0].speeds
     slopes = [np.diff(table.forces) / np.diff(speeds) for table in tables]
@@ -322,7 +335,7 @@ def _modelica(run: ExportedRun, tables: Sequence[ForceTable], options: ExportOpt
     word = re.sub(r"\W", "_", options.stem, flags=re.ASCII).strip("_") or "damper"
     word = word if word[0].isalpha() else f"D_{word}"
     quantities = [one for one in run.damper.quantities if one.name in _OF_PAPER]
-    return rendered(
+    text = rendered(
         "modelica.mo",
         **_known(run, tables, options),
         name=word[0].upper() + word[1:],
@@ -339,15 +352,13 @@ def _modelica(run: ExportedRun, tables: Sequence[ForceTable], options: ExportOpt
         bends=[[float(one[0]), *np.diff(one).tolist()] for one in slopes],
         gas=np.polyfit(x, gas, min(3, len(x) - 1))[::-1].tolist(),
     )
+    return {f"{options.stem}.mo": (text.rstrip("\n") + "\n").encode("utf-8", "replace")}
 
 
 def _matlab(
     run: ExportedRun, tables: Sequence[ForceTable], options: ExportOptions
 ) -> Mapping[str, bytes]:
-    """Return a script (.m) and a data file (.mat, version 5) with the same variables.
-
-    The bytes of the .mat depend on the damper alone: no date stands in it.
-    """
+    """Return a script (.m) and a data file (.mat, version 5) with the same variables."""
     from scipy.io import savemat
 
     first, known = tables[0], _known(run, tables, options)
@@ -362,7 +373,7 @@ def _matlab(
         return np.column_stack([getattr(table, name) for table in tables])
 
     variables: dict[str, FloatArray] = {
-        "setting": _setting_numbers(tables)[None, :],
+        "setting": np.array([_setting_numbers(tables)]),
         "velocity": first.speeds[:, None],
         "force": columns("forces"),
         "force_low": columns("low"),
@@ -372,13 +383,12 @@ def _matlab(
         "gas_displacement": first.gas_displacements[:, None],
         "gas_force": first.gas_forces[:, None],
     }
-    lines = [one_line(line) for line in about]
-    script = rendered("matlab.m", **known, about=lines, variables=variables)
-    file = io.BytesIO()
+    script = rendered("matlab.m", **known, about=map(one_line, about), variables=variables)
     cells = np.array(labels, dtype=object)[None, :]
     document = {"setting_label": cells, **variables, "about": "\n".join(about)}
+    file = io.BytesIO()
     savemat(cast("Any", file), document, format="5")
-    content = b"MATLAB 5.0 MAT-file, damperfit".ljust(116) + file.getvalue()[116:]
+    content = b"MATLAB 5.0 MAT-file, damperfit".ljust(116) + file.getvalue()[116:]  # no date
     stem = options.stem
     return {f"{stem}.m": script.encode("utf-8", "replace"), f"{stem}.mat": content}
 
@@ -387,121 +397,84 @@ def _matlab(
 
 
 class _Table(NamedTuple):
-    """A table as columns of numbers, text, or None where nothing is known."""
+    """A table of numbers, text, or None where nothing is known."""
 
     name: str
-    headings: list[str]
-    units: list[str]
-    columns: list[list[Any]]
+    headings: Sequence[str]
+    units: Sequence[str]
+    rows: Sequence[Sequence[Any]]
 
 
-def _xlsx(
-    run: ExportedRun, tables: Sequence[ForceTable], options: ExportOptions
-) -> Mapping[str, bytes]:
-    """Return one workbook: what it is about, force by speed, and every table of the results."""
-    gas = gas_line(tables[0], place="add it to the force")
-    lines = header_lines(run, tables, sign=_SIGN, gas=gas)
-    about = _Table("about", ["about"], [""], [list(lines)])
-    sheets = (about, _forces(tables, options.units), *_stored(run, options.units))
-    return {f"{options.stem}.xlsx": _archive(sheets)}
-
-
-def _forces(tables: Sequence[ForceTable], shown: ShownUnits) -> _Table:
-    """Force by speed, a column for each setting, then half the 95 % interval of each."""
-    known = [table for table in tables if table.has_interval]
-    halves = [0.5 * (table.high - table.low) for table in known]
-    columns = [
-        shown.show(tables[0].speeds, "m/s"),
-        *(shown.show(one, "N") for one in (*(table.forces for table in tables), *halves)),
-    ]
-    headings = [
-        shown.column("speed_m_per_s", "m/s"),
-        *(f"setting {table.setting}" for table in tables),
-        *(f"± 95 % of setting {table.setting}" for table in known),
-    ]
-    units = [shown.of("m/s"), *(shown.of("N") for _ in columns[1:])]
-    return _Table("forces", headings, units, [column.tolist() for column in columns])
+def _about(run: ExportedRun, tables: Sequence[ForceTable]) -> list[str]:
+    return header_lines(run, tables, sign=_SIGN, gas=gas_line(tables[0], "add it to the force"))
 
 
 def _stored(run: ExportedRun, units: ShownUnits) -> Iterator[_Table]:
     """Yield the tables of the run, as far as they are there."""
-    settings = [one.setting for one in run.settings]
-    described = describe_tables(settings, run.run.quantities)
+    described = describe_tables([one.setting for one in run.settings], run.run.quantities)
     for name in _STORED:
         rows = run.run.rows(name)
-        if not rows:
-            continue
-        table = _Table(name, [], [], [])
-        for one in described[name]:
+        columns = []
+        for one in described[name] if rows else ():
             heading, unit = one["name"], one["unit"] if one["unit"] != "1" else ""
             cells = [_stored_cell(row, heading) for row in rows]
             if units.of(unit) != unit:
                 cells = [None if cell is None else units.show(float(cell), unit) for cell in cells]
             if heading in rows[0] or any(cell is not None for cell in cells):
-                table.headings.append(units.column(heading, unit))
-                table.units.append(units.of(unit))
-                table.columns.append(cells)
-        yield table
+                columns.append((units.column(heading, unit), units.of(unit), cells))
+        if rows:
+            headings, shown, cells_of = zip(*columns, strict=True)
+            yield _Table(name, headings, shown, list(zip(*cells_of, strict=True)))
 
 
 def _stored_cell(row: Mapping[str, Any], name: str) -> Any:
-    setting: Setting = row["setting"]
-    if name == "setting":
-        return setting.cell
-    return row.get(name, dict(setting.places).get(name))
+    setting = row["setting"]
+    cell = setting.cell if name == "setting" else row.get(name, dict(setting.places).get(name))
+    return None if isinstance(cell, float) and not math.isfinite(cell) else cell
 
 
-def _archive(sheets: Sequence[_Table]) -> bytes:
+def _workbook(
+    run: ExportedRun, tables: Sequence[ForceTable], options: ExportOptions
+) -> Mapping[str, bytes]:
+    """Return one workbook: what it is about, force by speed, and every table of the results.
+
+    Of the forces a column for each setting, then half the 95 % interval of each.
+    """
+    shown = options.units
+    known = [table for table in tables if table.has_interval]
+    halves = (0.5 * (table.high - table.low) for table in known)
+    forces = [shown.show(one, "N") for one in (*(table.forces for table in tables), *halves)]
+    headings = [
+        shown.column("speed_m_per_s", "m/s"),
+        *(f"setting {table.setting}" for table in tables),
+        *(f"± 95 % of setting {table.setting}" for table in known),
+    ]
+    units = [shown.of("m/s"), *(shown.of("N") for _ in forces)]
+    rows = np.column_stack([shown.show(tables[0].speeds, "m/s"), *forces]).tolist()
+    sheets = (
+        _Table("about", ["about"], [""], [[line] for line in _about(run, tables)]),
+        _Table("forces", headings, units, rows),
+        *_stored(run, shown),
+    )
     parts = {name: rendered(template, sheets=sheets) for name, template in _PARTS.items()}
-    parts |= {f"xl/worksheets/sheet{k}.xml": _sheet(one) for k, one in enumerate(sheets, 1)}
+    for k, sheet in enumerate(sheets, 1):
+        heads = [sheet.headings, *([sheet.units] if any(sheet.units) else [])]
+        parts[f"xl/worksheets/sheet{k}.xml"] = rendered(
+            "xlsx_sheet.xml", headings=sheet.headings, heads=heads, rows=sheet.rows, column=_column
+        )
     file = io.BytesIO()
     with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.comment = b"damperfit"
         for name, text in parts.items():
             entry = zipfile.ZipInfo(name, _DATE)
             archive.writestr(entry, text.encode("utf-8", "replace"), zipfile.ZIP_DEFLATED)
-    return file.getvalue()
-
-
-def _sheet(table: _Table) -> str:
-    head = [(table.headings, _BOLD)] + ([(table.units, _GREY)] if any(table.units) else [])
-    styled = [*head, *((cells, 0) for cells in zip(*table.columns, strict=True))]
-    rows = "".join(
-        f'<row r="{k}">{"".join(_cell(one, f"{_column(c)}{k}", style) for c, one in cells)}</row>'
-        for k, (cells, style) in enumerate(((enumerate(c), style) for c, style in styled), 1)
-    )
-    widths = "".join(
-        f'<col min="{k}" max="{k}" width="{min(max(len(name) + 2, 9), 40)}" customWidth="1"/>'
-        for k, name in enumerate(table.headings, 1)
-    )
-    pane = (
-        f'<pane ySplit="{len(head)}" topLeftCell="A{len(head) + 1}" activePane="bottomLeft" '
-        'state="frozen"/>'
-    )
-    return (
-        f'{_HEAD}<worksheet xmlns="{_MAIN}"><sheetViews><sheetView workbookViewId="0">{pane}'
-        f"</sheetView></sheetViews><cols>{widths}</cols><sheetData>{rows}</sheetData></worksheet>"
-    )
-
-
-def _cell(cell: Any, place: str, style: int) -> str:
-    look = f' s="{style}"' if style else ""
-    if isinstance(cell, int | float) and not isinstance(cell, bool):
-        return f'<c r="{place}"{look}><v>{cell!r}</v></c>' if math.isfinite(cell) else ""
-    if cell is None or cell == "":
-        return ""
-    text = escape_xml(one_line(str(cell)))
-    return f'<c r="{place}"{look} t="inlineStr"><is><t xml:space="preserve">{text}</t></is></c>'
+    return {f"{options.stem}.xlsx": file.getvalue()}
 
 
 def _column(place: int) -> str:
     """Return the letters of a column counted from 0: A, Z, AA."""
-    letters = ""
-    place += 1
-    while place:
-        place, rest = divmod(place - 1, 26)
-        letters = chr(ord("A") + rest) + letters
-    return letters
+    more, last = divmod(place, 26)
+    return (_column(more - 1) if more else "") + chr(ord("A") + last)
 
 
 def _csv_files(
@@ -513,72 +486,56 @@ def _csv_files(
     and write them. What other targets say in a comment stands in a text file: CSV has no comments.
     """
     shown, mark, stem = options.units, options.decimal, options.stem
-    columns = ("force_N", "force_ci_low_N", "force_ci_high_N")
     rows = []
     for table in tables:
+        speeds = shown.show(table.speeds, "m/s")
         forces = [shown.show(one, "N") for one in (table.forces, table.low, table.high)]
-        speeds = zip(table.speeds, shown.show(table.speeds, "m/s"), *forces, strict=True)
-        for at, speed, force, *ends in speeds:
-            numbers = [f"{speed:.6g}", f"{force:.3f}", *(f"{end:.3f}" for end in ends)]
-            numbers = [one.replace(".", mark) for one in numbers]
-            ends_known = numbers[2:] if table.has_interval else ["", ""]
-            rows.append([str(table.setting), *numbers[:2], table.range_of(at), *ends_known])
-    force, *ends = (shown.column(name, "N") for name in columns)
-    head = ("setting", shown.column("speed_m_per_s", "m/s"), force, "range", *ends)
-    gas = gas_line(tables[0], place="add it to the force")
-    about = "\n".join(header_lines(run, tables, sign=_SIGN, gas=gas)) + "\n"
+        for v, speed, *numbers in zip(table.speeds, speeds, *forces, strict=True):
+            force, low, high = (f"{one:.3f}".replace(".", mark) for one in numbers)
+            ends = (low, high) if table.has_interval else ("", "")
+            speed_cell = f"{speed:.6g}".replace(".", mark)
+            rows.append((str(table.setting), speed_cell, force, table.range_of(v), *ends))
+    force, low, high = (
+        shown.column(name, "N") for name in ("force_N", "force_ci_low_N", "force_ci_high_N")
+    )
+    head = ("setting", shown.column("speed_m_per_s", "m/s"), force, "range", low, high)
+    about = "\n".join(_about(run, tables)) + "\n"
     files = {
         f"{stem}.csv": _csv(head, rows, mark),
         f"{stem}_about.txt": about.encode("utf-8", "backslashreplace"),
     }
     for stored in _stored(run, shown):
-        named = [_heading(*pair) for pair in zip(stored.headings, stored.units, strict=True)]
-        cells = ([_csv_cell(one, mark) for one in row] for row in zip(*stored.columns, strict=True))
-        files[f"{stem}_{stored.name}.csv"] = _csv(named, cells, mark)
+        # The unit stands with the name, where that does not end with it already.
+        named = [
+            name if not unit or name.endswith("_" + unit.replace("/", "_per_"))
+            else f"{name} [{unit}]"
+            for name, unit in zip(stored.headings, stored.units, strict=True)
+        ]  # fmt: skip
+        files[f"{stem}_{stored.name}.csv"] = _csv(named, stored.rows, mark)
     return files
 
 
-def _csv(head: Sequence[str], rows: Iterable[Sequence[str]], mark: str) -> bytes:
-    text = io.StringIO()
-    writer = csv.writer(text, delimiter=";" if mark == "," else ",", lineterminator="\n")
+def _csv(head: Sequence[str], rows: Iterable[Sequence[Any]], mark: str) -> bytes:
+    def shown(cell: Any) -> str:
+        """A text that no spreadsheet takes for a formula; numbers stay numbers."""
+        text = repr(cell).replace(".", mark) if isinstance(cell, float) else str(cell)
+        try:
+            float(text.replace(",", "."))
+        except ValueError:
+            return safe_cell(text)
+        return text
+
+    file = io.StringIO()
+    writer = csv.writer(file, delimiter=";" if mark == "," else ",", lineterminator="\n")
     writer.writerow(head)
-    writer.writerows([_safe(cell) for cell in row] for row in rows)
-    return text.getvalue().encode("utf-8", "backslashreplace")
-
-
-def _heading(name: str, unit: str) -> str:
-    """Return the name with its unit, where it does not end with it already."""
-    is_said = not unit or name.endswith("_" + unit.replace("/", "_per_"))
-    return name if is_said else f"{name} [{unit}]"
-
-
-def _csv_cell(cell: Any, mark: str) -> str:
-    if cell is None or (isinstance(cell, float) and not math.isfinite(cell)):
-        return ""
-    return repr(cell).replace(".", mark) if isinstance(cell, float) else str(cell)
-
-
-def _safe(cell: str) -> str:
-    """Return a cell that no spreadsheet takes for a formula; numbers stay numbers."""
-    try:
-        float(cell.replace(",", "."))
-    except ValueError:
-        return safe_cell(cell)
-    return cell
+    writer.writerows(["" if cell is None else shown(cell) for cell in row] for row in rows)
+    return file.getvalue().encode("utf-8", "backslashreplace")
 
 
 # What no template makes alone.
 _WRITERS: Mapping[
-    str,
-    Callable[[ExportedRun, Sequence[ForceTable], ExportOptions], str | Mapping[str, bytes]],
-] = {
-    "csv": _csv_files,
-    "xlsx": _xlsx,
-    "matlab": _matlab,
-    "modelica": _modelica,
-    "fmu2": partial(write_fmu, version=2),
-    "fmu3": partial(write_fmu, version=3),
-}
+    str, Callable[[ExportedRun, Sequence[ForceTable], ExportOptions], Mapping[str, bytes]]
+] = {"csv": _csv_files, "xlsx": _workbook, "matlab": _matlab, "modelica": _modelica}
 # By name; a new target is a template and an entry there.
 TARGETS: Mapping[str, Target] = {
     name: Target(name, **entry)

@@ -32,7 +32,7 @@ from damperfit.reporting.sheet import (
 from damperfit.units.shown_units import SI
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -73,15 +73,17 @@ _SETTING = Column(
 )
 
 
-def _pair(units: ShownUnits, unit: str, digits: int = 4) -> Iterator[Column]:
-    """Yield the columns of both values."""
-    for heading, name in (("A", "first"), ("B", "second")):
+def _pair(units: ShownUnits, unit: str, digits: int = 4) -> list[Column]:
+    """Return the columns of both values."""
 
-        def cell(line: Difference, name: str = name) -> str:
+    def column(heading: str, name: str) -> Column:
+        def cell(line: Difference) -> str:
             value = units.show(getattr(line, name).value, line.subject.unit)
             return number(value, digits=digits)
 
-        yield Column(heading, unit, cell)
+        return Column(heading, unit, cell)
+
+    return [column("A", "first"), column("B", "second")]
 
 
 def _difference(units: ShownUnits, unit: str) -> Column:
@@ -99,26 +101,25 @@ def comparison_force_sheet(comparison: RunComparison, *, is_short: bool = False)
     speed of each setting.
     """
     lines, units = comparison.of("force"), comparison.units
-    shown = _telling(lines) if is_short and len(lines) > _MANY else lines
-    has_model = not comparison.is_without_model
-    notes = [
-        "B - A, positive: B is harder; % of "
-        + ("A's damping" if has_model else "A's measured force, gas included")
-    ]
+    has_model, shown = not comparison.is_without_model, list(lines)
+    if is_short and len(lines) > _MANY:
+        fastest = max(line.subject.speed or 0.0 for line in lines)
+        top = [line for line in lines if line.subject.speed == fastest]
+        shown = [line for line in lines if line in top or line.verdict is not Sameness.SAME]
+        shown = shown if len(shown) <= _MANY else top
+    of = "A's damping" if has_model else "A's measured force, gas included"
+    notes = [f"B - A, positive: B is harder; % of {of}"]
     if has_model and any(line.is_measured for line in shown):
         notes.append("measured: A and B are the forces that were measured, not those of a model")
     if len(shown) < len(lines):
         rest = [line for line in lines if line not in shown]
-        differ = sum(line.verdict is Sameness.DIFFERENT for line in rest)
-        said = f", {differ} of them different" if differ else ""
-        notes.append(f"{len(rest)} more lines{said}: --json and --out have all")
+        n = sum(line.verdict is Sameness.DIFFERENT for line in rest)
+        differ = f", {n} of them different" if n else ""
+        notes.append(f"{len(rest)} more lines{differ}: --json and --out have all")
     force = units.of("N")
 
     def percent(line: Difference) -> str:
         return NOTHING if math.isnan(line.percent) else f"{line.percent:+.2f}"
-
-    def verdict(line: Difference) -> str:
-        return verdict_of(line, units, says_measured=has_model)
 
     columns = [
         _SETTING,
@@ -127,16 +128,13 @@ def comparison_force_sheet(comparison: RunComparison, *, is_short: bool = False)
         *_pair(units, force),
         _difference(units, f"{force} ±95 %"),
         Column("", "%", percent),
-        Column("verdict", "", verdict, is_number=False),
+        _verdict(units, says_measured=has_model),
     ]
     return laid_out(shown, columns, *notes)
 
 
-def _telling(lines: Sequence[Difference]) -> list[Difference]:
-    fastest = max(line.subject.speed or 0.0 for line in lines)
-    top = [line for line in lines if line.subject.speed == fastest]
-    shown = [line for line in lines if line in top or line.verdict is not Sameness.SAME]
-    return shown if len(shown) <= _MANY else top
+def _verdict(units: ShownUnits, **how: bool) -> Column:
+    return Column("verdict", "", lambda line: verdict_of(line, units, **how), is_number=False)
 
 
 def _stroke(stroke: str) -> str:
@@ -153,26 +151,26 @@ def _parameter_sheet(comparison: RunComparison) -> Sheet:
     # Some units are longer than the numbers: they are told once.
     known = {line.subject.label: units.of(line.subject.unit) for line in lines if line.subject.unit}
     notes = [", ".join(f"{name} in {unit}" for name, unit in known.items())] if known else []
+
+    def change(line: Difference) -> tuple[str, str]:
+        if math.isnan(line.percent):
+            unit = line.subject.unit
+            low, high = (units.show(end, unit) for end in (line.low, line.high))
+            interval = f"{low:+.3g} to {high:+.3g}" if math.isfinite(low) else NOTHING
+            return units.write(line.difference, unit, "+.3g"), interval
+        low, high = line.percent_low, line.percent_high
+        interval = NOTHING if math.isnan(low) else f"{low:+.2f} to {high:+.2f}"
+        return f"{line.percent:+.2f}", interval
+
     columns = [
         _SETTING,
         Column("parameter", "", lambda line: line.subject.label, is_number=False),
         *_pair(units, "", 5),
-        Column("B - A", "%", lambda line: _change(line, units)[0]),
-        Column("", "%, 95 %", lambda line: _change(line, units)[1]),
-        Column("verdict", "", lambda line: verdict_of(line, units), is_number=False),
+        Column("B - A", "%", lambda line: change(line)[0]),
+        Column("", "%, 95 %", lambda line: change(line)[1]),
+        _verdict(units),
     ]
     return laid_out(lines, columns, *notes)
-
-
-def _change(line: Difference, units: ShownUnits = SI) -> tuple[str, str]:
-    if math.isnan(line.percent):
-        unit = line.subject.unit
-        low, high = (units.show(end, unit) for end in (line.low, line.high))
-        interval = f"{low:+.3g} to {high:+.3g}" if math.isfinite(low) else NOTHING
-        return units.write(line.difference, unit, "+.3g"), interval
-    if math.isnan(line.percent_low):
-        return f"{line.percent:+.2f}", NOTHING
-    return f"{line.percent:+.2f}", f"{line.percent_low:+.2f} to {line.percent_high:+.2f}"
 
 
 def _figure_sheet(comparison: RunComparison) -> Sheet:
@@ -187,7 +185,7 @@ def _figure_sheet(comparison: RunComparison) -> Sheet:
         Column("figure", "", figure, is_number=False),
         *_pair(units, ""),
         _difference(units, "±95 %"),
-        Column("verdict", "", lambda line: verdict_of(line, units), is_number=False),
+        _verdict(units),
     ]
     return laid_out(comparison.of("figure"), columns, _FIGURES_NOTE)
 
@@ -202,19 +200,19 @@ def tolerance_sheet(points: Sequence[Point], *, is_short: bool = False) -> Sheet
     shown = order[: max(failed, _MANY)] if is_short else order
     more = len(order) - len(shown)
     units = points[0].units if points else SI
-    force = units.of("N")
 
-    def newtons(name: str) -> Callable[[Point], str]:
-        return lambda one: number(units.show(getattr(one, name), "N"), digits=4)
+    def newtons(heading: str, name: str) -> Column:
+        def cell(one: Point) -> str:
+            return number(units.show(getattr(one, name), "N"), digits=4)
+
+        return Column(heading, units.of("N"), cell)
 
     columns = [
         Column("run", "", lambda one: one.run, is_number=False),
         Column("set", "", lambda one: str(one.setting)),
         Column("speed", units.of("m/s"), lambda one: _speed(_finite(one.speed), units)),
         Column("stroke", "", lambda one: _stroke(one.stroke), is_number=False),
-        Column("force", force, newtons("force")),
-        Column("from", force, newtons("low")),
-        Column("to", force, newtons("high")),
+        *(newtons("force", "force"), newtons("from", "low"), newtons("to", "high")),
         Column("result", "", lambda one: one.words, is_number=False),
     ]
     return laid_out(shown, columns, *([f"{more} more points pass"] if more else []))
@@ -225,19 +223,19 @@ def tolerance_outcome(points: Sequence[Point]) -> str:
     units = points[0].units
     met = sum(one.is_met for one in points)
     unseen = sum(math.isnan(one.margin) for one in points)
-    said = f"{met} of {len(points)} points within the tolerance"
     outside = [-one.margin for one in points if one.margin < 0.0]
-    if outside:
-        said += f", {len(outside)} outside, by up to {units.write(max(outside), 'N', '.3g')}"
-    if unseen:
-        said += f", {unseen} not evaluated"
     measured = sum(one.is_measured for one in points)
+    sentence = f"{met} of {len(points)} points within the tolerance"
+    if outside:
+        sentence += f", {len(outside)} outside, by up to {units.write(max(outside), 'N', '.3g')}"
+    if unseen:
+        sentence += f", {unseen} not evaluated"
     if measured:
-        said += f"; {measured} compared as measured, without a model"
+        sentence += f"; {measured} compared as measured, without a model"
     if met == len(points):
-        nearest = min(points, key=lambda one: one.margin)
-        return f"{said}; the nearest edge is {units.write(nearest.margin, 'N', '.3g')} away"
-    return said
+        nearest = min(one.margin for one in points)
+        sentence += f"; the nearest edge is {units.write(nearest, 'N', '.3g')} away"
+    return sentence
 
 
 def comparison_markdown(
@@ -253,12 +251,12 @@ def comparison_markdown(
     """
     sections = [Section("Without a partner", "", alone)] if alone else []
     if points:
-        told = [tolerance_outcome(points)]
-        sections.append(Section(f"Tolerance {source}", "", told, [tolerance_sheet(points)]))
+        outcome = [tolerance_outcome(points)]
+        sections.append(Section(f"Tolerance {source}", "", outcome, [tolerance_sheet(points)]))
     for one in comparisons:
         besides = (f"differs besides: {sentence}" for sentence in one.differing)
-        told = [*besides, *one.sentences, *one.to_know, *one.remarks]
-        sections.append(Section(f"{one.second.name} beside {one.first.name}", "", told))
+        sentences = [*besides, *one.sentences, *one.to_know, *one.remarks]
+        sections.append(Section(f"{one.second.name} beside {one.first.name}", "", sentences))
         sections += [
             Section(title, "below", (), [sheet]) for title, sheet in comparison_sheets(one)
         ]
@@ -311,40 +309,38 @@ _POINT_COLUMNS: tuple[_Described, ...] = (
 
 def comparison_rows(comparison: RunComparison) -> list[dict[str, Any]]:
     """Return the lines of a comparison as rows; what is not known is None."""
-    return [_row(comparison, line) for line in comparison.lines]
-
-
-def _row(comparison: RunComparison, line: Difference) -> dict[str, Any]:
-    subject = line.subject
-    values = (
-        *(comparison.first.name, comparison.second.name, subject.kind, subject.name),
-        None if subject.setting is None else str(subject.setting),
-        *(subject.speed, subject.stroke or None, subject.unit),
-        *map(_finite, (line.first.value, line.second.value)),
-        *map(_finite, (line.difference, line.low, line.high)),
-        *map(_finite, (line.percent, line.percent_low, line.percent_high, line.chance)),
-        *(line.verdict.value, line.is_sure, "measured" if line.is_measured else "model"),
-        verdict_of(line),
-    )
-    return dict(zip((name for name, *_ in _COLUMNS), values, strict=True))
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
+    rows = []
+    for line in comparison.lines:
+        subject = line.subject
+        values = (
+            *(comparison.first.name, comparison.second.name, subject.kind, subject.name),
+            None if subject.setting is None else str(subject.setting),
+            *(subject.speed, subject.stroke or None, subject.unit),
+            *map(_finite, (line.first.value, line.second.value)),
+            *map(_finite, (line.difference, line.low, line.high)),
+            *map(_finite, (line.percent, line.percent_low, line.percent_high, line.chance)),
+            *(line.verdict.value, line.is_sure, "measured" if line.is_measured else "model"),
+            verdict_of(line),
+        )
+        rows.append(dict(zip((name for name, *_ in _COLUMNS), values, strict=True)))
+    return rows
 
 
 def tolerance_rows(points: Sequence[Point]) -> list[dict[str, Any]]:
     """Return forces held against bands as rows; what is not known is None."""
-    rows = (
-        (
+    rows = []
+    for point in points:
+        values = (
             *(point.run, str(point.setting), _finite(point.speed), point.stroke or None),
             *map(_finite, (point.force, point.low, point.high, point.margin, point.reach)),
             *("measured" if point.is_measured else "model", point.is_met, point.words),
         )
-        for point in points
-    )
-    names = [name for name, *_ in _POINT_COLUMNS]
-    return [dict(zip(names, row, strict=True)) for row in rows]
+        rows.append(dict(zip((name for name, *_ in _POINT_COLUMNS), values, strict=True)))
+    return rows
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
 
 
 def comparison_table(rows: Sequence[Mapping[str, Any]]) -> pa.Table:
@@ -358,7 +354,7 @@ def tolerance_table(rows: Sequence[Mapping[str, Any]]) -> pa.Table:
 
 
 def _table(rows: Sequence[Mapping[str, Any]], columns: Sequence[_Described]) -> pa.Table:
-    fields = [pa.field(name, kind, metadata={"description": said}) for name, kind, said in columns]
+    fields = [pa.field(name, kind, metadata={"description": text}) for name, kind, text in columns]
     return pa.Table.from_pylist([dict(row) for row in rows], schema=pa.schema(fields))
 
 
@@ -408,16 +404,15 @@ def junit_report(points: Sequence[Point], *, source: str) -> bytes:
             case = SubElement(suite, "testcase", facts)
             if not point.is_met:
                 kind = "not evaluated" if math.isnan(point.margin) else "out of tolerance"
-                said = {"type": kind, "message": printable(point.words)}
+                failed = {"type": kind, "message": printable(point.words)}
                 forces = (point.force, point.low, point.high)
                 force, low, high = (point.units.show(value, "N") for value in forces)
                 unit = point.units.of("N")
-                SubElement(
-                    case, "failure", said
-                ).text = f"force {force:.5g} {unit}, expected {low:.5g} to {high:.5g} {unit}"
+                text = f"force {force:.5g} {unit}, expected {low:.5g} to {high:.5g} {unit}"
+                SubElement(case, "failure", failed).text = text
     indent(root)
-    text: bytes = tostring(root, encoding="utf-8", xml_declaration=True)
-    return text + b"\n"
+    text_bytes: bytes = tostring(root, encoding="utf-8", xml_declaration=True)
+    return text_bytes + b"\n"
 
 
 # Figures: loops of a setting with their differences below, and all settings
@@ -431,13 +426,13 @@ def loop_plots(runs: Sequence[Run], setting: Setting, *, name: str) -> tuple[Plo
     groups = common_tests(runs, setting)
     if not groups:
         return ()
+
+    def line(x: FloatArray, y: FloatArray, label: str, k: int, style: str, **more: Any) -> Line:
+        return Line(x, y, label, RUN_COLOURS[k % len(RUN_COLOURS)], setting, style, **more)
+
     if any(not len(test.displacement) for group in groups for test in group):  # without time
         points = tuple(
-            Line(
-                *(test.velocity, test.force, run.name, _colour(k)),
-                setting=setting,
-                style="points" if k == 0 else "triangles",
-            )
+            line(test.velocity, test.force, run.name, k, "triangles" if k else "points")
             for k, (run, group) in enumerate(zip(runs, groups, strict=True))
             for test in group[:1]
         )
@@ -448,27 +443,19 @@ def loop_plots(runs: Sequence[Run], setting: Setting, *, name: str) -> tuple[Plo
     loops = [np.mean([_aligned(test) for test in group], axis=0) for group in groups]
     closed = [np.column_stack([loop, loop[:, :1]]) for loop in loops]
     reference, whose = closed[0], runs[0].name
+    named = list(enumerate(zip((run.name for run in runs), closed, strict=True)))
     plots = []
     for place, word, unit, factor in ((1, "velocity", "m/s", 1.0), (0, "displacement", "mm", 1e3)):
+        # The reference last and thin: it would else be hidden where nothing differs.
         upper = tuple(
-            Line(
-                *(factor * loop[place], loop[2], run.name, _colour(k)),
-                setting=setting,
-                style="thin" if k == 0 else "wide",
-            )
-            # The reference last and thin: it would else be hidden where nothing differs.
-            for k, (run, loop) in reversed(list(enumerate(zip(runs, closed, strict=True))))
+            line(factor * loop[place], loop[2], run, k, "wide" if k else "thin")
+            for k, (run, loop) in reversed(named)
         )
         # One phase is one motion: forces are taken from each other there.
+        x = factor * reference[place]
         lower = tuple(
-            Line(
-                *(factor * reference[place], loop[2] - reference[2]),
-                *(f"{run.name} less {whose}", _colour(k)),
-                setting=setting,
-                style="thin",
-                in_legend=False,
-            )
-            for k, (run, loop) in enumerate(zip(runs[1:], closed[1:], strict=True), start=1)
+            line(x, loop[2] - reference[2], f"{run} less {whose}", k, "thin", in_legend=False)
+            for k, (run, loop) in named[1:]
         )
         panels = (
             Panel(word, unit, "force", "N", upper),
@@ -478,10 +465,6 @@ def loop_plots(runs: Sequence[Run], setting: Setting, *, name: str) -> tuple[Plo
         caption = f"Mean measured cycles. Below: less {whose}, phase by phase."
         plots.append(Plot(f"{name}_force_{word}", title, panels, caption))
     return tuple(plots)
-
-
-def _colour(k: int) -> str:
-    return RUN_COLOURS[k % len(RUN_COLOURS)]
 
 
 def _aligned(test: MeasuredTest) -> FloatArray:
@@ -505,8 +488,7 @@ def difference_plots(comparisons: Sequence[RunComparison]) -> tuple[Plot, ...]:
     All comparisons have one reference.
     """
     plots = []
-    settings = sorted({s for one in comparisons for s in one.settings})
-    places = setting_places(settings)
+    places = setting_places({s for one in comparisons for s in one.settings})
     is_bare = any(one.is_without_model for one in comparisons)
     for stroke, word in STROKE_WORDS.items():
         lines, speeds = [], []
@@ -526,11 +508,11 @@ def difference_plots(comparisons: Sequence[RunComparison]) -> tuple[Plot, ...]:
                 [(line.percent, line.percent_low, line.percent_high) for line in known]
             ).T
             errors = {"low": low, "high": high} if np.isfinite(low).all() else {}
-            label = f"{one.second.name}, {speeds[-1]}"
-            lines.append(Line(x, y, label, _colour(k), style="points", **errors))
+            label, colour = f"{one.second.name}, {speeds[-1]}", RUN_COLOURS[k % len(RUN_COLOURS)]
+            lines.append(Line(x, y, label, colour, style="points", **errors))
         if lines:
             unit = f"% of {'measured force' if is_bare else 'damping'}"
-            panel = setting_panel(settings, "difference", unit, lines, rules=((0.0, ""),))
+            panel = setting_panel(places, "difference", unit, lines, rules=((0.0, ""),))
             title = f"Difference of force in {word}, with 95 % intervals"
             at = " and ".join(dict.fromkeys(speeds))
             caption = f"At {at}. Above zero: harder than {comparisons[0].first.name}."

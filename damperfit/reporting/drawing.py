@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from damperfit.reporting.figures import Line, Panel, Plot
 
 _COLOURS = {"ink": "#000000", "muted": "#7d8796"}
+_OPEN: dict[str, Any] = {"linestyle": "none", "markerfacecolor": "none"}
 _STYLES: dict[str, dict[str, Any]] = {
     "solid": {"linewidth": 1.6},
     "wide": {"linewidth": 2.6, "alpha": 0.7},
@@ -25,10 +26,8 @@ _STYLES: dict[str, dict[str, Any]] = {
     "dashed": {"linewidth": 1.2, "linestyle": "--"},
     "dotted": {"linewidth": 1.6, "linestyle": ":"},
     "points": {"linestyle": "none", "marker": "o"},
-    "triangles": {"linestyle": "none", "marker": "^", "markerfacecolor": "none"},
-    "rings": {"linestyle": "none", "marker": "o", "markerfacecolor": "none", "markersize": 11.0},
-    "above": {"linestyle": "none", "marker": "^", "markersize": 8.0},
-    "below": {"linestyle": "none", "marker": "v", "markersize": 8.0},
+    "triangles": {**_OPEN, "marker": "^"},
+    "rings": {**_OPEN, "marker": "o", "markersize": 11.0},
     "dot_line": {"linewidth": 0.8, "marker": "o", "markersize": 4.0},
     "triangle_line": {
         "linewidth": 0.8,
@@ -59,8 +58,9 @@ _ABOVE: Any = {
     "loc": "lower left", "bbox_to_anchor": (-0.01, 0.99), "ncols": 3, "fontsize": 7,
     "frameon": False, "borderaxespad": 0.1,
 }  # fmt: skip
+_BESIDE: Any = {"loc": "upper left", "fontsize": 7, "frameon": False}
 _MANY = 60  # points: beyond it they are drawn small
-_BESIDE = 6  # entries of a legend: more stand beside the axes
+_FEW = 6  # entries of a legend: more stand beside the axes
 _KEY_ROWS = 20
 
 
@@ -102,8 +102,8 @@ def compose(plot: Plot, *, dpi: float = 160.0) -> Figure:
     from matplotlib.figure import Figure
 
     n = len(plot.panels)
-    entries = max(sum(line.in_legend for line in panel.lines) for panel in plot.panels)
-    is_wide = bool(plot.key) or entries > _BESIDE
+    entries = [sum(line.in_legend for line in panel.lines) for panel in plot.panels]
+    is_wide = bool(plot.key) or max(entries) > _FEW
     size = 6.4 if is_wide else 5.4, 3.8 if n == 1 else 4.8  # inch
     figure = Figure(figsize=size, dpi=dpi, layout="constrained")
     FigureCanvasAgg(figure)
@@ -117,10 +117,12 @@ def compose(plot: Plot, *, dpi: float = 160.0) -> Figure:
     top = rows[0, 0]
     if plot.key:
         _draw_key(top, plot)
-    else:
-        _draw_legend(top, plot.panels[0])
+    elif entries[0] > _FEW:  # where it hides nothing: above a few lines, beside many
+        top.legend(**_BESIDE, bbox_to_anchor=(1.01, 1.0), labelspacing=0.3)
+    elif entries[0] > 1:
+        top.legend(**_ABOVE)
     # Above a legend, or a key of styles, that stands on the axes.
-    is_above = bool(plot.key) or 1 < entries <= _BESIDE
+    is_above = bool(plot.key) or 1 < max(entries) <= _FEW
     top.set_title(plot.title, fontsize=10, loc="left", pad=18.0 if is_above else 6.0)
     figure.align_ylabels()
     return figure
@@ -152,48 +154,33 @@ def _draw_panel(axes: Any, panel: Panel) -> None:
         axes.set_xticks(panel.ticks, panel.tick_labels)
     if panel.x_range:
         axes.set_xlim(panel.x_range)
-    if panel.y_range:
-        axes.set_ylim(panel.y_range)
     if longest := max((len(line.tag) for line in panel.lines), default=0):
         axes.margins(x=0.04 + 0.012 * longest)  # room for what stands at the ends
     if panel.x_unit == "s" or panel.x_label == "absolute velocity":
         axes.margins(x=0.02)
 
 
-def _draw_legend(axes: Any, panel: Panel) -> None:
-    """Draw a legend where it hides nothing: above a few lines, beside many."""
-    entries = sum(line.in_legend for line in panel.lines)
-    if entries > _BESIDE:
-        beside = {"loc": "upper left", "bbox_to_anchor": (1.01, 1.0), "labelspacing": 0.3}
-        axes.legend(**beside, fontsize=7, frameon=False)
-    elif entries > 1:
-        axes.legend(**_ABOVE)
-
-
 def _draw_key(axes: Any, plot: Plot) -> None:
     """Draw what the colours are: the settings, in their order; and what the styles are."""
     from matplotlib.lines import Line2D
 
-    lines = [line for panel in plot.panels for line in panel.lines]
     colours = {
         line.setting: line.colour
-        for line in lines
+        for panel in plot.panels
+        for line in panel.lines
         if line.setting is not None and line.colour not in _COLOURS
     }
     settings = sorted(colours)
-    handles = [Line2D([], [], color=colours[s], linewidth=4.0, label=str(s)) for s in settings]
     key = axes.legend(
-        handles=handles,
+        handles=[Line2D([], [], color=colours[s], linewidth=4.0, label=str(s)) for s in settings],
         title="setting",
-        loc="upper left",
+        title_fontsize=7,
         bbox_to_anchor=(1.01, 1.02),
         ncols=1 + (len(settings) - 1) // _KEY_ROWS,
-        fontsize=7,
-        title_fontsize=7,
-        frameon=False,
         labelspacing=0.25,
         handlelength=1.4,
         columnspacing=1.0,
+        **_BESIDE,
     )
     axes.add_artist(key)
     key.set_clip_on(False)  # it stands outside of the axes
@@ -209,18 +196,17 @@ def _draw_line(axes: Any, line: Line) -> None:
     style = dict(_STYLES[line.style])
     if "marker" in style:
         style.setdefault("markersize", 5.0 if len(line.x) <= _MANY else 1.0)
-    label = line.label if line.in_legend else "_" + line.label
+    style |= {"color": colour, "label": line.label if line.in_legend else "_" + line.label}
     if line.tag:
         end = int(line.x.argmax())
         axes.annotate(
             line.tag, (line.x[end], line.y[end]), (6, 0), textcoords="offset points",
             color=colour, fontsize=7, va="center",
         )  # fmt: skip
-    if line.low is None or line.high is None:
-        axes.plot(line.x, line.y, color=colour, label=label, **style)
-    elif "marker" not in style:
-        axes.plot(line.x, line.y, color=colour, label=label, **style)
-        axes.fill_between(line.x, line.low, line.high, color=colour, alpha=0.2, linewidth=0.0)
-    else:
+    if line.low is not None and line.high is not None and "marker" in style:
         reach = [line.y - line.low, line.high - line.y]
-        axes.errorbar(line.x, line.y, yerr=reach, color=colour, capsize=2.5, label=label, **style)
+        axes.errorbar(line.x, line.y, yerr=reach, capsize=2.5, **style)
+        return
+    axes.plot(line.x, line.y, **style)
+    if line.low is not None and line.high is not None:
+        axes.fill_between(line.x, line.low, line.high, color=colour, alpha=0.2, linewidth=0.0)

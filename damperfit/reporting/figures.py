@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from damperfit.units.shown_units import ShownUnits
 
     FloatArray = NDArray[np.float64]
+    Range = tuple[float, float]
 
 _MOST_TICKS = 20
 _BUCKETS = 500  # of one cycle: 3000 samples are drawn as they are
@@ -44,9 +45,8 @@ class Line:
     setting : Setting or None
         Adjuster setting whose trace it is; None belongs to all.
     style : str
-        "solid", "wide", "thin", "dashed", "dotted", and for what stands back "pale" and "faint";
-        "points", "triangles", "rings" and, off the
-        scale, "above" and "below"; "dot_line" and "triangle_line" join their marks.
+        "solid", "wide", "thin", "dashed", and for what stands back "pale" and "faint"; "dotted";
+        "points", "triangles", "rings"; "dot_line" and "triangle_line" join their marks.
     in_legend : bool
         The legend names it.
     low, high : numpy.ndarray or None
@@ -69,40 +69,19 @@ class Line:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Panel:
-    """One pair of axes.
-
-    Attributes
-    ----------
-    x_label, x_unit, y_label, y_unit : str
-        What the axes show.
-    lines : tuple of Line
-        Traces, the last one on top.
-    rules : tuple of (float, str)
-        Horizontal lines with a word at each.
-    bands : tuple of (float, float)
-        Ranges of x that are shaded.
-    is_log : bool
-        The y axis is logarithmic.
-    ticks : tuple of float
-        Where x is numbered; left to the renderer when empty.
-    names : tuple of str
-        What stands at x = 1, 2, ... where these are no numbers.
-    x_range, y_range : (float, float) or None
-        What is shown; everything when None.
-    """
+    """One pair of axes: its lines, the last one on top."""
 
     x_label: str
     x_unit: str
     y_label: str
     y_unit: str
     lines: tuple[Line, ...]
-    rules: tuple[tuple[float, str], ...] = ()
-    bands: tuple[tuple[float, float], ...] = ()
-    is_log: bool = False
-    ticks: tuple[float, ...] = ()
-    names: tuple[str, ...] = ()
-    x_range: tuple[float, float] | None = None
-    y_range: tuple[float, float] | None = None
+    rules: tuple[tuple[float, str], ...] = ()  # horizontal lines with a word at each
+    bands: tuple[Range, ...] = ()  # ranges of x that are shaded
+    is_log: bool = False  # the y axis
+    ticks: tuple[float, ...] = ()  # where x is numbered; left to the renderer when empty
+    names: tuple[str, ...] = ()  # what stands at x = 1, 2, ... where these are no numbers
+    x_range: Range | None = None  # what is shown; everything when None
 
     @property
     def tick_labels(self) -> tuple[str, ...]:
@@ -114,22 +93,10 @@ class Panel:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plot:
-    """A figure with a name.
+    """A figure with a name, unique in a report; its panels from top to bottom share x.
 
-    Attributes
-    ----------
-    name : str
-        File name without suffix, unique in a report.
-    title : str
-        One line.
-    panels : tuple of Panel
-        From top to bottom, sharing x.
-    caption : str
-        What to see in it; may be empty.
-    key : tuple of (str, str)
-        Words and styles of a plot whose colours are the settings; the page has a key of the
-        settings at its top, a static figure gets one of its own. Then `Line.in_legend` is not
-        heeded.
+    ``key`` are words and styles of a plot whose colours are the settings; the page has a key of the
+    settings at its top, a static figure gets one of its own. Then `Line.in_legend` is not heeded.
     """
 
     name: str
@@ -150,16 +117,18 @@ def plot_in_units(plot: Plot, units: ShownUnits) -> Plot:
         chosen = units.of("m")  # figures have displacements in mm
         return (1.0, unit) if chosen == "m" else (1e-3 * units.show(1.0, "m"), chosen)
 
-    def scaled(factor: float, pairs: Any) -> Any:
-        return pairs if pairs is None else factor * pairs
-
-    def panel_in_units(panel: Panel) -> Panel:
+    def scaled(panel: Panel) -> Panel:
         (x, x_unit), (y, y_unit) = scale(panel.x_unit), scale(panel.y_unit)
         lines = tuple(
-            replace(line, x=x * line.x, y=y * line.y, low=scaled(y, line.low),
-                    high=scaled(y, line.high))
+            replace(
+                line,
+                x=x * line.x,
+                y=y * line.y,
+                low=None if line.low is None else y * line.low,
+                high=None if line.high is None else y * line.high,
+            )
             for line in panel.lines
-        )  # fmt: skip
+        )
         return replace(
             panel,
             x_unit=x_unit,
@@ -167,12 +136,12 @@ def plot_in_units(plot: Plot, units: ShownUnits) -> Plot:
             lines=lines,
             rules=tuple((y * at, word) for at, word in panel.rules),
             bands=tuple((x * begin, x * end) for begin, end in panel.bands),
-            ticks=tuple(x * tick for tick in panel.ticks),
-            x_range=panel.x_range and (x * panel.x_range[0], x * panel.x_range[1]),
-            y_range=panel.y_range and (y * panel.y_range[0], y * panel.y_range[1]),
-        )
+        )  # numbered axes are of settings
 
-    return replace(plot, panels=tuple(map(panel_in_units, plot.panels)))
+    return replace(plot, panels=tuple(map(scaled, plot.panels)))
+
+
+# Axes of settings
 
 
 def setting_places(settings: Iterable[Setting | Place]) -> dict[Setting, float]:
@@ -195,9 +164,7 @@ def setting_names(settings: Iterable[Setting | Place]) -> tuple[str, ...]:
     return () if is_numbered else tuple(one.label for one in places)
 
 
-def setting_axis(
-    settings: Iterable[Setting | Place],
-) -> tuple[tuple[float, ...], tuple[float, float] | None]:
+def setting_axis(settings: Iterable[Setting | Place]) -> tuple[tuple[float, ...], Range | None]:
     """Return where an axis of settings is numbered, and what it shows.
 
     Numbers stand at settings only, not at all where they would touch.
@@ -229,6 +196,9 @@ def setting_panel(
     ticks, x_range = setting_axis(known)
     axis: Any = {"ticks": ticks, "names": setting_names(known), "x_range": x_range}
     return Panel("setting", "", label, unit, tuple(lines), **axis, **more)
+
+
+# Signals over a cycle
 
 
 def thin(n_buckets: int, *signals: FloatArray) -> NDArray[np.intp]:
@@ -276,13 +246,12 @@ def pressure_panel(
     kept = thin(_BUCKETS, *pressures)
     looks = zip(PRESSURES, pressures, CHAMBER_COLOURS, CHAMBER_STYLES, strict=True)
     lines = tuple(
-        Line(time[kept], 1e-5 * pressure[kept], one.label, colour, setting=setting, style=style)
+        Line(time[kept], 1e-5 * pressure[kept], one.label, colour, setting, style)
         for one, pressure, colour, style in looks
     )
     is_dry = np.concatenate(([False], np.any(pressures <= 0.0, axis=0), [False]))
-    begins = np.flatnonzero(~is_dry[:-1] & is_dry[1:])
-    ends = np.flatnonzero(is_dry[:-1] & ~is_dry[1:]) - 1
-    bands = tuple((float(time[a]), float(time[b])) for a, b in zip(begins, ends, strict=True))
+    begins, ends = np.flatnonzero(np.diff(is_dry)).reshape(-1, 2).T
+    bands = tuple((float(time[a]), float(time[b - 1])) for a, b in zip(begins, ends, strict=True))
     return Panel("time", "s", "absolute pressure", "bar", lines, bands=bands)
 
 
@@ -290,24 +259,18 @@ def pressure_panel(
 # laid by equal steps of the smallest difference that readers with full sight and the three kinds of
 # dichromats see, gets darker all the way, and stands out 3 to 1 on white and on the dark page;
 # `tests/test_colours.py` computes this. "ink" and "muted" are the text colour and a grey.
-
-CHAMBER_COLOURS = ("#0072b2", "#d55e00", "#009e73")  # Okabe and Ito (2008)
-# Blue and green come close for a reader without blue cones: the gas chamber is dashed as well.
-CHAMBER_STYLES = ("solid", "solid", "dashed")
-# Okabe and Ito (2008), readable on white and on black; the reference is in ink.
-RUN_COLOURS = ("ink", "#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
-_RAMP = (
-    (104, 113, 251),
-    (119, 110, 218),
-    (132, 108, 189),
-    (145, 105, 161),
-    (157, 97, 132),
-    (169, 89, 104),
-    (180, 80, 77),
-    (188, 67, 48),
-    (199, 51, 14),
+_RAMP = np.array(
+    [
+        *((104, 113, 251), (119, 110, 218), (132, 108, 189), (145, 105, 161), (157, 97, 132)),
+        *((169, 89, 104), (180, 80, 77), (188, 67, 48), (199, 51, 14)),
+    ],
+    dtype=float,
 )
 # Okabe and Ito (2008), readable on white and on black.
+CHAMBER_COLOURS = ("#0072b2", "#d55e00", "#009e73")
+# Blue and green come close for a reader without blue cones: the gas chamber is dashed as well.
+CHAMBER_STYLES = ("solid", "solid", "dashed")
+RUN_COLOURS = ("ink", "#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 SPEED_COLOURS = ("#56b4e9", "#0072b2", "#009e73", "#e69f00", "#d55e00", "#cc79a7", "ink")
 
 
@@ -320,9 +283,8 @@ def setting_colours(settings: Iterable[Setting | Place]) -> Mapping[Setting, str
     ['#6871fb', '#c7330e']
     """
     known = sorted(set(map(Setting.of, settings)))
-    ramp = np.array(_RAMP, dtype=float)
-    places = np.linspace(0.0, len(ramp) - 1.0, len(known))
-    channels = [np.interp(places, np.arange(len(ramp)), ramp[:, i]) for i in range(3)]
+    places = np.linspace(0.0, len(_RAMP) - 1.0, len(known))
+    channels = [np.interp(places, np.arange(len(_RAMP)), row) for row in _RAMP.T]
     return {
         setting: "#" + "".join(f"{round(float(channel[k])):02x}" for channel in channels)
         for k, setting in enumerate(known)

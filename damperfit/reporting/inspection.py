@@ -5,6 +5,8 @@ The facts are those of `damperfit.run.logs.LogFacts`: JSON values, also of logs 
 
 from __future__ import annotations
 
+from collections import Counter
+from itertools import chain
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +15,7 @@ import numpy as np
 from damperfit.io import ForceCurve
 from damperfit.problem import FEW, Problem, listed_names
 from damperfit.reporting.forces import STROKE_WORDS
-from damperfit.reporting.sheet import NOTHING, Column, Sheet, laid_out, number
+from damperfit.reporting.sheet import NOTHING, Column, Sheet, first_of, laid_out, number
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -35,6 +37,7 @@ _ROWS_OF_REFUSED = 5  # where none of many logs can be used
 _EACH = 3  # sentences of one kind of finding that are listed one by one
 _HEADINGS = {"refusal": "Refused", "warning": "Warnings: usable, but read them"}
 _CURVE_SPEEDS = (0.05, 0.1, 0.13, 0.26, 0.52)  # m/s, of the speeds that damper tests name
+_LISTED = "have no row here; --json lists them all"
 
 
 # Tables
@@ -64,7 +67,7 @@ def inspection_sheet(logs: Iterable[Facts]) -> Sheet:
     usable = [log for log in everything if log.get("verdict") != "refused"]
     shown = usable[:MANY_ROWS] or everything[:_ROWS_OF_REFUSED]
     left_out = f"{len(everything) - len(shown)} of {len(everything)} logs"
-    return laid_out(shown, columns, f"{left_out} have no row here; --json lists them all")
+    return laid_out(shown, columns, f"{left_out} {_LISTED}")
 
 
 def stretch_sheet(logs: Iterable[Facts]) -> Sheet:
@@ -77,10 +80,9 @@ def stretch_sheet(logs: Iterable[Facts]) -> Sheet:
     rows = []
     for log in logs:
         segments = log.get("stretches", [])
-        if len(segments) == 1 and segments[0]["kind"] == "steady":
-            continue
-        names = [str(log["name"]), *("" for _ in segments[1:])]
-        rows += [{**one, "name": name} for name, one in zip(names, segments, strict=False)]
+        if [one["kind"] for one in segments] != ["steady"]:
+            names = [str(log["name"]), *("" for _ in segments[1:])]
+            rows += [{**one, "name": name} for name, one in zip(names, segments, strict=False)]
     columns = [
         Column.text("segments", "name"),
         Column.of("from", "s", "start_s"),
@@ -94,9 +96,8 @@ def stretch_sheet(logs: Iterable[Facts]) -> Sheet:
         Column("noise", "N", noise),
     ]
     notes = [_NOISE_NOTE] if any("*" in noise(row) for row in rows) else []
-    more = len(rows) - MANY_ROWS
-    notes += [f"{more} more segments have no row here; --json lists them all"] if more > 0 else []
-    return laid_out(rows[:MANY_ROWS], columns, *notes)
+    shown, more = first_of(rows, MANY_ROWS, f"segments {_LISTED}")
+    return laid_out(shown, columns, *notes, *more)
 
 
 def curve_sheet(logs: Iterable[Facts]) -> Sheet:
@@ -121,26 +122,27 @@ def curve_forces_sheet(curves: Sequence[ForceCurve], speeds: Sequence[float]) ->
             v, f = curve.points(stroke)
             if not len(v):
                 continue
+            fastest = float(v.max())
             rows.append(
                 (
-                    *(name, word, str(len(v)), number(float(v.max()), digits=3)),
+                    *(name, word, str(len(v)), number(fastest, digits=3)),
                     number(float(f[np.argmax(np.abs(f))]), digits=4),
                     *(number(curve.force_at(speed, stroke), digits=4) for speed in speeds),
-                    number(curve.hysteresis_at(0.5 * float(v.max()), stroke), digits=3),
+                    number(curve.hysteresis_at(0.5 * fastest, stroke), digits=3),
                 )
             )
             name = ""
     n = 5 + len(speeds) + any(row[-1] != NOTHING for row in rows)  # points have no hysteresis
-    more = len(rows) - MANY_ROWS
+    shown, more = first_of(rows, MANY_ROWS, "rows are not shown; --json lists them all")
     headings = ("curve", "stroke", "points", "to", "peak", *map("{:g}".format, speeds), "hyst.")
     return Sheet(
         headings=headings[:n],
         units=("", "", "", "m/s", "N", *("m/s, N" for _ in speeds), "N")[:n],
-        rows=tuple(row[:n] for row in rows[:MANY_ROWS]),
+        rows=tuple(row[:n] for row in shown),
         is_number=(False, False, *(True,) * (n - 2)),
         notes=(
             "forces are read between measured points, of loops the mean of both branches",
-            *([f"{more} more rows are not shown; --json lists them all"] if more > 0 else []),
+            *more,
         ),
     )
 
@@ -156,86 +158,74 @@ def finding_lines(
     A sentence that is true of several logs is shown once. Notes of several logs are shown as the
     range of their numbers, as each sentence differs; ``has_notes`` False leaves notes out.
     """
-    verdicts = [log.get("verdict", "good") for log in logs]
-    counts = (f"{verdicts.count(one)} {words}" for one, words in _VERDICTS.items()
-              if one in verdicts)  # fmt: skip
+    verdicts = Counter(log.get("verdict", "good") for log in logs)
+    counts = (f"{verdicts[one]} {words}" for one, words in _VERDICTS.items() if verdicts[one])
     yield f"{len(logs)} log{'s' * (len(logs) != 1)}: {', '.join(counts)}"
-    for severity, heading in _HEADINGS.items():
-        if by_code := _by_code(logs, severity):
-            yield from ("", heading, *_indented(_grouped(by_code), columns))
+    parts = {heading: list(_grouped(logs, severity)) for severity, heading in _HEADINGS.items()}
     if has_notes:
-        if notes := _by_code(logs, "note"):
-            said = (_note(found, len(logs)) for found in notes.values())
-            yield from ("", "Notes", *_indented(said, columns))
-        if read := list(_read_as(logs)):
-            yield from ("", "Read as", *_indented(read, columns))
+        notes: dict[str, list[Facts]] = {}
+        for one in chain.from_iterable(log.get("findings", ()) for log in logs):
+            if one["severity"] == "note":
+                notes.setdefault(one["name"], []).append(one)
+        parts["Notes"] = [_note(found, len(logs)) for found in notes.values()]
+        parts["Read as"] = _read_as(logs)
+    for heading, lines in parts.items():
+        if lines:
+            yield from ("", heading)
+        for line in lines:
+            yield from wrap(
+                " ".join(line.split()), columns, initial_indent="  ", subsequent_indent="    ",
+                break_long_words=False, break_on_hyphens=False,
+            )  # fmt: skip
 
 
-def _by_code(logs: Sequence[Facts], severity: str) -> dict[str, list[tuple[str, Facts]]]:
-    """Return, by the code of a problem, the logs that have it, with their findings."""
-    by_code: dict[str, list[tuple[str, Facts]]] = {}
+def _grouped(logs: Sequence[Facts], severity: str) -> Iterator[str]:
+    """Yield a line for each sentence; one for each code where it differs from log to log."""
+    by_code: dict[str, dict[str, list[str]]] = {}
     for log in logs:
         for one in log.get("findings", ()):
-            if one["severity"] == severity:
-                # Refusals share a few names: the problem tells their causes apart.
-                code = one["name"]
-                if severity == "refusal" and log.get("code"):
-                    subject = str(log["name"])
-                    code = Problem(log["code"], one["sentence"], subject=subject).likeness
-                by_code.setdefault(code, []).append((str(log["name"]), one))
-    return by_code
-
-
-def _grouped(by_code: Mapping[str, list[tuple[str, Facts]]]) -> Iterator[str]:
-    """Yield a line for each sentence; one for each code where it differs from log to log."""
-    for found in list(by_code.values())[:FEW]:
-        sentences: dict[str, list[str]] = {}
-        for log, one in found:
-            sentences.setdefault(f"{one['name']}: {one['sentence']}", []).append(log)
-        if len(sentences) <= _EACH:
-            for sentence, names in sentences.items():
-                n = len(set(names)) - 1
-                others = f" and {n} other log{'s' * (n > 1)}" if n else ""
-                yield f"{names[0]}{others}: {sentence}"
-            continue
-        sentence, (first, *_) = next(iter(sentences.items()))
-        others = listed_names([log for log in dict.fromkeys(log for log, _ in found)
-                               if log != first], few=FEW)  # fmt: skip
-        yield f"{first}: {sentence}. With other numbers in {others}"
+            if one["severity"] != severity:
+                continue
+            name, code = str(log["name"]), one["name"]
+            # Refusals share a few names: the problem tells their causes apart.
+            if severity == "refusal" and log.get("code"):
+                code = Problem(log["code"], one["sentence"], subject=name).likeness
+            sentence = f"{one['name']}: {one['sentence']}"
+            by_code.setdefault(code, {}).setdefault(sentence, []).append(name)
+    for sentences in list(by_code.values())[:FEW]:
+        for sentence, (first, *others) in list(sentences.items()):
+            n = len({*others} - {first})
+            if len(sentences) > _EACH:
+                names = dict.fromkeys(name for names in sentences.values() for name in names)
+                rest = listed_names([name for name in names if name != first], few=FEW)
+                yield f"{first}: {sentence}. With other numbers in {rest}"
+                break
+            more = f" and {n} other log{'s' * (n > 1)}" if n else ""
+            yield f"{first}{more}: {sentence}"
     if len(by_code) > FEW:
         yield f"and {len(by_code) - FEW} more kinds; --json lists them all"
 
 
-def _note(found: Sequence[tuple[str, Facts]], n_logs: int) -> str:
+def _note(found: Sequence[Facts], n_logs: int) -> str:
     """Return a note of several logs once, with the range of its number."""
-    (_, first), values = found[0], [one.get("value") for _, one in found]
-    said = f"{first['name']}: {first['sentence']}"
+    first, values = found[0], [one.get("value") for one in found]
+    note = f"{first['name']}: {first['sentence']}"
     if n_logs == 1:
-        return said
-    known = sorted(float(value) for value in values if value is not None)
+        return note
+    known = sorted(float(value) for value in values if value is not None) or [np.nan]
     factor, unit = _SHOWN_UNITS.get(first.get("unit") or "", (1.0, first.get("unit") or ""))
-    low, high = (number(factor * known[end], digits=3) for end in (0, -1)) if known else ("", "")
+    low, high = (number(factor * known[end], digits=3) for end in (0, -1))
     spread = f"; {low} to {high} {unit}".rstrip() if low != high else ""
-    return f"{said} ({len(found)} of {n_logs} logs{spread})"
+    return f"{note} ({len(found)} of {n_logs} logs{spread})"
 
 
-def _read_as(logs: Sequence[Facts]) -> Iterator[str]:
-    """Yield what was assumed in reading, each assumption once."""
-    notes: dict[str, int] = {}
+def _read_as(logs: Sequence[Facts]) -> list[str]:
+    """Return what was assumed in reading, each assumption once."""
+    notes: Counter[str] = Counter()
     for log in logs:
         told = {one["sentence"] for one in log.get("findings", ())}
-        for note in log.get("notes", ()):
-            if note not in told:
-                notes[note] = notes.get(note, 0) + 1
-    for note, n in list(notes.items())[:FEW]:
-        yield f"{note} ({n} of {len(logs)} logs)" if len(logs) > 1 else note
-    if len(notes) > FEW:
-        yield f"and {len(notes) - FEW} more; --json lists them all"
-
-
-def _indented(lines: Iterable[str], columns: int) -> Iterator[str]:
-    for line in lines:
-        yield from wrap(
-            " ".join(line.split()), columns, initial_indent="  ", subsequent_indent="    ",
-            break_long_words=False, break_on_hyphens=False,
-        )  # fmt: skip
+        notes.update(note for note in log.get("notes", ()) if note not in told)
+    several = len(logs) > 1
+    lines = [f"{note} ({n} of {len(logs)} logs)" if several else note for note, n in notes.items()]
+    more = len(lines) - FEW
+    return lines[:FEW] + ([f"and {more} more; --json lists them all"] if more > 0 else [])

@@ -19,6 +19,32 @@ if TYPE_CHECKING:
 # Tables and sentences, of what run.json tells
 
 
+def _figure(heading: str, key: str, pattern: str) -> Column:
+    def cell(one: Row) -> str:
+        value = number_in(one, key)
+        return "" if value is None else pattern.format(value)
+
+    return Column(heading, "", cell)
+
+
+def _percent(value: float | None) -> str:
+    if value is None or math.isnan(value):
+        return NOTHING
+    return number(value, digits=3) if value >= 1e-4 else "<0.0001"
+
+
+_FREE = Column("free", "", lambda one: str(len(listed_in(one, "free")) or ""))
+_ERRORS = (
+    Column("MSE", "%", lambda one: _percent(number_in(one, "mse_percent"))),
+    Column("held out", "%", lambda one: _percent(number_in(one, "held_out_mse_percent"))),
+)
+
+
+def _entries(choice: Row, key: str) -> list[Row]:
+    """The entries of a list; what somebody else has written there is left out."""
+    return [one for one in listed_in(choice, key) if isinstance(one, dict)]
+
+
 def tried_laws_sheet(choice: Row, *, is_narrow: bool = False) -> Sheet:
     """Return one row a candidate, in the order in which they were tried, of a ``law_choice``.
 
@@ -47,38 +73,10 @@ def rival_sheet(choice: Row) -> Sheet:
     for one in _entries(choice, "rivals"):
         if one.get("caveat"):
             caveats.setdefault(str(one["caveat"]), []).append(str(one.get("title")))
-    notes = [f"{', '.join(titles)}: {why}" for why, titles in caveats.items()]
-    columns = [
-        *(Column.text("model of the literature", "title"), Column.text("source", "source")),
-        *(_FREE, *_ERRORS),
-    ]
+    notes = (f"{', '.join(titles)}: {why}" for why, titles in caveats.items())
+    title = Column.text("model of the literature", "title")
+    columns = [title, Column.text("source", "source"), _FREE, *_ERRORS]
     return laid_out(_entries(choice, "rivals"), columns, *notes)
-
-
-def _figure(heading: str, key: str, pattern: str) -> Column:
-    def cell(one: Row) -> str:
-        value = number_in(one, key)
-        return "" if value is None else pattern.format(value)
-
-    return Column(heading, "", cell)
-
-
-def _percent(value: float | None) -> str:
-    if value is None or math.isnan(value):
-        return NOTHING
-    return number(value, digits=3) if value >= 1e-4 else "<0.0001"
-
-
-_FREE = Column("free", "", lambda one: str(len(listed_in(one, "free")) or ""))
-_ERRORS = (
-    Column("MSE", "%", lambda one: _percent(number_in(one, "mse_percent"))),
-    Column("held out", "%", lambda one: _percent(number_in(one, "held_out_mse_percent"))),
-)
-
-
-def _entries(choice: Row, key: str) -> list[Row]:
-    """The entries of a list; what somebody else has written there is left out."""
-    return [one for one in listed_in(choice, key) if isinstance(one, dict)]
 
 
 def law_sentences(choice: Row) -> list[str]:
@@ -92,33 +90,28 @@ def law_sentences(choice: Row) -> list[str]:
 def chosen_sheet(fits: Sequence[LawFit]) -> Sheet:
     """Return what the chosen structure found: a row a quantity, a column a setting."""
 
-    def mark(fit: LawFit, name: str) -> str:
-        return "!" if name in fit.at_bound else "?" * (name in fit.undetermined)
-
-    def value(fit: LawFit, one: Any) -> str:
-        found = getattr(fit.values, one.name) / 10.0**one.power
-        return number(found, digits=4) + mark(fit, one.name)
+    def value(fit: LawFit, quantity: Any) -> str:
+        name = quantity.name
+        mark = "!" if name in fit.at_bound else "?" * (name in fit.undetermined)
+        return number(getattr(fit.values, name) / 10.0**quantity.power, digits=4) + mark
 
     shown = [one for one in fits[0].model.quantities if one.name in fits[0].free]
     rows = [(q.label, q.shown_unit or q.unit, *(value(fit, q) for fit in fits)) for q in shown]
     rows.append(("MSE", "%", *(_percent(fit.mse_percent) for fit in fits)))
     rows.append(("MSE held out", "%", *(_percent(fit.held_out_percent) for fit in fits)))
-    notes = []
-    if any(fit.at_bound for fit in fits):
-        notes.append("! at a bound: not determined by these logs")
-    if any(fit.undetermined for fit in fits):
-        from damperfit.laws.law_fit import UNDETERMINED
+    from damperfit.laws.law_fit import UNDETERMINED
 
-        notes.append(
-            f"? not determined by these logs: {UNDETERMINED:g} times as much or little would do as "
-            "well"
-        )
+    bound = "! at a bound: not determined by these logs"
+    open_ = f"? not determined by these logs: {UNDETERMINED:g} times as much or little would do as "
     return Sheet(
         headings=("setting", "", *(str(fit.setting) for fit in fits)),
         units=("",) * (len(fits) + 2),
         rows=tuple(rows),
         is_number=(False, False, *(True for _ in fits)),
-        notes=tuple(notes),
+        notes=(
+            *([bound] if any(fit.at_bound for fit in fits) else []),
+            *([f"{open_}well"] if any(fit.undetermined for fit in fits) else []),
+        ),
     )
 
 

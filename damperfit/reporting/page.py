@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import base64
 import json
+import math
 from collections import Counter, defaultdict
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import cache
 from importlib import resources
 from importlib.util import find_spec
@@ -33,7 +34,7 @@ from damperfit.reporting.compared import (
 )
 from damperfit.reporting.figures import plot_in_units, setting_colours
 from damperfit.reporting.forces import log_force_sheet, segment_sheet
-from damperfit.reporting.records import checks_in
+from damperfit.reporting.records import checks_in, findings_in, listed_in, number_in
 from damperfit.reporting.report import Section, lead, report_sections, verdict
 from damperfit.reporting.sheet import html_table, printable, rows_in_units, sheet_in_units
 from damperfit.reporting.tables import parameter_line
@@ -45,27 +46,12 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from damperfit.comparison import Point, RunComparison
-    from damperfit.reporting.figures import Line, Panel, Plot
+    from damperfit.reporting.figures import Line, Plot
     from damperfit.reporting.run_figures import LogView, ReportPlots
     from damperfit.units.shown_units import ShownUnits
 
 _IDENTITY = ("damper", "serial", "date", "operator", "customer", "rig")
 _LOOKS = {"excellent": "well", "passed": "well", "poor": "ill", "FAILED": "ill"}
-_WORDS = (
-    "R_m1: restriction of valve 1, the adjuster, rod side to gas side; acts in both strokes",
-    "R_m2: restriction of valve 2 in the piston, full bore to rod side; acts in compression",
-    "R_m3: restriction of valve 3, gas side to full bore; acts in rebound",
-    "K_e: effective bulk modulus, the stiffness of oil, air in it and tube",
-    "f_f: friction of seals and guides",
-    "f_0: constant force that the rig adds, as by a tare",
-    "MSE: mean square of measured less simulated force, in % of the variance of the measured one",
-    "grades: excellent is an MSE below 1 %, good below 5 %, poor above",
-    "noise floor: the MSE that the scatter of the force between cycles gives by itself",
-    "hysteresis: force on the opening branch (speed rising) less force on the closing branch",
-    "ratio: rebound force over compression force, without signs",
-    "±: 95 % interval, of noise and of what repeats in the residual",
-    "cavitation: a chamber at zero absolute pressure in the simulation",
-)
 
 
 # Templates and plots
@@ -140,60 +126,49 @@ class Figure(NamedTuple):
     is_tall: bool
 
 
-@dataclass(slots=True)
 class PlotData:
     """Arrays of the page, each once, and the plots that point to them."""
 
-    arrays: list[str] = field(default_factory=list)
-    places: dict[bytes, int] = field(default_factory=dict)
-    plots: list[dict[str, Any]] = field(default_factory=list)
+    def __init__(self) -> None:
+        self.arrays: dict[bytes, int] = {}
+        self.plots: list[dict[str, Any]] = []
 
     def add(self, plot: Plot) -> Figure:
         """Keep a plot, and return where it is drawn."""
-        self.plots.append(
+        panels = [
             {
-                "name": plot.name,
-                "title": page_text(plot.title),
-                "panels": [self._panel(panel) for panel in plot.panels],
-                "keyed": bool(plot.key),
+                "x": [panel.x_label, panel.x_unit],
+                "y": [panel.y_label, panel.y_unit],
+                "rules": panel.rules,
+                "bands": panel.bands,
+                "log": panel.is_log,
+                "ticks": panel.ticks,
+                **({"names": panel.names, "labels": panel.tick_labels} if panel.names else {}),
+                "xrange": panel.x_range,
+                "lines": list(map(self._line, panel.lines)),
             }
-        )
+            for panel in plot.panels
+        ]
+        title = page_text(plot.title)
+        one = {"name": plot.name, "title": title, "panels": panels, "keyed": bool(plot.key)}
+        self.plots.append(one)
         place = len(self.plots) - 1
         return Figure(place, plot.name, plot.title, plot.caption, len(plot.panels) > 1)
 
     def script(self, colours: Mapping[Setting, str]) -> Markup:
         """Return everything as JSON that cannot end the script element it stands in."""
         document = {
-            "arrays": self.arrays,
+            "arrays": [base64.b64encode(data).decode("ascii") for data in self.arrays],
             "plots": self.plots,
             "colours": {str(setting): colour for setting, colour in colours.items()},
         }
         text = json.dumps(document, ensure_ascii=True, allow_nan=False, separators=(",", ":"))
         return _verbatim(text.replace("<", "\\u003c"))
 
-    def _array(self, values: NDArray[np.float64] | None) -> int | None:
-        """Return the place of an array, kept as base64 of 32-bit floats: 7 digits, no loss seen."""
-        if values is None:
-            return None
+    def _array(self, values: NDArray[np.float64]) -> int:
+        """Return the place of an array, kept as 32-bit floats: 7 digits, no loss seen."""
         data = np.ascontiguousarray(values, dtype="<f4").tobytes()
-        if data not in self.places:
-            self.places[data] = len(self.arrays)
-            self.arrays.append(base64.b64encode(data).decode("ascii"))
-        return self.places[data]
-
-    def _panel(self, panel: Panel) -> dict[str, Any]:
-        return {
-            "x": [panel.x_label, panel.x_unit],
-            "y": [panel.y_label, panel.y_unit],
-            "rules": panel.rules,
-            "bands": panel.bands,
-            "log": panel.is_log,
-            "ticks": panel.ticks,
-            **({"names": panel.names, "labels": panel.tick_labels} if panel.names else {}),
-            "xrange": panel.x_range,
-            "yrange": panel.y_range,
-            "lines": [self._line(line) for line in panel.lines],
-        }
+        return self.arrays.setdefault(data, len(self.arrays))
 
     def _line(self, line: Line) -> dict[str, Any]:
         return {
@@ -204,8 +179,8 @@ class PlotData:
             "setting": None if line.setting is None else Setting.of(line.setting).cell,
             "style": line.style,
             "legend": line.in_legend,
-            "up": self._array(None if line.high is None else line.high - line.y),
-            "down": self._array(None if line.low is None else line.y - line.low),
+            "up": None if line.high is None else self._array(line.high - line.y),
+            "down": None if line.low is None else self._array(line.y - line.low),
             **({"tag": page_text(line.tag)} if line.tag else {}),
         }
 
@@ -243,22 +218,17 @@ def html_report(shown: ReportPlots, *, title: str) -> str:
     run, data = shown.run, PlotData()
     overall = [data.add(plot) for plot in shown.overall]
     logs = list(_log_sections(shown, data))
-    identity = run.identity
+    keys = dict.fromkeys((*_IDENTITY, *run.identity))
     of: dict[str, list[Section]] = defaultdict(list)
     for section in report_sections(run, shown.units):
         of[section.place].append(section)
-    of["folded"].append(Section("What the words mean", "folded", _WORDS))
     return _page(
         "page.html",
         data,
         shown.colours,
         title=title,
-        places=list(dict.fromkeys(section["setting"] for section in logs)),
-        identity=[
-            (key, identity[key])
-            for key in dict.fromkeys((*_IDENTITY, *identity))
-            if key in identity
-        ],
+        places=list(dict.fromkeys(log["setting"] for log in logs)),
+        identity=[(key, run.identity[key]) for key in keys if key in run.identity],
         lead=lead(run),
         of=of,
         failed=[check for check in checks_in(run.record) if check.passed is False],
@@ -281,7 +251,9 @@ def _log_sections(shown: ReportPlots, data: PlotData) -> Iterator[dict[str, Any]
         row, fastest = rows.get(log.setting), log.fastest
         own = rows_in_units(log.rows, shown.units)
         at_best = [one for one in own if fastest and one["stretch"] == fastest["stretch"]]
-        notes = [one.sentence for one in log.findings if one.severity == "note"]
+        findings = findings_in(log.facts)
+        notes = [one.sentence for one in findings if one.severity == "note"]
+        how_read = [one for one in map(str, listed_in(log.facts, "notes")) if one not in notes]
         forces = [log_force_sheet(at_best)] if at_best else []
         segments = [segment_sheet(own, has_setting=False)] if log.has_segments else []
         yield {
@@ -292,12 +264,9 @@ def _log_sections(shown: ReportPlots, data: PlotData) -> Iterator[dict[str, Any]
             "parameters": parameter_line(row, shown.run.quantities) if row else "",
             "facts": _log_facts(log, shown.units),
             "findings": [
-                f"{one.severity}: {one.sentence}" for one in log.findings if one.severity != "note"
+                f"{one.severity}: {one.sentence}" for one in findings if one.severity != "note"
             ],
-            "details": {
-                "Notes on the log": notes,
-                "How the log was read": [one for one in log.notes if one not in notes],
-            },
+            "details": {"Notes on the log": notes, "How the log was read": how_read},
             "figures": [data.add(plot) for plot in plots],
             "forces": [sheet_in_units(one, shown.units) for one in forces],
             "segments": [sheet_in_units(one, shown.units) for one in segments],
@@ -305,15 +274,18 @@ def _log_sections(shown: ReportPlots, data: PlotData) -> Iterator[dict[str, Any]
 
 
 def _log_facts(log: LogView, units: ShownUnits) -> str:
-    frequency = "frequency unknown" if log.frequency is None else f"{log.frequency:.3g} Hz"
+    rate = number_in(log.fastest or log.facts, "frequency_Hz")
+    motion = "frequency unknown" if rate is None else f"{rate:.3g} Hz"
     if log.has_segments:
         fastest = max(row["speed_rebound_m_per_s"] or 0.0 for row in log.peaks)
         n = len(log.peaks)
-        frequency = f"{n} segment{'s' * (n > 1)}, to {units.write(fastest, 'm/s', '.3g')}"
-    amplitude = units.say_lengths(f"amplitude {1e3 * log.amplitude:.3g} mm")
-    heat = log.temperature
+        motion = f"{n} segment{'s' * (n > 1)}, to {units.write(fastest, 'm/s', '.3g')}"
+    known = (number_in(one, "amplitude_m") for one in (*log.peaks, log.facts))
+    largest = max((one for one in known if one is not None), default=math.nan)
+    amplitude = units.say_lengths(f"amplitude {1e3 * largest:.3g} mm")
+    heat = number_in(log.facts, "temperature_degC")
     temperature = "temperature not logged" if heat is None else f"{heat:.1f} degC"
-    return f"{frequency}, {amplitude}, {temperature}, {len(log.signals.time)} samples evaluated."
+    return f"{motion}, {amplitude}, {temperature}, {len(log.signals.time)} samples evaluated."
 
 
 # Runs beside one another

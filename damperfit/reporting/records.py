@@ -11,7 +11,7 @@ from contextlib import suppress
 from dataclasses import fields, is_dataclass, replace
 from functools import cache
 from types import NoneType, UnionType
-from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_origin, get_type_hints
+from typing import TYPE_CHECKING, Any, TypeVar, cast, get_args, get_origin, get_type_hints
 
 from damperfit.adjustment.clicks import Click
 from damperfit.adjustment.trends import Trend
@@ -25,9 +25,9 @@ from damperfit.units.shown_units import SI, ShownUnits, parse_units
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
+    Record = Mapping[str, Any]
+
 _T = TypeVar("_T")
-
-
 # Names in run.json where they are not those of the fields.
 _KEYS: dict[type, dict[str, str]] = {
     Click: {
@@ -61,13 +61,9 @@ def to_record(one: Any) -> Any:
         return one.cell
     if is_dataclass(one):
         kind: Any = type(one)
-        record = {}
-        for name, key in _keys_of(kind):
-            value = getattr(one, name)
-            record[key] = value if type(value) in _PLAIN else to_record(value)
-        return record
+        return {key: to_record(getattr(one, name)) for name, key in _keys_of(kind)}
     if isinstance(one, tuple):
-        return [item if type(item) in _PLAIN else to_record(item) for item in one]
+        return [to_record(item) for item in one]
     if isinstance(one, dict):
         return {str(key): to_record(item) for key, item in one.items()}
     return one
@@ -100,128 +96,18 @@ def read_back(kind: type[_T], entry: object) -> _T | None:
     return read
 
 
-def checks_in(record: Mapping[str, Any]) -> tuple[Check, ...]:
-    """Return the checks in the order of the record."""
-    return _all(Check, record, "checks")
-
-
-def trends_in(record: Mapping[str, Any]) -> tuple[Trend, ...]:
-    """Return the trends by parameter, their points by setting."""
-    return tuple(
-        replace(trend, points=tuple(sorted(trend.points, key=lambda point: point.setting)))
-        for trend in _all(Trend, record, "trends")
-    )
-
-
-def units_in(record: Mapping[str, Any]) -> ShownUnits:
-    """Return the units in which the run was shown; SI where it does not say."""
-    found: Any = record.get("configuration")
-    for key in ("output", "units"):
-        found = found.get(key) if isinstance(found, dict) else None
-    try:
-        return parse_units(found) if isinstance(found, str) else SI
-    except QuantityError:
-        return SI
-
-
-def findings_in(log: Mapping[str, Any]) -> tuple[Finding, ...]:
-    """Return the findings of one entry of ``inputs``, the gravest first."""
-    order = {"refusal": 0, "warning": 1}
-    found = []
-    for entry in listed_in(log, "findings"):
-        finding = read_back(Finding, entry)
-        if finding is not None and "values" in entry:  # to be worded by whoever shows it
-            problem = Problem.of_record(entry)
-            finding = replace(finding, text=problem.text, values=problem.values)
-        found += [] if finding is None else [finding]
-    return tuple(sorted(found, key=lambda finding: order.get(finding.severity, 2)))
-
-
-def failures_in(record: Mapping[str, Any]) -> tuple[Failure, ...]:
-    """Return the logs and settings that have no result, with what kind of problem it is."""
-    failures = []
-    for entry in listed_in(record, "failures"):
-        with suppress(TypeError, ValueError, AttributeError):
-            names = ("kind", "message", "log", "path")
-            kind, message, log, path = (_text(entry.get(name)) for name in names)
-            setting = _read(Setting | None, entry.get("setting"))
-            if kind and message:
-                text = message.removeprefix(f"{log}: ")  # of older runs, without a text
-                problem = Problem.of_record({"text": text, "subject": log, **entry})
-                problem = replace(problem, severity="error")
-                failures.append(Failure(problem, kind, log, path, setting))
-    return tuple(failures)
-
-
-def problems_in(record: Mapping[str, Any]) -> list[Problem]:
-    """Return what to know before believing the numbers; older runs told sentences without codes."""
-    problems = []
-    for entry in listed_in(record, "problems"):
-        with suppress(TypeError, KeyError, AttributeError):
-            problems.append(Problem.of_record(entry))
-    said = [Problem(str(one), str(one), "warning") for one in listed_in(record, "warnings")]
-    return [one for one in problems if one.severity in SEVERITIES] or said
-
-
-def gaps_in(record: Mapping[str, Any]) -> tuple[tuple[int, int], ...]:
-    """Return the runs of settings without a result, first and last of each."""
-    gaps = listed_in(record, "gaps")
-    ends = [(one.get("first"), one.get("last")) for one in gaps if isinstance(one, dict)]
-    # Before 0.2 every setting was listed.
-    ends += [(one, one) for one in gaps]
-    return tuple(
-        (first, last)
-        for first, last in ends
-        if type(first) is int and type(last) is int and first <= last
-    )
-
-
-def sentences_in(record: Mapping[str, Any], about: str) -> list[str]:
-    """Return what the run said of a subject, such as "identifiability"; older runs said nothing."""
-    sentences = record.get("sentences")
-    return [str(one) for one in listed_in(sentences, about)] if isinstance(sentences, dict) else []
-
-
-def predictions_in(record: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Return what was held out, predicted and not fitted, an entry each."""
-    return [
-        entry | {key: _number(entry.get(key)) for key in _OF_PREDICTIONS}
-        for entry in listed_in(record, "held_out")
-        if isinstance(entry, dict)
-    ]
-
-
-def law_in(record: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return what the logs tell of the damper's law; empty where they were not asked."""
-    choice = record.get("law_choice")
-    return choice if isinstance(choice, dict) else {}
-
-
-def listed_in(record: Mapping[str, Any], key: str) -> list[Any]:
-    """Return a list of the record, empty where there is none."""
-    value = record.get(key)
-    return value if isinstance(value, list) else []
-
-
-def number_in(record: Mapping[str, Any], key: str) -> float | None:
-    """Return a finite number of the record, None where there is none."""
-    number = _number(record.get(key))
-    return number if math.isfinite(number) else None
-
-
-def _all(kind: type[_T], record: Mapping[str, Any], key: str) -> tuple[_T, ...]:
-    read = (read_back(kind, entry) for entry in listed_in(record, key))
-    return tuple(one for one in read if one is not None)
-
-
 @cache
-def _hints(kind: Any) -> dict[str, Any]:
+def _hints(kind: Any) -> dict[str, tuple[str, Any]]:
+    """Return the key and the kind of each field that is read."""
     hints = get_type_hints(kind, localns={"Setting": Setting, "Mapping": dict})
-    return {name: hint for name, hint in hints.items() if get_origin(hint) is not dict}
+    keys = _KEYS.get(kind, {})
+    read = {name: hint for name, hint in hints.items() if get_origin(hint) is not dict}
+    return {name: (keys.get(name, name), hint) for name, hint in read.items()}
 
 
 def _read(hint: Any, value: Any) -> Any:
     """Return a value as its kind, or what stands for an unknown one."""
+    kinds: list[Any]
     if isinstance(hint, UnionType):
         kinds = [kind for kind in get_args(hint) if kind is not NoneType]
         if value is None and len(kinds) < len(get_args(hint)):
@@ -230,22 +116,15 @@ def _read(hint: Any, value: Any) -> Any:
         hint = next((kind for kind in kinds if (kind is str) == is_label), kinds[0])
     if get_origin(hint) is tuple:
         kinds, items = list(get_args(hint)), list(value or ())
-        if kinds[-1] is Ellipsis:
-            kinds = kinds[:1] * len(items)
+        kinds = kinds[:1] * len(items) if kinds[-1] is Ellipsis else kinds
         return tuple(_read(kind, item) for kind, item in zip(kinds, items, strict=True))
     if is_dataclass(hint) and hint is not Setting:
-        return _read_class(hint, dict(value))
+        entry, kind = dict(value), cast("Any", hint)
+        values = {name: _read(one, entry.get(key)) for name, (key, one) in _hints(kind).items()}
+        if next(iter(values.values())) == "":  # what the entry is about
+            raise ValueError
+        return kind(**values)
     return _READ[hint](value)
-
-
-def _read_class(kind: Any, entry: Mapping[str, Any]) -> Any:
-    keys = _KEYS.get(kind, {})
-    values = {
-        name: _read(one, entry.get(keys.get(name, name))) for name, one in _hints(kind).items()
-    }
-    if next(iter(values.values())) == "":  # what the entry is about
-        raise ValueError
-    return kind(**values)
 
 
 def _whole(value: Any) -> int:
@@ -275,3 +154,121 @@ _READ: dict[Any, Callable[[Any], Any]] = {
         parse_place(value) if isinstance(value, str) else _whole(value)
     ),
 }
+
+
+# What a record holds
+
+
+def listed_in(record: Record, key: str) -> list[Any]:
+    """Return a list of the record, empty where there is none."""
+    value = record.get(key)
+    return value if isinstance(value, list) else []
+
+
+def number_in(record: Record, key: str) -> float | None:
+    """Return a finite number of the record, None where there is none."""
+    number = _number(record.get(key))
+    return number if math.isfinite(number) else None
+
+
+def _all(kind: type[_T], record: Record, key: str) -> tuple[_T, ...]:
+    read = (read_back(kind, entry) for entry in listed_in(record, key))
+    return tuple(one for one in read if one is not None)
+
+
+def checks_in(record: Record) -> tuple[Check, ...]:
+    """Return the checks in the order of the record."""
+    return _all(Check, record, "checks")
+
+
+def trends_in(record: Record) -> tuple[Trend, ...]:
+    """Return the trends by parameter, their points by setting."""
+    return tuple(
+        replace(trend, points=tuple(sorted(trend.points, key=lambda point: point.setting)))
+        for trend in _all(Trend, record, "trends")
+    )
+
+
+def findings_in(log: Record) -> tuple[Finding, ...]:
+    """Return the findings of one entry of ``inputs``, the gravest first."""
+    order = {"refusal": 0, "warning": 1}
+    found = []
+    for entry in listed_in(log, "findings"):
+        finding = read_back(Finding, entry)
+        if finding is not None and "values" in entry:  # to be worded by whoever shows it
+            problem = Problem.of_record(entry)
+            finding = replace(finding, text=problem.text, values=problem.values)
+        found += [] if finding is None else [finding]
+    return tuple(sorted(found, key=lambda finding: order.get(finding.severity, 2)))
+
+
+def units_in(record: Record) -> ShownUnits:
+    """Return the units in which the run was shown; SI where it does not say."""
+    found: Any = record.get("configuration")
+    for key in ("output", "units"):
+        found = found.get(key) if isinstance(found, dict) else None
+    try:
+        return parse_units(found) if isinstance(found, str) else SI
+    except QuantityError:
+        return SI
+
+
+def failures_in(record: Record) -> tuple[Failure, ...]:
+    """Return the logs and settings that have no result, with what kind of problem it is."""
+    failures = []
+    for entry in listed_in(record, "failures"):
+        with suppress(TypeError, ValueError, AttributeError):
+            kind, message, log, path = (
+                _text(entry.get(name)) for name in ("kind", "message", "log", "path")
+            )
+            setting = _read(Setting | None, entry.get("setting"))
+            if kind and message:
+                text = message.removeprefix(f"{log}: ")  # of older runs, without a text
+                problem = Problem.of_record({"text": text, "subject": log, **entry})
+                failures.append(
+                    Failure(replace(problem, severity="error"), kind, log, path, setting)
+                )
+    return tuple(failures)
+
+
+def problems_in(record: Record) -> list[Problem]:
+    """Return what to know before believing the numbers; older runs told sentences without codes."""
+    problems = []
+    for entry in listed_in(record, "problems"):
+        with suppress(TypeError, KeyError, AttributeError):
+            problems.append(Problem.of_record(entry))
+    said = [Problem(str(one), str(one), "warning") for one in listed_in(record, "warnings")]
+    return [one for one in problems if one.severity in SEVERITIES] or said
+
+
+def gaps_in(record: Record) -> tuple[tuple[int, int], ...]:
+    """Return the runs of settings without a result, first and last of each."""
+    gaps = listed_in(record, "gaps")
+    ends = [(one.get("first"), one.get("last")) for one in gaps if isinstance(one, dict)]
+    ends += [(one, one) for one in gaps]  # before 0.2 every setting was listed
+    return tuple(
+        (first, last)
+        for first, last in ends
+        if type(first) is int and type(last) is int and first <= last
+    )
+
+
+def sentences_in(record: Record, about: str) -> list[str]:
+    """Return what the run said of a subject, such as "identifiability"; older runs said nothing."""
+    sentences = record.get("sentences")
+    return [str(one) for one in listed_in(sentences, about)] if isinstance(sentences, dict) else []
+
+
+def predictions_in(record: Record) -> list[dict[str, Any]]:
+    """Return what was held out, predicted and not fitted, an entry each."""
+    return [
+        entry | {key: _number(entry.get(key)) for key in _OF_PREDICTIONS}
+        for entry in listed_in(record, "held_out")
+        if isinstance(entry, dict)
+    ]
+
+
+def law_in(record: Record) -> Record:
+    """Return what the logs tell of the damper's law; empty where they were not asked."""
+    choice = record.get("law_choice")
+    return choice if isinstance(choice, dict) else {}

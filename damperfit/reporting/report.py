@@ -76,11 +76,11 @@ def lead(run: Run) -> str:
     known = {row["setting"]: row["mse_percent"] for row in rows}
     worst = max(known, key=known.__getitem__)
     checks = checks_in(run.record)
-    said = f"; {check_summary(checks)}" if checks else ""
+    checked = f"; {check_summary(checks)}" if checks else ""
     return (
         f"{len(known)} setting{'s' * (len(known) > 1)} fitted, {grade_counts(rows)}; MSE median "
         f"{percent(median(known.values()))} %, worst {percent(known[worst])} % at setting "
-        f"{worst}{said}."
+        f"{worst}{checked}."
     )
 
 
@@ -98,67 +98,58 @@ def report_sections(run: Run, units: ShownUnits = SI) -> list[Section]:
 
 
 def _sections(run: Run, units: ShownUnits) -> Iterator[Section]:
-    def shown(sheet: Sheet) -> Sheet:
-        return sheet_in_units(sheet, units)
-
     record, parameters = run.record, run.rows("parameters")
     checks, law, gaps = checks_in(record), law_in(record), gaps_in(record)
     forces = rows_in_units(run.rows("adjustment"), units)
     segments = rows_in_units(run.rows("characteristics"), units)
     missing = [f"no result for {of_runs(gaps)}"] if gaps else []
     trends = in_few_words(trend.sentence for trend in trends_in(record) if trend.sentence)
+    advice = {one.value: one.advice for one in Outcome if one is not Outcome.CONVERGED}
+    outcomes = {row.get("outcome") for row in parameters} & set(advice)
     errors = {
         (str(one.get("setting")), one.get("log"), one.get("start_s")): one.get("mse_percent")
         for one in listed_in(record, "stretches")
         if isinstance(one, dict) and isinstance(one.get("log"), str)
     }
+
+    def table(title: str, place: str, *sheets: Sheet) -> Section:
+        return Section(title, place, sheets=sheets)
+
+    def words(title: str, about: str) -> Section:
+        return Section(title, "words", sentences_in(record, about))
+
     yield Section("Not done", "alarm", [*failure_lines(failures_in(record)), *missing])
     yield Section("These results are incomplete", "alarm", run.remarks)
-    yield Section("Gates not met", "alarm", [str(one) for one in listed_in(record, "gates_missed")])
-    yield Section("Force by setting", "top", sheets=[*map(shown, force_sheets(forces))])
+    yield Section("Gates not met", "alarm", list(map(str, listed_in(record, "gates_missed"))))
+    by_setting = (sheet_in_units(one, units) for one in force_sheets(forces))
+    yield table("Force by setting", "top", *by_setting)
     yield Section("Model structure that the logs support", "words", law_sentences(law))
-    yield Section(
-        "Parameters",
-        "parameters",
-        sheets=[parameter_sheet(*parameters_in_units(parameters, run.quantities, units))],
-    )
-    yield Section(
-        "MSE by setting and log",
-        "tables",
-        sheets=[mse_sheet(run.rows("mse"), parameters, run.quantities)],
-    )
+    shown = parameters_in_units(parameters, run.quantities, units)
+    yield table("Parameters", "parameters", parameter_sheet(*shown))
+    errors_by_log = mse_sheet(run.rows("mse"), parameters, run.quantities)
+    yield table("MSE by setting and log", "tables", errors_by_log)
     summary = [check_summary(checks)] if checks else []
     yield Section("Checks", "checks", summary, [check_sheet(checks)])
     yield Section("Warnings", "words", listing(problems_in(record)))
-    yield Section("What to do", "words", sorted(_advice(parameters)))
+    yield Section("What to do", "words", sorted(f"{one}: {advice[one]}" for one in outcomes))
     yield Section("Verdicts", "words", verdicts(run))
-    yield Section(
-        "Held out: predicted, not fitted", "words", sheets=[held_out_sheet(predictions_in(record))]
-    )
-    yield Section("Across the settings", "words", [*trends, *sentences_in(record, "force_offset")])
-    yield Section("Noise and lack of fit", "words", sentences_in(record, "noise_and_lack_of_fit"))
-    yield Section("Identifiability", "words", sentences_in(record, "identifiability"))
-    yield Section("Many starts", "words", sentences_in(record, "many_starts"))
-    yield Section("Cavitation", "words", sentences_in(record, "cavitation"))
+    held_out = held_out_sheet(predictions_in(record))
+    yield table("Held out: predicted, not fitted", "words", held_out)
+    offset = sentences_in(record, "force_offset")
+    yield Section("Across the settings", "words", [*trends, *offset])
+    yield words("Noise and lack of fit", "noise_and_lack_of_fit")
+    yield words("Identifiability", "identifiability")
+    yield words("Many starts", "many_starts")
+    yield words("Cavitation", "cavitation")
     yield Section("Warnings of each log", "folded", _log_findings(record))
-    yield Section(
-        "Peak force against peak speed (PVP)",
-        "tables",
-        sheets=[shown(segment_sheet(segments, has_setting=True, errors=errors))],
-    )
-    yield Section(
-        "Measured beside the model", "tables", sheets=[shown(measured_force_sheet(forces))]
-    )
-    yield Section("Model structures that were tried", "tables", sheets=[tried_laws_sheet(law)])
-    yield Section("Models of the literature", "tables", sheets=[rival_sheet(law)])
-    yield Section("How near to cavitation", "tables", sheets=[cavitation_sheet(parameters)])
+    peaks = segment_sheet(segments, has_setting=True, errors=errors)
+    yield table("Peak force against peak speed (PVP)", "tables", sheet_in_units(peaks, units))
+    beside = sheet_in_units(measured_force_sheet(forces), units)
+    yield table("Measured beside the model", "tables", beside)
+    yield table("Model structures that were tried", "tables", tried_laws_sheet(law))
+    yield table("Models of the literature", "tables", rival_sheet(law))
+    yield table("How near to cavitation", "tables", cavitation_sheet(parameters))
     yield Section("How it was done", "folded", list(_procedure(run, units)))
-
-
-def _advice(rows: Sequence[Any]) -> set[str]:
-    known = {one.value: one for one in Outcome if one is not Outcome.CONVERGED}
-    outcomes = (known.get(row.get("outcome")) for row in rows)
-    return {f"{one.value}: {one.advice}" for one in outcomes if one is not None}
 
 
 def withheld(run: Run) -> list[str]:
@@ -193,11 +184,11 @@ def verdict(row: Any, run: Run) -> str:
 def _log_findings(record: Any) -> list[str]:
     """Return the findings that matter; mere notes stand with their log."""
     inputs = [entry for entry in listed_in(record, "inputs") if isinstance(entry, dict)]
-    findings = ((str(one.get("log", "log")), seen) for one in inputs for seen in findings_in(one))
     return listing(
-        Problem(seen.name, seen.sentence, seen.severity, subject=name)
-        for name, seen in findings
-        if seen.severity != "note"
+        Problem(finding.name, finding.sentence, finding.severity, str(one.get("log", "log")))
+        for one in inputs
+        for finding in findings_in(one)
+        if finding.severity != "note"
     )
 
 
@@ -227,8 +218,7 @@ def tested_range(tested: Tested) -> str:
         known.append(f"speed to {tested.speed:.4g} m/s")
     for ends, unit in ((tested.frequencies, "Hz"), (tested.temperatures, "degC")):
         if ends is not None:
-            low, high = (f"{end:.4g}" for end in ends)
-            known.append(f"{low} {unit}" if low == high else f"{low} to {high} {unit}")
+            known.append(f"{' to '.join(dict.fromkeys(f'{end:.4g}' for end in ends))} {unit}")
     if tested.temperatures is None:
         known.append("temperature not logged")
     return ", ".join(known)

@@ -32,7 +32,7 @@ from damperfit.reporting.figures import (
     thin,
 )
 from damperfit.reporting.forces import STROKE_WORDS
-from damperfit.reporting.records import findings_in, listed_in, number_in, trends_in, units_in
+from damperfit.reporting.records import listed_in, number_in, trends_in, units_in
 from damperfit.reporting.sheet import number
 from damperfit.reporting.tables import is_one_for_all, scale_of
 from damperfit.tested.setting import Setting, lines_of
@@ -44,20 +44,19 @@ if TYPE_CHECKING:
 
     from damperfit.adjustment.trends import Trend
     from damperfit.damper.quantity import Quantity
-    from damperfit.recording import Finding
     from damperfit.results import Run
     from damperfit.tables.reading import LogSignals
     from damperfit.units.shown_units import ShownUnits
 
     FloatArray = NDArray[np.float64]
     Row = Mapping[str, Any]
+    Mean = tuple[FloatArray, FloatArray, str]  # velocity, mean force, in words of what
 
 _LOG_BUCKETS = 200  # of a whole log: peaks of every cycle survive
 _CLOUD = 800  # points of a residual plot, besides the peaks
 _GAP = 1.5  # sample intervals
 _BINS = 24  # of velocity, from the lowest to the highest
-_FEW = 3  # samples: no mean of fewer
-_FEW_IN_RANGE = 20  # no range of fewer: each end would be one sample
+_FEW, _FEW_IN_RANGE = 3, 20  # samples: no mean, no range of fewer: each end would be one sample
 _RANGE = (5.0, 95.0)  # per cent of the samples that lie below
 _LATE = 1e-6  # s; time stamps are rounded alike
 _FEWEST = 8  # samples of a cycle
@@ -66,62 +65,27 @@ _EVERY = 4  # settings of which one is drawn bold and labelled
 _ALONG = ("dashed", "dotted")  # trends of the first adjuster, of the second, ...
 _NAMED = 6  # trends along adjusters that a legend names
 _FAR = 3.0  # heights of the fitted values: a value at a bound beyond it would flatten them
-_STROKES = (("rebound", 1.0), ("bump", -1.0))
+_SIGNS = {"rebound": 1.0, "bump": -1.0}
 _BAR, _CM3 = 1e5, 1e-6
 _DIRECTIONS = "rebound to the right and up, compression to the left and down"
-_HELD = {"absent", "not_identifiable"}
 
 
-# A log as it is looked at
-
-
-@dataclass(frozen=True, eq=False)
 class LogView:
-    """A log with what the run tells of it.
+    """A log with what the run tells of it: its signals, its entry of the inputs in run.json.
 
-    Attributes
-    ----------
-    signals : LogSignals
-        All evaluated cycles.
-    facts : mapping
-        Its entry of the inputs in run.json.
-    rows : tuple of mapping
-        Its rows of the table "characteristics".
+    ``rows`` are its rows of the table "characteristics".
     """
 
-    signals: LogSignals
-    facts: Row
-    rows: tuple[Row, ...]
-
-    @property
-    def setting(self) -> Setting:
-        """Where the adjusters stand."""
-        return self.signals.setting
-
-    @cached_property
-    def peaks(self) -> tuple[Row, ...]:
-        """Its segments: peak speeds and forces, energy, hysteresis."""
-        return tuple(row for row in self.rows if row["point"] == "peak")
-
-    @cached_property
-    def steady(self) -> tuple[Row, ...]:
-        """Its segments that repeat."""
-        return tuple(row for row in self.peaks if row["cycles"])
-
-    @property
-    def is_moving(self) -> bool:
-        """Whether nothing in it repeats."""
-        return bool(self.peaks) and not self.steady
-
-    @property
-    def has_segments(self) -> bool:
-        """Whether it is no single steady run."""
-        return len(self.peaks) > 1 or self.is_moving
-
-    @property
-    def fastest(self) -> Row | None:
-        """Its fastest steady segment; None where nothing repeats, or no table tells."""
-        return max(self.steady, key=lambda row: row["speed_rebound_m_per_s"] or 0.0, default=None)
+    def __init__(self, signals: LogSignals, facts: Row, rows: Sequence[Row]) -> None:
+        self.signals, self.facts, self.rows = signals, facts, rows
+        self.setting: Setting = signals.setting
+        self.peaks = [row for row in rows if row["point"] == "peak"]  # a row a segment
+        self.steady = [row for row in self.peaks if row["cycles"]]  # those that repeat
+        self.is_moving = bool(self.peaks) and not self.steady
+        self.has_segments = len(self.peaks) > 1 or self.is_moving
+        self.fastest: Row | None = max(
+            self.steady, key=lambda row: row["speed_rebound_m_per_s"] or 0.0, default=None
+        )
 
     @cached_property
     def cycles(self) -> tuple[slice, ...]:
@@ -140,53 +104,17 @@ class LogView:
                 cycles.append(slice(begin, end))
         return tuple(cycles)
 
-    @property
+    @cached_property
     def cycle(self) -> slice:
         """The last cycle of the fastest steady segment, all samples where nothing repeats."""
-        whole = slice(0, len(self.signals.time))
-        return max(
-            self.cycles, key=lambda part: float(np.ptp(self.signals.velocity[part])), default=whole
-        )
+        whole, velocity = slice(0, len(self.signals.time)), self.signals.velocity
+        return max(self.cycles, key=lambda part: float(np.ptp(velocity[part])), default=whole)
 
-    @property
-    def frequency(self) -> float | None:
-        """Hz, where it is known."""
-        return number_in(self.fastest or self.facts, "frequency_Hz")
-
-    @property
-    def amplitude(self) -> float:
-        """Half of the stroke, m; NaN where it is not known."""
-        known = [number_in(one, "amplitude_m") for one in (*self.peaks, self.facts)]
-        return max((one for one in known if one is not None), default=math.nan)
-
-    @property
-    def temperature(self) -> float | None:
-        """Mean over the log, degC."""
-        return number_in(self.facts, "temperature_degC")
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """How it was read."""
-        return tuple(map(str, listed_in(self.facts, "notes")))
-
-    @property
-    def findings(self) -> tuple[Finding, ...]:
-        """What its data show, the gravest first."""
-        return findings_in(self.facts)
-
-    def line(self, x: FloatArray, y: FloatArray, label: str, colour: str, style: str, **more: Any
-             ) -> Line:  # fmt: skip
+    def line(
+        self, x: FloatArray, y: FloatArray, label: str, colour: str, style: str, **more: Any
+    ) -> Line:
         """Return a line of its setting, with more fields of `Line`."""
         return Line(x, y, label, colour, self.setting, style, **more)
-
-
-def has_several_speeds(rows: Iterable[Row]) -> bool:
-    """Whether a setting was tested at more than one speed, by its rows of characteristics."""
-    speeds: dict[Setting, list[float]] = {}
-    for row in rows:
-        if row["point"] == "peak" and row["cycles"] and row["speed_rebound_m_per_s"]:
-            speeds.setdefault(row["setting"], []).append(row["speed_rebound_m_per_s"])
-    return any(max(known) > (1.0 + _ONE_SPEED) * min(known) for known in speeds.values())
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,7 +133,7 @@ class ReportPlots:
         for row in self.run.rows("characteristics"):
             rows.setdefault((row["setting"], str(row["log"])), []).append(row)
         return tuple(
-            LogView(one, facts.get(one.log, {}), tuple(rows.get((one.setting, one.log), ())))
+            LogView(one, facts.get(one.log, {}), rows.get((one.setting, one.log), ()))
             for one in self.run.signals
         )
 
@@ -213,8 +141,9 @@ class ReportPlots:
     def colours(self) -> Mapping[Setting, str]:
         """Colour of each setting."""
         rows = (*self.run.rows("parameters"), *self.run.rows("mse"))
-        settings = [one.setting for one in self.logs]
-        return setting_colours([*(row["setting"] for row in rows), *settings])
+        return setting_colours(
+            [*(row["setting"] for row in rows), *(log.setting for log in self.logs)]
+        )
 
     @cached_property
     def overall(self) -> tuple[Plot, ...]:
@@ -228,12 +157,12 @@ class ReportPlots:
         plots_of = []
         counts: Counter[Setting] = Counter()
         for log in self.logs:
-            setting = log.setting
-            counts[setting] += 1
-            more = f"_log_{counts[setting]}" if counts[setting] > 1 else ""
-            name, colour = f"setting_{setting.slug}{more}", self.colours[setting]
+            counts[log.setting] += 1
+            n = counts[log.setting]
+            name = f"setting_{log.setting.slug}" + (f"_log_{n}" if n > 1 else "")
+            colour = self.colours[log.setting]
             plots = [plot for figure in LOG_FIGURES for plot in figure(log, name, colour)]
-            if not more:
+            if n == 1:
                 plots += _valves(self.run.rows("valves"), log, name, colour)
             plots_of.append((log, tuple(plot_in_units(plot, self.units) for plot in plots)))
         return tuple(plots_of)
@@ -249,47 +178,107 @@ def report_plots(run: Run, units: ShownUnits | None = None) -> ReportPlots:
     return ReportPlots(run, units_in(run.record) if units is None else units)
 
 
+# Means where nothing repeats
+
+
+def _means(
+    x: FloatArray, values: FloatArray, part: NDArray[np.bool_], *, has_range: bool = False
+) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
+    """Return the means of the values in a part, at the middles of bins of x.
+
+    With its range: where nine of ten samples lie.
+    """
+    few = _FEW_IN_RANGE if has_range else _FEW
+    if len(x) < max(few, _BINS * (not has_range)) or np.ptp(x) == 0.0:
+        return np.empty(0), np.empty(0), {}
+    edges = np.linspace(x.min(), x.max(), _BINS + 1)
+    place = np.clip(np.digitize(x, edges) - 1, 0, _BINS - 1)
+    count = np.bincount(place[part], minlength=_BINS)
+    total = np.bincount(place[part], weights=values[part], minlength=_BINS)
+    seen = np.flatnonzero(count >= few)
+    band = {}
+    if has_range:
+        ends = [np.percentile(values[part & (place == k)], _RANGE) for k in seen]
+        band = dict(zip(("low", "high"), np.reshape(ends, (-1, 2)).T, strict=True))
+    return (0.5 * (edges[1:] + edges[:-1]))[seen], total[seen] / count[seen], band
+
+
+def _branches(velocity: FloatArray, values: FloatArray) -> Iterator[Mean]:
+    """Yield the means of both branches by velocity: "opening", where speed grows, and "closing"."""
+    is_opening = np.gradient(np.abs(velocity)) > 0.0 if len(velocity) > 1 else velocity > 0.0
+    for word, part in (("opening", is_opening), ("closing", ~is_opening)):
+        at, mean, _ = _means(velocity, values, part)
+        if len(at):
+            yield at, mean, word
+
+
+def _strands(log: LogView, force: FloatArray) -> Iterator[Mean]:
+    """Yield velocity and force of the last cycle, or means of both branches where none repeats."""
+    if not log.is_moving:
+        yield *loop(log.signals.velocity, force, log.cycle), ""
+        return
+    for at, mean, word in _branches(log.signals.velocity[log.cycle], force[log.cycle]):
+        yield at, mean, f", mean, {word} branch"
+
+
+def _of_means(logs: Sequence[LogView]) -> str:
+    """Return what is drawn of logs without a cycle, as a sentence."""
+    n = sum(log.is_moving for log in logs)
+    whose = "the logs" if n == len(logs) else f"{n} of {len(logs)} logs"
+    return (
+        f" Of {whose} no cycle repeats: the mean force by velocity is drawn, of the opening and "
+        "of the closing branch."
+    ) * bool(n)
+
+
 # All settings together
 
 
 def _emphasis(settings: Iterable[Setting]) -> set[Setting]:
     """Return the settings that are drawn bold and labelled: every fourth from the last one down."""
-    return set(sorted(settings)[::-_EVERY] if len(set(settings)) > _EVERY else settings)
+    known = sorted(set(settings))
+    return set(known[::-_EVERY] if len(known) > _EVERY else known)
 
 
 def _peak_forces(shown: ReportPlots) -> Iterator[Plot]:
     """Peak force against peak velocity: measured points, curves of the model and of the damper."""
     rows = [row for log in shown.logs for row in log.steady]
-    if not has_several_speeds(rows):
+    speeds: dict[Setting, list[float]] = {}
+    for row in rows:
+        if row["speed_rebound_m_per_s"]:
+            speeds.setdefault(row["setting"], []).append(row["speed_rebound_m_per_s"])
+    if not any(max(one) > (1.0 + _ONE_SPEED) * min(one) for one in speeds.values()):
         return
-    settings = sorted({row["setting"] for row in rows})
+    settings = {row["setting"] for row in rows}
     bold, lines = _emphasis(settings), []
-    for setting in settings:
-        look = "wide" if setting in bold else "solid"
-        for stroke, sign in _STROKES:
-            own = [row for row in shown.run.rows("adjustment") if row["stroke"] == stroke]
-            peak = f"speed_{stroke}_m_per_s"
-            for word, known, x, y, style in (
-                ("damper at constant speed", own, "speed_m_per_s", "model_N", "dashed"),
-                ("model", rows, peak, f"simulated_{stroke}_N", look),
-                ("measured", rows, peak, f"measured_{stroke}_N", "points"),
-            ):
+    for stroke, sign in _SIGNS.items():
+        own = [row for row in shown.run.rows("adjustment") if row["stroke"] == stroke]
+        peak = f"speed_{stroke}_m_per_s"
+        curves = (
+            ("damper at constant speed", own, "speed_m_per_s", "model_N", "dashed"),
+            ("model", rows, peak, f"simulated_{stroke}_N", "solid"),
+            ("measured", rows, peak, f"measured_{stroke}_N", "points"),
+        )
+        for word, known, x, y, style in curves:
+            for setting in settings:
                 mine = (row for row in known if row["setting"] == setting)
                 pairs = {row[x]: row[y] for row in mine if row[x] and row.get(y) is not None}
                 if not pairs:
                     continue
                 at, force = np.array(sorted(pairs.items())).T
                 label = f"setting {setting}, {word}, {STROKE_WORDS[stroke]}"
-                tag = setting.label if style == "wide" and sign > 0.0 else ""
-                line = Line(sign * at, force, label, shown.colours[setting], setting, style,
-                            tag=tag)  # fmt: skip
-                lines.append(line)
-    lines.sort(key=lambda line: ("dashed", "solid", "wide", "points").index(line.style))
+                is_bold = word == "model" and setting in bold
+                look = "wide" if is_bold else style
+                tag = setting.label if is_bold and sign > 0.0 else ""
+                colour = shown.colours[setting]
+                lines.append(Line(sign * at, force, label, colour, setting, look, tag=tag))
+    order = ("dashed", "solid", "wide", "points")
+    lines.sort(key=lambda line: (order.index(line.style), line.setting, line.x[0] < 0.0))
     panel = Panel("peak velocity", "m/s", "peak force", "N", tuple(lines))
     caption = (
         "Dots: measured, the mean peak force of each segment (PVP); lines: the model at the same "
-        "peaks; dashed: the damper alone at constant speed, as in the table. Rebound to the right "
-        "and up, compression to the left and down."
+        "peaks; dashed: the damper alone at constant speed, as in the table. "
+        f"{_DIRECTIONS.capitalize()}."
     )
     key = (("measured", "points"), ("model", "solid"), ("damper alone", "dashed"))
     yield Plot("peak_force", "Peak force against peak velocity (PVP)", (panel,), caption, key)
@@ -299,26 +288,24 @@ def _fan(shown: ReportPlots) -> Iterator[Plot]:
     """Force against velocity: simulated loops in colour, the measured ones thin on top of them."""
     if not shown.logs:
         return
-    bold = _emphasis({log.setting for log in shown.logs})
+    settings = {log.setting for log in shown.logs}
+    bold = _emphasis(settings)
     lines: list[Line] = []
-    for word in ("simulated", "measured"):
+    for word, looks in (("simulated", ("pale", "wide")), ("measured", ("faint", "thin"))):
         for log in shown.logs:
             setting, is_model = log.setting, word == "simulated"
+            is_bold = setting in bold
             force = log.signals.force if is_model else log.signals.force_measured
-            looks = ("wide", "pale") if is_model else ("thin", "faint")
-            style = looks[setting not in bold]
             colour = shown.colours[setting] if is_model else "ink"
             for k, (v, f, more) in enumerate(_strands(log, force)):
-                tag = setting.label if is_model and setting in bold and k == 0 else ""
-                lines.append(
-                    log.line(v, f, f"setting {setting}, {word}{more}", colour, style, tag=tag)
-                )
+                label = f"setting {setting}, {word}{more}"
+                tag = setting.label if is_model and is_bold and k == 0 else ""
+                lines.append(log.line(v, f, label, colour, looks[is_bold], tag=tag))
     panel = Panel("velocity", "m/s", "force", "N", tuple(lines))
-    is_some = len(bold) < len({log.setting for log in shown.logs})
-    few = "Some settings are bold and labelled, the others pale. " * is_some
+    few = "Some settings are bold and labelled, the others pale. " * (len(bold) < len(settings))
     caption = (
         "Last cycle of every log; in the setting's colour: simulated, thin and dark: measured. "
-        f"{few}Rebound to the right and up, compression to the left and down.{_means(shown.logs)}"
+        f"{few}{_DIRECTIONS.capitalize()}.{_of_means(shown.logs)}"
     )
     key = (("simulated", "wide"), ("measured", "thin"))
     yield Plot("fan", "Force against velocity, all settings", (panel,), caption, key)
@@ -330,56 +317,36 @@ def _absolute(shown: ReportPlots) -> Iterator[Plot]:
         for v, force, more in _strands(log, log.signals.force_measured):
             # The means leap over zero: from there a line would join rebound and compression.
             for part in (v >= 0.0, v < 0.0) if more else (np.ones(len(v), dtype=bool),):
-                label = f"setting {log.setting}, measured{more}"
-                x, y, colour = np.abs(v[part]), force[part], shown.colours[log.setting]
-                lines.append(log.line(x, y, label, colour, "thin"))
-    if not lines:
-        return
-    panel = Panel("absolute velocity", "m/s", "measured force", "N", tuple(lines))
-    caption = (
-        "Rebound above, compression below; both branches of each stroke show the hysteresis."
-        f"{_means(shown.logs)}"
-    )
-    title = "Force against absolute velocity, measured"
-    yield Plot("absolute_velocity", title, (panel,), caption, (("measured", "thin"),))
-
-
-def _strands(log: LogView, force: FloatArray) -> Iterator[tuple[FloatArray, FloatArray, str]]:
-    """Yield velocity and force of the last cycle, or means of both branches where none repeats."""
-    if not log.is_moving:
-        yield *loop(log.signals.velocity, force, log.cycle), ""
-        return
-    for word, velocity, mean in _branches(log.signals.velocity[log.cycle], force[log.cycle]):
-        yield velocity, mean, f", mean, {word} branch"
-
-
-def _means(logs: Sequence[LogView]) -> str:
-    """Return what is drawn of logs without a cycle, as a sentence."""
-    n = sum(log.is_moving for log in logs)
-    whose = "the logs" if n == len(logs) else f"{n} of {len(logs)} logs"
-    return (
-        f" Of {whose} no cycle repeats: the mean force by velocity is drawn, of the opening and "
-        "of the closing branch."
-    ) * bool(n)
+                label, colour = f"setting {log.setting}, measured{more}", shown.colours[log.setting]
+                lines.append(log.line(np.abs(v[part]), force[part], label, colour, "thin"))
+    if lines:
+        panel = Panel("absolute velocity", "m/s", "measured force", "N", tuple(lines))
+        caption = (
+            "Rebound above, compression below; both branches of each stroke show the hysteresis."
+            f"{_of_means(shown.logs)}"
+        )
+        title = "Force against absolute velocity, measured"
+        yield Plot("absolute_velocity", title, (panel,), caption, (("measured", "thin"),))
 
 
 def _named_speeds(shown: ReportPlots) -> Iterator[Plot]:
     rows = shown.run.rows("adjustment")
     places = setting_places({row["setting"] for row in rows})
+    # With several adjusters a setting has a row for each that was turned.
+    forces = {
+        (row["speed_m_per_s"], row["stroke"], places[row["setting"]]): row["force_N"]
+        for row in rows
+        if row["force_N"] is not None
+    }
     lines = []
     for k, speed in enumerate(sorted({row["speed_m_per_s"] for row in rows})):
         for stroke, style in (("rebound", "dot_line"), ("bump", "triangle_line")):
-            # With several adjusters a setting has a row for each that was turned.
-            forces = {
-                places[row["setting"]]: row["force_N"]
-                for row in rows
-                if row["speed_m_per_s"] == speed and row["stroke"] == stroke
-            }
-            at = sorted(place for place, force in forces.items() if force is not None)
+            points = sorted(
+                (at, f) for (v, s, at), f in forces.items() if (v, s) == (speed, stroke)
+            )
+            x, y = np.reshape(points, (-1, 2)).T
             label = f"{STROKE_WORDS[stroke]}, {speed:g} m/s"
-            colour = SPEED_COLOURS[k % len(SPEED_COLOURS)]
-            y = np.array([forces[place] for place in at])
-            lines.append(Line(np.array(at), y, label, colour, None, style))
+            lines.append(Line(x, y, label, SPEED_COLOURS[k % len(SPEED_COLOURS)], None, style))
     if lines:
         panel = setting_panel(places, "force", "N", lines)
         caption = "The model's, as in the table. Dots: rebound, triangles: compression."
@@ -395,14 +362,11 @@ def _errors(shown: ReportPlots) -> Iterator[Plot]:
     if not errors:
         return
     places = setting_places(errors)
-    lines = [
-        Line(
-            *(np.array([places[setting]]), np.array([error]), f"MSE, setting {setting}"),
-            *(shown.colours[setting], setting, "points"),
-            in_legend=False,
-        )
-        for setting, error in errors.items()
-    ]
+    lines = []
+    for setting, error in errors.items():
+        point = np.array([places[setting]]), np.array([error])
+        label, colour = f"MSE, setting {setting}", shown.colours[setting]
+        lines.append(Line(*point, label, colour, setting, "points", in_legend=False))
     caption = "Dots: MSE, 100 % would be no better than the mean force."
     floors = {k: floor for k, floor in positive("noise_floor_percent").items() if k in places}
     if floors:
@@ -420,10 +384,8 @@ def _errors(shown: ReportPlots) -> Iterator[Plot]:
 
 def _parameters(shown: ReportPlots) -> Iterator[Plot]:
     """Each parameter that is known at some setting, and not one for all of them."""
-    rows = shown.run.rows("parameters")
-    trends = trends_in(shown.run.record)
+    rows, trends = shown.run.rows("parameters"), trends_in(shown.run.record)
     places = setting_places(row["setting"] for row in rows)
-    is_numbered = not setting_names(places)
     for one in shown.run.quantities:
         name, scale = one.name, scale_of(one)
         known = [
@@ -431,66 +393,65 @@ def _parameters(shown: ReportPlots) -> Iterator[Plot]:
             for row in rows
             if row[name] is not None
             and math.isfinite(row[name])
-            and row[f"{name}_status"] not in _HELD
+            and row[f"{name}_status"] not in {"absent", "not_identifiable"}
         ]
         is_default = one.default is not None and {row[name] for row in known} == {one.default}
         if not known or is_default or (len(rows) > 1 and is_one_for_all(rows, name)):
             continue  # a sentence tells it: twenty equal bars say no more
-        y_range, far = _window(known, name, scale.factor)
+        far = _far(known, name)
+        near = [row for row in known if row not in far]
         mine = [trend for trend in trends if trend.parameter == name and trend.points]
-        points = [
-            _point(row, places[row["setting"]], one, shown.colours[row["setting"]], far)
-            for row in known
-        ]
-        lines = (*_trends(mine, places, scale.factor, is_numbered=is_numbered), *points)
-        panel = setting_panel(places, one.symbol, scale.axis, lines, y_range=y_range)
-        caption = " ".join(_caption(rows, known, name, far))
-        if mine and not is_numbered:
-            caption += " Broken lines: trends along one adjuster with the others held."
+        points = [_point(row, one, places, shown.colours) for row in near]
+        lines = (*_trends(mine, places, scale.factor), *points)
+        panel = setting_panel(places, one.symbol, scale.axis, lines)
+        statuses = {str(row[f"{name}_status"]) for row in near} - {"fitted", "None"}
+        held = ", ".join(sorted(status.replace("_", " ") for status in statuses))
+        off = (f"setting {row['setting']} ({scale.factor * row[name]:.3g})" for row in far)
+        unknown = (
+            str(row["setting"]) for row in rows if row[f"{name}_status"] == "not_identifiable"
+        )
+        captions = (
+            ("Open triangles: {}.", held),
+            ("Bars: 95 % interval.", any(row[f"{name}_ci_low"] is not None for row in known)),
+            ("At a bound, off the scale: {}.", ", ".join(off)),
+            ("Not shown, not determined by these logs: setting {}.", ", ".join(unknown)),
+            (
+                "Broken lines: trends along one adjuster with the others held.",
+                mine and setting_names(places),
+            ),
+        )
+        caption = " ".join(text.format(words) for text, words in captions if words)
         named = dict.fromkeys((one.symbol, one.label))  # play is called play
         yield Plot(f"parameter_{name}", f"{', '.join(named)}, against setting", (panel,), caption)
 
 
-def _window(
-    rows: Sequence[Row], name: str, factor: float
-) -> tuple[tuple[float, float] | None, dict[Setting, float]]:
-    """Return a range of y that fits the fitted values, and where others are drawn at its edge."""
-    trusted = [row for row in rows if row[f"{name}_status"] != "at_bound"]
-    ends = (row[f"{name}{end}"] for row in trusted for end in ("", "_ci_low", "_ci_high"))
-    values = [factor * end for end in ends if end is not None and math.isfinite(end)]
+def _far(rows: Sequence[Row], name: str) -> list[Row]:
+    """Return what ran to a bound so far off that it would flatten the fitted values."""
+    bound = [row for row in rows if row[f"{name}_status"] == "at_bound"]
+    ends = (row[f"{name}{end}"] for row in rows if row not in bound
+            for end in ("", "_ci_low", "_ci_high"))  # fmt: skip
+    values = [end for end in ends if end is not None and math.isfinite(end)]
     if not values:
-        return None, {}
-    reach = _FAR * ((max(values) - min(values)) or abs(max(values)) or 1.0)
-    bounds = {row["setting"]: factor * row[name] for row in rows if row not in trusted}
-    near = [y for y in bounds.values() if min(values) - reach < y < max(values) + reach]
-    if len(near) == len(bounds):
-        return None, {}
-    low, high = min([*values, *near]), max([*values, *near])
-    height = (high - low) or reach / _FAR
-    far = {
-        setting: low - 0.07 * height if y < low else high + 0.07 * height
-        for setting, y in bounds.items()
-        if y not in near
-    }
-    return (low - 0.12 * height, high + 0.12 * height), far
+        return []
+    low, high = min(values), max(values)
+    reach = _FAR * ((high - low) or abs(high) or 1.0)
+    return [row for row in bound if not low - reach < row[name] < high + reach]
 
 
 def _point(
-    row: Row, place: float, quantity: Quantity, colour: str, far: Mapping[Setting, float]
+    row: Row, quantity: Quantity, places: Mapping[Setting, float], colours: Mapping[Setting, str]
 ) -> Line:
     name, factor, setting = quantity.name, scale_of(quantity).factor, row["setting"]
     value, low, high = (row[f"{name}{end}"] for end in ("", "_ci_low", "_ci_high"))
     # "<=" is also what NaN fails.
-    has_interval = None not in {low, high} and low <= value <= high and setting not in far
-    label = f"setting {setting}"
-    style = "points" if row[f"{name}_status"] in {"fitted", None} else "triangles"
-    if setting in far:
-        style = "above" if factor * value > far[setting] else "below"
-        label += f", off the scale at {factor * value:.3g}"
+    has_interval = None not in {low, high} and low <= value <= high
     return Line(
-        np.array([place]),
-        np.array([far.get(setting, factor * value)]),
-        *(label, colour, setting, style),
+        np.array([places[setting]]),
+        np.array([factor * value]),
+        f"setting {setting}",
+        colours[setting],
+        setting,
+        "points" if row[f"{name}_status"] in {"fitted", None} else "triangles",
         in_legend=False,
         low=np.array([factor * low]) if has_interval else None,
         high=np.array([factor * high]) if has_interval else None,
@@ -498,19 +459,19 @@ def _point(
 
 
 def _trends(
-    trends: Sequence[Trend], places: Mapping[Setting, float], factor: float, *, is_numbered: bool
+    trends: Sequence[Trend], places: Mapping[Setting, float], factor: float
 ) -> Iterator[Line]:
     """Yield each trend with its band and what is off it.
 
     Where settings stand beside one another each is drawn along its adjuster, without its band.
     """
+    is_numbered = not setting_names(places)
     adjusters = list(dict.fromkeys(one.adjuster for one in trends))
-    standing = {(line.adjuster, line.held): line for line in lines_of(places)}
+    standing = {(line.adjuster, line.held): line.numbers for line in lines_of(places)}
     for trend in trends:
         at = {float(point.setting): float(point.setting) for point in trend.points}
         if not is_numbered:
-            line = standing.get((trend.adjuster, trend.held))
-            numbers = {} if line is None else line.numbers
+            numbers = standing.get((trend.adjuster, trend.held), {})
             at = {clicks: places[setting] for setting, clicks in numbers.items()}
         known = [point for point in trend.points if float(point.setting) in at]
         x = np.array([at[float(point.setting)] for point in known])
@@ -518,7 +479,7 @@ def _trends(
             factor * np.array([getattr(point, name) for point in known], dtype=np.float64)
             for name in ("value", "low", "high")
         )
-        band: Any = {}
+        band: dict[str, Any] = {}
         label, style = "trend", "dashed"
         if not is_numbered:
             label = f"trend along {trend.adjuster}" + (f", {trend.held}" if trend.held else "")
@@ -534,62 +495,13 @@ def _trends(
                 yield Line(*ring, "off the trend", "ink", style="rings", in_legend=False)
 
 
-def _caption(
-    rows: Sequence[Row], known: Sequence[Row], name: str, far: Mapping[Setting, float]
-) -> Iterator[str]:
-    held = {
-        str(row[f"{name}_status"]).replace("_", " ")
-        for row in known
-        if row[f"{name}_status"] not in {"fitted", None} and row["setting"] not in far
-    }
-    if held:
-        yield f"Open triangles: {', '.join(sorted(held))}."
-    if any(row[f"{name}_ci_low"] is not None for row in known):
-        yield "Bars: 95 % interval."
-    if far:
-        yield "Filled triangles at the edge: at a bound, off the scale."
-    unknown = [str(row["setting"]) for row in rows if row[f"{name}_status"] == "not_identifiable"]
-    if unknown:
-        yield f"Not shown, not determined by these logs: setting {', '.join(unknown)}."
-
-
 # What the page and `damperfit report --figures` draw of all settings, the first one on top.
 FIGURES: tuple[Callable[[ReportPlots], Iterator[Plot]], ...] = (
-    _peak_forces,
-    _fan,
-    _parameters,
-    _errors,
-    _absolute,
-    _named_speeds,
+    *(_peak_forces, _fan, _parameters, _errors, _absolute, _named_speeds),
 )
 
 
 # One log
-
-
-def _branches(
-    velocity: FloatArray, values: FloatArray
-) -> Iterator[tuple[str, FloatArray, FloatArray]]:
-    """Yield the means of both branches by velocity, at the middles of the bins.
-
-    The branch is "opening", where the speed grows, or "closing".
-    """
-    if len(velocity) < _BINS or np.ptp(velocity) == 0.0:
-        return
-    middle, place = _binned(velocity)
-    is_opening = np.gradient(np.abs(velocity)) > 0.0
-    for part, word in ((is_opening, "opening"), (~is_opening, "closing")):
-        count = np.bincount(place[part], minlength=_BINS)
-        total = np.bincount(place[part], weights=values[part], minlength=_BINS)
-        seen = count >= _FEW
-        if seen.any():
-            yield word, middle[seen], total[seen] / count[seen]
-
-
-def _binned(signal: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
-    """Return the middles of the bins, and the bin of each sample."""
-    edges = np.linspace(signal.min(), signal.max(), _BINS + 1)
-    return 0.5 * (edges[1:] + edges[:-1]), np.clip(np.digitize(signal, edges) - 1, 0, _BINS - 1)
 
 
 def _both(log: LogView, colour: str) -> Iterator[tuple[str, FloatArray, str, str]]:
@@ -616,7 +528,7 @@ def _force_velocity(log: LogView, name: str, colour: str) -> Iterator[Plot]:
         lines = [
             log.line(v, mean, word, ink, style, in_legend=branch == "opening")
             for word, force, ink, style in _both(log, colour)
-            for branch, v, mean in _branches(velocity, force)
+            for v, mean, branch in _branches(velocity, force)
         ]
         begins = "Mean of the opening and of the closing branch"
     else:
@@ -627,15 +539,20 @@ def _force_velocity(log: LogView, name: str, colour: str) -> Iterator[Plot]:
 
 
 def _force_displacement(log: LogView, name: str, colour: str) -> Iterator[Plot]:
-    fastest = log.fastest
+    x, v, fastest = 1e3 * log.signals.displacement, log.signals.velocity, log.fastest
     if log.is_moving:
-        lines = [*_stroke_forces(log, colour)]
+        lines = []
+        for word, force, ink, style in _both(log, colour):
+            for part, is_first in ((v > 0.0, True), (v < 0.0, False)):
+                at, mean, band = _means(x, force, part, has_range=True)
+                if len(at):
+                    lines.append(log.line(at, mean, word, ink, style, in_legend=is_first, **band))
         caption = (
             "Mean over the samples of each stroke, rebound above and compression below; nine of "
-            "ten samples lie within the shaded range, for the speeds differ that pass a place."
+            "ten samples lie within the shaded ranges, for the speeds differ that pass a place."
         )
     else:
-        lines, begins = _loops(log, 1e3 * log.signals.displacement, colour)
+        lines, begins = _loops(log, x, colour)
         caption = f"{begins}."
         if fastest and not log.has_segments:
             energy = [number(fastest[f"{w}_energy_J"], digits=4) for w in ("measured", "simulated")]
@@ -645,40 +562,19 @@ def _force_displacement(log: LogView, name: str, colour: str) -> Iterator[Plot]:
     yield Plot(f"{name}_force_displacement", title, (panel,), caption)
 
 
-def _stroke_forces(log: LogView, colour: str) -> Iterator[Line]:
-    """Yield mean and range of the force by place: a band simulated, dotted lines measured."""
-    x, v = 1e3 * log.signals.displacement, log.signals.velocity
-    if len(x) < _FEW_IN_RANGE or np.ptp(x) == 0.0:
-        return
-    middle, place = _binned(x)
-    for word, force, ink, style in _both(log, colour):
-        for part, is_first in ((v > 0.0, True), (v < 0.0, False)):
-            groups = [force[part & (place == k)] for k in range(_BINS)]
-            seen = [k for k, group in enumerate(groups) if len(group) >= _FEW_IN_RANGE]
-            if not seen:
-                continue
-            low, high = np.array([np.percentile(groups[k], _RANGE) for k in seen]).T
-            at, mean = middle[seen], np.array([groups[k].mean() for k in seen])
-            band = {"low": low, "high": high} if word == "simulated" else {}
-            yield log.line(at, mean, word, ink, style, in_legend=is_first, **band)
-            for end in () if band else (low, high):
-                label, is_named = "measured, 5 and 95 %", is_first and end is low
-                yield log.line(at, end, label, ink, "dotted", in_legend=is_named)
-
-
 def _peaks(log: LogView, name: str, colour: str) -> Iterator[Plot]:
     """Peak force against peak speed, where more than one speed was run."""
     if len(log.steady) < 2:
         return
     lines = []
-    for stroke, sign in _STROKES:
+    for stroke, sign in _SIGNS.items():
         for word, ink, style in (("simulated", colour, "rings"), ("measured", "ink", "points")):
             names = (f"speed_{stroke}_m_per_s", f"{word}_{stroke}_N")
             x, y = np.array(sorted(tuple(row[k] for k in names) for row in log.steady), float).T
             lines.append(log.line(sign * x, y, word, ink, style, in_legend=stroke == "rebound"))
     panel = Panel("peak velocity", "m/s", "peak force", "N", tuple(lines))
-    caption = "One point a segment and stroke: mean of its cycles."
     title = f"Setting {log.setting}: peak force against peak velocity"
+    caption = "One point a segment and stroke: mean of its cycles."
     yield Plot(f"{name}_peaks", title, (panel,), caption)
 
 
@@ -717,7 +613,7 @@ def _residual(log: LogView, name: str, colour: str) -> Iterator[Plot]:
     styles = {"opening": "solid", "closing": "dashed"}
     means = [
         log.line(v, mean, f"mean, {branch} branch", "ink", styles[branch])
-        for branch, v, mean in _branches(velocity, residual)
+        for v, mean, branch in _branches(velocity, residual)
     ]
     panel = Panel("velocity", "m/s", "residual", "N", (cloud, *means), rules=((0.0, ""),))
     caption = (
@@ -746,33 +642,37 @@ def _pressures(log: LogView, name: str, _: str) -> Iterator[Plot]:
 
 # What is drawn of each log, with the first part of the figure's name and the setting's colour.
 LOG_FIGURES: tuple[Callable[[LogView, str, str], Iterator[Plot]], ...] = (
-    _force_velocity,
-    _force_displacement,
-    _peaks,
-    _force_time,
-    _residual,
-    _pressures,
+    *(_force_velocity, _force_displacement, _peaks, _force_time, _residual, _pressures),
 )
 
 
 def _valves(rows: Sequence[Row], log: LogView, name: str, colour: str) -> Iterator[Plot]:
     """Yield a setting's valves, flow against pressure; nothing where the table has none."""
-    own = [row for row in rows if row["setting"] == log.setting]
+    own = [row for row in rows if row["setting"] == log.setting and row["pressure_Pa"] is not None]
     lines: list[Line] = []
     openings = []
-    for stroke, sign in _STROKES:
-        is_first = not lines
-        law = _curve(own, stroke, "law")
+    for stroke, sign in _SIGNS.items():
+        curves = {
+            curve: np.array(
+                [
+                    (row["pressure_Pa"] / _BAR, row["flow_m3_per_s"] / _CM3)
+                    for row in own
+                    if (row["stroke"], row["curve"]) == (stroke, curve)
+                    and row["flow_m3_per_s"] is not None
+                ]
+            ).reshape(-1, 2).T
+            for curve in ("measured", "law")
+        }  # fmt: skip
+        law, is_first = curves["law"], not lines
         for curve, ink, style in (("measured", "ink", "points"), ("law", colour, "wide")):
-            x, y = sign * _curve(own, stroke, curve)
+            x, y = sign * curves[curve]
             if len(x):
                 lines.append(log.line(x, y, curve, ink, style, in_legend=is_first))
         for row in own:
-            is_opening = row["stroke"] == stroke and row["curve"] == "opening"
-            if not is_opening or row["pressure_Pa"] is None:
+            if (row["stroke"], row["curve"]) != (stroke, "opening"):
                 continue
             pressure = row["pressure_Pa"] / _BAR
-            is_reached = len(law[0]) > 0 and pressure <= law[0].max()
+            is_reached = law.size > 0 and pressure <= law[0].max()
             if is_reached:
                 at, label = np.array([pressure]), "blow-off opens"
                 flow = sign * np.interp(at, *law)
@@ -795,14 +695,3 @@ def _valves(rows: Sequence[Row], log: LogView, name: str, colour: str) -> Iterat
         caption += f" Blow-offs open in {'; in '.join(openings)}."
     title = f"Setting {log.setting}: the valves, flow against pressure"
     yield Plot(f"{name}_valves", title, (panel,), caption)
-
-
-def _curve(rows: Sequence[Row], stroke: str, curve: str) -> FloatArray:
-    """Return pressure in bar and flow in cm3/s, shape (2, n)."""
-    points = [
-        (row["pressure_Pa"] / _BAR, row["flow_m3_per_s"] / _CM3)
-        for row in rows
-        if row["stroke"] == stroke and row["curve"] == curve
-        if row["pressure_Pa"] is not None and row["flow_m3_per_s"] is not None
-    ]
-    return np.array(points, dtype=np.float64).reshape(-1, 2).T

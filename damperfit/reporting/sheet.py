@@ -23,14 +23,7 @@ if TYPE_CHECKING:
 NOTHING = "-"
 _COLUMNS = 80
 # ANSI, of words.
-COLOURS = {
-    "excellent": 32,
-    "passed": 32,
-    "good": 33,
-    "poor": 31,
-    "FAILED": 31,
-    "not evaluated": 2,
-}
+COLOURS = {"excellent": 32, "passed": 32, "good": 33, "poor": 31, "FAILED": 31, "not evaluated": 2}
 _WORD = 12  # letters of a word that a narrow column does not tear
 # Everything Markdown or the HTML inside it could read as markup, and no more: the report is read as
 # it stands too. An underscore between letters is none; signs and numbers are lists at a start only.
@@ -40,7 +33,6 @@ _LIST = re.compile(r"^(\d*)([-+.)])(?=\s|$|\2)")
 _PLAIN = re.compile(r"[0-9A-Za-z]+(?:\.[0-9A-Za-z]+)*")
 _UNEVEN, _LEAST = 1.25, 0.1
 _TWO_DIGITS = 19  # an error of these digits or fewer shows two of them, another one
-_OF_A_PARAMETER = ("", "_se", "_ci_low", "_ci_high", "_misfit_se")
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +47,11 @@ class Sheet:
     rows: tuple[tuple[str, ...], ...]
     is_number: tuple[bool, ...]
     notes: tuple[str, ...] = ()
+
+    @property
+    def heads(self) -> list[tuple[str, ...]]:
+        """Headings, and units where there are any."""
+        return [cells for cells in (self.headings, self.units) if any(cells)]
 
 
 class Column(NamedTuple):
@@ -91,9 +88,14 @@ class Column(NamedTuple):
 def laid_out(rows: Iterable[Any], columns: Sequence[Column], *notes: str) -> Sheet:
     """Return a table of rows by its columns, with notes below it."""
     headings, units, cells, is_number = zip(*columns, strict=True)
-    return Sheet(
-        headings, units, tuple(tuple(cell(row) for cell in cells) for row in rows), is_number, notes
-    )
+    lines = tuple(tuple(cell(row) for cell in cells) for row in rows)
+    return Sheet(headings, units, lines, is_number, notes)
+
+
+def first_of(rows: Sequence[Any], most: int, where: str) -> tuple[Sequence[Any], list[str]]:
+    """Return the rows that a long table shows, and the note that says how many are left out."""
+    more = len(rows) - most
+    return rows[:most], [f"{more} more {where}"] if more > 0 else []
 
 
 def printable(text: str) -> str:
@@ -109,6 +111,9 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
 
 
+# On a terminal
+
+
 def text_table(
     sheet: Sheet, width: int = _COLUMNS, *, colours: Mapping[str, int] | None = None
 ) -> str:
@@ -118,49 +123,74 @@ def text_table(
     table below with the first column again: no word and no number is cut. ``colours`` are ANSI
     colours of cells by the word in them, besides those of grades; None: plain.
     """
-    columns = zip(sheet.headings, sheet.units, *sheet.rows, strict=True)
+    n_heads = len(sheet.heads)
+    columns = [list(map(printable, one)) for one in zip(*sheet.heads, *sheet.rows, strict=True)]
     whole = sum(max(map(_places, column)) + 2 for column in columns) - 2
     gap = 2 if whole <= min(_COLUMNS, width) else 1
-    least = _least_widths(sheet, width, gap)
+    least = []  # widths that cut no word and no number, as far as the first column leaves room
+    for column, is_number in zip(columns, sheet.is_number, strict=True):
+        cells = column[n_heads:]
+        words = cells if is_number else [word for cell in cells for word in cell.split()]
+        words = [*words, *(word for cell in column[:n_heads] for word in cell.split())]
+        least.append(max(map(_places, words), default=0))
+    room = width - gap - max(least[1:], default=0)
+    least[0] = min(least[0], max(width // 3, room))
+    least[1:] = [min(one, width - gap - least[0]) for one in least[1:]]
+    parts, used = [[0]], least[0]
+    for k, wide in enumerate(least[1:], start=1):
+        if used + gap + wide > width and len(parts[-1]) > 1:
+            parts.append([0])
+            used = least[0]
+        parts[-1].append(k)
+        used += gap + wide
     known = None if colours is None else {**COLOURS, **colours}
     lines: list[str] = []
-    for part in _parts(least, width, gap):
-        lines += ["", *_part(sheet, part, least, width, gap, known)]
+    for part in parts:
+        widths = _widths([columns[k] for k in part], [least[k] for k in part], width, gap)
+        lines.append("")
+        rights = [sheet.is_number[k] for k in part]
+        for n, row in enumerate(zip(*(columns[k] for k in part), strict=True)):
+            codes = [1 if n < n_heads else known.get(cell, 0) for cell in row] if known else None
+            lines += _folded(row, widths, rights, gap, codes)
     for note in sheet.notes:
-        said = wrapped(printable(note), width)
-        lines += said if known is None else [f"\x1b[2m{line}\x1b[0m" for line in said]
+        shown = wrapped(printable(note), width)
+        lines += shown if known is None else [f"\x1b[2m{line}\x1b[0m" for line in shown]
     return "\n".join(lines[1:])
 
 
-def _part(
-    sheet: Sheet,
-    columns: Sequence[int],
-    least: Sequence[int],
-    width: int,
-    gap: int,
-    colours: Mapping[str, int] | None,
-) -> Iterator[str]:
-    """Yield the lines of some columns side by side."""
-    heads = [sheet.headings, *([sheet.units] if any(sheet.units) else [])]
-    cells = [[printable(row[k]) for k in columns] for row in (*heads, *sheet.rows)]
-    widths = [max(least[k], *(_places(row[at]) for row in cells)) for at, k in enumerate(columns)]
-    while sum(widths) + gap * (len(columns) - 1) > width:
-        spare = [wide - least[k] for k, wide in zip(columns, widths, strict=True)]
-        if not any(one > 0 for one in spare):
+def _widths(
+    columns: Sequence[Sequence[str]], least: Sequence[int], width: int, gap: int
+) -> list[int]:
+    """Return the widths of columns side by side: the widest that may give way until they fit."""
+    widths = [
+        max(least_one, *map(_places, one)) for least_one, one in zip(least, columns, strict=True)
+    ]
+    while sum(widths) + gap * (len(widths) - 1) > width:
+        spare = [k for k, wide in enumerate(widths) if wide > least[k]]
+        if not spare:
             break
-        widths[max(range(len(columns)), key=lambda at: (spare[at] > 0, widths[at]))] -= 1
-    for number, row in enumerate(cells):
-        folded = [wrapped(cell, wide) for cell, wide in zip(row, widths, strict=True)]
-        for line in range(max(map(len, folded))):
-            shown = []
-            for at, k in enumerate(columns):
-                text = folded[at][line] if line < len(folded[at]) else ""
-                blanks = " " * (widths[at] - _places(text))
-                if colours is not None and text:
-                    code = 1 if number < len(heads) else colours.get(row[at])
-                    text = f"\x1b[{code}m{text}\x1b[0m" if code else text
-                shown.append(blanks + text if sheet.is_number[k] else text + blanks)
-            yield (" " * gap).join(shown).rstrip()
+        widths[max(spare, key=lambda k: widths[k])] -= 1
+    return widths
+
+
+def _folded(
+    cells: Sequence[str],
+    widths: Sequence[int],
+    rights: Sequence[bool],
+    gap: int,
+    codes: Sequence[int] | None,
+) -> Iterator[str]:
+    """Yield the lines of one row, its cells wrapped; ``codes`` are colours, 0 for none."""
+    folded = [wrapped(cell, wide) for cell, wide in zip(cells, widths, strict=True)]
+    for line in range(max(map(len, folded))):
+        shown = []
+        for k, wide in enumerate(widths):
+            text = folded[k][line] if line < len(folded[k]) else ""
+            blanks = " " * (wide - _places(text))
+            if codes and codes[k] and text:
+                text = f"\x1b[{codes[k]}m{text}\x1b[0m"
+            shown.append(blanks + text if rights[k] else text + blanks)
+        yield (" " * gap).join(shown).rstrip()
 
 
 def wrapped(text: str, width: int) -> list[str]:
@@ -186,31 +216,7 @@ def _places(text: str) -> int:
     return sum(0 if combining(c) else 1 + (east_asian_width(c) in "WF") for c in text)
 
 
-def _least_widths(sheet: Sheet, width: int, gap: int) -> list[int]:
-    """Return widths that cut no word and no number, as far as the first column leaves room."""
-
-    def least(k: int) -> int:
-        cells = [printable(row[k]) for row in sheet.rows]
-        words = [*sheet.headings[k].split(), *sheet.units[k].split()]
-        words += cells if sheet.is_number[k] else [word for cell in cells for word in cell.split()]
-        return max(map(_places, words), default=0)
-
-    first, *others = map(least, range(len(sheet.headings)))
-    room = width - gap - max(others, default=0)
-    first = min(first, max(width // 3, room))
-    return [first, *(min(one, width - gap - first) for one in others)]
-
-
-def _parts(least: Sequence[int], width: int, gap: int) -> list[list[int]]:
-    """Return which columns stand side by side; the first one leads each part."""
-    parts, used = [[0]], least[0]
-    for k, wide in enumerate(least[1:], start=1):
-        if used + gap + wide > width and len(parts[-1]) > 1:
-            parts.append([0])
-            used = least[0]
-        parts[-1].append(k)
-        used += gap + wide
-    return parts
+# In Markdown and HTML
 
 
 def escape(text: str) -> str:
@@ -232,7 +238,7 @@ def markdown_table(sheet: Sheet) -> list[str]:
     if not sheet.rows:
         return []
     heads = [
-        f"{escape(heading)}{f' {unit}' if unit else ''}"
+        f"{escape(heading)} {unit}".rstrip()
         for heading, unit in zip(sheet.headings, sheet.units, strict=True)
     ]
     rules = ["---:" if is_number else "---" for is_number in sheet.is_number]
@@ -248,10 +254,10 @@ def html_table(sheet: Sheet, *, caption: str = "", looks: Mapping[str, str] | No
     set to the right by styles of their own, for a notebook.
     """
 
-    def cell(kind: str, text: str, *, is_number: bool) -> str:
+    def cell(kind: str, text: str, is_number: bool) -> str:  # noqa: FBT001 - a cell's alignment
         how = ""
         if looks is None:
-            how = " style='text-align:right'" if is_number else ""
+            how = " style='text-align:right'" * is_number
         elif is_number:
             how = " class=n"
         elif text in looks:
@@ -262,12 +268,12 @@ def html_table(sheet: Sheet, *, caption: str = "", looks: Mapping[str, str] | No
 
     def row(kind: str, cells: Iterable[str]) -> str:
         pairs = zip(cells, sheet.is_number, strict=True)
-        return f"<tr>{''.join(cell(kind, text, is_number=right) for text, right in pairs)}</tr>"
+        return f"<tr>{''.join(cell(kind, *pair) for pair in pairs)}</tr>"
 
-    heads = [row("th", cells) for cells in (sheet.headings, sheet.units) if any(cells)]
+    heads = "".join(row("th", cells) for cells in sheet.heads)
     body = "\n".join(row("td", cells) for cells in sheet.rows)
     title = f"<caption>{escape_html(printable(caption))}</caption>" if caption else ""
-    return f"<table>{title}<thead>{''.join(heads)}</thead><tbody>\n{body}</tbody></table>"
+    return f"<table>{title}<thead>{heads}</thead><tbody>\n{body}</tbody></table>"
 
 
 # Numbers
@@ -288,6 +294,27 @@ def number(value: float | None, *, digits: int = 5) -> str:
     if not 1e-3 <= abs(value) < 10.0**digits:
         return f"{value:.{digits - 1}e}"
     return f"{value:.{_decimals(value, digits)}f}"
+
+
+def percent(value: float | None) -> str:
+    """Return a percentage with three significant digits.
+
+    Examples
+    --------
+    >>> percent(0.012345), percent(12.3456), percent(None)
+    ('0.0123', '12.3', '-')
+    """
+    if value is None or not math.isfinite(value):
+        return NOTHING
+    if value == 0.0:
+        return "0"
+    return f"{value:.1e}" if abs(value) < 1e-4 else f"{value:.{_decimals(value, 3)}f}"
+
+
+def _decimals(value: float, digits: int) -> int:
+    """Return the decimals that show ``digits`` significant digits of the rounded value."""
+    power = int(f"{value:.{digits - 1}e}".partition("e")[2])
+    return max(0, digits - 1 - power)
 
 
 def with_interval(
@@ -318,45 +345,17 @@ def with_interval(
     below, above = value - ends[0], ends[1] - value
     half = 0.5 * (ends[1] - ends[0])
     is_even = max(below, above) <= _UNEVEN * min(below, above)
-    place = _place(half if is_even else max(min(below, above), _LEAST * half))
-    shown = _round_at(value, place, plus)
+    error = half if is_even else max(min(below, above), _LEAST * half)
+    place = math.floor(math.log10(error)) - 1  # of the last digit that the error tells
+    place += round(error / 10.0**place) > _TWO_DIGITS
+
+    def rounded(one: float, plus: str = "") -> str:
+        step = 10.0**place
+        return f"{round(one / step) * step + 0.0:{plus}.{max(0, -place)}f}"
+
     if is_even:
-        return f"{shown} ± {_round_at(half, place)}"
-    return f"{shown} ({_round_at(ends[0], place)} to {_round_at(ends[1], place)})"
-
-
-def percent(value: float | None) -> str:
-    """Return a percentage with three significant digits.
-
-    Examples
-    --------
-    >>> percent(0.012345), percent(12.3456), percent(None)
-    ('0.0123', '12.3', '-')
-    """
-    if value is None or not math.isfinite(value):
-        return NOTHING
-    if value == 0.0:
-        return "0"
-    if abs(value) < 1e-4:
-        return f"{value:.1e}"
-    return f"{value:.{_decimals(value, 3)}f}"
-
-
-def _place(error: float) -> int:
-    """Return the decimal place of the last digit that an error tells."""
-    place = math.floor(math.log10(error)) - 1
-    return place if round(error / 10.0**place) <= _TWO_DIGITS else place + 1
-
-
-def _round_at(value: float, place: int, plus: str = "") -> str:
-    step = 10.0**place
-    return f"{round(value / step) * step + 0.0:{plus}.{max(0, -place)}f}"
-
-
-def _decimals(value: float, digits: int) -> int:
-    """Return the decimals that show ``digits`` significant digits of the rounded value."""
-    power = int(f"{value:.{digits - 1}e}".partition("e")[2])
-    return max(0, digits - 1 - power)
+        return f"{rounded(value, plus)} ± {rounded(half)}"
+    return f"{rounded(value, plus)} ({rounded(ends[0])} to {rounded(ends[1])})"
 
 
 def stroke_ratio(rebound: float, bump: float) -> str:
@@ -377,28 +376,25 @@ def sheet_in_units(sheet: Sheet, units: ShownUnits) -> Sheet:
     """
     if units.is_si:
         return sheet
-    speed = units.of("m/s")
+    speed = f" {units.of('m/s')}"
     return replace(
         sheet,
         headings=tuple(map(units.say, sheet.headings)),
         units=tuple(map(units.say, sheet.units)),
         # "hysteresis at 5.9 m/s"; a setting may be called N.
-        rows=tuple((row[0].replace(" m/s", f" {speed}"), *row[1:]) for row in sheet.rows),
+        rows=tuple((row[0].replace(" m/s", speed), *row[1:]) for row in sheet.rows),
         notes=tuple(map(units.say, sheet.notes)),
     )
 
 
 def rows_in_units(rows: Iterable[Mapping[str, Any]], units: ShownUnits) -> list[dict[str, Any]]:
     """Return rows whose columns end in ``_N`` and ``_m_per_s`` with these numbers scaled."""
-    return [{name: _scaled(name, cell, units) for name, cell in row.items()} for row in rows]
 
+    def scaled(name: str, cell: Any) -> Any:
+        unit = "N" if name.endswith("_N") else "m/s" if name.endswith("_m_per_s") else ""
+        return units.show(cell, unit) if unit and isinstance(cell, float) else cell
 
-def _scaled(name: str, cell: Any, units: ShownUnits) -> Any:
-    if isinstance(cell, float):
-        for end, unit in (("_N", "N"), ("_m_per_s", "m/s")):
-            if name.endswith(end):
-                return units.show(cell, unit)
-    return cell
+    return [{name: scaled(name, cell) for name, cell in row.items()} for row in rows]
 
 
 def parameters_in_units(
@@ -408,23 +404,25 @@ def parameters_in_units(
 
     What has units of its own, as R_m1 does, keeps them.
     """
-    forces = [one.name for one in quantities if one.unit == "N" and units.of("N") != "N"]
-    names = {f"{name}{end}" for name in forces for end in _OF_A_PARAMETER}
-
-    def cell(name: str, value: Any) -> Any:
-        is_force = name in names and value is not None
-        return units.show(float(value), "N") if is_force else value
-
-    shown = tuple(
-        replace(
+    force = units.of("N")
+    forces = [one for one in quantities if one.unit == "N" != force]
+    ends = ("", "_se", "_ci_low", "_ci_high", "_misfit_se")
+    names = {f"{one.name}{end}" for one in forces for end in ends}
+    shown = {
+        one.name: replace(
             one,
-            unit=units.of("N"),
+            unit=force,
             shown_unit="",
             plausible=(units.show(one.plausible[0], "N"), units.show(one.plausible[1], "N")),
             size=units.show(one.size, "N"),
         )
-        if one.name in forces
-        else one
-        for one in quantities
-    )
-    return [{name: cell(name, value) for name, value in row.items()} for row in rows], shown
+        for one in forces
+    }
+    scaled = [
+        {
+            name: units.show(float(cell), "N") if name in names and cell is not None else cell
+            for name, cell in row.items()
+        }
+        for row in rows
+    ]
+    return scaled, tuple(shown.get(one.name, one) for one in quantities)

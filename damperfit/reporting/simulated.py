@@ -37,23 +37,19 @@ _BLUE = "#0072b2"
 def cycle_force_sheet(figures: Characteristics) -> Sheet:
     """Return peak forces, hysteresis and forces at named speeds, rebound beside compression."""
     hysteresis = f"hysteresis at {figures.hysteresis_speed:.3g} m/s"
+    speeds = [
+        (f"force at {one.speed:g} m/s", "N", one.rebound, one.bump) for one in figures.speed_forces
+    ]
     pairs = [
         ("peak force", "N", figures.peak_force_rebound, figures.peak_force_bump),
         ("peak speed", "m/s", figures.peak_speed_rebound, figures.peak_speed_bump),
-        *(
-            (f"force at {one.speed:g} m/s", "N", one.rebound, one.bump)
-            for one in figures.speed_forces
-        ),
+        *speeds,
         (hysteresis, "N", figures.hysteresis_rebound, figures.hysteresis_bump),
     ]
     rows = [(name, unit, number(a, digits=4), number(b, digits=4)) for name, unit, a, b in pairs]
-    return Sheet(
-        headings=("", "", *STROKE_WORDS.values()),
-        units=("",) * 4,
-        rows=(*rows, ("energy per cycle", "J", number(figures.energy, digits=4), "")),
-        is_number=(False, False, True, True),
-        notes=(_BRANCHES,),
-    )
+    rows.append(("energy per cycle", "J", number(figures.energy, digits=4), ""))
+    headings = ("", "", *STROKE_WORDS.values())
+    return Sheet(headings, ("",) * 4, tuple(rows), (False, False, True, True), (_BRANCHES,))
 
 
 def cycle_pressure_sheet(figures: Characteristics) -> Sheet:
@@ -61,17 +57,13 @@ def cycle_pressure_sheet(figures: Characteristics) -> Sheet:
     low, high = (
         tuple(number(p[end] / _BAR, digits=4) for p in figures.pressure_ranges) for end in (0, 1)
     )
-    dry = (f"{100.0 * share:.1f}" for share in figures.cavitation_shares)
-    return Sheet(
-        headings=("", "", "chamber 1", "chamber 2", "chamber 3"),
-        units=("",) * 5,
-        rows=(
-            ("lowest pressure", "bar", *low),
-            ("highest pressure", "bar", *high),
-            ("cavitation", "% of cycle", *dry),
-        ),
-        is_number=(False, False, True, True, True),
+    rows = (
+        ("lowest pressure", "bar", *low),
+        ("highest pressure", "bar", *high),
+        ("cavitation", "% of cycle", *(f"{100.0 * one:.1f}" for one in figures.cavitation_shares)),
     )
+    headings = ("", "", "chamber 1", "chamber 2", "chamber 3")
+    return Sheet(headings, ("",) * 5, rows, (False, False, True, True, True))
 
 
 def cycle_sparklines(
@@ -81,26 +73,28 @@ def cycle_sparklines(
     cells = max(_FEWEST, min(_CELLS, columns - _BESIDE))
     at = response.time[-1] - (1.0 - np.arange(cells) / (cells - 1.0)) / frequency
     is_inside = response.time >= at[0]
+    signals = {
+        ("displacement", "mm"): 1e3 * response.displacement,
+        ("force", "N"): response.force,
+        **{(f"pressure {i}", "bar"): p / _BAR for i, p in enumerate(response.pressures, start=1)},
+    }
     lines = []
-    for name, unit, signal in (
-        ("displacement", "mm", 1e3 * response.displacement),
-        ("force", "N", response.force),
-        *((f"pressure {i}", "bar", p / _BAR) for i, p in enumerate(response.pressures, start=1)),
-    ):
-        if not np.isfinite(signal).all():
-            continue
-        marks = sparkline(np.interp(at, response.time, signal).tolist(), levels=levels)
-        low, high = (number(float(end(signal[is_inside])), digits=4) for end in (np.min, np.max))
-        lines.append(f"{name:<12} {marks} {low} to {high} {unit}")
+    for (name, unit), signal in signals.items():
+        if np.isfinite(signal).all():
+            course = sparkline(np.interp(at, response.time, signal).tolist(), levels=levels)
+            inside = signal[is_inside]
+            low, high = (number(float(end), digits=4) for end in (inside.min(), inside.max()))
+            lines.append(f"{name:<12} {course} {low} to {high} {unit}")
     return tuple(lines)
 
 
 def cycle_plot(response: Response, frequency: float, *, title: str = "") -> Plot:
     """Return force against displacement and velocity over the last cycle, of ``frequency`` Hz."""
     last = response.time >= response.time[-1] - (1.0 + 1e-9) / frequency
+    force = response.force[last]
     panels = tuple(
         Panel(f"{word} (positive: rebound)", unit, "force", "N",
-              (Line(signal[last], response.force[last], "force", _BLUE),))
+              (Line(signal[last], force, "force", _BLUE),))
         for word, unit, signal in (
             ("displacement", "mm", 1e3 * response.displacement),
             ("velocity", "m/s", response.velocity),
@@ -147,14 +141,14 @@ class SweepMember:
         return slice(max(0, start - 1), len(time))
 
 
-# Heading, unit and key of each figure of a member, and what it is in `Characteristics`.
+# Heading, unit and key of each figure of a member, what it is in `Characteristics` and in words.
 _SWEPT = (
-    ("peak", "rebound N", "peak_force_rebound_N", "peak_force_rebound"),
-    ("peak", "compr. N", "peak_force_bump_N", "peak_force_bump"),
-    ("", "", "hysteresis_speed_m_per_s", "hysteresis_speed"),
-    ("hyst.", "rebound N", "hysteresis_rebound_N", "hysteresis_rebound"),
-    ("hyst.", "compr. N", "hysteresis_bump_N", "hysteresis_bump"),
-    ("energy", "J", "energy_J", "energy"),
+    ("peak", "rebound N", "peak_force_rebound_N", "peak_force_rebound", "peak rebound"),
+    ("peak", "compr. N", "peak_force_bump_N", "peak_force_bump", "peak compression"),
+    ("", "", "hysteresis_speed_m_per_s", "hysteresis_speed", ""),
+    ("hyst.", "rebound N", "hysteresis_rebound_N", "hysteresis_rebound", "hysteresis in rebound"),
+    ("hyst.", "compr. N", "hysteresis_bump_N", "hysteresis_bump", "in compression"),
+    ("energy", "J", "energy_J", "energy", ""),
 )
 
 
@@ -167,7 +161,7 @@ def sweep_sheet(name: str, unit: str, members: Sequence[SweepMember]) -> Sheet:
     columns = [
         Column("factor", "", lambda member: f"{member.factor:g}"),
         Column(name, unit, lambda member: number(member.value, digits=5)),
-        *(Column(heading, of, shown(figure)) for heading, of, _, figure in _SWEPT if heading),
+        *(Column(heading, of, shown(figure)) for heading, of, _, figure, _ in _SWEPT if heading),
         Column("cavitation", "% of cycle", lambda member: f"{100.0 * member.cavitation:.1f}"),
     ]
     return laid_out(members, columns)
@@ -180,7 +174,7 @@ def sweep_records(name: str, members: Sequence[SweepMember]) -> list[dict[str, f
             "quantity": name,
             "factor": member.factor,
             "value": member.value,
-            **{key: getattr(member.figures, figure) for *_, key, figure in _SWEPT},
+            **{key: getattr(member.figures, figure) for _, _, key, figure, _ in _SWEPT},
             **{
                 f"cavitation_fraction_{i}": share
                 for i, share in enumerate(member.figures.cavitation_shares, start=1)
@@ -204,17 +198,13 @@ def sweep_sentence(name: str, members: Sequence[SweepMember]) -> str:
     if len(ranked) == 1:
         return f"{name} x{first.factor:g}: {cavitation}."
     changes = []
-    for words, figure in (
-        ("peak rebound", "peak_force_rebound"),
-        ("peak compression", "peak_force_bump"),
-        ("hysteresis in rebound", "hysteresis_rebound"),
-        ("in compression", "hysteresis_bump"),
-    ):
-        before, after = (abs(getattr(one.figures, figure)) for one in (first, last))
-        gain = round(100.0 * (after / before - 1.0), 1) + 0.0 if before > 0.0 else None
-        share_of = "" if gain is None else f" ({gain:+.1f} %)"
-        change = f"{number(before, digits=4)} to {number(after, digits=4)} N{share_of}"
-        changes.append(f"{words} {change}")
+    for *_, figure, words in _SWEPT:
+        if words:
+            before, after = (abs(getattr(one.figures, figure)) for one in (first, last))
+            gain = round(100.0 * (after / before - 1.0), 1) + 0.0 if before > 0.0 else None
+            share_of = "" if gain is None else f" ({gain:+.1f} %)"
+            both = f"{number(before, digits=4)} to {number(after, digits=4)} N"
+            changes.append(f"{words} {both}{share_of}")
     return f"{name} x{first.factor:g} to x{last.factor:g}: {', '.join(changes)}; {cavitation}."
 
 

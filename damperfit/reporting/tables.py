@@ -90,18 +90,22 @@ def parameter_sheet(
 ) -> Sheet:
     """Return one row per setting: parameters with their 95 % intervals, MSE, grade, remarks.
 
-    What all settings have in common is a note below. ``levels`` are the characters, from low to
-    high, of a course over the settings below the table.
+    What all settings have in common is a note below, what is held at its default everywhere is left
+    out. ``levels`` are the characters, from low to high, of a course over the settings.
     """
-    shown = _shown(rows, quantities)
+    shown = [one for one in quantities if not rows or not all(_is_idle(row, one) for row in rows)]
     shared = [one for one in shown if is_one_for_all(rows, one.name) and _may_be_shared(one, rows)]
     own = [one for one in shown if one not in shared]
+    notes = []
+    for one in shared:
+        row = next(row for row in rows if row[one.name] is not None)
+        how = "shared by all settings" if row[f"{one.name}_status"] == "shared" else "fixed"
+        notes.append(f"{one.symbol} = {scale_of(one).say(_value(row, one))}, {how}")
 
     def column(one: Quantity) -> Column:
         spread = " ±95 %" * any(" " in _value(row, one) for row in rows)
-        return Column(
-            one.symbol, f"{scale_of(one).short_unit}{spread}", lambda row: _cell(row, one)
-        )
+        unit = f"{scale_of(one).short_unit}{spread}"
+        return Column(one.symbol, unit, lambda row: _cell(row, one))
 
     columns = [
         Column.text("set", "setting", is_number=True),
@@ -112,12 +116,7 @@ def parameter_sheet(
     if any(map(remarks_on, rows)):
         columns.append(Column("remarks", "", remarks_on, is_number=False))
     courses = _courses(rows, own, levels) if levels else ()
-    return laid_out(rows, columns, *_shared(rows, shared), *courses, *_legend(rows, own))
-
-
-def _shown(rows: Sequence[Row], quantities: Sequence[Quantity]) -> list[Quantity]:
-    """Return the quantities without those that are held at their default at every setting."""
-    return [one for one in quantities if not rows or not all(_is_idle(row, one) for row in rows)]
+    return laid_out(rows, columns, *notes, *courses, *_legend(rows, own))
 
 
 def _is_idle(row: Row, one: Quantity) -> bool:
@@ -138,14 +137,6 @@ def is_one_for_all(rows: Sequence[Row], name: str) -> bool:
     return bool(values) and held and max(values) - min(values) <= _SAME * abs(values[0])
 
 
-def _shared(rows: Sequence[Row], quantities: Sequence[Quantity]) -> Iterator[str]:
-    """Yield what all settings have in common, a line each."""
-    for one in quantities:
-        row = next(row for row in rows if row[one.name] is not None)
-        how = "shared by all settings" if row[f"{one.name}_status"] == "shared" else "fixed"
-        yield f"{one.symbol} = {scale_of(one).say(_value(row, one))}, {how}"
-
-
 def _value(row: Row, quantity: Quantity) -> str:
     """Return a value as it is shown, with its 95 % interval."""
     factor, name = scale_of(quantity).factor, quantity.name
@@ -155,7 +146,7 @@ def _value(row: Row, quantity: Quantity) -> str:
 
 def _cell(row: Row, quantity: Quantity) -> str:
     status = row[f"{quantity.name}_status"] or ""
-    mark = _MARKS[status][0] if status in _MARKS else ""
+    mark, _ = _MARKS.get(status, ("", ""))
     if status in {"absent", "not_identifiable"}:
         return mark  # no number that pretends to be known
     return f"{_bound(row, quantity) or _value(row, quantity)} {mark}".rstrip()
@@ -207,12 +198,12 @@ def _legend(rows: Sequence[Row], shown: Sequence[Quantity]) -> Iterator[str]:
     if groups:
         yield ", ".join(f"{_listed(symbols)} in {unit}" for unit, symbols in groups.items())
     used = {row[f"{one.name}_status"] for row in rows for one in shown}
-    marks = {status: f"{mark} {said}" for status, (mark, said) in _MARKS.items() if status in used}
-    follows = (
-        {row[one.name] for row in rows if row[f"{one.name}_status"] == "shared"} for one in shown
-    )
-    if any(len(values) > 1 for values in follows):
-        marks["shared"] = f"s {_BY_CLICK}"
+    marks = {
+        status: f"{mark} {words}" for status, (mark, words) in _MARKS.items() if status in used
+    }
+    for one in shown:
+        if len({row[one.name] for row in rows if row[f"{one.name}_status"] == "shared"}) > 1:
+            marks["shared"] = f"s {_BY_CLICK}"
     if marks:
         yield ", ".join(marks.values())
     if any(row.get(f"{one.name}_misfit_se") for row in rows for one in shown):
@@ -237,8 +228,8 @@ def sparkline(values: Iterable[float | None], *, levels: str = BLOCK_LEVELS) -> 
     '++'
     """
     known = [math.nan if value is None else float(value) for value in values]
-    finite = [value for value in known if math.isfinite(value)]
-    low, span = min(finite, default=0.0), max(finite, default=0.0) - min(finite, default=0.0)
+    finite = [value for value in known if math.isfinite(value)] or [0.0]
+    low, span = min(finite), max(finite) - min(finite)
 
     def mark(value: float) -> str:
         if not math.isfinite(value):
@@ -267,16 +258,16 @@ def _courses(rows: Sequence[Row], shown: Sequence[Quantity], levels: str) -> Ite
         # Scaled to the height of a line, values that errors cannot tell apart would have a course.
         pairs = combinations(known.values(), 2)
         is_flat = not any(abs(a - b) > math.hypot(e, f) for (a, e), (b, f) in pairs)
-        heights = {k: 0.0 if is_flat else value for k, (value, _) in known.items()}
-        marks = sparkline([0.0 if is_flat else heights.get(k) for k in range(len(rows))],
-                          levels=levels)  # fmt: skip
+        heights = {} if is_flat else {k: value for k, (value, _) in known.items()}
+        course = [0.0 if is_flat else heights.get(k) for k in range(len(rows))]
         values = [scale.factor * value for value, _ in known.values()]
         ends = f"{number(min(values), digits=4)} to {number(max(values), digits=4)}"
         flat = ", drawn flat: within their standard errors" if is_flat else ""
-        yield f"{one.symbol:<4} {marks}  {ends} {scale.short_unit}{flat}"
-    marks = sparkline([math.log10(error) if error else None for error in errors], levels=levels)
+        line = sparkline(course, levels=levels)
+        yield f"{one.symbol:<4} {line}  {ends} {scale.short_unit}{flat}"
+    line = sparkline([math.log10(error) if error else None for error in errors], levels=levels)
     ends = f"{percent(min(seen))} to {percent(max(seen))} %, on a scale of decades"
-    yield f"{'MSE':<4} {marks}  {ends}"
+    yield f"{'MSE':<4} {line}  {ends}"
 
 
 def remarks_on(row: Row, quantities: Sequence[Quantity] = ()) -> str:
@@ -287,12 +278,16 @@ def remarks_on(row: Row, quantities: Sequence[Quantity] = ()) -> str:
     outcome = (row.get("outcome") or "outcome unknown").replace("_", " ")
     share = row.get("cavitation_fraction")
     cavitates = f"cavitates {100.0 * share:.0f} % of the time" if share else ""
-    said = [] if outcome == "converged" or (outcome == "cavitating" and cavitates) else [outcome]
-    for status, words in (("at_bound", "at bound"), ("not_identifiable", "not identifiable")):
+    words = {outcome}
+    if outcome == "converged" or (outcome == "cavitating" and cavitates):
+        words = set()
+    remarks = [*words]
+    for status in ("at_bound", "not_identifiable"):
         own = [one.symbol for one in quantities if row.get(f"{one.name}_status") == status]
+        word = status.replace("_", " ")
         if own:
-            said = [one for one in said if one != words] + [f"{_listed(own)} {words}"]
-    return "; ".join([*said, cavitates] if cavitates else said)
+            remarks = [one for one in remarks if one != word] + [f"{_listed(own)} {word}"]
+    return "; ".join([*remarks, cavitates] if cavitates else remarks)
 
 
 # MSE, cavitation, checks, held out
@@ -305,10 +300,10 @@ def mse_sheet(
 ) -> Sheet:
     """Return one row per setting and log: MSE, noise floor, grade; remarks per setting."""
     settings = {row["setting"]: row for row in parameters}
-    logs: dict[Setting, list[str]] = {}
+    logs: dict[Setting, list[str]] = {row["setting"]: [] for row in everything}
     for row in everything:
-        is_fitted_log = row["log"] and row.get("role") != "held_out"
-        logs.setdefault(row["setting"], []).extend([row["log"]] if is_fitted_log else [])
+        if row["log"] and row.get("role") != "held_out":
+            logs[row["setting"]].append(row["log"])
 
     def setting(row: Row) -> str:
         # One that was only predicted has no parameters, hence no row of its own.
@@ -325,8 +320,6 @@ def mse_sheet(
         known = settings.get(row["setting"])
         return remarks_on(known, quantities) if known else ""
 
-    # The only log of a setting says the same as the setting.
-    rows = [row for row in everything if logs[row["setting"]] != [row["log"]]]
     columns = [
         Column("setting", "", setting),
         Column("log", "", log, is_number=False),
@@ -336,7 +329,8 @@ def mse_sheet(
         Column.text("samples", "n_samples", is_number=True),
         Column("remarks", "", remarks, is_number=False),
     ]
-    return laid_out(rows, columns)
+    # The only log of a setting says the same as the setting.
+    return laid_out([row for row in everything if logs[row["setting"]] != [row["log"]]], columns)
 
 
 def grade_counts(rows: Iterable[Row]) -> str:
@@ -366,12 +360,11 @@ def cavitation_sheet(rows: Sequence[Row]) -> Sheet:
 
 def check_summary(checks: Sequence[Check]) -> str:
     """Return how many checks were passed, failed and not looked at."""
-    passed, failed, other = (
-        sum(check.passed is word for check in checks) for word in (True, False, None)
-    )
-    said = f"{passed} of {len(checks)} checks passed"
-    said += f", {failed} failed" if failed else ""
-    return said + (f", {other} not evaluated" if other else "")
+    results = [check.passed for check in checks]
+    n_failed, n_other = results.count(False), results.count(None)
+    failed = f", {n_failed} failed" if n_failed else ""
+    other = f", {n_other} not evaluated" if n_other else ""
+    return f"{results.count(True)} of {len(checks)} checks passed{failed}{other}"
 
 
 def check_lines(checks: Sequence[Check]) -> list[str]:

@@ -483,7 +483,7 @@ def test_slopes_are_those_of_the_equations_and_each_is_declared(
     damper = exported_damper(exported(handed, name))
     # At its end without free gas an empty chamber has no slope by it.
     left_out = {"f_0"} | (set() if name == "seals" else {"free_gas"})
-    numbers = [each.name for each in damper.numbers if each.name not in left_out]
+    numbers = [each["name"] for each in damper.numbers if each["name"] not in left_out]
     unknowns = (*OUTPUTS, *(RATES[state] for state in states if state != "outside"))
     followed = _declared(folders[name, 2])
     for x, v, y in points(name):

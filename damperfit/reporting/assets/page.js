@@ -6,7 +6,7 @@
   const dark = matchMedia("(prefers-color-scheme: dark)");
   const WIDTHS = { solid: 2, wide: 4, thin: 0.9, pale: 1.5, faint: 0.6, dashed: 1.5, dotted: 1.5, dot_line: 1, triangle_line: 1 };
   const DASHES = { dashed: "dash", dotted: "dot", triangle_line: "dash" };
-  const SYMBOLS = { points: "circle", triangles: "triangle-up-open", rings: "circle-open", above: "triangle-up", below: "triangle-down", dot_line: "circle", triangle_line: "triangle-up-open" };
+  const SYMBOLS = { points: "circle", triangles: "triangle-up-open", rings: "circle-open", dot_line: "circle", triangle_line: "triangle-up-open" };
   const JOINED = new Set(["dot_line", "triangle_line"]);
   let printing = false;
 
@@ -87,7 +87,7 @@
     plot.panels.forEach((panel, row) => {
       // The upper panel takes the larger part.
       const domain = n === 1 ? [0, 1] : row === 0 ? [0.42, 1] : [0, 0.34];
-      layout[row ? `yaxis${row + 1}` : "yaxis"] = { ...common, title: { text: label(panel.y) }, domain, type: panel.log ? "log" : "linear", exponentformat: "power", ...(panel.log ? { dtick: 1 } : {}), ...(panel.yrange ? { range: panel.yrange } : {}) };
+      layout[row ? `yaxis${row + 1}` : "yaxis"] = { ...common, title: { text: label(panel.y) }, domain, type: panel.log ? "log" : "linear", exponentformat: "power", ...(panel.log ? { dtick: 1 } : {}) };
     });
     return layout;
   }
