@@ -262,23 +262,24 @@ class Simulation:
         from damperfit.store import file_set
 
         with ExitStack() as stack:
-            sets = []
+            sets = {
+                folder: stack.enter_context(file_set(folder, spares_others=spares_others))
+                for folder in {path.parent for path in (out, plot) if path is not None}
+            }
             if out is not None:
                 from damperfit.tables.files import time_series_table, write_table
 
-                sets.append(stack.enter_context(file_set(out.parent, spares_others=spares_others)))
                 table = time_series_table(self.test.response)
-                write_table(sets[-1].path(out.name), table, suffix=out.suffix)
+                write_table(sets[out.parent].path(out.name), table, suffix=out.suffix)
             if plot is not None:
                 from damperfit.reporting.drawing import draw_plot
                 from damperfit.reporting.simulated import cycle_plot
 
-                sets.append(stack.enter_context(file_set(plot.parent, spares_others=spares_others)))
-                path, kind = sets[-1].path(plot.name), plot.suffix[1:].lower()
+                path, kind = sets[plot.parent].path(plot.name), plot.suffix[1:].lower()
                 test = self.test
                 drawn = cycle_plot(test.response, test.frequency, title=self.title)
                 draw_plot(path, drawn, kind=kind)
-            for files in sets:  # both before either is exchanged
+            for files in sets.values():  # both before either is exchanged
                 files.spare()
 
     @property

@@ -6,58 +6,50 @@ targets. Whoever finds a committed set that was not moved to the end moves the r
 be repeated, and `settle` does it before results are read. The folder itself is never exchanged,
 for it may be a working folder or a mount, and it may hold other people's files.
 
-Writers are kept apart by locks of the operating system, which end with their process. On a file
-system without locks nothing keeps two writers of one folder apart.
+Writers are kept apart by locks of the operating system, which end with their process; where a file
+system has none nothing does.
 """
 
 from __future__ import annotations
 
-import errno
 import json
 import logging
 import os
 import re
-import secrets
 import shutil
 import tempfile
 import time
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO
+from typing import TYPE_CHECKING
 
 from damperfit.errors import ConfigurationError, OutputError
 from damperfit.problem import Option
-from damperfit.units.quantities import units_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
 _LOGGER = logging.getLogger(__name__)
 
-_STAGING = ".damperfit-new-"  # prefix of staging folders and files
-_COMMITTED = ".damperfit-committed"
-_EXCHANGE = ".damperfit-lock"  # while files are exchanged
-_RUN = ".damperfit-run"  # while a run is at work whose results go there
+_OURS = ".damperfit-"
+_STAGING = f"{_OURS}new-"  # prefix of staging folders
+_COMMITTED = f"{_OURS}committed"
+_WRITER = f"{_OURS}lock"  # held while a set is written
+_RUN = f"{_OURS}run"  # held while a run is at work whose results go there
 _REMOVED = ".removed"  # in a staging folder: names that go when the set appears
-_ALIVE = ".alive"  # in a staging folder: locked as long as its writer lives
-_RESULTS = ("run.json", "parameters.csv", "parameters.parquet")
-_PATIENCE = 30.0  # s; an exchange takes some milliseconds
+_PATIENCE = 30.0  # s; the largest sets take some
 _RUN_PATIENCE = 1.0  # s; `settle` of another command may hold the lock of a run for a moment
-_PAUSE = 0.02  # s
-_HELD = {errno.EAGAIN, errno.EACCES, errno.EDEADLK}
 
 
-@dataclass
 class FileSet:
-    """Files of one folder that are about to be replaced together."""
+    """Files of one folder that are about to be replaced together; `file_set` makes it."""
 
-    folder: Path
-    staging: Path
-    names: list[str] = field(default_factory=list)
-    removed: list[str] = field(default_factory=list)
-    spares_others: bool = False
-    is_committed: bool = False
+    def __init__(self, folder: Path, staging: Path, *, spares_others: bool) -> None:
+        self.folder, self.staging = folder, staging
+        self.names: list[str] = []
+        self._removed: list[str] = []
+        self._spares_others = spares_others
+        self._is_committed = False
 
     def path(self, name: str) -> Path:
         """Return the path to write ``name`` to; it becomes part of the set.
@@ -75,43 +67,43 @@ class FileSet:
 
     def without(self, name: str) -> None:
         """Let a file of an earlier set, if there is one, go when this set appears."""
-        if name not in (*self.names, *self.removed):
-            self.removed.append(name)
+        self._removed.append(name)
 
     def spare(self) -> None:
         """Refuse to write over files of another origin, where these are spared.
 
-        `commit` does it too; who writes two sets asks both before either is committed.
+        It is done at the end too; who writes two sets asks both before either is exchanged.
 
         Raises
         ------
         ConfigurationError
             Such a file is there.
         """
-        for name in self.names if self.spares_others else ():
-            _refuse_others(self.folder / name, self.staging / name)
+        for name in self.names if self._spares_others else ():
+            target = self.folder / name
+            if target.is_file() and not _is_own_file(target, self.staging / name):
+                raise ConfigurationError(
+                    "is there already, and damperfit did not write it as this kind of file; "
+                    "nothing was written. Give {overwrite} to replace it, or another {out}",
+                    overwrite=Option("overwrite"),
+                    out=Option("out"),
+                    subject=target,
+                )
 
-    def commit(self) -> None:
-        """Exchange the files for their targets; `file_set` calls it.
-
-        Raises
-        ------
-        ConfigurationError
-            A file of another origin is in the way, and is spared.
-        OutputError
-            A target is no regular file, or another run does not end its exchange.
-        """
-        (self.staging / _REMOVED).write_text(json.dumps(self.removed), encoding="utf-8")
+    def _commit(self) -> None:
+        (self.staging / _REMOVED).write_text(json.dumps(self._removed), encoding="utf-8")
         for name in (*self.names, _REMOVED):
-            _flush(self.staging / name)
+            _flush(self.staging / name, os.O_RDWR)
         _flush_folder(self.staging)
         self.spare()
-        with _exchanging(self.folder):
-            for name in (*self.names, *self.removed):
-                _refuse_irregular(self.folder / name)
-            self.staging.rename(self.folder / _COMMITTED)
-            self.is_committed = True
-            _move_committed(self.folder)
+        for target in (self.folder / name for name in (*self.names, *self._removed)):
+            if target.exists() and not target.is_file():  # a folder, a device, a pipe
+                raise OutputError(f"cannot write {target}: it exists and is not a regular file")
+            if os.name == "nt" and target.exists():  # a file that another program has open
+                os.replace(target, target)
+        self.staging.rename(self.folder / _COMMITTED)
+        self._is_committed = True
+        _move_committed(self.folder)
 
 
 @contextmanager
@@ -119,7 +111,8 @@ def file_set(folder: Path, *, spares_others: bool = False) -> Iterator[FileSet]:
     """Open a set of files in ``folder``; they replace the old ones when the block ends well.
 
     The folder is made when it does not exist. When the block raises, no target has changed and no
-    temporary file is left. Sets of several runs are exchanged one after the other.
+    temporary file is left. Sets of one folder are written one after the other, so that no block
+    opens a second one there.
 
     Parameters
     ----------
@@ -138,53 +131,19 @@ def file_set(folder: Path, *, spares_others: bool = False) -> Iterator[FileSet]:
     files = None
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with temporary_folder(_STAGING, folder) as staging:
-            files = FileSet(folder, staging, spares_others=spares_others)
-            yield files
-            files.commit()
+        with _writing(folder):
+            staging = Path(tempfile.mkdtemp(prefix=_STAGING, dir=folder))
+            try:
+                files = FileSet(folder, staging, spares_others=spares_others)
+                yield files
+                files._commit()  # noqa: SLF001 - its own
+            finally:
+                shutil.rmtree(staging, ignore_errors=True)
         _LOGGER.debug("written to %s: %s", folder, ", ".join(sorted(files.names)))
     except OSError as error:
-        if files is not None and files.is_committed:
-            raise OutputError(_interrupted(folder, error)) from error
-        raise (_unwritten(folder, error, files.names if files else ())) from error
-
-
-@contextmanager
-def temporary_folder(prefix: str, parent: Path) -> Iterator[Path]:
-    """Yield a new folder in ``parent``, which goes at the end or by `remove_abandoned`."""
-    folder = Path(tempfile.mkdtemp(prefix=prefix, dir=parent))
-    try:
-        with _lock_held(folder / _ALIVE):
-            yield folder
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
-
-
-@contextmanager
-def replaced(path: Path) -> Iterator[BinaryIO]:
-    """Yield a file to write to, which takes the place of ``path`` when the block ends well.
-
-    Raises
-    ------
-    OSError
-        The file cannot be written; ``path`` is as it was.
-    """
-    beside = path.parent / f"{_STAGING}{secrets.token_hex(8)}"
-    try:
-        with beside.open("xb") as file:
-            _try_lock(file.fileno())
-            yield file
-            file.flush()
-            os.fsync(file.fileno())
-            if os.name != "nt":  # before the lock ends, so that nobody takes it for abandoned
-                os.replace(beside, path)
-        if os.name == "nt":
-            os.replace(beside, path)
-        _flush_folder(path.parent)
-    except BaseException:
-        with suppress(OSError):
-            beside.unlink()
-        raise
+        if files is not None and files._is_committed:  # noqa: SLF001 - its own
+            raise _interrupted(folder, error) from error
+        raise _unwritten(folder, error, files.names if files else ()) from error
 
 
 def write_text(path: Path, text: str) -> None:
@@ -199,51 +158,43 @@ def write_text(path: Path, text: str) -> None:
         files.path(path.name).write_text(text, encoding="utf-8", newline="\n")
 
 
-def _has_working_folder() -> bool:
-    try:
-        return bool(os.getcwd())  # noqa: PTH109
-    except OSError:
-        return False
-
-
 def check_writable(folder: Path) -> None:
     """Raise before any work is done when results could never be written to ``folder``.
 
     Raises
     ------
     ConfigurationError
-        A file stands where the folder should be.
+        A file stands where the folder should be, or it is no path of this machine.
     OutputError
         The nearest existing folder is write-protected.
     """
-    text = str(folder)
-    nearest = folder
+
+    def refusal(code: str, why: str, subject: object = folder) -> ConfigurationError:
+        return ConfigurationError(f"cannot be written: {why}", code=code, subject=subject)
+
     if re.match(r"[a-z][a-z0-9+.-]+:/", folder.as_posix()):
-        text = re.sub(r":/+", "://", folder.as_posix(), count=1)
-        code, why = (
-            "no-address",
-            (
-                "results go to a folder of this machine, not to an address; give a folder, and "
-                "copy it there when all is done"
-            ),
+        why = (
+            "results go to a folder of this machine, not to an address; give a folder, and copy "
+            "it there when all is done"
         )
-    elif "\0" in text:
-        text, code, why = repr(text), "no-path", "a NUL cannot stand in a path"
-    elif not (folder.is_absolute() or _has_working_folder()):
-        code, why = (
-            "no-working-folder",
-            ("the folder that this was started in is gone; go to one that is there (cd)"),
-        )
-    else:
-        while not os.path.lexists(nearest) and nearest != nearest.parent:
-            nearest = nearest.parent
-        if nearest.is_dir() and os.access(nearest, os.W_OK | os.X_OK):
-            return
-        if nearest.is_dir():
-            why = f"cannot be written: {nearest} is write-protected"
-            raise OutputError(why, code="write-protected", subject=folder)
-        code, why = "not-a-folder", f"{nearest} is not a folder"
-    raise ConfigurationError(f"cannot be written: {why}", code=code, subject=text)
+        address = re.sub(r":/+", "://", folder.as_posix(), count=1)
+        raise refusal("no-address", why, address)
+    if "\0" in str(folder):
+        raise refusal("no-path", "a NUL cannot stand in a path", repr(str(folder)))
+    try:
+        os.getcwd()  # noqa: PTH109
+    except OSError as error:
+        if not folder.is_absolute():
+            why = "the folder that this was started in is gone; go to one that is there (cd)"
+            raise refusal("no-working-folder", why) from error
+    nearest = folder
+    while not os.path.lexists(nearest) and nearest != nearest.parent:
+        nearest = nearest.parent
+    if not nearest.is_dir():
+        raise refusal("not-a-folder", f"{nearest} is not a folder")
+    if not os.access(nearest, os.W_OK | os.X_OK):
+        why = f"cannot be written: {nearest} is write-protected"
+        raise OutputError(why, code="write-protected", subject=folder)
 
 
 @contextmanager
@@ -260,8 +211,8 @@ def reserved(folder: Path) -> Iterator[None]:
     """
     missing = [parent for parent in (folder, *folder.parents) if not os.path.lexists(parent)]
     refusal = (
-        f"{folder}: another run is at work there; wait for it to end, or give this "
-        "one a folder of its own{out}"
+        f"{folder}: another run is at work there; wait for it to end, or give this one a folder of "
+        "its own{out}"
     )
     with ExitStack() as held:
         held.callback(_remove_empty, missing)
@@ -270,8 +221,14 @@ def reserved(folder: Path) -> Iterator[None]:
             settle(folder)
             held.enter_context(_locked(folder / _RUN, patience=_RUN_PATIENCE, refusal=refusal))
         except OSError as error:
-            raise (_unwritten(folder, error)) from error
+            raise _unwritten(folder, error) from error
         yield
+
+
+def _remove_empty(folders: Iterable[Path]) -> None:
+    for folder in folders:
+        with suppress(OSError):  # results stand in it
+            folder.rmdir()
 
 
 def settle(folder: Path) -> None:
@@ -285,43 +242,16 @@ def settle(folder: Path) -> None:
         A set was committed there and cannot be moved to its place.
     """
     try:
-        names = [path.name for path in folder.iterdir()]
-    except OSError:
-        return  # whoever reads there says it better
-    if not any(_is_ours(name) for name in names):
-        return
-    try:
-        with _exchanging(folder):
-            remove_abandoned(folder)
+        names = {path.name for path in folder.iterdir() if path.name.startswith(_OURS)}
+        # Who holds the lock of a set that is not committed is at work, and leaves nothing behind.
+        if _COMMITTED in names or (names - {_RUN} and not _is_held(folder / _WRITER)):
+            with _writing(folder):
+                pass
         if _RUN in names:
-            with suppress(OutputError), _locked(folder / _RUN, patience=0.0, refusal=""):
-                pass  # a killed run's lock goes with this one
-    except OSError as error:
+            _is_held(folder / _RUN)
+    except OSError as error:  # of a folder that cannot be listed, whoever reads there says it
         if os.path.lexists(folder / _COMMITTED):
-            raise OutputError(_interrupted(folder, error)) from error
-
-
-def remove_abandoned(folder: Path, prefix: str = _STAGING) -> None:
-    """Remove what killed writers left in a folder; those that are at work keep their files."""
-    for path in folder.glob(f"{prefix}*"):
-        with suppress(OSError):
-            if path.is_dir() and _is_abandoned(path / _ALIVE):
-                shutil.rmtree(path, ignore_errors=True)
-            elif path.is_file() and _is_abandoned(path):
-                path.unlink()
-
-
-@contextmanager
-def _exchanging(folder: Path) -> Iterator[None]:
-    """Keep other writers out of a folder in which a committed set has been moved to its place."""
-    busy = (
-        f"{folder}: another run has been writing there for {_PATIENCE:g} s; wait for "
-        "it to end, or give another folder"
-    )
-    with _locked(folder / _EXCHANGE, patience=_PATIENCE, refusal=busy):
-        if os.path.lexists(folder / _COMMITTED):
-            _move_committed(folder)
-        yield
+            raise _interrupted(folder, error) from error
 
 
 def _move_committed(folder: Path) -> None:
@@ -329,36 +259,29 @@ def _move_committed(folder: Path) -> None:
     committed = folder / _COMMITTED
     list_of_removed = committed / _REMOVED
     for path in sorted(committed.iterdir()):
-        if path.name not in {_REMOVED, _ALIVE}:
+        if path.name != _REMOVED:
             os.replace(path, folder / path.name)
     if list_of_removed.exists():  # it goes last
         for name in json.loads(list_of_removed.read_text(encoding="utf-8")):
             (folder / Path(name).name).unlink(missing_ok=True)
         _flush_folder(folder)
-    (committed / _ALIVE).unlink(missing_ok=True)
     list_of_removed.unlink(missing_ok=True)
     committed.rmdir()
 
 
-def _refuse_irregular(target: Path) -> None:
-    if target.exists() and not target.is_file():  # a folder, a device, a pipe
-        raise OutputError(f"cannot write {target}: it exists and is not a regular file")
-    if os.name == "nt" and target.exists():  # a file that another program has open stays
-        os.replace(target, target)
-
-
-def _is_abandoned(path: Path) -> bool:
-    """Whether the writer that locked a file has gone."""
-    try:
-        number = os.open(path, os.O_RDWR)
-    except FileNotFoundError:
-        return time.time() - path.parent.stat().st_mtime > 1.0  # locked right after it is made
-    try:
-        return _try_lock(number)
-    except BlockingIOError:
-        return False
-    finally:
-        os.close(number)
+@contextmanager
+def _writing(folder: Path) -> Iterator[None]:
+    """Keep other writers out of a folder in which nothing is left of those that were killed."""
+    busy = (
+        f"{folder}: another run has been writing there for {_PATIENCE:g} s; wait for it to end, or "
+        "give another folder"
+    )
+    with _locked(folder / _WRITER, patience=_PATIENCE, refusal=busy):
+        if os.path.lexists(folder / _COMMITTED):
+            _move_committed(folder)
+        for left in folder.glob(f"{_STAGING}*"):
+            shutil.rmtree(left, ignore_errors=True)
+        yield
 
 
 @contextmanager
@@ -366,21 +289,27 @@ def _locked(path: Path, *, patience: float, refusal: str) -> Iterator[None]:
     """Hold the lock of a file that is made for it and removed with it."""
     until = time.monotonic() + patience
     while True:
-        try:
-            with _lock_held(path) as number:
-                # Whoever held it may have removed the file that was just opened.
-                if path.exists() and os.path.samestat(os.fstat(number), path.stat()):
-                    try:
-                        yield
-                        return
-                    finally:
-                        with suppress(OSError):
-                            path.unlink()
-        except BlockingIOError:
-            pass
+        with suppress(BlockingIOError), _lock_held(path) as number:
+            # Whoever held it may have removed the file that was just opened.
+            if path.exists() and os.path.samestat(os.fstat(number), path.stat()):
+                try:
+                    yield
+                    return
+                finally:
+                    with suppress(OSError):
+                        path.unlink()
         if time.monotonic() >= until:
             raise OutputError(refusal, out=Option("out", is_aside=True))
-        time.sleep(_PAUSE)
+        time.sleep(0.02)
+
+
+def _is_held(path: Path) -> bool:
+    """Whether somebody holds a lock; that of a killed process goes."""
+    try:
+        with _locked(path, patience=0.0, refusal=""):
+            return False
+    except OutputError:
+        return True
 
 
 @contextmanager
@@ -392,114 +321,73 @@ def _lock_held(path: Path) -> Iterator[int]:
     except PermissionError:  # what a killed run of somebody else left
         number = os.open(path, os.O_RDONLY | no_link)
     try:
-        is_locked = _try_lock(number)
+        _lock(number, is_held=True)
         try:
             yield number
-        finally:
-            if is_locked:  # not by closing alone: a copy of this process may have it open
-                _unlock(number)
+        finally:  # not by closing alone: a copy of this process may have it open
+            with suppress(OSError):
+                _lock(number, is_held=False)
     finally:
         with suppress(OSError):  # what was written stands, whatever becomes of the lock
             os.close(number)
 
 
-def _try_lock(number: int) -> bool:
-    """Lock an open file; False where the file system has no locks."""
-    try:
-        if os.name == "nt":
-            import msvcrt
+def _lock(number: int, *, is_held: bool) -> None:
+    """Lock or unlock an open file; a BlockingIOError: somebody else holds it."""
+    if os.name == "nt":
+        import msvcrt
 
-            msvcrt.locking(number, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined,unused-ignore]
-        else:
-            import fcntl
-
-            fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError as error:
-        if error.errno in _HELD:
+        how = msvcrt.LK_NBLCK if is_held else msvcrt.LK_UNLCK  # type: ignore[attr-defined,unused-ignore]
+        try:
+            msvcrt.locking(number, how, 1)  # type: ignore[attr-defined,unused-ignore]
+        except OSError as error:
             raise BlockingIOError from error
-        return False  # ENOLCK, EOPNOTSUPP and their like
-    return True
+        return
+    import fcntl
+
+    try:
+        fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB if is_held else fcntl.LOCK_UN)
+    except BlockingIOError:
+        raise
+    except OSError:
+        _LOGGER.debug("this file system has no locks")
 
 
-def _unlock(number: int) -> None:
-    with suppress(OSError):
-        if os.name == "nt":
-            import msvcrt
-
-            msvcrt.locking(number, msvcrt.LK_UNLCK, 1)  # type: ignore[attr-defined,unused-ignore]
-        else:
-            import fcntl
-
-            fcntl.flock(number, fcntl.LOCK_UN)
-
-
-def _flush(path: Path) -> None:
-    with path.open("rb+") as file:
-        os.fsync(file.fileno())
+def _flush(path: Path, how: int) -> None:
+    number = os.open(path, how)
+    try:
+        os.fsync(number)
+    finally:
+        os.close(number)
 
 
 def _flush_folder(folder: Path) -> None:
     """Make renames durable; Windows and some network file systems cannot, and need not."""
     with suppress(OSError):
-        number = os.open(folder, os.O_RDONLY)
-        try:
-            os.fsync(number)
-        finally:
-            os.close(number)
-
-
-def _remove_empty(folders: Iterable[Path]) -> None:
-    for folder in folders:
-        with suppress(OSError):  # results stand in it
-            folder.rmdir()
+        _flush(folder, os.O_RDONLY)
 
 
 def _unwritten(folder: Path, error: OSError, names: Iterable[str] = ()) -> OutputError:
-    sentence = f"cannot be written: {error.strerror or error}"
-    is_earlier = any(os.path.lexists(folder / name) for name in (*names, *_RESULTS))
+    is_earlier = any(os.path.lexists(folder / name) for name in (*names, "run.json"))
     kept = "; earlier results there are untouched" if is_earlier else ""
-    return OutputError(f"{sentence}{kept}", code="cannot-write", subject=folder)
+    text = f"cannot be written: {error.strerror or error}{kept}"
+    return OutputError(text, code="cannot-write", subject=folder)
 
 
-def _interrupted(folder: Path, error: OSError) -> str:
-    return (
+def _interrupted(folder: Path, error: OSError) -> OutputError:
+    return OutputError(
         f"{folder}: results were written there, but not all files could be moved to their place: "
         f"{error.strerror or error}; make the folder writable, and the next command that looks "
         "there ends it"
     )
 
 
-def _is_ours(name: str) -> bool:
-    return name in {_COMMITTED, _EXCHANGE, _RUN} or name.startswith(_STAGING)
-
-
 # A file is our own where it begins as the new one does and says "damperfit" near its beginning or
 # its end (pictures, archives and Parquet say it there), or where it is a CSV with the same columns,
 # in whichever units. Tables beside a run.json are results, which only `identify` replaces.
-_MARK = b"damperfit"
 _HEAD, _TAIL = 16384, 65536  # bytes; the columns of a table of parameters take thousands
-_COLUMN = re.compile(rb"\"?[A-Za-z]\w*( \[[^\]]*\])?\"?")
-_ALIKE = 4  # bytes: enough to tell kinds of files from each other
-_PARQUET = b"PAR1"
 _FEWEST = 3  # columns of a table
-_UNITS = b"|".join(
-    re.escape(unit.replace("/", "_per_").encode())
-    for dimension in ("force", "velocity", "length")
-    for unit in sorted(units_of(dimension), key=len, reverse=True)
-)
-_UNIT = re.compile(rb"(?:_| \[)(?:" + _UNITS + rb")\]?$")
-
-
-def _refuse_others(target: Path, draft: Path) -> None:
-    """Refuse to write a draft over a file of another origin."""
-    if target.is_file() and not _is_own_file(target, draft):
-        raise ConfigurationError(
-            "is there already, and damperfit did not write it as this kind of file; "
-            "nothing was written. Give {overwrite} to replace it, or another {out}",
-            overwrite=Option("overwrite"),
-            out=Option("out"),
-            subject=target,
-        )
+_COLUMN = re.compile(rb"\"?([A-Za-z][A-Za-z0-9]*)\w*( \[[^\]]*\])?\"?")
 
 
 def _is_own_file(target: Path, draft: Path) -> bool:
@@ -509,17 +397,16 @@ def _is_own_file(target: Path, draft: Path) -> bool:
         file.seek(max(0, file.seek(0, 2) - _TAIL))
         ends = file.read()
     columns = _columns(new)
-    if (columns or new.startswith(_PARQUET)) and (target.parent / "run.json").exists():
+    if (columns or new.startswith(b"PAR1")) and (target.parent / "run.json").exists():
         return False
     if columns:
         return columns == _columns(old)
-    return old[:_ALIKE] == new[:_ALIKE] and (_MARK in old or _MARK in ends)
+    return old[:4] == new[:4] and (b"damperfit" in old or b"damperfit" in ends)
 
 
-def _columns(head: bytes) -> tuple[bytes, ...]:
-    """Names of a CSV's columns without units that may be chosen; else nothing."""
+def _columns(head: bytes) -> list[bytes]:
+    """Return the first words of a CSV's column names, before units; else nothing."""
     line = head.removeprefix(b"\xef\xbb\xbf").split(b"\n")[0].strip()
-    cells = re.split(rb"[,;]", line)
-    if len(cells) < _FEWEST or not all(map(_COLUMN.fullmatch, cells)):
-        return ()
-    return tuple(_UNIT.sub(b"", cell.replace(b"/", b"_per_")) for cell in cells)
+    matches = [_COLUMN.fullmatch(cell) for cell in re.split(rb"[,;]", line)]
+    words = [match[1] for match in matches if match]
+    return words if len(words) == len(matches) >= _FEWEST else []

@@ -15,7 +15,7 @@ import pytest
 
 from damperfit import store
 from damperfit.errors import ConfigurationError, OutputError
-from damperfit.store import check_writable, file_set, replaced, reserved, settle, write_text
+from damperfit.store import check_writable, file_set, reserved, settle, write_text
 
 OLD = {"a.csv": "old a", "b.csv": "old b", "extra.csv": "old extra", "run.json": "old run"}
 NEW = {"a.csv": "new a", "b.csv": "new b", "c.csv": "new c", "run.json": "new run"}
@@ -25,7 +25,8 @@ posix = pytest.mark.skipif(os.name != "posix", reason="needs fork")
 
 
 def contents(folder: Path) -> dict[str, str]:
-    return {path.name: path.read_text() for path in folder.iterdir() if path.is_file()}
+    files = (path for path in folder.iterdir() if path.is_file() and path.name != store._WRITER)
+    return {path.name: path.read_text() for path in files}
 
 
 def first_set(folder: Path, old: dict[str, str]) -> None:
@@ -276,20 +277,6 @@ def test_a_folder_that_cannot_be_put_right_is_refused_in_one_sentence(tmp_path, 
     assert contents(folder) == NEW
 
 
-@posix
-def test_without_locks_a_killed_run_leaves_one_whole_set(tmp_path, monkeypatch):
-    import fcntl
-
-    def refuse(*_, **__):
-        raise OSError(errno.ENOTSUP, "Operation not supported")
-
-    monkeypatch.setattr(fcntl, "flock", refuse)
-    folder = tmp_path / "results"
-    for n in deaths(lambda: exchange(folder), lambda: first_set(folder, OLD), die_before, 7):
-        settle(folder)
-        assert contents(folder) in (OLD, NEW), n
-
-
 # Several writers
 
 
@@ -297,9 +284,8 @@ def test_without_locks_a_killed_run_leaves_one_whole_set(tmp_path, monkeypatch):
 def test_leftovers_of_killed_writers_go_and_those_of_living_ones_stay(tmp_path):
     code = (
         "import os, pathlib, sys\n"
-        "from damperfit.store import file_set, replaced\n"
-        "place = pathlib.Path(sys.argv[1])\n"
-        "with file_set(place) as files, replaced(place / 'b') as file:\n"
+        "from damperfit.store import file_set\n"
+        "with file_set(pathlib.Path(sys.argv[1])) as files:\n"
         "    files.path('a.txt').write_text('half')\n"
         "    print('ready', flush=True)\n"
         "    input()\n"
@@ -314,17 +300,6 @@ def test_leftovers_of_killed_writers_go_and_those_of_living_ones_stay(tmp_path):
         process.kill()
     settle(tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == [".notes.txt"]
-
-
-def test_one_file_is_replaced_whole_or_not_at_all(tmp_path):
-    (tmp_path / "a").write_bytes(b"old")
-    with pytest.raises(ZeroDivisionError), replaced(tmp_path / "a") as file:
-        file.write(b"half")
-        _ = 1 / 0
-    assert contents(tmp_path) == {"a": "old"}
-    with replaced(tmp_path / "a") as file:
-        file.write(b"new")
-    assert contents(tmp_path) == {"a": "new"}
 
 
 @posix
@@ -362,7 +337,7 @@ def test_a_writer_waits_for_another_and_gives_up_in_one_sentence(tmp_path, monke
     entered, leave = threading.Event(), threading.Event()
 
     def hold():
-        with store._exchanging(tmp_path):
+        with file_set(tmp_path):
             entered.set()
             leave.wait(10.0)
 

@@ -3,10 +3,10 @@
     OUT/serial-D003/part-KEY.parquet      rows of one damper; the serial number is a column of text
     OUT/_fleet/fleet.parquet              one table of all, which readers of OUT as a data set skip
 
-A part is written beside its place and renamed, so that it is there whole or not at all; which part
-a damper's logs give follows from the key alone. Its bytes depend on the logs, the configuration and
-the version, never on the clock or the worker. What is known besides the rows stands in the footer,
-outside of the schema, which would hold it a second time; what of run.json is compared is packed.
+A part is there whole or not at all; which part a damper's logs give follows from the key alone. Its
+bytes depend on the logs, the configuration and the version, never on the clock or the worker. What
+is known besides the rows stands in the footer, outside of the schema, which would hold it a second
+time; what of run.json is compared is packed.
 """
 
 from __future__ import annotations
@@ -21,13 +21,12 @@ from urllib.parse import quote, unquote
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from damperfit.errors import ConfigurationError, OutputError
+from damperfit.errors import ConfigurationError
 from damperfit.recording import natural_order
-from damperfit.store import file_set, remove_abandoned, replaced
+from damperfit.store import file_set, settle
 from damperfit.tables.reading import PART_FOLDERS, RECORD, packed, serial_in, unpacked
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
     from pathlib import Path
 
 SERIAL = "serial"
@@ -57,65 +56,51 @@ def part_path(folder: Path, owner: str, key: str) -> Path:
     return folder / f"{SERIAL}-{name}" / f"part-{key}.parquet"
 
 
-def owner_in(path: Path) -> str:
-    """Return whose a part is, from its folder."""
+def _owner_in(path: Path) -> str:
     owner = unquote(serial_in(path.parent), errors="replace")
     return "" if owner == _NAMELESS else owner
 
 
 def parts_in(folder: Path) -> list[Path]:
     """Return the parts of a fleet's folder, by serial number."""
-    found = [path for name in PART_FOLDERS for path in folder.glob(f"{name}/part-*.parquet")]
-    return sorted(found, key=lambda path: (natural_order(owner_in(path)), path.name))
+    paths = [path for name in PART_FOLDERS for path in folder.glob(f"{name}/part-*.parquet")]
+    return sorted(paths, key=lambda path: (natural_order(_owner_in(path)), path.name))
+
+
+def _with_serial(table: pa.Table, path: Path) -> pa.Table:
+    """Return a table with the column of serial numbers, which those of earlier versions lack."""
+    if SERIAL in table.column_names:
+        return table
+    return table.add_column(0, SERIAL, pa.array([_owner_in(path)] * table.num_rows, pa.string()))
 
 
 def write_part(
     path: Path, table: pa.Table, facts: dict[str, Any], record: dict[str, Any] | None = None
 ) -> None:
-    """Write a part, whole or not at all.
+    """Write a part with its rows, what is known besides, and what of run.json is compared.
 
-    Parameters
-    ----------
-    path : pathlib.Path
-        From `part_path`.
-    table : pyarrow.Table
-        Its rows.
-    facts : dict
-        What is known besides: "logs" are the hashes of its logs, "places" where they stand, "seen"
-        by place what `damperfit.fleets.sources.KnownObject` holds.
-    record : dict, optional
-        What of run.json is compared.
-
-    Raises
-    ------
-    OutputError
-        It cannot be written.
+    Of the facts "logs" are the hashes of its logs, "places" where they stand, and "seen" by place
+    what `damperfit.fleets.sources.KnownObject` holds.
     """
-    if SERIAL not in table.column_names:
-        serials = pa.array([owner_in(path)] * table.num_rows, pa.string())
-        table = table.add_column(0, SERIAL, serials)
+    table = _with_serial(table, path)
     fields = [
-        field.with_metadata(
-            {key: text for key, text in (field.metadata or {}).items() if key in _TOLD}
-        )
+        field.with_metadata({k: text for k, text in (field.metadata or {}).items() if k in _TOLD})
         for field in table.schema
     ]
     table = table.cast(pa.schema(fields))
     footer = {_FACTS.decode(): json.dumps(facts, sort_keys=True)}
     if record:
         footer[RECORD.decode()] = packed(record)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with (
-            replaced(path) as file,
-            pq.ParquetWriter(
-                file, table.schema, write_page_checksum=True, write_statistics=False
-            ) as writer,
-        ):
-            writer.write_table(table)
-            writer.add_key_value_metadata(footer)
-    except OSError as error:
-        raise OutputError(f"cannot be written: {error.strerror or error}", subject=path) from error
+    with (
+        file_set(path.parent) as files,
+        pq.ParquetWriter(
+            *(files.path(path.name), table.schema),
+            write_page_checksum=True,
+            write_statistics=False,
+        ) as writer,
+    ):
+        writer.write_table(table)
+        writer.add_key_value_metadata(footer)
 
 
 def read_facts_of(path: Path) -> dict[str, Any]:
@@ -128,13 +113,7 @@ def read_facts_of(path: Path) -> dict[str, Any]:
 
 
 def renew_facts(path: Path, **changed: Any) -> None:
-    """Write a part anew with other facts; its rows stay.
-
-    Raises
-    ------
-    OutputError
-        It cannot be written.
-    """
+    """Write a part anew with other facts; its rows stay."""
     try:
         table = _read(path)
         record = unpacked((pq.read_metadata(path).metadata or {}).get(RECORD, b""))
@@ -147,6 +126,12 @@ def _read(path: Path) -> pa.Table:
     return pq.ParquetFile(path, page_checksum_verification=True).read()
 
 
+def touch(path: Path) -> None:
+    """Make a part the latest of its logs: what it says holds again."""
+    with suppress(OSError):
+        os.utime(path)
+
+
 def forget_earlier(folder: Path) -> None:
     """Remove parts of logs that a later part is of, whoever they were said to be of.
 
@@ -154,8 +139,14 @@ def forget_earlier(folder: Path) -> None:
     bytes. Other tests of a damper stay. The latest part of a log is never removed, also not by
     another run at once.
     """
+
+    def latest_first(path: Path) -> tuple[int, str]:
+        with suppress(OSError):
+            return -path.stat().st_mtime_ns, str(path)
+        return 0, str(path)
+
     seen: set[tuple[str, str]] = set()
-    for path in sorted(parts_in(folder), key=_latest_first):
+    for path in sorted(parts_in(folder), key=latest_first):
         facts = read_facts_of(path)
         logs = {("", one) for one in facts.get("places", ())}
         logs |= {(serial_in(path.parent), one) for one in facts.get("logs", ())}
@@ -167,41 +158,13 @@ def forget_earlier(folder: Path) -> None:
             seen |= logs
 
 
-def _latest_first(path: Path) -> tuple[int, str]:
-    try:
-        return -path.stat().st_mtime_ns, str(path)
-    except OSError:
-        return 0, str(path)
-
-
-def touch(path: Path) -> None:
-    """Make a part the latest of its logs: what it says holds again."""
-    with suppress(OSError):
-        os.utime(path)
-
-
 def tidy(folder: Path) -> None:
-    """Remove what killed workers left; the files of those that may be at work stay."""
+    """End what killed workers left half done; the files of those that may be at work stay."""
     for name in PART_FOLDERS:
         for damper in folder.glob(name):
-            remove_abandoned(damper)
-
-
-def _tables(folder: Path) -> Iterator[pa.Table]:
-    for path in parts_in(folder):
-        try:
-            if not path.exists():  # another run has just replaced it
-                continue
-            table = _read(path).replace_schema_metadata(None)
-        except (OSError, pa.ArrowInvalid) as error:
-            raise ConfigurationError(
-                f"damaged ({error}); remove it, and the next damperfit fleet makes it again",
-                subject=path,
-            ) from error
-        if SERIAL not in table.column_names:  # of an earlier version: the folder alone told it
-            serials = pa.array([owner_in(path)] * table.num_rows, pa.string())
-            table = table.add_column(0, SERIAL, serials)
-        yield table
+            settle(damper)
+            with suppress(OSError):  # nothing was finished in it
+                damper.rmdir()
 
 
 def collect(folder: Path) -> pa.Table:
@@ -218,8 +181,18 @@ def collect(folder: Path) -> pa.Table:
     """
     from damperfit.tables.files import write_table
 
+    tidy(folder)
     forget_earlier(folder)
-    tables = list(_tables(folder))
+    tables = []
+    for path in parts_in(folder):
+        try:
+            if path.exists():  # else another run has just replaced it
+                tables.append(_with_serial(_read(path).replace_schema_metadata(None), path))
+        except (OSError, pa.ArrowInvalid) as error:
+            raise ConfigurationError(
+                f"damaged ({error}); remove it, and the next damperfit fleet makes it again",
+                subject=path,
+            ) from error
     if not tables:
         raise ConfigurationError(
             "no parts of a fleet there; run damperfit fleet LOGS first", subject=folder

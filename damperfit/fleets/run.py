@@ -39,7 +39,7 @@ from damperfit.fleets.sources import (
     head_of,
     recognised,
 )
-from damperfit.io import TestsTable, is_tests_table, read_tests
+from damperfit.io import is_tests_table, read_tests
 from damperfit.io.files import sha256_of
 from damperfit.problem import Failure, Option, Problem
 from damperfit.queries.compared_runs import compared_record
@@ -60,38 +60,24 @@ if TYPE_CHECKING:
 TABLE_OF_TESTS = "tests.csv"
 _UNREADABLE = "unreadable"
 _ENTRY = re.compile(r"\s*[#;%/*!]*\s*([^:=\t;,]{1,40}?)\s*[:=\t;,]\s*(.+?)[\s;,]*$")
-# What changes where results stand, or who is informed, and not the results.
-_NOT_OF_RESULTS = {"output"}
+_REFERENCE = "reference_temperature_degC"
+
+
+# Whose a log is
 
 
 @dataclass(frozen=True, slots=True)
 class DamperTask:
-    """The logs of one damper.
+    """The logs of one damper."""
 
-    Attributes
-    ----------
-    owner : str
-        Serial number, else the damper's name, else the folder of its logs.
-    logs : tuple of FleetLog
-        Its logs, in order.
-    tables : tuple of FleetLog
-        Tables of tests that stand beside them.
-    """
-
-    owner: str
-    logs: tuple[FleetLog, ...]
-    tables: tuple[FleetLog, ...] = ()
+    owner: str  # serial number, else the damper's name, else the folder of its logs
+    logs: tuple[FleetLog, ...]  # in order
+    tables: tuple[FleetLog, ...] = ()  # tables of tests that stand beside them
 
 
 @dataclass(frozen=True, slots=True)
 class Share:
-    """Part I of N of a fleet, as a job array does it.
-
-    Attributes
-    ----------
-    number, of : int
-        1 <= number <= of.
-    """
+    """Part I of N of a fleet, as a job array does it."""
 
     number: int
     of: int
@@ -115,8 +101,8 @@ def share_of(text: str) -> Share:
     >>> share_of("3/100")
     Share(number=3, of=100)
     """
-    found = re.fullmatch(r"\s*(\d+)\s*/\s*(\d+)\s*", text)
-    number, of = (int(part) for part in found.groups()) if found else (0, 0)
+    match = re.fullmatch(r"\s*(\d+)\s*/\s*(\d+)\s*", text)
+    number, of = map(int, match.groups()) if match else (0, 0)
     if not 1 <= number <= of:
         raise ConfigurationError(
             "expected I/N with I from 1 to N, such as 3/100 for the third of 100",
@@ -130,76 +116,41 @@ def tasks_by_damper(
 ) -> tuple[DamperTask, ...]:
     """Part logs by damper: the table of tests, else the log's preamble, else its folder says whose.
 
-    Parameters
-    ----------
-    sources : sequence of FleetLog
-        The logs, with tables of tests among them.
-    configuration : Configuration
-        Adjusters and table of tests.
-
-    Raises
-    ------
-    ConfigurationError
-        A table of tests is wrong, or there is no log.
+    A ConfigurationError: a table of tests is wrong, or there is no log.
     """
+    adjusters, given = configuration.reading.adjusters, configuration.test.table
     named = [one for one in sources if one.file.lower() == TABLE_OF_TESTS]
+    rows: dict[tuple[str, str], str] = {}  # whose a log is, by its folder and name
     with brought_here(named) as (here, _):
-        tables = [one for one in named if is_tests_table(here[one])]
-        logs = [one for one in sources if one not in set(tables)]
+        tables = {(one.where, one.folder): one for one in named if is_tests_table(here[one])}
+        logs = [one for one in sources if one not in set(tables.values())]
         if not logs:
             raise ConfigurationError("no logs among the files given: they are all tables of tests")
-        rows = _rows({one: here[one] for one in tables}, configuration)
+        # One that is given speaks alone, as in `identify`.
+        speaking = [(one.where, here[one]) for one in tables.values()]
+        for where, path in speaking if given is None else [("", given)]:
+            for name, row in read_tests(path, adjusters).rows.items():
+                if row.identity.owner:
+                    rows.setdefault((where, name), row.identity.owner)
+
+    def owner_of(log: FleetLog) -> str:
+        keys = ((log.where, log.file), ("", log.file), ("", log.name))
+        if owner := next((rows[key] for key in keys if key in rows), ""):
+            return owner
+        return _owner_in_preamble(head_of(log)) if log.seen is None else log.seen.owner
+
     owners: dict[str, list[FleetLog]] = defaultdict(list)
     # In a store each log that is not known costs the time of an answer.
     with executor(AT_ONCE if any(one.is_remote for one in logs) else 1) as pool:
-        for log, owner in zip(logs, pool.map(lambda one: _owner(one, rows), logs), strict=True):
+        for log, owner in zip(logs, pool.map(owner_of, logs), strict=True):
             known = owner or configuration.test.identity.owner
             owners[known or _in_unicode(log.folder)].append(log)
-    beside = {(_where(one), one.folder): one for one in tables}
-    return tuple(
-        DamperTask(owner, tuple(mine), tuple(dict.fromkeys(_beside(mine, beside))))
-        for owner, mine in sorted(owners.items(), key=lambda entry: natural_order(entry[0]))
-    )
-
-
-def _where(source: FleetLog) -> str:
-    place = source.place if source.is_remote else source.place.replace("\\", "/")
-    return place.rsplit("/", 1)[0] if "/" in place else ""
-
-
-def _beside(
-    logs: Iterable[FleetLog], tables: Mapping[tuple[str, str], FleetLog]
-) -> Iterable[FleetLog]:
-    for log in logs:
-        if table := tables.get((_where(log), log.folder)):
-            yield table
-
-
-def _rows(
-    tables: Mapping[FleetLog, Path], configuration: Configuration
-) -> dict[tuple[str, str], str]:
-    """Return whose a log is, by its folder and name, as far as tables of tests say it."""
-    adjusters = configuration.reading.adjusters
-    found: dict[tuple[str, str], str] = {}
-    given = configuration.test.table
-    if given is not None:  # then it alone speaks, as in `identify`
-        return {("", name): owner for name, owner in _owners(read_tests(given, adjusters))}
-    for source, path in tables.items():
-        for name, owner in _owners(read_tests(path, adjusters)):
-            found.setdefault((_where(source), name), owner)
-    return found
-
-
-def _owners(table: TestsTable) -> Iterable[tuple[str, str]]:
-    return ((name, row.identity.owner) for name, row in table.rows.items() if row.identity.owner)
-
-
-def _owner(log: FleetLog, rows: Mapping[tuple[str, str], str]) -> str:
-    folder = _where(log)
-    owner = rows.get((folder, log.file)) or rows.get(("", log.file)) or rows.get(("", log.name))
-    if not owner:
-        owner = _owner_in_preamble(head_of(log)) if log.seen is None else log.seen.owner
-    return owner
+    tasks = []
+    for owner in sorted(owners, key=natural_order):
+        beside = (tables.get((log.where, log.folder)) for log in owners[owner])
+        mine = dict.fromkeys(table for table in beside if table is not None)
+        tasks.append(DamperTask(owner, tuple(owners[owner]), tuple(mine)))
+    return tuple(tasks)
 
 
 def _in_unicode(name: str) -> str:
@@ -217,30 +168,23 @@ def _owner_in_preamble(head: bytes) -> str:
 
 
 def content_key(entries: Iterable[tuple[PurePath, str]], configuration: Configuration) -> str:
-    """Return the key of what a task's result depends on.
+    """Return the key of what a task's result depends on, of its logs and tables with their hashes.
 
     It depends on the files' bytes and names, on which stand in one folder (a table of tests speaks
     for those), the configuration and the version of damperfit; not on the folders' names.
-
-    Parameters
-    ----------
-    entries : iterable of (pathlib.PurePath, str)
-        Logs and tables of tests, each with its hash from `hash_of`.
-    configuration : Configuration
-        What is done with them.
     """
     folders: dict[PurePath, list[tuple[str, str]]] = defaultdict(list)
     for path, digest in entries:
         folders[path.parent].append((path.name, digest))
-    document = {k: v for k, v in configuration.document.items() if k not in _NOT_OF_RESULTS}
     table = configuration.test.table
     facts = {
         "version": __version__,
-        "configuration": document,
+        # Where results stand changes nothing of them.
+        "configuration": {k: v for k, v in configuration.document.items() if k != "output"},
         "checks": list(configuration.output.checks),
         "max_mse_percent": configuration.output.max_mse_percent,
         "table": None if table is None else hash_of(table),
-        "folders": sorted(sorted(entries) for entries in folders.values()),
+        "folders": sorted(sorted(files) for files in folders.values()),
     }
     text = json.dumps(facts, sort_keys=True, default=str)
     return hashlib.sha256(text.encode()).hexdigest()[:24]
@@ -257,8 +201,6 @@ def hash_of(path: Path) -> str:
 
 # What a worker does: the logs of one damper to the rows of its part, written where they belong.
 
-_REFERENCE = "reference_temperature_degC"
-
 
 class State(Enum):
     """How a task ended."""
@@ -271,74 +213,56 @@ class State(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Done:
-    """What became of one task.
-
-    Attributes
-    ----------
-    owner : str
-        Whose logs.
-    state : State
-        How it ended.
-    n_logs : int
-        Logs of the task.
-    n_settings : int
-        Settings with a fit.
-    failures : tuple of str
-        One sentence each; of a part that was there they are not said again.
-    gates : tuple of str
-        Gates that were missed, likewise.
-    n_failures, n_gates : int
-        How many, said or not.
-    """
+    """What became of one task; of a part that was there failures are counted and not said again."""
 
     owner: str
     state: State
     n_logs: int
-    n_settings: int = 0
-    failures: tuple[str, ...] = ()
-    gates: tuple[str, ...] = ()
+    n_settings: int = 0  # with a fit
+    failures: tuple[str, ...] = ()  # one sentence each
+    gates: tuple[str, ...] = ()  # that were missed, likewise
     n_failures: int = 0
     n_gates: int = 0
 
     @classmethod
-    def later(cls, task: DamperTask, said: str) -> Done:
+    def later(cls, task: DamperTask, reason: str) -> Done:
         """Return a task that was not done, with the reason."""
-        return cls(task.owner, State.LATER, len(task.logs), failures=(said,), n_failures=1)
+        return cls(task.owner, State.LATER, len(task.logs), failures=(reason,), n_failures=1)
 
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """A task as it goes to a worker; everything in it can be pickled.
-
-    Attributes
-    ----------
-    task : DamperTask
-        The logs.
-    configuration : Configuration
-        What is done with them.
-    folder : pathlib.Path
-        Of the fleet.
-    dead : tuple of (str, str)
-        Place of each log that has ended a worker, and the sentence that says so; it is left out.
-    """
+    """A task as it goes to a worker; everything in it can be pickled."""
 
     task: DamperTask
     configuration: Configuration
-    folder: Path
+    folder: Path  # of the fleet
+    # Place of each log that has ended a worker, and the sentence that says so; it is left out.
     dead: tuple[tuple[str, str], ...] = ()
 
 
 def _do(job: Job) -> Done:
-    """Fit one damper and write its part, unless the part is there.
-
-    Whatever is wrong with the logs becomes rows of the part.
-    """
-    task = job.task
+    """Fit one damper and write its part, unless the part is there."""
     try:
-        with brought_here((*task.logs, *task.tables)) as (here, stamps):
+        with brought_here((*job.task.logs, *job.task.tables)) as (here, stamps):
             return _done(job, here, stamps)
     except UnreachableError as error:
-        return Done.later(task, str(error))
+        return Done.later(job.task, str(error))
+
+
+def _try_log(job: Job) -> None:
+    """Do the work on one log alone and write nothing: it tells whether the log ends its worker."""
+    with (
+        brought_here((*job.task.logs, *job.task.tables)) as (here, _),
+        suppress(Exception),  # the whole task says what is wrong with it
+    ):
+        deque(_results(job.configuration, [str(here[one]) for one in job.task.logs]), maxlen=0)
+
+
+def _results(configuration: Configuration, logs: Sequence[str]) -> Iterator[Identified]:
+    from damperfit.run.identify import identified
+
+    return identified(configuration, logs, jobs=1) if logs else iter(())
 
 
 def _known_already(job: Job) -> Done | None:
@@ -349,12 +273,10 @@ def _known_already(job: Job) -> Done | None:
         return None
     entries: list[tuple[PurePath, str]] = []
     for one in (*task.logs, *task.tables):
-        if not one.is_remote:
-            entries.append((Path(one.place), hash_of(Path(one.place))))
-        elif one.seen is not None:
-            entries.append((one.fetched_to, one.seen.sha256))
-        else:
+        if one.is_remote and one.seen is None:
             return None
+        path = one.fetched_to if one.is_remote else Path(one.place)
+        entries.append((path, hash_of(Path(one.place)) if one.seen is None else one.seen.sha256))
     return _known(task, part_path(job.folder, task.owner, content_key(entries, job.configuration)))
 
 
@@ -362,17 +284,15 @@ def _known(task: DamperTask, path: Path) -> Done | None:
     if not path.exists() or not (facts := read_facts_of(path)):
         return None
     touch(path)
-    n_settings, n_failures, n_gates = (
-        facts.get(name, 0) for name in ("settings", "failures", "gates")
-    )
     return Done(
-        *(task.owner, State.KNOWN, len(task.logs), n_settings),
-        n_failures=n_failures,
-        n_gates=n_gates,
+        *(task.owner, State.KNOWN, len(task.logs), facts.get("settings", 0)),
+        n_failures=facts.get("failures", 0),
+        n_gates=facts.get("gates", 0),
     )
 
 
 def _done(job: Job, here: Mapping[FleetLog, Path], stamps: Mapping[FleetLog, str]) -> Done:
+    """Fit one damper and write its part; whatever is wrong with the logs becomes rows of it."""
     task, configuration = job.task, job.configuration
     hashes = {one: hash_of(path) for one, path in here.items()}
     key = content_key(((here[one], digest) for one, digest in hashes.items()), configuration)
@@ -386,31 +306,44 @@ def _done(job: Job, here: Mapping[FleetLog, Path], stamps: Mapping[FleetLog, str
         if seen:  # another time of change, the same bytes: not to be fetched each time from now on
             renew_facts(path, seen=seen)
         return before
+    # Wherever a log was read, it is called as in the fleet.
     names = {
         spelled: _in_unicode(one.name)
         for one in task.logs
         for spelled in (str(here[one]), _in_unicode(str(here[one])))
     }
-    dead = dict(job.dead)
     rows: list[dict[str, Any]] = []
+    failed: list[dict[str, Any]] = []
     gates: list[str] = []
     records: list[dict[str, Any]] = []
-    failed = list(_dead_rows(job, here))
-    living = [str(here[one]) for one in task.logs if one.place not in dead]
+
+    def fail(failure: Failure, owner: str, log: str = "", setting: object = None) -> None:
+        problem = failure.problem
+        sentence = replace(problem, subject=names.get(problem.subject, problem.subject)).sentence()
+        row = {"log": log, "error_kind": failure.kind, "error": sentence, "damper": owner}
+        if setting is not None:
+            row["setting"] = str(setting)
+        failed.append({name: _in_unicode(text) for name, text in row.items()})
+
+    dead = dict(job.dead)
+    if dead:
+        labels = Labels([here[one] for one in task.logs], configuration)
+        for one in (one for one in task.logs if one.place in dead):
+            died = Failure(Problem("worker-died", dead[one.place]), "WorkerDied")
+            fail(died, task.owner, one.file, labels.unread(here[one], configuration))
     try:
+        living = [str(here[one]) for one in task.logs if one.place not in dead]
         for found in _results(configuration, living):
             owner = found.owner or task.owner
-            rows += list(_part_rows(found.run, owner))
+            rows += _part_rows(found.run, owner)
             gates += found.run.record["gates_missed"]
             records.append(compared_record(found.run.record))
-            failed += [
-                _failure(one, names, log=one.log, damper=owner, setting=one.setting)
-                for one in found.failures
-            ]
+            for failure in found.failures:
+                fail(failure, owner, failure.log, failure.setting)
     except (MemoryError, OSError):
         raise  # of the machine, not of the logs: tried again another time
     except Exception as error:  # noqa: BLE001 - the other dampers of the fleet go on
-        failed.append(_failure(mishap_of(error, "the work on the logs of one damper"), names))
+        fail(mishap_of(error, "the work on the logs of one damper"), task.owner)
     facts = {
         "key": key,
         "version": __version__,
@@ -421,91 +354,40 @@ def _done(job: Job, here: Mapping[FleetLog, Path], stamps: Mapping[FleetLog, str
         "failures": len(failed),
         "gates": len(gates),
     }
-    table = pa.Table.from_pylist(
-        [{"damper": task.owner, **row} for row in (*rows, *failed)], _schema(configuration)
-    )
+    table = pa.Table.from_pylist([*rows, *failed], _schema(configuration))
     # Rows of several dampers are no one run.
     write_part(path, table, facts, records[0] if len(records) == 1 and rows else None)
     return Done(
-        task.owner,
-        State.FITTED if rows else State.FAILED,
-        len(task.logs),
-        len(rows),
-        tuple(one["error"] for one in failed),
-        tuple(gates),
-        len(failed),
-        len(gates),
+        *(task.owner, State.FITTED if rows else State.FAILED, len(task.logs), len(rows)),
+        failures=tuple(one["error"] for one in failed),
+        gates=tuple(gates),
+        n_failures=len(failed),
+        n_gates=len(gates),
     )
 
 
-def _dead_rows(job: Job, here: Mapping[FleetLog, Path]) -> Iterator[dict[str, Any]]:
-    """Yield the rows of logs that have ended a worker, with the setting as far as it is known."""
-    said = dict(job.dead)
-    dead = [one for one in job.task.logs if one.place in said]
-    if not dead:
-        return
-    labels = Labels([here[one] for one in job.task.logs], job.configuration)
-    for one in dead:
-        setting = labels.unread(here[one], job.configuration)
-        died = Failure(Problem("worker-died", said[one.place]), "WorkerDied")
-        yield _failure(died, {}, log=one.file, setting=setting)
-
-
-def _failure(
-    failure: Failure,
-    names: Mapping[str, str],
-    *,
-    log: str = "",
-    damper: str | None = None,
-    setting: object = None,
-) -> dict[str, Any]:
-    """Return the row of a failure, its log called as in the fleet, wherever it was read."""
-    problem = failure.problem
-    sentence = replace(problem, subject=names.get(problem.subject, problem.subject)).sentence()
-    row = {"log": log, "error_kind": failure.kind, "error": sentence, "damper": damper}
-    row["setting"] = None if setting is None else str(setting)
-    return {name: _in_unicode(text) for name, text in row.items() if text is not None}
-
-
-def _results(configuration: Configuration, logs: Sequence[str]) -> Iterator[Identified]:
-    from damperfit.run.identify import identified
-
-    return identified(configuration, logs, jobs=1) if logs else iter(())
-
-
-def _try_log(job: Job) -> Done:
-    """Do the work on one log alone and write nothing: it tells whether the log ends its worker."""
-    task = job.task
-    with (
-        brought_here((*task.logs, *task.tables)) as (here, _),
-        suppress(Exception),  # the whole task says what is wrong with it
-    ):
-        deque(_results(job.configuration, [str(here[one]) for one in task.logs]), maxlen=0)
-    return Done(task.owner, State.LATER, len(task.logs))
-
-
-def _part_rows(result: Run, damper: str) -> Iterator[dict[str, Any]]:
+def _part_rows(run: Run, damper: str) -> Iterator[dict[str, Any]]:
     """Yield one row a setting: parameters, whose it is, forces at named speeds."""
     from damperfit.tables.columns import adjusters_in
 
-    known = result.record["test"]
-    forces: dict[str, dict[str, float]] = {}
-    for row in result.tables["adjustment"].to_pylist():
-        name = _force_column(row["stroke"], row["speed_m_per_s"])
-        forces.setdefault(str(row["setting"]), {})[name] = row["force_N"]
-    for row in result.tables["parameters"].to_pylist():
-        names = adjusters_in(list(row), result.quantities)
-        places = {name: str(row[name]) for name in names}
+    forces: dict[str, dict[str, float]] = defaultdict(dict)
+    for row in run.tables["adjustment"].to_pylist():
+        column = _force_column(row["stroke"], row["speed_m_per_s"])
+        forces[str(row["setting"])][column] = row["force_N"]
+    for row in run.tables["parameters"].to_pylist():
+        places = {name: str(row[name]) for name in adjusters_in(list(row), run.quantities)}
         setting = str(row["setting"])
-        yield {
-            **row,
-            **places,
-            **forces.get(setting, {}),
-            "setting": setting,
-            "damper": damper,
-            "date": known.get("date"),
-            _REFERENCE: result.record["configuration"]["damper"]["reference_temperature"],
-        }
+        yield (
+            row
+            | places
+            | forces[setting]
+            | {
+                "setting": setting,
+                "damper": damper,
+                "date": run.record["test"].get("date"),
+                _REFERENCE: run.record["configuration"]["damper"]["reference_temperature"],
+            }
+        )
 
 
 def _force_column(stroke: str, speed: float) -> str:
@@ -515,45 +397,41 @@ def _force_column(stroke: str, speed: float) -> str:
 def _schema(configuration: Configuration) -> pa.Schema:
     """Return the columns of a part: the same for every damper of one configuration.
 
-    A setting is text here, as labels of some dampers are numbers and of others words.
+    A setting is text here, as labels of some dampers are numbers and of others words. Of all
+    metadata a column's own is collected: with it goes the symbol of a quantity.
     """
     from damperfit.tables.columns import table_schema
 
-    names = configuration.reading.adjusters
-    own = table_schema("parameters", {}, settings=(), quantities=configuration.damper.quantities)
-    symbols = {one.name: one.symbol for one in configuration.damper.quantities}
-    quantities = [_with_symbol(one, symbols) for one in own if one.name != ADJUSTER]
-    places = [] if names == (ADJUSTER,) else [pa.field(name, pa.string()) for name in names]
+    names, damper = configuration.reading.adjusters, configuration.damper
+    symbols = {one.name: {SYMBOL: one.symbol.encode()} for one in damper.quantities}
+    own = [
+        field.with_metadata((field.metadata or {}) | symbols.get(field.name, {}))
+        for field in table_schema("parameters", {}, settings=(), quantities=damper.quantities)
+        if field.name != ADJUSTER
+    ]
     forces = [
         pa.field(_force_column(stroke, speed), pa.float64())
         for stroke in ("rebound", "bump")
         for speed in configuration.output.speeds
     ]
-    texts = [pa.field(name, pa.string()) for name in ("log", "error_kind", "error")]
-    first = [pa.field(name, pa.string()) for name in ("damper", "date", "setting")]
+
+    def texts(*names: str) -> list[pa.Field]:
+        return [pa.field(name, pa.string()) for name in names]
+
+    places = () if names == (ADJUSTER,) else names
     # Of a damper that follows the temperature: where its resistances and forces hold.
-    is_warmed = isinstance(configuration.damper, Warmed)
-    warmth = [pa.field(_REFERENCE, pa.float64())] if is_warmed else []
-    return pa.schema([*first, *places, *quantities, *warmth, *forces, *texts])
+    warmth = [pa.field(_REFERENCE, pa.float64())] if isinstance(damper, Warmed) else []
+    first = texts("damper", "date", "setting", *places)
+    return pa.schema([*first, *own, *warmth, *forces, *texts("log", "error_kind", "error")])
 
 
-def _with_symbol(field: pa.Field, symbols: Mapping[str, str]) -> pa.Field:
-    """Return a column that tells its symbol: of all metadata a column's own is collected."""
-    if field.name not in symbols:
-        return field
-    return field.with_metadata({**(field.metadata or {}), SYMBOL: symbols[field.name].encode()})
-
-
-_DIED = (
-    "{}: reading or fitting this log killed its worker process twice; it is left out: check the "
-    "log and the machine's memory"
-)
+# The whole fleet
 
 
 def planned(
     configuration: Configuration, logs: Sequence[str], folder: Path, share: Share | None = None
 ) -> tuple[DamperTask, ...]:
-    """Return the tasks of a fleet: one damper each, of the share that is asked for.
+    """Return the tasks of a fleet, of the share that is asked for; in its own folder is no log.
 
     Parameters
     ----------
@@ -562,7 +440,7 @@ def planned(
     logs : sequence of str
         Folders, files, patterns, addresses in object stores.
     folder : pathlib.Path
-        Of the fleet; what stands in it is no log.
+        Of the fleet.
     share : Share, optional
         Part I of N.
 
@@ -581,47 +459,6 @@ def planned(
     return tuple(task for task in tasks if share is None or share.takes(task))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Fleet:
-    engine: Executor
-    configuration: Configuration
-    folder: Path
-    cancelled: Callable[[], bool]
-
-    def job(self, task: DamperTask) -> Job:
-        return Job(task, self.configuration, self.folder)
-
-    def tried(self, jobs: Iterable[Job]) -> Generator[Done, None, list[Job]]:
-        """Yield what became of jobs, and return those that ended their worker."""
-        died = []
-        for job, found in self.engine.each(_do, jobs, cancelled=self.cancelled):
-            if isinstance(found, Died):
-                died.append(job)
-            elif isinstance(found, Exception):  # of the disk, or a bug
-                yield Done.later(job.task, mishap_of(found, "the work on one damper").message)
-            else:
-                yield found
-        return died
-
-    def rescued(self, job: Job) -> Iterator[Done]:
-        """Yield a job whose worker dies, done without the logs that end it."""
-        died = yield from self.tried([self.without_what_kills(job)])
-        for one in died:
-            yield Done.later(
-                one.task, "its workers die, though no single log is the cause; nothing was written"
-            )
-
-    def without_what_kills(self, job: Job) -> Job:
-        """Return a job that leaves out the logs that end a worker by themselves."""
-        alone = [replace(job, task=replace(job.task, logs=(log,))) for log in job.task.logs]
-        for _ in range(2):
-            found = self.engine.each(_try_log, alone, cancelled=self.cancelled)
-            alone = [one for one, result in found if isinstance(result, Died)]
-        # Where none does it alone something else ended the workers, as too little memory does.
-        logs = [one.task.logs[0] for one in alone]
-        return replace(job, dead=tuple((log.place, _DIED.format(log.file)) for log in sorted(logs)))
-
-
 def run_fleet(
     configuration: Configuration,
     tasks: Sequence[DamperTask],
@@ -634,40 +471,55 @@ def run_fleet(
 
     A task whose worker dies is given to another one. Where that dies too, each of its logs is tried
     alone, those that end their worker are left out with a row that says so, and the others are
-    fitted.
-
-    Parameters
-    ----------
-    configuration : Configuration
-        What is done with the logs.
-    tasks : sequence of DamperTask
-        From `planned`.
-    folder : pathlib.Path
-        Where the parts go.
-    engine : Engine
-        Who does the work.
-    cancelled : callable
-        Once it says True nothing more is begun.
+    fitted. Once `cancelled` says True nothing more is begun.
     """
+
+    def tried(jobs: Iterable[Job]) -> Generator[Done, None, list[Job]]:
+        """Yield what became of jobs, and return those that ended their worker."""
+        died = []
+        for job, result in engine.each(_do, jobs, cancelled=cancelled):
+            if isinstance(result, Died):
+                died.append(job)
+            elif isinstance(result, Exception):  # of the disk, or a bug
+                yield Done.later(job.task, mishap_of(result, "the work on one damper").message)
+            else:
+                yield result
+        return died
+
     tidy(folder)
-    fleet = _Fleet(engine, configuration, folder, cancelled)
     waiting: list[Job] = []
     for task in tasks:
         if cancelled():
             return
+        job = Job(task, configuration, folder)
         # Asked here, so that no worker is started where there is nothing to do.
         try:
-            before = _known_already(fleet.job(task))
+            before = _known_already(job)
         except (OSError, ValueError) as error:
             yield Done.later(task, mishap_of(error, "looking for its part").message)
             continue
         if before:
             yield before
         else:
-            waiting.append(fleet.job(task))
+            waiting.append(job)
     for _ in range(2):
-        waiting = yield from fleet.tried(waiting)
+        waiting = yield from tried(waiting)
     for job in waiting:
-        if not cancelled():
-            yield from fleet.rescued(job)
+        if cancelled():
+            break
+        alone = [replace(job, task=replace(job.task, logs=(log,))) for log in job.task.logs]
+        for _ in range(2):
+            each = engine.each(_try_log, alone, cancelled=cancelled)
+            alone = [one for one, result in each if isinstance(result, Died)]
+        # Where none does it alone something else ended the workers, as too little memory does.
+        reason = (
+            "reading or fitting this log killed its worker process twice; it is left out: check "
+            "the log and the machine's memory"
+        )
+        logs = sorted(one.task.logs[0] for one in alone)
+        dead = tuple((log.place, f"{log.file}: {reason}") for log in logs)
+        for one in (yield from tried([replace(job, dead=dead)])):
+            yield Done.later(
+                one.task, "its workers die, though no single log is the cause; nothing was written"
+            )
     forget_earlier(folder)

@@ -12,13 +12,12 @@ import hashlib
 import os
 import re
 import shutil
-import tempfile
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path, PurePosixPath
-from typing import TYPE_CHECKING, Any
-from urllib.parse import parse_qsl
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from damperfit import __version__
 from damperfit.errors import ConfigurationError, DamperfitError
@@ -26,7 +25,6 @@ from damperfit.fleets.parts import parts_in, read_facts_of
 from damperfit.io.formats import LOG_SUFFIXES
 from damperfit.recording import natural_order
 from damperfit.run.log_files import is_own_table, matches, real_path
-from damperfit.store import remove_abandoned, temporary_folder
 from damperfit.workers import executor
 
 if TYPE_CHECKING:
@@ -34,59 +32,40 @@ if TYPE_CHECKING:
 
 AT_ONCE = 16  # requests; nearly all of the time is waiting
 _ADDRESS = re.compile(r"[a-z][a-z0-9+.-]+://")
-_PATIENCE = {"connect_timeout": 10.0, "request_timeout": 30.0}  # s; Arrow's own is 1 and 3
 _SHOWN = ".csv, .txt, .xlsx, .mat, .tdms"
-_FETCHED = "damperfit-logs-"  # prefix of temporary folders
 _HEAD = 4096  # bytes of a log in which its preamble is looked for
 
 
 class UnreachableError(DamperfitError):
     """A log could not be fetched; that says nothing of the log, and is tried again another time."""
 
-    exit_code = 1
 
+class KnownObject(NamedTuple):
+    """What an earlier run found in an object of a store."""
 
-@dataclass(frozen=True, slots=True)
-class KnownObject:
-    """What an earlier run found in an object of a store.
-
-    Attributes
-    ----------
-    stamp : str
-        What changes with its bytes.
-    sha256 : str
-        Of the bytes.
-    owner : str
-        Whose log it says it is, in its preamble.
-    """
-
-    stamp: str
+    stamp: str  # what changes with its bytes
     sha256: str
-    owner: str
+    owner: str  # whose log it says it is, in its preamble
 
 
 @dataclass(frozen=True, slots=True, order=True)
 class FleetLog:
-    """One log of a fleet.
+    """One log of a fleet."""
 
-    Attributes
-    ----------
-    place : str
-        Absolute path, or the address in an object store.
-    name : str
-        Path below the folder or pattern that was asked for, with ``/``.
-    seen : KnownObject, optional
-        What is known of an object that has not changed since.
-    """
-
-    place: str
-    name: str
-    seen: KnownObject | None = field(default=None, compare=False)
+    place: str  # absolute path, or the address in an object store
+    name: str  # path below the folder or pattern that was asked for, with /
+    seen: KnownObject | None = field(default=None, compare=False)  # of one that has not changed
 
     @property
     def is_remote(self) -> bool:
         """Whether it stands in an object store."""
         return _is_address(self.place)
+
+    @property
+    def where(self) -> str:
+        """The folder that it stands in, or its address."""
+        place = self.place if self.is_remote else self.place.replace("\\", "/")
+        return place.rpartition("/")[0]
 
     @property
     def folder(self) -> str:
@@ -119,17 +98,15 @@ def _file_system(root: str) -> Any:
     """The store that an address is in; made once a process."""
     from pyarrow import fs
 
-    address, _, query = root.partition("?")
     try:
-        if address.startswith("s3://"):
-            return fs.S3FileSystem(**dict(parse_qsl(query)), **_PATIENCE)
         return fs.FileSystem.from_uri(root)[0]
     except Exception as error:
         raise ConfigurationError(f"no such store: {error}", subject=root) from error
 
 
-def _opened(address: str) -> tuple[Any, str, str]:
-    """Return the store, the path inside, and the form of an address there."""
+@contextmanager
+def _reached(address: str) -> Iterator[tuple[Any, str, str]]:
+    """Yield the store, the path inside, and the form of an address there."""
     scheme, rest = address.split("://", 1)
     path, mark, query = rest.partition("?")
     user, at, bucket = path.split("/", 1)[0].rpartition("@")
@@ -139,15 +116,9 @@ def _opened(address: str) -> tuple[Any, str, str]:
             f"{scheme}://...@{path}: an address with a secret key in it would be written into the "
             "tables; leave it out and set AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY"
         )
-    store = _file_system(f"{scheme}://{user}{at}{bucket}{mark}{query}")
-    return store, path.rstrip("/"), f"{scheme}://{user}{at}{{}}{mark}{query}"
-
-
-@contextmanager
-def _reached(address: str) -> Iterator[tuple[Any, str, str]]:
-    """Yield what `_opened` does; a store that refuses or does not answer is an `Unreachable`."""
     try:
-        yield _opened(address)
+        store = _file_system(f"{scheme}://{user}{at}{bucket}{mark}{query}")
+        yield store, path.rstrip("/"), f"{scheme}://{user}{at}{{}}{mark}{query}"
     except OSError as error:
         raise UnreachableError(f"cannot be fetched: {error}", subject=address) from error
 
@@ -166,17 +137,18 @@ def _listed(address: str) -> list[FleetLog]:
         if store.get_file_info(root).type == fs.FileType.File:
             return [FleetLog(form.format(root), PurePosixPath(root).name)]
         below = store.get_file_info(fs.FileSelector(root, recursive=True, allow_not_found=True))
+
+    def is_wanted(one: Any) -> bool:
+        own = one.path.split("/")
+        if first is None:
+            return _is_log(one.base_name)
+        return len(own) == len(parts) and all(map(fnmatch.fnmatchcase, own, parts))
+
     return [
         FleetLog(form.format(one.path), one.path[len(root) :].lstrip("/"))
         for one in below
-        if one.type == fs.FileType.File
-        and (_is_log(one.base_name) if first is None else _fits(one.path, parts))
+        if one.type == fs.FileType.File and is_wanted(one)
     ]
-
-
-def _fits(path: str, pattern: Sequence[str]) -> bool:
-    own = path.split("/")
-    return len(own) == len(pattern) and all(map(fnmatch.fnmatchcase, own, pattern))
 
 
 def _stamp(file: Any) -> str:
@@ -222,22 +194,22 @@ def find_sources(wanted: Iterable[str]) -> tuple[FleetLog, ...]:
     UnreachableError
         A store does not answer.
     """
-    found: dict[str, FleetLog] = {}
+    logs: dict[str, FleetLog] = {}
     files: list[Path] = []
     wanted = list(wanted)
     local = (real_path(one) for one in wanted if not _is_address(one))
     common = _common([path for path in local if path.is_dir()])
     for text in wanted:
         if not _is_address(text) and not Path(text).is_dir():
-            files += _without_own(map(real_path, matches(text)))
+            files += (path for path in map(real_path, matches(text)) if not is_own_table(path))
             continue
         own = real_path(text)
         sources = _listed(text) if _is_address(text) else _below(own, common or own)
         if not sources:
             raise ConfigurationError(f"no log in it; expected files such as {_SHOWN}", subject=text)
         for one in sources:
-            found.setdefault(one.place, one)
-    if not found and not files:
+            logs.setdefault(one.place, one)
+    if not logs and not files:
         raise ConfigurationError(
             f"{', '.join(wanted)}: no log there, but results of damperfit; give the logs"
         )
@@ -245,8 +217,8 @@ def find_sources(wanted: Iterable[str]) -> tuple[FleetLog, ...]:
     root = _common([path.parent for path in files])
     for path in files:
         inside = path.relative_to(root or path.parent)
-        found.setdefault(str(path), FleetLog(str(path), inside.as_posix()))
-    return tuple(sorted(found.values(), key=lambda one: (natural_order(one.name), one.place)))
+        logs.setdefault(str(path), FleetLog(str(path), inside.as_posix()))
+    return tuple(sorted(logs.values(), key=lambda one: (natural_order(one.name), one.place)))
 
 
 def _common(folders: Sequence[Path]) -> Path | None:
@@ -258,25 +230,21 @@ def _common(folders: Sequence[Path]) -> Path | None:
 
 
 def _below(folder: Path, root: Path) -> list[FleetLog]:
-    """Return the logs in a folder, hidden ones and those of a fleet's parts left out."""
+    """Return the logs in a folder; hidden ones, our own tables and those of parts left out."""
 
     def refuse(error: OSError) -> None:
         raise ConfigurationError(
             f"cannot be read: {error.strerror}", subject=error.filename
         ) from error
 
-    files: list[Path] = []
+    logs = []
     for place, folders, names in os.walk(folder, onerror=refuse):
         folders[:] = sorted(
             name for name in folders if not name.startswith((".", "serial-", "serial="))
         )
-        files += (Path(place, name) for name in names if _is_log(name))
-    return [FleetLog(str(path), path.relative_to(root).as_posix()) for path in _without_own(files)]
-
-
-def _without_own(files: Iterable[Path]) -> Iterator[Path]:
-    """Leave out what damperfit wrote itself: the results of a run may lie among its logs."""
-    return (path for path in files if not is_own_table(path))
+        paths = [Path(place, name) for name in names if _is_log(name)]
+        logs += [path for path in paths if not is_own_table(path)]
+    return [FleetLog(str(path), path.relative_to(root).as_posix()) for path in logs]
 
 
 def _is_log(name: str) -> bool:
@@ -303,41 +271,27 @@ def brought_here(
 ) -> Iterator[tuple[dict[FleetLog, Path], dict[FleetLog, str]]]:
     """Fetch logs from their stores into a temporary folder, each under its own name.
 
-    Local logs stay where they are. The folder goes when the work is done. Yielded is where each
-    stands, and the stamps of those from a store; empty where one is not known.
-
-    Raises
-    ------
-    UnreachableError
-        A store does not give one of them.
+    Local logs stay where they are. Yielded is where each stands, and the stamps of those from a
+    store; empty where one is not known. An `UnreachableError`: a store does not give one of them.
     """
     paths = {source: Path(source.place) for source in sources}
     stamps: dict[FleetLog, str] = {}
     if not any(source.is_remote for source in sources):
         yield paths, stamps
         return
-    place = Path(tempfile.gettempdir())
-    remove_abandoned(place, _FETCHED)
-    with temporary_folder(_FETCHED, place) as folder:
+    with TemporaryDirectory(prefix="damperfit-logs-", ignore_cleanup_errors=True) as folder:
         for source in sources:
             if source.is_remote:
-                paths[source] = folder.joinpath(*source.fetched_to.parts)
+                paths[source] = Path(folder, source.fetched_to)
                 paths[source].parent.mkdir(parents=True, exist_ok=True)
                 stamps[source] = _fetched(source.place, paths[source])
         yield paths, stamps
 
 
 def recognised(sources: Sequence[FleetLog], folder: Path) -> tuple[FleetLog, ...]:
-    """Return sources with what is known of those that have not changed since an earlier run.
+    """Return sources with what is known of objects that have not changed since an earlier run.
 
     What another version found is not trusted: it may have read otherwise whose a log is.
-
-    Parameters
-    ----------
-    sources : sequence of FleetLog
-        Logs and tables of tests, in stores or not.
-    folder : pathlib.Path
-        Of the fleet.
     """
     if not any(one.is_remote for one in sources):
         return tuple(sources)
@@ -349,7 +303,7 @@ def recognised(sources: Sequence[FleetLog], folder: Path) -> tuple[FleetLog, ...
             known[place] = KnownObject(*map(str, seen))
 
     def one(source: FleetLog) -> FleetLog:
-        seen = known.get(source.place) if source.is_remote else None
+        seen = known.get(source.place)
         try:
             is_same = seen is not None and _stamp_of(source.place) == seen.stamp
         except UnreachableError:  # whoever fetches it says so

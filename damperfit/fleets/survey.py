@@ -9,11 +9,11 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
-from dataclasses import dataclass
 from datetime import date
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 
 from damperfit.comparison import Point
 from damperfit.errors import ConfigurationError
@@ -24,323 +24,152 @@ from damperfit.tables.columns import PAPER_QUANTITIES
 from damperfit.tested.setting import Setting, parse_place
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-
     import pyarrow as pa
     from numpy.typing import NDArray
 
-    FloatArray = NDArray[np.float64]
     from damperfit.comparison import Tolerance
+
+    FloatArray = NDArray[np.float64]
 
 LEAST_DAMPERS = 8  # in a setting, before one of them is called far off
 FAR_OFF = 8.0  # median absolute deviations: 5.4 standard deviations of a normal distribution
 # No rig repeats better than this share of the median: closer than that, all are alike.
 LEAST_SPREAD = 1e-3
 _FORCE = re.compile(r"force_(rebound|bump)_([\d.]+)_mm_per_s_N")
-_EDGES = (5.0, 95.0)  # per cent
+_SHARES = {"low": 0.05, "quarter": 0.25, "three_quarters": 0.75, "high": 0.95}
 _GRADES = ("excellent", "good", "poor", "withheld")  # the last is the worst
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Spread:
-    """One series at one setting.
+class Series(NamedTuple):
+    """One parameter, or the force at one speed and stroke, of all dampers."""
 
-    Attributes
-    ----------
-    setting : Setting
-        Which.
-    rows : numpy.ndarray
-        Which of the fitted rows have a value here.
-    n_dampers : int
-        How many dampers those are of.
-    median, low, high : float
-        Median and the band of the middle 90 %.
-    deviation : float
-        Median absolute deviation, at least `LEAST_SPREAD` of the median.
-    """
-
-    setting: Setting
-    rows: NDArray[np.intp]
-    n_dampers: int
-    median: float
-    low: float
-    high: float
-    deviation: float
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Series:
-    """One parameter, or the force at one speed and stroke, of all dampers.
-
-    Attributes
-    ----------
-    name : str
-        Its column.
-    label, unit : str
-        For people.
-    values : numpy.ndarray
-        By fitted row; NaN where there is none.
-    bands : tuple of Spread
-        By setting.
-    speed : float
-        m/s, of a force; 0 of a parameter.
-    stroke : str
-        "rebound" or "bump"; empty of a parameter.
-    """
-
-    name: str
+    name: str  # of its column
     label: str
     unit: str
-    values: FloatArray
-    bands: tuple[Spread, ...]
-    speed: float = 0.0
-    stroke: str = ""
+    speed: float = 0.0  # m/s, of a force
+    stroke: str = ""  # rebound or bump; empty of a parameter
 
 
-@dataclass(frozen=True, slots=True)
-class FarOff:
-    """A damper far from the others in one series at one setting.
+class DamperLine(NamedTuple):
+    """One damper in a line."""
 
-    Attributes
-    ----------
-    damper : str
-        Its serial.
-    series : str
-        Column of the series.
-    setting : Setting
-        Where.
-    value, median, low, high : float
-        Its value; median and band of all.
-    distance : float
-        From the median in median absolute deviations, signed.
-    """
-
-    damper: str
-    series: str
-    setting: Setting
-    value: float
-    median: float
-    low: float
-    high: float
-    distance: float
-
-
-@dataclass(frozen=True, slots=True)
-class DamperLine:
-    """One damper in a line.
-
-    Attributes
-    ----------
-    damper : str
-        Its serial; empty where none is known.
-    n_settings, n_failures, n_outliers : int
-        Settings with a fit, failures, values far off.
-    worst_mse : float
-        Per cent; NaN where nothing was fitted.
-    worst_setting : str
-        Where that is.
-    grade : str
-        The worst one.
-    date : str
-        Of its latest test; empty where none is known.
-    error : str
-        The first failure.
-    """
-
-    damper: str
-    n_settings: int
+    damper: str  # its serial; empty where none is known
+    n_settings: int  # with a fit
     n_failures: int
     n_outliers: int
-    worst_mse: float
+    worst_mse: float  # per cent; NaN where nothing was fitted
     worst_setting: str
-    grade: str
-    date: str
-    error: str
+    grade: str  # the worst one
+    date: str  # of its latest test; empty where none is known
+    error: str  # the first failure
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Survey:
+class Survey(NamedTuple):
     """What a fleet's table tells.
 
-    Attributes
-    ----------
-    dampers : tuple of DamperLine
-        Every one, by serial number.
-    names : numpy.ndarray
-        Damper of each fitted row.
-    settings : tuple of Setting
-        Of each fitted row.
-    days : numpy.ndarray
-        Date of each fitted row in days since 1970; NaN where it is not known.
-    series : tuple of Series
-        Parameters, then forces.
-    outliers : tuple of FarOff
-        The farthest first.
+    `rows` are the fitted ones: damper, place of its setting among `settings`, day since 1970 (NaN:
+    not known). `values` are those of all series, by series, setting and damper, with what all
+    dampers have there: `n_dampers`, `median`, `low` and `high` of the middle 90 %, `quarter` and
+    `three_quarters`, `distance` from the median. `outliers` are rows of it, the farthest first.
     """
 
-    dampers: tuple[DamperLine, ...]
-    names: NDArray[np.object_]
+    dampers: tuple[DamperLine, ...]  # every one, by serial number
     settings: tuple[Setting, ...]
-    days: FloatArray
     series: tuple[Series, ...]
-    outliers: tuple[FarOff, ...]
+    rows: pd.DataFrame
+    values: pd.DataFrame
+    outliers: pd.DataFrame
 
 
 def survey(table: pa.Table) -> Survey:
-    """Return what the collected table of a fleet tells.
-
-    Parameters
-    ----------
-    table : pyarrow.Table
-        From `damperfit.fleets.parts.collect`.
-    """
-    texts = {
-        name: _texts(table, name)
-        for name in (SERIAL, "damper", "date", "setting", "grade", "error", "error_kind")
-    }
+    """Return what the collected table of a fleet tells."""
+    names = ("damper", SERIAL, "date", "setting", "grade", "error", "error_kind")
+    frame: Any = pd.DataFrame({name: _texts(table, name) for name in names}, dtype=object)
     # A part of logs of several dampers says whose each row is.
-    owners = np.array(
-        [own or serial for own, serial in zip(texts["damper"], texts[SERIAL], strict=True)],
-        dtype=object,
-    )
-    is_fit = np.array([not kind for kind in texts["error_kind"]], dtype=bool)
-    rows = np.flatnonzero(is_fit)
-    names = owners[rows]
-    known = {text: _setting(text) for text in dict.fromkeys(texts["setting"])}
-    settings = tuple(known[texts["setting"][k]] for k in rows)
-    by_setting: dict[Setting, list[int]] = {}
-    for k, one in enumerate(settings):
-        by_setting.setdefault(one, []).append(k)
-    places = {one: np.array(by_setting[one], dtype=np.intp) for one in sorted(by_setting)}
-    series = tuple(_series(table, rows, names, places))
-    outliers = sorted(
-        (one for line in series for one in _outliers(line, names)),
-        key=lambda one: -abs(one.distance),
-    )
-    days = np.array([_day(texts["date"][k]) for k in rows], dtype=np.float64)
-    lines = tuple(_lines(owners, texts, is_fit, _numbers(table, "mse_percent"), outliers))
-    return Survey(lines, names, settings, days, series, tuple(outliers))
-
-
-def spreads_of(
-    values: FloatArray, names: NDArray[np.object_], places: dict[Setting, NDArray[np.intp]]
-) -> Iterator[Spread]:
-    """Yield the band of a series at each setting that has values of it.
-
-    Parameters
-    ----------
-    values : numpy.ndarray
-        By row; NaN where there is none.
-    names : numpy.ndarray
-        Whose each is.
-    places : mapping of Setting to numpy.ndarray
-        Rows of each setting.
-    """
-    for setting, rows in places.items():
-        mine = rows[np.isfinite(values[rows])]
-        if not len(mine):
+    frame["damper"] = frame["damper"].where(frame["damper"] != "", frame[SERIAL])
+    frame["mse"] = _numbers(table, "mse_percent")
+    fitted = frame[frame["error_kind"] == ""]
+    known = {text: _setting(text) for text in fitted["setting"].unique()}
+    settings = sorted(set(known.values()))
+    places = {text: settings.index(setting) for text, setting in known.items()}
+    rows: Any = pd.DataFrame(
+        {
+            "damper": fitted["damper"],
+            "setting": fitted["setting"].map(places).astype(int),
+            "day": fitted["date"].map(_day).astype(float),
+        }
+    ).sort_values("setting", kind="stable")
+    series, columns = [], []
+    for name in table.column_names:
+        match = _FORCE.fullmatch(name)
+        if not match and f"{name}_se" not in table.column_names:
             continue
-        median = float(np.median(values[mine]))
-        low, high = (float(x) for x in np.percentile(values[mine], _EDGES))
-        deviation = float(np.median(np.abs(values[mine] - median)))
-        yield Spread(
-            setting,
-            mine,
-            len(set(names[mine])),
-            median,
-            low,
-            high,
-            max(deviation, LEAST_SPREAD * abs(median)),
-        )
-
-
-def _series(
-    table: pa.Table,
-    rows: NDArray[np.intp],
-    names: NDArray[np.object_],
-    places: dict[Setting, NDArray[np.intp]],
-) -> Iterator[Series]:
-    for column in table.column_names:
-        found = _FORCE.fullmatch(column)
-        if not found and f"{column}_se" not in table.column_names:
+        values = _numbers(table, name)[rows.index]
+        is_known = np.isfinite(values)
+        errors = _numbers(table, f"{name}_se")[rows.index]
+        # A parameter that was fitted nowhere and is the same everywhere: nothing to see.
+        is_held = is_known.sum() > 1 and not np.ptp(values[is_known])
+        is_held = is_held and not np.isfinite(errors).any() and not match
+        if is_held or not is_known.any():
             continue
-        values = _numbers(table, column)[rows]
-        if not found and _is_held(values, _numbers(table, f"{column}_se")[rows]):
-            continue
-        bands = tuple(spreads_of(values, names, places))
-        if not bands:
-            continue
-        if found:
-            speed, stroke = float(found[2]) / 1000.0, found[1]
-            yield Series(
-                column, f"force in {stroke} at {speed:g} m/s", "N", values, bands, speed, stroke
-            )
+        columns.append(rows[is_known].assign(series=name, value=values[is_known]))
+        if match:
+            speed, stroke = float(match[2]) / 1000.0, match[1]
+            label = f"force in {stroke} at {speed:g} m/s"
+            series.append(Series(name, label, "N", speed, stroke))
         else:
-            metadata = table.schema.field(column).metadata or {}
-            unit = metadata.get(b"unit", b"").decode()
-            yield Series(column, _symbol(column, metadata), unit, values, bands)
+            metadata = table.schema.field(name).metadata or {}
+            # Older parts, of the paper's model, do not tell what people call a quantity.
+            of_paper = {one.name: one.symbol for one in PAPER_QUANTITIES}
+            symbol = metadata.get(SYMBOL, of_paper.get(name, name).encode())
+            series.append(Series(name, symbol.decode(), metadata.get(b"unit", b"").decode()))
+    values = _with_bands(
+        pd.concat(columns, ignore_index=True)
+        if columns
+        else rows.iloc[:0].assign(series="", value=0.0)
+    )
+    is_far = (values["n_dampers"] >= LEAST_DAMPERS) & (values["distance"].abs() > FAR_OFF)
+    outliers = values[is_far].sort_values("distance", key=lambda x: -x.abs(), kind="stable")
+    dampers = _lines(frame, Counter(outliers["damper"]))
+    return Survey(tuple(dampers), tuple(settings), tuple(series), rows, values, outliers)
 
 
-def _symbol(column: str, metadata: Mapping[bytes, bytes]) -> str:
-    """Return what people call a quantity; older parts, of the paper's model, do not tell it."""
-    if SYMBOL in metadata:
-        return metadata[SYMBOL].decode()
-    return next((one.symbol for one in PAPER_QUANTITIES if one.name == column), column)
+def _with_bands(values: Any) -> Any:
+    """Return values with median, bands and distance at each series and setting."""
+    keys = [values["series"], values["setting"]]
+    groups = values.groupby(keys, sort=False)
+    values = values.assign(
+        n_dampers=groups["damper"].transform("nunique"),
+        median=groups["value"].transform("median"),
+        **{name: groups["value"].transform("quantile", share) for name, share in _SHARES.items()},
+    )
+    beside = values["value"] - values["median"]
+    deviation = beside.abs().groupby(keys, sort=False).transform("median")
+    deviation = np.maximum(deviation, LEAST_SPREAD * values["median"].abs())
+    return values.assign(distance=beside.div(deviation).where(deviation > 0.0, 0.0))
 
 
-def _is_held(values: FloatArray, errors: FloatArray) -> bool:
-    """Whether a parameter was fitted nowhere and is the same everywhere: nothing to see."""
-    known = values[np.isfinite(values)]
-    return not np.isfinite(errors).any() and len(known) > 1 and bool(np.all(known == known[0]))
-
-
-def _outliers(series: Series, names: NDArray[np.object_]) -> Iterator[FarOff]:
-    for band in series.bands:
-        if band.n_dampers < LEAST_DAMPERS or not band.deviation:
-            continue
-        distances = (series.values[band.rows] - band.median) / band.deviation
-        for k in np.flatnonzero(np.abs(distances) > FAR_OFF):
-            row = band.rows[k]
-            yield FarOff(
-                str(names[row]),
-                series.name,
-                band.setting,
-                float(series.values[row]),
-                band.median,
-                band.low,
-                band.high,
-                float(distances[k]),
+def _lines(frame: Any, n_outliers: Counter[str]) -> list[DamperLine]:
+    lines = []
+    for damper, own in frame.groupby("damper", sort=False):
+        failed, fitted = own[own["error_kind"] != ""], own[own["error_kind"] == ""]
+        mse = fitted["mse"].dropna()
+        worst = None if mse.empty else mse.idxmax()
+        grades = [grade for grade in fitted["grade"] if grade in _GRADES]
+        lines.append(
+            DamperLine(
+                str(damper),
+                fitted["setting"].nunique(),
+                len(failed),
+                n_outliers[damper],
+                math.nan if worst is None else float(mse[worst]),
+                "" if worst is None else fitted["setting"][worst],
+                max(grades, key=_GRADES.index, default=""),
+                max(fitted["date"], default=""),
+                "" if failed.empty else failed["error"].iloc[0],
             )
-
-
-def _lines(
-    owners: NDArray[np.object_],
-    texts: dict[str, list[str]],
-    is_fit: NDArray[np.bool_],
-    errors: FloatArray,
-    outliers: list[FarOff],
-) -> Iterator[DamperLine]:
-    rows_of: dict[str, list[int]] = {}
-    for k, owner in enumerate(owners):
-        rows_of.setdefault(owner, []).append(k)
-    far = Counter(one.damper for one in outliers)
-    for owner, rows in rows_of.items():
-        fitted = [k for k in rows if is_fit[k]]
-        failed = [k for k in rows if not is_fit[k]]
-        known = [k for k in fitted if np.isfinite(errors[k])]
-        worst = max(known, key=lambda k: errors[k]) if known else None
-        grades = [texts["grade"][k] for k in fitted if texts["grade"][k] in _GRADES]
-        yield DamperLine(
-            owner,
-            len({texts["setting"][k] for k in fitted}),
-            len(failed),
-            far[owner],
-            math.nan if worst is None else float(errors[worst]),
-            "" if worst is None else texts["setting"][worst],
-            max(grades, key=_GRADES.index, default=""),
-            max((texts["date"][k] for k in fitted), default=""),
-            texts["error"][failed[0]] if failed else "",
         )
+    return lines
 
 
 def _texts(table: pa.Table, column: str) -> list[str]:
@@ -368,7 +197,7 @@ def _day(text: str) -> float:
     try:
         return float((date.fromisoformat(text[:10]) - date(1970, 1, 1)).days)
     except ValueError:
-        return float("nan")
+        return math.nan
 
 
 # The forces of a fleet held against bands: around the median of the fleet, or nominal ones.
@@ -376,32 +205,20 @@ def _day(text: str) -> float:
 _NEAR = 1e-9  # m/s
 
 
-@dataclass(frozen=True, slots=True)
-class HeldFleet:
-    """A fleet held against a tolerance.
+class HeldFleet(NamedTuple):
+    """A fleet held against a tolerance."""
 
-    Attributes
-    ----------
-    source : str
-        The tolerance, as it was given.
-    n_points, n_dampers : int
-        Forces and dampers that were held against it.
-    missed : tuple of Point
-        Forces outside, and those that could not be looked at; these first, then the farthest.
-    """
-
-    source: str
+    source: str  # the tolerance, as it was given
     n_points: int
     n_dampers: int
+    # Forces outside, and those that could not be looked at; these first, then the farthest.
     missed: tuple[Point, ...]
 
     @property
     def worst(self) -> tuple[Point, ...]:
         """The first of `missed` of each damper that has one."""
-        found: dict[str, Point] = {}
-        for point in self.missed:
-            found.setdefault(point.run, point)
-        return tuple(found.values())
+        first = {point.run: point for point in reversed(self.missed)}
+        return tuple(point for point in self.missed if first[point.run] is point)
 
     @property
     def sentence(self) -> str:
@@ -419,103 +236,68 @@ class HeldFleet:
         )
 
 
-def fleet_against_bands(found: Survey, tolerance: Tolerance) -> HeldFleet:
+def fleet_against_bands(  # noqa: C901 - two kinds of bands, one list
+    found: Survey, tolerance: Tolerance
+) -> HeldFleet:
     """Return the forces of a fleet that do not keep a tolerance.
 
     Per cent and newtons are around the median force of the setting over the fleet, and a damper
     without any force misses them; a table of nominal forces holds for every damper, and what a
-    damper lacks of it is missed.
-
-    Parameters
-    ----------
-    found : Survey
-        Of the fleet.
-    tolerance : Tolerance
-        The bands.
-
-    Raises
-    ------
-    ConfigurationError
-        A nominal force is at a speed that a fleet's table does not have.
+    damper lacks of it is missed. A ConfigurationError: a nominal force is at a speed that a fleet's
+    table does not have.
     """
     forces = [one for one in found.series if one.stroke]
-    everyone = tuple(one.damper for one in found.dampers)
+    everyone = [one.damper for one in found.dampers]
+    by_series: dict[Any, Any] = dict(tuple(found.values.groupby("series")))
     n_points, missed = 0, []
-    pieces = (
-        _nominal(found, forces, tolerance, everyone)
-        if tolerance.bands
-        else _around(found, forces, tolerance, everyone)
-    )
-    for number, points in pieces:
-        n_points += number
-        missed += points
-    missed.sort(key=lambda one: (not math.isnan(one.margin), one.margin))
-    return HeldFleet(tolerance.source, n_points, len(everyone), tuple(missed))
 
+    def hold(one: Series, rows: Any, low: Any, high: Any) -> None:
+        nonlocal n_points
+        n_points += len(rows)
+        rows = rows.assign(least=low, most=high)
+        for row in rows[(rows["value"] < low) | (rows["value"] > high)].itertuples():
+            place = (row.damper, found.settings[row.setting], one.speed, one.stroke)
+            missed.append(Point(*place, row.value, row.least, row.most))
 
-def _around(
-    found: Survey, forces: list[Series], tolerance: Tolerance, everyone: tuple[str, ...]
-) -> Iterator[tuple[int, list[Point]]]:
-    having = {str(found.names[k]) for one in forces for band in one.bands for k in band.rows}
-    nothing = (math.nan, "", math.nan, math.nan, math.nan)  # speed, stroke, force and band
-    lost = [
-        Point(name, "", *nothing, reason="it has no force at any named speed")
-        for name in everyone
-        if name not in having
-    ]
-    yield len(lost), lost
-    for series in forces:
-        for band in series.bands:
-            reach = max(tolerance.share * abs(band.median), tolerance.newtons)
-            yield _held(found, series, band, band.median - reach, band.median + reach)
+    def lose(reason: str, damper: str, setting: Setting | str = "", *band: Any) -> None:
+        nonlocal n_points
+        n_points += 1
+        speed, stroke, low, high = band or (math.nan, "", math.nan, math.nan)
+        missed.append(Point(damper, setting, speed, stroke, math.nan, low, high, reason=reason))
 
-
-def _held(
-    found: Survey, series: Series, band: Spread, low: float, high: float
-) -> tuple[int, list[Point]]:
-    values = series.values[band.rows]
-    outside = [
-        Point(
-            *(str(found.names[row]), band.setting, series.speed, series.stroke),
-            *(float(series.values[row]), low, high),
-        )
-        for row in band.rows[(values < low) | (values > high)]
-    ]
-    return len(band.rows), outside
-
-
-def _nominal(
-    found: Survey, forces: list[Series], tolerance: Tolerance, everyone: tuple[str, ...]
-) -> Iterator[tuple[int, list[Point]]]:
-    fitted: dict[str, set[str]] = {}
-    for name, setting in zip(found.names, found.settings, strict=True):
-        fitted.setdefault(str(setting), set()).add(str(name))
-    for wanted in tolerance.bands:
-        speeds = sorted({*NAMED_SPEEDS, *(series.speed for series in forces)})
-        if not any(abs(speed - wanted.speed) <= _NEAR for speed in speeds):
+    if not tolerance.bands:
+        having = {damper for one in forces for damper in by_series[one.name]["damper"]}
+        for damper in everyone:
+            if damper not in having:
+                lose("it has no force at any named speed", damper)
+        for one in forces:
+            rows = by_series[one.name]
+            reach = np.maximum(tolerance.share * rows["median"].abs(), tolerance.newtons)
+            hold(one, rows, rows["median"] - reach, rows["median"] + reach)
+    speeds = sorted({*NAMED_SPEEDS, *(one.speed for one in forces)})
+    for band in tolerance.bands:
+        if not any(abs(speed - band.speed) <= _NEAR for speed in speeds):
             raise ConfigurationError(
-                f"a fleet has no forces at {wanted.speed:g} m/s; expected its named "
-                f"speeds, {', '.join(f'{speed:g}' for speed in speeds)} m/s",
+                f"a fleet has no forces at {band.speed:g} m/s; expected its named speeds, "
+                f"{', '.join(f'{speed:g}' for speed in speeds)} m/s",
                 where=Option("tolerance", tolerance.source),
             )
-        places = {k: own for k, own in fitted.items() if wanted.setting in {"", k}}
-        reached: set[tuple[str, str]] = set()
+        places = [k for k, one in enumerate(found.settings) if band.setting in {"", str(one)}]
+        fitted = found.rows[found.rows["setting"].isin(places)]
+        reached: set[tuple[int, str]] = set()
         for one in forces:
-            if one.stroke != wanted.stroke or abs(one.speed - wanted.speed) > _NEAR:
-                continue
-            for band in one.bands:
-                if str(band.setting) in places:
-                    yield _held(found, one, band, wanted.low, wanted.high)
-                    reached |= {(str(found.names[k]), str(band.setting)) for k in band.rows}
-        unseen = [
-            (name, setting, "the test does not reach the speed")
-            for setting, names in places.items()
-            for name in sorted(names)
-            if (name, setting) not in reached
-        ]
-        having = {name for names in places.values() for name in names}
-        why = "the setting was not tested" if wanted.setting else "nothing was fitted"
-        unseen += [(name, wanted.setting, why) for name in everyone if name not in having]
-        ends = (wanted.speed, wanted.stroke, math.nan, wanted.low, wanted.high)
-        lost = [Point(name, setting, *ends, reason=reason) for name, setting, reason in unseen]
-        yield len(lost), lost
+            if one.stroke == band.stroke and abs(one.speed - band.speed) <= _NEAR:
+                rows = by_series[one.name]
+                rows = rows[rows["setting"].isin(places)]
+                hold(one, rows, band.low, band.high)
+                reached |= set(zip(rows["setting"], rows["damper"], strict=True))
+        ends = (band.speed, band.stroke, band.low, band.high)
+        tested = set(zip(fitted["setting"], fitted["damper"], strict=True))
+        for k, damper in sorted(tested - reached):
+            lose("the test does not reach the speed", damper, found.settings[k], *ends)
+        why = "the setting was not tested" if band.setting else "nothing was fitted"
+        for damper in everyone:
+            if damper not in {name for _, name in tested}:
+                lose(why, damper, band.setting, *ends)
+    missed.sort(key=lambda one: (not math.isnan(one.margin), one.margin))
+    return HeldFleet(tolerance.source, n_points, len(everyone), tuple(missed))

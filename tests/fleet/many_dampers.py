@@ -100,12 +100,12 @@ def measure_in_process(logs: Path, n_dampers: int, n_settings: int) -> str:
         "from pathlib import Path\n"
         "from damperfit.configuration.loading import load_configuration\n"
         "from damperfit.fleets.run import planned, run_fleet\n"
-        "from damperfit.workers import InTurn\n"
+        "from tests.fleet.conftest import Here\n"
         "options, out = load_configuration(None), Path(tempfile.mkdtemp())\n"
         "tasks = planned(options, [sys.argv[1]], out)[: int(sys.argv[2])]\n"
-        "list(run_fleet(options, tasks[:1], out, InTurn()))\n"
+        "list(run_fleet(options, tasks[:1], out, Here()))\n"
         "first = time.process_time()\n"
-        "list(run_fleet(options, tasks[1:], out, InTurn()))\n"
+        "list(run_fleet(options, tasks[1:], out, Here()))\n"
         "print(first, time.process_time() - first)\n"
     )
     told = subprocess.run(

@@ -17,26 +17,8 @@ from damperfit.errors import OutputError
 from damperfit.fleets.parts import collect, parts_in
 from damperfit.fleets.run import State, planned, run_fleet
 from damperfit.workers import Died
-from tests.fleet.conftest import put
+from tests.fleet.conftest import Here, put
 from tests.fleet.deadly import Poisoned
-
-
-class Here:
-    """The work done in this process, which is quicker for a test than another one."""
-
-    def __init__(self, _number: int = 1) -> None:
-        self.n_begun = 0
-
-    def each(self, act, items, *, cancelled=lambda: False):
-        for item in items:
-            if cancelled():
-                return
-            self.n_begun += 1
-            try:
-                found = act(item)
-            except Exception as error:  # noqa: BLE001 - as another process hands it over
-                found = error
-            yield item, found
 
 
 @pytest.fixture

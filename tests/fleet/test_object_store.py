@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import os
 import threading
 from collections import Counter
 from dataclasses import dataclass, field
@@ -18,8 +17,7 @@ from damperfit.fleets import sources as stores
 from damperfit.fleets.parts import collect, parts_in, read_facts_of, renew_facts
 from damperfit.fleets.run import State, planned, run_fleet
 from damperfit.fleets.sources import find_sources
-from damperfit.store import temporary_folder
-from tests.fleet.test_fleet_command import Here
+from tests.fleet.conftest import Here
 
 CONFIGURATION = load_configuration(None)
 BUCKET = "bench"
@@ -218,12 +216,10 @@ def test_what_cannot_be_fetched_is_left_for_the_next_run(runs, tmp_path, monkeyp
 def test_who_asks_is_part_of_an_address_and_of_no_path(monkeypatch):
     asked = []
     monkeypatch.setattr(stores, "_file_system", asked.append)
-    _, path, form = stores._opened("gs://anonymous@bench/runs/a@b.csv?scheme=http")
-    assert asked == ["gs://anonymous@bench?scheme=http"]
-    assert path == "bench/runs/a@b.csv"
-    assert form.format(path) == "gs://anonymous@bench/runs/a@b.csv?scheme=http"
-    _, path, form = stores._opened("gs://bench/runs/a@b.csv")
-    assert (asked[-1], path) == ("gs://bench", "bench/runs/a@b.csv")
+    with stores._reached("gs://anonymous@bench/runs/a@b.csv?scheme=http") as (_, path, form):
+        assert asked == ["gs://anonymous@bench?scheme=http"]
+        assert path == "bench/runs/a@b.csv"
+        assert form.format(path) == "gs://anonymous@bench/runs/a@b.csv?scheme=http"
 
 
 def test_an_address_with_a_secret_is_refused_and_the_secret_not_repeated():
@@ -233,25 +229,6 @@ def test_an_address_with_a_secret_is_refused_and_the_secret_not_repeated():
         find_sources(["s3://KEY:hushhush@bench/runs"])
     assert "hush" not in str(raised.value)
     assert "KEY:" not in str(raised.value)
-
-
-@pytest.mark.skipif(os.name != "posix", reason="processes are looked for")
-def test_what_a_killed_worker_had_fetched_goes_with_the_next_run_and_no_other_s(
-    tmp_path, monkeypatch, store, texts
-):
-    monkeypatch.setattr(sources.tempfile, "gettempdir", lambda: str(tmp_path))
-    killed = tmp_path / "damperfit-logs-killed"
-    killed.mkdir()
-    (killed / ".alive").touch()
-    (killed / "log.csv").write_text("a log")
-    (tmp_path / "of somebody else").mkdir()
-    store.put("alone/log.csv", "".join(next(iter(texts.values()))))
-    with temporary_folder("damperfit-logs-", tmp_path) as at_work:
-        with sources.brought_here(find_sources([store.address("alone")])) as (here, _):
-            (fetched,) = here.values()
-            assert tmp_path in fetched.parents
-        assert at_work.exists()
-    assert [path.name for path in tmp_path.iterdir()] == ["of somebody else"]
 
 
 def test_logs_of_one_name_in_two_folders_stay_apart(store, texts):

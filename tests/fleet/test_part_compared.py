@@ -15,8 +15,7 @@ from damperfit.errors import ConfigurationError
 from damperfit.fleets.parts import parts_in
 from damperfit.fleets.run import planned, run_fleet
 from damperfit.results import Run
-from damperfit.workers import InTurn
-from tests.fleet.conftest import put
+from tests.fleet.conftest import Here, put
 from tests.fleet.test_fleet_command import here, run  # noqa: F401
 
 
@@ -55,7 +54,7 @@ def taken(tmp_path_factory, texts):
     put(folder / "logs" / "SN 1", texts)
     configuration = load_configuration(None)
     tasks = planned(configuration, [str(folder / "logs")], folder / "fleet")
-    list(run_fleet(configuration, tasks, folder / "fleet", InTurn()))
+    list(run_fleet(configuration, tasks, folder / "fleet", Here()))
     logs = str(folder / "logs" / "SN 1")
     assert main(["identify", logs, "--out", str(folder / "results"), "--quiet"]) == 0
     return folder / "results", folder / "fleet" / "serial-SN%201"

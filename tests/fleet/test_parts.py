@@ -22,7 +22,7 @@ from damperfit.fleets.parts import (
     tidy,
     write_part,
 )
-from damperfit.store import replaced
+from damperfit.store import file_set
 
 
 def facts(*hashes: str, places: tuple[str, ...] = ()) -> dict:
@@ -166,11 +166,13 @@ def test_parts_of_different_columns_make_one_table(tmp_path):
 
 def test_what_a_killed_worker_left_goes_and_what_a_living_one_writes_stays(tmp_path):
     folder = tmp_path / "serial-D1"
-    folder.mkdir()
-    (folder / ".damperfit-new-killed").write_bytes(b"half")
-    with replaced(folder / "part-a.parquet") as file:
+    (folder / ".damperfit-new-killed").mkdir(parents=True)
+    (folder / ".damperfit-new-killed" / "part-b.parquet").write_bytes(b"half")
+    tidy(tmp_path)
+    assert not folder.exists()
+    with file_set(folder) as files:
+        files.path("part-a.parquet").write_bytes(b"whole")
         tidy(tmp_path)
-        file.write(b"whole")
     assert [path.name for path in folder.iterdir()] == ["part-a.parquet"]
 
 

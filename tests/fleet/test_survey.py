@@ -32,48 +32,44 @@ from tests.fleet.made_up import failed_row, fleet_table
 REBOUND, BUMP = "force_rebound_260_mm_per_s_N", "force_bump_260_mm_per_s_N"
 
 
-def series(found, name: str = REBOUND):
-    return next(one for one in found.series if one.name == name)
+def values(found, name: str = REBOUND):
+    return found.values[found.values["series"] == name]
 
 
 def test_a_series_has_median_and_middle_nine_tenths_by_setting():
     found = survey(fleet_table(41))
     assert [one.name for one in found.series] == ["r_m1", REBOUND, BUMP]  # none at 1.05 m/s
-    force = series(found)
-    assert [str(band.setting) for band in force.bands] == ["1", "2", "10"]
-    first = force.bands[0]
-    assert first.n_dampers == 41
+    assert [(one.speed, one.stroke, one.unit) for one in found.series[:2]] == [
+        *((0.0, "", "s sqrt(N)/(m kg)"), (0.26, "rebound", "N")),
+    ]
+    bands = values(found).drop_duplicates("setting")
+    assert [str(found.settings[k]) for k in bands["setting"]] == ["1", "2", "10"]
     # Values lie evenly from 980 to 1020 N.
-    assert (first.median, first.low, first.high) == pytest.approx((1000.0, 982.0, 1018.0))
-    assert first.deviation == pytest.approx(10.0)
-    assert (force.speed, force.stroke, force.unit) == (0.26, "rebound", "N")
-    assert series(found, "r_m1").unit == "s sqrt(N)/(m kg)"
-    assert not found.outliers
+    first = bands.iloc[0][["n_dampers", "median", "low", "high"]].tolist()
+    assert first == pytest.approx([41, 1000.0, 982.0, 1018.0])
+    assert values(found)["distance"].abs().max() == pytest.approx(2.0)
+    assert found.outliers.empty
 
 
 @pytest.mark.parametrize(("distance", "is_far"), [(7.99, False), (8.01, True), (-8.01, True)])
 def test_far_off_begins_at_eight_deviations(distance, is_far):
-    usual = survey(fleet_table(41))
-    band = series(usual).bands[0]
-    value = band.median + distance * band.deviation
+    usual = values(survey(fleet_table(41)))
     # The damper at the edge of that side goes a little further: median and deviation stay.
-    edge = max if distance > 0 else min
-    row = edge(band.rows, key=lambda k: series(usual).values[k])
-    changed = {(usual.names[row], "1"): {REBOUND: value}}
+    edge = usual[usual["setting"] == 0].sort_values("value").iloc[-1 if distance > 0 else 0]
+    changed = {(edge.damper, "1"): {REBOUND: 1000.0 + distance * 10.0}}
     found = survey(fleet_table(41, changed=changed))
-    assert series(found).bands[0].deviation == pytest.approx(band.deviation)
-    told = [(one.damper, one.series, str(one.setting)) for one in found.outliers]
-    assert told == ([(usual.names[row], REBOUND, "1")] if is_far else [])
+    far = found.outliers[["damper", "series", "setting"]].to_numpy().tolist()
+    assert far == ([[edge.damper, REBOUND, 0]] if is_far else [])
+    line = next(one for one in found.dampers if one.damper == edge.damper)
+    assert line.n_outliers == is_far
     if is_far:
-        assert found.outliers[0].distance == pytest.approx(distance)
-        line = next(one for one in found.dampers if one.damper == usual.names[row])
-        assert line.n_outliers == 1
+        assert found.outliers["distance"].iloc[0] == pytest.approx(distance)
 
 
 @pytest.mark.parametrize(("n", "is_reported"), [(7, False), (8, True)])
 def test_far_off_takes_eight_dampers(n, is_reported):
     found = survey(fleet_table(n, changed={("D3", "2"): {REBOUND: 5000.0}}))
-    assert bool(found.outliers) is is_reported
+    assert found.outliers.empty is not is_reported
     # Fewer are shown one by one, without a band.
     plot = series_plots(found)[1]
     lines = plot.panels[0].lines
@@ -83,17 +79,15 @@ def test_far_off_takes_eight_dampers(n, is_reported):
 
 @pytest.mark.parametrize(("share", "is_far"), [(0.0079, False), (0.0081, True)])
 def test_dampers_that_are_all_alike_do_not_make_a_rounding_error_far_off(share, is_far):
-    table = fleet_table(9)
     same = {(f"D{k}", s): {REBOUND: 1000.0} for k in range(1, 10) for s in ("1", "2", "10")}
     found = survey(fleet_table(9, changed=same | {("D4", "1"): {REBOUND: 1000.0 * (1 + share)}}))
-    assert table.num_rows == 27
-    assert bool([one for one in found.outliers if one.series == REBOUND]) is is_far
+    assert (REBOUND in set(found.outliers["series"])) is is_far
 
 
 def test_those_who_are_far_off_do_not_hide_each_other():
     changed = {(f"D{k}", "1"): {REBOUND: 4000.0} for k in range(1, 5)}
     found = survey(fleet_table(12, changed=changed))
-    assert {one.damper for one in found.outliers} == {"D1", "D2", "D3", "D4"}
+    assert set(found.outliers["damper"]) == {"D1", "D2", "D3", "D4"}
 
 
 def test_the_same_damper_tested_eight_times_is_one_damper():
@@ -101,7 +95,7 @@ def test_the_same_damper_tested_eight_times_is_one_damper():
     for column in ("serial", "damper"):
         k = table.column_names.index(column)
         table = table.set_column(k, column, pa.array(["D1"] * table.num_rows))
-    assert not survey(table).outliers
+    assert survey(table).outliers.empty
 
 
 def test_every_damper_is_a_line():
