@@ -1,21 +1,16 @@
-"""Runs compared: what was measured first, then forces, parameters, energy and hysteresis."""
+"""Runs compared: what was measured first, then forces, parameters, energy and hysteresis.
+
+Beside the numbers stands what the runs differ in besides, which may be the reason.
+"""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from statistics import fmean, stdev
-from typing import TYPE_CHECKING
+from statistics import fmean, median, stdev
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from damperfit.adjustment.force_at import REPEATS, named_speeds, said_offsets
-from damperfit.comparison.circumstances import (
-    Circumstance,
-    circumstances,
-    gas_force,
-    have_common_logs,
-    identical_settings,
-    settings_of,
-)
 from damperfit.comparison.fitted import (
     comparable_quantities,
     figure_lines,
@@ -23,15 +18,17 @@ from damperfit.comparison.fitted import (
     known_tares,
     knows_gas,
     parameter_readings,
+    settings_of,
     shifted,
 )
 from damperfit.comparison.measured import (
     SAME_MOTION,
     measured_readings,
     repeat_scatter,
+    tests_at,
     zero_shift,
 )
-from damperfit.comparison.reading import (
+from damperfit.comparison.verdict import (
     Difference,
     Sameness,
     compared,
@@ -42,6 +39,7 @@ from damperfit.errors import ConfigurationError, mishap_of
 from damperfit.identification.sharing import listed_settings, of_settings
 from damperfit.problem import Option
 from damperfit.statistics import NORMAL_95
+from damperfit.tables.columns import SCHEMA_VERSION
 from damperfit.units.shown_units import SI
 
 if TYPE_CHECKING:
@@ -49,13 +47,14 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from damperfit.adjustment.force_at import Sine
-    from damperfit.comparison.reading import Reading, Topic
+    from damperfit.comparison.verdict import Reading, Topic
     from damperfit.problem import Failure
     from damperfit.results import Run
     from damperfit.tested.setting import Setting
     from damperfit.units.shown_units import ShownUnits
 
     Readings = dict[Topic, Reading]
+    Shift = tuple[float, float]
 
 _EACH, _CONSTANT = "the motion of each test", "constant speed"
 _KINDS = ("measured", "force", "parameter", "figure")
@@ -88,6 +87,20 @@ class ComparisonOptions:
     jobs: int = 1
     units: ShownUnits = SI
     names: Mapping[Path, str] = field(default_factory=dict)
+
+
+class Circumstance(NamedTuple):
+    """One thing that two runs differ in, or have in common, with the value of each."""
+
+    kind: str  # logs, identity, settings, model, damper, gas, motion, temperature, rig, filter, ...
+    first: str
+    second: str
+    sentence: str
+
+    @property
+    def is_alike(self) -> bool:
+        """Whether it is what both have in common."""
+        return self.kind == "logs"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -143,15 +156,15 @@ class RunComparison:
         measured = self.of("measured")
         if measured:
             measured += tuple(line for line in self.of("figure") if line.is_measured)
+        first = []
+        if self.identical and len(self.identical) == len(self.settings):
+            first = ["measured: identical, both have the same logs, byte for byte"]
+            measured = ()
         groups = [
             (measured, "measured forces and energies"),
             (self.of("force"), "forces"),
             (self.of("parameter"), "parameters"),
         ]
-        first = []
-        if self.identical and len(self.identical) == len(self.settings):
-            first = ["measured: identical, both have the same logs, byte for byte"]
-            groups = groups[1:]
         return (*first, *(outcome_of(lines, words, self.units) for lines, words in groups if lines))
 
     @property
@@ -204,17 +217,24 @@ def compare_runs(
     """
     runs = (first, *repeats, second)
     is_bare = options.is_measured or not all(run.settings for run in runs)
-    settings = _common(runs, is_bare=is_bare)
+    known = [settings_of(run, is_bare=is_bare) for run in runs]
+    settings = tuple(setting for setting in known[0] if all(setting in own for own in known))
+    if not settings:
+        listed = "; ".join(
+            f"{run.shown_as} has {of_settings(own) if own else 'none'}"
+            for run, own in list(zip(runs, known, strict=True))[:3]
+        )
+        raise ConfigurationError(f"no setting is common to all: {listed}")
     mishaps: list[Failure] = []
 
     def take(setting: Setting, error: Exception) -> None:
         mishaps.append(mishap_of(error, f"simulating setting {setting}"))
 
     # Where the gas is declared, and not alike, it is known what shifts the forces.
-    is_other_gas = not is_bare and len(set(map(gas_force, runs))) > 1
+    is_other_gas = not is_bare and len(set(map(_gas_force, runs))) > 1
     shifts = [(0.0, 0.0) if is_other_gas else zero_shift(first, run, settings) for run in runs]
     forces: tuple[Readings, ...] = tuple({} for _ in runs)
-    parameters = forces
+    parameters, bare = forces, set()
     if is_bare:
         measured = measured_readings(runs, settings, speeds=options.speeds)
     else:
@@ -222,33 +242,39 @@ def compare_runs(
         speeds = _speeds(runs, options)
         forces = force_readings(runs, settings, speeds=speeds, on_error=take)
         parameters = parameter_readings(runs, settings)
-    bare = set() if is_bare else known_tares(runs, settings)
+        bare = known_tares(runs, settings)
+
+    def tared(topic: Topic, reading: Reading, shift: Shift) -> Reading:
+        is_bare_force = topic.kind == "force" and topic.setting in bare
+        return reading if topic.speed is None or is_bare_force else shifted(reading, *shift)
+
     tables = [
-        {
-            topic: reading
-            if topic.speed is None or (topic.kind == "force" and topic.setting in bare)
-            else shifted(reading, *shift)
-            for topic, reading in (of_tests | of_model | of_values).items()
-        }
-        for of_tests, of_model, of_values, shift in zip(
-            measured, forces, parameters, shifts, strict=True
-        )
+        {topic: tared(topic, one, shift) for topic, one in (tests | models | values).items()}
+        for tests, models, values, shift in zip(measured, forces, parameters, shifts, strict=True)
     ]
     if not any(tables[0]):
         raise ConfigurationError(
             f"{first.shown_as} and {second.shown_as}: nothing can be compared at setting "
             f"{listed_settings(settings)}: no motion is common to both"
         )
-    identical = tuple(identical_settings(runs, settings))
-    # All were tested with one motion: what each model misses there was measured.
-    is_same_motion = is_bare or all(_is_near(run.motion, first.motion) for run in runs)
+    hashes = [
+        [{log["sha256"] for log in _inputs(run) if log["setting"] == setting.cell} for run in runs]
+        for setting in settings
+    ]
+    identical = tuple(
+        setting
+        for setting, own in zip(settings, hashes, strict=True)
+        if own[0] and all(other == own[0] for other in own)
+    )
     lines = [
-        _as_identical(line) if line.is_measured and line.subject.setting in identical else line
-        for line in _lines(tables, is_same_motion=is_same_motion)
+        # What was measured of the same logs is the same, whatever a filter has made of it.
+        replace(line, verdict=Sameness.SAME, is_sure=False, words="identical: the same logs")
+        if line.is_measured and line.subject.setting in identical
+        else line
+        for line in _lines(tables, is_same_motion=is_bare or _is_same_motion(runs))
     ]
     if not is_bare:
         lines += figure_lines(first, second, settings)
-    notes = _notes(runs, settings, forces, lines, shifts, options.units, is_bare=is_bare)
     return RunComparison(
         first,
         second,
@@ -258,27 +284,21 @@ def compare_runs(
         _EACH if is_bare else _CONSTANT,
         tuple(lines),
         identical,
-        tuple(notes),
+        tuple(_notes(runs, settings, forces, lines, shifts, options.units, is_bare=is_bare)),
         tuple(dict.fromkeys(one.message for one in mishaps)),
         tuple(one.trace for one in mishaps if one.trace),
         options.units,
     )
 
 
-def _common(runs: Sequence[Run], *, is_bare: bool) -> tuple[Setting, ...]:
-    known = [settings_of(run, is_bare=is_bare) for run in runs]
-    common = tuple(setting for setting in known[0] if all(setting in own for own in known))
-    if not common:
-        listed = "; ".join(
-            f"{run.shown_as} has {of_settings(own) if own else 'none'}"
-            for run, own in list(zip(runs, known, strict=True))[:3]
-        )
-        raise ConfigurationError(f"no setting is common to all: {listed}")
-    return common
-
-
-def _is_near(a: Sine, b: Sine) -> bool:
-    ratios = (a.amplitude / b.amplitude, a.frequency / b.frequency)
+def _is_same_motion(runs: Sequence[Run]) -> bool:
+    """Whether all were tested with one motion: what each model misses there was measured."""
+    a = runs[0].motion
+    ratios = [
+        ratio
+        for run in runs
+        for ratio in (run.motion.amplitude / a.amplitude, run.motion.frequency / a.frequency)
+    ]
     return all(abs(ratio - 1.0) <= SAME_MOTION for ratio in ratios)
 
 
@@ -345,11 +365,6 @@ def _bare(reading: Reading) -> Reading:
     return replace(reading, error=0.0, repeat=0.0, misfit=0.0, misses=math.nan)
 
 
-def _as_identical(line: Difference) -> Difference:
-    """Return what was measured of the same logs as the same, whatever a filter has made of it."""
-    return replace(line, verdict=Sameness.SAME, is_sure=False, words="identical: the same logs")
-
-
 # What a reader must know
 
 
@@ -358,7 +373,7 @@ def _notes(  # noqa: PLR0913 - all that was compared
     settings: Sequence[Setting],
     tables: Sequence[Readings],
     lines: Sequence[Difference],
-    shifts: Sequence[tuple[float, float]],
+    shifts: Sequence[Shift],
     units: ShownUnits,
     *,
     is_bare: bool,
@@ -373,8 +388,15 @@ def _notes(  # noqa: PLR0913 - all that was compared
     lost = [setting for setting in settings if forces and setting not in at_forces]
     if lost:
         yield f"{of_settings(lost)}: no motion is common to both: not compared"
-    if not is_bare:
-        yield from _untested(runs, lines, units)
+    top = min((stage.top_speed for run in runs for stage in run.settings), default=math.inf)
+    speeds = {line.subject.speed or 0.0 for line in lines if not line.is_measured}
+    beyond = sorted(speed for speed in speeds if speed > (1.0 + REPEATS) * top)
+    if beyond and not is_bare:
+        listed = ", ".join(units.write_speed(speed) for speed in beyond)
+        yield (
+            f"{listed} was never tested (tested: up to {units.write_speed(float(f'{top:.3g}'))}): "
+            "the forces there are the models', extrapolated"
+        )
     for run, (shift, error) in zip(runs, shifts, strict=True):
         if shift:
             size = units.write(shift, "N", "+.3g")
@@ -404,55 +426,39 @@ def _notes(  # noqa: PLR0913 - all that was compared
                 "version, or no motion repeats): it is not in the errors of forces"
             )
     if forces and not is_bare:
-        yield from _missed(runs, tables, forces, units)
+        yield from _missed(
+            runs, tables, [line.subject for line in forces if line.is_measured], units
+        )
         at = [setting for setting in settings if setting in at_forces]
         yield from _tares(runs, at, is_shifted=any(shift for shift, _ in shifts))
         if not comparable_quantities(runs):
             yield "fitted with different models: no parameter is common to both"
 
 
-def _untested(runs: Sequence[Run], lines: Sequence[Difference], units: ShownUnits) -> Iterator[str]:
-    """Say which forces are at a speed that not every run has tested."""
-    top = min((stage.top_speed for run in runs for stage in run.settings), default=math.inf)
-    speeds = {line.subject.speed or 0.0 for line in lines if not line.is_measured}
-    beyond = sorted(speed for speed in speeds if speed > (1.0 + REPEATS) * top)
-    if beyond:
-        listed = ", ".join(units.write_speed(speed) for speed in beyond)
-        yield (
-            f"{listed} was never tested (tested: up to {units.write_speed(float(f'{top:.3g}'))}): "
-            "the forces there are the models', extrapolated"
-        )
-
-
 def _missed(
-    runs: Sequence[Run],
-    tables: Sequence[Readings],
-    forces: Sequence[Difference],
-    units: ShownUnits,
+    runs: Sequence[Run], tables: Sequence[Readings], measured: Sequence[Topic], units: ShownUnits
 ) -> Iterator[str]:
     """Yield why forces of fitted runs are compared as measured; nothing where none is."""
-    measured = [line.subject for line in forces if line.is_measured]
-    if not measured:
-        return
+
+    def where(topics: Sequence[Topic] | Mapping[Topic, Reading]) -> str:
+        return of_settings(dict.fromkeys(one.setting for one in topics if one.setting))
+
     for run, table in zip(runs, tables, strict=True):
-        missed = {topic: one for topic, one in table.items() if one.disagrees}
+        missed = {topic: one for topic, one in table.items() if measured and one.disagrees}
         if not missed:
             continue
         topic, worst = max(missed.items(), key=lambda item: abs(item[1].misses))
         share = f" ({abs(worst.misses / worst.scale):.1%} of the damping)" if worst.scale else ""
         yield (
             f"{run.name}: its model ({run.damper.name}) misses the measured force at "
-            f"{_where(missed)}, most {topic.place(units)}: "
+            f"{where(missed)}, most {topic.place(units)}: "
             f"by {units.write(abs(worst.misses), 'N', '.3g')}{share}"
         )
-    why = "they show how the tests differ and say nothing about the models"
-    if have_common_logs(runs[0], runs[-1]):
-        why = "both are based on the same logs, so this says nothing about the models"
-    yield f"at {_where(measured)} the measured forces of both are compared: {why}"
-
-
-def _where(topics: Sequence[Topic] | Mapping[Topic, Reading]) -> str:
-    return of_settings(dict.fromkeys(one.setting for one in topics if one.setting))
+    if measured:
+        why = "they show how the tests differ and say nothing about the models"
+        if set(_by_hash(runs[0])) & set(_by_hash(runs[-1])):
+            why = "both are based on the same logs, so this says nothing about the models"
+        yield f"at {where(measured)} the measured forces of both are compared: {why}"
 
 
 def _tares(runs: Sequence[Run], settings: Sequence[Setting], *, is_shifted: bool) -> Iterator[str]:
@@ -474,3 +480,188 @@ def _tares(runs: Sequence[Run], settings: Sequence[Setting], *, is_shifted: bool
                 f"{run.name}: its force offset ({said_offsets(rest)}), the rig's tare, is in its "
                 "forces, for not every run has a known one: so much of a difference may be the tare"
             )
+
+
+# What two runs differ in besides their numbers
+
+_SAME = 1e-9  # 4.6bara and 460000 are one pressure, but for the last digit
+_WARMER = 2.0  # degC; forces fall as the oil thins
+_WHOSE = ("damper", "serial", "customer", "operator", "date", "rig")
+# Keys of the run's configuration, with words for people, that change what comes of the same logs.
+_HOW = {
+    ("rig", "filter"): ("filter", "filter in the rig"),
+    ("rig", "filter_corner"): ("filter", "corner of the filter in the rig"),
+    ("rig", "filter_order"): ("filter", "order of the filter in the rig"),
+    ("rig", "centre"): ("rig", "x = 0"),
+    ("rig", "skew"): ("rig", "declared delay of the force"),
+    ("conditioning", "filter"): ("filter", "damperfit's filter"),
+    ("conditioning", "filter_corner"): ("filter", "corner of damperfit's filter"),
+    ("conditioning", "filter_order"): ("filter", "order of damperfit's filter"),
+    ("identification", "procedure"): ("procedure", "procedure"),
+    ("identification", "free"): ("procedure", "free parameters"),
+    ("identification", "fix"): ("procedure", "held parameters"),
+    ("identification", "share"): ("procedure", "shared parameters"),
+    ("identification", "bulk_modulus"): ("procedure", "bulk modulus"),
+}
+
+
+def circumstances(  # noqa: C901, PLR0912 - one thing after the other
+    first: Run, second: Run, units: ShownUnits = SI, *, is_bare: bool = False
+) -> tuple[Circumstance, ...]:
+    """Return what two runs differ in, what matters most first; is_bare: measured curves alone."""
+    runs = (first, second)
+    differences = [*_of_logs(first, second)]
+
+    def differs(kind: str, what: str, a: object, b: object, more: str = "") -> None:
+        sentence = f"{what}: {a}, then {b}{more}"
+        differences.append(Circumstance(kind, str(a), str(b), sentence))
+
+    for key in _WHOSE:
+        a, b = (run.identity.get(key) for run in runs)
+        if a and b and a != b:
+            differs("identity", key, a, b)
+    known = [settings_of(run, is_bare=is_bare) for run in runs]
+    alone = [[one for one in known[k] if one not in known[1 - k]] for k in (0, 1)]
+    a, b = map(listed_settings, alone)
+    for run, own in zip(runs, alone, strict=True):
+        if own:
+            sentence = f"{of_settings(own)} only in {run.name}: not compared"
+            differences.append(Circumstance("settings", a, b, sentence))
+    if not is_bare:
+        differences += _of_dampers(first, second, units)
+    common = [setting for setting in known[0] if setting in known[1]]
+    motions = [
+        [(one.amplitude, one.frequency) for setting in common for one in tests_at(run, setting)[:1]]
+        for run in runs
+    ]
+    if not all(motions) and not is_bare:
+        motions = [[(run.motion.amplitude, run.motion.frequency)] for run in runs]
+    if all(motions):
+        middle = [tuple(median(one[k] for one in own) for k in (0, 1)) for own in motions]
+        (size, rate), (other, faster) = middle
+        if max(abs(other / size - 1.0), abs(faster / rate - 1.0)) > SAME_MOTION:
+            here, there = (
+                units.say_lengths(f"{1e3 * amplitude:.4g} mm at {frequency:.4g} Hz")
+                for amplitude, frequency in middle
+            )
+            differs("motion", "motion", here, there, ": what a model misses does not cancel")
+    warmth = [[t.temperature for t in run.tests if math.isfinite(t.temperature)] for run in runs]
+    if all(warmth) and abs(fmean(warmth[0]) - fmean(warmth[1])) > _WARMER:
+        here, there = (f"{fmean(one):.1f} degC" for one in warmth)
+        differs("temperature", "temperature", here, there)
+    for (section, key), (kind, words) in _HOW.items():
+        values: list[Any] = []
+        for run in runs:
+            document = run.record.get("configuration")
+            own_keys = document.get(section) if isinstance(document, dict) else None
+            values.append(own_keys.get(key) if isinstance(own_keys, dict) else None)
+        if None not in values and values[0] != values[1]:
+            differs(kind, words, _shown(values[0]), _shown(values[1]))
+    for key, words in (("version", "damperfit"), ("schema_version", "schema of the results")):
+        values = [run.record.get(key) for run in runs]
+        if None not in values and values[0] != values[1]:
+            old = min((one for one in values if isinstance(one, int)), default=SCHEMA_VERSION)
+            is_older = key == "schema_version" and old < SCHEMA_VERSION
+            more = "; what the older run lacks is not compared" if is_older else ""
+            differs("version", words, values[0], values[1], more)
+    return tuple(differences)
+
+
+def _inputs(run: Run) -> list[dict[str, Any]]:
+    """Return the logs that a run is based on, as its record has them."""
+    inputs = run.record.get("inputs")
+    return [
+        log
+        for log in (inputs if isinstance(inputs, list) else ())
+        if isinstance(log, dict) and log.get("sha256") and log.get("setting") is not None
+    ]
+
+
+def _by_hash(run: Run) -> dict[str, dict[str, Any]]:
+    return {str(log["sha256"]): log for log in _inputs(run)}
+
+
+def _of_logs(first: Run, second: Run) -> Iterator[Circumstance]:
+    """Yield that logs are in both, and which of these were read with other signs."""
+
+    def first_names(logs: Sequence[Mapping[str, Any]]) -> str:
+        names = sorted(str(log.get("log")) for log in logs)
+        return ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
+
+    known = [_by_hash(run) for run in (first, second)]
+    common = known[0].keys() & known[1].keys()
+    if not common:
+        return
+    yield Circumstance(
+        "logs",
+        first.name,
+        second.name,
+        f"both are based on the same logs ({first_names([known[0][one] for one in common])}): what "
+        "differs there is how they were evaluated, and the errors, which are those of two tests, "
+        "are too large",
+    )
+    turned: dict[tuple[str, str], list[Mapping[str, Any]]] = {}
+    for one in common:
+        signs = [logs[one].get("reversed") for logs in known]
+        if all(isinstance(channels, list) for channels in signs) and signs[0] != signs[1]:
+            a, b = (" and ".join(map(str, channels or ())) or "nothing" for channels in signs)
+            turned.setdefault((a, b), []).append(known[0][one])
+    for (a, b), logs in sorted(turned.items()):
+        is_stroke = ("displacement" in a) is not ("displacement" in b)
+        words = ("rebound", "bump") if is_stroke else ("positive", "negative")
+        yield Circumstance(
+            "rig",
+            a,
+            b,
+            f"reversed as counted positive in bump: {a} in {first.name}, {b} in {second.name} "
+            f"({first_names(logs)}): what is {words[0]} in one is {words[1]} in the other; "
+            "declare rig.reverse_displacement and rig.reverse_force",
+        )
+
+
+def _gas_force(run: Run) -> float:
+    """Return the force of the declared gas at mid-stroke, N, to nine digits; NaN: none is known."""
+    force = run.damper.rest_force(0.0)
+    return math.nan if force is None else float(f"{float(force):.9g}")
+
+
+def _of_dampers(first: Run, second: Run, units: ShownUnits) -> Iterator[Circumstance]:
+    a, b = first.damper, second.damper
+
+    def differs(kind: str, what: str, here: str, there: str, more: str = "") -> Circumstance:
+        return Circumstance(kind, here, there, f"{what}: {here}, then {there}{more}")
+
+    if a.name != b.name:
+        more = ": only forces are compared, not parameters"
+        yield differs("model", "model", a.name, b.name, more)
+        return
+    names = [", ".join(model.names) for model in (a, b)]
+    if names[0] != names[1]:
+        sentence = "the models have different quantities: those with the same name are compared"
+        yield Circumstance("model", names[0], names[1], sentence)
+    units_of = {one.name: one.unit for one in second.quantities}
+    for one in first.quantities:
+        if one.unit != (unit := units_of.get(one.name, one.unit)):
+            yield differs("model", f"unit of {one.name}", one.unit, unit, ": it is not compared")
+    for name, (_, _, unit) in a.ranges.items():
+        values: list[Any] = [getattr(model, name, None) for model in (a, b)]
+        is_known = all(isinstance(value, float) for value in values)
+        if is_known and not math.isclose(*values, rel_tol=_SAME):
+            kind = "gas" if name.startswith("gas_") else "damper"
+            first_value, other = (f"{value:.6g} {unit}".strip() for value in values)
+            yield differs(kind, f"damper.{name}", first_value, other)
+    forces = [_gas_force(run) for run in (first, second)]
+    if math.isfinite(sum(forces)) and not math.isclose(*forces, rel_tol=_SAME):
+        form = ".1f" if units.of("N") == "N" else ".3g"
+        gas, other = (units.write(force, "N", form) for force in forces)
+        apart = units.write(forces[1] - forces[0], "N", f"+{form}")
+        more = f": {apart} of every difference of force is the declared gas"
+        yield differs("gas", "gas force at mid-stroke", gas, other, more)
+
+
+def _shown(value: object) -> str:
+    if isinstance(value, dict):
+        value = [f"{key} = {one}" for key, one in value.items()]
+    if isinstance(value, list):
+        return ", ".join(map(str, value)) or "none"
+    return str(value)

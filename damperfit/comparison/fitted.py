@@ -14,13 +14,12 @@ from typing import TYPE_CHECKING, Any
 
 from damperfit.adjustment.force_at import STROKES, force_at
 from damperfit.comparison.measured import repeat_scatter
-from damperfit.comparison.reading import Difference, Reading, Sameness, Topic, compared
+from damperfit.comparison.verdict import Difference, Reading, Sameness, Topic, compared
 from damperfit.identification import Status
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from damperfit.adjustment.force_at import Force
     from damperfit.damper.quantity import Quantity
     from damperfit.errors import OnError
     from damperfit.results import Run
@@ -36,6 +35,13 @@ _OBJECTIONS = {
 _ONCE = {Status.SHARED.value, Status.FIXED.value, Status.NOT_IDENTIFIABLE.value}
 
 
+def settings_of(run: Run, *, is_bare: bool) -> tuple[Setting, ...]:
+    """Return the settings that were measured, or those that have parameters."""
+    if is_bare:
+        return tuple(sorted({test.setting for test in run.tests}))
+    return tuple(stage.setting for stage in run.settings)
+
+
 def force_readings(
     runs: Sequence[Run],
     settings: Sequence[Setting],
@@ -43,18 +49,9 @@ def force_readings(
     speeds: Sequence[float],
     on_error: OnError | None = None,
 ) -> tuple[Readings, ...]:
-    """Return the forces of each run at some speeds.
+    """Return the forces of fitted runs at speeds, m/s, of settings that all have.
 
-    Parameters
-    ----------
-    runs : sequence of Run
-        All of them fitted.
-    settings : sequence of Setting
-        That all have.
-    speeds : sequence of float
-        m/s.
-    on_error : callable, optional
-        Told of a setting and the error that it met; without it such an error is raised.
+    Without `on_error` an error that a setting has met is raised.
     """
     bare = known_tares(runs, settings)
     tables = []
@@ -72,21 +69,28 @@ def force_readings(
     ]
     common = [key for key in order if all(key in table for table in tables)]
     doubted = {key[0] for key in common if any(table[key].disagrees for table in tables)}
-    missed = {
-        key
-        for key in common
-        if key[0] in doubted and all(table[key].measured is not None for table in tables)
-    }
-    readings = []
+    readings: list[Readings] = []
     for run, table in zip(runs, tables, strict=True):
-        scatter = repeat_scatter(run)
-        forces_of = {key: table[key].as_read if key in missed else table[key] for key in common}
-        readings.append(
-            {
-                Topic("force", "force", "force", "N", *key): _reading(run, force, scatter)
-                for key, force in forces_of.items()
-            }
-        )
+        share, repeat_freedom = repeat_scatter(run)
+        readings.append({})
+        for key in common:
+            force = table[key]
+            if key[0] in doubted and all(other[key].measured is not None for other in tables):
+                force = force.as_read
+            n_logs = run.row(force.setting).get("n_logs") or 1
+            readings[-1][Topic("force", "force", "force", "N", *key)] = Reading(
+                force.force,
+                force.error,
+                freedom_of(run, force.setting),
+                repeat=share * abs(force.damping) / math.sqrt(n_logs),
+                repeat_freedom=repeat_freedom,
+                misfit=force.misfit,
+                misses=force.difference,
+                misses_error=force.measured_error,
+                disagrees=force.disagrees,
+                scale=force.damping,
+                is_measured=force.is_measured,
+            )
     return tuple(readings)
 
 
@@ -103,22 +107,14 @@ def knows_gas(run: Run) -> bool:
     return run.damper.rest_force(0.0) is not None
 
 
-def _reading(run: Run, force: Force, scatter: tuple[float, float]) -> Reading:
-    share, freedom = scatter
-    n_logs = run.row(force.setting).get("n_logs") or 1
-    return Reading(
-        force.force,
-        force.error,
-        freedom_of(run, force.setting),
-        repeat=share * abs(force.damping) / math.sqrt(n_logs),
-        repeat_freedom=freedom,
-        misfit=force.misfit,
-        misses=force.difference,
-        misses_error=force.measured_error,
-        disagrees=force.disagrees,
-        scale=force.damping,
-        is_measured=force.is_measured,
-    )
+def shifted(reading: Reading, shift: float, error: float) -> Reading:
+    """Return a force with a zero shift taken off.
+
+    A model without an offset of its own has taken up a part of the shift, between none and all.
+    """
+    if shift and not reading.is_measured:
+        shift, error = 0.5 * shift, math.hypot(0.5 * error, shift / math.sqrt(12.0))
+    return replace(reading, value=reading.value - shift, repeat=math.hypot(reading.repeat, error))
 
 
 def freedom_of(run: Run, setting: Setting) -> float:
@@ -188,9 +184,19 @@ def _parameter_reading(row: Mapping[str, Any], quantity: Quantity, freedom: floa
 
 def figure_lines(first: Run, second: Run, settings: Sequence[Setting]) -> Iterator[Difference]:
     """Yield MSE and distance from cavitation by setting: numbers without errors, told in words."""
+
+    def in_words(topic: Topic, values: Sequence[float], words: Sequence[str]) -> Difference:
+        is_same = words[0] == words[1]
+        line = compared(topic, *map(Reading, values))
+        return Difference(
+            *(topic, line.first, line.second, line.difference),
+            verdict=Sameness.SAME if is_same else Sameness.DIFFERENT,
+            words=f"both {words[0]}" if is_same else f"{words[0]}, now {words[1]}",
+        )
+
     for setting in settings:
         rows = (first.row(setting), second.row(setting))
-        yield _in_words(
+        yield in_words(
             Topic("figure", "mse", "MSE", "%", setting),
             [_number(row.get("mse_percent")) for row in rows],
             [str(row.get("grade") or "no grade") for row in rows],
@@ -198,7 +204,7 @@ def figure_lines(first: Run, second: Run, settings: Sequence[Setting]) -> Iterat
         margins = [100.0 * _number(row.get("r_m3_cavitation_margin")) for row in rows]
         is_empty = [bool(row.get("cavitation_fraction")) for row in rows]
         if any(map(math.isfinite, margins)) or any(is_empty):
-            yield _in_words(
+            yield in_words(
                 Topic("figure", "cavitation_margin", "R_m3 below cavitation", "%", setting),
                 margins,
                 ["cavitates" if empty else "full" for empty in is_empty],
@@ -207,23 +213,3 @@ def figure_lines(first: Run, second: Run, settings: Sequence[Setting]) -> Iterat
 
 def _number(value: Any) -> float:
     return math.nan if value is None else float(value)
-
-
-def _in_words(topic: Topic, values: Sequence[float], words: Sequence[str]) -> Difference:
-    is_same = words[0] == words[1]
-    line = compared(topic, *map(Reading, values))
-    return Difference(
-        *(topic, line.first, line.second, line.difference),
-        verdict=Sameness.SAME if is_same else Sameness.DIFFERENT,
-        words=f"both {words[0]}" if is_same else f"{words[0]}, now {words[1]}",
-    )
-
-
-def shifted(reading: Reading, shift: float, error: float) -> Reading:
-    """Return a force with a zero shift taken off.
-
-    A model without an offset of its own has taken up a part of the shift, between none and all.
-    """
-    if shift and not reading.is_measured:
-        shift, error = 0.5 * shift, math.hypot(0.5 * error, shift / math.sqrt(12.0))
-    return replace(reading, value=reading.value - shift, repeat=math.hypot(reading.repeat, error))

@@ -15,13 +15,13 @@ import numpy as np
 from scipy.special import chdtri
 
 from damperfit.adjustment.force_at import STROKES
-from damperfit.comparison.reading import Reading, Topic
+from damperfit.comparison.verdict import Reading, Topic
 from damperfit.passed_speeds import in_both_strokes
 from damperfit.simulation import NAMED_SPEEDS
 from damperfit.statistics import student_quantile
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -55,10 +55,8 @@ class MeasuredTest:
 
     Attributes
     ----------
-    setting : Setting
-        Of the log.
-    log : str
-        Its name.
+    setting, log : Setting, str
+        Of the log, and its name.
     amplitude, frequency : float
         Of the motion, m and Hz; NaN of a curve without time.
     n_cycles : int
@@ -113,17 +111,7 @@ class MeasuredTest:
 def measured_tests(
     signals: LogSignals, segments: Sequence[Mapping[str, Any]], *, temperature: float = math.nan
 ) -> tuple[MeasuredTest, ...]:
-    """Return a test for each steady segment of a log.
-
-    Parameters
-    ----------
-    signals : LogSignals
-        Measured displacement, velocity and force.
-    segments : sequence of mapping
-        As run.json tells them, and `damperfit.recording.Stretch.describe`.
-    temperature : float
-        degC.
-    """
+    """Return a test for each steady segment of a log, whose segments are as run.json tells them."""
     tests = (_test_of(signals, facts, temperature) for facts in segments)
     return tuple(test for test in tests if test is not None)
 
@@ -210,16 +198,8 @@ def measured_readings(
 ) -> tuple[Readings, ...]:
     """Return measured forces of each run by setting, speed and stroke, then energy and hysteresis.
 
-    Parameters
-    ----------
-    runs : sequence of Run
-        To be compared.
-    settings : sequence of Setting
-        That all have.
-    speeds : sequence of float
-        m/s; none: the named test speeds that all reach.
-    kind : str
-        Of the forces: "force", or "measured" beside the model's forces.
+    Speeds are by default the named ones that all reach. Forces are of the kind "force", or
+    "measured" beside the model's forces.
     """
     forces: tuple[Readings, ...] = tuple({} for _ in runs)
     figures: tuple[Readings, ...] = tuple({} for _ in runs)
@@ -228,41 +208,32 @@ def measured_readings(
     for setting in settings:
         groups = common_tests(runs, setting)
         top = min((test.peak_speed for group in groups for test in group), default=0.0)
-        for k, (group, scatter) in enumerate(zip(groups, scatters, strict=False)):
+        for k, (group, (scatter, freedom)) in enumerate(zip(groups, scatters, strict=False)):
+            share = scatter / math.sqrt(len(group))
             for speed in speeds or [one for one in NAMED_SPEEDS if one <= top]:
                 for stroke in STROKES:
                     topic = Topic(kind, name, "force", "N", setting, speed, stroke)
-                    forces[k][topic] = _force(group, speed, stroke, scatter)
+                    repeat = share * _damping(group, speed)
+                    force = _force(group, speed, stroke)
+                    forces[k][topic] = replace(force, repeat=repeat, repeat_freedom=freedom)
+            half_range = fmean(0.5 * float(np.ptp(test.force)) for test in group)
             for figure, (label, unit) in _FIGURES.items():
                 if all(figure in test.figures for mine in groups for test in mine):
-                    topic = Topic("figure", figure, label, unit, setting)
-                    figures[k][topic] = _figure(group, figure, scatter)
+                    pooled = _pooled(group, [test.figures[figure] for test in group])
+                    figures[k][Topic("figure", figure, label, unit, setting)] = replace(
+                        pooled,
+                        repeat=share * abs(pooled.value),
+                        repeat_freedom=freedom,
+                        scale=pooled.value if figure == "energy" else half_range,
+                    )
     return tuple(a | b for a, b in zip(forces, figures, strict=True))
 
 
-def _force(
-    group: Sequence[MeasuredTest], speed: float, stroke: str, scatter: tuple[float, float]
-) -> Reading:
+def _force(group: Sequence[MeasuredTest], speed: float, stroke: str) -> Reading:
     pooled = _pooled(group, [test.force_at(speed, stroke) for test in group])
     largest = max(float(np.nanmax(np.abs(test.strokes[stroke][0]))) for test in group)
     has_size = math.isnan(pooled.value) or abs(pooled.value) >= _LEAST * largest
-    return replace(
-        pooled,
-        repeat=scatter[0] * _damping(group, speed) / math.sqrt(len(group)),
-        repeat_freedom=scatter[1],
-        scale=pooled.value if has_size else 0.0,
-    )
-
-
-def _figure(group: Sequence[MeasuredTest], name: str, scatter: tuple[float, float]) -> Reading:
-    pooled = _pooled(group, [test.figures[name] for test in group])
-    half_range = fmean(0.5 * float(np.ptp(test.force)) for test in group)
-    return replace(
-        pooled,
-        repeat=scatter[0] * abs(pooled.value) / math.sqrt(len(group)),
-        repeat_freedom=scatter[1],
-        scale=pooled.value if name == "energy" else half_range,
-    )
+    return replace(pooled, scale=pooled.value if has_size else 0.0)
 
 
 def _pooled(group: Sequence[MeasuredTest], values: Sequence[tuple[float, float]]) -> Reading:
@@ -291,7 +262,13 @@ def repeat_scatter(run: Run) -> tuple[float, float]:
         group = tuple(test for test in tests if test.repeats(tests[0]))
         if len(group) < 2:
             continue
-        variances, quiet, sizes = np.array(list(_scatter_of(group))).T
+        top = min(test.peak_speed for test in group)
+        points = []  # variance of force between tests, that of their noise, and the force
+        for speed, stroke in ((share * top, stroke) for share in _AT for stroke in STROKES):
+            forces, errors = np.array([test.force_at(speed, stroke) for test in group]).T
+            noise = float(np.mean(errors**2))
+            points.append((float(np.var(forces, ddof=1)), noise, _damping(group, speed)))
+        variances, quiet, sizes = np.array(points).T
         known = np.isfinite(quiet) & (sizes > 0.0)
         if not known.any():
             continue
@@ -306,16 +283,6 @@ def repeat_scatter(run: Run) -> tuple[float, float]:
     return math.sqrt(max(excess / freedom, 0.0)), float(freedom)
 
 
-def _scatter_of(group: Sequence[MeasuredTest]) -> Iterator[tuple[float, float, float]]:
-    """Yield the variance of force between tests, that of their noise, and the force, by point."""
-    top = min(test.peak_speed for test in group)
-    for share in _AT:
-        for stroke in STROKES:
-            forces = np.array([test.force_at(share * top, stroke) for test in group])
-            noise = float(np.mean(forces[:, 1] ** 2))
-            yield float(np.var(forces[:, 0], ddof=1)), noise, _damping(group, share * top)
-
-
 def zero_shift(first: Run, second: Run, settings: Sequence[Setting]) -> tuple[float, float]:
     """Return by how much all measured forces of the second are shifted, and its error, N.
 
@@ -325,8 +292,9 @@ def zero_shift(first: Run, second: Run, settings: Sequence[Setting]) -> tuple[fl
     share of the damping for each setting and stroke; it is one shift where both offsets are the
     same within their errors, and beyond them. Else nothing is shifted: (0, 0).
     """
-    offsets = [_offset_of(first, second, settings, stroke) for stroke in STROKES]
-    (a, error_a, n_a), (b, error_b, n_b) = offsets
+    (a, error_a, n_a), (b, error_b, n_b) = (
+        _offset_of(first, second, settings, stroke) for stroke in STROKES
+    )
     if not (n_a > 0 and n_b > 0):
         return 0.0, 0.0
     reach = student_quantile(n_a + n_b, 1.0 - 0.5 * _SURE)
@@ -346,15 +314,15 @@ def _offset_of(
     for k, setting in enumerate(settings):
         groups = common_tests((first, second), setting)
         top = min([_SLOW, *(0.9 * test.peak_speed for group in groups for test in group)])
-        for speed in np.linspace(0.25, 1.0, 4) * top if groups else ():
-            pair = [_force(group, float(speed), stroke, (0.0, math.inf)) for group in groups]
+        for speed in (np.linspace(0.25, 1.0, 4) * top).tolist() if groups else ():
+            a, b = (_force(group, speed, stroke) for group in groups)
             row = np.zeros(len(settings) + 1)
-            row[[k, -1]] = _damping(groups[0], float(speed)), 1.0
-            noise = math.hypot(*(reading.error for reading in pair))
-            if math.isfinite(noise + pair[1].value - pair[0].value):
+            row[[k, -1]] = _damping(groups[0], speed), 1.0
+            noise = math.hypot(a.error, b.error)
+            if math.isfinite(noise + b.value - a.value):
                 rows.append(row)
-                steps.append(pair[1].value - pair[0].value)
-                errors.append(max(noise, _ROUNDING * abs(pair[0].value), 1e-9))
+                steps.append(b.value - a.value)
+                errors.append(max(noise, _ROUNDING * abs(a.value), 1e-9))
     freedom = len(rows) - len({int(np.argmax(row[:-1] != 0.0)) for row in rows}) - 1
     if freedom < 1:
         return 0.0, math.inf, 0
@@ -362,7 +330,7 @@ def _offset_of(
     weighted, targets = np.array(rows) * weights[:, None], np.array(steps) * weights
     used = np.any(weighted != 0.0, axis=0)
     inverse = np.linalg.pinv(weighted[:, used])
-    found = inverse @ targets
-    left = float(np.sum((targets - weighted[:, used] @ found) ** 2)) / freedom
+    values = inverse @ targets
+    left = float(np.sum((targets - weighted[:, used] @ values) ** 2)) / freedom
     error = math.sqrt(float(np.sum(inverse[-1] ** 2)) * max(left, 1.0))
-    return float(found[-1]), error, freedom
+    return float(values[-1]), error, freedom

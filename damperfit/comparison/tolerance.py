@@ -8,50 +8,33 @@ import re
 from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from damperfit.adjustment.force_at import REPEATS, STROKES
-from damperfit.comparison.circumstances import settings_of
-from damperfit.comparison.fitted import force_readings
+from damperfit.comparison.fitted import force_readings, settings_of
 from damperfit.comparison.measured import measured_readings
-from damperfit.comparison.reading import Reading
+from damperfit.comparison.verdict import Point, Reading
 from damperfit.errors import ConfigurationError
 from damperfit.io.files import read_text
 from damperfit.problem import Option
 from damperfit.units.quantities import parse_quantity
-from damperfit.units.shown_units import SI
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from damperfit.comparison.comparing import ComparisonOptions, RunComparison
-    from damperfit.comparison.reading import Topic
     from damperfit.results import Run
-    from damperfit.tested.setting import Setting
-    from damperfit.units.shown_units import ShownUnits
 
 _UNIT = re.compile(r"(_n|_m_per_s|_m/s)$")  # of a column's name, in lower case
 _PER_CENT = re.compile(r"\s*([0-9.]+(?:[eE][-+]?\d+)?)\s*%\s*")
+_NOWHERE = (math.nan, "", math.nan, math.nan, math.nan)  # speed, stroke, force and band
 
 
-@dataclass(frozen=True, slots=True)
-class Band:
-    """Where a force may lie.
+class Band(NamedTuple):
+    """Where a force may lie, N, positive in rebound."""
 
-    Attributes
-    ----------
-    setting : str
-        Label of the setting; empty: every one.
-    speed : float
-        m/s, positive.
-    stroke : str
-        "rebound" or "bump".
-    low, high : float
-        N, positive in rebound.
-    """
-
-    setting: str
-    speed: float
+    setting: str  # its label; empty: every one
+    speed: float  # m/s, positive
     stroke: str
     low: float
     high: float
@@ -65,10 +48,8 @@ class Tolerance:
     ----------
     source : str
         As it was given, for people.
-    share : float
-        Of the reference's damping.
-    newtons : float
-        N; the larger of the two counts.
+    share, newtons : float
+        Of the reference's damping, and N; the larger of the two counts.
     bands : tuple of Band
         Nominal forces in place of a reference's.
     """
@@ -77,67 +58,6 @@ class Tolerance:
     share: float = 0.0
     newtons: float = 0.0
     bands: tuple[Band, ...] = ()
-
-
-@dataclass(frozen=True, slots=True)
-class Point:
-    """A force held against its band.
-
-    Attributes
-    ----------
-    run : str
-        Whose.
-    setting : Setting or str
-        Which.
-    speed : float
-        m/s; NaN where a whole setting is missing.
-    stroke : str
-        "rebound" or "bump".
-    force : float
-        N; NaN where it is not known.
-    low, high : float
-        The band, N.
-    reach : float
-        Half of the 95 % interval of what is held against the band, N; NaN where it is not known.
-    reason : str
-        Why it could not be looked at.
-    is_measured : bool
-        The force is measured, not modelled.
-    units : ShownUnits
-        In which people want it told.
-    """
-
-    run: str
-    setting: Setting | str
-    speed: float
-    stroke: str
-    force: float
-    low: float
-    high: float
-    reach: float = math.nan
-    reason: str = ""
-    is_measured: bool = False
-    units: ShownUnits = SI
-
-    @property
-    def margin(self) -> float:
-        """How far inside the band, N; negative: outside."""
-        return min(self.force - self.low, self.high - self.force)
-
-    @property
-    def is_met(self) -> bool:
-        """Whether the force is inside; one that could not be looked at is not."""
-        return self.margin >= 0.0
-
-    @property
-    def words(self) -> str:
-        """The result in words."""
-        if math.isnan(self.margin):
-            return f"not evaluated: {self.reason}"
-        near = ", no further than its error" if abs(self.margin) <= self.reach else ""
-        mark = " (measured)" if self.is_measured else ""
-        side, where = ("passes", "inside") if self.is_met else ("FAILS", "outside")
-        return f"{side}, {self.units.write(abs(self.margin), 'N', '.3g')} {where}{near}{mark}"
 
 
 def parse_tolerance(text: str) -> Tolerance:
@@ -162,8 +82,8 @@ def parse_tolerance(text: str) -> Tolerance:
             newtons = parse_quantity(part.strip(), "force")
         except ConfigurationError as error:
             raise ConfigurationError(
-                "expected per cent, newtons, both as in 5%,10N, or the name "
-                "of a file with nominal forces",
+                "expected per cent, newtons, both as in 5%,10N, or the name of a file with "
+                "nominal forces",
                 where=Option("tolerance", text),
             ) from error
     if not (share > 0.0 or newtons > 0.0) or newtons < 0.0:
@@ -254,13 +174,12 @@ def tolerated(comparison: RunComparison, tolerance: Tolerance) -> tuple[Point, .
                 *(line.second.value, first.value - reach, first.value + reach),
                 line.high - line.difference,
                 line.reason,
-                is_measured=line.is_measured,
-                units=units,
+                line.is_measured,
+                units,
             )
         )
-    nothing = (math.nan, "", math.nan, math.nan, math.nan)
     points += [
-        Point(name, setting, *nothing, reason="not tested", units=units)
+        Point(name, setting, *_NOWHERE, reason="not tested", units=units)
         for setting in settings_of(comparison.first, is_bare=comparison.is_without_model)
         if setting not in comparison.settings
     ]
@@ -272,19 +191,18 @@ def bands_met(run: Run, tolerance: Tolerance, options: ComparisonOptions) -> tup
     is_bare = options.is_measured or not run.settings
     settings = settings_of(run, is_bare=is_bare)
     speeds = sorted({band.speed for band in tolerance.bands})
-    table: dict[Topic, Reading] = {}
     if is_bare:
         (table,) = measured_readings((run,), settings, speeds=speeds)
     else:
         top = (options.sine or run.motion).peak_speed
-        if reached := [speed for speed in speeds if speed <= (1.0 + REPEATS) * top]:
-            (table,) = force_readings((run,), settings, speeds=reached)
-    known: dict[tuple[Setting | str | None, float | None, str], Reading] = {
+        reached = [speed for speed in speeds if speed <= (1.0 + REPEATS) * top]
+        (table,) = force_readings((run,), settings, speeds=reached) if reached else ({},)
+    known: dict[Any, Reading] = {
         (one.setting, one.speed, one.stroke): reading for one, reading in table.items()
     }
     points = []
     for band in tolerance.bands:
-        mine: list[Setting | str] = [one for one in settings if band.setting in {"", str(one)}]
+        mine: list[Any] = [one for one in settings if band.setting in {"", str(one)}]
         why = "the test does not reach the speed" if mine else "the setting was not tested"
         for setting in mine or [band.setting]:
             reading = known.get((setting, band.speed, band.stroke))
@@ -293,11 +211,10 @@ def bands_met(run: Run, tolerance: Tolerance, options: ComparisonOptions) -> tup
             points.append(
                 Point(
                     *(run.name, setting, band.speed, band.stroke),
-                    *(reading.value, band.low, band.high),
-                    reading.half_interval,
+                    *(reading.value, band.low, band.high, reading.half_interval),
                     reading.objection,
-                    is_measured=reading.is_measured,
-                    units=options.units,
+                    reading.is_measured,
+                    options.units,
                 )
             )
     return tuple(points)

@@ -11,8 +11,7 @@ import pytest
 
 from damperfit.adjustment.force_at import Sine, Stage
 from damperfit.comparison import ComparisonOptions, Sameness, compare_runs
-from damperfit.comparison.circumstances import circumstances
-from damperfit.comparison.comparing import _speeds, _tares
+from damperfit.comparison.comparing import _speeds, _tares, circumstances
 from damperfit.comparison.fitted import (
     comparable_quantities,
     figure_lines,

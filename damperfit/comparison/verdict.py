@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 
 # "Same" is said only where a difference of so much of the damping, or of the value, would be seen.
 SEEN = 0.05
-_OF_95 = 0.975
 _LEVEL = 0.05  # of all verdicts of a comparison together
+_MOST_LOG = 700.0  # beyond it exp overflows
 
 
 class Sameness(Enum):
@@ -39,34 +39,16 @@ class Sameness(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Topic:
-    """What is compared.
+    """What is compared."""
 
-    Attributes
-    ----------
-    kind : str
-        "measured", "force", "parameter" or "figure".
-    name : str
-        For scripts: "force", "r_m1", "energy".
-    label, unit : str
-        For people.
-    setting : Setting or None
-        Of which; None: of all.
-    speed : float or None
-        m/s, positive, of a force.
-    stroke : str
-        "rebound" or "bump", of a force.
-    is_logarithmic : bool
-        Its errors are those of its logarithm.
-    """
-
-    kind: str
-    name: str
+    kind: str  # measured, force, parameter or figure
+    name: str  # for scripts: force, r_m1, energy
     label: str
     unit: str
-    setting: Setting | None = None
-    speed: float | None = None
-    stroke: str = ""
-    is_logarithmic: bool = False
+    setting: Setting | None = None  # None: of all
+    speed: float | None = None  # m/s, positive, of a force
+    stroke: str = ""  # rebound or bump, of a force
+    is_logarithmic: bool = False  # its errors are those of its logarithm
 
     def place(self, units: ShownUnits = SI) -> str:
         """Say of what a line is, as in "setting 3, 0.26 m/s rebound"."""
@@ -78,46 +60,22 @@ class Topic:
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """A number of one run.
-
-    Attributes
-    ----------
-    value : float
-        In the unit of its subject.
-    error : float
-        Standard error of noise, in the same unit; NaN where it is not known.
-    freedom : float
-        Degrees of freedom that the error has.
-    repeat, repeat_freedom : float
-        Standard error of what tests of one setting differ by beyond their noise, and its degrees.
-    misfit : float
-        Error from the model's misfit, in the same unit.
-    misses, misses_error : float
-        Measured less modelled, with its sign, where both are known at the motion of the test, and
-        its standard error.
-    disagrees : bool
-        The model misses the measured force by more than it may.
-    scale : float
-        What per cents are of: the damping of a force, with its sign; half the force's range for a
-        hysteresis; the usual size of an offset. NaN: of the value.
-    is_measured : bool
-        The number is measured, not modelled.
-    objection : str
-        Why nothing can be said of it; empty where something can.
-    """
+    """A number of one run, with errors in its own unit."""
 
     value: float
-    error: float = math.nan
-    freedom: float = math.inf
-    repeat: float = 0.0
+    error: float = math.nan  # standard error of noise; NaN: not known
+    freedom: float = math.inf  # degrees of freedom that the error has
+    repeat: float = 0.0  # standard error of what tests of one setting differ by beyond their noise
     repeat_freedom: float = math.inf
-    misfit: float = 0.0
-    misses: float = math.nan
+    misfit: float = 0.0  # error from the model's misfit
+    misses: float = math.nan  # measured less modelled, with its sign, at the motion of the test
     misses_error: float = math.nan
-    disagrees: bool = False
+    disagrees: bool = False  # the model misses the measured force by more than it may
+    # What per cents are of: the damping of a force, with its sign; half the force's range for a
+    # hysteresis; the usual size of an offset. NaN: of the value.
     scale: float = math.nan
     is_measured: bool = False
-    objection: str = ""
+    objection: str = ""  # why nothing can be said of it
 
     def errors(self, factor: float = 1.0) -> list[tuple[float, float]]:
         """Return its standard errors without the misfit, each with its degrees of freedom."""
@@ -126,50 +84,29 @@ class Reading:
     @property
     def half_interval(self) -> float:
         """Half of the 95 % interval of the reading by itself; NaN where no error is known."""
-        return _Sum([*self.errors(), (0.0 if self.is_measured else self.misfit, math.inf)]).reach
+        return _reach([*self.errors(), (0.0 if self.is_measured else self.misfit, math.inf)])
 
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """Two readings of one subject, the second beside the first.
-
-    Attributes
-    ----------
-    subject : Topic
-        What.
-    first, second : Reading
-        Of the reference and of the other run.
-    difference, low, high : float
-        Second less first with its 95 % interval; NaN where no error is known.
-    percent, percent_low, percent_high : float
-        The same in per cent, for a force of the reference's damping: positive is harder; for a
-        hysteresis of half the force's range. NaN where there is nothing to take it of.
-    chance : float
-        How often chance alone makes a difference as large, 0 to 1; NaN where it is not known.
-    verdict : Sameness
-        At 95 %, each line by itself.
-    reason : str
-        Why nothing can be said; empty where something is.
-    is_sure : bool
-        Different also when it is remembered how many lines there are.
-    words : str
-        The verdict, where the subject has words of its own.
-    """
+    """Two readings of one subject, the second beside the first (of the reference)."""
 
     subject: Topic
     first: Reading
     second: Reading
-    difference: float
+    difference: float  # second less first, with its 95 % interval; NaN where no error is known
     low: float = math.nan
     high: float = math.nan
+    # The same in per cent, for a force of the reference's damping: positive is harder; for a
+    # hysteresis of half the force's range. NaN where there is nothing to take it of.
     percent: float = math.nan
     percent_low: float = math.nan
     percent_high: float = math.nan
-    chance: float = math.nan
-    verdict: Sameness = Sameness.UNDETERMINED
-    reason: str = ""
-    is_sure: bool = False
-    words: str = ""
+    chance: float = math.nan  # how often chance alone makes a difference as large; NaN: not known
+    verdict: Sameness = Sameness.UNDETERMINED  # at 95 %, each line by itself
+    reason: str = ""  # why nothing can be said
+    is_sure: bool = False  # different also when it is remembered how many lines there are
+    words: str = ""  # the verdict, where the subject has words of its own
 
     @property
     def is_measured(self) -> bool:
@@ -177,27 +114,27 @@ class Difference:
         return self.first.is_measured and self.second.is_measured
 
 
-class _Sum:
-    """Standard error of a sum from independent ones, each with its degrees of freedom."""
+def _summed(parts: Sequence[tuple[float, float]]) -> tuple[float, float]:
+    """Return the standard error of a sum from independent ones, and its degrees of freedom."""
+    total = sum(error**2 for error, _ in parts)
+    squares = sum(error**4 / freedom for error, freedom in parts if math.isfinite(freedom))
+    return math.sqrt(total), min(total**2 / squares, 1e9) if squares > 0.0 else 1e9
 
-    def __init__(self, parts: Sequence[tuple[float, float]]) -> None:
-        total = sum(error**2 for error, _ in parts)
-        squares = sum(error**4 / freedom for error, freedom in parts if math.isfinite(freedom))
-        self.error = math.sqrt(total)
-        self.freedom = min(total**2 / squares, 1e9) if squares > 0.0 else 1e9
 
-    @property
-    def reach(self) -> float:
-        """Half of the 95 % interval."""
-        return self.error * float(stdtrit(self.freedom, _OF_95))
+def _reach(parts: Sequence[tuple[float, float]]) -> float:
+    """Return half of the 95 % interval of a sum."""
+    error, freedom = _summed(parts)
+    return error * float(stdtrit(freedom, 0.975))
 
-    def chance(self, distance: float) -> float:
-        """How often chance makes a sum as far from zero."""
-        if not math.isfinite(self.error):
-            return math.nan
-        if self.error == 0.0:
-            return float(distance == 0.0)
-        return 2.0 * float(stdtr(self.freedom, -abs(distance) / self.error))
+
+def _chance(parts: Sequence[tuple[float, float]], distance: float) -> float:
+    """Return how often chance makes a sum as far from zero."""
+    error, freedom = _summed(parts)
+    if not math.isfinite(error):
+        return math.nan
+    if error == 0.0:
+        return float(distance == 0.0)
+    return 2.0 * float(stdtr(freedom, -abs(distance) / error))
 
 
 def compared(
@@ -205,14 +142,7 @@ def compared(
 ) -> Difference:
     """Return two readings beside each other.
 
-    Parameters
-    ----------
-    subject : Topic
-        Of what.
-    first, second : Reading
-        Of the reference and of the other run.
-    is_same_motion : bool
-        Both are of one model and motion: what the model misses alike cancels.
+    Where both are of one model and motion, what the model misses alike cancels.
     """
     a, b = first.value, second.value
     objection = first.objection or second.objection
@@ -223,25 +153,25 @@ def compared(
     misfit = (_misfit(first, second, is_same_motion=is_same_motion, is_log=is_log), math.inf)
     if is_log:
         step = math.log(b / a)
-        spread = _Sum([*first.errors(1.0 / a), *second.errors(1.0 / b), misfit])
-        reach = share = spread.reach
-        low, high = (math.exp(min(step + sign * reach, 700.0)) - 1.0 for sign in (-1.0, 1.0))
+        parts = [*first.errors(1.0 / a), *second.errors(1.0 / b), misfit]
+        reach = share = _reach(parts)
+        low, high = (math.exp(min(end, _MOST_LOG)) - 1.0 for end in (step - reach, step + reach))
         numbers = (a * low, a * high, 100.0 * (b / a - 1.0), 100.0 * low, 100.0 * high)
     else:
         step = b - a
-        spread = _Sum([*first.errors(), *second.errors(), misfit])
-        reach = spread.reach
+        parts = [*first.errors(), *second.errors(), misfit]
+        reach = _reach(parts)
         scale = first.scale if math.isfinite(first.scale) else a
         percent = share = math.nan
         if scale:
             # The first number is the denominator too: its error counts 1 + share times.
             of_both = [*first.errors(1.0 + step / scale), *second.errors(), misfit]
-            percent, share = 100.0 * step / scale, _Sum(of_both).reach / abs(scale)
+            percent, share = 100.0 * step / scale, _reach(of_both) / abs(scale)
         if subject.kind == "parameter":  # an offset may pass zero: per cent of it say nothing
             percent = math.nan
         ends = (percent - 100.0 * share, percent + 100.0 * share)
         numbers = (step - reach, step + reach, percent, *ends)
-    line = Difference(subject, first, second, b - a, *numbers, spread.chance(step))
+    line = Difference(subject, first, second, b - a, *numbers, _chance(parts, step))
     if objection:
         return replace(line, reason=objection)
     if not math.isfinite(reach):
@@ -291,10 +221,11 @@ def surely_different(lines: Sequence[Difference]) -> tuple[Difference, ...]:
 
 def outcome_of(lines: Sequence[Difference], words: str, units: ShownUnits = SI) -> str:
     """Say how many differ, which most, and what chance would do."""
-    if lines[0].subject.kind == "force" and (measured := sum(one.is_measured for one in lines)):
+    n_measured = sum(one.is_measured for one in lines) if lines[0].subject.kind == "force" else 0
+    if n_measured == len(lines):
         words += " as measured"
-        if measured < len(lines):
-            words = f"{words.removesuffix(' as measured')} ({measured} of {len(lines)} as measured)"
+    elif n_measured:
+        words += f" ({n_measured} of {len(lines)} as measured)"
     known = [line for line in lines if line.verdict is not Sameness.UNDETERMINED]
     if not known:
         return f"{words}: cannot be determined ({lines[0].reason})"
@@ -361,3 +292,43 @@ def _how_different(line: Difference, units: ShownUnits) -> str:
         return f"{size} {'more' if line.difference > 0.0 else 'less'}"
     words = ("harder", "softer") if subject.kind == "force" else ("more", "less")
     return f"{abs(line.percent):.2g} % {words[0] if line.percent > 0 else words[1]}"
+
+
+# A force held against its band.
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """A force held against its band, N, positive in rebound."""
+
+    run: str  # whose
+    setting: Setting | str
+    speed: float  # m/s; NaN where a whole setting is missing
+    stroke: str
+    force: float  # NaN where it is not known
+    low: float
+    high: float
+    reach: float = math.nan  # half of the 95 % interval of the force; NaN: not known
+    reason: str = ""  # why it could not be looked at
+    is_measured: bool = False
+    units: ShownUnits = SI  # in which people want it told
+
+    @property
+    def margin(self) -> float:
+        """How far inside the band, N; negative: outside."""
+        return min(self.force - self.low, self.high - self.force)
+
+    @property
+    def is_met(self) -> bool:
+        """Whether the force is inside; one that could not be looked at is not."""
+        return self.margin >= 0.0
+
+    @property
+    def words(self) -> str:
+        """The result in words."""
+        if math.isnan(self.margin):
+            return f"not evaluated: {self.reason}"
+        near = ", no further than its error" if abs(self.margin) <= self.reach else ""
+        mark = " (measured)" if self.is_measured else ""
+        side, where = ("passes", "inside") if self.is_met else ("FAILS", "outside")
+        return f"{side}, {self.units.write(abs(self.margin), 'N', '.3g')} {where}{near}{mark}"

@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import t as student
 
 from damperfit.comparison import ComparisonOptions, compare_runs, verdict_of
-from damperfit.comparison.reading import (
+from damperfit.comparison.verdict import (
     Reading,
     Sameness,
     Topic,
