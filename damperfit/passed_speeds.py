@@ -19,22 +19,11 @@ if TYPE_CHECKING:
 def at_speeds(
     velocity: FloatArray, signals: FloatArray, speeds: Sequence[float], *, sign: float = 1.0
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return counts, means and scatter of signals where the velocity passes speeds.
+    """Return counts, means and scatter of signals where the velocity passes rising speeds.
 
-    Between two samples signals and velocity are straight lines. The first index of what is
-    returned is 0 on the way up to a speed and beyond (the opening branch of a stroke), 1 on the
-    way down again (the closing one).
-
-    Parameters
-    ----------
-    velocity : numpy.ndarray
-        Shape (n,), n of one at least.
-    signals : numpy.ndarray
-        Shape (k, n).
-    speeds : sequence of float
-        Rising.
-    sign : float
-        -1 for the speeds of the other stroke.
+    Between two samples signals, shape (k, n), and velocity, shape (n,), are straight lines. The
+    first index of what is returned is 0 on the way up to a speed and beyond (the opening branch of
+    a stroke), 1 on the way down again (the closing one). A sign of -1 is for the other stroke.
 
     Returns
     -------
@@ -59,11 +48,6 @@ def in_both_strokes(
     velocity: FloatArray, signals: FloatArray, speeds: Sequence[float]
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return what `at_speeds` does, of rebound and then of bump: one more first index of each.
-
-    Parameters
-    ----------
-    velocity, signals, speeds
-        As there.
 
     Examples
     --------
@@ -94,18 +78,9 @@ def cycle_energies(
 ) -> FloatArray:
     """Return the work that a force does in each cycle, J: the one integral behind every energy.
 
-    The power f v is integrated from boundary to boundary, which lie between samples. On a sine this
-    is the polygon of force over displacement with its sinc correction; other than the polygon it is
-    right for other waves too.
-
-    Parameters
-    ----------
-    velocity, force : numpy.ndarray
-        Shape (n,); m/s, N.
-    edges : numpy.ndarray
-        Boundaries of the cycles, fractional samples.
-    interval : float
-        s.
+    The power f v is integrated from boundary to boundary, which lie between samples, interval s
+    apart. On a sine this is the polygon of force over displacement with its sinc correction; other
+    than the polygon it is right for other waves too.
     """
     power = velocity * force
     work = np.concatenate([[0.0], np.cumsum(0.5 * (power[1:] + power[:-1]))])

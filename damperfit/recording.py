@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-
 SEVERITIES = ("note", "warning", "refusal")
 _SPEEDS = ("peak_speed_rebound", "peak_speed_bump", "hysteresis_speed")
 _FIGURES = {one: f"{one}_m_per_s" for one in _SPEEDS}
@@ -43,30 +42,19 @@ def natural_order(name: str) -> tuple[tuple[int, int, str], ...]:
 class Finding:
     """One thing that the data of a log show, good to know or bad.
 
-    Attributes
-    ----------
-    name : str
-        What was looked at, a fixed word for scripts, such as ``clipping`` or ``force_polarity``.
-    severity : str
-        "note": good to know, or put right with certainty. "warning": the parameters are doubtful.
-        "refusal": the log cannot be used (only in what `inspect` tells; a trace has none).
-    text : str
-        One plain sentence with what was found, where, and what to do; without the log's name, and
-        with ``{name}`` in place of its values.
-    value, unit : float or None, str
-        The number behind it, for scripts, or None; its unit, empty for counts and shares.
-    is_correction : bool
-        The data were changed for it.
-    values : mapping
-        Those of the text: an `Option` among them is worded by the outlet.
+    The text is one plain sentence with what was found, where, and what to do; without the log's
+    name, and with ``{name}`` in place of its values. Its severity is "note": good to know, or put
+    right with certainty; "warning": the parameters are doubtful; "refusal": the log cannot be used
+    (only in what `inspect` tells; a trace has none).
     """
 
-    name: str
+    name: str  # what was looked at, a fixed word for scripts, such as "clipping"
     severity: str
     text: str
-    value: float | None = None
-    unit: str = ""
-    is_correction: bool = False
+    value: float | None = None  # the number behind it, for scripts
+    unit: str = ""  # its unit; empty for counts and shares
+    is_correction: bool = False  # the data were changed for it
+    # Those of the text: an `Option` among them is worded by the outlet.
     values: Mapping[str, Any] = field(default_factory=dict, compare=False)
 
     @property
@@ -134,44 +122,24 @@ class Recording:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FilterDesign:
-    """A low-pass filter as second-order sections; no sections means that nothing is filtered.
+    """A low-pass filter as second-order sections; no sections means that nothing is filtered."""
 
-    Attributes
-    ----------
-    sections : numpy.ndarray
-        Shape (k, 6), SciPy's ``sos`` layout; k = 0 passes everything.
-    is_zero_phase : bool
-        True: run forward and backward. False: run forward only.
-    description : str
-        One line for reports.
-    bridged : tuple of int
-        Samples replaced before the filter by the mean of both neighbours, in any force alike.
-    """
-
-    sections: FloatArray
-    is_zero_phase: bool
-    description: str
+    sections: FloatArray  # shape (k, 6), SciPy's ``sos`` layout; k = 0 passes everything
+    is_zero_phase: bool  # run forward and backward; False: forward only
+    description: str  # one line for reports
+    # Samples replaced before the filter by the mean of both neighbours, in any force alike.
     bridged: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Drive:
-    """The displacement as the damper answers it: sensor noise taken off, the motion left whole.
+    """The displacement as the damper answers it: sensor noise taken off, the motion left whole."""
 
-    Attributes
-    ----------
-    displacement, velocity : numpy.ndarray
-        Shape (n,); m, m/s.
-    corner : float
-        Frequency above which noise was taken off, Hz; infinite where nothing was.
-    jumps : numpy.ndarray
-        Where the speed jumps, shape (k, 4), as `damperfit.simulation.Motion` has it; none where
-        the motion is not known so sharply.
-    """
-
-    displacement: FloatArray
-    velocity: FloatArray
-    corner: float
+    displacement: FloatArray  # shape (n,), m
+    velocity: FloatArray  # m/s
+    corner: float  # frequency above which noise was taken off, Hz; infinite where nothing was
+    # Where the speed jumps, shape (k, 4), as `damperfit.simulation.Motion` has it; none where the
+    # motion is not known so sharply.
     jumps: FloatArray = field(default_factory=lambda: np.empty((0, 4)))
 
     def part(self, kept: slice, centre: float) -> Drive:
@@ -185,83 +153,49 @@ class Drive:
 
 @dataclass(frozen=True, slots=True)
 class StretchFigures:
-    """What is read off a stretch: of steady cycles the mean, else the extremes of the motion.
+    """What is read off a stretch: of steady cycles the mean, else the extremes of the motion."""
 
-    Attributes
-    ----------
-    peak_force_rebound, peak_force_bump : float
-        Largest and smallest measured force, N (bump is negative).
-    peak_speed_rebound, peak_speed_bump : float
-        Largest speed of each stroke, m/s, positive.
-    energy : float
-        Work taken up in a cycle, of a moving stretch in all of it, J.
-    hysteresis_speed, hysteresis_rebound, hysteresis_bump : float
-        Half of the lower peak speed, m/s; opening minus closing force there, N, NaN where nothing
-        repeats.
-    start, stop : float
-        Time stamps between which they were read, s: cycles without another motion in the filter.
-    energy_se, hysteresis_rebound_se, hysteresis_bump_se : float
-        Standard errors by the scatter of the cycles; NaN of one cycle.
-    """
-
-    peak_force_rebound: float
-    peak_force_bump: float
-    peak_speed_rebound: float
+    peak_force_rebound: float  # largest measured force, N
+    peak_force_bump: float  # smallest, N, negative
+    peak_speed_rebound: float  # largest speed of each stroke, m/s, positive
     peak_speed_bump: float
-    energy: float
-    hysteresis_speed: float
-    hysteresis_rebound: float
+    energy: float  # work taken up in a cycle, of a moving stretch in all of it, J
+    hysteresis_speed: float  # half of the lower peak speed, m/s
+    hysteresis_rebound: float  # opening less closing force there, N; NaN where nothing repeats
     hysteresis_bump: float
+    # Time stamps between which they were read, s: cycles without another motion in the filter.
     start: float = math.nan
     stop: float = math.nan
+    # Standard errors by the scatter of the cycles; NaN of one cycle.
     energy_se: float = math.nan
     hysteresis_rebound_se: float = math.nan
     hysteresis_bump_se: float = math.nan
 
     def describe(self) -> dict[str, float | None]:
         """Return the figures for run.json."""
-        told = ((_FIGURES.get(one, f"{one}_N"), getattr(self, one)) for one in self.__slots__)
-        return {key: value if math.isfinite(value) else None for key, value in told}
+        named = {_FIGURES.get(one, f"{one}_N"): getattr(self, one) for one in self.__slots__}
+        return {key: value if math.isfinite(value) else None for key, value in named.items()}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stretch:
-    """A part of a trace in which model and measurement are compared.
+    """A part of a trace in which model and measurement are compared."""
 
-    Attributes
-    ----------
-    kind : str
-        "steady": whole cycles of one motion that repeats. "moving": motion that does not.
-    first, stop : int
-        Samples ``first:stop`` of the trace.
-    cycle_starts : numpy.ndarray
-        Shape (n_cycles + 1,), fractional sample positions of the cycle boundaries, so that cycles
-        can be laid over each other. Empty where nothing repeats.
-    frequency : float
-        Cycles per second, Hz; of a moving stretch half its turns per second.
-    amplitude, peak_speed : float
-        Half the stroke, m, of a moving stretch half of the whole range; largest speed, m/s.
-    smeared : tuple of int
-        Samples at its beginning and at its end in which the filter still holds the other motion
-        beside it. The model's force holds it alike, but cycles differ there.
-    noise, noise_source : float, str
-        Standard deviation of the compared force's noise, N, NaN where it is not known; what tells
-        it: "scatter between cycles", or "above the filter" where too few repeat.
-    figures : StretchFigures or None
-        Peak forces and speeds, energy and hysteresis as measured.
-    """
-
-    kind: str
-    first: int
+    kind: str  # "steady": whole cycles of one motion that repeats; "moving": one that does not
+    first: int  # samples ``first:stop`` of the trace
     stop: int
+    # Shape (n_cycles + 1,), fractional sample positions of the cycle boundaries, so that cycles
+    # can be laid over each other. Empty where nothing repeats.
     cycle_starts: FloatArray
-    frequency: float
-    amplitude: float
-    peak_speed: float
+    frequency: float  # cycles per second, Hz; of a moving stretch half its turns per second
+    amplitude: float  # half the stroke, m; of a moving stretch half of the whole range
+    peak_speed: float  # m/s
+    # Samples at its beginning and at its end in which the filter still holds the other motion
+    # beside it. The model's force holds it alike, but cycles differ there.
     smeared: tuple[int, int] = (0, 0)
-    noise: float = math.nan
-    noise_source: str = ""
-    figures: StretchFigures | None = None
+    noise: float = math.nan  # standard deviation of the compared force's noise, N, where known
+    noise_source: str = ""  # "scatter between cycles", or "above the filter" where few repeat
+    figures: StretchFigures | None = None  # as measured
 
     @property
     def n_cycles(self) -> int:
@@ -301,59 +235,30 @@ class Trace:
     """A uniform, filtered log with the stretches that are compared marked.
 
     The model runs through all of it, run-up and changes of speed included; what is compared are
-    the stretches alone.
-
-    Attributes
-    ----------
-    name, setting : str, Setting or None
-        Of the recording.
-    start_time, interval : float
-        Time stamp of the first sample and from each to the next, s.
-    displacement, velocity, force : numpy.ndarray
-        Shape (n,); m, m/s, N. Filtered alike; displacement is the model's x (centre removed);
-        force is as compared with the model.
-    drive : Drive
-        Displacement (centre removed) and velocity that drive the model.
-    stretches : tuple of Stretch
-        What is evaluated, in order of time, without overlap; one at least.
-    centre : float
-        Displacement that is x = 0 of the model, as the log counts it, m.
-    n_cycles_found : int
-        Whole cycles in the log, run-in included.
-    model_filter : FilterDesign
-        What a simulated force (and its sensitivities) must pass before it is compared.
-    notes, findings : tuple of str, tuple of Finding
-        What conditioning assumed; what the data show of the log's quality, and what was corrected.
-    temperature, gas_pressure : float or None
-        Mean over the stretches, degrees Celsius; what the damper was filled to for this test, Pa
-        absolute, None: as it is declared.
-    whole : Trace or None
-        The same with all that was logged, where a run-up or coast-down is cut off.
-    is_filtered_by_rig : bool
-        Nothing was filtered since: the force has what came behind the rig's filter, such as steps.
-    shows_signs : bool
-        The gas force in the log shows which way its channels are counted.
+    the stretches alone. Displacement is the model's x: its centre is removed.
     """
 
     name: str
     setting: Setting | None
-    start_time: float
-    interval: float
-    displacement: FloatArray
-    velocity: FloatArray
-    force: FloatArray
-    drive: Drive
-    stretches: tuple[Stretch, ...]
-    centre: float
-    n_cycles_found: int
-    model_filter: FilterDesign
-    temperature: float | None = None
-    notes: tuple[str, ...] = ()
-    findings: tuple[Finding, ...] = ()
+    start_time: float  # stamp of the first sample, s
+    interval: float  # from each to the next, s
+    displacement: FloatArray  # shape (n,), m; all channels are filtered alike
+    velocity: FloatArray  # m/s
+    force: FloatArray  # N, as compared with the model
+    drive: Drive  # displacement and velocity that drive the model
+    stretches: tuple[Stretch, ...]  # one at least, in order of time, without overlap
+    centre: float  # displacement that is x = 0 of the model, as the log counts it, m
+    n_cycles_found: int  # whole cycles in the log, run-in included
+    model_filter: FilterDesign  # what a simulated force must pass before it is compared
+    temperature: float | None = None  # mean over the stretches, degrees Celsius
+    notes: tuple[str, ...] = ()  # what conditioning assumed
+    findings: tuple[Finding, ...] = ()  # on the log's quality, and what was corrected
+    # What the damper was filled to for this test, Pa absolute; None: as it is declared.
     gas_pressure: float | None = None
-    whole: Trace | None = None
+    whole: Trace | None = None  # with all that was logged, where a run-up or coast-down is cut off
+    # Nothing was filtered since: the force has what came behind the rig's filter, such as steps.
     is_filtered_by_rig: bool = False
-    shows_signs: bool = False
+    shows_signs: bool = False  # the gas force shows which way the channels are counted
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -23,9 +23,15 @@ from damperfit.errors import LogError
 from damperfit.io.columns import visible
 from damperfit.io.options import SETTING_PATTERN
 from damperfit.problem import Option, Problem, note
-from damperfit.tested.adjuster_words import adjuster_of
 from damperfit.tested.identity import IDENTITY_KEYS
-from damperfit.tested.setting import ADJUSTER, Place, Setting, parse_place, parse_setting
+from damperfit.tested.setting import (
+    ADJUSTER,
+    Place,
+    Setting,
+    adjuster_of,
+    parse_place,
+    parse_setting,
+)
 from damperfit.units.quantities import is_unit
 
 _CLICKS = {

@@ -52,9 +52,8 @@ from damperfit.problem import Failure, Option, Problem, warning
 from damperfit.recording import Finding, natural_order
 from damperfit.run.log_files import is_own_table, real_path
 from damperfit.tables.files import json_values
-from damperfit.tested.adjuster_words import letters_of
 from damperfit.tested.identity import Identity, identity_in
-from damperfit.tested.setting import Setting, parse_place
+from damperfit.tested.setting import Setting, letters_of, parse_place
 from damperfit.workers import apart
 
 if TYPE_CHECKING:

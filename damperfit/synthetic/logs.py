@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 
@@ -31,15 +31,6 @@ if TYPE_CHECKING:
     from damperfit.synthetic.steady import SteadyCycle
 
     FloatArray = NDArray[np.float64]
-
-__all__ = [
-    "SampleOptions",
-    "SimulatedCycle",
-    "made_up_values",
-    "make_samples",
-    "simulated_cycle",
-]
-
 
 # A steady cycle of any model by its own integrator, and synthetic numbers of real valves.
 #
@@ -62,21 +53,12 @@ _BESIDE = {
 }  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class SimulatedCycle:
-    """One steady cycle of a sine test, x = A sin(2 pi phase); phases are in cycles, shape (n,).
+class SimulatedCycle(NamedTuple):
+    """One steady cycle of a sine test, x = A sin(2 pi phase); phases are in cycles, shape (n,)."""
 
-    Attributes
-    ----------
-    amplitude, frequency : float
-        The drive: m, Hz.
-    forces : numpy.ndarray
-        Shape (n,), at even phases from 0, N.
-    """
-
-    amplitude: float
-    frequency: float
-    forces: FloatArray
+    amplitude: float  # m
+    frequency: float  # Hz
+    forces: FloatArray  # shape (n,), at even phases from 0, N
 
     def displacement(self, phase: FloatArray) -> FloatArray:
         """Return x, m."""
@@ -91,16 +73,7 @@ class SimulatedCycle:
 def simulated_cycle(
     values: Values, damper: Model, *, amplitude: float, frequency: float
 ) -> SimulatedCycle:
-    """Simulate a sine test until a cycle repeats the one before.
-
-    Parameters
-    ----------
-    values : Values
-        Of all quantities of the model, SI.
-    damper : Model
-        The damper.
-    amplitude, frequency : float
-        The drive: m, Hz.
+    """Simulate a sine test of m and Hz until a cycle repeats the one before.
 
     Raises
     ------
@@ -124,14 +97,7 @@ def simulated_cycle(
 def made_up_values(damper: Model, setting: int, speed: float) -> Values:
     """Return plausible numbers of a damper of real valves, stiffer from click to click.
 
-    Parameters
-    ----------
-    damper : Model
-        The damper.
-    setting : int
-        Its click.
-    speed : float
-        Highest speed of the test, m/s.
+    `speed` is the highest of the test, m/s.
 
     Raises
     ------
@@ -163,59 +129,34 @@ def made_up_values(damper: Model, setting: int, speed: float) -> Values:
 
 
 _MADE_UP = "# rig: synthetic (damperfit samples)"
-_HEAD_BYTES = 200
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SampleOptions:
-    """What the make-believe test and its instruments are like, in SI.
+    """What the synthetic test and its instruments are like, in SI."""
 
-    Attributes
-    ----------
-    settings : tuple of int
-        One log each.
-    cycles : float
-        Length of a log in cycles.
-    sample_rate, frequency : float
-        Hz.
-    amplitude : float
-        m.
-    force_noise, displacement_noise : float
-        White sensor noise, rms: N, m. 0 for none.
-    force_resolution, displacement_resolution : float
-        Smallest step of the log: N, m. 0 writes all digits.
-    rig_filter : float
-        Corner of a 4th-order Butterworth filter in the rig, both channels, after the sensors;
-        Hz. 0 for none. With it, noise is white before the filter.
-    temperature : float
-        Mean, degrees Celsius; it wanders by up to 1 degree about it.
-    seed : int
-        Same seed, same logs.
-    damper : Model
-        The damper, geometry, oil and gas of it.
-    """
-
-    settings: tuple[int, ...] = REFERENCE_SETTINGS
-    cycles: float = 15.0
-    sample_rate: float = 500.0
-    amplitude: float = 0.032
-    frequency: float = 1.5
-    force_noise: float = 4.0
-    displacement_noise: float = 8e-6
-    force_resolution: float = 0.1
-    displacement_resolution: float = 1e-6
+    settings: tuple[int, ...] = REFERENCE_SETTINGS  # one log each
+    cycles: float = 15.0  # length of a log
+    sample_rate: float = 500.0  # Hz
+    amplitude: float = 0.032  # m
+    frequency: float = 1.5  # Hz
+    force_noise: float = 4.0  # white sensor noise, rms, N; 0 for none
+    displacement_noise: float = 8e-6  # m
+    force_resolution: float = 0.1  # smallest step of the log, N; 0 writes all digits
+    displacement_resolution: float = 1e-6  # m
+    # Corner of a 4th-order Butterworth filter in the rig, both channels, after the sensors; Hz.
+    # 0 for none. With it, noise is white before the filter.
     rig_filter: float = 0.0
-    temperature: float = 26.0
-    seed: int = 2000
-    damper: Model = PURDY_DAMPER
+    temperature: float = 26.0  # mean, degrees Celsius; it wanders by up to 1 degree about it
+    seed: int = 2000  # same seed, same logs
+    damper: Model = PURDY_DAMPER  # geometry, oil and gas of it
 
     def __post_init__(self) -> None:
         """Refuse options that make no log."""
         for name in ("cycles", "sample_rate", "amplitude", "frequency"):
             _expect(name, getattr(self, name), "more than 0", 0.0 < getattr(self, name) < math.inf)
-        for name in ("force_noise", "displacement_noise", "rig_filter", "seed"):
-            _expect(name, getattr(self, name), "0 or more", 0.0 <= getattr(self, name) < math.inf)
-        for name in ("force_resolution", "displacement_resolution"):
+        noise = ("force_noise", "displacement_noise", "rig_filter", "seed")
+        for name in (*noise, "force_resolution", "displacement_resolution"):
             _expect(name, getattr(self, name), "0 or more", 0.0 <= getattr(self, name) < math.inf)
         is_list = len(self.settings) == len(set(self.settings)) > 0 and min(self.settings) >= 0
         _expect("settings", self.settings, "at least one, each once, 0 or more", is_list)
@@ -373,59 +314,18 @@ logged at {options.sample_rate:g} Hz. The machine is
 """
 
 
-def _is_sample(path: Path) -> bool:
-    """Whether a log was made by this module: one that a rig wrote is never touched."""
+def _is_own(path: Path) -> bool:
+    """Whether a file was made by this module: one that a rig wrote is never touched."""
+    begins = {"README.md": "# Synthetic rig logs", "truth.csv": "setting,"}.get(path.name)
     try:
         with path.open("rb") as file:
-            return file.read(_HEAD_BYTES).decode("ascii", "replace").find(_MADE_UP) >= 0
+            head = file.read(200).decode("ascii", "replace")
     except OSError:
         return False
+    return head.startswith(begins) if begins else _MADE_UP in head
 
 
-def _check_own(folder: Path, names: Sequence[str]) -> None:
-    """Refuse to put synthetic files over others of these names."""
-    heads = {"README.md": b"# Synthetic rig logs", "truth.csv": b"setting,"}
-    for path in (folder / name for name in (*names, *heads)):
-        if not path.is_file():
-            continue
-        is_own = _is_sample(path)
-        if path.name in heads:
-            with path.open("rb") as file:
-                is_own = file.read(100).startswith(heads[path.name])
-        if not is_own:
-            raise ConfigurationError(
-                "is there, and was not written by samples; choose another folder, or move "
-                "that file",
-                subject=path,
-            )
-
-
-def _source(options: SampleOptions) -> Callable[[int], Values]:
-    """What gives the true values of a setting where nobody says them."""
-    if isinstance(options.damper, Damper):
-        return reference_parameters
-    speed = 2.0 * math.pi * options.frequency * options.amplitude
-    return lambda setting: made_up_values(options.damper, setting, speed)
-
-
-def _check_names(truth: Mapping[int, Values], damper: Model) -> None:
-    for values in truth.values():
-        if values.names != damper.names:
-            raise ConfigurationError(
-                f"samples: the parameters are of {', '.join(values.names)}; {damper.name} has "
-                f"{', '.join(damper.names)}: name their own model ({{model}}, damper.model)",
-                model=Option("model"),
-            )
-
-
-def _cycle(true: Values, options: SampleOptions) -> SteadyCycle | SimulatedCycle:
-    drive = {"amplitude": options.amplitude, "frequency": options.frequency}
-    if isinstance(options.damper, Damper):
-        return steady_cycle(cast("Parameters", true), options.damper, **drive)
-    return simulated_cycle(true, options.damper, **drive)
-
-
-def make_samples(
+def make_samples(  # noqa: PLR0912  # refuses first, then writes the set
     folder: str | Path,
     options: SampleOptions | None = None,
     *,
@@ -463,25 +363,49 @@ def make_samples(
         A file cannot be written.
     """
     options = options or SampleOptions()
+    damper, folder = options.damper, Path(folder)
     missing = [s for s in options.settings if parameters is not None and s not in parameters]
     if missing:
         raise ConfigurationError(f"samples: no parameters given for settings {missing}")
-    source = _source(options) if parameters is None else parameters.__getitem__
-    truth = {setting: source(setting) for setting in options.settings}
-    _check_names(truth, options.damper)
-    names = [f"setting_{setting:02d}.csv" for setting in truth]
-    _check_own(Path(folder), names)
-    with file_set(Path(folder)) as files:
-        for path in Path(folder).glob("setting_*.csv"):
-            if path.name not in names and _is_sample(path):  # truth.csv will not speak of it
+    truth: dict[int, Values] = {}
+    speed = 2.0 * math.pi * options.frequency * options.amplitude
+    for setting in options.settings:
+        if parameters is not None:
+            truth[setting] = parameters[setting]
+        elif isinstance(damper, Damper):
+            truth[setting] = reference_parameters(setting)
+        else:
+            truth[setting] = made_up_values(damper, setting, speed)
+        if truth[setting].names != damper.names:
+            raise ConfigurationError(
+                f"samples: the parameters are of {', '.join(truth[setting].names)}; {damper.name} "
+                f"has {', '.join(damper.names)}: name their own model ({{model}}, damper.model)",
+                model=Option("model"),
+            )
+    paths = {setting: folder / f"setting_{setting:02d}.csv" for setting in truth}
+    for path in (*paths.values(), folder / "README.md", folder / "truth.csv"):
+        if path.is_file() and not _is_own(path):
+            raise ConfigurationError(
+                "is there, and was not written by samples; choose another folder, or move "
+                "that file",
+                subject=path,
+            )
+    drive = {"amplitude": options.amplitude, "frequency": options.frequency}
+    with file_set(folder) as files:
+        for path in folder.glob("setting_*.csv"):
+            if path not in paths.values() and _is_own(path):  # truth.csv will not speak of it
                 files.without(path.name)
         for setting, true in truth.items():
-            cycle = _cycle(true, options)
-            name = f"setting_{setting:02d}.csv"
-            files.path(name).write_bytes(_log_text(cycle, setting, options).encode())
+            cycle: SteadyCycle | SimulatedCycle
+            if isinstance(damper, Damper):
+                cycle = steady_cycle(cast("Parameters", true), damper, **drive)
+            else:
+                cycle = simulated_cycle(true, damper, **drive)
+            text = _log_text(cycle, setting, options)
+            files.path(paths[setting].name).write_bytes(text.encode())
             if on_log is not None:
-                on_log(Path(folder) / name)
+                on_log(paths[setting])
         readme = _readme_text(options, is_reference=parameters is None)
         files.path("README.md").write_bytes(readme.encode())
-        files.path("truth.csv").write_bytes(_truth_text(truth, options.damper.names).encode())
-    return tuple(Path(folder) / f"setting_{setting:02d}.csv" for setting in truth)
+        files.path("truth.csv").write_bytes(_truth_text(truth, damper.names).encode())
+    return tuple(paths.values())

@@ -25,8 +25,6 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["RTOL", "SteadyCycle", "steady_cycle"]
-
 # Radau's error per step, relative to the oil mass: K_e rtol in pressure. Against rtol 1e-13 the
 # force of the reference set is then right to 1e-4 N at every moment.
 RTOL = 1e-10
@@ -38,26 +36,15 @@ _DEAD_BAND = 1e-4  # m/s; friction is linear inside
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SteadyCycle:
-    """One steady cycle of a sine test, x = A sin(2 pi phase); phases are in cycles, shape (n,).
-
-    Attributes
-    ----------
-    parameters, damper : Parameters, Damper
-        The machine.
-    amplitude, frequency : float
-        The drive: m, Hz.
-    masses : callable
-        Phase (0 to 1) to the oil mass in chambers 1 and 2, shape (2, n), kg.
-    gap : float
-        Largest change of a mass from this cycle's start to its end, relative.
-    """
+    """One steady cycle of a sine test, x = A sin(2 pi phase); phases are in cycles, shape (n,)."""
 
     parameters: Parameters
     damper: Damper
-    amplitude: float
-    frequency: float
+    amplitude: float  # m
+    frequency: float  # Hz
+    # Phase (0 to 1) to the oil mass in chambers 1 and 2, shape (2, n), kg.
     masses: Callable[[FloatArray], FloatArray]
-    gap: float
+    gap: float  # largest change of a mass from this cycle's start to its end, relative
 
     def displacement(self, phase: FloatArray) -> FloatArray:
         """Return x, m."""
@@ -117,19 +104,9 @@ def _rates(
 def steady_cycle(
     parameters: Parameters, damper: Damper, *, amplitude: float, frequency: float
 ) -> SteadyCycle:
-    """Integrate a sine test with SciPy's Radau until a cycle repeats the one before.
+    """Integrate a sine test of m and Hz with SciPy's Radau until a cycle repeats the one before.
 
-    Parameters
-    ----------
-    parameters, damper : Parameters, Damper
-        The machine, SI.
-    amplitude, frequency : float
-        The drive: m, Hz.
-
-    Returns
-    -------
-    SteadyCycle
-        The first cycle that ends as it began, to 1e-9 of the oil mass.
+    Returns the first cycle that ends as it began, to 1e-9 of the oil mass.
 
     Raises
     ------

@@ -29,15 +29,7 @@ _LONGEST = 200  # letters of a value; a longer one is cut
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Identity:
-    """What is known of the thing on the rig and of its test; empty text is not known.
-
-    Attributes
-    ----------
-    damper, serial, customer, operator, date, rig, text : str
-        As somebody wrote them.
-    more : tuple of (str, str)
-        Other columns of the table of tests.
-    """
+    """What is known of the thing on the rig and of its test, as somebody wrote it; else empty."""
 
     damper: str = ""
     serial: str = ""
@@ -46,7 +38,7 @@ class Identity:
     date: str = ""
     rig: str = ""
     text: str = ""
-    more: tuple[tuple[str, str], ...] = ()
+    more: tuple[tuple[str, str], ...] = ()  # other columns of the table of tests
 
     @property
     def owner(self) -> str:
@@ -55,9 +47,8 @@ class Identity:
 
     def over(self, other: Identity) -> Identity:
         """Return this identity with what it does not know taken from another one."""
-        merged = dict(other.more) | dict(self.more)
-        named = {key: getattr(self, key) or getattr(other, key) for key in IDENTITY_KEYS}
-        return _identity(named, merged)
+        known = {key: getattr(self, key) or getattr(other, key) for key in IDENTITY_KEYS}
+        return Identity(**known, more=tuple((dict(other.more) | dict(self.more)).items()))
 
     def describe(self) -> dict[str, str]:
         """Return what is known, by its names."""
@@ -73,11 +64,6 @@ class Identity:
 IDENTITY_KEYS = tuple(one.name for one in fields(Identity) if one.name != "more")
 
 
-def _identity(named: Mapping[str, str], more: Mapping[str, str] | None = None) -> Identity:
-    known: dict[str, Any] = dict(named)
-    return Identity(**known, more=tuple((more or {}).items()))
-
-
 def identity_sentence(stated: Mapping[str, str]) -> str:
     """Return what is known of a test, by its names, for people."""
     whose = ", ".join(f"{key} {stated[key]}" for key in ("damper", "serial") if key in stated)
@@ -85,10 +71,13 @@ def identity_sentence(stated: Mapping[str, str]) -> str:
     return "; ".join(([whose] if whose else []) + rest)
 
 
+def _plain(key: str) -> str:
+    return re.sub(r"[\W_]+", "", key.casefold())
+
+
 def names_identity(key: str) -> bool:
     """Return whether a key of a preamble is one of those that say whose test it is."""
-    word = re.sub(r"[\W_]+", "", key.casefold())
-    return any(word in known for known in _WORDS.values())
+    return any(_plain(key) in known for known in _WORDS.values())
 
 
 def identity_in(metadata: Mapping[str, str]) -> Identity:
@@ -99,12 +88,12 @@ def identity_in(metadata: Mapping[str, str]) -> Identity:
     >>> identity_in({"Serial No.": "1234", "rig": "hall 2"}).sentence
     'serial 1234; rig: hall 2'
     """
-    words = {re.sub(r"[\W_]+", "", key.casefold()): value for key, value in metadata.items()}
-    found: dict[str, str] = {}
+    words = {_plain(key): value for key, value in metadata.items()}
+    found: dict[str, Any] = {}
     for key, known in _WORDS.items():
         stated = next((words[word] for word in known if words.get(word, "").strip()), "")
         found[key] = " ".join(stated.split())[:_LONGEST]
-    return _identity(found)
+    return Identity(**found)
 
 
 def common_identity(identities: Iterable[Identity]) -> Identity:
@@ -117,13 +106,13 @@ def common_identity(identities: Iterable[Identity]) -> Identity:
     'damper D7; date: Monday, Tuesday'
     """
     known = list(identities)
-    named = {key: _listed(getattr(one, key) for one in known) for key in IDENTITY_KEYS}
+
+    def listed(values: Iterable[str]) -> str:
+        distinct = list(dict.fromkeys(value for value in values if value))
+        more = f" and {len(distinct) - _MANY} more" if len(distinct) > _MANY else ""
+        return ", ".join(distinct[:_MANY]) + more
+
+    named = {key: listed(getattr(one, key) for one in known) for key in IDENTITY_KEYS}
     others = dict.fromkeys(name for one in known for name, _ in one.more)
-    more = {name: _listed(dict(one.more).get(name, "") for one in known) for name in others}
-    return _identity(named, more)
-
-
-def _listed(values: Iterable[str]) -> str:
-    distinct = list(dict.fromkeys(value for value in values if value))
-    more = f" and {len(distinct) - _MANY} more" if len(distinct) > _MANY else ""
-    return ", ".join(distinct[:_MANY]) + more
+    more = tuple((name, listed(dict(one.more).get(name, "") for one in known)) for name in others)
+    return Identity(**named, more=more)

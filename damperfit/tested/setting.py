@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections import defaultdict
+from collections import Counter, defaultdict
 from dataclasses import dataclass
 from functools import lru_cache, total_ordering
-from typing import TYPE_CHECKING, Any, TypeAlias
-
-from damperfit.tested.adjuster_words import adjuster_by_word, lettered
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
@@ -21,21 +19,22 @@ LONGEST_WORD = 40  # of a click that is no number; a longer text is a sentence
 _HIGHEST = 1_000_000  # clicks; more is a date or a serial number
 _NUMBER = re.compile(r"[+-]?\d{1,9}(?:\.\d{1,6})?", re.ASCII)
 _NO_NUMBER = re.compile(r"[+-]?(nan|inf\w*)", re.IGNORECASE)
+# What dampers' makers and tuners call the two strokes.
+_STROKES = (
+    ("rebound", "reb", "extension", "ext", "r", "e"),
+    ("compression", "bump", "comp", "jounce", "c", "b"),
+)
+_LETTERED = re.compile(r"([^\W\d_]{1,4})[+-]?\d+(?:\.\d+)?|\d+(?:\.\d+)?([^\W\d_]{1,4})")
 
 
 @total_ordering
 @dataclass(frozen=True, slots=True, eq=False)
 class Setting:
-    """Where each adjuster stands.
+    """Where each adjuster stands, in the order that was declared.
 
-    With one adjuster in whole clicks a setting equals its number and hashes alike, so that
-    ``fit.setting == 10`` and dictionaries by number go on working.
-
-    Attributes
-    ----------
-    places : tuple of (str, int, float or str)
-        Name of each adjuster, in the order that was declared, and where it stands: clicks, which
-        may be negative or halves, or a word such as "soft".
+    A place is clicks, which may be negative or halves, or a word such as "soft". With one adjuster
+    in whole clicks a setting equals its number and hashes alike, so that ``fit.setting == 10`` and
+    dictionaries by number go on working.
 
     Examples
     --------
@@ -45,7 +44,7 @@ class Setting:
     (True, -2)
     """
 
-    places: tuple[tuple[str, Place], ...]
+    places: tuple[tuple[str, Place], ...]  # name and place of each
 
     @staticmethod
     def of(value: Setting | Place) -> Setting:
@@ -63,7 +62,10 @@ class Setting:
         if len(self.places) == 1:
             return _said(self.places[0][1])
         shorts = short_names(self.adjusters)
-        return " ".join(_joined(shorts[name], place) for name, place in self.places)
+        return " ".join(
+            f"{shorts[name]}{':' * isinstance(place, str)}{_said(place)}"
+            for name, place in self.places
+        )
 
     @property
     def cell(self) -> int | str:
@@ -142,8 +144,7 @@ def _said(place: Place) -> str:
     return f"{place:g}" if isinstance(place, float) else str(place)
 
 
-def _joined(short: str, place: Place) -> str:
-    return f"{short}:{place}" if isinstance(place, str) else f"{short}{_said(place)}"
+# Names, words and letters of adjusters: "L6 H1" of low_speed and high_speed.
 
 
 def short_names(adjusters: Sequence[str]) -> dict[str, str]:
@@ -161,6 +162,55 @@ def short_names(adjusters: Sequence[str]) -> dict[str, str]:
     }
     given = list(shorts.values())
     return {name: short if given.count(short) == 1 else name for name, short in shorts.items()}
+
+
+def adjuster_of(word: str) -> str:
+    """Return the stroke whose adjuster a word or letter names; empty where it names none.
+
+    Examples
+    --------
+    >>> adjuster_of("R"), adjuster_of("bump"), adjuster_of("HSC")
+    ('rebound', 'compression', '')
+    """
+    return next((words[0] for words in _STROKES if word.casefold() in words), "")
+
+
+def letters_of(label: str) -> list[str]:
+    """Return the letters of a label that is letters with numbers throughout; none of another.
+
+    Examples
+    --------
+    >>> letters_of("L6 H1"), letters_of("c3r5"), letters_of("soft"), letters_of("10")
+    (['l', 'h'], ['c', 'r'], [], [])
+    """
+    one = r"([^\W\d_]{1,4})[ _=:]?[+-]?\d+(?:\.\d+)?"
+    if not re.fullmatch(rf"(?:{one}[ _,;/|-]*)+", label):
+        return []
+    return [found.casefold() for found in re.findall(one, label)]
+
+
+def _adjuster_by_word(adjusters: Sequence[str]) -> dict[str, str]:
+    """Return the adjuster that each word or letter names, where it names one alone.
+
+    Its name and the first letters of its words go before the first letter alone, and that before
+    other words of its stroke, as bump for compression.
+    """
+    shorts = short_names(adjusters)
+    found: dict[str, str] = {}
+    for pairs in (
+        [(name.casefold(), name) for name in adjusters],
+        [(shorts[name].casefold(), name) for name in adjusters],
+        [(name[:1].casefold(), name) for name in adjusters],
+        [(w, name) for name in adjusters for s in _STROKES if name.casefold() in s for w in s],
+    ):
+        counts = Counter(word for word, _ in pairs)
+        # A word of two adjusters names neither, nor does it name a third.
+        for word, name in pairs:
+            found.setdefault(word, name if counts[word] == 1 else "")
+    return {word: name for word, name in found.items() if name}
+
+
+# Labels.
 
 
 def parse_place(text: str) -> Place:
@@ -201,13 +251,8 @@ def _is_number(text: str) -> bool:
 def parse_setting(text: str, adjusters: Sequence[str] = (ADJUSTER,)) -> Setting:
     """Return the setting that a label names.
 
-    Parameters
-    ----------
-    text : str
-        As in "10", "10 clicks" or "soft" for one adjuster; for several "rebound=12,
-        compression=8", "R12 C08", "12r/8c", "b12-r8", or "12/8" in the declared order.
-    adjusters : sequence of str
-        Names of the adjusters.
+    For one adjuster as in "10", "10 clicks" or "soft"; for several "rebound=12, compression=8",
+    "R12 C08", "12r/8c", "b12-r8", or "12/8" in the declared order.
 
     Raises
     ------
@@ -224,35 +269,30 @@ def parse_setting(text: str, adjusters: Sequence[str] = (ADJUSTER,)) -> Setting:
     'R12 C8'
     """
     if len(adjusters) == 1:
-        return Setting(((adjusters[0], parse_place(_alone(text, adjusters[0]))),))
+        named, numbered = _ways_to_say(adjusters[0])
+        plain = named.sub("", text)
+        found = numbered.fullmatch(plain.strip())
+        return Setting(((adjusters[0], parse_place(found[1] or found[2] if found else plain)),))
     stated = _named_places(text, adjusters)
-    if stated is None:
+    if not stated:
         parts = re.split(r"\s*[/;|,]\s*|\s+", text.strip())
-        if letters := lettered(parts):
+        lettered = [match for part in parts if (match := _LETTERED.fullmatch(part))]
+        if len(lettered) == len(parts):
             raise ValueError(
-                f"the letters {', '.join(letters)} name none of the adjusters "
-                f"{', '.join(adjusters)}, or several; expected {_example(adjusters)}, or names in "
-                "[adjusters] that begin with these letters"
+                f"the letters {', '.join(one[1] or one[2] for one in lettered)} name none of the "
+                f"adjusters {', '.join(adjusters)}, or several; expected {_example(adjusters)}, or "
+                "names in [adjusters] that begin with these letters"
             )
         stated = dict(zip(adjusters, parts, strict=False)) if len(parts) == len(adjusters) else {}
-    missing = [name for name in adjusters if name not in stated]
-    if missing:
+    if any(name not in stated for name in adjusters):
         raise ValueError(f"expected {_example(adjusters)}")
     return Setting(tuple((name, parse_place(stated[name])) for name in adjusters))
-
-
-def _alone(text: str, adjuster: str) -> str:
-    """Return what a text says of the only adjuster, without its name or the word clicks."""
-    named, numbered = _ways_to_say(adjuster)
-    plain = named.sub("", text)
-    found = numbered.fullmatch(plain.strip())
-    return (found[1] or found[2]) if found else plain
 
 
 @lru_cache(maxsize=64)  # of each log its name, its label and its row are asked
 def _ways_to_say(adjuster: str) -> tuple[re.Pattern[str], re.Pattern[str]]:
     """Return what stands ahead of a place of the only adjuster, and how a number of it is said."""
-    words = "|".join(map(re.escape, adjuster_by_word([adjuster], short_names([adjuster]))))
+    words = "|".join(map(re.escape, _adjuster_by_word([adjuster])))
     named = re.compile(rf"^\s*{re.escape(adjuster)}\s*[=:]\s*", re.IGNORECASE)
     number = r"[+-]?\d{1,9}(?:\.\d{1,6})?"
     # A hyphen directly behind the word parts it from the number, as in names of files.
@@ -261,9 +301,9 @@ def _ways_to_say(adjuster: str) -> tuple[re.Pattern[str], re.Pattern[str]]:
     return named, re.compile(ahead, re.IGNORECASE)
 
 
-def _named_places(text: str, adjusters: Sequence[str]) -> dict[str, str] | None:
-    """Return the text of each adjuster that is named; None where none is."""
-    names = adjuster_by_word(adjusters, short_names(adjusters))
+def _named_places(text: str, adjusters: Sequence[str]) -> dict[str, str]:
+    """Return the text of each adjuster that is named."""
+    names = _adjuster_by_word(adjusters)
     known = "|".join(sorted(map(re.escape, names), key=len, reverse=True))
     mark = re.compile(
         rf"(?<![^\W\d_])({known})(?:\s*[=:]\s*([^\s,;/|]+)|[\s_]*([+-]?\d+(?:\.\d+)?))",
@@ -279,8 +319,6 @@ def _named_places(text: str, adjusters: Sequence[str]) -> dict[str, str] | None:
         )
         turned = [((m[2] or m[4]).casefold(), m[1] or m[3]) for m in ahead.finditer(text)]
         found = turned if len(turned) == len(adjusters) else found
-    if not found:
-        return None
     if len({names[word] for word, _ in found}) < len(found):
         raise ValueError("one adjuster is named twice")
     return {names[word]: place for word, place in found}
@@ -291,22 +329,14 @@ def _example(adjusters: Sequence[str]) -> str:
     return f"a place for each adjuster, as in '{named}'"
 
 
-@dataclass(frozen=True, slots=True)
-class SettingLine:
-    """Settings that differ in one adjuster alone.
+# Settings side by side.
 
-    Attributes
-    ----------
-    adjuster : str
-        The one that runs.
-    held : str
-        Where the others stand, for people; empty where there are none.
-    settings : tuple of Setting
-        By rising number.
-    """
 
-    adjuster: str
-    held: str
+class SettingLine(NamedTuple):
+    """Settings that differ in one adjuster alone, by rising number."""
+
+    adjuster: str  # the one that runs
+    held: str  # where the others stand, for people; empty where there are none
     settings: tuple[Setting, ...]
 
     @property
@@ -380,7 +410,6 @@ def _lines(known: Sequence[Setting]) -> Iterator[SettingLine]:
             yield SettingLine(name, "", ())
         for held, settings in groups.items():
             if len(adjusters) == 1 or len(settings) > 1:
-                said = ", ".join(f"{other} {_said(place)}" for other, place in held)
-                yield SettingLine(
-                    name, said, tuple(sorted(settings, key=lambda s: s.number(name) or 0.0))
-                )
+                beside = ", ".join(f"{other} {_said(place)}" for other, place in held)
+                settings.sort(key=lambda s: s.number(name) or 0.0)
+                yield SettingLine(name, beside, tuple(settings))

@@ -7,9 +7,8 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
 from difflib import get_close_matches
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from damperfit.errors import ConfigurationError
 from damperfit.problem import Option
@@ -22,17 +21,6 @@ if TYPE_CHECKING:
 
     Number = TypeVar("Number", float, NDArray[np.float64])
 
-__all__ = [
-    "QuantityError",
-    "Unit",
-    "engineering",
-    "find_unit",
-    "is_unit",
-    "parse_quantity",
-    "says_absolute_or_gauge",
-    "units_of",
-]
-
 _INCH = 0.0254  # m, exact (international yard and pound agreement, 1959)
 _POUND = 0.45359237  # kg, exact (the same)
 _GRAVITY = 9.80665  # m/s^2, exact (standard gravity, CGPM 1901)
@@ -44,19 +32,8 @@ class QuantityError(ConfigurationError, ValueError):
     """A number or unit that cannot be understood; also a ValueError for validators."""
 
 
-@dataclass(frozen=True, slots=True)
-class Unit:
-    """One unit: value in SI = factor * value + offset.
-
-    Attributes
-    ----------
-    symbol : str
-        Name shown to people.
-    dimension : str
-        As in "length" or "force".
-    factor, offset : float
-        To SI (temperature: to degrees Celsius). Only temperatures and gauge pressures have an
-        offset.
+class Unit(NamedTuple):
+    """One unit: value in SI = factor * value + offset; temperatures in degrees Celsius.
 
     Examples
     --------
@@ -64,10 +41,10 @@ class Unit:
     1500.0
     """
 
-    symbol: str
-    dimension: str
+    symbol: str  # shown to people
+    dimension: str  # as in "length"
     factor: float
-    offset: float = 0.0
+    offset: float = 0.0  # of temperatures and gauge pressures only
 
     def to_si(self, value: Number) -> Number:
         """Return the value, or the array of values, in SI."""
@@ -154,18 +131,17 @@ _TABLE: dict[str, dict[str, float | tuple[float, float]]] = {
 }
 
 
-def _build(dimension: str) -> dict[str, Unit]:
-    units = {}
-    for spellings, value in _TABLE[dimension].items():
-        factor, offset = value if isinstance(value, tuple) else (value, 0.0)
-        symbol = spellings.split()[0]
-        for spelling in spellings.split():
-            units[spelling] = Unit(symbol, dimension, factor, offset)
-    return units
-
-
+_UNITS = {
+    dimension: {
+        spelling: Unit(
+            spellings.split()[0], dimension, *(value if isinstance(value, tuple) else (value,))
+        )
+        for spellings, value in table.items()
+        for spelling in spellings.split()
+    }
+    for dimension, table in _TABLE.items()
+}
 _BARE_PRESSURES = {"bar", "psi", "MPa", "kPa", "Pa"}
-_UNITS = {dimension: _build(dimension) for dimension in _TABLE}
 _QUANTITY = re.compile(
     r"\s*(?P<number>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(?P<unit>[^\d\s.+-].*?)?\s*",
     re.ASCII,
@@ -195,15 +171,7 @@ def is_unit(name: str | None, dimension: str = "") -> bool:
 
 
 def find_unit(name: str, dimension: str) -> Unit:
-    """Return the unit of a dimension by its name.
-
-    Parameters
-    ----------
-    name : str
-        As in "mm" or "°C"; case matters.
-    dimension : str
-        "length", "force", "time", "pressure", "absolute pressure", "frequency", "temperature",
-        "velocity", "mass", "density", "volume", "stiffness" or "voltage".
+    """Return the unit of a dimension ("length", "force", ...) by its name, in which case matters.
 
     Raises
     ------
@@ -215,14 +183,12 @@ def find_unit(name: str, dimension: str) -> Unit:
     >>> find_unit("degF", "temperature").to_si(212.0)
     100.0
     """
-    units = _UNITS[dimension]
-    unit = units.get(name.strip())
-    if unit is None:
-        known = ", ".join(units_of(dimension))
-        hint = _hint(name.strip(), units)
-        more = f".{hint}" if hint else ""
-        raise QuantityError(f"no unit of {dimension} {name.strip()!r}; expected {known}{more}")
-    return unit
+    units, name = _UNITS[dimension], name.strip()
+    if name not in units:
+        hint = _hint(name, units)
+        known = ", ".join(units_of(dimension)) + ("." if hint else "")
+        raise QuantityError(f"no unit of {dimension} {name!r}; expected {known}{hint}")
+    return units[name]
 
 
 # What may stand before a unit and makes another one of it.
@@ -250,14 +216,7 @@ def _hint(name: str, units: dict[str, Unit]) -> str:
 def parse_quantity(text: str | float, dimension: str, *, option: Option | str = "") -> float:
     """Return a number with an optional unit as a float in SI (temperature: degrees Celsius).
 
-    Parameters
-    ----------
-    text : str or float
-        As in "32mm", "1.5 Hz" or "0.032"; a bare number is SI.
-    dimension : str
-        As in `find_unit`.
-    option : Option or str
-        Where it was given, to be named where it cannot be read.
+    A bare number is SI. `option` is where it was given, to be named where it cannot be read.
 
     Raises
     ------
@@ -266,45 +225,48 @@ def parse_quantity(text: str | float, dimension: str, *, option: Option | str = 
 
     Examples
     --------
-    >>> parse_quantity("32mm", "length")
-    0.032
-    >>> parse_quantity("4.6bar", "pressure")
-    460000.0
+    >>> parse_quantity("32mm", "length"), parse_quantity("4.6bar", "pressure")
+    (0.032, 460000.0)
     >>> parse_quantity("0.032", "length")
     0.032
     """
     try:
-        return _parsed(text, dimension)
+        value = _converted(text, dimension)
+        if not math.isfinite(value):
+            raise QuantityError(f"{text} is not a finite {dimension}")  # noqa: TRY301  # gets its place
     except QuantityError as error:
-        where = Option(_keyword_of(option)) if isinstance(option, str) and option else option
-        raise error.at(where or None) from error
+        if isinstance(option, str):
+            keyword = option.removeprefix("--").replace("-", "_")
+            raise error.at(Option(keyword) if keyword else None) from error
+        raise error.at(option) from error
+    return value
 
 
-def _keyword_of(option: str) -> str:
-    return option.removeprefix("--").replace("-", "_")
-
-
-def _parsed(text: str | float, dimension: str) -> float:
-    if isinstance(text, str):
-        found = _QUANTITY.fullmatch(text)
-        if found is None:
-            example = units_of(dimension)[0]
-            raise QuantityError(
-                f"{text!r} cannot be read as {dimension}; expected a finite number with a unit, "
-                f"as in 1.5{example}, or a bare number in {example}"
-            )
-        value = _converted(found["number"], found["unit"], dimension)
-    else:
+def _converted(text: str | float, dimension: str) -> float:
+    """Return the nearest float to the decimal number times its unit: 4.6bar is 460000.0 Pa."""
+    example = f"1.5{units_of(dimension)[0]}"
+    if not isinstance(text, str):
         try:
-            value = float(text)
+            return float(text)
         except (TypeError, ValueError):
             raise QuantityError(
-                f"expected a number or a text such as '1.5{units_of(dimension)[0]}' for a "
-                f"{dimension}, found {text!r}"
+                f"expected a number or a text such as '{example}' for a {dimension}, found {text!r}"
             ) from None
-    if not math.isfinite(value):
-        raise QuantityError(f"{text} is not a finite {dimension}")
-    return value
+    found = _QUANTITY.fullmatch(text)
+    if found is None:
+        raise QuantityError(
+            f"{text!r} cannot be read as {dimension}; expected a finite number with a unit, "
+            f"as in {example}, or a bare number in {example[3:]}"
+        )
+    number = float(found["number"])
+    if found["unit"] is None:
+        return number
+    unit = find_unit(found["unit"], dimension)
+    if unit.offset != 0.0 or not 1e-200 < abs(number) < 1e200:  # Fraction(1e-999999) never ends
+        return unit.to_si(number)
+    from fractions import Fraction
+
+    return float(Fraction(found["number"]) * Fraction(repr(unit.factor)))
 
 
 def says_absolute_or_gauge(text: str) -> bool:
@@ -318,19 +280,6 @@ def says_absolute_or_gauge(text: str) -> bool:
     found = _QUANTITY.fullmatch(text)
     units = _UNITS["absolute pressure"].keys() - _BARE_PRESSURES
     return found is not None and found["unit"] in units
-
-
-def _converted(digits: str, name: str | None, dimension: str) -> float:
-    """Return the nearest float to the decimal number times its unit: 4.6bar is 460000.0 Pa."""
-    number = float(digits)
-    if name is None:
-        return number
-    unit = find_unit(name, dimension)
-    if unit.offset != 0.0 or not 1e-200 < abs(number) < 1e200:  # Fraction(1e-999999) never ends
-        return unit.to_si(number)
-    from fractions import Fraction
-
-    return float(Fraction(digits) * Fraction(repr(unit.factor)))
 
 
 def engineering(value: float, *, digits: int = 4) -> str:

@@ -8,7 +8,7 @@ from functools import cache
 from typing import TYPE_CHECKING, TypeVar
 
 from damperfit.problem import Option, Where
-from damperfit.units.quantities import QuantityError, Unit, find_unit, units_of
+from damperfit.units.quantities import QuantityError, Unit, find_unit, is_unit, units_of
 
 if TYPE_CHECKING:
     import numpy as np
@@ -16,21 +16,14 @@ if TYPE_CHECKING:
 
     Number = TypeVar("Number", float, NDArray[np.float64])
 
-__all__ = ["SI", "ShownUnits", "parse_units"]
-
 _DIMENSIONS = {"force": "N", "velocity": "m/s", "length": "m"}
+_OF_SI = {si: kind for kind, si in _DIMENSIONS.items()}
 _NEWTON, _METRE_PER_SECOND, _METRE = (find_unit(si, kind) for kind, si in _DIMENSIONS.items())
 
 
 @dataclass(frozen=True, slots=True)
 class ShownUnits:
-    """One unit for each of force, velocity and length.
-
-    Attributes
-    ----------
-    force, velocity, length : Unit
-        What was asked for, else SI.
-    """
+    """One unit for each of force, velocity and length: what was asked for, else SI."""
 
     force: Unit = _NEWTON
     velocity: Unit = _METRE_PER_SECOND
@@ -115,11 +108,9 @@ class ShownUnits:
         return re.sub(r"(\d[\d.]*(?: to \d[\d.]*)?) mm(?![\w/])", converted, text)
 
     def _named(self, unit: str) -> Unit | None:
-        for dimension, si in _DIMENSIONS.items():
-            if unit == si:
-                chosen: Unit = getattr(self, dimension)
-                return None if chosen.factor == 1.0 else chosen
-        return None
+        """Return what is shown for an SI unit; None where that is itself."""
+        chosen: Unit | None = getattr(self, _OF_SI.get(unit, ""), None)
+        return None if chosen is None or chosen.factor == 1.0 else chosen
 
 
 SI = ShownUnits()
@@ -127,14 +118,9 @@ SI = ShownUnits()
 
 @cache
 def parse_units(text: str, where: Where | None = None) -> ShownUnits:
-    """Return the units of a list such as "lbf,in/s".
+    """Return the units of a list such as "lbf,in/s", in any order; what is not named stays SI.
 
-    Parameters
-    ----------
-    text : str
-        Units of force, velocity and length in any order; what is not named stays SI.
-    where : Option or Key, optional
-        Where the list stands; by itself the option ``--units``.
+    `where` it stands is by itself the option ``--units``.
 
     Raises
     ------
@@ -144,23 +130,15 @@ def parse_units(text: str, where: Where | None = None) -> ShownUnits:
     where = where or Option("units", text)
     chosen: dict[str, Unit] = {}
     for name in (part.strip() for part in text.split(",")):
-        found = [unit for unit in (_unit(name, kind) for kind in _DIMENSIONS) if unit]
-        if not found:
+        kind = next((kind for kind in _DIMENSIONS if is_unit(name, kind)), None)
+        if kind is None:
             known = "; ".join(f"{kind} {', '.join(units_of(kind))}" for kind in _DIMENSIONS)
             raise QuantityError(f"no unit {name!r}; there are {known}", where=where)
-        (unit,) = found
-        if unit.dimension in chosen:
+        unit = find_unit(name, kind)
+        if kind in chosen:
             raise QuantityError(
-                f"{chosen[unit.dimension].symbol} and {unit.symbol} are both of {unit.dimension}; "
-                "give one",
+                f"{chosen[kind].symbol} and {unit.symbol} are both of {kind}; give one",
                 where=where,
             )
-        chosen[unit.dimension] = unit
+        chosen[kind] = unit
     return ShownUnits(**chosen)
-
-
-def _unit(name: str, dimension: str) -> Unit | None:
-    try:
-        return find_unit(name, dimension)
-    except QuantityError:
-        return None
