@@ -5,12 +5,15 @@ Sentences are free to change; codes, exit statuses and what a problem is about a
 
 from __future__ import annotations
 
+import ast
 import json
 import pickle
+from pathlib import Path
 
 import pytest
 
 import damperfit
+from damperfit import errors
 from damperfit.cli.main import app, main
 from damperfit.configuration.loading import load_configuration
 from damperfit.errors import ConfigurationError, DamperfitError, LogError
@@ -31,7 +34,7 @@ COMMANDS = [
     ("identify LOG --rig skip_lines=a", 2, "wrong-value", "--rig skip_lines"),
     ("identify LOG --hold-out x*", 2, "usage", "--hold-out x*"),
     ("identify LOG --setting 9", 2, "usage", "--setting 9"),
-    ("identify LOG --tests nothing.csv", 2, "usage", "--tests nothing.csv"),
+    ("identify LOG --tests nothing.csv", 2, "bad-table-of-tests", "--tests nothing.csv"),
     ("identify LOG --out a_file", 2, "not-a-folder", "--out a_file"),
     ("identify LOG --out a_file/x", 2, "not-a-folder", "--out a_file/x"),
     ("identify LOG --out s3://b/x", 2, "no-address", "--out s3://b/x"),
@@ -45,10 +48,10 @@ COMMANDS = [
 ]
 # The log; the exit status of `identify`, and the code in run.json beside a good log.
 LOGS = [
-    ("", 1, "log"),
+    ("", 1, "no-data"),
     ("time_s,displacement_mm,force_N\n0,1,2\n", 1, "unusable"),
     ("time_s,displacement_mm\n0,1\n1,2\n", 1, "no-column"),
-    ("# setting: 2\ntime_s,displacement_mm,force_N\n" + "0,0,0\n" * 9, 1, "log"),
+    ("# setting: 2\ntime_s,displacement_mm,force_N\n" + "0,0,0\n" * 9, 1, "bad-clock"),
 ]
 
 
@@ -153,3 +156,19 @@ def test_advice_reaches_a_python_user_in_his_words(log, tmp_path) -> None:
 def test_a_template_does_not_touch_braces_of_values() -> None:
     error = LogError("column {name}; give {how}", name="{force}", how=Option("rig", "N", "x"))
     assert str(error) == "column {force}; give --rig x=N"
+
+
+@pytest.mark.parametrize(
+    "package", ["io", "identification", "configuration", "errors", "arguments", "api"]
+)
+def test_every_refusal_has_a_code_of_its_own(package) -> None:
+    place = Path(damperfit.__file__).parent / package
+    kinds = {name for name in vars(errors) if name.endswith("Error")}
+    bare = [
+        f"{path.name}:{node.lineno}"
+        for path in (place.rglob("*.py") if place.is_dir() else [place.with_suffix(".py")])
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Call) and getattr(node.func, "id", "") in kinds
+        if not any(one.arg in {"code", None} for one in node.keywords)
+    ]
+    assert bare == []

@@ -274,7 +274,9 @@ def _blamed(error: ConfigurationError, layers: Sequence[_Layer]) -> Configuratio
                 if (place := layer.place(*path)) is not None:
                     return error.at(place, subject=".".join((*path[:-1], key)))
                 itself = error.at(Key((key,)), subject="")
-                return layer.blame(ConfigurationError("{problem}", problem=itself), *path)
+                return layer.blame(
+                    ConfigurationError("{problem}", code=error.problem.code, problem=itself), *path
+                )
     return error
 
 

@@ -62,6 +62,7 @@ def read_logs(
             f"over time; damperfit inspect shows the curves, damperfit settings {source.name} "
             "finds a force among them",
             subject=source.name,
+            code="no-time",
         ) from error
 
 
@@ -85,7 +86,11 @@ def read_log(path: str | os.PathLike[str], options: ReadOptions = _DEFAULTS) -> 
     recordings = read_logs(path, options)
     if len(recordings) != 1:
         name = recordings[0].name.removesuffix(" part 1")
-        raise LogError(f"holds {len(recordings)} tests; read_logs gives them all", subject=name)
+        raise LogError(
+            f"holds {len(recordings)} tests; read_logs gives them all",
+            subject=name,
+            code="several-tests",
+        )
     return recordings[0]
 
 

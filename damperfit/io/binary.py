@@ -71,7 +71,9 @@ def read_parquet(source: Source, options: ReadOptions) -> tuple[Table, ...]:
 
     name = source.name
     if len(source.data) < 12 or not source.data.endswith(b"PAR1"):
-        raise LogError("truncated Parquet; the end of the file is missing", subject=name)
+        raise LogError(
+            "truncated Parquet; the end of the file is missing", subject=name, code="truncated"
+        )
     with refusing_damage("Parquet", name=name):
         file = parquet.ParquetFile(pa.BufferReader(source.data), page_checksum_verification=True)
         schema = file.schema_arrow
@@ -93,7 +95,9 @@ def read_parquet(source: Source, options: ReadOptions) -> tuple[Table, ...]:
             kind = fields[index].type
             is_number = types.is_integer(kind) or types.is_floating(kind) or types.is_decimal(kind)
             if not (is_number or _is_clock(kind) or types.is_duration(kind)):
-                raise LogError(f"{channel} is of type {kind}, expected numbers", subject=name)
+                raise LogError(
+                    f"{channel} is of type {kind}, expected numbers", subject=name, code="bad-row"
+                )
         names = {channel: fields[index].name for channel, index in wanted.items()}
         with refusing_damage("Parquet", name=name):
             table = file.read(columns=sorted(set(names.values())), use_threads=False)
@@ -103,6 +107,7 @@ def read_parquet(source: Source, options: ReadOptions) -> tuple[Table, ...]:
                     f"damaged Parquet: {n_declared} rows are declared, {sum(counts)} held and "
                     f"{table.num_rows} read; copy the log again",
                     subject=name,
+                    code="damaged",
                 )
             table.validate(full=True)
             return Samples({channel: _numbers(table.column(one)) for channel, one in names.items()})
@@ -190,6 +195,7 @@ def read_tdms(source: Source, options: ReadOptions) -> tuple[Table, ...]:
                 f"damaged TDMS file: {n_values} values are declared, but only "
                 f"{extent.n_stored} bytes are there; copy the log again",
                 subject=name,
+                code="damaged",
             )
         lost = _lost(nptdms, data, extent, lengths, limit=options.max_bytes)
         if lost and not options.allow_truncated:
@@ -198,6 +204,7 @@ def read_tdms(source: Source, options: ReadOptions) -> tuple[Table, ...]:
                 "channels have by {allow_truncated}",
                 allow_truncated=Option("allow_truncated"),
                 subject=name,
+                code="truncated",
             )
         file = nptdms.TdmsFile.read(io.BytesIO(data))
         groups = [_group(group, file, name, is_cut=bool(lost)) for group in file.groups()]
@@ -207,6 +214,7 @@ def read_tdms(source: Source, options: ReadOptions) -> tuple[Table, ...]:
             f"truncated or damaged TDMS file: {extent.n_stored} bytes of values are "
             f"declared but {n_read} can be read; copy the log again",
             subject=name,
+            code="truncated",
         )
     tables = group_tables(groups, options, name=name, notes=(_NO_CHECKSUMS,))
     words = f"the end of the file is missing: {lost}"
@@ -221,13 +229,17 @@ def _extent(data: bytes, name: str) -> _Extent:
         if at and at + _LEAD_IN > len(data) and b"TDSm".startswith(data[at : at + 4]):
             return _Extent(total, at, -1)
         if at + _LEAD_IN > len(data) or data[at : at + 4] != b"TDSm":
-            raise LogError(f"truncated or damaged TDMS file: no segment at byte {at}", subject=name)
+            raise LogError(
+                f"truncated or damaged TDMS file: no segment at byte {at}",
+                subject=name,
+                code="truncated",
+            )
         (contents,) = struct.unpack_from("<I", data, at + 4)
         order = ">" if contents & _IS_BIG_ENDIAN else "<"
         _, n_bytes, n_before_values = struct.unpack_from(f"{order}IQQ", data, at + 8)
         if contents & _IS_DAQMX:
             text = "raw DAQmx values in TDMS are not supported; export as CSV"
-            raise LogError(text, subject=name)
+            raise LogError(text, subject=name, code="damaged")
         values_at, end = at + _LEAD_IN + n_before_values, at + _LEAD_IN + n_bytes
         is_sound = values_at <= end if contents & _HAS_VALUES else values_at == end
         if is_sound and values_at <= len(data):
@@ -235,7 +247,7 @@ def _extent(data: bytes, name: str) -> _Extent:
             is_sound = 0 <= ends_at <= values_at and not any(data[ends_at:values_at])
         if n_bytes != _OPEN and not is_sound:
             text = f"damaged TDMS file: the segment at byte {at} is inconsistent"
-            raise LogError(text, subject=name)
+            raise LogError(text, subject=name, code="damaged")
         if n_bytes == _OPEN or end > len(data):
             has_values = contents & _HAS_VALUES and values_at <= len(data)
             held = len(data) - values_at if has_values else 0
@@ -350,6 +362,7 @@ def _floats(values: NDArray[Any], where: str) -> FloatArray:
     if is_whole and len(values) and max(-int(values.min()), int(values.max())) > _MAX_WHOLE:
         raise LogError(
             f"{where} holds whole numbers beyond {_MAX_WHOLE}, which no measurement has; its data "
-            "type may be damaged: copy the log again"
+            "type may be damaged: copy the log again",
+            code="damaged",
         )
     return np.asarray(values, dtype=np.float64)

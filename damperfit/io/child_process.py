@@ -69,7 +69,10 @@ def load_library(module: str, *, extra: str, reads: str, name: str) -> Any:
 
 
 def _missing(extra: str, reads: str, name: str) -> LogError:
-    return LogError(f"{name}: {reads} needs one more library: pip install 'damperfit[{extra}]'")
+    return LogError(
+        f"{name}: {reads} needs one more library: pip install 'damperfit[{extra}]'",
+        code="missing-library",
+    )
 
 
 @contextmanager
@@ -82,7 +85,9 @@ def refusing_damage(reads: str, *, name: str = "") -> Iterator[None]:
     except Exception as error:  # npTDMS alone raises five kinds, from KeyError to struct.error
         first = (str(error).splitlines() or [""])[0]
         reason = visible(first or type(error).__name__, limit=120)
-        raise LogError(f"damaged {reads}: {reason}; copy the log again", subject=name) from error
+        raise LogError(
+            f"damaged {reads}: {reason}; copy the log again", subject=name, code="damaged"
+        ) from error
 
 
 def check_size(n_bytes: int, *, limit: int, what: str, name: str = "") -> None:
@@ -91,6 +96,7 @@ def check_size(n_bytes: int, *, limit: int, what: str, name: str = "") -> None:
         raise LogError(
             f"{what} claims {n_bytes} bytes, more than the limit of {limit} (rig.max_log_bytes)",
             subject=name,
+            code="too-large",
         )
 
 
@@ -137,7 +143,7 @@ def ask_child(reader: ChildReader, source: Source, options: ReadOptions) -> Chil
             raise error.at(subject=source.name) from error
         except _EndedError as error:
             if child.n_asked == 1 or child.is_late.is_set():  # another one would not do better
-                raise LogError(f"{error}", subject=source.name) from error
+                raise LogError(f"{error}", subject=source.name, code="damaged") from error
         else:
             return answer
         finally:
@@ -206,7 +212,7 @@ class _Child:
             what = f"{reader.reads}: needs more memory than the limit (rig.max_log_bytes) allows"
             raise _EndedError(what)
         if "refused" in said:
-            raise LogError(said["refused"])
+            raise LogError(said["refused"], code=said.get("code", "damaged"))
         return ChildAnswer(said["said"], parts)
 
     def _stop(self) -> None:
@@ -284,7 +290,7 @@ def serve() -> None:
             found, parts = getattr(importlib.import_module(module), function)(data, limit)
             said = {"said": found, "lengths": [len(part) for part in parts]}
         except LogError as error:
-            said = {"refused": str(error)}
+            said = {"refused": str(error), "code": error.problem.code}
         except MemoryError:
             said = {"refused": _OUT_OF_MEMORY}
         out.write(json.dumps(said).encode() + b"\n")

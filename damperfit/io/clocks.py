@@ -310,7 +310,7 @@ def _together(samples: Samples, name: str) -> Samples:
     if samples.times and np.count_nonzero(kept) < _COMMON * np.count_nonzero(own["force"]):
         spans = ", ".join(f"{one} from {t[0]:g} to {t[-1]:g} s" for one, t in stamps.items())
         text = f"channels of different rate or start: {spans}; log them together"
-        raise LogError(text, subject=name)
+        raise LogError(text, subject=name, code="bad-clock")
     at = np.flatnonzero(kept)
     together = {one: values[at] for one, values in channels.items() if len(values) == len(time)}
     together |= {one: np.interp(force[at], stamps[one], channels[one][own[one]]) for one in apart}

@@ -227,6 +227,7 @@ def _column_of(
             raise LogError(
                 f"{channel} is declared as column {declared}, but there are {len(columns)} columns",
                 subject=where,
+                code="no-column",
             )
         best = [declared - 1]
     elif declared:
@@ -236,6 +237,7 @@ def _column_of(
             raise LogError(
                 f"no column {visible(declared)} for {channel}; there are {_listed(columns)}.{hint}",
                 subject=where,
+                code="no-column",
             )
     else:
         ranked = _candidates(channel, columns)
@@ -252,7 +254,7 @@ def _column_of(
             )
         elif channel in EXTRAS:
             return None, f"{channel}: left out; it could be column {names}: declare which"
-        raise LogError(problem, subject=where)
+        raise LogError(problem, subject=where, code="unclear-column")
     if declared != "":
         return best[0], f"{channel}: column {label}, as declared"
     is_plain = split_name(first.name)[0].lower() == channel or first.is_clock  # has its own note
@@ -270,7 +272,7 @@ def channel_choice(
     if column.is_clock:
         if channel != "time":
             text = f"column {name} holds times of day, declared as {channel}"
-            raise LogError(text, subject=where)
+            raise LogError(text, subject=where, code="unclear-column")
         return ChannelChoice(index, find_unit("s", dimension), f"time: wall clock in column {name}")
     logged = column.unit or split_name(column.name)[1]
     if declared := options.units.get(channel):
@@ -287,6 +289,7 @@ def channel_choice(
             f"{channel}_{example}, or declare it in rig.units ({{declared}})",
             declared=Option("rig", example, f"units.{channel}"),
             subject=where,
+            code="no-unit",
         )
     try:
         return ChannelChoice(index, find_unit(logged, dimension))
@@ -295,7 +298,9 @@ def channel_choice(
             return ChannelChoice(index, None, f"velocity: left out; column {name}: {error}")
         advice = f" For volts declare rig.scales and the unit in rig.units of the {channel}."
         advice *= is_unit(logged, "voltage")
-        raise LogError(f"column {name}: {error}{advice}", subject=where) from error
+        raise LogError(
+            f"column {name}: {error}{advice}", subject=where, code="unclear-column"
+        ) from error
 
 
 def joined_problems(problems: Sequence[LogError], subject: str) -> LogError:

@@ -136,14 +136,18 @@ def read_source(path: str | os.PathLike[str], *, max_bytes: int) -> Source:
         if Path(path).is_symlink():
             there = _one_line(str(Path(path).readlink()))
             text = f"a link to {there}, which is not there; link it again, or remove it"
-        raise LogError(text, subject=shown) from error
+        raise LogError(text, subject=shown, code="unreadable") from error
     except IsADirectoryError as error:
-        raise LogError("is a folder; name the logs in it", subject=shown) from error
+        raise LogError(
+            "is a folder; name the logs in it", subject=shown, code="unreadable"
+        ) from error
     except IrregularFileError as error:
-        raise LogError(f"{error.strerror}; give a file on disk", subject=shown) from error
+        raise LogError(
+            f"{error.strerror}; give a file on disk", subject=shown, code="unreadable"
+        ) from error
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
-        raise LogError(f"file unreadable: {reason}", subject=shown) from error
+        raise LogError(f"file unreadable: {reason}", subject=shown, code="unreadable") from error
     return Source(Path(shown).name or shown, shown, data, _hashed(data))
 
 
@@ -174,15 +178,20 @@ def _content(file: FileIO, shown: str, max_bytes: int) -> bytes:
         raise LogError(
             f"{before.st_size} bytes, more than the limit of {max_bytes} (rig.max_log_bytes)",
             subject=shown,
+            code="too-large",
         )
     # A file that says it is empty may not be (/proc); one byte more shows a file that grows.
     data = _read_up_to(file, min(before.st_size, max_bytes) + 1)
     after = os.fstat(file.fileno())
     is_same = (before.st_size, before.st_mtime_ns) == (after.st_size, after.st_mtime_ns)
     if len(data) != before.st_size or not is_same:
-        raise LogError("file changed during read; wait until the rig has written it", subject=shown)
+        raise LogError(
+            "file changed during read; wait until the rig has written it",
+            subject=shown,
+            code="unreadable",
+        )
     if not data:
-        raise LogError("empty file (0 bytes)", subject=shown)
+        raise LogError("empty file (0 bytes)", subject=shown, code="no-data")
     return data
 
 
@@ -215,7 +224,7 @@ def unpack(source: Source, *, max_bytes: int) -> tuple[Source, tuple[str, ...]]:
     elif not data:
         problem = problem or "empty file inside the gzip"
     if problem:
-        raise LogError(problem, subject=source.name)
+        raise LogError(problem, subject=source.name, code="unreadable")
     return source._replace(data=data), ("gzip: unpacked",)
 
 
@@ -256,15 +265,21 @@ def to_utf8(
     data = data.removeprefix(codecs.BOM_UTF8)
     start = data[:200].lstrip().lower()
     if start.startswith((b"<!doctype html", b"<html", b"<head", b"<body")):
-        raise LogError("this is HTML, a web page, not a log; download the log again", subject=name)
+        raise LogError(
+            "this is HTML, a web page, not a log; download the log again",
+            subject=name,
+            code="unknown-format",
+        )
     if start.startswith(b"<?xml"):
-        raise LogError("this is XML; export the log as delimited text", subject=name)
+        raise LogError(
+            "this is XML; export the log as delimited text", subject=name, code="unknown-format"
+        )
     if allows_nul:
         data = data.replace(b"\0", b"?")  # no number, so its row is dropped
     elif (offset := data.find(b"\0")) >= 0:
         _refuse_nul(data, offset, name)
     if _CONTROL.search(data, 0, _HEAD):
-        raise LogError("binary data in no known format", subject=name)
+        raise LogError("binary data in no known format", subject=name, code="unknown-format")
     if not data.isascii():
         try:
             data.decode("utf-8")
@@ -278,7 +293,7 @@ def _decoded(data: bytes, encoding: str, name: str) -> bytes:
     try:
         return data.decode(encoding).encode("utf-8")
     except UnicodeError as error:
-        raise LogError(f"is not valid {encoding.upper()}", subject=name) from error
+        raise LogError(f"is not valid {encoding.upper()}", subject=name, code="not-text") from error
 
 
 def _refuse_nul(data: bytes, offset: int, name: str) -> None:
@@ -292,4 +307,4 @@ def _refuse_nul(data: bytes, offset: int, name: str) -> None:
         )
     elif len(head) >= 8 and (not any(head[1::2]) or not any(head[::2])):
         text = f"{name}: looks like UTF-16 without a byte order mark; save the log as UTF-8"
-    raise LogError(text)
+    raise LogError(text, code="unreadable")

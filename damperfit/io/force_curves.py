@@ -162,12 +162,17 @@ def make_curves(
         raise LogError(
             f"has a time column, so it is a log, not a curve; fit it by damperfit identify {name}",
             subject=name,
+            code="not-a-curve",
         )
     curves = [curve for table in tables for curve in _table_curves(table, source, options, notes)]
     if len(curves) > _MAX_CURVES:
-        raise LogError(f"{len(curves)} curves, more than the limit of {_MAX_CURVES}", subject=name)
+        raise LogError(
+            f"{len(curves)} curves, more than the limit of {_MAX_CURVES}",
+            subject=name,
+            code="too-large",
+        )
     if not curves:
-        raise LogError("no speed with a force beside it", subject=name)
+        raise LogError("no speed with a force beside it", subject=name, code="no-data")
     return tuple(curves)
 
 
@@ -269,7 +274,9 @@ def _table_curves(
             alone = np.flatnonzero(np.isnan(speed) & ~np.isnan(force))
             if len(alone):
                 at = samples.place(int(np.flatnonzero(is_in)[alone[0]]))
-                raise LogError(f"{where}, {at}: {keys[pair.force]}: a force without a speed")
+                raise LogError(
+                    f"{where}, {at}: {keys[pair.force]}: a force without a speed", code="bad-row"
+                )
             is_there = ~np.isnan(force)
             label = " ".join(text for text in (pair.label, part) if text)
             curves.setdefault(label, []).append((pair.stroke, speed[is_there], force[is_there]))
@@ -278,10 +285,10 @@ def _table_curves(
         signed = [_signed(*part, where, options) for part in parts]
         velocity, force = (np.concatenate([part[k] for part in signed]) for k in (0, 1))
         if not np.isfinite(force).all() or not np.isfinite(velocity).all():
-            raise LogError(f"a speed or force {label} is infinite", subject=where)
+            raise LogError(f"a speed or force {label} is infinite", subject=where, code="bad-row")
         if not len(force):
             what = visible(label) if label else "the curve"
-            raise LogError(f"no points of {what}", subject=where)
+            raise LogError(f"no points of {what}", subject=where, code="no-data")
         called = label or table.metadata.get("setting") or where
         signs = dict.fromkeys(note for *_, note in signed if note)
         every = (*notes, *table.notes, *signs)
@@ -309,6 +316,7 @@ def _units(
                     "rig.units ({declared})",
                     declared=Option("rig", "m/s", f"units.{kind}"),
                     subject=where,
+                    code="no-unit",
                 )
             units[i] = unit
         except LogError as error:
@@ -337,6 +345,7 @@ def _signed(
                 "forces are positive where speeds are negative; declare which counts "
                 "positive in bump: rig.reverse_force or rig.reverse_displacement = true",
                 subject=name,
+                code="unclear-sign",
             )
         return speed, force, _doubted("rebound: where speeds are positive, as logged", speed, force)
     if force.min(initial=0.0) < 0.0 < force.max(initial=0.0):
@@ -345,6 +354,7 @@ def _signed(
         "all speeds and forces are of one sign, which leaves open which is rebound; name "
         "the column of the force rebound or bump",
         subject=name,
+        code="unclear-sign",
     )
 
 

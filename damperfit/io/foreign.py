@@ -96,7 +96,7 @@ def read_matlab(source: Source, options: ReadOptions) -> tuple[Table, ...]:
             at += 4 + 4 if kind >> 16 else 8 + n_bytes
         if at != len(data):
             text = "truncated MATLAB file; the end is missing, or it is damaged"
-            raise LogError(text, subject=name)
+            raise LogError(text, subject=name, code="damaged")
     (group,) = groups_of_child(_MAT if is_old else _MAT73, source, options)
     others = group.metadata  # name -> what it is instead
     lengths = [channel.length for channel in group.channels]
@@ -109,6 +109,7 @@ def read_matlab(source: Source, options: ReadOptions) -> tuple[Table, ...]:
             f"no vectors of numbers; the file holds {held or 'nothing'}"
             f"{advice if struct_name else ''}",
             subject=name,
+            code="no-data",
         )
     used = tuple(channel for channel in group.channels if channel.length == usual)
     variables = {channel.name.partition(":")[0] for channel in group.channels}
@@ -196,9 +197,15 @@ def read_mdf(source: Source, options: ReadOptions) -> tuple[Table, ...]:
     name = source.name
     if not source.data[8:16].startswith(b"4."):
         version = source.data[8:16].decode("latin-1").strip("\0 ")
-        raise LogError(f"MDF version {version!r}; expected 4, convert the log", subject=name)
+        raise LogError(
+            f"MDF version {version!r}; expected 4, convert the log",
+            subject=name,
+            code="unknown-format",
+        )
     if source.data.startswith(b"UnFinMF"):
-        raise LogError("truncated MDF file: the recording was not finished", subject=name)
+        raise LogError(
+            "truncated MDF file: the recording was not finished", subject=name, code="truncated"
+        )
     _check_blocks(source.data, name=name, limit=options.max_bytes)
     return group_tables(groups_of_child(_MDF, source, options), options, name=name)
 
@@ -246,7 +253,9 @@ def _check_blocks(data: bytes, *, name: str, limit: int) -> None:
         successors[at] = links[0] if links and kind in _CHAINED else 0
         waiting += [link for link in links if link]
         if len(successors) > _MAX_BLOCKS:
-            raise LogError(f"more than {_MAX_BLOCKS} blocks in the MDF file", subject=name)
+            raise LogError(
+                f"more than {_MAX_BLOCKS} blocks in the MDF file", subject=name, code="too-large"
+            )
     check_size(unpacked, limit=limit, what="the MDF file", name=name)
     done: set[int] = {0}
     for start in successors:
@@ -257,19 +266,29 @@ def _check_blocks(data: bytes, *, name: str, limit: int) -> None:
             at = successors.get(at, 0)
         if at in chain:
             text = f"damaged MDF file: the block at byte {at} leads to itself"
-            raise LogError(text, subject=name)
+            raise LogError(text, subject=name, code="damaged")
         done |= chain
 
 
 def _block(data: bytes, at: int, name: str) -> tuple[bytes, tuple[int, ...]]:
     if at + 24 > len(data):
-        raise LogError("truncated MDF file; the end of the file is missing", subject=name)
+        raise LogError(
+            "truncated MDF file; the end of the file is missing", subject=name, code="truncated"
+        )
     kind = data[at : at + 4]
     length, n_links = struct.unpack_from("<QQ", data, at + 8)
     if not kind.startswith(b"##") or length < 24 + 8 * n_links:
-        raise LogError(f"damaged MDF file: no block at byte {at}; copy the log again", subject=name)
+        raise LogError(
+            f"damaged MDF file: no block at byte {at}; copy the log again",
+            subject=name,
+            code="damaged",
+        )
     if at + length > len(data):
-        raise LogError(f"truncated MDF file; the block at byte {at} is not whole", subject=name)
+        raise LogError(
+            f"truncated MDF file; the block at byte {at} is not whole",
+            subject=name,
+            code="truncated",
+        )
     return kind, struct.unpack_from(f"<{n_links}Q", data, at + 24)
 
 
@@ -294,7 +313,10 @@ def read_excel(source: Source, options: ReadOptions) -> tuple[Table, ...]:
             continue
         tables += [replace(table, notes=(*notes, *table.notes)) for table in read]
     if not tables:
-        raise LogError(refusals[0] if refusals else f"{source.name}: the workbook has no sheets")
+        raise LogError(
+            refusals[0] if refusals else f"{source.name}: the workbook has no sheets",
+            code="unknown-format",
+        )
     return tuple(tables)
 
 
@@ -313,9 +335,11 @@ def _check_archive(source: Source, options: ReadOptions) -> None:
             what = "this is a NumPy archive without units; write CSV or Parquet"
         elif "content.xml" in names:
             what = "this is an OpenDocument file; save the sheet as .xlsx or CSV"
-        raise LogError(what, subject=name)
+        raise LogError(what, subject=name, code="damaged")
     if len(members) > _MAX_ITEMS:
-        raise LogError(f"{len(members)} members, expected a workbook of few", subject=name)
+        raise LogError(
+            f"{len(members)} members, expected a workbook of few", subject=name, code="too-large"
+        )
     claimed = sum(member.file_size for member in members)
     check_size(claimed, limit=options.max_bytes, what="the workbook", name=name)
 

@@ -131,7 +131,7 @@ def find_format(source: Source) -> Format:
             return known
     refused = next((why for magic, why in _REFUSED.items() if data.startswith(magic)), "")
     if refused or data.startswith(b"ustar", _TAR):
-        raise LogError(refused or _ARCHIVE, subject=name)
+        raise LogError(refused or _ARCHIVE, subject=name, code="unknown-format")
     if is_json(data):
         return _JSON
     suffix = PurePath(name).suffix.lower()
@@ -141,5 +141,6 @@ def find_format(source: Source) -> Format:
             f"is named like {named.name} and does not begin like it; it is damaged "
             "or of a version that is not read",
             subject=name,
+            code="damaged",
         )
     return _TEXT

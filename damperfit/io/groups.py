@@ -53,6 +53,7 @@ class GroupChannel(NamedTuple):
                 f"{channel}: {self.length} values are declared but {values.size} found; "
                 "copy the log again",
                 subject=file,
+                code="damaged",
             )
         return values
 
@@ -64,7 +65,9 @@ class GroupChannel(NamedTuple):
             return seconds.to_si(self.stamps.values("time", file))
         step = self.interval
         if step is None or not np.isfinite(step) or step <= 0.0:
-            raise LogError(f"the interval between values is {step} s", subject=file)
+            raise LogError(
+                f"the interval between values is {step} s", subject=file, code="bad-clock"
+            )
         return self.start + step * np.arange(self.length, dtype=np.float64)
 
 
@@ -95,7 +98,7 @@ def group_tables(
     """Return a table for each test."""
     filled = [group for group in groups if group.channels]
     if not filled:
-        raise LogError("no channels of numbers", subject=name)
+        raise LogError("no channels of numbers", subject=name, code="no-data")
     tests = filled if len(filled) == 1 else [group for group in filled if _is_test(group, options)]
     if not tests:
         tests = [_together(filled)]
@@ -147,13 +150,13 @@ def _table(group: Group, options: ReadOptions, name: str, notes: tuple[str, ...]
             shown = ", ".join(f"{channel} {n}" for channel, n in lengths.items())
             if not group.is_cut:
                 text = f"channels of different length: {shown} values; log them together"
-                raise LogError(text, subject=name)
+                raise LogError(text, subject=name, code="several-groups")
             kept = (f"kept: the first {n_common} values, which all channels have, of {shown}",)
         values = {channel: one.values(channel, name)[:n_common] for channel, one in chosen.items()}
         if makes_time:
             if len(clocks) > 1:
                 text = "channels of different rate or start; log them together"
-                raise LogError(text, subject=name)
+                raise LogError(text, subject=name, code="several-groups")
             values["time"] = next(iter(chosen.values())).times(name)[:n_common]
         return Samples(values, notes=kept)
 

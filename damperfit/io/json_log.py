@@ -57,7 +57,7 @@ def read_json(source: Source, options: ReadOptions) -> tuple[Table, ...]:
     elif not tables:
         problem = f"this is JSON without columns or rows of numbers; {_EXPECTED}"
     if problem:
-        raise LogError(problem, subject=name)
+        raise LogError(problem, subject=name, code="bad-json")
     notes = (*notes, "format: JSON")
     drops = options.bad_rows == "drop"
     return tuple(
@@ -70,7 +70,11 @@ def _parsed(text: str, name: str) -> Any:
     def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         if len(document := dict(pairs)) < len(pairs):
             double = _doubled([key for key, _ in pairs])
-            raise LogError(f"this is JSON with two values for {visible(double)}", subject=name)
+            raise LogError(
+                f"this is JSON with two values for {visible(double)}",
+                subject=name,
+                code="given-twice",
+            )
         return document
 
     decoder = json.JSONDecoder(parse_int=float, object_pairs_hook=once)
@@ -86,10 +90,10 @@ def _parsed(text: str, name: str) -> Any:
     except json.JSONDecodeError as error:
         place = f"line {error.lineno}, column {error.colno}"
         problem = f"this is JSON, damaged in {place}: {error.msg}; copy the log again"
-        raise LogError(problem, subject=name) from error
+        raise LogError(problem, subject=name, code="bad-json") from error
     except RecursionError as error:
         problem = f"this is JSON, nested too deep for a log; {_EXPECTED}"
-        raise LogError(problem, subject=name) from error
+        raise LogError(problem, subject=name, code="bad-json") from error
 
 
 def _doubled(names: Sequence[str]) -> str:
@@ -170,7 +174,9 @@ def _from_rows(rows: list[Any], name: str) -> _Columns:
             if row.keys() != rows[0].keys():
                 odd = min(row.keys() ^ rows[0].keys())
                 has = "has" if odd in row else "lacks"
-                raise LogError(f"{name}, row {number}: {has} {visible(odd)}, unlike row 1")
+                raise LogError(
+                    f"{name}, row {number}: {has} {visible(odd)}, unlike row 1", code="bad-row"
+                )
         return {key.strip(): (None, [row[key] for row in rows]) for key in rows[0]}
     if not _are(list, rows):
         return {}
@@ -180,11 +186,14 @@ def _from_rows(rows: list[Any], name: str) -> _Columns:
     names = [text.strip() for text in heads[0]] if heads else [f"\0{i}" for i in range(n)]
     units = [text.strip("()[] ") for text in heads[1]] if len(heads) > 1 else [""] * n
     if len(set(names)) < len(names):
-        raise LogError(f"two columns are named {visible(_doubled(names))}", subject=name)
+        raise LogError(
+            f"two columns are named {visible(_doubled(names))}", subject=name, code="given-twice"
+        )
     for number, row in enumerate(rows[1:], start=2):
         if len(row) != n:
             raise LogError(
-                f"{name}, row {number}: found {len(row)} values, expected {n} as in row 1"
+                f"{name}, row {number}: found {len(row)} values, expected {n} as in row 1",
+                code="bad-row",
             )
     return {
         key: (units[i] or None, [row[i] for row in rows[len(heads) :]])
@@ -208,7 +217,9 @@ def _table(
         lengths = {[*columns][i]: len(raw[i]) for i in wanted.values()}
         if len(set(lengths.values())) > 1:
             shown = ", ".join(f"{visible(key)} {n}" for key, n in lengths.items())
-            raise LogError(f"columns of different length: {shown} values", subject=name)
+            raise LogError(
+                f"columns of different length: {shown} values", subject=name, code="bad-row"
+            )
         is_bad = np.zeros(next(iter(lengths.values())), dtype=bool)
         channels, first_bad = {}, ""
         for channel, index in wanted.items():
@@ -224,7 +235,7 @@ def _table(
                 problem = f"{name}, row {at + 1}: {channel} is {shown}, expected a number"
                 if not drops:
                     advice = "repair it, or drop such rows by rig.bad_rows = 'drop'"
-                    raise LogError(f"{problem}; {advice}")
+                    raise LogError(f"{problem}; {advice}", code="bad-json")
                 first_bad = first_bad or problem
                 is_bad |= bad
         kept = np.flatnonzero(~is_bad)

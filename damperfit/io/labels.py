@@ -399,7 +399,9 @@ def setting_in_words(text: str, where: str, adjusters: Sequence[str] = (ADJUSTER
     try:
         return parse_setting(text, adjusters)
     except ValueError as error:
-        raise LogError(f"setting {visible(text)}; {error}", subject=where) from error
+        raise LogError(
+            f"setting {visible(text)}; {error}", subject=where, code="unknown-setting"
+        ) from error
 
 
 def place_from_number(number: float, where: str) -> Place:
@@ -407,7 +409,7 @@ def place_from_number(number: float, where: str) -> Place:
     try:
         return parse_place(f"{number:.15g}")
     except ValueError as error:
-        raise LogError(f"{number:.6g}; {error}", subject=where) from error
+        raise LogError(f"{number:.6g}; {error}", subject=where, code="unknown-setting") from error
 
 
 def preamble_setting(metadata: Mapping[str, str], name: str, adjusters: Sequence[str]) -> LogLabel:

@@ -130,7 +130,7 @@ class Declarations:
 
 
 def _wrong(key: str, text: str) -> ConfigurationError:
-    return ConfigurationError(text, where=Key((key,)))
+    return ConfigurationError(text, where=Key((key,)), code="wrong-value")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -157,7 +157,9 @@ class Profile:
         try:
             Declarations(**merged)
         except ConfigurationError as error:
-            raise ConfigurationError(f"rig.profiles.{self.name}: {error}") from error
+            raise ConfigurationError(
+                f"rig.profiles.{self.name}: {error}", code="wrong-value"
+            ) from error
         return merged
 
 
@@ -197,6 +199,7 @@ class ReadOptions(Declarations):
                 f"no profile {self.profile!r}; there are {', '.join(names) or 'none'}."
                 f"{did_you_mean(self.profile, names)}",
                 where=Key(("rig", "profile")),
+                code="unknown-profile",
             )
         for profile in self.profiles:
             profile.put_over(self)

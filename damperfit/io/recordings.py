@@ -83,6 +83,7 @@ def make_recordings(
             f"{len(parts)} tests found, but {len(settings)} settings declared for "
             "them (part_settings)",
             subject=source.name,
+            code="several-tests",
         )
     several = len(parts) > 1
     notes = (*notes, f"{len(parts)} tests in this file") if several else notes
@@ -177,7 +178,7 @@ def _tests_in(table: Table, source: Source, options: ReadOptions) -> list[Record
     )
     samples, current = _loaded(table, choices)
     if not len(samples.channels["force"]):
-        raise LogError("no data rows", subject=name)
+        raise LogError("no data rows", subject=name, code="no-data")
     clock = choices.get("time")
     is_wall_clock = clock is not None and table.columns[clock.column].is_clock
     is_wall_clock = is_wall_clock and options.sample_rate == 0.0
@@ -302,9 +303,9 @@ def _si_channels(
                 problem = problem or _not_finite(si, channel, samples)
             problems += [problem] if problem else []
     if len(problems) == 1:
-        raise LogError(f"{name}, {problems[0]}")
+        raise LogError(f"{name}, {problems[0]}", code="bad-row")
     if problems:
-        raise joined_problems([LogError(problem) for problem in problems], name)
+        raise joined_problems([LogError(problem, code="bad-row") for problem in problems], name)
     return channels
 
 
@@ -336,7 +337,7 @@ def _cuts(
     for adjuster in turned:
         values = samples.channels[adjuster]
         if problem := _not_finite(values, adjuster, samples):
-            raise LogError(f"{name}, {problem}")
+            raise LogError(f"{name}, {problem}", code="bad-row")
         is_cut[1:n] |= values[1:] != values[:-1]
     first = 0
     if "time" in channels and n > 1:
@@ -348,7 +349,7 @@ def _cuts(
             return list(pairwise([0, *(end + 1 for end in ends), n]))
         late = np.flatnonzero((steps <= 0.0) & ~is_cut[1:n])
         if options.sample_rate == 0.0 and options.restarts == "refuse" and len(late):
-            raise LogError(_backwards(channels, late + 1, samples, name))
+            raise LogError(_backwards(channels, late + 1, samples, name), code="bad-clock")
         if options.restarts != "refuse":
             is_cut[late + 1] = True
         if options.restarts == "last" and len(late):
@@ -362,6 +363,7 @@ def _cuts(
             f"time jumps {len(edges) - 2} times; these are not tests but a faulty clock: "
             "declare rig.sample_rate",
             subject=name,
+            code="bad-clock",
         )
     return list(pairwise(edges))
 

