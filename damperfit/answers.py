@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 from contextlib import ExitStack
 from dataclasses import asdict
 from functools import cached_property
@@ -11,6 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from damperfit.reporting.sheet import html_table, text_table
+from damperfit.store import file_set
+from damperfit.tables.files import json_values, time_series_table, write_table
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -20,7 +23,6 @@ if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import NDArray
 
-    from damperfit.adjustment.wanted import Answer, Wanted
     from damperfit.comparison import Tolerance
     from damperfit.configuration.options import Configuration
     from damperfit.exporting import Export
@@ -50,13 +52,7 @@ __all__ = [
 
 
 class Inspection:
-    """What is in logs.
-
-    Attributes
-    ----------
-    batch : LogBatch
-        What was found of each.
-    """
+    """What is in logs: `batch` has what was found of each."""
 
     def __init__(self, batch: LogBatch) -> None:
         self.batch = batch
@@ -79,12 +75,9 @@ class Inspection:
 
         rows = []
         for log in self.batch.logs:
-            flat: dict[str, Any] = {
-                k: v for k, v in log.facts.items() if isinstance(v, str | int | float | bool)
-            }
+            flat = {k: v for k, v in log.facts.items() if isinstance(v, str | int | float | bool)}
             setting = log.facts.get("setting")
-            flat["setting"] = None if setting is None else str(setting)
-            rows.append({"log": log.log, **flat})
+            rows.append({"log": log.log} | flat | {"setting": setting and str(setting)})
         return pd.DataFrame(rows)
 
     def _sheet(self) -> Sheet:
@@ -135,39 +128,38 @@ class Comparison:
         """The comparison as a page of Markdown."""
         from damperfit.reporting.compared import comparison_markdown
 
+        return self._told_by(comparison_markdown)
+
+    def _told_by(self, outlet: Any) -> str:
         found = self.compared
-        return comparison_markdown(
+        text: str = outlet(
             found.comparisons, found.points, source=self.tolerance, alone=found.alone
         )
+        return text
 
     def write(self, out: Path | None, junit: Path | None) -> None:
         """Write page, Markdown, JSON and tables into a folder; the points as JUnit XML."""
         from damperfit.reporting import compared as shown
         from damperfit.reporting.page import comparison_page
-        from damperfit.store import file_set
-        from damperfit.tables.files import write_table
 
-        found = self.compared
+        points = self.compared.points
         if out is not None:
-            page = comparison_page(
-                found.comparisons, found.points, source=self.tolerance, alone=found.alone
-            )
-            text = dumps(self.document(), indent=2, ensure_ascii=False, allow_nan=False)
+            text = dumps(self.document(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+            texts = {"html": self._told_by(comparison_page), "md": self.markdown, "json": text}
+            tables = {"differences": self._table()}
+            if points:
+                tables["tolerance"] = shown.tolerance_table(shown.tolerance_rows(points))
             with file_set(out) as files:
-                for name, one in (("html", page), ("md", self.markdown), ("json", text + "\n")):
-                    path = files.path(f"comparison.{name}")
+                for suffix, one in texts.items():
+                    path = files.path(f"comparison.{suffix}")
                     path.write_bytes(one.encode("utf-8", "backslashreplace"))
-                tables = {"differences": self._table()}
-                if found.points:
-                    points = shown.tolerance_rows(found.points)
-                    tables["tolerance"] = shown.tolerance_table(points)
                 for name, table in tables.items():
                     for suffix in (".csv", ".parquet"):
                         write_table(files.path(name + suffix), table, suffix=suffix)
         if junit is not None:
             with file_set(junit.parent) as files:
-                path = files.path(junit.name)
-                path.write_bytes(shown.junit_report(found.points, source=self.tolerance))
+                report = shown.junit_report(points, source=self.tolerance)
+                files.path(junit.name).write_bytes(report)
 
     @property
     def sentences(self) -> tuple[str, ...]:
@@ -204,8 +196,8 @@ class Comparison:
         return "\n".join([*self.sentences, *map(text_table, self._sheets())])
 
     def _repr_html_(self) -> str:
-        said = "".join(f"<p>{escape(line)}</p>" for line in self.sentences)
-        return said + "".join(map(html_table, self._sheets()))
+        shown = "".join(f"<p>{escape(line)}</p>" for line in self.sentences)
+        return shown + "".join(map(html_table, self._sheets()))
 
 
 class Simulation:
@@ -217,8 +209,13 @@ class Simulation:
         What was simulated.
     damper : str
         Whose damper it is, a sentence.
-    configured_notes, notes : tuple of str
-        What was assumed of the damper, and what is in these forces, a sentence each.
+    configured_notes, notes, warnings : tuple of str
+        What was assumed of the damper, what is in these forces, and what to know before believing
+        the figures, a sentence each.
+    time, displacement, velocity, force : numpy.ndarray
+        Shape (n,); s, m, m/s, N.
+    pressures : numpy.ndarray
+        Absolute, of the chambers (3, n), Pa.
     """
 
     def __init__(
@@ -229,7 +226,13 @@ class Simulation:
         notes: tuple[str, ...] = (),
     ) -> None:
         self.test, self.damper = test, damper
-        self.configured_notes, self.notes = configured_notes, notes
+        self.configured_notes, self.notes, self.warnings = configured_notes, notes, test.warnings
+        response = test.response
+        self.time: FloatArray = response.time
+        self.displacement: FloatArray = response.displacement
+        self.velocity: FloatArray = response.velocity
+        self.force: FloatArray = response.force
+        self.pressures: FloatArray = response.pressures
 
     @property
     def title(self) -> str:
@@ -239,83 +242,44 @@ class Simulation:
 
     def document(self) -> dict[str, Any]:
         """Return what was found as JSON values."""
-        from damperfit.tables.files import json_values
-
         test = self.test
-        document: dict[str, Any] = json_values(
-            {
-                "setting": test.choice.setting,
-                "damper": self.damper,
-                "notes": list(self.notes),
-                "warnings": list(test.warnings),
-                "source": test.choice.source,
-                "motion": test.motion,
-                "frequency_Hz": test.frequency,
-                "parameters": asdict(test.choice.parameters),
-                "characteristics": asdict(test.characteristics),
-            }
-        )
-        return document
+        document: dict[str, Any] = {
+            "setting": test.choice.setting,
+            "damper": self.damper,
+            "notes": self.notes,
+            "warnings": self.warnings,
+            "source": test.choice.source,
+            "motion": test.motion,
+            "frequency_Hz": test.frequency,
+            "parameters": asdict(test.choice.parameters),
+            "characteristics": asdict(test.characteristics),
+        }
+        return {key: json_values(value) for key, value in document.items()}
 
     def write(self, out: Path | None, plot: Path | None, *, spares_others: bool = True) -> None:
         """Write the signals and the loops, each where it is given a file."""
-        from damperfit.store import file_set
-
+        test = self.test
         with ExitStack() as stack:
             sets = {
                 folder: stack.enter_context(file_set(folder, spares_others=spares_others))
                 for folder in {path.parent for path in (out, plot) if path is not None}
             }
             if out is not None:
-                from damperfit.tables.files import time_series_table, write_table
-
-                table = time_series_table(self.test.response)
+                table = time_series_table(test.response)
                 write_table(sets[out.parent].path(out.name), table, suffix=out.suffix)
             if plot is not None:
                 from damperfit.reporting.drawing import draw_plot
                 from damperfit.reporting.simulated import cycle_plot
 
                 path, kind = sets[plot.parent].path(plot.name), plot.suffix[1:].lower()
-                test = self.test
-                drawn = cycle_plot(test.response, test.frequency, title=self.title)
-                draw_plot(path, drawn, kind=kind)
+                draw_plot(
+                    path, cycle_plot(test.response, test.frequency, title=self.title), kind=kind
+                )
             for files in sets.values():  # both before either is exchanged
                 files.spare()
 
-    @property
-    def time(self) -> FloatArray:
-        """Time stamps (n,), s."""
-        return self.test.response.time
-
-    @property
-    def displacement(self) -> FloatArray:
-        """Displacement (n,), m."""
-        return self.test.response.displacement
-
-    @property
-    def velocity(self) -> FloatArray:
-        """Velocity (n,), m/s."""
-        return self.test.response.velocity
-
-    @property
-    def force(self) -> FloatArray:
-        """Force (n,), N."""
-        return self.test.response.force
-
-    @property
-    def pressures(self) -> FloatArray:
-        """Absolute pressures of the chambers (3, n), Pa."""
-        return self.test.response.pressures
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What to know before believing the figures, a sentence each."""
-        return self.test.warnings
-
     def to_frame(self) -> pd.DataFrame:
         """Return the signals as a data frame, with units in the names of its columns."""
-        from damperfit.tables.files import time_series_table
-
         frame: pd.DataFrame = time_series_table(self.test.response).to_pandas()
         return frame
 
@@ -349,10 +313,8 @@ class Files(tuple[Path, ...]):  # noqa: SLOT001 - it has attributes
 
     Attributes
     ----------
-    remarks : tuple of str
-        What was missing or damaged in the results.
-    notes : tuple of str
-        What was assumed or left out.
+    remarks, notes : tuple of str
+        What was missing or damaged in the results; what was assumed or left out.
     made : Export or None
         What was exported.
     checked : tuple
@@ -380,15 +342,7 @@ class Files(tuple[Path, ...]):  # noqa: SLOT001 - it has attributes
 
 
 class FirstConfiguration(NamedTuple):
-    """A commented configuration.
-
-    Attributes
-    ----------
-    text : str
-        TOML.
-    why, open : tuple of str
-        What the logs have told, and what is left to measure, a sentence each.
-    """
+    """A commented configuration: TOML, what the logs have told, and what is left to measure."""
 
     text: str
     why: tuple[str, ...]
@@ -408,6 +362,8 @@ class Sweep:
         Each variation with its members, and whether it is a figure of the paper.
     records : list of dict
         A row a member.
+    sentences : tuple of str
+        What each variation does, in words.
     """
 
     def __init__(
@@ -418,7 +374,7 @@ class Sweep:
         wanted: Sequence[tuple[Variation, bool]],
     ) -> None:
         from damperfit.queries.simulations import run_sweep
-        from damperfit.reporting.simulated import sweep_records
+        from damperfit.reporting.simulated import sweep_records, sweep_sentence
 
         self.damper, self.source, self.notes = damper, choice.source, configuration.notes
         self.model = configuration.damper
@@ -426,20 +382,12 @@ class Sweep:
             (one, run_sweep(choice, configuration, variation=one), is_paper)
             for one, is_paper in wanted
         )
-        self.records: list[dict[str, Any]] = []
-        for one, members, _ in self.sweeps:
-            self.records += sweep_records(one.name, members)
-        speeds = [m.response.velocity for _, members, _ in self.sweeps for m in members]
+        named = [(one.name, members) for one, members, _ in self.sweeps]
+        self.records: list[dict[str, Any]] = [row for one in named for row in sweep_records(*one)]
+        self.sentences = tuple(sweep_sentence(*one) for one in named)
+        speeds = [member.response.velocity for _, members in named for member in members]
         fastest = max(float(max(one.max(), -one.min())) for one in speeds)
-        oil = getattr(configuration.damper, "temperature", None)
-        self.warnings = choice.warnings(fastest, oil)
-
-    @property
-    def sentences(self) -> tuple[str, ...]:
-        """What each variation does, in words."""
-        from damperfit.reporting.simulated import sweep_sentence
-
-        return tuple(sweep_sentence(one.name, members) for one, members, _ in self.sweeps)
+        self.warnings = choice.warnings(fastest, getattr(self.model, "temperature", None))
 
     def to_frame(self) -> pd.DataFrame:
         """Return a row a factor."""
@@ -472,10 +420,7 @@ class Sweep:
 
     def write(self, folder: Path, *, kind: str = "png", spares_others: bool = True) -> None:
         """Write sweep.csv and the figures into a folder."""
-        import csv
-
         from damperfit.reporting.drawing import draw_plot
-        from damperfit.store import file_set
 
         with file_set(folder, spares_others=spares_others) as files:
             for plot in self.plots:
@@ -499,10 +444,12 @@ class SettingForces:
         What was asked: a force, a speed, a stroke.
     units : ShownUnits
         In which it is shown.
-    forces : optional
-        Of results: their forces.
-    curves : optional
-        Of files of measured curves.
+    forces, curves : optional
+        Of results: their forces; of files of measured curves.
+    remarks, notes : tuple of str
+        What was missing or damaged in the results; what to know of these forces.
+    sentence : str
+        The answer to the question; empty where none was asked.
     """
 
     def __init__(
@@ -516,55 +463,47 @@ class SettingForces:
     ) -> None:
         self.places, self.question, self.units = tuple(places), question, units
         self.forces, self.curves = forces, curves
-
-    @property
-    def remarks(self) -> tuple[str, ...]:
-        """What was missing or damaged in the results."""
-        return () if self.forces is None else self.forces.remarks
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What to know of these forces, a sentence each."""
-        if self.curves is not None:
-            return tuple(dict.fromkeys(n for one in self.curves.curves for n in one.notes))
-        return () if self.forces is None else self.forces.notes
-
-    @property
-    def sentence(self) -> str:
-        """The answer to the question; empty where none was asked."""
-        if self.curves is not None:
-            return self.curves.sentence
-        wanted = () if self.forces is None else self.forces.wanted
-        return "; ".join(one.sentence for one in wanted)
+        self.remarks: tuple[str, ...] = () if forces is None else forces.remarks
+        self.notes: tuple[str, ...] = () if forces is None else forces.notes
+        wanted = () if forces is None else forces.wanted
+        self.sentence = "; ".join(one.sentence for one in wanted)
+        if curves is not None:
+            self.sentence = curves.sentence
+            self.notes = tuple(dict.fromkeys(n for one in curves.curves for n in one.notes))
 
     def document(self) -> dict[str, Any]:
         """Return all of it as JSON values."""
         from damperfit.reporting.records import to_record
-        from damperfit.tables.files import json_values
         from damperfit.tables.rows import adjustment_rows
 
+        sentence, question = self.sentence or None, to_record(self.question)
         document: dict[str, Any] = {}
         if self.curves is not None:
             document = {
                 "source": ", ".join(map(str, self.places)),
-                "question": None if self.question.force is None else to_record(self.question),
-                "sentence": self.sentence or None,
+                "question": None if self.question.force is None else question,
+                "sentence": sentence,
                 "forces": self.curves.rows(),
             }
         elif self.forces is not None:
             sine, wanted = self.forces.sine, self.forces.wanted
+            answers = [
+                to_record(answer)
+                | ({"adjuster": one.adjuster, "held": one.held} if one.held else {})
+                for one in wanted
+                for answer in one.answers
+            ]
             document = {
                 "motion": {"amplitude_m": sine.amplitude, "frequency_Hz": sine.frequency},
                 "source": self.forces.source,
-                "question": to_record(self.question) if wanted else None,
-                "sentence": self.sentence or None,
-                "answers": [_answer(one, answer) for one in wanted for answer in one.answers],
+                "question": question if wanted else None,
+                "sentence": sentence,
+                "answers": answers,
                 "forces": adjustment_rows(self.forces.forces, self.forces.clicks),
-                "remarks": list(self.remarks),
-                "notes": list(self.notes),
+                "remarks": self.remarks,
+                "notes": self.notes,
             }
-        found: dict[str, Any] = json_values(document)
-        return found
+        return {key: json_values(value) for key, value in document.items()}
 
     def to_frame(self) -> pd.DataFrame:
         """Return a row a setting, speed and stroke."""
@@ -573,16 +512,7 @@ class SettingForces:
         return pd.DataFrame(self.document()["forces"])
 
     def __repr__(self) -> str:
-        said = self.sentence or f"{len(self.document()['forces'])} rows"
-        return f"<SettingForces: {said}>"
-
-
-def _answer(wanted: Wanted, answer: Answer) -> dict[str, Any]:
-    from damperfit.reporting.records import to_record
-
-    along = {"adjuster": wanted.adjuster, "held": wanted.held} if wanted.held else {}
-    record: dict[str, Any] = to_record(answer)
-    return record | along
+        return f"<SettingForces: {self.sentence or str(len(self.document()['forces'])) + ' rows'}>"
 
 
 class FleetDone:
@@ -600,10 +530,8 @@ class FleetDone:
         Whether the user has stopped it.
     held : HeldFleet or None
         The fleet against bands, where they were given.
-    n_rows : int or None
-        Rows of the table of all parts, where it was written.
-    page : pathlib.Path or None
-        The page, where it was written.
+    n_rows, page : int or None, pathlib.Path or None
+        Rows of the table of all parts; the page: where they were written.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -626,8 +554,7 @@ class FleetDone:
         """Exit code; failures of parts that were there count like those of new ones."""
         if self.is_stopped:
             return 130
-        has_failed = any(one.n_failures for one in self.done)
-        if has_failed:
+        if any(one.n_failures for one in self.done):
             return 1 if any(one.n_settings for one in self.done) else 3
         is_missed = self.held is not None and bool(self.held.missed)
         return 4 if is_missed or any(one.n_gates for one in self.done) else 0
@@ -637,18 +564,22 @@ class FleetDone:
         from damperfit.reporting.compared import tolerance_rows
 
         held = self.held
+        failures, gates = (
+            [
+                {"damper": one.owner, "message": line}
+                for one in self.done
+                for line in getattr(one, name)
+            ]
+            for name in ("failures", "gates")
+        )
         return {
             "dampers": self.n_tasks,
             **self.counts,
             "logs": sum(one.n_logs for one in self.done),
             "settings": sum(one.n_settings for one in self.done),
             "interrupted": self.is_stopped,
-            "failures": [
-                {"damper": one.owner, "message": line} for one in self.done for line in one.failures
-            ],
-            "gates_missed": [
-                {"damper": one.owner, "message": line} for one in self.done for line in one.gates
-            ],
+            "failures": failures,
+            "gates_missed": gates,
             "tolerance": None if held is None else held.source,
             "dampers_out_of_tolerance": [] if held is None else [one.run for one in held.worst],
             "points": [] if held is None else tolerance_rows(held.missed),

@@ -277,29 +277,12 @@ class LogResult:
 class Run:
     """What `identify` found, or `load` read: parameters by setting, with intervals and verdicts.
 
-    It prints itself, and pickles with all its files.
-
-    Parameters
-    ----------
-    record : mapping, optional
-        What run.json tells; empty where there is none.
-    rows : mapping of str to sequence of mapping, optional
-        Rows of its tables, by name.
-    quantities : tuple of Quantity
-        What the columns of the parameters are of.
-    place : pathlib.Path, optional
-        Folder, part of a fleet or table that it stands in; None: nowhere yet.
-    signals : sequence of LogSignals or callable, optional
-        Measured and simulated signals by setting and log, or what makes them, one log after the
-        other, when they are first wanted.
-    remarks : sequence of str
-        What is missing or damaged.
-    config : pathlib.Path, optional
-        Configuration of the user, whose damper is taken where the run does not tell its own.
-    temperature : str, optional
-        Of the oil, where the damper follows it; the reference temperature by default.
-    tables : mapping of str to pyarrow.Table, optional
-        Its tables as they were made, by name, where it was not read.
+    It prints itself, and pickles with all its files. `record` is what run.json tells; `quantities`
+    what the columns of the parameters are of; `place` the folder, part of a fleet or table that it
+    stands in, None: nowhere yet; `tables` and `report_text` those that it was made with, where it
+    was not read. `config` is a file of the user, whose damper is taken where the run does not tell
+    its own, `temperature` that of the oil, as typed. `signals` may be what makes them, one log
+    after the other, when they are first wanted.
     """
 
     def __init__(  # noqa: PLR0913 - what a run is made of
@@ -336,17 +319,10 @@ class Run:
         config: Path | None = None,
         temperature: str | None = None,
     ) -> Run:
-        """Read a run.
+        """Read a results folder, a fleet's part, the folder of a serial number, or a table.
 
-        Parameters
-        ----------
-        place : path or Run
-            Results folder, a fleet's part, the folder of a serial number with one, or a table of
-            parameters; a run is as good as its folder.
-        parts : sequence of str
-            Tables to read, and to remark on, at once; the others are read when they are asked for.
-        config, temperature
-            As of `Run`.
+        A run is as good as its folder. The tables in ``parts`` are read, and remarked on, at once,
+        the others when they are asked for; ``config`` and ``temperature`` as of the class.
 
         Raises
         ------
@@ -441,13 +417,7 @@ class Run:
         return tuple(found)
 
     def rows(self, name: str) -> tuple[dict[str, Any], ...]:
-        """Return the rows of a table, by column; None where a cell or a column is missing.
-
-        Parameters
-        ----------
-        name : str
-            parameters, mse, adjustment, characteristics, valves, profiles.
-        """
+        """Return the rows of a table, by column; None where a cell or a column is missing."""
         if name not in self._rows:
             known: tuple[dict[str, Any], ...] = ()
             if (table := self.tables.get(name)) is not None:
@@ -701,16 +671,10 @@ class Run:
     def configured(
         self, given: Configuration, *, config: Path | None = None, takes_motion: bool = False
     ) -> Configuration:
-        """Return a configuration with the run's damper, and its motion unless one was declared.
+        """Return a configuration of the user with the run's damper.
 
-        Parameters
-        ----------
-        given : Configuration
-            As the user gave it.
-        config : pathlib.Path, optional
-            The file it came from, for the message.
-        takes_motion : bool
-            Whether the nominal test becomes the run's.
+        ``config`` is the file it came from; with ``takes_motion`` the nominal test becomes the
+        run's, unless one was declared.
 
         Raises
         ------
@@ -913,12 +877,8 @@ class Run:
     ) -> SettingForces:
         """Return which setting gives a force at a speed, as ``900`` N at ``"0.2m/s"``.
 
-        Parameters
-        ----------
-        force, speed : str or float
-            With a unit, or SI; a minus before one of them means compression.
-        stroke : str, optional
-            rebound or bump, instead of a sign.
+        A bare number is SI; a minus before one of them means compression, and so does the
+        ``stroke`` "bump".
         """
         import damperfit
 
@@ -930,15 +890,9 @@ class Run:
     ) -> pd.DataFrame:
         """Return what a setting predicts of a log that was not fitted, over time.
 
-        The log is conditioned as those of the run were, and the model's force filtered alike;
-        ``attrs["mse_percent"]`` is the normalised MSE, eq. (22), of the compared samples.
-
-        Parameters
-        ----------
-        log : path or Recording
-            The log.
-        setting : optional
-            Whose values; by default the setting that the log says.
+        The log, a path or a Recording, is conditioned as those of the run were, and the model's
+        force filtered alike; ``attrs["mse_percent"]`` is the normalised MSE, eq. (22), of the
+        compared samples. The values are those of the setting that the log says by default.
         """
         import pandas as pd
 
@@ -1038,12 +992,7 @@ class Run:
         return pd.DataFrame(self.record.get("checks", []))
 
     def frame(self, name: str = "parameters") -> pd.DataFrame:
-        """Return a table as a data frame.
-
-        Parameters
-        ----------
-        name : str
-            parameters, mse, adjustment, characteristics, responses ...
+        """Return a table, as "parameters", "mse" or "adjustment", as a data frame.
 
         Raises
         ------
@@ -1093,18 +1042,10 @@ class Run:
         return damperfit.valves(self, **how)
 
     def plot(self, name: str | None = None) -> Any:
-        """Draw a figure with matplotlib and return its axes.
+        """Draw a figure with matplotlib and return its axes, a list where it has several panels.
 
-        Parameters
-        ----------
-        name : str, optional
-            As the file names of `damperfit report --plots`; by default force against velocity
-            of all settings.
-
-        Returns
-        -------
-        matplotlib.axes.Axes or list of them
-            One, or from the top where there are several panels.
+        The name is as of the files of `damperfit report --figures`; by default force against
+        velocity of all settings.
 
         Raises
         ------
@@ -1162,8 +1103,7 @@ class Run:
 
     def _write(self, folder: Path) -> None:
         """Write a run that is in memory as a set of files; those of an earlier run go."""
-        begin = perf_counter()
-        units = units_in(self.record)
+        begin, units = perf_counter(), units_in(self.record)
         with file_set(folder) as files:
             for name, table in self.tables.items():
                 write_table(files.path(f"{name}.parquet"), table, suffix=".parquet")
@@ -1359,15 +1299,10 @@ def _errors(
         status = {name: row[f"{name}_status"] for name in values.names}
         if has_lost_errors(names, status):
             return (), (), None
-        # Older runs left it to the status, which says of a shared value only that it is unsound.
+        # Older runs left it to the status, and told the errors of the values alone.
         told = entry.get("shared", [name for name in names if status[name] == Status.SHARED])
-        errors = entry.get("errors")
-        if errors is None:  # older runs told those of the values alone
-            errors = [
-                float(row[f"{name}_se"])
-                / (getattr(values, name) if values.quantity(name).is_logarithmic else 1.0)
-                for name in names
-            ]
+        scales = {n: values[n] if values.quantity(n).is_logarithmic else 1.0 for n in names}
+        errors = entry.get("errors") or [float(row[f"{n}_se"]) / scales[n] for n in names]
         correlation = np.array(entry["correlation"], dtype=np.float64)
         covariance = correlation.reshape(len(names), len(names)) * np.outer(errors, errors)
     except (KeyError, TypeError, ValueError):

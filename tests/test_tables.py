@@ -27,10 +27,8 @@ from damperfit.tables.columns import (
 )
 from damperfit.tables.files import lay_out, safe_cell, time_series_table, write_table
 from damperfit.tables.reading import (
-    LogSignals,
     check_files,
     read_rows,
-    read_signals,
     table_quantities,
 )
 from damperfit.tables.rows import MISSING, grade, make_tables
@@ -319,19 +317,3 @@ def test_every_file_of_another_run_is_named_and_what_is_no_table_is_passed_over(
     remarks: list[str] = []
     check_files(tmp_path, {"files": files}, remarks, ("a", "b", "c", "d", "missing"))
     assert [remark.partition(" ")[0] for remark in remarks] == ["a.parquet", "c.parquet"]
-
-
-def test_loops_that_stand_in_one_group_come_apart_by_log_and_by_setting(tmp_path) -> None:
-    """Of several rows each and of one; one name at two settings is two logs."""
-    logs, settings = list("aaabbbc"), [1, 1, 1, 1, 2, 2, 2]
-    signals = [*MOTION, "force_measured_N", "force_N", *PRESSURES]
-    rows = {name: np.arange(7.0) + 10.0 * k for k, name in enumerate(signals)}
-    pq.write_table(
-        pa.table({"setting": settings, "log": logs, **rows}), tmp_path / "responses.parquet"
-    )
-    found: list[LogSignals] = list(read_signals(tmp_path, remarks := []))
-    assert remarks == []
-    assert [(one.setting, one.log) for one in found] == [(1, "a"), (1, "b"), (2, "b"), (2, "c")]
-    assert [one.time.tolist() for one in found] == [[0.0, 1.0, 2.0], [3.0], [4.0, 5.0], [6.0]]
-    assert [one.pressures.shape for one in found] == [(3, 3), (3, 1), (3, 2), (3, 1)]
-    assert [one.force[0] for one in found] == [40.0, 43.0, 44.0, 46.0]

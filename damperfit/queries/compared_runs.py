@@ -220,7 +220,7 @@ def _read_baseline(path: Path, config: Path | None) -> Run:
                 subject=path,
             )
         record, rows = document["record"], document["parameters"]
-        quantities = quantities_in(record, list(rows[0]) if rows else ())
+        quantities = quantities_in(record)
         names = adjusters_in(list(rows[0]), quantities) if rows else ()
         parameters = tuple({**row, "setting": read_setting(row, names)} for row in rows)
         tests = tuple(_kept_test(one) for one in document["tests"])

@@ -27,10 +27,7 @@ if TYPE_CHECKING:
 
 
 SCHEMA_VERSION = 2
-_READ_VERSIONS = (1, SCHEMA_VERSION)  # 1 did not tell the quantities: they are the paper's
 PAPER_QUANTITIES = PURDY_DAMPER.quantities
-# What was written before quantities had a role and an ideal value tells of the paper's alone.
-_LATER = {one.label: {"role": one.role, "ideal": one.ideal} for one in PAPER_QUANTITIES}
 
 _INT, _FLOAT, _TEXT = "int64", "double", "string"  # as Arrow names them
 _KINDS: dict[str, type] = {_INT: int, _FLOAT: float, _TEXT: str}
@@ -315,13 +312,12 @@ def column_names(quantities: tuple[Quantity, ...] = PAPER_QUANTITIES) -> frozens
 def unknown_schema(record: Mapping[str, Any]) -> str | None:
     """Return a sentence where results, by their record, are of a schema that is not known here."""
     version = record.get("schema_version", SCHEMA_VERSION)
-    if version in _READ_VERSIONS:
+    if version in (1, SCHEMA_VERSION):  # 1 did not tell the quantities: they are the paper's
         return None
-    is_newer = isinstance(version, int) and version > SCHEMA_VERSION
     return (
         f"the results are of schema version {version} (damperfit {record.get('version')}), "
         f"this damperfit knows {SCHEMA_VERSION}: what is not found is left out; "
-        f"{'update damperfit, or ' * is_newer}run identify again on the logs"
+        "update damperfit, or run identify again on the logs"
     )
 
 
@@ -384,23 +380,14 @@ def quantity_records(quantities: Sequence[Quantity]) -> list[dict[str, Any]]:
     return records
 
 
-def quantities_in(facts: Mapping[str, Any], columns: Sequence[str] = ()) -> tuple[Quantity, ...]:
-    """Return the quantities that the facts of a table or run.json tell, in their order.
-
-    Older results told none: they are the paper's, unless a column of the table has a status that
-    the paper's model does not know; then the columns say what there is.
-    """
+def quantities_in(facts: Mapping[str, Any]) -> tuple[Quantity, ...]:
+    """Return the quantities that the facts of a table or run.json tell, else the paper's."""
     records = facts.get("quantities")
     try:
         found = tuple(map(_quantity, records)) if isinstance(records, list) else ()
     except (KeyError, TypeError, ValueError):
         found = ()
-    if found:
-        return PAPER_QUANTITIES if found == PAPER_QUANTITIES else found
-    seen = [name.removesuffix("_status") for name in columns if name.endswith("_status")]
-    if set(seen) <= {one.name for one in PAPER_QUANTITIES}:
-        return PAPER_QUANTITIES
-    return tuple(Quantity(name, name, name, name, "", (-math.inf, math.inf)) for name in seen)
+    return found if found and found != PAPER_QUANTITIES else PAPER_QUANTITIES
 
 
 def _quantity(record: Mapping[str, Any]) -> Quantity:
@@ -412,7 +399,7 @@ def _quantity(record: Mapping[str, Any]) -> Quantity:
                 -math.inf if low is None else float(low),
                 math.inf if high is None else float(high),
             )
-    return Quantity(**_LATER.get(known["label"], {}) | known)
+    return Quantity(**known)
 
 
 def values_from(quantities: tuple[Quantity, ...], numbers: Sequence[float]) -> Values:

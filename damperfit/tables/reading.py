@@ -10,10 +10,8 @@ from __future__ import annotations
 import csv
 import json
 from base64 import b64decode, b64encode
-from contextlib import suppress
 from dataclasses import dataclass
 from io import StringIO
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 from urllib.parse import unquote
 from zlib import compress, decompress
@@ -159,16 +157,16 @@ def has_table(folder: Path, record: Mapping[str, Any], table: str) -> bool:
 
 def read_record(path: Path, remarks: list[str]) -> dict[str, Any]:
     """Return run.json; empty, with a remark, where it cannot be read."""
+    why = "is not a JSON object"
     try:
         document = json.loads(read_text(path))
-    except FileNotFoundError:
-        remarks.append("run.json is missing: rig, inputs and warnings are not known")
-    except (OSError, ValueError, RecursionError) as error:
-        remarks.append(f"run.json cannot be read ({_reason(error)}): rig and inputs are not known")
-    else:
         if isinstance(document, dict):
             return document
-        remarks.append("run.json is not a JSON object: rig, inputs and warnings are not known")
+    except FileNotFoundError:
+        why = "is missing"
+    except (OSError, ValueError, RecursionError) as error:
+        why = f"cannot be read ({_reason(error)})"
+    remarks.append(f"run.json {why}: rig, inputs and warnings are not known")
     return {}
 
 
@@ -191,11 +189,10 @@ def read_rows(
     quantities: Sequence[Quantity] = PAPER_QUANTITIES,
     record: Mapping[str, Any] | None = None,
 ) -> Rows:
-    """Return the rows of a table, from Parquet, else from CSV."""
+    """Return the rows of a table, from Parquet, else from CSV; a column that was lost is told."""
     schema = (record or {}).get("schema")
     columns = schema.get(table) if isinstance(schema, dict) else None
-    listed = columns if isinstance(columns, list) else ()
-    written = [str(column.get("name")) for column in listed if isinstance(column, dict)]
+    written = [str(one["name"]) for one in columns or () if isinstance(one, dict) and "name" in one]
     for suffix in (".parquet", ".csv"):
         path = folder / (table + suffix)
         try:
@@ -210,10 +207,9 @@ def read_rows(
         except _BROKEN as error:
             remarks.append(f"{path.name} cannot be read: {_reason(error)}")
         else:
-            missing = [name for name in written if name not in names]
-            if rows and missing:
-                more = f" and {len(missing) - _MANY} more" if len(missing) > _MANY else ""
-                remarks.append(f"{path.name} has no column {', '.join(missing[:_MANY])}{more}")
+            if rows and (lost := [name for name in written if name not in names]):
+                more = f" and {len(lost) - _MANY} more" if len(lost) > _MANY else ""
+                remarks.append(f"{path.name} has no column {', '.join(lost[:_MANY])}{more}")
             return rows
     return ()
 
@@ -234,47 +230,33 @@ def read_signals(
             for group in range(file.num_row_groups):
                 try:
                     table = file.read_row_group(group, columns=[*wanted, *adjusters])
+                    row = table.select(["setting", "log", *adjusters]).slice(0, 1).to_pylist()[0]
+                    setting = read_setting(row, adjusters) or Setting.of(0)
                 except _BROKEN as error:
                     remarks.append(f"{path.name}: log {group + 1} is damaged: {_reason(error)}")
                     continue
-                yield from _split(table, adjusters)
+                signals = (np.asarray(table.column(name).to_numpy()) for name in _SIGNALS)
+                time, x, v, measured, force, *pressures = signals
+                log, stacked = str(row["log"]), np.stack(pressures)
+                yield LogSignals(setting, log, time, x, v, measured, force, stacked)
     except FileNotFoundError:
         remarks.append(f"{path.name} is missing: no loops")
     except _BROKEN as error:
         remarks.append(f"{path.name} cannot be read: {_reason(error)}")
 
 
-def _split(table: pa.Table, adjusters: Sequence[str]) -> Iterator[LogSignals]:
-    """Yield each log of a table whose rows stand log by log."""
-    if table.num_rows == 0:
-        return
-    keys = table.select(["setting", "log", *adjusters]).to_pylist()
-    edges = [k for k, (before, after) in enumerate(pairwise(keys), start=1) if before != after]
-    signals = [np.asarray(table.column(name).to_numpy(), dtype=np.float64) for name in _SIGNALS]
-    for start, stop in pairwise([0, *edges, table.num_rows]):
-        time, x, v, measured, force, *pressures = (signal[start:stop] for signal in signals)
-        setting = read_setting(keys[start], adjusters) or Setting.of(0)
-        log = str(keys[start]["log"])
-        yield LogSignals(setting, log, time, x, v, measured, force, np.stack(pressures))
-
-
 # A table of parameters, of a run or of somebody's own
 
 
 def table_quantities(path: Path, record: Mapping[str, Any] | None = None) -> tuple[Quantity, ...]:
-    """Return what a table of parameters is of: as it says itself, else run.json, else its columns.
+    """Return what a table of parameters is of: as it says itself, else run.json, else the paper's.
 
-    Older tables are of the paper's model.
+    ``record`` is run.json, where it has been read.
     """
     facts = read_facts(path)
-    if "quantities" in facts:
-        return quantities_in(facts)
-    columns: list[str] = []
-    for table in (path, path.with_suffix(".csv")):
-        with suppress(*_BROKEN):
-            columns = columns or _cells(table)[0]
-    known = read_record(path.parent / "run.json", []) if record is None else record
-    return quantities_in(known, columns)
+    if "quantities" not in facts:
+        facts = dict(read_record(path.parent / "run.json", []) if record is None else record)
+    return quantities_in(facts)
 
 
 def read_table(
@@ -345,11 +327,9 @@ def packed(record: Mapping[str, Any]) -> str:
 
 
 def unpacked(text: bytes) -> dict[str, Any]:
-    """Return the record that a footer holds; of earlier versions it was not packed."""
-    if not text:
-        return {}
+    """Return the record that a footer holds."""
     try:
-        found = json.loads(text if text.startswith(b"{") else decompress(b64decode(text)))
+        found = json.loads(decompress(b64decode(text))) if text else {}
     except zlib_error as error:
         raise ValueError(str(error)) from error
     return found if isinstance(found, dict) else {}
@@ -404,7 +384,7 @@ def read_part(path: Path) -> tuple[dict[str, Any], tuple[Quantity, ...], Rows]:
             "again",
             subject=path,
         )
-    quantities = quantities_in(record, table.column_names)
+    quantities = quantities_in(record)
     adjusters = adjusters_in(table.column_names, quantities)
     # A setting is text here: what it was in the run, the record tells.
     told = (one["setting"] for one in record.get("uncertainty") or () if "setting" in one)
