@@ -198,8 +198,8 @@ def test_an_error_for_the_wrong_model_holds_what_another_stroke_moves() -> None:
     assert moved == pytest.approx(0.07, abs=0.01)
     assert 3.0 < moved / (intervals["k_e"].error / values.k_e) < 5.0
     assert moved < 1.96 * intervals["k_e"].misfit / values.k_e < 10.0 * moved
-    # It knows nothing of what the parameters absorb.
-    assert shortest.r_m1 - values.r_m1 > 5.0 * intervals["r_m1"].misfit
+    # What the parameters absorb is held by the shift of the flaw that explains the misfit.
+    assert shortest.r_m1 - values.r_m1 < 1.96 * intervals["r_m1"].misfit
 
 
 @pytest.mark.parametrize(
