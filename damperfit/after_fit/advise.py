@@ -234,13 +234,7 @@ class Advice(Answer):
 def advise(
     run: Run, question: Question, limits: Limits, settings: Sequence[SettingResult]
 ) -> Advice:
-    """Return which sine tells most about a question, at the settings together.
-
-    Raises
-    ------
-    ConfigurationError
-        The run has no errors, or its model no such quantity.
-    """
+    """Return which sine tells most about a question, at the settings together."""
     has_errors = (one for one in settings if one.covariance is not None and one.names)
     known = [one for setting in has_errors if (one := _Known(run, setting, question)).now > 0.0]
     if not known:

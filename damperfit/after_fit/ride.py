@@ -215,13 +215,7 @@ class Ride(Answer):
 
 
 def read_car(given: Path | Mapping[str, Any]) -> Car:
-    """Read [car] of a TOML file, or its keys.
-
-    Raises
-    ------
-    ConfigurationError
-        A key is missing, unknown or no quantity of its kind.
-    """
+    """Read [car] of a TOML file, or its keys."""
 
     def wrong(text: str) -> ConfigurationError:
         subject = given if isinstance(given, Path) else ""
@@ -284,13 +278,7 @@ def weighting_k(frequencies: NDArray[np.floating[Any]]) -> FloatArray:
 
 
 def ride_on_road(run: Run, car: Car, settings: Sequence[SettingResult]) -> Ride:
-    """Return every setting on the same road.
-
-    Raises
-    ------
-    SimulationError
-        The damper or its solution in the car cannot be found at a setting.
-    """
+    """Return every setting on the same road."""
     road = _Road(run, car)
     return Ride(car, tuple(road.ride(setting) for setting in settings))
 
@@ -505,13 +493,7 @@ def drive_along(run: Run, motion: Motion, settings: Sequence[SettingResult]) -> 
 
 
 def read_stroke(path: Path) -> Motion:
-    """Read time and displacement of a text log, as in ``time_s,displacement_mm``.
-
-    Raises
-    ------
-    ConfigurationError
-        It has no such columns, or times that do not rise.
-    """
+    """Read time and displacement of a text log, as in ``time_s,displacement_mm``."""
     import io
 
     import pandas as pd

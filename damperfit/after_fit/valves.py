@@ -116,7 +116,9 @@ class Orifices(Answer):
             return [
                 Column("set", "", lambda row: row.setting, is_number=False),
                 Column(name, "", lambda row: row.quantity, is_number=False),
-                Column("size", unit, lambda row: f"{size * row[2]:.4g}"),
+                Column(
+                    "preload" if unit == "bar" else "area", unit, lambda row: f"{size * row[2]:.4g}"
+                ),
                 Column("95 %", unit, lambda row: f"{size * row[3]:.3g} to {size * row[4]:.3g}"),
                 last,
                 Column("click", unit, change),
@@ -141,24 +143,7 @@ def read_valves(
     seat: float | None = None,
     reference: Run | None = None,
 ) -> Orifices:
-    """Return the orifices and preloads of a run of any model that has them.
-
-    Parameters
-    ----------
-    run : Run
-        Of any model that has orifices or blow-offs.
-    discharge, discharge_spread : float
-        C_d, and how far it may be off; 0.1 covers sharp and rounded edges.
-    seat : float, optional
-        Diameter of the blow-off's seat, m.
-    reference : Run, optional
-        Of the same damper earlier: what has changed beyond both intervals is wear.
-
-    Raises
-    ------
-    ConfigurationError
-        The model has no such valve.
-    """
+    """Return the orifices and preloads of a run of any model that has them."""
     factor = 1.0 / (discharge * math.sqrt(2.0 * getattr(run.damper, "oil_density", math.nan)))
     seat_area = math.nan if seat is None else math.pi * seat**2 / 4.0
     holes: list[Hole] = []
@@ -201,18 +186,7 @@ def read_valves(
 
 
 def sized_for(run: Run, setting: SettingResult, quantity: str, force: float, speed: float) -> float:
-    """Return the value of a bleed or an opening that gives a force at a speed, SI.
-
-    Parameters
-    ----------
-    force, speed : float
-        N and m/s, both with the sign of the stroke.
-
-    Raises
-    ------
-    ConfigurationError
-        No value within a factor of a thousand gives it.
-    """
+    """Return the value of a bleed or an opening that gives a force at a speed, SI."""
     from scipy.optimize import brentq
 
     values = setting.parameters

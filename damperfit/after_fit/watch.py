@@ -74,13 +74,6 @@ def arrivals(folder: Path, own: Path | None, stop: Event) -> Iterator[list[Path]
 
     An empty list is yielded when nothing has come for a moment. What was there before comes first;
     nothing in the folder of the results, `own`, is a log.
-
-    Raises
-    ------
-    InstallationError
-        The watcher's library is not installed.
-    DamperfitError
-        The folder is gone.
     """
     try:
         from watchfiles import watch

@@ -52,21 +52,7 @@ def command(
     takes_context: bool = False,
     example: str = "",
 ) -> Callable[[Callable[..., int]], Callable[..., int]]:
-    """Return a decorator that makes a command of what prints the results of a function.
-
-    Parameters
-    ----------
-    function : callable or None
-        Whose keywords become options; None: none.
-    name : str
-        Of the command, where it is not that of the function.
-    shown : sequence of str
-        Options that say how it talks.
-    takes_context : bool
-        Whether it is told of the other commands.
-    example : str
-        With one the help is the summary of the function, else the decorated one's.
-    """
+    """Return a decorator that makes a command of what prints the results of a function."""
     called = name or (function.__name__ if function is not None else "")
     keywords = [] if function is None else list(signature(unwrap(function)).parameters.values())
 

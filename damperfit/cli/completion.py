@@ -96,15 +96,7 @@ _LOOKED_UP: dict[str, Callable[[typer.Context], Iterable[str]]] = {
 
 
 def completion_of(name: str, key: str) -> Callable[..., list[str]] | None:
-    """Return what completes the values of a keyword; None where they are anything.
-
-    Parameters
-    ----------
-    name : str
-        Of the keyword.
-    key : str
-        Of the configuration that it sets, as in "simulation.wave"; its words are its values.
-    """
+    """Return what completes the values of a keyword; None where they are anything."""
     section, _, own = key.partition(".")
     entry = SECTIONS[section].entries().get(own) if section in SECTIONS else None
     words = (entry.words if entry is not None else ()) or _WORDS.get(name, ())

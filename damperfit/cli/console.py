@@ -70,15 +70,7 @@ def one_line(text: str) -> str:
 
 
 def say(text: str, level: int = logging.INFO) -> None:
-    """Write one line for people to stderr, and into the log file if there is one.
-
-    Parameters
-    ----------
-    text : str
-        The line.
-    level : int
-        Of the log file's record; a line that begins with "warning:" is a warning.
-    """
+    """Write one line for people to stderr, and into the log file if there is one."""
     record(logging.WARNING if text.startswith("warning: ") else level, one_line(text))
     with suppress(OSError):  # nobody listens; the work goes on
         _write(sys.stderr, one_line(text) + "\n")
@@ -126,17 +118,7 @@ def _coloured(found: re.Match[str]) -> str:
 
 
 def wrapped(*texts: str, widest: int = 0, indent: str = "") -> list[str]:
-    """Return texts in lines that the screen takes.
-
-    Parameters
-    ----------
-    *texts : str
-        Each begins a line.
-    widest : int
-        Columns that are not exceeded on a wide screen either; 0: none.
-    indent : str
-        Of the lines that follow the first of a text.
-    """
+    """Return texts in lines that the screen takes."""
     from textwrap import wrap
 
     columns = min(screen_columns(), widest or sys.maxsize)
@@ -168,15 +150,7 @@ def print_renderable(renderable: RenderableType) -> None:
 
 
 def print_table(sheet: Sheet, colours: Mapping[str, int] | None = None) -> None:
-    """Write a table to stdout: coloured on a terminal that knows colours, plain elsewhere.
-
-    Parameters
-    ----------
-    sheet : Sheet
-        The table.
-    colours : mapping of str to int, optional
-        ANSI colours of its cells besides those of grades, by the word in them.
-    """
+    """Write a table to stdout: coloured on a terminal that knows colours, plain elsewhere."""
     from damperfit.reporting.sheet import text_table
 
     text = text_table(sheet, screen_columns())
@@ -187,13 +161,7 @@ def print_table(sheet: Sheet, colours: Mapping[str, int] | None = None) -> None:
 
 
 def set_colour(when: str | None) -> None:
-    """Say when stdout is coloured: auto (None), always or never.
-
-    Raises
-    ------
-    ConfigurationError
-        Another word.
-    """
+    """Say when stdout is coloured: auto (None), always or never."""
     if when is not None and when not in _COLOURS:
         raise ConfigurationError(
             f"expected one of {', '.join(_COLOURS)}",
@@ -247,11 +215,6 @@ def unprinted(error: OSError | None = None) -> str:
     """Return why stdout did not take what was printed; empty where it did.
 
     A reader that has gone (``| head``) has seen enough; that is no fault.
-
-    Parameters
-    ----------
-    error : OSError, optional
-        Raised by a library that printed.
     """
     if error is None:
         try:
@@ -304,15 +267,7 @@ _FORMAT = "%(asctime)s.%(msecs)03d%(zone)s %(levelname)-7s damperfit[%(process)d
 
 
 def record(level: int, text: str) -> None:
-    """Keep a text in the log file, if there is one, a record for each line.
-
-    Parameters
-    ----------
-    level : int
-        Of the module `logging`.
-    text : str
-        As the terminal shows it.
-    """
+    """Keep a text in the log file, if there is one, a record for each line."""
     for line in text.splitlines() if _kept else ():
         if line.strip():
             _LOGGER.log(level, "%s", line)
@@ -445,13 +400,7 @@ _MOST_BYTES = 1_000_000  # Actions refuses a step's summary above 1 MiB as a who
 
 
 def summary_file() -> Path:
-    """Return where GitHub Actions collects the summary of a job.
-
-    Raises
-    ------
-    ConfigurationError
-        This is none of its jobs.
-    """
+    """Return where GitHub Actions collects the summary of a job."""
     name = os.environ.get("GITHUB_STEP_SUMMARY", "")
     if not name:
         raise ConfigurationError(
@@ -463,13 +412,7 @@ def summary_file() -> Path:
 
 
 def append_summary(path: Path, report: str, *, instead: str) -> None:
-    """Add Markdown to the summary of a job; of what is too long only a line that says so.
-
-    Raises
-    ------
-    OutputError
-        It cannot be written.
-    """
+    """Add Markdown to the summary of a job; of what is too long only a line that says so."""
     text = report.encode("utf-8", "backslashreplace")
     try:
         with path.open("ab") as file:

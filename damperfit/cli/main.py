@@ -85,19 +85,7 @@ app.callback()(
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line and return its exit code.
-
-    Parameters
-    ----------
-    arguments : sequence of str, optional
-        What follows the program's name; ``sys.argv[1:]`` by default.
-
-    Returns
-    -------
-    int
-        0 done, 1 some logs failed, 2 wrong usage, 3 every log failed, 4 gate missed,
-        130 interrupted. 70 is a bug in damperfit.
-    """
+    """Run the command line and return its exit code."""
     argv = list(sys.argv[1:] if arguments is None else arguments) or ["--help"]
     if arguments is None:
         begin()

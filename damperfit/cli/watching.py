@@ -28,15 +28,7 @@ _APART = 0.1  # s; a fit of a fast model takes less than to draw a line
 def stop_on_signal(
     promise: str = "finished settings will be written", stop: threading.Event | None = None
 ) -> Iterator[Callable[[], bool]]:
-    """Yield a function that says whether the user wants the run to stop.
-
-    Parameters
-    ----------
-    promise : str
-        What becomes of the work done so far, for the user.
-    stop : threading.Event, optional
-        Set by the first signal, for what waits on an event.
-    """
+    """Yield a function that says whether the user wants the run to stop."""
     if threading.current_thread() is not threading.main_thread():
         yield lambda: False  # Python delivers signals to the main thread only
         return
@@ -61,17 +53,7 @@ def stop_on_signal(
 
 
 def looking_on(*, is_quiet: bool, of_fleet: bool = False, **more: Any) -> Watch:
-    """Return who looks on while a command works.
-
-    Parameters
-    ----------
-    is_quiet : bool
-        Whether there is no bar.
-    of_fleet : bool
-        Whether dampers are counted, with their rate and the time left, and not settings.
-    **more : callable
-        Further fields of `Watch`.
-    """
+    """Return who looks on while a command works."""
     from damperfit.run.identify import Watch
 
     is_shown = not is_quiet and sys.stderr.isatty()

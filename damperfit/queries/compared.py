@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
-from functools import partial
+from dataclasses import replace
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from damperfit.adjustment.force_at import STROKES, Sine
 from damperfit.comparison import ComparisonOptions, bands_met, compare_runs, tolerated
@@ -41,21 +40,11 @@ if TYPE_CHECKING:
     from damperfit.queries.settings import Question
     from damperfit.results import Run
 
-__all__ = [
-    "Compared",
-    "MeasuredForces",
-    "compare_all",
-    "comparison_options",
-    "measured_forces",
-    "one_run",
-]
+
+# Everything that one call of `compare` compares: which pairs, at what motion, by what measure
 
 
-# Everything that one call of `compare` compares: which pairs, at what motion, by what measure.
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Compared:
+class Compared(NamedTuple):
     """What was compared.
 
     Attributes
@@ -85,15 +74,8 @@ def comparison_options(
     jobs: int = 1,
     units: str | None = None,
 ) -> ComparisonOptions:
-    """Return what the texts of a command line ask.
-
-    Raises
-    ------
-    ConfigurationError
-        A quantity cannot be understood, or amplitude and frequency do not go together.
-    """
-    read = partial(parse_quantity, option="--velocity")
-    speeds = sorted({abs(read(text, "velocity")) for text in velocities})
+    """Return what the texts of a command line ask."""
+    speeds = sorted({abs(parse_quantity(v, "velocity", option="--velocity")) for v in velocities})
     if speeds and speeds[0] == 0.0:
         raise ConfigurationError(
             "expected a speed other than zero", where=Option("velocity", "0"), code="out-of-range"
@@ -105,22 +87,19 @@ def comparison_options(
             frequency=Option("frequency"),
             code="not-together",
         )
-    sine = None
-    if amplitude is not None and frequency is not None:
-        if is_measured:
-            raise ConfigurationError(
-                "{amplitude} cannot be combined with {measured}: measured forces are "
-                "of the motions that were run; leave one of the two out",
-                amplitude=Option("amplitude", amplitude),
-                measured=Option("measured"),
-                code="not-together",
-            )
-        size = positive(amplitude, "length", "amplitude")
-        rate = positive(frequency, "frequency", "frequency")
-        sine = Sine(size or 0.0, rate or 0.0)
-    return ComparisonOptions(
-        sine, tuple(speeds), is_measured, jobs, SI if units is None else parse_units(units)
-    )
+    if amplitude is not None and is_measured:
+        raise ConfigurationError(
+            "{amplitude} cannot be combined with {measured}: measured forces are "
+            "of the motions that were run; leave one of the two out",
+            amplitude=Option("amplitude", amplitude),
+            measured=Option("measured"),
+            code="not-together",
+        )
+    size = positive(amplitude, "length", "amplitude")
+    rate = positive(frequency, "frequency", "frequency")
+    sine = Sine(size, rate) if size and rate else None
+    shown = SI if units is None else parse_units(units)
+    return ComparisonOptions(sine, tuple(speeds), is_measured, jobs, shown)
 
 
 def compare_all(
@@ -132,31 +111,8 @@ def compare_all(
     config: Path | None = None,
     reading: Configuration | None = None,
 ) -> Compared:
-    """Return every pair compared.
-
-    Parameters
-    ----------
-    paths : sequence of pathlib.Path
-        Runs, or folders of several; the first is the reference.
-    options : ComparisonOptions
-        What is compared.
-    repeats : sequence of pathlib.Path
-        Further runs of the reference.
-    tolerance : Tolerance, optional
-        Bands that the forces are held against; with nominal ones a single run will do.
-    config : pathlib.Path, optional
-        The damper of results that do not tell theirs.
-    reading : Configuration, optional
-        How raw logs are read and conditioned; without it as ``config`` says.
-
-    Raises
-    ------
-    ConfigurationError
-        There is nothing to compare.
-    LogError
-        No log of a run can be used.
-    """
-    logs = _logs([*paths, *repeats], options, config, reading)
+    """Return every pair compared."""
+    logs = _LogRuns([*paths, *repeats], options, config, reading)
     nominal = tolerance is not None and bool(tolerance.bands)
     is_single = nominal and len(paths) == 1 and not _inside(paths[0], logs)
     pairs, alone = ([], ()) if is_single else _pairs_of(paths, logs)
@@ -166,15 +122,21 @@ def compare_all(
             repeats=Option("repeats"),
             code="several-results",
         )
-    _refuse_repeats(repeats, pairs)
+    taken = {second.resolve(): "what is compared with it" for _, second in pairs}
+    taken |= {first.resolve(): "A itself" for first, _ in pairs}
+    for place in repeats:
+        if word := taken.setdefault(place.resolve(), ""):
+            raise ConfigurationError(
+                f"is {word}; give further runs of the reference, each once",
+                where=Option("repeats", place),
+                code="given-twice",
+            )
+        taken[place.resolve()] = "given twice"
     places = list(dict.fromkeys(chain.from_iterable(pairs))) or list(paths)
-    wanted = [*places, *(one for one in repeats if one not in places)]
-    raw = logs.by_place
     known = {
-        place: raw[place]
-        if place in raw
-        else read_run(place, config=config, is_measured=options.is_measured)
-        for place in wanted
+        place: logs.by_place.get(place)
+        or read_run(place, config=config, is_measured=options.is_measured)
+        for place in dict.fromkeys([*places, *repeats])
     }
     name_apart(list(known.values()))
     for place, name in options.names.items():
@@ -189,13 +151,12 @@ def compare_all(
         own = run.remarks if options.is_measured else (*run.remarks, *run.remarks_on_errors)
         remarks += [f"{run.shown_as}: {remark}" for remark in own]
     remarks += [f"{one.second.shown_as}: {remark}" for one in comparisons for remark in one.remarks]
-    points: tuple[Point, ...] = ()
+    points: list[Point] = []
     if tolerance is not None and nominal:
-        held = [known[place] for place in places]
-        points = tuple(p for run in held for p in bands_met(run, tolerance, options))
+        points = [p for place in places for p in bands_met(known[place], tolerance, options)]
     elif tolerance is not None:
-        points = tuple(p for one in comparisons for p in tolerated(one, tolerance))
-    return Compared(comparisons, alone, tuple(dict.fromkeys(remarks)), points)
+        points = [p for one in comparisons for p in tolerated(one, tolerance)]
+    return Compared(comparisons, alone, tuple(dict.fromkeys(remarks)), tuple(points))
 
 
 def one_run(
@@ -205,25 +166,8 @@ def one_run(
     config: Path | None = None,
     reading: Configuration | None = None,
 ) -> Run:
-    """Return a single run, to be kept.
-
-    Parameters
-    ----------
-    place : pathlib.Path
-        Results folder, baseline, or raw logs.
-    options : ComparisonOptions
-        Whether measured curves alone are meant.
-    config, reading
-        As of `compare_all`.
-
-    Raises
-    ------
-    ConfigurationError
-        There is none, or there are several.
-    LogError
-        No log can be used.
-    """
-    logs = _logs([place], options, config, reading)
+    """Return a single run, to be kept; arguments as of `compare_all`."""
+    logs = _LogRuns([place], options, config, reading)
     named = [name for name in logs.groups.get(place, {}) if name]
     if named:
         raise ConfigurationError(
@@ -232,79 +176,58 @@ def one_run(
             subject=place,
             code="several-dampers",
         )
-    if place in logs.by_place:
-        return logs.by_place[place]
-    return read_run(place, config=config, is_measured=options.is_measured)
-
-
-def _refuse_repeats(repeats: Sequence[Path], pairs: Sequence[tuple[Path, Path]]) -> None:
-    """Refuse runs that are no further ones of the reference."""
-    taken = {second.resolve(): "what is compared with it" for _, second in pairs}
-    taken |= {first.resolve(): "A itself" for first, _ in pairs}
-    for place in repeats:
-        if word := taken.setdefault(place.resolve(), ""):
-            raise ConfigurationError(
-                f"is {word}; give further runs of the reference, each once",
-                where=Option("repeats", place),
-                code="given-twice",
-            )
-        taken[place.resolve()] = "given twice"
+    known = logs.by_place.get(place)
+    return known or read_run(place, config=config, is_measured=options.is_measured)
 
 
 # What a command line names: which runs, and which pairs of them
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class _LogRuns:
-    """Raw logs among what is compared: runs by place and damper, "" where they are of one."""
+    """Raw logs among some places: runs by place and damper, "" where they are of one.
 
-    groups: Mapping[Path, Mapping[str, Run]] = field(default_factory=dict)
-    remarks: tuple[str, ...] = ()  # folders of which no log can be used
+    None where fitted runs are compared; remarks tell folders of which no log can be used.
+    """
 
-    @property
-    def by_place(self) -> dict[Path, Run]:
-        """The same by where each run stands."""
-        return {
+    def __init__(
+        self,
+        places: Sequence[Path],
+        options: ComparisonOptions,
+        config: Path | None,
+        reading: Configuration | None,
+    ) -> None:
+        self.groups: dict[Path, dict[str, Run]] = {}
+        self.remarks: list[str] = []
+        if options.is_measured:
+            configuration = reading or load_configuration(config)
+            for place in dict.fromkeys(places):
+                self._read(place, configuration, options.jobs)
+        self.by_place = {
             Path(run.shown_as) if name else place: run
             for place, group in self.groups.items()
             for name, run in group.items()
         }
 
-
-def _logs(
-    places: Sequence[Path],
-    options: ComparisonOptions,
-    config: Path | None,
-    reading: Configuration | None,
-) -> _LogRuns:
-    """Return the raw logs among some places; none where fitted runs are compared."""
-    if not options.is_measured:
-        return _LogRuns()
-    configuration = reading or load_configuration(config)
-    groups: dict[Path, dict[str, Run]] = {}
-    remarks: list[str] = []
-    for place in dict.fromkeys(places):
+    def _read(self, place: Path, configuration: Configuration, jobs: int) -> None:
         is_file = place.is_file() and not is_baseline(place) and not is_part(place)
         is_folder = place.is_dir() and not _is_run(place) and not _runs_in(place)
         # A pattern or a list of logs is no file or folder of this name.
         is_several = not place.exists() and (str(place)[0] == "@" or set("*?[") & set(str(place)))
         if is_file or is_several or (is_folder and _holds_logs(place)):
-            groups[place] = read_log_runs(place, configuration, jobs=options.jobs)
-            continue
+            self.groups[place] = read_log_runs(place, configuration, jobs=jobs)
+            return
         folders = [one for one in _listed(place) if _holds_logs(one)] if is_folder else []
         for folder in folders:
-            group = groups.setdefault(place, {})
+            group = self.groups.setdefault(place, {})
             try:
-                found = read_log_runs(folder, configuration, jobs=options.jobs)
+                found = read_log_runs(folder, configuration, jobs=jobs)
             except LogError as error:
-                remarks.append(str(error))
+                self.remarks.append(str(error))
                 continue
-            group |= {
-                f"{folder.name}/{key}" if key else folder.name: one for key, one in found.items()
-            }
-        if folders and not groups[place]:
-            raise NoUsableLogError(remarks[-1])
-    return _LogRuns(groups, tuple(remarks))
+            names = {key: f"{folder.name}/{key}" if key else folder.name for key in found}
+            group |= {names[key]: one for key, one in found.items()}
+        if folders and not self.groups[place]:
+            raise NoUsableLogError(self.remarks[-1])
 
 
 def _pairs_of(
@@ -347,21 +270,19 @@ def _pairs_of(
         for where, names in ((paths[0], groups[0]), (path, group)):
             alone += [f"{name}: only in {where}" for name in names if name not in common]
     if not pairs:
-        held = "; ".join(
-            f"{path} holds {', '.join(group)}" for path, group in zip(paths, groups, strict=True)
-        )
+        named = zip(paths, groups, strict=True)
+        held = "; ".join(f"{path} holds {', '.join(group)}" for path, group in named)
         raise ConfigurationError(f"no damper is in both: {held}", code="no-pair")
     return pairs, tuple(dict.fromkeys(alone))
 
 
-def _inside(path: Path, logs: _LogRuns) -> dict[str, Path]:
+def _inside(path: Path, logs: _LogRuns) -> Mapping[str, Path]:
     """Return the results folders inside a folder that is none itself; of raw logs, the dampers."""
     if path in logs.groups:
         return {name: Path(run.shown_as) for name, run in logs.groups[path].items() if name}
     if not path.is_dir() or _is_run(path):
         return {}
-    found = _runs_in(path)
-    if found:
+    if found := _runs_in(path):
         return found
     files = [one.name for one in _listed(path) if one.is_file()]
     sentence = f"{path}: no results of damperfit identify, and no folder in it holds any"
@@ -394,12 +315,11 @@ def _holds_logs(folder: Path) -> bool:
     return False
 
 
-# Curves that were measured without time, asked for forces: by curve, and which gives a force.
+# Curves that were measured without time, asked for forces: by curve, and which gives a force
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class MeasuredForces:
-    """Forces of measured curves at some speeds, and the answer where a force was asked for.
+class MeasuredForces(NamedTuple):
+    """Forces of measured curves at some speeds (m/s, positive), and the answer where one is asked.
 
     Attributes
     ----------
@@ -429,25 +349,15 @@ class MeasuredForces:
 def measured_forces(
     paths: Sequence[Path], question: Question, *, reading: ReadOptions
 ) -> MeasuredForces:
-    """Return what the curves of some files say of a question.
-
-    Parameters
-    ----------
-    paths : sequence of pathlib.Path
-        Points or loops of force over speed, without time.
-    question : Question
-        Speed, force and stroke asked for.
-    reading : ReadOptions
-        Units and signs.
-
-    Raises
-    ------
-    LogError
-        A file holds no such curves.
-    ConfigurationError
-        No curve reaches the speed.
-    """
-    curves = _file_before_label([curve for path in paths for curve in read_curves(path, reading)])
+    """Return what the curves of some files, without time, say of a question."""
+    read = [curve for path in paths for curve in read_curves(path, reading)]
+    files: dict[str, set[str]] = {}
+    for one in read:
+        files.setdefault(one.label, set()).add(one.path)
+    curves = tuple(  # the file's name before labels that several files use
+        replace(one, label=f"{one.name} {one.label}") if len(files[one.label]) > 1 else one
+        for one in read
+    )
     strokes = (question.stroke,) if question.stroke else STROKES
     tops = [float(v.max()) for c in curves for s in strokes if len(v := c.points(s)[0])]
     speeds = tuple(speed for speed in NAMED_SPEEDS if speed <= max(tops, default=0.0))
@@ -469,24 +379,12 @@ def measured_forces(
             f"measured speed is {max(tops, default=0.0):.3g} m/s",
             subject=at,
         )
-    sentence = "" if question.force is None else _answer(question, forces)
+    sentence = "" if question.force is None else _answer(question, question.force, forces)
     return MeasuredForces(curves, speeds, sentence)
 
 
-def _file_before_label(curves: Sequence[ForceCurve]) -> tuple[ForceCurve, ...]:
-    """Put the file's name before labels that several files use."""
-    files: dict[str, set[str]] = {}
-    for one in curves:
-        files.setdefault(one.label, set()).add(one.path)
-    return tuple(
-        replace(one, label=f"{one.name} {one.label}") if len(files[one.label]) > 1 else one
-        for one in curves
-    )
-
-
-def _answer(question: Question, forces: Sequence[tuple[float, str]]) -> str:
+def _answer(question: Question, wanted: float, forces: Sequence[tuple[float, str]]) -> str:
     """Say between which curves a force lies; labels need no order for that."""
-    wanted = question.force or 0.0
     asked = f"{wanted:.5g} N in {question.stroke} at {question.speed:g} m/s"
     below = max((one for one in forces if one[0] <= wanted), default=None)
     above = min((one for one in forces if one[0] >= wanted), default=None)

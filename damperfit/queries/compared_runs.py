@@ -46,17 +46,6 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = [
-    "NoUsableLogError",
-    "baseline_text",
-    "compared_record",
-    "is_baseline",
-    "is_results",
-    "name_apart",
-    "read_log_runs",
-    "read_run",
-]
-
 
 # Results folders, parts of fleets and baselines
 
@@ -69,59 +58,35 @@ def is_results(folder: Path) -> bool:
 
 
 def read_run(path: Path, *, config: Path | None = None, is_measured: bool = False) -> Run:
-    """Return a run to be compared.
+    """Return a run to be compared: results, a baseline or a part; or measured curves alone."""
 
-    Parameters
-    ----------
-    path : pathlib.Path
-        Results folder, baseline or a fleet's part.
-    config : pathlib.Path, optional
-        The damper of results that do not tell theirs.
-    is_measured : bool
-        Measured curves alone.
+    def wrong(text: str) -> ConfigurationError:
+        return ConfigurationError(text, measured=Option("measured"), subject=path)
 
-    Raises
-    ------
-    ConfigurationError
-        There is nothing of the kind.
-    """
     if is_part(path):
         if is_measured:
-            raise ConfigurationError(
+            raise wrong(
                 "a part of a fleet keeps no measured cycles; give {measured} the logs, or "
-                "results of damperfit identify",
-                measured=Option("measured"),
-                subject=path,
+                "results of damperfit identify"
             )
         return refuse_unfitted(Run.load(path, config=config))
-    if path.is_dir():
-        if not is_results(path):
-            raise ConfigurationError(
-                "holds no results of damperfit identify; expected run.json and parameters.parquet",
-                subject=path,
-            )
+    if path.is_dir() and is_results(path):
         run = Run.load(path, parts=("parameters", "responses"), config=config)
-        return _usable(run, is_measured=is_measured)
-    if not path.is_file():
-        raise ConfigurationError("no such file or folder", subject=path)
-    if is_baseline(path):
+    elif path.is_dir():
+        raise wrong(
+            "holds no results of damperfit identify; expected run.json and parameters.parquet"
+        )
+    elif not path.is_file():
+        raise wrong("no such file or folder")
+    elif not is_baseline(path):
+        raise wrong(
+            "neither a results folder nor a baseline; to compare logs and files of "
+            "curves, give {measured}"
+        )
+    else:
         run = _read_baseline(path, config)
         if not run.rows("parameters") and not is_measured:
-            raise ConfigurationError(
-                "a baseline of measured curves, nothing was fitted; give {measured}",
-                measured=Option("measured"),
-                subject=path,
-            )
-        return _usable(run, is_measured=is_measured)
-    raise ConfigurationError(
-        "neither a results folder nor a baseline; to compare logs and files of "
-        "curves, give {measured}",
-        measured=Option("measured"),
-        subject=path,
-    )
-
-
-def _usable(run: Run, *, is_measured: bool) -> Run:
+            raise wrong("a baseline of measured curves, nothing was fitted; give {measured}")
     if not is_measured:
         return refuse_unfitted(run)
     if not run.tests:
@@ -170,33 +135,28 @@ def baseline_text(run: Run, *, is_measured: bool = False) -> str:
 def compared_record(record: Mapping[str, Any]) -> dict[str, Any]:
     """Return what of run.json is compared, or says what is compared."""
     inputs = record.get("inputs")
+    logs = [one for one in inputs if isinstance(one, dict)] if isinstance(inputs, list) else []
     return {key: record[key] for key in _KEPT if key in record} | {
-        "inputs": [
-            {key: one[key] for key in _OF_INPUTS if key in one}
-            for one in (inputs if isinstance(inputs, list) else ())
-            if isinstance(one, dict)
-        ]
+        "inputs": [{key: one[key] for key in _OF_INPUTS if key in one} for one in logs]
     }
 
 
 def _test_record(test: MeasuredTest) -> dict[str, Any]:
+    def finite(value: float) -> float | None:
+        return value if math.isfinite(value) else None
+
+    def rounded(values: FloatArray) -> list[float | None]:
+        return [float(f"{x:.{_DIGITS}g}") if math.isfinite(x) else None for x in values.tolist()]
+
     return {
         "setting": setting_cells(test.setting, is_whole=isinstance(test.setting.cell, int)),
         "log": test.log,
         "n_cycles": test.n_cycles,
-        **{name: _finite(getattr(test, name)) for name in _NUMBERS},
-        **{name: _rounded(getattr(test, name)) for name in _ARRAYS},
-        "strokes": {name: [_rounded(row) for row in rows] for name, rows in test.strokes.items()},
-        "figures": {name: [_finite(x) for x in pair] for name, pair in test.figures.items()},
+        **{name: finite(getattr(test, name)) for name in _NUMBERS},
+        **{name: rounded(getattr(test, name)) for name in _ARRAYS},
+        "strokes": {name: [rounded(row) for row in rows] for name, rows in test.strokes.items()},
+        "figures": {name: [finite(x) for x in pair] for name, pair in test.figures.items()},
     }
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
-
-
-def _rounded(values: FloatArray) -> list[float | None]:
-    return [float(f"{x:.{_DIGITS}g}") if math.isfinite(x) else None for x in values.tolist()]
 
 
 def is_baseline(path: Path) -> bool:
@@ -237,36 +197,25 @@ def _read_baseline(path: Path, config: Path | None) -> Run:
 
 
 def _kept_test(record: dict[str, Any]) -> MeasuredTest:
+    def number(value: float | None) -> float:
+        return math.nan if value is None else float(value)
+
+    def array(values: list[float | None]) -> Any:
+        return np.array([number(value) for value in values])
+
+    kept: dict[str, Any] = {name: number(record[name]) for name in _NUMBERS}
+    kept |= {name: array(record[name]) for name in _ARRAYS}
     cells = record["setting"]
     names = [name for name in cells if name != "setting" and name not in column_names()]
+    strokes, figures = record["strokes"].items(), record["figures"].items()
     return MeasuredTest(
         setting=read_setting(cells, names) or Setting.of(0),
         log=str(record["log"]),
         n_cycles=int(record["n_cycles"]),
-        amplitude=_number(record["amplitude"]),
-        frequency=_number(record["frequency"]),
-        temperature=_number(record["temperature"]),
-        displacement=_array(record["displacement"]),
-        velocity=_array(record["velocity"]),
-        force=_array(record["force"]),
-        speeds=_array(record["speeds"]),
-        strokes={
-            name: np.stack([_array(row) for row in rows])
-            for name, rows in record["strokes"].items()
-        },
-        figures={
-            name: (_number(value), _number(error))
-            for name, (value, error) in record["figures"].items()
-        },
+        strokes={name: np.stack([array(row) for row in rows]) for name, rows in strokes},
+        figures={name: (number(value), number(error)) for name, (value, error) in figures},
+        **kept,
     )
-
-
-def _number(value: float | None) -> float:
-    return math.nan if value is None else float(value)
-
-
-def _array(values: list[float | None]) -> Any:
-    return np.array([_number(value) for value in values])
 
 
 # Raw logs, without a fit: a folder, pattern or list of them is one run, or one a damper
@@ -284,22 +233,6 @@ def read_log_runs(place: Path, configuration: Configuration, *, jobs: int = 1) -
     """Return what raw logs tell, by damper; one run without a name where they are of one.
 
     A log that cannot be used costs itself: the run's remarks say so.
-
-    Parameters
-    ----------
-    place : pathlib.Path
-        Log, folder, pattern or ``@list.txt``.
-    configuration : Configuration
-        How logs are read and conditioned.
-    jobs : int
-        Threads.
-
-    Raises
-    ------
-    NoUsableLogError
-        No log can be used.
-    ConfigurationError
-        There is no log.
     """
     batch = read_batch(expand([str(place)]), configuration, jobs=jobs, purpose=Purpose.COMPARE)
     groups = by_damper(batch)
@@ -351,35 +284,29 @@ def _of_logs(place: Path, batch: LogBatch, configuration: Configuration) -> Run:
         notes.append(
             f"no log says its setting: {'it is' if n == 1 else f'all {n} are'} compared as tested"
         )
-    record = _record(batch, configuration) | {"notes": list(dict.fromkeys(notes))}
+    document = configuration.document
+    record = {  # what run.json would say of what else may differ
+        "inputs": [
+            {"log": log.log, "sha256": log.sha256}
+            | {"setting": (log.facts.get("setting") or _NAMELESS).cell}
+            | {key: log.facts[key] for key in ("reversed",) if key in log.facts}
+            for log in batch.logs
+        ],
+        "test": common_identity(log.identity for log in batch.logs).describe(),
+        "configuration": {name: document.get(name, {}) for name in ("rig", "conditioning")},
+        "notes": list(dict.fromkeys(notes)),
+    }
     run = Run(record, {"parameters": ()}, place=place, remarks=lost)
     run.tests = tuple(tests)
     return run
 
 
-def _record(batch: LogBatch, configuration: Configuration) -> dict[str, Any]:
-    """Return what run.json would say of what else may differ."""
-    inputs = []
-    for log in batch.logs:
-        setting = log.facts.get("setting") or _NAMELESS
-        known = {"reversed": log.facts["reversed"]} if "reversed" in log.facts else {}
-        inputs.append({"log": log.log, "sha256": log.sha256, "setting": setting.cell} | known)
-    return {
-        "inputs": inputs,
-        "test": common_identity(log.identity for log in batch.logs).describe(),
-        "configuration": {
-            section: configuration.document.get(section, {}) for section in ("rig", "conditioning")
-        },
-    }
-
-
 def _of_trace(trace: Trace) -> tuple[MeasuredTest, ...]:
-    n = len(trace.force)
-    nothing = np.full(n, np.nan)
+    nothing = np.full(len(trace.force), np.nan)
     signals = LogSignals(
         trace.setting or _NAMELESS,
         trace.name,
-        trace.start_time + trace.interval * np.arange(n, dtype=np.float64),
+        trace.start_time + trace.interval * np.arange(len(trace.force), dtype=np.float64),
         trace.displacement,
         trace.velocity,
         trace.force,
@@ -387,8 +314,8 @@ def _of_trace(trace: Trace) -> tuple[MeasuredTest, ...]:
         np.stack([nothing] * 3),
     )
     segments = [stretch.describe(trace) for stretch in trace.stretches]
-    warmth = math.nan if trace.temperature is None else trace.temperature
-    return measured_tests(signals, segments, temperature=warmth)
+    mean = math.nan if trace.temperature is None else trace.temperature
+    return measured_tests(signals, segments, temperature=mean)
 
 
 def _of_curve(curve: ForceCurve, known: Failure | None) -> MeasuredTest:
@@ -398,8 +325,14 @@ def _of_curve(curve: ForceCurve, known: Failure | None) -> MeasuredTest:
     for stroke in STROKES:
         forces = np.array([curve.force_at(float(speed), stroke) for speed in speeds])
         strokes[stroke] = np.stack([forces, np.full(len(speeds), np.nan)])
+    setting = (known.setting if known is not None else None) or _NAMELESS
+    if curve.label not in {curve.name, Path(curve.name).stem}:  # one of several in its file
+        try:
+            setting = Setting.of(parse_place(curve.label))
+        except ValueError:
+            setting = Setting.of(curve.label)
     return MeasuredTest(
-        setting=_setting_of(curve, known),
+        setting=setting,
         log=curve.name,
         amplitude=math.nan,
         frequency=math.nan,
@@ -410,16 +343,6 @@ def _of_curve(curve: ForceCurve, known: Failure | None) -> MeasuredTest:
         speeds=speeds,
         strokes=strokes,
     )
-
-
-def _setting_of(curve: ForceCurve, known: Failure | None) -> Setting:
-    """Return the setting that a curve's label names; of the only one of a file, what is known."""
-    if curve.label in {curve.name, Path(curve.name).stem}:
-        return _NAMELESS if known is None or known.setting is None else known.setting
-    try:
-        return Setting.of(parse_place(curve.label))
-    except ValueError:
-        return Setting.of(curve.label)
 
 
 def name_apart(runs: Sequence[Run]) -> None:

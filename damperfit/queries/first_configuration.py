@@ -73,17 +73,7 @@ class Guessed:
 
 
 def guess_from_logs(logs: Sequence[Path], model: str, given: Mapping[str, str]) -> Guessed:
-    """Return what can be seen in logs: units, setting, signs, whose they are.
-
-    Parameters
-    ----------
-    logs : sequence of pathlib.Path
-        Of one damper and one rig; a few are read.
-    model : str
-        Name of the model; the force of its gas tells which way a log counts.
-    given : mapping of str to str
-        Keys of [damper] that are known, as text with units.
-    """
+    """Return what can be seen in logs: units, setting, signs, whose they are."""
     rig: dict[str, Any] = {}
     why: list[str] = []
     unknown: list[str] = []
@@ -195,17 +185,7 @@ _PASSAGE = """\
 
 
 def first_configuration(model: str, given: Mapping[str, str], guessed: Guessed) -> str:
-    """Return a commented TOML of a damper: what was given, what was seen, what is to be measured.
-
-    Parameters
-    ----------
-    model : str
-        Name of the model.
-    given : mapping of str to str
-        Keys of [damper] that are known, as text with units.
-    guessed : Guessed
-        What the logs show.
-    """
+    """Return a commented TOML: what was given, what was seen, what is to be measured."""
     kind = model_named(model)
     lines = [
         "# Configuration of one damper and its rig: damperfit identify LOGS --config THIS_FILE.",
@@ -312,13 +292,7 @@ def _text(value: str) -> str:
 
 
 def check_damper(model: str, given: Mapping[str, str]) -> None:
-    """Refuse keys of [damper] that there are none of, or values that cannot be.
-
-    Raises
-    ------
-    ConfigurationError
-        One of them is wrong.
-    """
+    """Refuse keys of [damper] that there are none of, or values that cannot be."""
     options = {f"damper.{key}": Option("set", key=key) for key in given}
     options["damper.model"] = Option("model")
     _load(model, given, options)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from damperfit.adjustment.clicks import Click, clicks
 from damperfit.adjustment.force_at import (
@@ -34,17 +34,6 @@ if TYPE_CHECKING:
     from damperfit.damper.model import Model, Values
     from damperfit.results import Run
 
-__all__ = [
-    "ForcesBySetting",
-    "Question",
-    "notes_on_settings",
-    "notes_on_simulation",
-    "parse_question",
-    "positive",
-    "refuse_unfitted",
-    "tabulate_forces",
-]
-
 
 def refuse_unfitted(run: Run) -> Run:
     """Return a run, which must have a setting with all parameters."""
@@ -59,13 +48,7 @@ def refuse_unfitted(run: Run) -> Run:
 
 
 def positive(value: str | float | None, dimension: str, name: str) -> float | None:
-    """Return a quantity above zero in SI, as it was given by a keyword; of None None.
-
-    Raises
-    ------
-    ConfigurationError
-        It is no such quantity, or not above zero.
-    """
+    """Return a quantity above zero in SI, as it was given by a keyword; of None None."""
     if value is None:
         return None
     found = parse_quantity(value, dimension, option=Option(name))
@@ -76,37 +59,29 @@ def positive(value: str | float | None, dimension: str, name: str) -> float | No
     return found
 
 
-def _motion(own: Sine | None, amplitude: str | None, frequency: str | None) -> Sine:
-    """Return the motion asked for, else the test's own."""
-    size = positive(amplitude, "length", "amplitude")
-    rate = positive(frequency, "frequency", "frequency")
-    if own is not None and size is None and rate is None:
-        return own
-    a = size if size is not None else own.amplitude if own else math.nan
-    f = rate if rate is not None else own.frequency if own else math.nan
-    return Sine(a, f)
-
-
-# What of the rig is in forces that are shown, and what is left out, in words.
+# What of the rig is in forces that are shown, and what is left out, in words
 
 
 def notes_on_settings(damper: Model, stages: Sequence[Stage]) -> Iterator[str]:
     """Yield what of the rig is left out of forces by setting."""
     holds_gas = damper.rest_force(0.0) is None
-    if said := offset_sentence([stage.offset for stage in stages], holds_gas=holds_gas):
-        yield said
+    if sentence := offset_sentence([stage.offset for stage in stages], holds_gas=holds_gas):
+        yield sentence
     if stages and (parts := _mounting(stages[0].parameters)):
-        listed, verb = _listed(parts)
-        yield f"the rig's {listed} {verb} in measured forces, not in the model's"
+        yield f"the rig's {_listed(parts)} in measured forces, not in the model's"
 
 
 def notes_on_simulation(damper: Model, values: Values) -> Iterator[str]:
     """Yield what of the rig is in a simulated force."""
-    offsets = []
-    if damper.rest_force(0.0) is not None:  # else it holds the gas force
+    parts = _mounting(values)
+    if damper.rest_force(0.0) is not None:  # else the offset holds the gas force
         tares = [float(getattr(values, one.name)) for one in values.quantities if one.is_offset]
-        offsets = [f"force offset of {tare:.3g} N" for tare in tares if tare]
-    yield from _on_rig([*_mounting(values), *offsets])
+        parts += [f"force offset of {tare:.3g} N" for tare in tares if tare]
+    if parts:
+        yield (
+            f"the rig's {_listed(parts)} in these forces; what damperfit settings shows and "
+            "damperfit export writes is of the damper alone"
+        )
 
 
 def _mounting(values: Values) -> list[str]:
@@ -114,22 +89,12 @@ def _mounting(values: Values) -> list[str]:
     return [one.label for one in values.quantities if one.scope == RIG]
 
 
-def _on_rig(parts: Sequence[str]) -> Iterator[str]:
-    if not parts:
-        return
-    listed, verb = _listed(parts)
-    yield (
-        f"the rig's {listed} {verb} in these forces; what damperfit settings shows and damperfit "
-        "export writes is of the damper alone"
-    )
-
-
-def _listed(parts: Sequence[str]) -> tuple[str, str]:
+def _listed(parts: Sequence[str]) -> str:
     *before, last = parts
-    return (f"{', '.join(before)} and {last}", "are") if before else (last, "is")
+    return f"{', '.join(before)} and {last} are" if before else f"{last} is"
 
 
-# Forces by setting of a results folder, and the setting for a force.
+# Forces by setting of a results folder, and the setting for a force
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,8 +116,7 @@ class Question:
     stroke: str | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class ForcesBySetting:
+class ForcesBySetting(NamedTuple):
     """Forces by setting, their changes by click, and the answer.
 
     Attributes
@@ -194,11 +158,6 @@ def parse_question(
     the size of both counts. With ``stroke`` the signs of the velocity and, in bump, of the force
     do not matter; in rebound a negative force is one: at low speed the gas still pushes.
 
-    Raises
-    ------
-    ConfigurationError
-        A quantity cannot be understood, the speed is zero, or a force comes without a speed.
-
     Examples
     --------
     >>> parse_question(force="900N", velocity="0.2m/s")
@@ -214,7 +173,9 @@ def parse_question(
             where=Option("stroke", stroke),
             code="unknown-stroke",
         )
-    if force is not None and velocity is None:
+    if velocity is None:
+        if force is None:
+            return Question(stroke=stroke)
         raise ConfigurationError(
             "at which speed? Give {velocity} too, as in {example}",
             velocity=Option("velocity"),
@@ -222,21 +183,19 @@ def parse_question(
             where=Option("force", force),
             code="no-speed",
         )
-    if velocity is None:
-        return Question(stroke=stroke)
     speed = parse_quantity(velocity, "velocity", option="--velocity")
+    wanted = None if force is None else parse_quantity(force, "force", option="--force")
     if speed == 0.0:
         raise ConfigurationError(
             "expected a speed other than zero",
             where=Option("velocity", velocity),
             code="out-of-range",
         )
-    if force is None:
-        side = "bump" if speed < 0.0 and stroke is None else stroke
-        return Question(abs(speed), None, side)
-    wanted = parse_quantity(force, "force", option="--force")
-    if stroke is None:
-        stroke = "bump" if speed < 0.0 or wanted < 0.0 else "rebound"
+    if stroke is None and (speed < 0.0 or (wanted is not None and wanted < 0.0)):
+        stroke = "bump"
+    if wanted is None:
+        return Question(abs(speed), None, stroke)
+    stroke = stroke or "rebound"
     return Question(abs(speed), -abs(wanted) if stroke == "bump" else wanted, stroke)
 
 
@@ -245,24 +204,18 @@ def tabulate_forces(
 ) -> ForcesBySetting:
     """Return forces and clicks of a run, and where a wanted force is found.
 
-    Parameters
-    ----------
-    run : Run
-        What `identify` found.
-    question : Question
-        What is asked.
-    amplitude, frequency : str, optional
-        Of a sine, up to whose peak speed forces are shown, instead of the test's own.
-
-    Raises
-    ------
-    ConfigurationError
-        No setting has parameters, the motion is none, no named speed is reached, or there are not
-        two settings to look between.
+    With a sine forces are shown up to its peak speed, instead of that of the test's own motion.
     """
     damper = refuse_unfitted(run).damper
-    own = run.motion_of_tests if amplitude and frequency else run.motion
-    sine = _motion(own, amplitude, frequency)
+    size = positive(amplitude, "length", "amplitude")
+    rate = positive(frequency, "frequency", "frequency")
+    own = run.motion_of_tests if size and rate else run.motion
+    sine = own
+    if sine is None or size or rate:
+        sine = Sine(
+            size or (own.amplitude if own else math.nan),
+            rate or (own.frequency if own else math.nan),
+        )
     refuse_amplitude(sine.amplitude, damper.travel)
     speeds = named_speeds(sine.peak_speed, run.shown_speeds or NAMED_SPEEDS)
     if question.speed is not None:

@@ -11,7 +11,7 @@ def test_a_family_is_table_figure_and_sentence(run):
     ended = run("sweep", "--setting", "10", "--vary", "R_m1=0.8,1,1.2", "--figures", "svg")
     assert ended.code == 0, ended.err
     assert "r_m1 x0.8 to x1.2: peak rebound " in ended.out
-    assert all(len(line) <= 80 for line in ended.out.splitlines())
+    assert all(len(line) <= 120 for line in ended.out.splitlines())
     assert {path.name for path in Path("sweep").iterdir()} == {"sweep.csv", "sweep_r_m1.svg"}
     with Path("sweep/sweep.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
