@@ -28,13 +28,7 @@ _EVERYWHERE = frozenset({OFFSET, FRICTION, STIFFNESS, GAS_AMOUNT})
 
 
 def with_given_start(configuration: Configuration) -> Configuration:
-    """Return the configuration with the parameters of the earlier run that it names as a start.
-
-    Raises
-    ------
-    ConfigurationError
-        The table cannot be read, tells no number, or is of another model.
-    """
+    """Return the configuration with the parameters of the earlier run that it names as a start."""
     path = configuration.start_table
     damper, options = configuration.damper, configuration.identification
     if path is None or options.start.by_setting:  # the latter from the choice of a law
@@ -62,11 +56,6 @@ def start_of_laws(configuration: Configuration, named: Mapping[str, str]) -> Giv
     """Return a start for laws that are only to be chosen; it may name what any of them has.
 
     ``named`` are NAME=VALUE as typed; the configuration's table of an earlier run counts too.
-
-    Raises
-    ------
-    ConfigurationError
-        No law has such a quantity, a value is wrong, or the table cannot be used.
     """
     mounting = Mounting(FIT, FIT, FIT)
     valves = [Valve("long", kind) for kind in BLOW_OFFS if kind != "none"]

@@ -44,33 +44,23 @@ if TYPE_CHECKING:
     from damperfit.recording import Trace
     from damperfit.results import Run
     from damperfit.run.auto_model import LawChoice
-    from damperfit.run.judging import Mishaps
+    from damperfit.run.record import Mishaps
     from damperfit.tables.reading import LogSignals
     from damperfit.tested.setting import Setting
 
 
 _LOGGER = logging.getLogger(__name__)
-_AFTER_READING = ("judging", "record")
 
 
 @dataclass(frozen=True, slots=True)
 class Watch:
     """Who looks on while a run goes: progress, and the wish to stop.
 
-    Attributes
-    ----------
-    on_start : callable
-        Called with the number of settings when all logs are read.
-    on_fit : callable
-        Called with each `Fit`, log or damper when it is done, from any thread.
-    cancelled : callable
-        Asked now and then; once it says True, finished settings are written and the run ends.
-    on_law : callable
-        Called with the name of each law that was tried, where the logs choose it.
-    on_choice : callable
-        Called with the choice, what was asked for, and what is fitted.
-    during_work : callable
-        Makes a context that is entered while logs are read and fitted.
+    `on_start` is called with the number of settings when all logs are read, `on_fit` with each
+    `Fit`, log or damper when it is done, from any thread. `cancelled` is asked now and then; once
+    it says True, finished settings are written and the run ends. Where the logs choose the law,
+    `on_law` is called with the name of each that was tried, `on_choice` with the choice, what was
+    asked for, and what is fitted. `during_work` makes a context for the time of the work.
     """
 
     on_start: Callable[[int], None] = lambda _: None
@@ -106,24 +96,12 @@ class Clock:
 
 @dataclass(slots=True, eq=False, repr=False)
 class Identified:
-    """One damper, identified.
+    """One damper, identified: its serial number or name, with what it was fitted, what was found.
 
-    Attributes
-    ----------
-    owner : str
-        Its serial number or name; empty where no log says it.
-    configuration : Configuration
-        With what it was fitted.
-    run : Run
-        What was found.
-    failures : tuple of Failure
-        Logs and settings without a result, and where internal errors happened.
-    beside : tuple of str
-        Folders of all dampers of the command; empty where there is one.
-    error : Exception or None
-        Why it, or its report, is not written.
-    keeps_earlier : bool
-        Nothing was fitted, and nothing written: the folder keeps the results that it had.
+    `failures` are logs and settings without a result, and where internal errors happened; `beside`
+    the folders of all dampers of the command, none where there is one; `error` says why it, or its
+    report, is not written. `keeps_earlier`: nothing was fitted, and the folder keeps the results
+    that it had.
     """
 
     owner: str
@@ -195,22 +173,9 @@ def identified(  # noqa: PLR0913 - what is asked of it
 ) -> Iterator[Identified]:
     """Identify the dampers in the logs one after the other, and write nothing.
 
-    Parameters
-    ----------
-    configuration : Configuration
-        The complete configuration.
-    logs : sequence of str
-        Paths and patterns.
-    jobs : int, optional
-        Workers; the cores available by default. The results do not depend on it.
-    setting : Setting, optional
-        Setting of logs that do not give one.
-    traces : sequence of Trace
-        Logs that are conditioned already, fitted with those that are read.
-    watch : Watch
-        Progress and cancellation.
-    is_one : bool
-        Whether logs of several dampers are refused.
+    ``logs`` are paths and patterns, ``traces`` logs that are conditioned already, fitted with those
+    that are read; ``setting`` is that of logs that do not give one. The results do not depend on
+    ``jobs``. With ``is_one`` logs of several dampers are refused.
 
     Raises
     ------
@@ -237,7 +202,7 @@ def identified(  # noqa: PLR0913 - what is asked of it
             jobs=workers,
             setting=setting,
             cancelled=watch.cancelled,
-            beside=lambda: [import_module(f"damperfit.run.{name}") for name in _AFTER_READING],
+            beside=lambda: import_module("damperfit.run.record"),
         )
     add_traces(batch, traces, setting)
     if not batch.logs and not watch.cancelled():
@@ -279,8 +244,7 @@ def _fitted(
     configuration: Configuration, batch: LogBatch, *, clock: Clock, jobs: int, watch: Watch
 ) -> tuple[Run, tuple[Failure, ...]]:
     """Fit and judge the logs of one damper."""
-    from damperfit.run.judging import Mishaps, judge
-    from damperfit.run.record import run_of
+    from damperfit.run.record import Mishaps, judge, run_of
 
     watch.on_start(len({trace.setting for trace in batch.traces}))
     with clock.lap("fit"):

@@ -68,11 +68,6 @@ def matches(pattern: str, *, keeps_missing: bool = False) -> list[Path]:
     read. A list has one path or pattern a line, relative to where the command is run; empty lines
     and those that begin with ``#`` count for nothing. With ``keeps_missing`` a named file that does
     not exist, or a folder without logs, is returned as well, for the reader to report.
-
-    Raises
-    ------
-    ConfigurationError
-        There is none.
     """
     if pattern == "":  # as a path it would be the folder that one is in
         raise ConfigurationError("'': expected a file or folder; '.' is this folder")
@@ -250,13 +245,6 @@ def as_files(logs: object, *, call: str) -> Iterator[list[str]]:
 
     Frames are written to a temporary folder, with a table that says the setting of each; its label
     is the setting's. The folder goes when the block ends.
-
-    Raises
-    ------
-    ConfigurationError
-        It is nothing of the kind.
-    LogError
-        A frame has columns of different lengths, or none.
     """
     if isinstance(logs, Mapping) and logs:
         with TemporaryDirectory(prefix="damperfit-frames-") as folder:

@@ -102,21 +102,11 @@ class Purpose(Enum):
 
 @dataclass(slots=True, eq=False, repr=False)
 class Log:
-    """One test that was read: its facts, and either a trace or a failure.
+    """One test that was read: its facts, and either a trace, until the batch has it, or a failure.
 
-    Attributes
-    ----------
-    log, path, sha256 : str
-        Name for tables, path as given, hash of the bytes (empty when unreadable).
-    facts : dict
-        JSON values for run.json and `inspect`: samples, rate, cycles, frequency, amplitude, notes,
-        findings, and the verdict: "good", "warnings" (it is used, read them) or "refused".
-    trace, failure : Trace or None, Failure or None
-        What was read, until the batch has it; why it cannot be used.
-    identity : Identity
-        Whose test it is.
-    shows_signs : bool
-        Whether it shows which way its channels are counted.
+    The facts are JSON values for run.json and `inspect`: samples, rate, cycles, frequency,
+    amplitude, notes, findings, and the verdict: "good", "warnings" (it is used, read them) or
+    "refused". `shows_signs`: it shows which way its channels are counted.
     """
 
     log: str
@@ -138,24 +128,10 @@ class Log:
 class LogBatch:
     """All logs of a run; what is done with them before the fit changes it in place.
 
-    Attributes
-    ----------
-    logs : list of Log
-        Every log, the failed ones too, in the order of their names.
-    traces : list of Trace
-        Those to fit.
-    failures : list of Failure
-        Logs and settings that cannot be used.
-    skipped : tuple of str
-        Files that are no logs and are not meant to be.
-    remarks : list of Problem or str
-        How settings were found, where that is more than reading them; what was left out.
-    notes : tuple of str
-        Tables of tests that were used.
-    held_out : list of Trace
-        To be predicted.
-    is_asked : bool
-        Whether the user said what to hold out; else it is what moves beside the steady cycles.
+    `logs` are all, the failed ones too; `traces` those to fit, `held_out` those to be predicted;
+    `failures` logs and settings that cannot be used. `skipped` files are no logs and are not meant
+    to be; `notes` name tables of tests, `remarks` say what was done with the logs. `is_asked`: the
+    user said what to hold out; else it is what moves beside the steady cycles.
     """
 
     logs: list[Log] = field(default_factory=list)
@@ -204,13 +180,7 @@ class LogBatch:
 
 
 class Labels:
-    """Who says what of the logs of a run, before they are read.
-
-    Raises
-    ------
-    ConfigurationError
-        A table of tests is wrong, with its line.
-    """
+    """Who says what of the logs of a run, before they are read."""
 
     def __init__(
         self,
@@ -254,14 +224,7 @@ class Labels:
         return ranks[max(ranks)] if ranks else None
 
     def labelled(self, recording: Recording, path: Path) -> tuple[Recording, Identity]:
-        """Return the recording with its setting, None where nobody says it, and whose it is.
-
-        Raises
-        ------
-        ConfigurationError
-            The log says another setting than the command line, or is another damper's than the
-            configuration says.
-        """
+        """Return the recording with its setting, None where nobody says it, and whose it is."""
         row = self.row(path)
         if path.name in self.unclear and _FROM_NAME in recording.notes:
             rest = tuple(note for note in recording.notes if note != _FROM_NAME)
@@ -433,10 +396,7 @@ def _says(name: str, configuration: Configuration) -> bool:
 def facts_of(
     recording: Recording, path: Path, configuration: Configuration, row: TestRow | None
 ) -> tuple[dict[str, float], tuple[str, ...]]:
-    """Return what is stated of one test, SI, by the nearest word, and which words say too little.
-
-    ``row`` is that of the table of tests.
-    """
+    """Return what is stated of one test by the nearest word, SI, and what says too little."""
     own, notes = facts_in(recording.metadata)
     if recording.temperature is not None:
         own.pop("temperature", None)
@@ -536,15 +496,7 @@ def read_batch(  # noqa: PLR0913 - one more than usual, for what is done beside 
 
 
 def add_traces(batch: LogBatch, traces: Sequence[Trace], setting: Setting | None) -> None:
-    """Put traces that are there already among the logs of a run, as if they had been read.
-
-    Raises
-    ------
-    ConfigurationError
-        Two logs have one name, by which tables tell them apart.
-    LogError
-        A trace has no setting, and none was given for such.
-    """
+    """Put traces that are there already among the logs of a run, as if they had been read."""
     given = [t if t.setting is not None else replace(t, setting=setting) for t in traces]
     for trace in given:
         if trace.setting is None:

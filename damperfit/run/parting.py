@@ -58,15 +58,10 @@ _COVARIATE = Option("covariate", "temperature")
 
 
 def by_damper(batch: LogBatch, *, is_one: bool = False) -> dict[str, LogBatch]:
-    """Return the logs of each damper, by serial number or name.
+    """Return the logs of each damper, by serial number or name; with ``is_one`` there may be one.
 
     Where no log or one damper alone is named there is one entry. Logs that say nothing then count
     as that damper's, which is said; beside several dampers they fail.
-
-    Raises
-    ------
-    ConfigurationError
-        There are several, and there may be one only.
     """
     owners = {log.log: log.identity.owner for log in batch.logs}
     named = sorted(set(owners.values()) - {""}, key=natural_order)
@@ -270,10 +265,7 @@ def check_temperatures(configuration: Configuration, traces: Iterable[Trace]) ->
 def with_reference(configuration: Configuration, traces: Sequence[Trace]) -> Configuration:
     """Return the configuration with the temperature that the damper's resistances are told for.
 
-    Raises
-    ------
-    ConfigurationError
-        All logs have nearly the same temperature, or whatever it does could be the setting's.
+    Refused are logs of nearly one temperature, or where whatever it does could be the setting's.
     """
     damper, options = configuration.damper, configuration.identification
     if not isinstance(damper, Warmed) or not traces:
@@ -351,15 +343,7 @@ def fitting(
 
 
 def part(batch: LogBatch, options: HoldOutOptions, named: Mapping[str, Sequence[Path]]) -> None:
-    """Part what was read into what is fitted and what is predicted, but for transients.
-
-    All that `named_files` found for the patterns was read.
-
-    Raises
-    ------
-    ConfigurationError
-        A pattern fits nothing, or no log is left to fit.
-    """
+    """Part what was read into what is fitted and what is predicted, but for transients."""
     names: set[str] = set()
     for pattern in filter(_is_of_files, options.patterns):
         hits = _hits(pattern, batch, named)
@@ -402,11 +386,6 @@ def hold_out_transients(batch: LogBatch, options: HoldOutOptions) -> None:
     """Hold out what moves beside the steady cycles of the logs that are left to fit.
 
     After copies and contradictions are gone, for a log that is not fitted has no rest to predict.
-
-    Raises
-    ------
-    ConfigurationError
-        Transients are asked for, and no log has any.
     """
     is_asked = TRANSIENTS in options.patterns
     if not is_asked and (options.patterns or options.cycles):

@@ -147,13 +147,7 @@ def _signals_table(schema: pa.Schema, log: LogSignals) -> pa.Table:
 
 
 def write_table(path: Path, table: pa.Table, *, suffix: str | None = None) -> None:
-    """Write a table as Parquet (with page checksums) or CSV, by the suffix of the path or given.
-
-    Raises
-    ------
-    ConfigurationError
-        The suffix is neither ".parquet" nor ".csv".
-    """
+    """Write a table as Parquet (with page checksums) or CSV, by the suffix of the path or given."""
     suffix = (suffix or path.suffix).lower()
     if suffix == ".parquet":
         pq.write_table(table, path, write_page_checksum=True)

@@ -266,13 +266,6 @@ def read_table(
 
     It was written by `write_table`, or is any table with the columns ``setting`` and those of the
     quantities in SI; ``is_whole``: of each quantity that has no default.
-
-    Raises
-    ------
-    ConfigurationError
-        The file is missing, is no table, or lacks a column.
-    OutputError
-        Writing was interrupted in its folder, and the earlier table cannot be put back.
     """
     settle(path.parent)
     quantities = table_quantities(path)
@@ -343,13 +336,7 @@ def is_part(path: Path) -> bool:
 
 
 def part_in(path: Path) -> Path:
-    """Return the part that a path names, itself or as the folder of its serial number.
-
-    Raises
-    ------
-    ConfigurationError
-        There are several.
-    """
+    """Return the part that a path names, itself or as the folder of its serial number."""
     if not path.is_dir():
         return path
     parts = _parts_of(path)
@@ -360,13 +347,7 @@ def part_in(path: Path) -> Path:
 
 
 def read_part(path: Path) -> tuple[dict[str, Any], tuple[Quantity, ...], Rows]:
-    """Return what a part keeps of run.json, its quantities, and its rows of parameters.
-
-    Raises
-    ------
-    ConfigurationError
-        There are several, it is damaged, or it does not tell its damper.
-    """
+    """Return what a part keeps of run.json, its quantities, and its rows of parameters."""
     path = part_in(path)
     try:
         file = pq.ParquetFile(regular(path), page_checksum_verification=True)
@@ -400,14 +381,7 @@ def read_part(path: Path) -> tuple[dict[str, Any], tuple[Quantity, ...], Rows]:
 
 
 def written_of(place: Path, name: str) -> Path:
-    """Return where what is made of results goes: beside a fleet's parts, which programs read whole.
-
-    Examples
-    --------
-    >>> from pathlib import Path
-    >>> written_of(Path("results"), "reports").as_posix()
-    'results'
-    """
+    """Return where what is made of results goes: of a fleet's part beside all parts."""
     if not is_part(place):
         return place
     serial = place if place.is_dir() else place.parent

@@ -15,10 +15,11 @@ from damperfit.identification import Outcome, Sharing, Status
 from damperfit.problem import Failure, Problem
 from damperfit.recording import Finding
 from damperfit.reporting.records import gaps_in
-from damperfit.run.judging import Judgement, Mishaps
 from damperfit.run.logs import Ending, Log, LogBatch
 from damperfit.run.record import (
     MANY,
+    Judgement,
+    Mishaps,
     ending_of,
     gates_not_met,
     missing_logs,

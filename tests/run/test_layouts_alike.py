@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from damperfit.damper.valve_dampers import Monotube
-from damperfit.run.judging import with_other_layouts
+from damperfit.run.record import with_other_layouts
 from damperfit.tested.setting import Setting
 from damperfit.uncertainty import Assessment, Interval, Uncertainty
 

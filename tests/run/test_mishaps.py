@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from damperfit.cli import main
-from damperfit.run import judging, logs
+from damperfit.run import logs, record
 from damperfit.synthetic import SampleOptions, make_samples
 from tests.kept_fits import kept_fits
 
@@ -198,10 +198,10 @@ def _found(name: str):
 
 
 WHOLE = {
-    "judging the fits": (judging, "assess"),
-    "comparing the settings": (judging, "compare_settings"),
-    "checking the run": (judging, "run_checks"),
-    "following profiles": (judging, "profile_campaign"),
+    "judging the fits": (record, "assess"),
+    "comparing the settings": (record, "compare_settings"),
+    "checking the run": (record, "run_checks"),
+    "following profiles": (record, "profile_campaign"),
 }
 
 
@@ -222,7 +222,7 @@ def test_a_step_over_all_settings_that_fails_leaves_the_fits(
 def test_a_gate_that_a_bug_kept_from_being_looked_at_is_not_met(
     call, samples, tmp_path, monkeypatch
 ) -> None:
-    monkeypatch.setattr(judging, "run_checks", broken_at(judging.run_checks, lambda *_: True))
+    monkeypatch.setattr(record, "run_checks", broken_at(record.run_checks, lambda *_: True))
     identify(call, samples, "--check", "no_cavitation")
     (gate,) = record_of(tmp_path)["gates_missed"]
     assert gate == "check not evaluated: no_cavitation: not evaluated because of an internal error"
@@ -232,7 +232,7 @@ def test_a_log_that_cannot_be_predicted_is_told(call, samples, tmp_path, monkeyp
     def is_two(_campaign, _assessment, traces, **_) -> bool:
         return traces[0].name == "setting_02.csv"
 
-    monkeypatch.setattr(judging, "predict", broken_at(judging.predict, is_two))
+    monkeypatch.setattr(record, "predict", broken_at(record.predict, is_two))
     ended = identify(call, samples, "--hold-out-cycles", "2")
     assert ended.code == 1
     (failure,) = record_of(tmp_path)["failures"]
