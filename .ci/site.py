@@ -1,4 +1,4 @@
-"""The manual as a site: tables made from the code, and the API reference; mkdocs.yml names this."""  # noqa: INP001
+"""The manual as a site: tables made from the code, and the API reference; mkdocs.yml names this."""
 
 from __future__ import annotations
 
