@@ -136,7 +136,7 @@ def _pyconfig(platform: Platform) -> str:
 def _linked_to_python(platform: Platform, names: list[str], place: Path) -> list[str]:
     """Return how the module finds Python: in python3.dll; elsewhere when it is loaded."""
     if "macos" in platform.target:
-        return ["-bundle", "-undefined", "dynamic_lookup"]
+        return ["-shared", "-undefined", "dynamic_lookup"]
     if "windows" not in platform.target:
         return ["-shared", "-lm"]
     definition = place / "python3.def"

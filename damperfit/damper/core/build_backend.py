@@ -210,5 +210,5 @@ _ZIG = ["-mcpu=baseline", "-fno-sanitize=undefined", "-DNDEBUG", "-s", "-fPIC"]
 def _zig_options() -> list[str]:
     """Return what makes Zig an ordinary C compiler for a Python extension."""
     if sys.platform == "darwin":
-        return [*_ZIG, "-bundle", "-undefined", "dynamic_lookup"]
+        return [*_ZIG, "-shared", "-undefined", "dynamic_lookup"]  # Zig knows no bundles
     return [*_ZIG, "-shared"]
