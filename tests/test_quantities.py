@@ -39,7 +39,14 @@ VALUES = {
     | {"barg": 201325.0, "psig": 108219.75729316836},
     "frequency": {"Hz": 1.0, "kHz": 1e3},
     "temperature": {"degC": 1.0, "\N{DEGREE SIGN}C": 1.0, "K": -272.15, "degF": -17.22222222222222},
-    "velocity": {"m/s": 1.0, "mm/s": 1e-3, "cm/s": 0.01, "in/s": 0.0254},
+    "velocity": {
+        "m/s": 1.0,
+        "mm/s": 1e-3,
+        "cm/s": 0.01,
+        "in/s": 0.0254,
+        "km/h": 1 / 3.6,
+        "mph": 0.44704,
+    },
     "mass": {"kg": 1.0, "lb": 0.45359237},
     "density": {"kg/m3": 1.0, "g/cm3": 1e3},
     "area": {"m2": 1.0, "cm2": 1e-4, "mm2": 1e-6},
@@ -149,7 +156,7 @@ UNKNOWN = {
     "length": "mil thou ft Mm yd centimeters decimeter micrometers nanometre",
     "time": "h hours minutes microseconds mseconds MS",
     "pressure": "hPa mbar mPa ksi psf atm",
-    "velocity": "m/min km/h ft/s",
+    "velocity": "m/min ft/s knots",
 }
 
 

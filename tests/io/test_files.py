@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
@@ -12,72 +13,69 @@ import pytest
 from damperfit.io.files import MAX_TEXT, IrregularFileError, read_bytes, read_text
 from tests.report_folder import make_results
 
-pytestmark = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no FIFO")
 SAMPLE = Path(__file__).parents[2] / "sample_runs" / "setting_10.csv"
-
-
-def pipe(path: Path) -> None:
-    os.mkfifo(path)
-
-
-def device(path: Path) -> None:
-    path.symlink_to("/dev/zero")
-
-
-def huge(path: Path) -> None:
-    with path.open("wb") as file:
-        file.truncate(20 * MAX_TEXT)  # a hole on the disk
-
-
-def latin(path: Path) -> None:
-    path.write_bytes(b"\xff\xfenot text\n")
-
-
+OBSTACLES = {
+    "pipe": os.mkfifo if hasattr(os, "mkfifo") else None,
+    "device": lambda path: path.symlink_to("/dev/zero"),
+    "huge": lambda path: path.touch() or os.truncate(path, 20 * MAX_TEXT),  # a hole on the disk
+    "latin": lambda path: path.write_bytes(b"\xff\xfenot text\n"),
+}
 # What a user may name beside logs: the file, and the command that reads it.
 COMMANDS = {
-    "configuration": ("x.toml", ["inspect", SAMPLE, "--config", "x.toml"]),
-    "list": ("x.txt", ["inspect", "@x.txt"]),
-    "table of tests": ("x.csv", ["inspect", SAMPLE, "--tests", "x.csv"]),
-    "start table": ("x.parquet", ["identify", SAMPLE, "--start", "x.parquet"]),
-    "parameters": ("x.csv", ["simulate", "--setting", "1", "--parameters", "x.csv"]),
-    "tolerance": ("x.csv", ["compare", SAMPLE, SAMPLE, "--tolerance", "x.csv"]),
+    "configuration": (".toml", ["inspect", SAMPLE, "--config"]),
+    "list": (".txt", ["inspect"]),
+    "table of tests": (".csv", ["inspect", SAMPLE, "--tests"]),
+    "start table": (".parquet", ["identify", SAMPLE, "--start"]),
+    "parameters": (".csv", ["simulate", "--setting", "1", "--parameters"]),
+    "tolerance": (".csv", ["compare", SAMPLE, SAMPLE, "--tolerance"]),
 }
+RUN = """
+import contextlib, io, json, sys
+from damperfit.cli import main
+for line in sys.stdin:
+    err, out = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stderr(err), contextlib.redirect_stdout(out):
+        code = main(json.loads(line))
+    print(json.dumps([code, err.getvalue()]), flush=True)
+"""
 
 
-@pytest.mark.parametrize("obstacle", [pipe, device, huge, latin])
-@pytest.mark.parametrize("name", COMMANDS)
-def test_what_is_no_file_is_refused_at_once(tmp_path, name, obstacle) -> None:
-    file, command = COMMANDS[name]
-    obstacle(tmp_path / file)
+def ended(folder, commands) -> list[tuple[int, str]]:
+    """Code and errors of each command, in one process that a deadline guards."""
     done = subprocess.run(
-        [sys.executable, "-m", "damperfit", *map(str, command)],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-    )
-    assert done.returncode == 2, done.stderr
-    assert done.stderr.count("\n") == 1
-    assert file in done.stderr
+        [sys.executable, "-c", RUN], input="\n".join(json.dumps(one) for one in commands),
+        cwd=folder, capture_output=True, text=True, timeout=100, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return [json.loads(line) for line in done.stdout.splitlines()]
 
 
-@pytest.mark.parametrize("file", ["run.json", "parameters.parquet", "parameters.csv"])
-def test_a_results_folder_with_no_files_in_it_is_never_waited_for(tmp_path, file) -> None:
-    make_results(tmp_path / "results", [1])
-    (tmp_path / "results" / file).unlink(missing_ok=True)
-    pipe(tmp_path / "results" / file)
-    for command in ("report", "settings"):
-        done = subprocess.run(
-            [sys.executable, "-m", "damperfit", command, "results"],
-            cwd=tmp_path,
-            capture_output=True,
-            text=True,
-            timeout=60,
-            check=False,
-        )
-        assert done.returncode in {0, 1, 2}, done.stderr
-        assert "Traceback" not in done.stderr
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no FIFO")
+def test_what_is_no_file_is_refused_at_once(tmp_path) -> None:
+    commands = {}
+    for name, (suffix, command) in COMMANDS.items():
+        for kind, make in OBSTACLES.items():
+            path = tmp_path / f"{name.replace(' ', '_')}_{kind}{suffix}"
+            make(path)
+            commands[path.name] = [*map(str, command), "@" * (name == "list") + path.name]
+    for (file, command), (code, err) in zip(
+        commands.items(), ended(tmp_path, commands.values()), strict=True
+    ):
+        assert (code, err.count("\n"), file in err) == (2, 1, True), (command, err)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no FIFO")
+def test_a_results_folder_with_no_files_in_it_is_never_waited_for(tmp_path) -> None:
+    commands = []
+    for file in ("run.json", "parameters.parquet", "parameters.csv"):
+        folder = tmp_path / file.replace(".", "_")
+        make_results(folder, [1])
+        (folder / file).unlink(missing_ok=True)
+        os.mkfifo(folder / file)
+        commands += [["report", folder.name], ["settings", folder.name]]
+    for command, (code, err) in zip(commands, ended(tmp_path, commands), strict=True):
+        assert code in {0, 1, 2}, (command, err)
+        assert "Traceback" not in err
 
 
 def test_bytes_up_to_a_limit_and_text_with_its_mark(tmp_path) -> None:
