@@ -125,7 +125,8 @@ class Outlets:
     @cached_property
     def page(self) -> str:
         self.command("report", self.out)
-        return Path(f"{self.out}/report.html").read_text(encoding="utf-8")
+        text = Path(f"{self.out}/report.html").read_text(encoding="utf-8")
+        return text[: text.index("<script>", text.index('id="data"'))]  # without plotly.js
 
     @cached_property
     def markdown(self) -> str:

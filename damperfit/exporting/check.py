@@ -53,25 +53,13 @@ _NUMBER = r"(-?\d[\d.]*(?:e[-+]?\d+)?)"
 
 @dataclass(frozen=True, slots=True)
 class SettingCheck:
-    """How far what was written is from the logs of a setting.
-
-    Attributes
-    ----------
-    setting : Setting
-        Which.
-    mse_percent, fit_mse_percent : float
-        Of what was written, and of the run's own simulation of the same samples.
-    n_samples : int
-        Compared.
-    beyond_percent : float
-        Samples that are left out, for they are faster than the table.
-    """
+    """How far what was written is from the logs of a setting."""
 
     setting: Setting
-    mse_percent: float
-    fit_mse_percent: float
-    n_samples: int
-    beyond_percent: float = 0.0
+    mse_percent: float  # of what was written
+    fit_mse_percent: float  # of the run's own simulation of the same samples
+    n_samples: int  # compared
+    beyond_percent: float = 0.0  # samples that are left out, for they are faster than the table
 
     def __str__(self) -> str:
         beyond = f"; {self.beyond_percent:.2g} % of the samples are beyond the table"

@@ -61,24 +61,12 @@ _OTHERS = 6  # settings whose MSE is listed one by one
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ExportedRun:
-    """A run as the targets need it.
+    """A run as the targets need it."""
 
-    Attributes
-    ----------
-    run : Run
-        Whose test it was, and how it was tested.
-    damper : Model
-        At one temperature, where the run's follows it: other programs know of none.
-    settings : tuple of SettingResult
-        Rising; at least one.
-    notes : tuple of str
-        What else to know of the values.
-    """
-
-    run: Run
-    damper: Model
-    settings: tuple[SettingResult, ...]
-    notes: tuple[str, ...] = ()
+    run: Run  # whose test it was, and how it was tested
+    damper: Model  # at one temperature, where the run's follows it: other programs know of none
+    settings: tuple[SettingResult, ...]  # rising; at least one
+    notes: tuple[str, ...] = ()  # what else to know of the values
 
 
 def exported_run(

@@ -92,92 +92,42 @@ _PARTS = {
 
 @dataclass(frozen=True, slots=True)
 class ExportOptions:
-    """What the user may choose.
+    """What the user may choose."""
 
-    Attributes
-    ----------
-    stem : str
-        What the names of the files begin with.
-    extend : float or None
-        Speed up to which tables go, m/s; None: to the tested speed.
-    units : ShownUnits
-        Of spreadsheets; a simulator has units of its own.
-    decimal : str
-        Mark of the decimals in CSV: a point or a comma.
-    """
-
-    stem: str = "damper"
-    extend: float | None = None
-    units: ShownUnits = SI
-    decimal: str = "."
+    stem: str = "damper"  # what the names of the files begin with
+    extend: float | None = None  # speed up to which tables go, m/s; None: to the tested speed
+    units: ShownUnits = SI  # of spreadsheets; a simulator has units of its own
+    decimal: str = "."  # mark of the decimals in CSV: a point or a comma
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Export:
-    """What was made for a target.
-
-    Attributes
-    ----------
-    target, options
-        For which, and as it was asked for.
-    files : mapping of str to bytes
-        By name.
-    tables : tuple of ForceTable
-        Force by speed of each setting, as it stands in them, or would.
-    lost : str
-        How far the damper's dynamics are from its table; empty where they hold no table.
-    determined : str
-        Up to which speed the logs determine the force.
-    notes : tuple of str
-        What else to know.
-    """
+class Export(NamedTuple):
+    """What was made for a target."""
 
     target: Target
     options: ExportOptions
-    files: Mapping[str, bytes]
-    tables: tuple[ForceTable, ...]
-    lost: str
-    determined: str
-    notes: tuple[str, ...]
+    files: Mapping[str, bytes]  # by name
+    tables: tuple[ForceTable, ...]  # of each setting, as they stand in the files, or would
+    lost: str  # how far the damper's dynamics are from its table; empty where they hold no table
+    determined: str  # up to which speed the logs determine the force
+    notes: tuple[str, ...]  # what else to know
 
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """A program or format that a damper can be exported to.
+    """A program or format that a damper can be exported to: an entry of ``targets.toml``."""
 
-    Attributes
-    ----------
-    name : str
-        As on the command line.
-    title, units, sign, place : str
-        For people: what it is, its units of speed and force, what is positive, where it goes.
-    file : str
-        Pattern of its files' names: ``{stem}.csv``, or ``{stem}_s{setting}.dpr`` for one a setting;
-        several with a comma between.
-    template, encoding : str
-        Of a text that a template makes; what the encoding cannot hold becomes a question mark.
-    read : mapping
-        How the table is found in such a text again (`damperfit.exporting.check`).
-    has_table : bool
-        It holds force by speed.
-    physics_of : sequence of str
-        Models whose own equations it holds instead.
-    takes : sequence of str
-        Options that only some targets heed: "units", "decimal".
-    """
-
-    name: str
-    title: str
-    file: str
+    name: str  # as on the command line
+    title: str  # for people, as are units of speed and force, what is positive, and where it goes
+    file: str  # pattern of names: {stem}.csv, {stem}_s{setting}.dpr for one a setting; or several
     units: str
     sign: str
     place: str
-    template: str = ""
-    encoding: str = "utf-8"
-    read: Mapping[str, Any] = field(default_factory=dict)
-    has_table: bool = True
-    physics_of: Sequence[str] = ()
-    takes: Sequence[str] = ()
+    template: str = ""  # of a text that a template makes
+    encoding: str = "utf-8"  # what it cannot hold becomes a question mark
+    read: Mapping[str, Any] = field(default_factory=dict)  # how `check` finds the table again
+    has_table: bool = True  # it holds force by speed
+    physics_of: Sequence[str] = ()  # models whose own equations it holds instead
+    takes: Sequence[str] = ()  # options that only some targets heed: "units", "decimal"
 
     def has_table_of(self, damper: Model) -> bool:
         """Whether the file of this damper holds a table."""

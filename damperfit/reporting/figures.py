@@ -32,39 +32,23 @@ _BUCKETS = 500  # of one cycle: 3000 samples are drawn as they are
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Line:
-    """One trace.
+    """One trace, in the panel's units.
 
-    Attributes
-    ----------
-    x, y : numpy.ndarray
-        Shape (n,), in the panel's units.
-    label : str
-        For the legend and the hover text; plain text, not yet escaped.
-    colour : str
-        "#rrggbb", "ink" or "muted".
-    setting : Setting or None
-        Adjuster setting whose trace it is; None belongs to all.
-    style : str
-        "solid", "wide", "thin", "dashed", and for what stands back "pale" and "faint"; "dotted";
-        "points", "triangles", "rings"; "dot_line" and "triangle_line" join their marks.
-    in_legend : bool
-        The legend names it.
-    low, high : numpy.ndarray or None
-        Interval around y, same shape: bars at marks, a band along a line.
-    tag : str
-        What stands at the end of the line, where x is largest.
+    ``colour`` is "#rrggbb", "ink" or "muted"; ``style`` is "solid", "wide", "thin", "dashed",
+    "dotted", for what stands back "pale" or "faint", of marks "points", "triangles", "rings", and
+    of joined ones "dot_line", "triangle_line".
     """
 
-    x: FloatArray
+    x: FloatArray  # shape (n,)
     y: FloatArray
-    label: str
+    label: str  # for the legend and the hover text; plain text, not yet escaped
     colour: str
-    setting: Setting | None = None
+    setting: Setting | None = None  # whose trace it is; None belongs to all
     style: str = "solid"
     in_legend: bool = True
-    low: FloatArray | None = None
+    low: FloatArray | None = None  # interval around y: bars at marks, a band along a line
     high: FloatArray | None = None
-    tag: str = ""
+    tag: str = ""  # what stands at the end of the line, where x is largest
 
 
 @dataclass(frozen=True, slots=True, eq=False)

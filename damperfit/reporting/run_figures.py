@@ -545,11 +545,15 @@ def _force_displacement(log: LogView, name: str, colour: str) -> Iterator[Plot]:
         for word, force, ink, style in _both(log, colour):
             for part, is_first in ((v > 0.0, True), (v < 0.0, False)):
                 at, mean, band = _means(x, force, part, has_range=True)
-                if len(at):
-                    lines.append(log.line(at, mean, word, ink, style, in_legend=is_first, **band))
+                is_model = word == "simulated"
+                shaded = band if is_model else {}
+                lines.append(log.line(at, mean, word, ink, style, in_legend=is_first, **shaded))
+                for end, limit in () if is_model else band.items():
+                    label, is_named = "measured, 5 and 95 %", is_first and end == "low"
+                    lines.append(log.line(at, limit, label, ink, "dotted", in_legend=is_named))
         caption = (
             "Mean over the samples of each stroke, rebound above and compression below; nine of "
-            "ten samples lie within the shaded ranges, for the speeds differ that pass a place."
+            "ten samples lie within the shaded range, for the speeds differ that pass a place."
         )
     else:
         lines, begins = _loops(log, x, colour)

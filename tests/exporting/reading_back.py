@@ -13,62 +13,55 @@ import scipy.io
 __all__ = ["READERS", "SIGNS", "combi_matrices", "mat_variables"]
 
 Curves = dict[str, tuple[np.ndarray, np.ndarray]]
+MILLIMETRES = {"LENGTH": "mm", "ANGLE": "degrees", "FORCE": "newton", "MASS": "kg"}
 
 
-def _curve(rows) -> tuple[np.ndarray, np.ndarray]:
-    table = np.array(rows, dtype=np.float64)
-    return table[:, 0], table[:, 1]
+def _curve(rows, v=1.0, f=1.0) -> tuple[np.ndarray, np.ndarray]:
+    table = np.array(rows, dtype=np.float64) * (v, f)
+    return table[np.argsort(table[:, 0])].T
 
 
-def _by_setting(files, suffix, read) -> Curves:
-    found = {}
-    for name, content in files.items():
-        slug = re.fullmatch(rf"damper_s(.+){re.escape(suffix)}", name)[1]
-        found[slug] = read(content)
-    return found
+def _by_setting(suffix, read):
+    def of_files(files) -> Curves:
+        pattern = rf"damper_s(.+){re.escape(suffix)}"
+        return {re.fullmatch(pattern, name)[1]: read(one) for name, one in files.items()}
+
+    return of_files
 
 
 def _teimorbit(content: bytes):
-    blocks, block = {}, None
-    for raw in content.decode("ascii").splitlines():
-        line = re.split(r"[$!]", raw)[0].strip()
-        if not line:
-            continue
+    lines = [re.split(r"[$!]", raw)[0].strip() for raw in content.decode("ascii").splitlines()]
+    blocks: dict[str, list[str]] = {}
+    for line in filter(None, lines):
         if line.startswith("["):
             block = blocks.setdefault(line.strip("[]"), [])
         else:
             block.append(line)
     units = dict(re.match(r"(\w+)\s*=\s*'(\w+)'", one).groups() for one in blocks["UNITS"])
-    assert units == {
-        "LENGTH": "mm", "ANGLE": "degrees", "FORCE": "newton", "MASS": "kg", "TIME": "second"
-    }  # fmt: skip
+    assert units == MILLIMETRES | {"TIME": "second"}
     assert blocks["MDI_HEADER"][0].split() == ["FILE_TYPE", "=", "'dpr'"]
     assert re.fullmatch(r"\{\s*vel\s+force\s*\}", blocks["CURVE"][0])
-    v, f = _curve([row.split() for row in blocks["CURVE"][1:]])
-    return 1e-3 * v, f
+    return _curve([row.split() for row in blocks["CURVE"][1:]], 1e-3)
 
 
 def _xml(content: bytes):
     root = ET.fromstring(content)  # noqa: S314 - our own
     spline = next(one for one in root.iter() if one.get("name") == "spline_data")
-    v, f = _curve([row.split() for row in spline.text.strip().splitlines()])
-    return 1e-3 * v, f
+    return _curve([row.split() for row in spline.text.strip().splitlines()], 1e-3)
 
 
 def _infofile(content: bytes):
-    lines = content.decode("utf-8").splitlines()
-    assert lines[0] == "#INFOFILE1.1 (UTF-8) - Do not remove this line!"
-    tables, key = {}, None
-    for line in lines[1:]:
-        if line.startswith("#"):
-            continue
+    first, *lines = content.decode("utf-8").splitlines()
+    assert first == "#INFOFILE1.1 (UTF-8) - Do not remove this line!"
+    tables: dict[str, list[list[float]]] = {}
+    for line in lines:
         if line.startswith("\t"):
-            tables[key].append([float(cell) for cell in line.split()])
+            tables[key].append([float(cell) for cell in line.split()])  # noqa: F821 - of a line before
         elif line.endswith(":"):
             key = line[:-1]
             tables[key] = []
         else:
-            assert line.split(" = ")[1] == "1.0"
+            assert line[:1] == "#" or line.split(" = ")[1] == "1.0"
     push, pull = (np.array(tables[f"SuspF.Damp_{side}"]) for side in ("Push", "Pull"))
     for table in (push, pull):
         assert table[0].tolist() == [0.0, 0.0]
@@ -80,9 +73,9 @@ def _infofile(content: bytes):
 def _parsfile(content: bytes):
     lines = [one for one in content.decode("ascii").splitlines() if not one.startswith("!")]
     assert (lines[0], lines[-1]) == ("FD_TABLE SPLINE", "ENDTABLE")
-    v, f = _curve([row.split(", ") for row in lines[1:-1]])
-    assert (np.diff(v) > 0.0).all()
-    return -1e-3 * v[::-1], -f[::-1]  # compression is positive there
+    rows = np.array([row.split(", ") for row in lines[1:-1]], dtype=float)
+    assert (np.diff(rows[:, 0]) > 0.0).all()
+    return _curve(rows, -1e-3, -1.0)  # compression is positive there
 
 
 def _yaml(content: bytes):
@@ -96,15 +89,13 @@ def combi_matrices(content: bytes) -> dict[str, np.ndarray]:
     """Every matrix of a CombiTable text file, read word by word as its C code does."""
     text = content.decode("utf-8")
     assert text[:2] == "#1"
-    words = re.sub(r"#[^\n]*", " ", text[2:]).replace(",", " ").split()
+    words = re.sub(r"#[^\n]*|[,()]", " ", text[2:]).split()
     found, k = {}, 0
     while k < len(words):
-        assert words[k] == "double"
-        name, rows = words[k + 1].split("(")
-        columns = words[k + 2].rstrip(")")
-        n, m = int(rows), int(columns)
-        found[name] = np.array(words[k + 3 : k + 3 + n * m], dtype=np.float64).reshape(n, m)
-        k += 3 + n * m
+        kind, name, n, m = words[k], words[k + 1], int(words[k + 2]), int(words[k + 3])
+        assert kind == "double"
+        found[name] = np.array(words[k + 4 : k + 4 + n * m], dtype=np.float64).reshape(n, m)
+        k += 4 + n * m
     return found
 
 
@@ -115,8 +106,7 @@ def _combitable(files) -> Curves:
         for name, rows in matrices.items()
         if name.startswith("force_s")
     }
-    grid = matrices.get("force")
-    if grid is not None:
+    if (grid := matrices.get("force")) is not None:
         for column, (v, f) in zip(grid[1:, 1:].T, curves.values(), strict=True):
             assert np.array_equal(v, grid[1:, 0])
             assert np.array_equal(f, column)
@@ -140,43 +130,34 @@ def _matlab(files) -> Curves:
     for name, body in re.findall(r"(?m)^(\w+) = \[([^\]]*)\];", script):
         rows = np.array([row.split() for row in body.split(";")], dtype=np.float64)
         assert np.allclose(rows, known[name], rtol=1e-8, equal_nan=True), name
-    settings = known["setting"][0]
-    return {
-        f"{setting:02.0f}": (known["velocity"][:, 0], force)
-        for setting, force in zip(settings, known["force"].T, strict=True)
-    }
+    pairs = zip(known["setting"][0], known["force"].T, strict=True)
+    return {f"{setting:02.0f}": (known["velocity"][:, 0], force) for setting, force in pairs}
 
 
 def _csv(files) -> Curves:
     rows = list(csv.DictReader(io.StringIO(files["damper.csv"].decode())))
-    found = {}
-    for label in dict.fromkeys(row["setting"] for row in rows):
-        mine = [row for row in rows if row["setting"] == label]
-        found[f"{int(label):02d}"] = _curve(
-            [(row["speed_m_per_s"], row["force_N"]) for row in mine]
-        )
-    return found
+    found: dict[str, list] = {}
+    for row in rows:
+        pair = (row["speed_m_per_s"], row["force_N"])
+        found.setdefault(f"{int(row['setting']):02d}", []).append(pair)
+    return {slug: _curve(pairs) for slug, pairs in found.items()}
 
 
 READERS = {
-    "adams": lambda files: _by_setting(files, ".dpr", _teimorbit),
-    "adams-xml": lambda files: _by_setting(files, ".xml", _xml),
-    "carmaker": lambda files: _by_setting(files, ".txt", _infofile),
-    "carsim": lambda files: _by_setting(files, ".par", _parsfile),
-    "chrono": lambda files: _by_setting(files, ".yaml", _yaml),
+    "adams": _by_setting(".dpr", _teimorbit),
+    "adams-xml": _by_setting(".xml", _xml),
+    "carmaker": _by_setting(".txt", _infofile),
+    "carsim": _by_setting(".par", _parsfile),
+    "chrono": _by_setting(".yaml", _yaml),
     "combitable": _combitable,
     "matlab": _matlab,
     "csv": _csv,
 }
 # By target: velocity unit in m/s; sign of velocity and of force in the file where the rod moves
 # out. CarMaker has no sign: Pull is the side of rebound.
-SIGNS = {
-    "adams": (1e-3, 1, 1),
-    "adams-xml": (1e-3, 1, 1),
-    "carmaker": (1.0, 0, 0),
-    "carsim": (1e-3, -1, -1),
-    "chrono": (1.0, 1, 1),
-    "combitable": (1.0, 1, 1),
-    "csv": (1.0, 1, 1),
-    "matlab": (1.0, 1, 1),
+SIGNS = dict.fromkeys(READERS, (1.0, 1)) | {
+    "adams": (1e-3, 1),
+    "adams-xml": (1e-3, 1),
+    "carmaker": (1.0, 0),
+    "carsim": (1e-3, -1),
 }

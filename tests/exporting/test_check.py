@@ -135,9 +135,10 @@ def test_a_table_is_read_back_from_its_file(fitted, target) -> None:
 )
 def test_what_stands_in_the_file_counts_not_what_was_meant(fitted, target, old, new) -> None:
     source = exported_run(fitted)
+    source = replace(source, settings=source.settings[:1])
     made = TARGETS[target].export(source)
     spoilt = {n: re.sub(old, new, one.decode()).encode() for n, one in made.files.items()}
-    (first, _) = check_export(source, replace(made, files=spoilt))
+    (first,) = check_export(source, made._replace(files=spoilt))
     assert first.mse_percent > 10.0
 
 
@@ -145,7 +146,7 @@ def test_a_file_without_its_table_and_a_run_without_signals_say_so(fitted, resul
     source = exported_run(fitted)
     for target in ("adams", "modelica"):
         made = TARGETS[target].export(source)
-        empty = replace(made, files=dict.fromkeys(made.files, b"end Damper;"))
+        empty = made._replace(files=dict.fromkeys(made.files, b"end Damper;"))
         with pytest.raises(SimulationError):
             check_export(source, empty)
     bare = exported_run(results)
@@ -166,4 +167,4 @@ def test_a_library_for_another_machine_alone_is_refused(handed, fitted) -> None:
             if not name.startswith("binaries"):
                 new.writestr(name, old.read(name))
     with pytest.raises(ConfigurationError, match=r"no library for .*fmu_build"):
-        check_export(source, replace(made, files={"damper.fmu": bare.getvalue()}))
+        check_export(source, made._replace(files={"damper.fmu": bare.getvalue()}))

@@ -1,10 +1,13 @@
-"""Force by speed as a table: the damper alone at constant speed, its interval and where it ends."""
+"""Force by speed: the damper alone at constant speed, its interval and end; and spreadsheets."""
 
 from __future__ import annotations
 
+import csv
+import io
 from dataclasses import replace
 
 import numpy as np
+import openpyxl
 import pytest
 
 from damperfit.damper.model import MODELS
@@ -16,11 +19,15 @@ from damperfit.exporting.tables import force_tables, road_misses, standard_road
 from damperfit.results import SettingResult
 from damperfit.synthetic.logs import made_up_values
 from damperfit.tested.setting import Setting
+from damperfit.units.shown_units import parse_units
+from tests.exporting.conftest import told
 from tests.exporting.reading_back import READERS
+from tests.exporting.units import with_friction_error
 from tests.oracles.steady import purdy_force, steady_force
 from tests.test_every_model import truth_of
 
 SPEEDS = (0.005, 0.01, 0.025, 0.05, 0.13, 0.25)  # m/s: what a dyno's report is asked for
+POUND = 4.4482216152605
 RIG = Mounting(series_stiffness="fit", play="fit", lag="fit")
 DAMPERS = (
     TwinTube(mounting=RIG),
@@ -62,20 +69,17 @@ def test_the_paper_s_damper_is_its_closed_form(handed) -> None:
 
 
 def test_points_lie_close_where_cars_are_tuned_and_at_knees(handed) -> None:
-    for table in force_tables(of_valves(handed, DAMPERS[0])):
+    damper = DAMPERS[0]
+    run = of_valves(handed, damper)
+    gas = float(damper.rest_force(0.0))
+    for setting, table in zip(run.settings, force_tables(run), strict=True):
         v = table.speeds
         assert sum((v >= 0.005) & (v <= 0.05)) >= 10
         middle = 0.5 * (v[1:] + v[:-1])
         middle = middle[np.abs(middle) > 0.005]
+        known = {one: getattr(setting.values, one) for one in damper.names}
+        truth = [steady_force(damper.network, known, damper, one) - gas for one in middle]
         line = np.interp(middle, v, table.forces)
-        values = next(
-            one.values
-            for one in of_valves(handed, DAMPERS[0]).settings
-            if one.setting == table.setting
-        )
-        known = {one: getattr(values, one) for one in DAMPERS[0].names}
-        gas = float(DAMPERS[0].rest_force(0.0))
-        truth = [steady_force(DAMPERS[0].network, known, DAMPERS[0], one) - gas for one in middle]
         assert line == pytest.approx(np.array(truth), rel=0.006, abs=0.2)
 
 
@@ -115,13 +119,12 @@ def test_the_speed_up_to_which_a_force_is_determined_is_told_and_rows_beyond_are
     """A blow-off that no log opened may open right above, or never."""
     run = of_valves(handed, DAMPERS[0])
     values = run.settings[1].values
-    limits = (0.9 * values.compression_opening, 1e8)
     wide = replace(
         run.settings[1],
         own=("f_f",),
         covariance=np.array([[1e-6]]),
         top_speed=0.06,
-        open_limits=(("compression_opening", limits),),
+        open_limits=(("compression_opening", (0.9 * values.compression_opening, 1e8)),),
     )
     run = replace(run, settings=(wide,))
     (table,) = force_tables(run)
@@ -129,11 +132,9 @@ def test_the_speed_up_to_which_a_force_is_determined_is_told_and_rows_beyond_are
     assert table.tested <= table.determined < 0.2
     assert np.max(table.high - table.forces) < 0.5
     (more,) = force_tables(run, extend=0.3)
-    assert [more.range_of(v) for v in (0.05, -0.061, -0.25)] == [
-        "tested",
-        "untested" if table.determined >= 0.061 else "not determined",
-        "not determined",
-    ]
+    between = "untested" if table.determined >= 0.061 else "not determined"
+    ranges = [more.range_of(v) for v in (0.05, -0.061, -0.25)]
+    assert ranges == ["tested", between, "not determined"]
     assert more.low[0] < 1.5 * more.forces[0]  # of the bleed alone
     export = TARGETS["carsim"].export(run, ExportOptions(extend=0.3))
     assert f"to {table.determined:.2g} m/s at setting 10" in export.determined
@@ -163,34 +164,20 @@ def test_nothing_beyond_the_tested_speed_unless_asked_and_then_marked(handed) ->
         files = TARGETS[name].export(handed, ExportOptions(extend=0.45)).files
         text = b"".join(files.values()).replace(b"\x00", b"").decode("utf-8", "replace")
         assert "untested" in text.lower(), name
-
-
-@pytest.mark.parametrize(("speed", "is_refused"), [(0.3, True), (0.302, False), (1.6, True)])
-def test_limits_of_extending(handed, speed, is_refused) -> None:
-    if is_refused:
+    for speed in (0.3, 1.6):
         with pytest.raises(ConfigurationError, match=r"above the tested 0.301 m/s and up to 5"):
             force_tables(handed, extend=speed)
-    else:
-        assert force_tables(handed, extend=speed)[0].end == speed
 
 
 @pytest.mark.parametrize("name", sorted(MODELS))
 def test_every_model_has_a_table(handed, name) -> None:
     model = MODELS[name]()
-    one = SettingResult(Setting.of(1), truth_of(model))
-    run = replace(handed, damper=model, settings=(one,))
+    run = replace(handed, damper=model, settings=(SettingResult(Setting.of(1), truth_of(model)),))
     (table,) = force_tables(run)
     assert np.isfinite(table.forces).all()
     assert table.forces[0] < 0.0 < table.forces[-1]
-    assert all(TARGETS["carsim"].export(run).files.values())
-
-
-def test_labels_that_differ_in_signs_alone_have_files_of_their_own(handed) -> None:
-    values = handed.settings[0].values
-    labels = ("soft 1", "soft/1", "Soft_1")
-    settings = tuple(SettingResult(Setting((("bump", one),)), values) for one in labels)
-    files = TARGETS["adams"].export(replace(handed, settings=settings)).files
-    assert len({name.casefold() for name in files}) == 3
+    if name == "linear":  # without storage: friction at rest alone
+        assert max(miss.percent for miss in road_misses(run, table)) < 0.5
 
 
 def test_the_road_is_the_standard_one_and_velocity_is_its_derivative() -> None:
@@ -217,9 +204,92 @@ def test_how_far_dynamics_are_from_the_table_is_told_at_three_speeds(handed) -> 
     assert [one.speed for one in road_misses(slow, table)] == pytest.approx([0.02, 0.04, 0.1])
 
 
-def test_a_damper_without_storage_loses_hardly_anything(handed) -> None:
-    linear = MODELS["linear"]()
-    one = SettingResult(Setting.of(1), truth_of(linear))
-    run = replace(handed, damper=linear, settings=(one,))
-    (table,) = force_tables(run)
-    assert max(miss.percent for miss in road_misses(run, table)) < 0.5  # friction at rest
+# Spreadsheets: every table, its units, what a spreadsheet makes of them.
+
+
+def workbook(handed, **options):
+    content = TARGETS["xlsx"].export(handed, ExportOptions(**options)).files["damper.xlsx"]
+    return openpyxl.load_workbook(io.BytesIO(content))  # a warning of its would be an error here
+
+
+def rows_of(files, name, mark=","):
+    return list(csv.reader(io.StringIO(files[name].decode()), delimiter=mark))
+
+
+def heads_of(sheet, row=1):
+    return [cell.value for cell in sheet[row]]
+
+
+def test_one_sheet_a_table_with_units_and_a_frozen_heading(handed) -> None:
+    book = workbook(with_friction_error(handed, 1e-4))
+    assert book.sheetnames == ["about", "forces", "parameters"]
+    forces = book["forces"]
+    assert forces.freeze_panes == "A3"
+    settings = [f"setting {n}" for n in (1, 10, 20)]
+    halves = [f"± 95 % of {one}" for one in settings]
+    assert heads_of(forces) == ["speed_m_per_s", *settings, *halves]
+    assert heads_of(forces, 2) == ["m/s", *["N"] * 6]
+    table = force_tables(handed, common=True)[1]
+    rows = list(forces.iter_rows(min_row=3, values_only=True))
+    assert [row[2] for row in rows] == pytest.approx(table.forces.tolist())
+    assert rows[0][4] == pytest.approx(1.959964 * 0.01 * 50.0, rel=1e-4)
+    heads, units = heads_of(book["parameters"]), heads_of(book["parameters"], 2)
+    assert units[heads.index("k_e")] == "Pa"
+    assert forces["A1"].font.b
+    assert "rebound" in " ".join(str(row[0].value) for row in book["about"].rows)
+
+
+def test_units_are_converted_in_cells_headings_and_units(handed) -> None:
+    plain, pounds = workbook(handed), workbook(handed, units=parse_units("lbf,in/s"))
+    assert heads_of(pounds["forces"], 2) == ["in/s", "lbf", "lbf", "lbf"]
+    assert pounds["forces"]["A1"].value == "speed_in_per_s"
+    place = heads_of(pounds["parameters"]).index("f_f")
+    assert heads_of(pounds["parameters"], 2)[place] == "lbf"
+    for name, row, column in (("forces", 3, 2), ("forces", 40, 2), ("parameters", 3, place)):
+        shown, si = (book[name][row][column].value for book in (pounds, plain))
+        assert shown * POUND == pytest.approx(si)
+
+
+def test_text_cannot_become_a_formula_and_bytes_are_the_same_each_time(handed) -> None:
+    evil = workbook(told(handed, test={"damper": "=1+1\x07<&"}))
+    assert "identity: damper =1+1 <&" in [str(row[0].value) for row in evil["about"].rows]
+    cells = [cell for sheet in evil for row in sheet.rows for cell in row]
+    assert all(cell.data_type != "f" for cell in cells)
+    first, second = (TARGETS["xlsx"].export(handed, ExportOptions()).files for _ in range(2))
+    assert first == second
+
+
+def test_a_decimal_comma_comes_with_semicolons(handed) -> None:
+    options = ExportOptions(decimal=",", units=parse_units("daN"))
+    files = TARGETS["csv"].export(handed, options).files
+    head, first, *_ = rows_of(files, "damper.csv", ";")
+    ends = ["force_ci_low_daN", "force_ci_high_daN"]
+    assert head == ["setting", "speed_m_per_s", "force_daN", "range", *ends]
+    table = force_tables(handed, common=True)[0]
+    assert float(first[2].replace(",", ".")) == pytest.approx(table.forces[0] / 10, abs=1e-3)
+    assert b"." not in files["damper.csv"]
+    head, first, *_ = rows_of(files, "damper_parameters.csv", ";")
+    assert float(first[head.index("f_f [daN]")].replace(",", ".")) == pytest.approx(5.0)
+
+
+def test_csv_of_the_tables_is_the_tables(handed) -> None:
+    files = TARGETS["csv"].export(handed, ExportOptions()).files
+    assert set(files) == {"damper.csv", "damper_about.txt", "damper_parameters.csv"}
+    about = files["damper_about.txt"].decode()
+    assert all(part in about for part in ("tested: ", "gas: ", "sign: forces", "MSE"))
+    head, first, *_ = rows_of(files, "damper_parameters.csv")
+    assert float(first[head.index("k_e [Pa]")]) == handed.settings[0].values.k_e
+
+
+@pytest.mark.parametrize("units", ["N", "lbf,in/s"])
+def test_csv_says_of_each_row_whether_its_speed_was_tested(handed, units) -> None:
+    tested = force_tables(handed)[0].tested
+    options = ExportOptions(extend=2.0 * tested, units=parse_units(units))
+    files = TARGETS["csv"].export(handed, options).files
+    head, *rows = rows_of(files, "damper.csv")
+    assert head[3] == "range"
+    assert {row[3] for row in rows} == {"tested", "untested"}
+    edge = tested * (1.0 if options.units.is_si else 1.0 / 0.0254)
+    for row in rows:
+        assert (row[3] == "tested") == (abs(float(row[1])) <= 1.0001 * edge)
+    assert "UNTESTED" in files["damper_about.txt"].decode()

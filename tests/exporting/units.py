@@ -130,3 +130,9 @@ def core(name, setting, x, v, interval=1e-4, **changed):
 
 def rms(error) -> float:
     return float(np.sqrt(np.mean(error[len(error) // 10 :] ** 2)))
+
+
+def with_friction_error(handed, square):
+    """The run whose friction is known up to its root, as a share; nothing else has an error."""
+    known = {"own": ("f_f",), "shared": (), "covariance": np.array([[square]])}
+    return replace(handed, settings=tuple(replace(one, **known) for one in handed.settings))
