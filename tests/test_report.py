@@ -16,7 +16,6 @@ from damperfit.checks import Check
 from damperfit.problem import Failure, Problem, failure_lines, short_listing
 from damperfit.recording import Finding
 from damperfit.reporting.forces import (
-    force_by_setting_sheet,
     force_sheets,
     segment_sheet,
 )
@@ -30,7 +29,6 @@ from damperfit.reporting.records import (
     to_record,
     units_in,
 )
-from damperfit.reporting.report import markdown_report
 from damperfit.reporting.sheet import (
     Sheet,
     escape,
@@ -46,7 +44,6 @@ from damperfit.reporting.sheet import (
     with_interval,
 )
 from damperfit.reporting.tables import (
-    held_out_sheet,
     parameter_line,
     parameter_sheet,
 )
@@ -56,7 +53,7 @@ from damperfit.tables.rows import make_tables
 from damperfit.tested.setting import Setting
 from damperfit.units.shown_units import parse_units
 from tests.fakes import campaign, failed, fit
-from tests.texts import FORCES, SNAPSHOT, run_of, texts, written
+from tests.texts import FORCES, SNAPSHOT, texts, written
 
 SHEET = Sheet(
     headings=("log", "samples", "force", "change", "verdict"),
@@ -172,16 +169,6 @@ def wide(setting, **cells):
     return row | cells
 
 
-def test_intervals_stand_in_the_columns_and_what_is_shared_below() -> None:
-    known = wide(1, k_e_ci_low=4.9e8, k_e_ci_high=5.3e8, f_f_ci_low=49.0, f_f_ci_high=51.0)
-    sheet = parameter_sheet([known, wide(2)])
-    column = sheet.headings.index("K_e")
-    assert sheet.units[column] == "MPa ±95 %"
-    assert sheet.rows[0][column] == "510 ± 20"
-    assert "R_m3" not in sheet.headings
-    assert "f_f = 50.0 ± 1.0 N, shared by all settings" in sheet.notes
-
-
 @pytest.mark.parametrize(
     ("name", "value", "said"),
     [("r_m1", 10.0, "<0.01"), ("r_m1", 20.1, "0.02010"), ("k_e", 1e11, ">1e+05")],
@@ -196,12 +183,6 @@ def test_a_value_at_its_bound_is_the_limit_it_ran_into(name, value, said) -> Non
         assert "(at bound)" in parameter_line(row)
 
 
-def test_what_is_not_determined_has_no_number() -> None:
-    (row,) = rows(fit(1, status={"k_e": "not_identifiable"}))
-    assert "?" in parameter_sheet([row]).rows[0]
-    assert "K_e cannot be determined" in parameter_line(row)
-
-
 def test_courses_that_errors_cannot_tell_apart_are_flat() -> None:
     apart = [wide(n, r_m1=1e4 * n, r_m1_se=1.0) for n in (1, 2, 3)]
     alike = [wide(n, r_m1=1e4 + n, r_m1_se=1e3) for n in (1, 2, 3)]
@@ -210,45 +191,7 @@ def test_courses_that_errors_cannot_tell_apart_are_flat() -> None:
     assert "drawn flat" in " ".join(courses[1])
 
 
-def test_a_setting_of_one_log_has_one_row_of_mse() -> None:
-    text = markdown_report(run_of(campaign(fit(1), fit(3, logs=("a.csv", "b.csv"))), {}))
-    lines = text[text.index("## MSE by") :].splitlines()
-    cells = [line.split(" | ")[:2] for line in lines if line.startswith("| ") and "csv" in line]
-    assert cells == [["| 1", "setting_01.csv"], ["| ", "a.csv"], ["| ", "b.csv"]]
-
-
-def test_what_was_held_out_stands_beside_what_was_fitted() -> None:
-    one = {
-        "setting": 3, "log": "b.csv", "cycles": "last 3", "amplitude_m": 0.02, "frequency_Hz": 0.0,
-        "mse_percent": 0.5, "fitted_mse_percent": 0.1, "expected_mse_percent": 0.2,
-        "verdict": "worse than fitted",
-    }  # fmt: skip
-    (row,) = held_out_sheet([one]).rows
-    assert row == (
-        "3",
-        "b.csv",
-        "last 3",
-        "20.0",
-        "varies",
-        "0.500",
-        "0.100",
-        "0.200",
-        "worse than fitted",
-    )
-
-
 # Forces
-
-
-def test_force_by_setting_shows_force_click_and_interval() -> None:
-    rebound, compression = force_sheets(FORCES)
-    assert rebound.headings == ("rebound", "0.05", "0.3", "click", "")
-    assert rebound.rows[1] == ("2", "300.0", "801.0 ± 0.4*", "+100 ± 2", "+12.3")
-    assert compression.rows[0] == ("1", "-200.0", "-700.0 ± 0.8", "-", "-")
-    assert not rebound.notes  # they stand once, below the last table
-    assert [sheet.headings[0] for sheet in force_sheets(FORCES, ("bump",))] == ["compression"]
-    (only,) = force_by_setting_sheet(FORCES, ("rebound",)).rows[1:]
-    assert only == ("2", "801.0 ± 0.4*", "+100 ± 2", "+12.3")
 
 
 def test_without_a_neighbour_there_is_no_click() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import json
 import re
 import shutil
@@ -361,41 +360,3 @@ def test_an_empty_folder_is_one_sentence(tmp_path):
         Run.load(tmp_path)
     with pytest.raises(ConfigurationError, match="no such folder"):
         Run.load(tmp_path / "nowhere")
-
-
-def test_the_data_of_the_figures_are_the_tables(folder, page):
-    """As the page draws them: every force, MSE and parameter of its curves is a cell of a table."""
-    run, told = Run.load(folder), document(page)
-    arrays = [np.frombuffer(base64.b64decode(one), "<f4") for one in told["arrays"]]
-    drawn = {plot["name"]: plot["panels"][0]["lines"] for plot in told["plots"]}
-
-    def points(name):
-        lines = drawn[name]
-        return [(line, *(arrays[line[axis]].tolist() for axis in "xy")) for line in lines]
-
-    forces = {
-        (row["stroke"], row["speed_m_per_s"], row["setting"].number()): row["force_N"]
-        for row in run.rows("adjustment")
-    }
-    seen = 0
-    for line, x, y in points("named_speeds"):
-        word, speed = line["label"].removesuffix(" m/s").split(", ")
-        stroke = "bump" if word == "compression" else word
-        expected = [forces[stroke, float(speed), one] for one in x]
-        assert y == pytest.approx(expected, rel=1e-6)
-        seen += len(y)
-    assert seen == len(forces)
-    errors = {row["setting"].number(): row["mse_percent"] for row in run.rows("mse")}
-    for line, x, y in points("mse"):
-        if line["style"] == "points":
-            assert y == pytest.approx([errors[one] for one in x], rel=1e-6)
-    stiffness = {row["setting"].number(): row["k_e"] for row in run.rows("parameters")}
-    for line, x, y in points("parameter_k_e"):
-        if line["style"] == "points":
-            assert y == pytest.approx([1e-6 * stiffness[one] for one in x], rel=1e-6)
-    measured = {one.setting.number(): one for one in run.signals}
-    for n, log in measured.items():
-        lines = points(f"setting_{n:02.0f}_force_velocity")
-        (_, x, y) = next(one for one in lines if one[0]["label"] == "measured")
-        rows = np.column_stack([log.velocity, log.force_measured]).astype("<f4").tolist()
-        assert {(a, b) for a, b in zip(x, y, strict=True)} <= {tuple(row) for row in rows}
