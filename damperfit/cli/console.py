@@ -29,27 +29,6 @@ if TYPE_CHECKING:
     from damperfit.problem import Failure
     from damperfit.reporting.sheet import Sheet
 
-__all__ = [
-    "LogFile",
-    "append_summary",
-    "one_line",
-    "print_json",
-    "print_lines",
-    "print_renderable",
-    "print_table",
-    "record",
-    "say",
-    "say_failures",
-    "say_lines",
-    "screen_columns",
-    "set_colour",
-    "shield_streams",
-    "spark_levels",
-    "summary_file",
-    "unprinted",
-    "wrapped",
-]
-
 _PIPE_WIDTH = 120
 _COLOURS = ("auto", "always", "never")
 _colour = {"is": "auto"}
@@ -107,22 +86,18 @@ def print_lines(lines: Iterable[str], *, of_checks: bool = False) -> None:
     text = "\n".join(lines)
     record(logging.INFO, text)
     if of_checks and _is_coloured():
-        text = _OF_CHECKS.sub(_coloured, text)
+        from damperfit.reporting.sheet import COLOURS
+
+        text = _OF_CHECKS.sub(lambda hit: f"\x1b[{COLOURS[hit[0]]}m{hit[0]}\x1b[0m", text)
     _print(text)
 
 
-def _coloured(found: re.Match[str]) -> str:
-    from damperfit.reporting.sheet import COLOURS
-
-    return f"\x1b[{COLOURS[found[0]]}m{found[0]}\x1b[0m"
-
-
-def wrapped(*texts: str, widest: int = 0, indent: str = "") -> list[str]:
+def wrapped(*texts: str, indent: str = "") -> list[str]:
     """Return texts in lines that the screen takes."""
     from textwrap import wrap
 
-    columns = min(screen_columns(), widest or sys.maxsize)
-    return [line for one in texts for line in wrap(one, columns, subsequent_indent=indent)]
+    columns = screen_columns()
+    return [line for text in texts for line in wrap(text, columns, subsequent_indent=indent)]
 
 
 def print_renderable(renderable: RenderableType) -> None:
@@ -267,25 +242,14 @@ _FORMAT = "%(asctime)s.%(msecs)03d%(zone)s %(levelname)-7s damperfit[%(process)d
 
 
 def record(level: int, text: str) -> None:
-    """Keep a text in the log file, if there is one, a record for each line."""
+    """Keep a text, as the terminal shows it, in the log file if there is one, line by line."""
     for line in text.splitlines() if _kept else ():
         if line.strip():
             _LOGGER.log(level, "%s", line)
 
 
 class LogFile:
-    """The log file that a command line names, however wrong the rest of it is; or none.
-
-    Parameters
-    ----------
-    arguments : sequence of str
-        The command line.
-
-    Raises
-    ------
-    ConfigurationError
-        The file cannot be written, or holds something else.
-    """
+    """The log file that a command line names, however wrong the rest of it is; or none."""
 
     def __init__(self, arguments: Sequence[str]) -> None:
         import shlex
@@ -293,13 +257,18 @@ class LogFile:
         from damperfit import __version__
 
         self._begin = time.perf_counter()
-        name = _log_file_of(arguments)
+        name = None
+        ours = arguments[: arguments.index("--")] if "--" in arguments else arguments
+        for word, following in zip(ours, (*ours[1:], None), strict=True):
+            option, equals, value = word.partition("=")
+            if option == "--log-file":
+                name = value if equals else following
         if name is None:
             return
         place = Option("log_file", name)
         try:
             _refuse_others(name, place)
-            handler = _Appended(name)
+            handler = _Appended(name, encoding="utf-8", errors="backslashreplace")
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or error
             raise ConfigurationError(f"cannot be written: {reason}", where=place) from error
@@ -328,35 +297,16 @@ class LogFile:
             _LOGGER.propagate = True
 
 
-def _log_file_of(arguments: Sequence[str]) -> str | None:
-    option = "--log-file"
-    ours = arguments[: arguments.index("--")] if "--" in arguments else arguments
-    found = None
-    for one, following in zip(ours, (*ours[1:], None), strict=True):
-        if one == option:
-            found = following
-        elif one.startswith(f"{option}="):
-            found = one.partition("=")[2]
-    return found
+class _Appended(logging.FileHandler):
+    """Appends each record at once; a full disk ends no fit."""
 
-
-class _Appended(logging.Handler):
-    """Appends each record at once and in one piece, for two runs may share the file."""
-
-    def __init__(self, name: str) -> None:
-        super().__init__()
-        self._file = os.open(name, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o666)
-
-    def emit(self, record: logging.LogRecord) -> None:
-        """Append a record; a full disk ends no fit."""
-        with suppress(OSError):
-            os.write(self._file, f"{self.format(record)}\n".encode("utf-8", "backslashreplace"))
+    def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802 - of logging
+        """Go on."""
 
     def close(self) -> None:
         """Close the file."""
         with suppress(OSError):
-            os.close(self._file)
-        super().close()
+            super().close()
 
 
 class _Line(logging.Formatter):
@@ -365,7 +315,7 @@ class _Line(logging.Formatter):
     def format(self, record: logging.LogRecord) -> str:
         offset = time.strftime("%z", time.localtime(record.created))
         record.zone = f"{offset[:3]}:{offset[3:]}"
-        return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in super().format(record))
+        return one_line(super().format(record))
 
 
 def _refuse_others(name: str, place: Option) -> None:

@@ -7,7 +7,7 @@ import shlex
 import sys
 from glob import glob
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import typer
 
@@ -18,12 +18,6 @@ from damperfit.cli.console import print_lines, say
 from damperfit.errors import ConfigurationError
 from damperfit.problem import Option
 
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-__all__ = ["init"]
-
-_STDOUT = "-"
 _MODEL = "purdy"
 _FILE = Path("my_damper.toml")
 
@@ -36,14 +30,16 @@ def init(how: Shown, logs: list[str] | None, **given: Any) -> int:
 
     Example: damperfit init runs/*.csv --model monotube --set rod_diameter=12mm
     """
+    from damperfit.cli.commands import inspect
+
     out = Path(given["out"] or _FILE)
-    path = None if str(out) == _STDOUT else out
+    path = None if str(out) == "-" else out  # which is stdout
     keys = assignments(given["set"] or [], Option("set"), "rod_diameter=12mm")
     asked = {**given, "out": path, "set": keys}
     is_refused = path is not None and path.exists() and not given["overwrite"]
     if _is_terminal() and not how.quiet and not is_refused:
         asked["model"] = given["model"] or _asked_model()
-        asked["set"] = _asked(asked["model"], asked["set"])
+        asked["set"] = _asked_keys(asked["model"], asked["set"])
     made = api.init(logs, **asked)
     if path is None:
         print_lines(made.text.splitlines())
@@ -54,9 +50,12 @@ def init(how: Shown, logs: list[str] | None, **given: Any) -> int:
         for sentence in made.open:
             say(f"warning: {sentence}")
         say(f"damperfit: {out} written; measure the keys that begin with #, and remove the #")
-    code = _inspected(logs, out, is_quiet=how.quiet) if logs else 0
+    code, config = 0, shlex.quote(str(out))
+    if logs:
+        print_lines([f"$ damperfit inspect {_shown(logs)} --config {config}"])
+        code = inspect(logs, config=out, quiet=how.quiet)
     if code == 0 and not how.quiet:
-        say(f"next: damperfit identify {_shown(logs or ['LOGS'])} --config {shlex.quote(str(out))}")
+        say(f"next: damperfit identify {_shown(logs or ['LOGS'])} --config {config}")
     return code
 
 
@@ -83,10 +82,10 @@ def _asked_model() -> str:
             return model
 
 
-def _asked(model: str, given: Mapping[str, str]) -> dict[str, str]:
+def _asked_keys(model: str, given: dict[str, str]) -> dict[str, str]:
     """Ask for what is not given, until it is a damper; what Enter leaves is not declared."""
-    from damperfit.configuration.drawings import DRAWINGS
-    from damperfit.queries.first_configuration import check_damper, damper_keys
+    from damperfit.configuration.drawings import DRAWINGS, MEASURED
+    from damperfit.queries.first_configuration import check_damper, damper_keys, fault_of
 
     defaults = {key: text for key, text in damper_keys(model).items() if key not in given}
     if defaults:
@@ -98,8 +97,13 @@ def _asked(model: str, given: Mapping[str, str]) -> dict[str, str]:
     answers = dict(given)
     while True:
         for key, text in defaults.items():
-            if said := _asked_key(model, key, answers.get(key, text)):
-                answers[key] = said
+            question = f"{key} ({MEASURED[key]})" if key in MEASURED else key
+            while (typed := _answer(question, answers.get(key, text))) and (
+                fault := fault_of(model, key, typed)
+            ):
+                say(f"  {fault}")
+            if typed:
+                answers[key] = typed
         try:
             check_damper(model, answers)
         except ConfigurationError as error:
@@ -112,20 +116,6 @@ def _asked(model: str, given: Mapping[str, str]) -> dict[str, str]:
             return answers
 
 
-def _asked_key(model: str, key: str, default: str) -> str:
-    """Return what was typed, a value of the key; nothing where Enter alone left the default."""
-    from damperfit.configuration.drawings import MEASURED
-    from damperfit.queries.first_configuration import fault_of
-
-    how = MEASURED.get(key, "")
-    while True:
-        said = _answer(f"{key} ({how})" if how else key, default)
-        fault = fault_of(model, key, said) if said else ""
-        if not fault:
-            return said
-        say(f"  {fault}")
-
-
 def _answer(question: str, default: str) -> str:
     # input() would write its prompt to stdout where that is a file, as for `--out -`.
     sys.stderr.write(f"{question} [{default}]: ")
@@ -134,13 +124,6 @@ def _answer(question: str, default: str) -> str:
     if not line:
         raise typer.Abort
     return line.strip()
-
-
-def _inspected(logs: list[str], out: Path, *, is_quiet: bool) -> int:
-    from damperfit.cli.commands import inspect
-
-    print_lines([f"$ damperfit inspect {_shown(logs)} --config {shlex.quote(str(out))}"])
-    return inspect(logs, config=out, quiet=is_quiet)
 
 
 def _shown(logs: list[str]) -> str:

@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 
     from damperfit.run.identify import Watch
 
-__all__ = ["looking_on", "stop_on_signal"]
-
 _APART = 0.1  # s; a fit of a fast model takes less than to draw a line
 
 
@@ -28,7 +26,10 @@ _APART = 0.1  # s; a fit of a fast model takes less than to draw a line
 def stop_on_signal(
     promise: str = "finished settings will be written", stop: threading.Event | None = None
 ) -> Iterator[Callable[[], bool]]:
-    """Yield a function that says whether the user wants the run to stop."""
+    """Yield what says whether the user wants the run to stop; the first signal sets the event.
+
+    The promise says what becomes of the work done so far.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield lambda: False  # Python delivers signals to the main thread only
         return
@@ -53,11 +54,14 @@ def stop_on_signal(
 
 
 def looking_on(*, is_quiet: bool, of_fleet: bool = False, **more: Any) -> Watch:
-    """Return who looks on while a command works."""
+    """Return who looks on while a command works; of a fleet dampers are counted, not settings.
+
+    Further fields of `Watch` may be given.
+    """
     from damperfit.run.identify import Watch
 
     is_shown = not is_quiet and sys.stderr.isatty()
-    here: dict[str, Any] = {"bar": None, "cancelled": lambda: False, "drawn": 0.0}
+    here: dict[str, Any] = {"cancelled": lambda: False, "drawn": 0.0}
     promise = ("dampers that are done are kept",) if of_fleet else ()
 
     @contextmanager
@@ -66,30 +70,21 @@ def looking_on(*, is_quiet: bool, of_fleet: bool = False, **more: Any) -> Watch:
             here["cancelled"] = cancelled
             if is_shown:
                 here["bar"] = stack.enter_context(_bar(of_fleet=of_fleet))
-                here["task"] = here["bar"].add_task(
-                    "dampers" if of_fleet else "reading logs", total=None
-                )
+                first = "dampers" if of_fleet else "reading logs"
+                here["task"] = here["bar"].add_task(first, total=None)
             yield
 
-    def draw() -> None:
-        if time.monotonic() >= here["drawn"]:
-            here["bar"].refresh()
-            here["drawn"] = time.monotonic() + _APART
+    def draw(how: str, **what: Any) -> None:
+        if "bar" in here:
+            getattr(here["bar"], how)(here["task"], **what)
+            if time.monotonic() >= here["drawn"]:
+                here["bar"].refresh()
+                here["drawn"] = time.monotonic() + _APART
 
-    def start(number: int) -> None:
-        if here["bar"] is not None:
-            words = "dampers" if of_fleet else "fitting settings"
-            here["bar"].update(here["task"], total=number, description=words)
-            draw()
-
-    def advance(_done: object) -> None:
-        if here["bar"] is not None:
-            here["bar"].advance(here["task"])
-            draw()
-
+    words = "dampers" if of_fleet else "fitting settings"
     return Watch(
-        on_start=start,
-        on_fit=advance,
+        on_start=lambda number: draw("update", total=number, description=words),
+        on_fit=lambda _: draw("advance"),
         cancelled=lambda: bool(here["cancelled"]()),
         during_work=working,
         **more,
