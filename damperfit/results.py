@@ -486,6 +486,7 @@ class Run:
         for log in self._inputs:
             for _, _, speed in _motions(log):
                 tops[log.get("setting")] = max(speed, tops.get(log.get("setting"), 0.0))
+        entries = {one.get("setting"): one for one in _listed(self.record, "uncertainty")}
         settings = []
         for row in sorted(self.rows("parameters"), key=lambda row: Setting.of(row["setting"])):
             cells = [(one.default, row.get(one.name)) for one in self.quantities]
@@ -494,7 +495,7 @@ class Run:
                 continue
             values = values_from(self.quantities, numbers)  # type: ignore[arg-type]
             setting = Setting.of(row["setting"])
-            own, shared, covariance = _errors(values, row, self._errors_told.get(setting.cell, {}))
+            own, shared, covariance = _errors(values, row, entries.get(setting.cell, {}))
             lost = [n for n in values.names if row.get(f"{n}_status") == Status.NOT_IDENTIFIABLE]
             ends = {name: (row.get(f"{name}_ci_low"), row.get(f"{name}_ci_high")) for name in lost}
             settings.append(
@@ -512,12 +513,6 @@ class Run:
                 )
             )
         return tuple(settings)
-
-    @property
-    def _errors_told(self) -> dict[Any, Mapping[str, Any]]:
-        """Entries of run.json on the errors of settings, by cell."""
-        entries = _listed(self.record, "uncertainty")
-        return {entry["setting"]: entry for entry in entries if "setting" in entry}
 
     @property
     def _inputs(self) -> list[dict[str, Any]]:
@@ -554,37 +549,10 @@ class Run:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What a reader must know of the errors; nothing is missing."""
-        lost, unjudged, _ = self._without_errors
-        no_interval = "the forces there have no interval"
-        notes = (
-            f"the fit met no minimum at {of_settings(lost)}: {no_interval}" if lost else "",
-            f"{of_settings(unjudged)} could not be judged: {no_interval}" if unjudged else "",
-        )
-        return tuple(filter(None, notes))
-
-    @property
-    def remarks_on_errors(self) -> tuple[str, ...]:
-        """Settings whose errors the run should tell, and does not."""
-        _, _, missing = self._without_errors
-        are_all = len(missing) == len(self.rows("parameters"))
-        which = "all settings" if are_all else of_settings(missing)
-        remark = (
-            f"errors and correlations of {which} are missing in run.json: forces without intervals"
-        )
-        return (remark,) if missing else ()
-
-    @property
-    def _without_errors(self) -> tuple[list[Setting], list[Setting], list[Setting]]:
-        """Settings without errors: the fit met no minimum, judging it failed, nothing says why."""
-        lost: tuple[list[Setting], list[Setting], list[Setting]] = ([], [], [])
-        failed = {failure.setting for failure in failures_in(self.record)}
-        for one in self.settings:
-            if one.covariance is None:
-                names = self._errors_told.get(one.setting.cell, {}).get("parameters")
-                is_told = isinstance(names, list) and has_lost_errors(names, one.status)
-                lost[0 if is_told else 1 if one.setting in failed else 2].append(one.setting)
-        return lost
+        """What a reader must know of the errors: where there are none."""
+        lost = [one.setting for one in self.settings if one.covariance is None]
+        why = "no minimum was met, or it could not be judged; the forces have no interval"
+        return (f"no errors are known of {of_settings(lost)}: {why}",) if lost else ()
 
     @cached_property
     def logs(self) -> tuple[LogResult, ...]:
@@ -789,13 +757,8 @@ class Run:
         from damperfit.reporting.records import read_back
         from damperfit.uncertainty import SpeedForces
 
-        found = []
-        for entry in _listed(self.record, "speed_forces"):
-            one = read_back(SpeedForces, entry)
-            if one is not None:
-                rows = (one.measured, one.measured_se, one.difference, one.misfit)
-                found += [one] * all(len(row) == len(one.speeds) for row in rows)
-        return tuple(found)
+        told = (read_back(SpeedForces, entry) for entry in _listed(self.record, "speed_forces"))
+        return tuple(one for one in told if one is not None)
 
     @property
     def digest(self) -> str:

@@ -25,14 +25,13 @@ from damperfit.tables.columns import (
     describe_tables,
     quantity_records,
 )
-from damperfit.tables.files import lay_out, safe_cell, time_series_table, write_table
+from damperfit.tables.files import safe_cell, time_series_table, write_table
 from damperfit.tables.reading import (
     check_files,
     read_rows,
     table_quantities,
 )
 from damperfit.tables.rows import MISSING, grade, make_tables
-from damperfit.tested.setting import Setting
 from tests.fakes import campaign, fit, values_in
 from tests.report_folder import put_responses
 
@@ -139,23 +138,6 @@ def test_a_change_of_force_stands_in_the_row_of_the_harder_setting() -> None:
     assert changed["setting"] == 2
     changes = [changed[name] for name in table.column_names if name.startswith("change_")]
     assert changes == [-100.0, -105.5, -94.5, 90.0, 84.0, 96.0]
-
-
-@pytest.mark.parametrize(
-    ("table", "adjusters", "columns"),
-    [
-        ("adjustment", ("rebound",), ["setting", "rebound"]),
-        ("adjustment", ("rebound", "bump"), ["setting", "rebound", "bump", "changed"]),
-        ("mse", ("rebound", "bump"), ["setting", "rebound", "bump"]),
-    ],
-)
-def test_the_adjuster_that_changes_is_named_where_there_are_several(
-    table, adjusters, columns
-) -> None:
-    settings = [Setting(tuple((name, place) for name in adjusters)) for place in (1, 2)]
-    known = lay_out(table, [{"setting": one} for one in settings], settings=settings)
-    assert known.column_names[: len(columns) + 1] == [*columns, known.column_names[len(columns)]]
-    assert known.column_names[len(columns)] in {"speed_m_per_s", "log"}
 
 
 # Files
@@ -284,7 +266,7 @@ def test_a_table_s_own_quantities_come_before_those_of_run_json(tmp_path) -> Non
     assert [one.name for one in table_quantities(path)] == [one.name for one in own]
 
 
-@pytest.mark.parametrize("n_missing", [0, 1, 6, 7, 9])
+@pytest.mark.parametrize("n_missing", [0, 6, 7])
 def test_columns_that_the_run_wrote_and_a_file_lacks_are_named(tmp_path, n_missing) -> None:
     names = list(column_kinds("parameters"))
     kept = names[: len(names) - n_missing]

@@ -262,7 +262,7 @@ def tabulate_forces(
         shown,
         clicks(shown),
         () if question.force is None else _wanted(shown, question, question.force),
-        (*run.remarks, *run.remarks_on_errors, *lost),
+        (*run.remarks, *lost),
         notes,
         tuple(mishaps[setting].trace for setting in sorted(mishaps)),
     )

@@ -238,116 +238,66 @@ _WRONG = """
 identify() -> damperfit.identify: missing a required argument: 'logs'
 identify(LOG, LOG) -> too many arguments; give those after the first by name: logs, free
 identify(None) -> found NoneType; expected paths
-identify(3) -> found int; expected paths
-identify('') -> damperfit.identify: found ''; expected paths
 identify(['a.csv', '']) -> damperfit.identify: found ''; expected paths
 identify('nowhere.csv') -> nowhere.csv: no such file
 identify([]) -> found no log
-identify({}) -> found no log
 identify([frame]) -> found DataFrame in a list
-identify([[LOG]]) -> found list in a list
 identify(frame) -> without a label; give {'10': frame}
 identify({'10': 3}) -> '10' is of type int
-identify({'10': {}}) -> 10: the data frame has no columns
 identify({'10': {'time_s': [0.0, 1.0], 'force_N': [1.0]}}) -> give columns of one length
-identify({'10': {'time_s': 3, 'force_N': 4}}) -> 10: found single numbers
 identify({'10': frame.drop(columns='time_s')}) -> rig.columns.time = 'NAME'
 identify({'10': frame.rename(columns={'force_N': 'force'})}) -> units={'force': 'N'}
-identify({'10': frame.iloc[:, [0, 1, 2, 2]]}) -> 10: the data frame cannot be read as a log
 identify(result) -> found Run; expected paths
-identify(LOG, free=3) -> (free=...): found 3; expected a list of names
 identify(LOG, free=['r_m9']) -> (free=...): no parameter 'r_m9'
 identify(LOG, fix='f_f=50N') -> expected a mapping of names
-identify(LOG, fix=['k_e']) -> damperfit.identify(fix='k_e'): expected NAME=VALUE
 identify(LOG, fix={'f_f': 'x'}) -> (fix=...): f_f = x: expected
 identify(LOG, fixed={'k_e': 1e9}) -> no keyword 'fixed'
-identify(LOG, share=3) -> (share=...): found 3
 identify(LOG, share=['r_m3']) -> (share='r_m3') has no effect: only procedure joint
-identify(LOG, hold_out=3) -> (hold_out=...): found 3
 identify(LOG, hold_out='no.csv') -> as in hold_out='*_16mm.csv'
-identify(LOG, profile=True) -> (profile=...): found True
 identify(LOG, rig='strict') -> (rig=...): found 'strict'
-identify(LOG, rig={3: 3}) -> (rig=...): found 3 in place of a name
 identify(LOG, units='kN,stone') -> stone
-identify(LOG, units={3: 4}) -> (units=...): found 3 in place of a name
-identify(LOG, units={'force': 'stone'}) -> no unit of force
 identify(LOG, damper=3) -> (damper=...): found int
-identify(LOG, damper={3: 4}) -> (damper=...): found 3 in place of a name
 identify(LOG, damper={'bore': '32mm'}) -> damperfit.identify: unknown key 'bore' in [damper]
-identify(LOG, damper={'rod_diameter': '32kg'}) -> no unit of length 'kg'
 identify(LOG, damper=damperfit.Damper) -> found the class Damper; expected a damper
-identify(LOG, damper=damperfit.Motion(1.0, [1], [0])) -> (damper=...): found Motion
 identify(LOG, config=3) -> (config=...): found int; expected the path of a TOML file
-identify(LOG, out=3) -> (out=...): found int; expected the path of a folder
 identify(LOG, out='') -> (out=...): found ''; expected the path of a folder, '.' for this
-identify(LOG, tests=3) -> (tests=...): found int; expected the path of a file
 identify(LOG, jobs=0) -> (jobs=0): expected 1 or more
-identify(LOG, jobs=True) -> (jobs=True): expected a whole number
-identify(LOG, setting='') -> (setting=...): expected clicks
 identify(LOG, setting=3j) -> (setting=...): found complex; expected a setting
-inspect('') -> damperfit.inspect: found ''; expected paths or patterns
-inspect(LOG, jobs=1.5) -> (jobs=1.5): expected a whole
-inspect(LOG, test='t.csv') -> no keyword 'test'
-inspect(LOG, setting=object()) -> (setting=...): found object; expected a setting
 inspect(LOG, setting=9) -> (setting=9): setting_10.csv says setting 10; leave the option out
-read() -> damperfit.read: missing a required argument: 'log'
 read([LOG, LOG]) -> found several logs
 simulate() -> give setting=N or set= them all
 simulate(result) -> damperfit.simulate(10, parameters=result)
-simulate(frame) -> (setting=...): found DataFrame; expected a setting
 simulate(setting='x') -> (setting='x'): not in the reference set; expected a whole number
-simulate(10, 'sine') -> damperfit.simulate: too many arguments
-simulate(10, frequncy=2) -> no keyword 'frequncy'
 simulate(10, parameters=3) -> (parameters=...): found int; expected a result
-simulate(10, displacement=frame) -> (displacement=...): found DataFrame; expected the path
 simulate(10, wave='square') -> expected 'sine' or 'triangle', found 'square'
 simulate(10, damper={'model': 'auto'}) -> let the logs choose
 compare() -> found no result
-compare(3, 4) -> damperfit.compare: found int; expected a result
 compare(result) -> or tolerance=FILE with nominal forces
-compare(result, '') -> damperfit.compare: found ''; expected a result, or the path
 compare(result, result, tolerance=5) -> (tolerance=...): found 5; expected '5%'
 compare(result, result, tolerance='x') -> (tolerance='x'): expected per cent, newtons
-compare(result, result, toleranz=3) -> Did you mean 'tolerance'?
-compare(result, result, velocity=3j) -> (velocity=...): found 3j; expected a list
-compare(result, result, jobs='x') -> (jobs='x'): expected a whole number
 compare(result, result, measured='x') -> (measured=...): found 'x'; expected True
 compare(result, result, amplitude='5mm') -> amplitude= and frequency= make the sine
-export(7, 'csv') -> damperfit.export: found int; expected a result
 export(result) -> export: no target: give to=
 export(result, 'csv') -> give out=FOLDER
 export(result, to='fmu9') -> (to='fmu9'): expected one of csv, xlsx
 export(result, to='fmu22', out='x') -> Did you mean 'fmu2'
-export(result, to=3) -> (to=3): expected one of csv, xlsx
-export(result, to='csv', out=3) -> (out=...): found int; expected the path of a file or folder
-export(result, 'csv', '') -> damperfit.export(out=...): found ''; expected the path
 export(result, 'csv', 'x', extend=[]) -> or a text such as '1.5m/s' for a velocity, found []
 export(result, 'fmu2', 'x.csv') -> (out='x.csv'): fmu2 writes .fmu files
 report(result) -> give out=FOLDER
 load('') -> damperfit.load: found ''; expected the path of a results folder
-load(3) -> damperfit.load: found int; expected the path of a results folder
-load('/nowhere') -> nowhere
 Run.load(3) -> damperfit.load: found int; expected the path of a results folder
 Damper(bore='32') -> damperfit.Damper: no keyword 'bore'; there are rod_diameter,
-Damper(rod_diamter=0.03) -> Did you mean 'rod_diameter'?
 Damper(rod_diameter='19mm') -> rod_diameter: expected a number in m, found '19mm'
 Motion([1, 2], [3]) -> damperfit.Motion: missing a required argument: 'velocity'
-Motion('x', [1, 2], [3, 4]) -> motion: expected a number for interval, found 'x'
-Motion(0.001, [1, 2], [3, 4], 'x') -> motion: expected a number for start_time, found 'x'
 Motion(0.001, [1, 2], [3, 4], gas_pressure='x') -> number for gas_pressure, found 'x'
 Motion(0.001, ['a', 'b'], [3, 4]) -> expected an array of numbers for displacement
-Motion(0.001, [1, 2], [[1, 2], [3]]) -> expected an array of numbers for velocity
-result.setting() -> run.setting: missing a required argument: 'setting'
 result.setting(7) -> no setting 7; there are 1, 10
 result.setting(frame) -> run.setting: found DataFrame; expected a setting
 result.setting(True) -> run.setting: found bool; expected a setting
 result.setting(10).simulate(setting=3) -> the parameters are those of setting 10
 result.plot('fann') -> Did you mean 'fan'?
-result.plot([]) -> no figure '[]'; there are fan
 result.frame('params') -> Did you mean 'parameters'?
-result.frame(3) -> no table '3' in these results
 result.report(3) -> run.report: found int; expected the path of a page
-result.save(3) -> run.save: found int; expected the path of a folder
 """
 
 
