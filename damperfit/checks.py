@@ -21,7 +21,7 @@ from damperfit.tested.setting import ADJUSTER, clicks_between
 from damperfit.uncertainty.grades import doubted_cavitation, what_spreads
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     from damperfit.adjustment.clicks import Adjustment
     from damperfit.adjustment.trends import Trend
@@ -30,18 +30,6 @@ if TYPE_CHECKING:
     from damperfit.recording import Trace
     from damperfit.tested.setting import Setting
     from damperfit.uncertainty import Assessment, Diagnosis
-
-__all__ = [
-    "CHECKS",
-    "CHECK_LISTS",
-    "Check",
-    "Subject",
-    "expand_checks",
-    "missed_gates",
-    "run_checks",
-    "unchecked",
-]
-
 
 _EXPLAINED = 0.5  # share of the MSE
 _MATTERS = 0.01  # of the force, or of a parameter, which moves the force by no more
@@ -53,53 +41,25 @@ _FOUND = (Status.FITTED, Status.SHARED)
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """One check's result.
-
-    Attributes
-    ----------
-    name : str
-        A name of `CHECKS`.
-    passed : bool or None
-        None: not looked at.
-    reason : str
-        One sentence, with the settings it is about.
-    """
+    """One check's result: a name of `CHECKS`, and one sentence with the settings it is about."""
 
     name: str
-    passed: bool | None
+    passed: bool | None  # None: not looked at
     reason: str
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Subject:
-    """What the checks look at.
+    """What the checks look at."""
 
-    Attributes
-    ----------
-    campaign : Campaign
-        The fits.
-    assessment : Assessment
-        What their residuals say.
-    adjustment : Adjustment
-        What shows across settings.
-    missing : tuple of str
-        Logs and settings without a result, by name, and why: failed or left out.
-    temperature, temperature_tolerance : float
-        What the test should be held at, degrees Celsius.
-    undeclared : tuple of str
-        Figures of the damper that nobody declared.
-    whose : str
-        Whose dimensions are taken where none is declared; empty where some is.
-    """
-
-    campaign: Campaign
-    assessment: Assessment
-    adjustment: Adjustment
-    missing: tuple[str, ...] = ()
-    temperature: float = 26.0
+    campaign: Campaign  # the fits
+    assessment: Assessment  # what their residuals say
+    adjustment: Adjustment  # what shows across settings
+    missing: tuple[str, ...] = ()  # logs and settings without a result, by name, and why
+    temperature: float = 26.0  # what the test should be held at, degrees Celsius
     temperature_tolerance: float = 1.0
-    undeclared: tuple[str, ...] = ()
-    whose: str = ""
+    undeclared: tuple[str, ...] = ()  # figures of the damper that nobody declared
+    whose: str = ""  # whose dimensions are taken where none is declared; empty where some is
 
     @property
     def fits(self) -> tuple[Fit, ...]:
@@ -117,7 +77,9 @@ def _mse_below_1_percent(subject: Subject) -> _Verdict:
     from damperfit.identification.fit_setting import EXCELLENT
 
     above = [fit for fit in subject.fits if not fit.mse_percent < EXCELLENT]
-    worst = max(above or subject.fits, key=lambda fit: _or_infinite(fit.mse_percent))
+    worst = max(
+        above or subject.fits, key=lambda fit: (not fit.mse_percent < math.inf, fit.mse_percent)
+    )
     where = f"{worst.mse_percent:.3g} % at setting {worst.setting}"
     if above:
         return False, f"MSE is 1 % or more at {_settings(above)}, worst {where}"
@@ -375,17 +337,12 @@ def _no_log_warnings(subject: Subject) -> _Verdict:
             if finding.severity == "warning":
                 said[finding.name].append(trace)
     if said:
-        parts = (f"{name} at {of_settings(_known(traces))}" for name, traces in said.items())
+        parts = []
+        for name, traces in said.items():
+            settings = {trace.setting for trace in traces if trace.setting is not None}
+            parts.append(f"{name} at {of_settings(sorted(settings))}")
         return False, f"the logs carry warnings: {', '.join(parts)}"
     return True, "no log carries a warning"
-
-
-def _known(traces: Iterable[Trace]) -> list[Setting]:
-    return sorted({trace.setting for trace in traces if trace.setting is not None})
-
-
-def _or_infinite(value: float) -> float:
-    return value if math.isfinite(value) else math.inf
 
 
 def _settings(fits: Iterable[Fit]) -> str:
@@ -411,10 +368,7 @@ def _every_grade_stands(subject: Subject) -> _Verdict:
             f"grades are withheld at {of_settings(said)}; setting {first}: "
             f"{'; '.join(one.sentence for one in said[first])}"
         )
-    return (
-        True,
-        f"no objection to the grade of {of_settings([fit.setting for fit in subject.fits])}",
-    )
+    return True, f"no objection to the grade of {_settings(subject.fits)}"
 
 
 def _bulk_modulus_of_oil(subject: Subject) -> _Verdict:
@@ -431,9 +385,7 @@ def _offset_as_in_log(subject: Subject) -> _Verdict:
     if not names:
         return None, "the model has no offset of the force"
     against = _against(subject, names, "offset")
-    if against:
-        return False, _first(against)
-    return True, "no offset contradicts the level of the force in the logs"
+    return not against, against or "no offset contradicts the level of the force in the logs"
 
 
 def _friction_within_jump(subject: Subject) -> _Verdict:
@@ -456,8 +408,7 @@ def _series_stiffness_found(subject: Subject) -> _Verdict:
         return None, "the model has no stiffness in series"
     lost = [fit for fit in subject.fits if any(fit.status[name].has_failed for name in names)]
     if lost:
-        where = of_settings(fit.setting for fit in lost)
-        return False, f"{' and '.join(names)} is not determined by the logs at {where}"
+        return False, f"{' and '.join(names)} is not determined by the logs at {_settings(lost)}"
     return _judged(subject, subject.fits, names, "beyond", "in the range of test rigs")
 
 
@@ -469,29 +420,24 @@ def _judged(
     subject: Subject, fits: Sequence[Fit], names: Sequence[str], kind: str, what: str
 ) -> _Verdict:
     """Fail with the first objection, pass where the logs determine a value, else not looked at."""
-    against = _against(subject, names, kind)
-    if against:
-        return False, _first(against)
+    if against := _against(subject, names, kind):
+        return False, against
     determined = [fit for fit in fits if any(fit.status[name] in _FOUND for name in names)]
     if not determined:
         return None, f"no log determined {' or '.join(names)}"
-    return (
-        True,
-        f"{' and '.join(names)} is {what} at {of_settings(fit.setting for fit in determined)}",
-    )
+    return True, f"{' and '.join(names)} is {what} at {_settings(determined)}"
 
 
-def _against(subject: Subject, names: Sequence[str], kind: str) -> dict[Setting, str]:
-    return {
+def _against(subject: Subject, names: Sequence[str], kind: str) -> str:
+    """Return where there are objections of a kind, and the first of them; empty: none."""
+    against = {
         setting: one.sentence
         for setting, why in subject.assessment.objections.items()
         for one in why
         if one.kind == kind and one.quantity in names
     }
-
-
-def _first(against: Mapping[Setting, str]) -> str:
-    """Return where there are objections, and the first of them."""
+    if not against:
+        return ""
     setting = next(iter(against))
     where = "" if len(against) == 1 else f"at {of_settings(against)}: "
     return f"{where}setting {setting}: {against[setting]}"
@@ -499,39 +445,40 @@ def _first(against: Mapping[Setting, str]) -> str:
 
 # A check is a function of the subject, whose docstring the manual shows, and a line here.
 CHECKS: dict[str, Callable[[Subject], _Verdict]] = {
-    "every_setting_fitted": _every_setting_fitted,
-    "fits_converged": _fits_converged,
-    "mse_below_1_percent": _mse_below_1_percent,
-    "no_parameter_at_bound": _no_parameter_at_bound,
-    "all_parameters_identifiable": _all_parameters_identifiable,
-    "no_cavitation": _no_cavitation,
-    "residuals_white": _residuals_white,
-    "noise_floor_explained": _noise_floor_explained,
-    "trend_monotone": _trend_monotone,
-    "no_outlier_setting": _no_outlier_setting,
-    "every_click_counts": _every_click_counts,
-    "temperature_in_window": _temperature_in_window,
-    "no_log_warnings": _no_log_warnings,
-    "damper_declared": _damper_declared,
-    "every_grade_stands": _every_grade_stands,
-    "bulk_modulus_of_oil": _bulk_modulus_of_oil,
-    "offset_as_in_log": _offset_as_in_log,
-    "friction_within_jump": _friction_within_jump,
-    "series_stiffness_found": _series_stiffness_found,
+    check.__name__[1:]: check
+    for check in (
+        _every_setting_fitted,
+        _fits_converged,
+        _mse_below_1_percent,
+        _no_parameter_at_bound,
+        _all_parameters_identifiable,
+        _no_cavitation,
+        _residuals_white,
+        _noise_floor_explained,
+        _trend_monotone,
+        _no_outlier_setting,
+        _every_click_counts,
+        _temperature_in_window,
+        _no_log_warnings,
+        _damper_declared,
+        _every_grade_stands,
+        _bulk_modulus_of_oil,
+        _offset_as_in_log,
+        _friction_within_jump,
+        _series_stiffness_found,
+    )
 }
 
 
 def run_checks(subject: Subject) -> tuple[Check, ...]:
     """Return the result of every check, in the order of `CHECKS`."""
-    if not subject.fits:
-        return tuple(_without_fits(name, subject) for name in CHECKS)
-    return tuple(Check(name, *check(subject)) for name, check in CHECKS.items())
-
-
-def _without_fits(name: str, subject: Subject) -> Check:
-    if name == "every_setting_fitted":
-        return Check(name, *_every_setting_fitted(subject))
-    return Check(name, None, "no setting could be fitted")
+    nothing = (None, "no setting could be fitted")
+    return tuple(
+        Check(
+            name, *(check(subject) if subject.fits or check is _every_setting_fitted else nothing)
+        )
+        for name, check in CHECKS.items()
+    )
 
 
 def unchecked() -> tuple[Check, ...]:
@@ -557,13 +504,8 @@ CHECK_LISTS: dict[str, tuple[str, ...]] = {
 def expand_checks(names: Iterable[str], *, pointless: Iterable[str] = ()) -> tuple[str, ...]:
     """Return the checks that names of checks and of lists stand for, each once.
 
-    Parameters
-    ----------
-    names : iterable of str
-        Of `CHECKS` or `CHECK_LISTS`; with a minus before it a check is left out of what the
-        others stand for.
-    pointless : iterable of str
-        Checks that cannot be looked at by the test's own declaration: lists go without them.
+    With a minus before its name a check is left out of what the others stand for. Lists go without
+    those that are pointless: that cannot be looked at by the test's own declaration.
 
     Raises
     ------
@@ -577,6 +519,7 @@ def expand_checks(names: Iterable[str], *, pointless: Iterable[str] = ()) -> tup
     >>> "temperature_in_window" in expand_checks(["purdy2000", "-temperature_in_window"])
     False
     """
+    pointless = set(pointless)
     found: list[str] = []
     left_out: list[str] = []
     for text in names:
@@ -594,8 +537,8 @@ def expand_checks(names: Iterable[str], *, pointless: Iterable[str] = ()) -> tup
         elif name in CHECKS:
             found.append(name)
         else:
-            found.extend(member for member in members if member not in set(pointless))
-    absent = [name for name in left_out if name not in found and name not in set(pointless)]
+            found.extend(member for member in members if member not in pointless)
+    absent = [name for name in left_out if name not in found and name not in pointless]
     if absent:
         raise ConfigurationError(
             f"check '-{absent[0]}' excludes a check that was not requested; expected it after a "

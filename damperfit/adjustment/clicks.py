@@ -36,48 +36,27 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Click:
-    """Change of force from one setting to the next one that was fitted.
-
-    Attributes
-    ----------
-    first, second : Setting
-        The two settings; more than one click apart where settings in between have no fit.
-    speed : float
-        m/s, positive.
-    stroke : str
-        "rebound" or "bump".
-    adjuster : str
-        Which was turned; the others are held.
-    change, low, high : float
-        Force of the second less that of the first with its 95 % interval, both without their
-        offset, N. Negative in bump means a harder bump.
-    percent, percent_low, percent_high : float
-        How much harder, in per cent of the first one's damping: of the force less the gas force
-        at mid-stroke and the offset. NaN where that is nothing.
-    """
+    """Change of force from one setting to the next one that was fitted, with 95 % intervals."""
 
     first: Setting
-    second: Setting
-    speed: float
+    second: Setting  # more than one click on where settings in between have no fit
+    speed: float  # m/s, positive
     stroke: str
-    change: float
+    change: float  # N, both without their offset; negative in bump means a harder bump
     low: float
     high: float
+    # How much harder, in per cent of the first one's damping: of the force less the gas force at
+    # mid-stroke and the offset. NaN where that is nothing.
     percent: float
     percent_low: float
     percent_high: float
-    adjuster: str = ADJUSTER
+    adjuster: str = ADJUSTER  # which was turned; the others are held
 
 
 def clicks(forces: Sequence[Force]) -> tuple[Click, ...]:
     """Return the change of force between neighbouring settings, by speed and stroke.
 
     Neighbours differ in one adjuster alone; words are no neighbours.
-
-    Parameters
-    ----------
-    forces : sequence of Force
-        As `force_at` returns them.
     """
     by_setting = {
         setting: sorted(group, key=lambda one: one.speed)
@@ -126,21 +105,12 @@ def _spread(first: Force, second: Force, ratio: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Adjustment:
-    """What shows only across settings.
+    """What shows only across settings."""
 
-    Attributes
-    ----------
-    trends : tuple of Trend
-        One for each parameter that was fitted setting by setting.
-    forces : tuple of Force
-        By setting, named speed and stroke: of one origin at a speed and stroke.
-    clicks : tuple of Click
-        Their change between neighbouring settings.
-    """
-
-    trends: tuple[Trend, ...] = ()
+    trends: tuple[Trend, ...] = ()  # one for each parameter that was fitted setting by setting
+    # By setting, named speed and stroke: of one origin at a speed and stroke.
     forces: tuple[Force, ...] = ()
-    clicks: tuple[Click, ...] = ()
+    clicks: tuple[Click, ...] = ()  # change of the forces between neighbouring settings
 
     @property
     def sentences(self) -> tuple[str, ...]:
@@ -164,20 +134,9 @@ def compare_settings(
     speeds: Sequence[float] = NAMED_SPEEDS,
     on_error: OnError | None = None,
 ) -> Adjustment:
-    """Lay the settings of a campaign beside each other.
+    """Lay the settings of a campaign beside each other, at those speeds, m/s, that were reached.
 
-    Parameters
-    ----------
-    campaign : Campaign
-        Result of `damperfit.identification.identify`.
-    assessment : Assessment
-        The same campaign judged.
-    damper : Model
-        The damper's model.
-    speeds : sequence of float
-        m/s; those that the tests have reached count.
-    on_error : callable, optional
-        Told of a setting and the error that it met; without it such an error is raised.
+    Without `on_error` an error that a setting has met is raised.
     """
     if not campaign.fits:
         return Adjustment()

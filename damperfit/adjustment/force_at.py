@@ -21,7 +21,7 @@ import math
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from statistics import median
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -62,33 +62,18 @@ _DETERMINED, _FARTHEST, _STEPS = 0.05, 5.0, 16
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stage:
-    """One setting of the adjuster: its parameters and what is known of their errors.
-
-    Attributes
-    ----------
-    setting : Setting
-        Which.
-    parameters : Values
-        SI.
-    own, shared : tuple of str
-        Values with an error: the setting's own, and those in common to all settings.
-    covariance : numpy.ndarray or None
-        Of ln y (f_0: of f_0, N), own before shared, shape (k, k). None: nothing is known.
-    top_speed : float
-        Highest speed that the setting was tested at, m/s; infinite: not known.
-    open_limits : tuple of (str, (float, float))
-        Quantities that the logs do not determine, and between which values they leave them open.
-    misfits : mapping of str to float
-        Standard errors of values from the model's misfit, SI.
-    """
+    """One setting of the adjuster: its parameters and what is known of their errors."""
 
     setting: Setting
-    parameters: Values
-    own: tuple[str, ...] = ()
-    shared: tuple[str, ...] = ()
+    parameters: Values  # SI
+    own: tuple[str, ...] = ()  # values with an error: the setting's own,
+    shared: tuple[str, ...] = ()  # and those in common to all settings
+    # Of ln y (f_0: of f_0, N), own before shared, shape (k, k). None: nothing is known.
     covariance: FloatArray | None = None
-    top_speed: float = math.inf
+    top_speed: float = math.inf  # highest speed that it was tested at, m/s; infinite: not known
+    # Quantities that the logs do not determine, and between which values they leave them open.
     open_limits: tuple[tuple[str, tuple[float, float]], ...] = ()
+    # Standard errors of values from the model's misfit, SI.
     misfits: Mapping[str, float] = field(default_factory=dict)
 
     @property
@@ -161,92 +146,44 @@ def open_limits(
 def has_lost_errors(names: Sequence[str], status: Mapping[str, str]) -> bool:
     """Return whether a value that was fitted has no error, as where a fit has met no minimum.
 
-    What is left, the errors of shared values, would pass for those of its forces.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Values with an error.
-    status : mapping of str to str
-        Of all values.
+    `names` are the values with an error. What is left, the errors of shared values, would pass for
+    those of its forces.
     """
     return any(one == _FITTED and name not in names for name, one in status.items())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Force:
-    """Force of one setting at one speed.
-
-    Attributes
-    ----------
-    setting : Setting
-        Which.
-    speed : float
-        m/s, positive.
-    stroke : str
-        "rebound" or "bump".
-    force : float
-        N, positive in rebound; gas and friction are in it, the rig's offset less `tare_out`.
-    error : float
-        Standard error, N; NaN where it is not known.
-    rest : float
-        The part of it that is the setting's alone, N; like `carried` without the offset's.
-    carried : numpy.ndarray
-        Shape (number of shared parameters,): what independent unit errors of the shared parameters
-        do to the force, N; in the same order for all settings.
-    model_force : float
-        The model's, N, like `force` in all else.
-    origin : str
-        Whose `force` is: `MODEL` or `MEASURED`.
-    misfit : float
-        Error of the force from the model's misfit, N: what repeats in the residual at like speeds,
-        the misfit's share in the tare that is taken off, and below the slowest measured speed its
-        share in the friction.
-    undetermined : (float, float)
-        How far the force may be below and above for what the logs do not determine, N.
-    gas, friction : float
-        Parts of the model's force, N: gas (and ambient) pressure on the rod at mid-stroke; seals.
-    is_cavitating : bool
-        A chamber is at zero pressure at this speed.
-    is_tested : bool
-        The setting was tested at this speed or a higher one.
-    measured : MeasuredForce or None
-        What was measured at this speed, the rig's tare in it; None: nothing was.
-    half_range : float
-        Half the range of the measured force, N.
-    tare, tare_out : float
-        The rig's force offset at this setting, and what of it is not in the force, N.
-    tare_error, tare_misfit : float
-        Its standard errors by noise and by misfit, N.
-    whole_error : float
-        Standard error of the force with the offset, N.
-    holds_gas : bool
-        The model knows no gas, and its offset holds the gas force: it is in the force.
-    """
+    """Force of one setting at one speed, N, positive in rebound; all errors are standard errors."""
 
     setting: Setting
-    speed: float
-    stroke: str
-    force: float
-    error: float
-    rest: float
+    speed: float  # m/s, positive
+    stroke: str  # rebound or bump
+    force: float  # gas and friction are in it, the rig's offset less `tare_out`
+    error: float  # NaN where it is not known
+    rest: float  # the part of it that is the setting's alone; like `carried` without the offset's
+    # Shape (number of shared parameters,): what independent unit errors of the shared parameters
+    # do to the force; in the same order for all settings.
     carried: FloatArray
-    model_force: float = math.nan
-    origin: str = MODEL
+    model_force: float = math.nan  # like `force` in all else
+    origin: str = MODEL  # whose `force` is: `MODEL` or `MEASURED`
+    # From the model's misfit: what repeats in the residual at like speeds, the misfit's share in
+    # the tare that is taken off, and below the slowest measured speed its share in the friction.
     misfit: float = 0.0
+    # How far it may be below and above for what the logs do not determine.
     undetermined: tuple[float, float] = (0.0, 0.0)
-    gas: float = math.nan
-    friction: float = math.nan
-    is_cavitating: bool = False
-    is_tested: bool = True
-    measured: MeasuredForce | None = None
-    half_range: float = math.nan
-    tare: float = 0.0
-    tare_out: float = 0.0
+    gas: float = math.nan  # part of the model's force: gas and ambient pressure on the rod
+    friction: float = math.nan  # likewise: seals
+    is_cavitating: bool = False  # a chamber is at zero pressure at this speed
+    is_tested: bool = True  # at this speed or a higher one
+    measured: MeasuredForce | None = None  # at this speed, the rig's tare in it
+    half_range: float = math.nan  # of the measured force
+    tare: float = 0.0  # the rig's force offset at this setting,
+    tare_out: float = 0.0  # and what of it is not in the force
     tare_error: float = 0.0
     tare_misfit: float = 0.0
-    whole_error: float = math.nan
-    holds_gas: bool = False
+    whole_error: float = math.nan  # of the force with the offset
+    holds_gas: bool = False  # the model knows no gas: the offset holds it, and is in the force
 
     @property
     def low(self) -> float:
@@ -373,12 +310,7 @@ def force_at(
         Of the same settings.
     on_error : callable, optional
         Told of a setting and the error that it met; without it such an error is raised, but for
-        one of the simulation.
-
-    Returns
-    -------
-    tuple of Force
-        By setting, speed and stroke. A setting that cannot be simulated is left out.
+        one of the simulation: a setting that cannot be simulated is left out.
     """
     by_stroke = {(one.setting, one.stroke): one for one in measured}
     forces: list[Force] = []
@@ -404,8 +336,13 @@ def _forces_of(
     curve = quasi_static(damper, stage.parameters, signed, sensitivities=stage.names)
     is_offset = np.array([name in stage.offsets for name in stage.names], dtype=bool)[:, None]
     rests, carried = _errors(stage, np.where(is_offset, 0.0, curve.slopes))
-    errors = _sizes(*_errors(stage, curve.slopes))
-    whole_errors = _sizes(*_errors(stage, np.where(is_offset, 1.0, curve.slopes)))
+    errors, whole_errors = (
+        np.hypot(own, np.linalg.norm(shared, axis=1))
+        for own, shared in (
+            _errors(stage, slopes)
+            for slopes in (curve.slopes, np.where(is_offset, 1.0, curve.slopes))
+        )
+    )
     below, above = _undetermined(stage, damper, curve)
     bends = _bends(damper, stage, curve, picked)
     tare_out = stage.offset if curve.knows_gas else 0.0
@@ -413,7 +350,12 @@ def _forces_of(
     if curve.knows_gas:
         tare_error = stage.offset_error
         tare_misfit = math.hypot(*(stage.misfits.get(name, 0.0) for name in stage.offsets))
-    seals = _misfit_of_seals(stage)
+    # Error of the friction from the misfit, as a share of it.
+    seals = 0.0
+    for one in stage.parameters.quantities:
+        if one.is_friction:
+            size = abs(float(getattr(stage.parameters, one.name))) or 1.0
+            seals = max(seals, stage.misfits.get(one.name, 0.0) / size)
     forces = []
     for k, ((speed, stroke), test, pick) in enumerate(zip(places, tests, picked, strict=True)):
         misfit = tare_misfit
@@ -471,20 +413,6 @@ def _errors(stage: Stage, slopes: FloatArray) -> tuple[FloatArray, FloatArray]:
     return np.sqrt(np.maximum(rest, 0.0)), np.asarray((by_shared + by_own @ follow) @ root)
 
 
-def _sizes(rests: FloatArray, carried: FloatArray) -> FloatArray:
-    return np.asarray(np.hypot(rests, np.linalg.norm(carried, axis=1)))
-
-
-def _misfit_of_seals(stage: Stage) -> float:
-    """Return the error of the friction from the misfit, as a share of it."""
-    shares = (
-        stage.misfits.get(one.name, 0.0) / abs(float(getattr(stage.parameters, one.name)) or 1.0)
-        for one in stage.parameters.quantities
-        if one.is_friction
-    )
-    return max(shares, default=0.0)
-
-
 def _bends(
     damper: Model, stage: Stage, curve: QuasiStatic, picked: Sequence[MeasuredForce | None]
 ) -> FloatArray:
@@ -525,24 +453,8 @@ def determined_speed(stage: Stage, damper: Model) -> float:
     """Return the speed up to which the logs determine the force of a setting, m/s.
 
     Up to it the 95 % interval is within 5 % of the damping in both strokes. It is looked for from
-    the tested speed, below which the logs hold the force, to five times it.
-
-    Parameters
-    ----------
-    stage : Stage
-        The setting, with what was tested.
-    damper : Model
-        The damper's model.
-
-    Returns
-    -------
-    float
-        The tested speed or more; NaN where nothing is known of errors or of what was tested.
-
-    Raises
-    ------
-    SimulationError
-        The damper cannot be simulated.
+    the tested speed, below which the logs hold the force, to five times it; NaN where nothing is
+    known of errors or of what was tested. A SimulationError: the damper cannot be simulated.
     """
     top = stage.top_speed
     if not 0.0 < top < math.inf or stage.covariance is None:
@@ -599,18 +511,11 @@ _AS_FAST, _SAME_STROKE = 0.05, 0.05
 _SINE = 0.1  # peak speed of a sine by its frequency against the one found; a triangle's is 36 % off
 
 
-@dataclass(frozen=True, slots=True)
-class Sine:
-    """The sine that stands for the motions of tests.
+class Sine(NamedTuple):
+    """The sine that stands for the motions of tests."""
 
-    Attributes
-    ----------
-    amplitude, frequency : float
-        m, Hz.
-    """
-
-    amplitude: float
-    frequency: float
+    amplitude: float  # m
+    frequency: float  # Hz
 
     @property
     def peak_speed(self) -> float:
@@ -621,12 +526,8 @@ class Sine:
 def fastest_sine(tested: Sequence[tuple[float, float, float]]) -> Sine:
     """Return the sine of the fastest motion; of several as fast, that of the middle stroke.
 
-    A motion that is no sine (a triangle, a road) stands for the sine of its stroke and speed.
-
-    Parameters
-    ----------
-    tested : sequence of (float, float, float)
-        Amplitude, frequency and peak speed of each motion: m, Hz, m/s.
+    A motion, given by amplitude, frequency and peak speed (m, Hz, m/s), that is no sine (a
+    triangle, a road) stands for the sine of its stroke and speed.
     """
     fastest = max(speed for *_, speed in tested)
     near = [one for one in tested if one[2] >= (1.0 - _AS_FAST) * fastest]

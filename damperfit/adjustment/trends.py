@@ -81,20 +81,12 @@ _QUADRATIC_FROM = 6  # settings: three coefficients, three degrees of freedom
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Points:
-    """Values of one parameter over the settings.
+    """Values of one parameter over the settings, arrays of shape (n,)."""
 
-    Attributes
-    ----------
-    settings, logs, errors : numpy.ndarray
-        Shape (n,): settings, rising; ln y; standard errors of ln y.
-    first, last : float
-        Ends of the adjuster's range, also of points kept from a larger set.
-    """
-
-    settings: FloatArray
-    logs: FloatArray
-    errors: FloatArray
-    first: float
+    settings: FloatArray  # rising
+    logs: FloatArray  # ln y
+    errors: FloatArray  # standard errors of ln y
+    first: float  # ends of the adjuster's range, also of points kept from a larger set
     last: float
 
     def __len__(self) -> int:
@@ -110,28 +102,14 @@ class Points:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Curve:
-    """A fitted curve.
+    """A fitted curve."""
 
-    Attributes
-    ----------
-    scale : str
-        One of `SCALES`.
-    coefficients, covariance : numpy.ndarray
-        Shape (degree + 1,) and its square, of P in powers of its argument scaled to -1..1.
-    ends : (float, float)
-        Of the range of settings.
-    scatter : float
-        tau.
-    freedom : int
-        Settings fitted less coefficients.
-    """
-
-    scale: str
-    coefficients: FloatArray
+    scale: str  # one of `SCALES`
+    coefficients: FloatArray  # of P in powers of its argument scaled to -1..1, shape (degree + 1,)
     covariance: FloatArray
-    ends: tuple[float, float]
-    scatter: float
-    freedom: int
+    ends: tuple[float, float]  # of the range of settings
+    scatter: float  # tau
+    freedom: int  # settings fitted less coefficients
 
     @property
     def degree(self) -> int:
@@ -149,10 +127,13 @@ class Curve:
             return rows
         return (_SIGN[self.scale] / (rows @ self.coefficients))[:, None] * rows
 
-    def errors(self, settings: FloatArray) -> FloatArray:
-        """Return standard errors of ln y of the curve."""
-        rows = self.slopes(settings)
+    def errors_of(self, rows: FloatArray) -> FloatArray:
+        """Return the standard errors of what depends on the coefficients by rows of slopes."""
         return np.asarray(np.sqrt(np.einsum("ij,jk,ik->i", rows, self.covariance, rows)))
+
+    def quantile(self, n: int) -> float:
+        """Student's t that none of n steps exceeds by chance in 95 of 100 cases."""
+        return student_quantile(max(self.freedom, 1), 1.0 - 0.5 * _95_PERCENT / n)
 
     def basis(self, settings: FloatArray) -> FloatArray:
         """Return the powers of the scaled setting, shape (n, degree + 1)."""
@@ -182,17 +163,7 @@ def _to_logs(scale: str, values: FloatArray) -> FloatArray:
 
 
 def fit_curve(points: Points, scale: str, degree: int) -> Curve:
-    """Fit one curve by weighted least squares of relative residuals; tau is found from these.
-
-    Parameters
-    ----------
-    points : Points
-        More of them than coefficients.
-    scale : str
-        One of `SCALES`.
-    degree : int
-        Of the polynomial.
-    """
+    """Fit one curve by weighted least squares of relative residuals; tau is found from these."""
     ends = (points.first, points.last)
     rows = _powers(points.settings, scale, degree, ends)
     freedom = len(points) - degree - 1
@@ -235,15 +206,7 @@ def scatter_of(residuals: FloatArray, errors: FloatArray, freedom: int) -> float
 
 
 def least_squares(rows: FloatArray, targets: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return least squares and the covariance of its coefficients for residuals of variance one.
-
-    Parameters
-    ----------
-    rows : numpy.ndarray
-        Shape (n, k), weighted powers.
-    targets : numpy.ndarray
-        Shape (n,), weighted alike.
-    """
+    """Return least squares and the covariance of its coefficients for residuals of variance one."""
     q, r = np.linalg.qr(rows)
     inverse = np.linalg.inv(r)
     return np.asarray(inverse @ (q.T @ targets)), np.asarray(inverse @ inverse.T)
@@ -254,12 +217,7 @@ def choose(
 ) -> tuple[Curve, tuple[int, ...]]:
     """Return the curve of the settings that follow it, and the places of those that do not.
 
-    Parameters
-    ----------
-    points : Points
-        `LEAST_FOR_TREND` or more.
-    families : sequence of (str, int), optional
-        Scales and degrees to choose from; all that the number of settings allows by default.
+    It is chosen from scales and degrees, by default all that the number of settings allows.
     """
     if families is None:
         highest = (len(points) - 1) // _SETTINGS_PER_DEGREE
@@ -364,106 +322,60 @@ def _distance(points: Points, curve: Curve, place: int) -> float:
     """Distance of a point to the curve of others, in standard deviations of that distance."""
     at = points.settings[place : place + 1]
     distance = float(abs(points.logs[place] - curve.logs(at)[0]))
-    variance = float(points.errors[place]) ** 2 + curve.scatter**2 + float(curve.errors(at)[0]) ** 2
+    own = float(curve.errors_of(curve.slopes(at))[0])
+    variance = float(points.errors[place]) ** 2 + curve.scatter**2 + own**2
     return distance / math.sqrt(variance) if math.isfinite(distance) else 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class TrendPoint:
-    """The trend at one setting, and the value found there.
+    """The trend at one setting, with its pointwise 95 % band, and the value found there, SI.
 
-    Attributes
-    ----------
-    setting : int or float
-        Clicks of the adjuster: every whole number from the lowest to the highest, fitted or not,
-        and what was fitted in between (the fitted ones alone where they span more than 200).
-    value, low, high : float
-        The trend and its pointwise 95 % band, SI. The band is that of the curve; values scatter
-        about it.
-    found : float or None
-        The fitted value, None where there is none.
+    The band is that of the curve; values scatter about it.
     """
 
+    # Clicks: every whole number from the lowest to the highest, fitted or not, and what was fitted
+    # in between (the fitted ones alone where they span more than 200).
     setting: int | float
     value: float
     low: float
     high: float
-    found: float | None
+    found: float | None  # None: there is none
 
 
 @dataclass(frozen=True, slots=True)
 class Outlier:
-    """A setting off the trend of the others.
+    """A setting off the trend of the others."""
 
-    Attributes
-    ----------
-    setting : int or float
-        Which, by the clicks of the adjuster.
-    value, expected : float
-        What was fitted, and the trend there, SI.
-    deviation : float
-        value/expected - 1.
-    """
-
-    setting: int | float
-    value: float
-    expected: float
-    deviation: float
+    setting: int | float  # by the clicks of the adjuster
+    value: float  # what was fitted, SI
+    expected: float  # the trend there
+    deviation: float  # value/expected - 1
 
 
 @dataclass(frozen=True, slots=True)
 class Trend:
-    """How one parameter goes over the settings.
-
-    Attributes
-    ----------
-    parameter : str
-        Name.
-    scale : str or None
-        On which scale the trend is a polynomial: "linear", "log", "reciprocal", or "from_first",
-        "from_last" (powers of the clicks from an end). None where settings are too few for one.
-    degree : int or None
-        Of the polynomial.
-    scatter : float
-        Relative scatter of the values about the trend, beyond their own errors; NaN without one.
-    is_erratic : bool
-        Whether they scatter far beyond their errors.
-    direction : str or None
-        "rising", "falling" or "flat" with the setting, "mixed" when it turns, None without trend
-        and where errors and scatter hide it.
-    monotone : bool or None
-        Neither the trend nor a value turns back by more than errors and scatter allow. The scatter
-        of erratic values allows nothing, but for K_e, whose trend is not judged where it is large.
-    reversals : tuple of (int or float, int or float)
-        Neighbouring settings between which the value goes against the direction.
-    outliers : tuple of Outlier
-        Settings off the trend.
-    outliers_judged : bool
-        False where there are too few settings to tell, or the values go to and fro.
-    points : tuple of TrendPoint
-        The curve and its band.
-    sentence : str
-        For people.
-    adjuster : str
-        Along which the settings stand.
-    held : str
-        Where the other adjusters stand, for people; empty where there are none.
-    """
+    """How one parameter goes over the settings."""
 
     parameter: str
-    scale: str | None
+    scale: str | None  # of `SCALES`; None where settings are too few for a trend
     degree: int | None
-    scatter: float
-    is_erratic: bool
+    scatter: float  # of the values about the trend, beyond their own errors, relative; or NaN
+    is_erratic: bool  # whether they scatter far beyond their errors
+    # "rising", "falling" or "flat" with the setting, "mixed" when it turns, None without trend and
+    # where errors and scatter hide it.
     direction: str | None
+    # Neither the trend nor a value turns back by more than errors and scatter allow. The scatter
+    # of erratic values allows nothing, but for K_e, whose trend is not judged where it is large.
     monotone: bool | None
+    # Neighbouring settings between which the value goes against the direction.
     reversals: tuple[tuple[int | float, int | float], ...]
     outliers: tuple[Outlier, ...]
-    outliers_judged: bool
+    outliers_judged: bool  # False: too few settings to tell, or the values go to and fro
     points: tuple[TrendPoint, ...]
     sentence: str
-    adjuster: str = ADJUSTER
-    held: str = ""
+    adjuster: str = ADJUSTER  # along which the settings stand
+    held: str = ""  # where the other adjusters stand, for people; empty where there are none
 
 
 def find_trends(
@@ -471,14 +383,8 @@ def find_trends(
 ) -> tuple[Trend, ...]:
     """Return the trend of every parameter that was fitted setting by setting.
 
-    Each runs along one adjuster with the others held.
-
-    Parameters
-    ----------
-    fits : sequence of Fit
-        By rising setting.
-    uncertainties : mapping of Setting to Uncertainty
-        By setting; a value without an interval does not count.
+    Each runs along one adjuster with the others held. Fits stand by rising setting; a value without
+    an interval does not count.
     """
     own = {Status.FITTED, Status.AT_BOUND, Status.NOT_IDENTIFIABLE}
     quantities = fits[0].parameters.quantities if fits else ()
@@ -487,28 +393,28 @@ def find_trends(
         for one in quantities
         if one.is_logarithmic and any(fit.status[one.name] in own for fit in fits)
     ]
-    return tuple(
-        _trend(one, _points(one.name, fits, uncertainties, line), line)
-        for line in lines_of(fit.setting for fit in fits)
-        for one in followed
-    )
-
-
-def _points(
-    name: str, fits: Sequence[Fit], known: Mapping[Setting, Uncertainty], line: SettingLine
-) -> Points:
-    rows = []
-    for fit in fits:
-        interval = known[fit.setting].intervals.get(name) if fit.setting in known else None
-        value = getattr(fit.parameters, name)
-        if fit.status[name] != Status.FITTED or interval is None or not value > 0.0:
-            continue
-        if fit.setting in line.numbers and math.isfinite(interval.error):
-            rows.append((line.numbers[fit.setting], math.log(value), interval.error / value))
-    rows.sort()
-    settings, logs, errors = np.array(rows, dtype=np.float64).reshape(-1, 3).T
-    ends = (settings[0], settings[-1]) if len(settings) else (0.0, 0.0)
-    return Points(settings, logs, errors, *ends)
+    trends = []
+    for line in lines_of(fit.setting for fit in fits):
+        for quantity in followed:
+            rows = []
+            for fit in fits:
+                known = uncertainties.get(fit.setting)
+                interval = known.intervals.get(quantity.name) if known else None
+                value = getattr(fit.parameters, quantity.name)
+                if (
+                    fit.status[quantity.name] != Status.FITTED
+                    or interval is None
+                    or not value > 0.0
+                ):
+                    continue
+                if fit.setting in line.numbers and math.isfinite(interval.error):
+                    number = line.numbers[fit.setting]
+                    rows.append((number, math.log(value), interval.error / value))
+            rows.sort()
+            settings, logs, errors = np.array(rows, dtype=np.float64).reshape(-1, 3).T
+            ends = (settings[0], settings[-1]) if rows else (0.0, 0.0)
+            trends.append(_trend(quantity, Points(settings, logs, errors, *ends), line))
+    return tuple(trends)
 
 
 def _trend(quantity: Quantity, points: Points, line: SettingLine) -> Trend:
@@ -532,7 +438,10 @@ def _trend(quantity: Quantity, points: Points, line: SettingLine) -> Trend:
         families = [("linear", min(degree, quantity.trend_degree))]
     curve, left_out = choose(points, families)
     kept = points.without(left_out)
-    outliers = tuple(_outlier(points, curve, place) for place in left_out)
+    outliers = []
+    for at, log in zip(points.settings[[*left_out]], points.logs[[*left_out]], strict=True):
+        value, expected = math.exp(log), float(_exp(curve.logs(np.array([at])))[0])
+        outliers.append(Outlier(_clicks(at), value, expected, value / expected - 1.0))
     own = median(points.errors)
     is_erratic = curve.scatter > max(_ERRATIC * own, _REMARKABLE)
     is_wild = is_erratic and not quantity.is_open
@@ -557,7 +466,7 @@ def _trend(quantity: Quantity, points: Points, line: SettingLine) -> Trend:
         direction=direction,
         monotone=monotone,
         reversals=reversals,
-        outliers=outliers,
+        outliers=tuple(outliers),
         outliers_judged=len(points) >= LEAST_FOR_OUTLIERS and not is_mixed_up,
         points=_curve_points(points, curve),
         sentence="",
@@ -567,13 +476,6 @@ def _trend(quantity: Quantity, points: Points, line: SettingLine) -> Trend:
     return replace(trend, sentence=_sentence(trend, quantity, own, len(points)))
 
 
-def _outlier(points: Points, curve: Curve, place: int) -> Outlier:
-    at = points.settings[place]
-    value = math.exp(points.logs[place])
-    expected = float(_exp(curve.logs(np.array([at])))[0])
-    return Outlier(_clicks(at), value, expected, value / expected - 1.0)
-
-
 def _direction(curve: Curve, settings: FloatArray) -> str:
     """Which way the curve goes, by those of its steps that are beyond their errors."""
     if curve.degree == 0:
@@ -581,12 +483,12 @@ def _direction(curve: Curve, settings: FloatArray) -> str:
     logs, slopes = curve.logs(settings), curve.slopes(settings)
     rows = np.vstack([np.diff(slopes, axis=0), slopes[-1] - slopes[0]])
     steps = np.append(np.diff(logs), logs[-1] - logs[0])
-    errors = np.sqrt(np.einsum("ij,jk,ik->i", rows, curve.covariance, rows))
-    sure = np.abs(steps) > _quantile(curve, len(steps)) * errors
-    rises, falls = bool(np.any(steps[sure] > 0.0)), bool(np.any(steps[sure] < 0.0))
-    if rises and falls:
-        return "mixed"
-    return "rising" if rises else "falling" if falls else "flat"
+    return _way(steps, curve.quantile(len(steps)) * curve.errors_of(rows))
+
+
+def _way(steps: FloatArray, reach: FloatArray) -> str:
+    rises, falls = bool(np.any(steps > reach)), bool(np.any(steps < -reach))
+    return "mixed" if rises and falls else "rising" if rises else "falling" if falls else "flat"
 
 
 def _direction_of_values(points: Points, curve: Curve, scatter: float) -> str:
@@ -594,9 +496,8 @@ def _direction_of_values(points: Points, curve: Curve, scatter: float) -> str:
     first, second = np.triu_indices(len(points), 1)
     variances = points.errors**2 + scatter**2
     steps = points.logs[second] - points.logs[first]
-    reach = _quantile(curve, len(steps)) * np.sqrt(variances[first] + variances[second])
-    rises, falls = bool(np.any(steps > reach)), bool(np.any(steps < -reach))
-    return "mixed" if rises and falls else "rising" if rises else "falling" if falls else "flat"
+    reach = curve.quantile(len(steps)) * np.sqrt(variances[first] + variances[second])
+    return _way(steps, reach)
 
 
 def _usual_scatter(kept: Points, curve: Curve) -> float:
@@ -622,13 +523,8 @@ def _reversals(
     variances = points.errors**2 + allowed**2
     spread = np.sqrt(variances[1:] + variances[:-1])
     steps = sign * np.diff(points.logs)
-    back = np.flatnonzero(steps < -_quantile(curve, len(steps)) * spread)
+    back = np.flatnonzero(steps < -curve.quantile(len(steps)) * spread)
     return tuple((_clicks(points.settings[k]), _clicks(points.settings[k + 1])) for k in back)
-
-
-def _quantile(curve: Curve, n: int) -> float:
-    """Student's t that none of n steps exceeds by chance in 95 of 100 cases."""
-    return student_quantile(max(curve.freedom, 1), 1.0 - 0.5 * _95_PERCENT / n)
 
 
 def _curve_points(points: Points, curve: Curve) -> tuple[TrendPoint, ...]:
@@ -638,7 +534,7 @@ def _curve_points(points: Points, curve: Curve) -> tuple[TrendPoint, ...]:
         between = np.arange(settings[0], settings[-1] + 0.5)
         settings = np.array(sorted({*between.tolist(), *settings.tolist()}))
     logs = curve.logs(settings)
-    reach = _quantile(curve, 1) * curve.errors(settings)
+    reach = curve.quantile(1) * curve.errors_of(curve.slopes(settings))
     value, low, high = _exp(logs), _exp(logs - reach), _exp(logs + reach)
     return tuple(
         TrendPoint(_clicks(s), float(y), float(a), float(b), found.get(_clicks(s)))
@@ -706,16 +602,8 @@ def _sentence(trend: Trend, quantity: Quantity, own: float, n: int) -> str:
     return said
 
 
-# Sentences on the trends of several parameters that say the same, told once.
-
-
 def in_few_words(sentences: Iterable[str]) -> tuple[str, ...]:
     """Return sentences on trends, those that differ in their parameter alone as one.
-
-    Parameters
-    ----------
-    sentences : iterable of str
-        As `Trend.sentence`.
 
     Examples
     --------

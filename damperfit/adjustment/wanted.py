@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -39,70 +39,38 @@ _FINEST = 0.01
 _BEND, _WIDER = 1.4, 2.0
 
 
-@dataclass(frozen=True, slots=True)
-class Answer:
-    """One place of the adjuster that gives the wanted force.
+class Answer(NamedTuple):
+    """One place of the adjuster that gives the wanted force, and what was fitted beside it."""
 
-    Attributes
-    ----------
-    position : float
-        In settings; a whole number where a setting gives it exactly.
-    low, high : float
-        95 % interval of the position, NaN where no errors are known; it ends at the first and the
-        last setting.
-    nearest : Setting
-        The fitted setting beside it whose force is nearest.
-    below, above : Setting
-        The fitted settings on both sides, the same where `position` is one.
-    force_below, force_above : float
-        Their forces, N.
-    """
-
-    position: float
+    position: float  # in settings; a whole number where a setting gives it exactly
+    # 95 % interval of the position, NaN where no errors are known; it ends at the first and the
+    # last setting.
     low: float
     high: float
-    nearest: Setting
-    below: Setting
+    nearest: Setting  # the fitted setting beside it whose force is nearest
+    below: Setting  # the fitted settings on both sides, the same where `position` is one
     above: Setting
-    force_below: float
+    force_below: float  # N
     force_above: float
 
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """Where a force is found.
-
-    Attributes
-    ----------
-    force : float
-        The wanted force, N, positive in rebound.
-    speed : float
-        m/s.
-    stroke : str
-        "rebound" or "bump".
-    answers : tuple of Answer
-        By rising position; none when the force is out of reach, several when the force does not
-        rise or fall throughout.
-    weakest, hardest : (Setting, float)
-        Setting and force of the least and of the greatest force that the settings reach, N; in
-        bump the hardest is the most negative one.
-    adjuster : str
-        Which was looked along.
-    held : str
-        Where the other adjusters stand, for people; empty where there are none.
-    origin : str
-        Of the forces that it was looked for among.
-    """
+    """Where a force, N, positive in rebound, is found."""
 
     force: float
-    speed: float
+    speed: float  # m/s
     stroke: str
+    # By rising position; none when the force is out of reach, several when the force does not rise
+    # or fall throughout.
     answers: tuple[Answer, ...]
+    # Setting and force of the least and of the greatest force that the settings reach; in bump the
+    # hardest is the most negative one.
     weakest: tuple[Setting, float]
     hardest: tuple[Setting, float]
-    adjuster: str = ADJUSTER
-    held: str = ""
-    origin: str = MODEL
+    adjuster: str = ADJUSTER  # which was looked along
+    held: str = ""  # where the other adjusters stand, for people; empty where there are none
+    origin: str = MODEL  # of the forces that it was looked for among
 
     @property
     def sentence(self) -> str:
@@ -168,16 +136,9 @@ def _words(answer: Answer, wanted: float, adjuster: str, units: ShownUnits) -> s
 def which_setting(
     forces: Sequence[Force], force: float, *, line: SettingLine | None = None
 ) -> Wanted:
-    """Return the settings at which a force is reached.
+    """Return the settings at which a force is reached, of forces at one speed and stroke.
 
-    Parameters
-    ----------
-    forces : sequence of Force
-        One speed and stroke.
-    force : float
-        N, positive in rebound.
-    line : SettingLine, optional
-        Settings to look along, two or more; those of the only adjuster by default.
+    They are looked for along a line of two settings or more, by default that of the only adjuster.
     """
     along = line or lines_of(one.setting for one in forces)[0]
     wanted = _wanted([one for one in forces if one.setting in along.numbers], force, along)
@@ -248,20 +209,13 @@ class _Curve:
             if gap > 1.0:
                 reach += 4.0 * share * (1.0 - share) * self._bend(below, gap)
             has_curve = len(self.places) > 2 or gap <= 1.0  # two settings tell none
-            ends = self.crossings(force - reach, force + reach) if has_curve else []
-            low = max((s for s in ends if s < position), default=float(self.places[0]))
-            high = min((s for s in ends if s > position), default=float(self.places[-1]))
+            edges = self.crossings(force - reach, force + reach) if has_curve else []
+            low = max((s for s in edges if s < position), default=float(self.places[0]))
+            high = min((s for s in edges if s > position), default=float(self.places[-1]))
         nearest = min(below, above, key=lambda k: abs(self.forces[k] - force))
-        return Answer(
-            position,
-            low,
-            high,
-            nearest=Setting.of(self.settings[nearest]),
-            below=Setting.of(self.settings[below]),
-            above=Setting.of(self.settings[above]),
-            force_below=float(self.forces[below]),
-            force_above=float(self.forces[above]),
-        )
+        closest, first, second = (Setting.of(self.settings[k]) for k in (nearest, below, above))
+        ends = float(self.forces[below]), float(self.forces[above])
+        return Answer(position, low, high, closest, first, second, *ends)
 
     def _bend(self, below: int, gap: float) -> float:
         """How far the force may lie from the curve in the middle of a gap, N: see the top."""

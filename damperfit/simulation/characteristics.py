@@ -27,56 +27,28 @@ NAMED_SPEEDS = (0.05, 0.1, 0.13, 0.26, 0.3, 0.52, 1.05)
 
 @dataclass(frozen=True, slots=True)
 class SpeedForce:
-    """Force at one speed, mean of the opening and the closing branch.
+    """Force at one speed, mean of the opening and the closing branch."""
 
-    Attributes
-    ----------
-    speed : float
-        m/s, positive.
-    rebound, bump : float
-        Force at v = +speed and at v = -speed, N.
-    """
-
-    speed: float
-    rebound: float
-    bump: float
+    speed: float  # m/s, positive
+    rebound: float  # N, at v = +speed
+    bump: float  # N, at v = -speed
 
 
 @dataclass(frozen=True, slots=True)
 class Characteristics:
-    """Figures of one cycle.
-
-    Attributes
-    ----------
-    peak_force_rebound, peak_force_bump : float
-        Largest and smallest force, N (bump is negative).
-    peak_speed_rebound, peak_speed_bump : float
-        Largest speed of each stroke, m/s, positive.
-    energy : float
-        Work taken up in the cycle, the loop integral of f dx, J.
-    hysteresis_speed : float
-        Speed at which the hysteresis is taken, m/s.
-    hysteresis_rebound, hysteresis_bump : float
-        Opening minus closing force at that speed, N.
-    pressure_ranges : tuple of (float, float)
-        Lowest and highest pressure of chambers 1, 2, 3, Pa.
-    cavitation_shares : tuple of float
-        Share of the cycle with the chamber at zero pressure, for chambers 1, 2, 3.
-    speed_forces : tuple of SpeedForce
-        Forces at the named speeds that both strokes reach.
-    """
+    """Figures of one cycle, in SI."""
 
     peak_force_rebound: float
-    peak_force_bump: float
+    peak_force_bump: float  # negative
     peak_speed_rebound: float
-    peak_speed_bump: float
-    energy: float
-    hysteresis_speed: float
-    hysteresis_rebound: float
+    peak_speed_bump: float  # positive
+    energy: float  # work taken up in the cycle, the loop integral of f dx, J
+    hysteresis_speed: float  # at which the hysteresis is taken
+    hysteresis_rebound: float  # opening minus closing force at that speed
     hysteresis_bump: float
-    pressure_ranges: tuple[tuple[float, float], ...]
-    cavitation_shares: tuple[float, ...]
-    speed_forces: tuple[SpeedForce, ...]
+    pressure_ranges: tuple[tuple[float, float], ...]  # lowest and highest of chambers 1, 2, 3, Pa
+    cavitation_shares: tuple[float, ...]  # of the cycle with chambers 1, 2, 3 at zero pressure
+    speed_forces: tuple[SpeedForce, ...]  # at the named speeds that both strokes reach
 
 
 def characterise(
@@ -100,7 +72,19 @@ def characterise(
         The response is shorter than one cycle.
     """
     time = response.time
-    begin, first = _cycle_start(response, frequency)
+    period = 1.0 / frequency
+    slack = 1e-9 * period  # a whole cycle may come out a rounding error short
+    begin = time[-1] - period
+    # Where a cycle is no whole number of samples, the only one ends up to a sample early.
+    if len(time) > 1 and time[0] - (time[1] - time[0]) < begin < time[0]:
+        begin = time[0]
+    if begin < time[0] - slack:
+        cycles = (time[-1] - time[0]) * frequency
+        raise SimulationError(
+            f"the response lasts {cycles:.2f} cycles at {frequency:g} Hz: "
+            "at least one whole cycle is needed"
+        )
+    first = int(np.searchsorted(time, begin + slack, side="right"))
     rows = np.vstack([response.velocity, response.force, response.pressures])
     start = [[np.interp(begin, time, row)] for row in rows]
     velocity, force, *pressures = np.hstack([start, rows[:, first:]])
@@ -129,21 +113,3 @@ def characterise(
             for speed, forces in zip(reached, branches.T.tolist(), strict=True)
         ),
     )
-
-
-def _cycle_start(response: Response, frequency: float) -> tuple[float, int]:
-    """Return where the last cycle begins, s, and the first sample after it."""
-    time = response.time
-    period = 1.0 / frequency
-    slack = 1e-9 * period  # a whole cycle may come out a rounding error short
-    begin = time[-1] - period
-    # Where a cycle is no whole number of samples, the only one ends up to a sample early.
-    if len(time) > 1 and time[0] - (time[1] - time[0]) < begin < time[0]:
-        begin = time[0]
-    if begin < time[0] - slack:
-        cycles = (time[-1] - time[0]) * frequency
-        raise SimulationError(
-            f"the response lasts {cycles:.2f} cycles at {frequency:g} Hz: "
-            "at least one whole cycle is needed"
-        )
-    return begin, int(np.searchsorted(time, begin + slack, side="right"))

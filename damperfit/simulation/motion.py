@@ -86,21 +86,22 @@ class Motion:
                     f"motion: {name} is not a finite number at sample {at} (counted from 0)"
                 )
         if np.size(self.jumps):
-            self._refuse_wrong_jumps()
-
-    def _refuse_wrong_jumps(self) -> None:
-        if np.ndim(self.jumps) != 2 or np.shape(self.jumps)[1] != 4:
-            raise SimulationError(
-                f"motion: expected jumps of shape (k, 4), found {np.shape(self.jumps)}"
-            )
-        if not np.all(np.isfinite(self.jumps)):
-            raise SimulationError("motion: a number of jumps is not finite")
-        at = self.jumps[:, 0]
-        if not (at[0] > 0.0 and at[-1] <= len(self.displacement) - 1 and np.all(np.diff(at) > 0)):
-            raise SimulationError(
-                "motion: expected jumps in order of time, after the first sample and not after "
-                "the last"
-            )
+            if np.ndim(self.jumps) != 2 or np.shape(self.jumps)[1] != 4:
+                raise SimulationError(
+                    f"motion: expected jumps of shape (k, 4), found {np.shape(self.jumps)}"
+                )
+            if not np.all(np.isfinite(self.jumps)):
+                raise SimulationError("motion: a number of jumps is not finite")
+            after = self.jumps[:, 0]
+            if (
+                after[0] <= 0.0
+                or after[-1] > len(self.displacement) - 1
+                or np.any(np.diff(after) <= 0.0)
+            ):
+                raise SimulationError(
+                    "motion: expected jumps in order of time, after the first sample and not "
+                    "after the last"
+                )
 
     def until(self, first: int, stop: int) -> Motion:
         """Return the motion from one sample to before another."""
@@ -194,8 +195,7 @@ def triangle_motion(
     speed = 4.0 * amplitude * frequency
     velocity = np.where(part < 0.5, speed, -speed)
     # At a corner the velocity is the mean of both sides.
-    at_corner = np.isclose(part, 0.0, atol=1e-9) | np.isclose(part, 0.5, atol=1e-9)
-    at_corner |= np.isclose(part, 1.0, atol=1e-9)
+    at_corner = np.isclose(part[:, None], [0.0, 0.5, 1.0], atol=1e-9).any(axis=1)
     return Motion(1.0 / sample_rate, displacement, np.where(at_corner, 0.0, velocity))
 
 

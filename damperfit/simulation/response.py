@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -79,22 +79,9 @@ class Response:
     work: Work = field(default_factory=lambda: Work(0, 0, 0))
 
 
-class _Simulated(Protocol):
-    """What is asked of a model; the whole is `damperfit.damper.model.Model`."""
-
-    def simulate(
-        self,
-        values: Any,
-        motion: Motion,
-        *,
-        sensitivities: Sequence[str],
-        options: SolverOptions,
-    ) -> Response: ...
-
-
 def simulate(
     values: Any,
-    damper: _Simulated,
+    damper: Any,
     motion: Motion,
     *,
     sensitivities: Sequence[str] = (),
@@ -137,7 +124,10 @@ def simulate(
     >>> round(float(response.force[3100]))  # a tenth into the fourth cycle
     673
     """
-    return damper.simulate(values, motion, sensitivities=tuple(sensitivities), options=options)
+    response: Response = damper.simulate(
+        values, motion, sensitivities=tuple(sensitivities), options=options
+    )
+    return response
 
 
 _ENDINGS = {

@@ -98,7 +98,7 @@ def test_slopes_of_a_curve_are_those_by_differences(scale) -> None:
         )
         assert slopes[:, k] == pytest.approx((up - down) / 2e-6, abs=1e-7)
     variances = [row @ curve.covariance @ row for row in slopes]
-    assert curve.errors(TWENTY) == pytest.approx(np.sqrt(variances))
+    assert curve.errors_of(curve.slopes(TWENTY)) == pytest.approx(np.sqrt(variances))
 
 
 def test_the_scatter_makes_the_mean_square_one() -> None:

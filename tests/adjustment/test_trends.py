@@ -110,8 +110,8 @@ def test_settings_that_tell_nearly_nothing_bend_no_curve_and_end_no_fit() -> Non
     errors = np.where(settings % 7.0 == 0.0, 1e-3, 1e9)
     curve = fit_curve(Points(settings, 0.1 * settings, errors, 0.0, 7.0), "log", 2)
     assert curve.logs(settings[[0, -1]]) == pytest.approx([0.0, 0.7], abs=1e-6)
-    assert np.all(curve.errors(settings[[0, -1]]) < 4e-3)
-    assert curve.errors(settings[3:4])[0] > 1e6
+    assert np.all(curve.errors_of(curve.slopes(settings[[0, -1]])) < 4e-3)
+    assert curve.errors_of(curve.slopes(settings[3:4]))[0] > 1e6
 
 
 def test_a_low_outlier_breaks_the_monotone_run() -> None:
