@@ -353,8 +353,8 @@ def test_where_no_gas_is_known_the_offset_stays_in_the_force_and_out_of_the_clic
     rebound, _ = clicks(force_at(harder, model, (0.1,)))
     assert rebound.percent == pytest.approx(10.0, abs=0.01)
     run = run_of((stages[0],), model, Sine(0.032, 1.5))
-    (note,) = tabulate_forces(run, Question(0.1)).notes
-    assert note.startswith("the model knows no gas: its force offset (-120 N)")
+    notes = tabulate_forces(run, Question(0.1)).notes
+    assert any("the model knows no gas: its force offset (-120 N)" in one for one in notes)
 
 
 @pytest.mark.parametrize(
