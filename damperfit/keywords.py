@@ -30,7 +30,7 @@ __all__ = [
 # Options that say how a command talks, and keywords that take objects of Python.
 PRESENTATION = (
     *("json", "quiet", "debug", "version", "log_file", "github_summary", "list"),
-    *("color", "no_progress"),
+    *("color", "no_progress", "verbose"),
 )
 PYTHON_ONLY = ("damper", "watch", "stop", "on_law", "inspect.units")
 # In the order of the help; what stands in none stands last, under "Options".
@@ -191,6 +191,8 @@ _TABLE: dict[str, dict[str, tuple[Any, ...]]] = {
         "extend": ("text", "SPEED", "Extend tables beyond the tested speed; marked as untested."),
         "json": ("flag", "", "Print one JSON document on stdout and nothing else there."),
         "quiet": ("flag", "", "No progress bar, no remarks; errors are still shown.", "-q"),
+        "verbose": ("flag", "",
+            "Show each step on stderr: logs read, fits, times, files written.", "-v"),
         "log_file": ("path", "FILE",
             "Append every message and step to FILE, one line each, with its time."),
         "color": ("text", "WHEN",

@@ -16,7 +16,7 @@ from typer.core import TyperCommand, TyperGroup
 
 from damperfit import __version__
 from damperfit.cli.completion import completion_of
-from damperfit.cli.console import say, set_colour
+from damperfit.cli.console import say, set_colour, show_steps
 from damperfit.errors import ConfigurationError
 from damperfit.keywords import PANELS, PYTHON_ONLY, keyword_of, option_of
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 # What may be given several times; all else is one text, for `damperfit.arguments` to read.
 _SEVERAL = {"texts", "names", "quantities", "values", "pairs", "paths", "arguments"}
 _COMMON = ("json", "quiet", "debug", "version")
-_OF_ALL = ("color", "no_progress", "log_file")
+_OF_ALL = ("verbose", "color", "no_progress", "log_file")
 # These read logs or simulate; what is asked of results has the configuration of its run.
 _CONFIGURED = {
     *("identify", "inspect", "models", "fleet", "simulate", "sweep", "samples", "config"),
@@ -62,6 +62,8 @@ def command(
             given.pop("version", None)
             given.pop("log_file", None)  # opened by `main`, so that wrong usage stands in it
             set_colour(given.pop("color", None))
+            if given.pop("verbose", False):
+                show_steps()
             how = Shown(**{one: given.pop(one) for one in Shown._fields if one in given})
             if called in _CONFIGURED and given["config"] is None:
                 given["config"] = _own_configuration(is_quiet=how.quiet)

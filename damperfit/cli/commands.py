@@ -171,12 +171,13 @@ def _tell_of_run(one: Identified, how: Shown) -> None:
     done = f"{_plural(n_fits, 'setting')} fitted"
     done += f", {n_failed} failed" if n_failed else ""
     done += f", {n_all - n_failed} left out" if n_all > n_failed else ""
+    seconds = f" in {record['timings']['total_s']:.1f} s"
     if one.is_interrupted and not n_fits:
         done = "interrupted before a setting was finished; nothing was written"
     elif one.keeps_earlier:
         done += f"; nothing was written: the earlier results in {one.folder} stay"
     else:
-        done = f"{'interrupted; ' * one.is_interrupted}{done}; results in {one.folder}"
+        done = f"{'interrupted; ' * one.is_interrupted}{done}{seconds}; results in {one.folder}"
     say(f"damperfit: {done}{', the profiles in profiles.csv' if configuration.profile else ''}")
 
 

@@ -371,3 +371,21 @@ def append_summary(path: Path, report: str, *, instead: str) -> None:
         raise OutputError(
             f"cannot write {path}: {error.strerror}", where=Option("github_summary")
         ) from error
+
+
+class _Steps(logging.Handler):
+    """Shows on stderr what is otherwise for the log file alone: logs read, fits, times, files."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Write a step; lines for people are there already."""
+        if record.levelno == logging.DEBUG:
+            with suppress(OSError):
+                _write(sys.stderr, one_line(record.getMessage()) + "\n")
+
+
+def show_steps() -> None:
+    """Show each step on stderr until the log file is closed."""
+    _LOGGER.addHandler(handler := _Steps())
+    _LOGGER.setLevel(logging.DEBUG)
+    _LOGGER.propagate = False
+    _kept.append(handler)

@@ -30,7 +30,7 @@ __all__ = ["TABLES", "filled"]
 
 _PLACE = re.compile(r"<!-- table: ([\w -]+) -->\n")
 _COMMON = (
-    *("config", "json", "quiet", "color", "no_progress", "log_file"),
+    *("config", "json", "quiet", "verbose", "color", "no_progress", "log_file"),
     *("debug", "version", "help"),
 )
 

@@ -119,13 +119,16 @@ def text_table(
 ) -> str:
     """Return a table as lines of text: headings, units, rows, notes below.
 
-    Where the width does not do, text wraps between words and the columns that are left go into a
-    table below with the first column again: no word and no number is cut. ``colours`` are ANSI
-    colours of cells by the word in them, besides those of grades; None: plain.
+    Where the width does not do, long names are cut in the middle, text wraps between words, and the
+    columns that are left go into a table below with the first column again: no number is cut.
+    ``colours`` are ANSI colours of cells by the word in them, besides those of grades; None: plain.
     """
     n_heads = len(sheet.heads)
     columns = [list(map(printable, one)) for one in zip(*sheet.heads, *sheet.rows, strict=True)]
     whole = sum(max(map(_places, column)) + 2 for column in columns) - 2
+    if whole > width:
+        kinds = zip(columns, sheet.is_number, strict=True)
+        columns = [one if is_number else _cut(one, width // 3) for one, is_number in kinds]
     gap = 2 if whole <= min(_COLUMNS, width) else 1
     least = []  # widths that cut no word and no number, as far as the first column leaves room
     for column, is_number in zip(columns, sheet.is_number, strict=True):
@@ -156,6 +159,19 @@ def text_table(
         shown = wrapped(printable(note), width)
         lines += shown if known is None else [f"\x1b[2m{line}\x1b[0m" for line in shown]
     return "\n".join(lines[1:])
+
+
+def _cut(texts: list[str], width: int) -> list[str]:
+    """Return texts with long words cut in the middle, unless two of them then look alike."""
+    half = width // 2
+    shorter = [
+        " ".join(
+            word if len(word) <= width else f"{word[: half - 1]}…{word[-half:]}"
+            for word in text.split(" ")
+        )
+        for text in texts
+    ]
+    return shorter if len(set(shorter)) == len(set(texts)) else texts
 
 
 def _widths(

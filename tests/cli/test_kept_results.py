@@ -22,7 +22,7 @@ def test_a_run_that_fits_nothing_keeps_the_earlier_results(run, one_log, tmp_pat
     bad.write_text("nothing\n")
     first = run("identify", bad, "--out", "out")
     assert first.code == 3
-    assert "1 failed; results in out" in first.err
+    assert "1 failed in" in first.err
     assert run("identify", good, "--out", "out").code == 0
     before = listed(tmp_path / "out")
     ended = run("identify", bad, "--out", "out")

@@ -90,3 +90,13 @@ def test_a_file_that_holds_anything_else_is_left_alone(run, logs, tmp_path, text
     assert (ended.code, ended.err.count("\n")) == (2, 1)
     assert f"--log-file {kept}: is there already and does not begin as a log file" in ended.err
     assert kept.read_bytes() == before
+
+
+def test_verbose_shows_the_steps_on_stderr(run, logs, tmp_path) -> None:
+    """What only the log file has otherwise; what people are told stands there once."""
+    log = str(logs / "setting_02.csv")
+    quiet, verbose = (run("inspect", log, *more) for more in ((), ("-v",)))
+    assert verbose.out == quiet.out
+    steps = [line for line in verbose.err.splitlines() if line not in quiet.err.splitlines()]
+    assert [log in line and "samples" in line for line in steps] == [True]
+    assert run("inspect", log).err == quiet.err  # the next command is as quiet as before

@@ -174,3 +174,16 @@ def test_settings_in_one_file_are_parts_and_twice_one_setting_is_one_fit(
     document = json.loads(run("identify", "a_s2.csv", "b_s2.csv", "--json").out)
     (row,) = document["parameters"]
     assert (row["setting"], row["n_logs"]) == (2, 2)
+
+
+@pytest.mark.parametrize("columns", [80, 100])
+def test_long_names_are_cut_in_the_middle_and_no_number_is_lost(
+    run, rows, tmp_path, monkeypatch, columns
+) -> None:
+    monkeypatch.setenv("COLUMNS", str(columns))
+    path = write(tmp_path / f"customer_{'prototype_' * 12}run_17_setting_02.csv", rows)
+    shown = run("inspect", str(path)).out.splitlines()
+    assert max(map(len, shown)) <= columns
+    (row,) = (line.split() for line in shown if line.startswith("customer"))
+    assert re.fullmatch(r"customer\w*…\w*tting_02\.csv", row[0])
+    assert row[1:3] == ["2", str(len(rows))]
