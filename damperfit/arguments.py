@@ -229,7 +229,14 @@ def folder_of(given: object, where: Option | str, expected: str = _RESULT) -> Pa
     if isinstance(where, str) and not isinstance(given, str | Path):
         found = type(given).__name__
         raise _wrong(f"found {found}; expected {expected}", where, "not-a-result")
-    return path_of(given, where, expected)
+    path = path_of(given, where, expected)
+    if path.suffix.lower() == ".json" and where != "damperfit.compare":
+        from damperfit.queries.compared_runs import is_baseline
+
+        if is_baseline(path):
+            text = "a baseline or passport, which compare reads; give the results it was made of"
+            raise ConfigurationError(text, subject=path, code="baseline")
+    return path
 
 
 def workers(jobs: int | None) -> int:

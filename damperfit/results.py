@@ -83,7 +83,7 @@ if TYPE_CHECKING:
     from damperfit.damper.quantity import Quantity
     from damperfit.recording import Recording
     from damperfit.reporting.sheet import Sheet
-    from damperfit.simulation import SolverOptions
+    from damperfit.simulation import Motion, SolverOptions
     from damperfit.tables.reading import LogSignals
     from damperfit.uncertainty import SpeedForces
 
@@ -219,6 +219,19 @@ class SettingResult(Stage):
                     f"{self.label}; leave it out, or call damperfit.simulate"
                 )
         return damperfit.simulate(self.label, parameters=self.run, wave=wave, **motion)
+
+    def sensitivity(self, motion: Motion) -> pd.DataFrame:
+        """Return the force along a motion, N, and what it changes by each value in error, SI.
+
+        Columns are time_s, force_N and the names of the values: dF/dy, unfiltered.
+        """
+        import pandas as pd
+
+        assert self.run is not None
+        damper, solver = self.run.damper, self.run.solver
+        seen = damper.simulate(self.parameters, motion, sensitivities=self.names, options=solver)
+        slopes = {name: seen.sensitivities[name] for name in self.names}
+        return pd.DataFrame({"time_s": seen.time, "force_N": seen.force, **slopes})
 
     def _cell(self, name: str) -> Any:
         return (self.row or {}).get(name)
@@ -985,6 +998,10 @@ class Run:
     def to_frame(self) -> pd.DataFrame:
         """Return the parameters as a data frame."""
         return self.parameters
+
+    def sensitivity(self, setting: Setting | str | float, motion: Motion) -> pd.DataFrame:
+        """Return the force of a setting along a motion and its slopes, as `SettingResult` does."""
+        return self.setting(setting).sensitivity(motion)
 
     def advise(self, for_: str, **limits: Any) -> Any:
         """Say which further test narrows an interval most; keywords as of `damperfit.advise`."""

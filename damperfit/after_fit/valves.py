@@ -215,7 +215,7 @@ def sized_for(run: Run, setting: SettingResult, quantity: str, force: float, spe
 
 
 def _read(setting: SettingResult, quantity: Quantity) -> tuple[float, float, float]:
-    low, high = (math.nan if one is None else one for one in setting.intervals[quantity.name])
+    low, high = (one or math.nan for one in setting.intervals[quantity.name])
     return float(setting.parameters[quantity.name]), low, high
 
 

@@ -285,6 +285,12 @@ def _inside(path: Path, logs: _LogRuns) -> Mapping[str, Path]:
     if found := _runs_in(path):
         return found
     files = [one.name for one in _listed(path) if one.is_file()]
+    for name in files:
+        if is_baseline(path / name):
+            raise ConfigurationError(
+                f"{path}: {name} in it is a baseline or passport: give the file, {path / name}",
+                code="baseline",
+            )
     sentence = f"{path}: no results of damperfit identify, and no folder in it holds any"
     if not files:
         raise ConfigurationError(f"{sentence}; expected run.json and parameters.parquet")

@@ -6,10 +6,12 @@ the sections down.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from statistics import median
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from damperfit.adjustment.trends import in_few_words
+from damperfit.errors import ConfigurationError
 from damperfit.identification import Outcome
 from damperfit.identification.sharing import of_runs
 from damperfit.problem import Problem, failure_lines, listing, short_listing
@@ -146,10 +148,18 @@ def _sections(run: Run, units: ShownUnits) -> Iterator[Section]:
     yield table("Peak force against peak speed (PVP)", "tables", sheet_in_units(peaks, units))
     beside = sheet_in_units(measured_force_sheet(forces), units)
     yield table("Measured beside the model", "tables", beside)
+    yield from _valves(run)
     yield table("Model structures that were tried", "tables", tried_laws_sheet(law))
     yield table("Models of the literature", "tables", rival_sheet(law))
     yield table("How near to cavitation", "tables", cavitation_sheet(parameters))
     yield Section("How it was done", "folded", list(_procedure(run, units)))
+
+
+def _valves(run: Run) -> Iterator[Section]:
+    with suppress(ConfigurationError):  # a model without such valves, or a damper that is not told
+        valves = run.valves()
+        title = "Valves as parts, at a discharge coefficient of 0.7"
+        yield Section(title, "tables", valves.remarks, valves.sheets())
 
 
 def withheld(run: Run) -> list[str]:

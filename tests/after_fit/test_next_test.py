@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 import math
 
+import numpy as np
 import pytest
 
 import damperfit
 from damperfit.after_fit.valves import sized_for
 from damperfit.cli import main
 from damperfit.errors import ConfigurationError
+from damperfit.reporting.report import report_sections
 from damperfit.results import Run
 
 
@@ -65,6 +67,23 @@ def test_the_adjuster_as_one_hole_passes_the_flow_of_its_resistance(fitted) -> N
         flow = 0.7 * hole.area * math.sqrt(2.0 * density * 1e5)
         assert flow == pytest.approx(math.sqrt(1e5) / setting.values["r_m1"])
         assert hole.area_low < hole.area < hole.area_high
+
+
+def test_the_page_and_the_report_have_the_valves(fitted) -> None:
+    (section,) = (one for one in report_sections(fitted) if "Valves" in one.title)
+    assert section.sheets[0].rows == fitted.valves().sheets()[0].rows
+
+
+def test_the_sensitivity_is_the_slope_of_the_force(fitted) -> None:
+    time = np.arange(1000) / 1000.0
+    x, v = 0.01 * np.sin(9.0 * time), 0.09 * np.cos(9.0 * time)
+    motion = damperfit.Motion(1e-3, x, v)
+    seen = fitted.sensitivity(10, motion)
+    setting, step = fitted.setting(10), 1e-4
+    changed = setting.values.replace({"r_m1": setting.values["r_m1"] * (1.0 + step)})
+    moved = fitted.damper.simulate(changed, motion, sensitivities=(), options=fitted.solver).force
+    slope = (moved - seen["force_N"]) / (step * setting.values["r_m1"])
+    assert np.abs(slope - seen["r_m1"]).max() < 0.01 * np.abs(slope).max()
 
 
 def test_the_last_setting_jumps(fitted) -> None:

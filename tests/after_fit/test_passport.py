@@ -36,6 +36,16 @@ def test_a_passport_is_a_page_and_a_baseline(results, tmp_path, capsys) -> None:
     assert changes == []
 
 
+@pytest.mark.parametrize("command", ["report", "settings", "advise --for k_e", "export --to csv"])
+def test_a_passport_in_place_of_results_is_named_so(results, tmp_path, capsys, command) -> None:
+    _, record = damperfit.passport(results, out=tmp_path)
+    name, *more = command.split()
+    assert main([name, str(record), *more]) == 2
+    assert "a baseline or passport" in capsys.readouterr().err
+    assert main(["compare", str(tmp_path), str(results)]) == 2
+    assert str(record) in capsys.readouterr().err
+
+
 def test_what_a_log_says_is_escaped_on_the_page(sample_results, tmp_path) -> None:
     log = sample_results / "sample_runs" / "setting_01.csv"
     text = log.read_text(encoding="utf-8")
