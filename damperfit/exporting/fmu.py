@@ -21,7 +21,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from damperfit import __version__
-from damperfit.damper.model import PRESSURES
 from damperfit.damper.purdy.parameters import Damper
 from damperfit.damper.valve_dampers import ValveDamper
 from damperfit.errors import ConfigurationError
@@ -256,27 +255,8 @@ def _variables(damper: ExportedDamper) -> list[Variable]:
         str(place) if str(place) == name else f"{place}: {name}"
         for place, name in damper.settings.items()
     )
-    setting = {
-        "reference": 8,
-        "name": "setting",
-        "description": f"of the adjuster, may change in mid-run; one of {named}",
-        "causality": "parameter",
-        "variability": "tunable",
-        "start": damper.start,
-        "low": places[0],
-        "high": places[-1],
-    }
-    pressures = [
-        {
-            "reference": r,
-            "name": one.name,
-            "causality": "output",
-            "nominal": 1e5,
-            "description": f"absolute pressure {one.where}",
-            "unit": one.unit,
-        }
-        for r, one in enumerate(PRESSURES, start=4)
-    ]
+    setting = _FIXED["setting"] | {"start": damper.start, "low": places[0], "high": places[-1]}
+    setting["description"] += named
     choices = [
         one for one in _FIXED["choices"]
         if damper.is_of_valves or one["name"] != "carry_derivatives"
@@ -285,11 +265,7 @@ def _variables(damper: ExportedDamper) -> list[Variable]:
     rates = [
         {"causality": "local", "derivative_of": one["reference"], **one["rate"]} for one in states
     ]
-    signals = _FIXED["signals"]
-    listed = (
-        *(*signals[:3], *pressures, signals[3], setting),
-        *(*damper.numbers, *choices, *states, *rates),
-    )
+    listed = (*_FIXED["signals"], setting, *damper.numbers, *choices, *states, *rates)
     return [_worded(one) for one in listed]
 
 

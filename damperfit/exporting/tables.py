@@ -56,7 +56,6 @@ _MISS, _LEAST_MISS = 3e-3, 0.1  # of the force, and N
 _FARTHEST = 5.0  # times the tested speed; the model says little of the damper beyond
 _GAS_POINTS = 13
 _SHOWN = {"N/m": (1e-3, "N/mm"), "m": (1e3, "mm"), "s": (1e3, "ms")}
-_OTHERS = 6  # settings whose MSE is listed one by one
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -417,14 +416,11 @@ def one_line(text: str) -> str:
 
 def _mse(tables: Sequence[ForceTable]) -> str:
     known = [one for one in tables if math.isfinite(one.mse_percent)]
-    if len(known) > _OTHERS:
-        ranked = sorted(known, key=lambda one: one.mse_percent)
-        ends = (ranked[0], ranked[-1])
-        return " to ".join(f"{one.mse_percent:.3g} % (setting {one.setting})" for one in ends)
-    if len(known) == 1:
-        return f"{known[0].mse_percent:.3g} %"
-    shown = (f"{one.mse_percent:.3g} % at setting {one.setting}" for one in known)
-    return ", ".join(shown) or "not known"
+    ranked = sorted(known, key=lambda one: one.mse_percent)
+    if len(ranked) < 2:
+        return " ".join(f"{one.mse_percent:.3g} %" for one in ranked) or "not known"
+    ends = (ranked[0], ranked[-1])
+    return " to ".join(f"{one.mse_percent:.3g} % (setting {one.setting})" for one in ends)
 
 
 def taken_out(run: ExportedRun) -> str:

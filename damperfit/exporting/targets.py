@@ -2,28 +2,8 @@
 
 A text is a template of this package. A template gets the run, its tables (`table` is the first),
 the options, and a few functions: ``header(sign, gas)`` and ``intervals(speed, sign)`` return the
-lines that every file holds, ``comments(mark, lines)`` puts a mark before each. Sources of the
-grammars: examples that come with the programs, and public files; hardly one is documented by its
-maker.
-
-=================  =================================================================================
-template           grammar
-=================  =================================================================================
-``adams.dpr``      Adams/Car in TeimOrbit, which MotionView reads too: blocks in square brackets,
-                   tables below one line of column names in braces, comments behind ``$``; signs as
-                   in the program's own example (3218 N at +1270, 1495 N at -1270 mm/s)
-``adams.xml``      the same in XML; the sizes of the program's picture of a damper are left out
-``carmaker.txt``   Infofile: lines of a table begin with a tab, the first row is 0 0; pull is
-                   rebound, as in the program's own example; no place for gas or friction is known
-``carsim.par``     block FD_TABLE, compression positive; the name of the data set around it is not
-                   known, so the block stands alone
-``chrono.yaml``    a TSDA; Chrono applies minus the curve at the rate at which the length grows
-``combitable.txt`` Modelica's CombiTable1D and 2D: ``#1``, matrices with their sizes; grids rise
-                   strictly, the corner of one is ignored
-``matlab.m``       script for MATLAB, Octave, Scilab: breakpoints and table of a 2-D lookup
-``modelica.mo``    a model without any library: the paper's physics where that is the law, else the
-                   table; s_rel, v_rel, f as in ``PartialCompliantWithRelativeStates``
-=================  =================================================================================
+lines that every file holds, ``comments(mark, lines)`` puts a mark before each. The grammars stand
+with the targets.
 
 In spreadsheets text is stored as text, so that no cell can become a formula; their bytes, as those
 of the .mat file, depend on the results alone: no date stands in them.

@@ -545,6 +545,8 @@ def _force_displacement(log: LogView, name: str, colour: str) -> Iterator[Plot]:
         for word, force, ink, style in _both(log, colour):
             for part, is_first in ((v > 0.0, True), (v < 0.0, False)):
                 at, mean, band = _means(x, force, part, has_range=True)
+                if not len(at):
+                    continue
                 is_model = word == "simulated"
                 shaded = band if is_model else {}
                 lines.append(log.line(at, mean, word, ink, style, in_legend=is_first, **shaded))

@@ -108,25 +108,13 @@ def cycle_plot(response: Response, frequency: float, *, title: str = "") -> Plot
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SweepMember:
-    """One test of a sweep.
-
-    Attributes
-    ----------
-    factor, value : float
-        The factor and the quantity it makes, SI.
-    frequency : float
-        Hz.
-    response : Response
-        Signals of the test.
-    figures : Characteristics
-        Figures of the last cycle.
-    """
+    """One test of a sweep."""
 
     factor: float
-    value: float
-    frequency: float
+    value: float  # the quantity that the factor makes, SI
+    frequency: float  # Hz
     response: Response
-    figures: Characteristics
+    figures: Characteristics  # of the last cycle
 
     @property
     def cavitation(self) -> float:
