@@ -47,14 +47,7 @@ def at_speeds(
 def in_both_strokes(
     velocity: FloatArray, signals: FloatArray, speeds: Sequence[float]
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return what `at_speeds` does, of rebound and then of bump: one more first index of each.
-
-    Examples
-    --------
-    >>> up_and_down, force = np.array([0.0, 2.0, -2.0, 0.0]), np.array([[0.0, 4.0, -8.0, 0.0]])
-    >>> in_both_strokes(up_and_down, force, [1.0])[1].tolist()
-    [[[[2.0]], [[1.0]]], [[[-5.0]], [[-4.0]]]]
-    """
+    """Return what `at_speeds` does, of rebound and then of bump: one more first index of each."""
     return _passed(velocity, signals, speeds, (1.0, -1.0))
 
 

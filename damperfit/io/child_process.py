@@ -50,13 +50,7 @@ serve()
 
 
 def load_library(module: str, *, extra: str, reads: str, name: str) -> Any:
-    """Return a library that an extra of the package brings, or name the command that installs it.
-
-    Raises
-    ------
-    LogError
-        The library is not there.
-    """
+    """Return a library that an extra brings, or name the command that installs it."""
     try:
         library = importlib.import_module(module)
     except ImportError as error:
@@ -122,13 +116,7 @@ class _EndedError(Exception):
 
 
 def ask_child(reader: ChildReader, source: Source, options: ReadOptions) -> ChildAnswer:
-    """Return what a child finds in a log.
-
-    Raises
-    ------
-    LogError
-        The library is not installed; the child refuses the log, or dies of it.
-    """
+    """Return what a child finds in a log."""
     with suppress(ImportError, ValueError):
         if importlib.util.find_spec(reader.library) is None:
             raise _missing(reader.extra, reader.reads, source.name)

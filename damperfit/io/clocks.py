@@ -55,11 +55,6 @@ def on_one_clock(samples: Samples, *, is_wall_clock: bool = False, name: str = "
     """Return samples with counters unrolled, clocks put right and all channels at the same times.
 
     Time, and every clock of a channel, is in seconds; a wall clock is one that somebody may set.
-
-    Raises
-    ------
-    LogError
-        Channels have clocks of their own, and less than half of the force is in the time of all.
     """
     if len(samples.channels["force"]) < _FEWEST:
         return _together(samples, name) if samples.times else samples

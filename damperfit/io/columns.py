@@ -57,25 +57,13 @@ class ChannelChoice(NamedTuple):
 
 
 def visible(text: str, *, limit: int = 60) -> str:
-    """Return text from a log in quotes, control characters escaped, shortened.
-
-    Examples
-    --------
-    >>> visible("a" * 70, limit=5)
-    "'aaaaa...'"
-    """
+    """Return text from a log in quotes, control characters escaped, shortened."""
     return repr(text if len(text) <= limit else text[:limit] + "...")
 
 
 @lru_cache(maxsize=512)  # the logs of a rig have the same names
 def split_name(name: str) -> tuple[str, str | None]:
-    """Return a column's name and the unit inside it.
-
-    Examples
-    --------
-    >>> split_name("force_N"), split_name("Force (kN)"), split_name("Axial Force")
-    (('force', 'N'), ('Force', 'kN'), ('Axial Force', None))
-    """
+    """Return a column's name and the unit inside it."""
     if match := _IN_BRACKETS.fullmatch(name):
         return match["base"], match["unit"] or None
     for mark in _BEFORE_UNIT.finditer(name, 1):  # from the left, as "mm/s" holds "s"
@@ -87,13 +75,7 @@ def split_name(name: str) -> tuple[str, str | None]:
 
 @lru_cache(maxsize=512)
 def words_of_name(base: str) -> tuple[str, ...]:
-    """Return the words of a name in lower case.
-
-    Examples
-    --------
-    >>> words_of_name("axialForce_raw")
-    ('axial', 'force', 'raw')
-    """
+    """Return the words of a name in lower case."""
     return tuple(word.lower() for word in _APART.split(_CAMEL.sub(" ", base)) if word)
 
 
@@ -124,12 +106,6 @@ def choose_channels(  # noqa: C901, PLR0912  # every channel in turn, all that i
 
     A clock that a channel has for itself is under `OWN_TIME` and its name; a sample rate tells
     the time where it is not needed. `hint` says why names may be missing.
-
-    Raises
-    ------
-    LogError
-        A needed channel is missing or there are several; a unit is missing, unknown or of
-        another dimension. All that is wrong is said at once.
     """
     chosen: dict[str, ChannelChoice] = {}
     notes: list[str] = []
@@ -304,13 +280,7 @@ def channel_choice(
 
 
 def joined_problems(problems: Sequence[LogError], subject: str) -> LogError:
-    """Return one error for all that is wrong with a log.
-
-    Examples
-    --------
-    >>> print(joined_problems([LogError("no column for time"), LogError("no unit")], "a.csv"))
-    a.csv: 2 things are wrong: (1) no column for time; (2) no unit
-    """
+    """Return one error for all that is wrong with a log."""
     if len(problems) == 1:
         return problems[0].at(subject=subject)
     parts: dict[str, Any] = {

@@ -57,13 +57,7 @@ class IrregularFileError(OSError):
 
 
 def open_regular(path: str | os.PathLike[str]) -> FileIO:
-    """Open a file to be read, if it is one on disk; nothing else is waited for.
-
-    Raises
-    ------
-    OSError
-        It is missing, a folder, or cannot be read; `IrregularFileError` of a pipe or a device.
-    """
+    """Open a file to be read, if it is one on disk; nothing else is waited for."""
     # Without O_NONBLOCK, opening a FIFO waits for its writer for ever.
     flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
     number = os.open(path, flags)
@@ -84,13 +78,7 @@ def regular(path: Path) -> Path:
 
 
 def read_bytes(path: str | os.PathLike[str], *, max_bytes: int = MAX_TEXT) -> bytes:
-    """Return a file's bytes up to a limit, of whatever a user names beside logs.
-
-    Raises
-    ------
-    OSError
-        As `open_regular`; or the file is larger.
-    """
+    """Return a file's bytes up to a limit, of whatever a user names beside logs."""
     with open_regular(path) as file:
         data = _read_up_to(file, max_bytes + 1)
     if len(data) > max_bytes:
@@ -119,14 +107,7 @@ def _read_up_to(file: FileIO, n_bytes: int) -> bytes:
 
 
 def read_source(path: str | os.PathLike[str], *, max_bytes: int) -> Source:
-    """Return a regular file's bytes.
-
-    Raises
-    ------
-    LogError
-        The file is missing, is not a regular file, cannot be read, is empty or too large, or
-        changes while it is read.
-    """
+    """Return a regular file's bytes."""
     shown = _one_line(os.fsencode(path).decode("utf-8", "backslashreplace"))
     try:
         with open_regular(path) as file:
@@ -196,13 +177,7 @@ def _content(file: FileIO, shown: str, max_bytes: int) -> bytes:
 
 
 def unpack(source: Source, *, max_bytes: int) -> tuple[Source, tuple[str, ...]]:
-    """Return the source as it is, or what gzip packed in one member or several, and a note.
-
-    Raises
-    ------
-    LogError
-        The archive is damaged or cut, holds more than the limit, or holds another archive.
-    """
+    """Return the source as it is, or what gzip packed in one member or several, and a note."""
     if not source.data.startswith(_GZIP):
         return source, ()
     problem = ""
@@ -248,11 +223,6 @@ def to_utf8(
     """Return text as UTF-8 without byte order mark, and notes.
 
     With ``allows_nul``, NUL bytes become question marks.
-
-    Raises
-    ------
-    LogError
-        The bytes are a web page, binary, or hold NUL.
     """
     notes: tuple[str, ...] = ()
     if encoding:

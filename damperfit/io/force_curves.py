@@ -150,13 +150,7 @@ def holds_curves(tables: Sequence[Table], options: ReadOptions) -> bool:
 def make_curves(
     source: Source, tables: Sequence[Table], options: ReadOptions, notes: tuple[str, ...]
 ) -> tuple[ForceCurve, ...]:
-    """Return the curves in a file's tables, in SI, positive in rebound.
-
-    Raises
-    ------
-    LogError
-        There is time, a unit is missing, a value is no number, or signs do not tell the strokes.
-    """
+    """Return the curves in a file's tables, in SI, positive in rebound."""
     name = source.name
     if any(has_channel("time", table.columns, options) for table in tables):
         raise LogError(

@@ -70,14 +70,7 @@ class Format(NamedTuple):
     in_child: bool = False  # read in a process of its own; other logs can be read meanwhile
 
     def read(self, source: Source, options: ReadOptions) -> tuple[Table, ...]:
-        """Return the tables of a file.
-
-        Raises
-        ------
-        LogError
-            The file is cut or damaged, claims more than the limit, is of a version that is not
-            read, or holds no rows or channels of numbers; or a library is not installed.
-        """
+        """Return the tables of a file."""
         module, _, function = self.reader.partition(":")
         reader = getattr(import_module(f"damperfit.io.{module}"), function)
         return tuple(reader(source, options))
@@ -118,13 +111,7 @@ _TAR = 257  # where a tar archive says "ustar"
 
 
 def find_format(source: Source) -> Format:
-    """Return the format of a file: what its first bytes say, else what its suffix says.
-
-    Raises
-    ------
-    LogError
-        It is of a kind that is not read, or does not begin as its suffix says.
-    """
+    """Return the format of a file: what its first bytes say, else what its suffix says."""
     data, name = source.data, source.name
     for known in FORMATS:
         if known.magic and data.startswith(known.magic):

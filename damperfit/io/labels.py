@@ -169,13 +169,7 @@ def guess_settings(names: Iterable[str]) -> Guess:
 
 
 def one_of_several(name: str) -> str:
-    """Return the number after a bare "s" where others in the name may count clicks too.
-
-    Examples
-    --------
-    >>> one_of_several("t1_2_24_s5_100psi.csv"), one_of_several("run3_s5_1.5Hz.csv")
-    ('5', '')
-    """
+    """Return the number after a bare "s" where others in the name may count clicks too."""
     fields = [one for one in _fields([name]) if one.may_be]
     chosen = [one.values[0] for one in fields if one.word == "s"]
     return chosen[-1] if len(fields) > len(chosen) > 0 else ""
@@ -186,14 +180,6 @@ def unclear_names(names: Iterable[str]) -> frozenset[str]:
 
     Others in them vary too, and may count clicks: then "s" may be the speed of the test. A number
     that is another one in each name counts the logs.
-
-    Examples
-    --------
-    >>> clicks = ["t1_2_24_s1.csv", "t1_2_24_s5.csv", "t1_2_12_s1.csv", "t1_2_12_s5.csv"]
-    >>> unclear_names(clicks) == set(clicks)
-    True
-    >>> unclear_names(["001_s5.csv", "002_s5.csv", "003_s6.csv"])
-    frozenset()
     """
     unclear: set[str] = set()
     for alike in _kinds(names).values():
@@ -389,13 +375,7 @@ class LogLabel:
 
 
 def setting_in_words(text: str, where: str, adjusters: Sequence[str] = (ADJUSTER,)) -> Setting:
-    """Return the setting that a text says, or LogError.
-
-    Examples
-    --------
-    >>> setting_in_words("10", "log.csv").cell, setting_in_words("soft", "log.csv").cell
-    (10, 'soft')
-    """
+    """Return the setting that a text says, or LogError."""
     try:
         return parse_setting(text, adjusters)
     except ValueError as error:

@@ -45,13 +45,7 @@ _WORDS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Declarations:
-    """How logs are to be understood where they do not speak for themselves.
-
-    Raises
-    ------
-    ConfigurationError
-        An unknown channel, unit or word, or a pattern that is no regular expression with a group.
-    """
+    """How logs are to be understood where they do not speak for themselves."""
 
     # Its first group is the setting in a file name; the last match counts, and no case matters.
     setting_pattern: str = SETTING_PATTERN
@@ -165,13 +159,7 @@ class Profile:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReadOptions(Declarations):
-    """How logs are read.
-
-    Raises
-    ------
-    ConfigurationError
-        As for `Declarations`; or there is no such profile.
-    """
+    """How logs are read."""
 
     setting: Setting | None = None  # whatever the log says
     adjusters: tuple[str, ...] = (ADJUSTER,)  # names, in the order of labels

@@ -59,14 +59,7 @@ _RATE_KEYS = ("sampling rate", "sample rate", "sampling frequency", "sample freq
 def make_recordings(
     source: Source, tables: Sequence[Table], options: ReadOptions, notes: tuple[str, ...]
 ) -> tuple[Recording, ...]:
-    """Return the tests in a file's tables, in SI.
-
-    Raises
-    ------
-    LogError
-        A channel or unit is missing, a value is no finite number, time does not increase, or
-        a setting is none.
-    """
+    """Return the tests in a file's tables, in SI."""
     blocks = []
     for table in tables:
         try:

@@ -35,18 +35,7 @@ _SHORT = 4  # letters; shorter names lie near too many words
 
 
 def fact_of(key: str, text: str) -> float:
-    """Return what somebody says of a test, a name of `FACTS`, SI or degrees Celsius.
-
-    Raises
-    ------
-    ValueError
-        It is no such quantity, or does not say what a pressure counts from.
-
-    Examples
-    --------
-    >>> fact_of("gas_pressure", "5.6bara"), fact_of("temperature", "31")
-    (560000.0, 31.0)
-    """
+    """Return what somebody says of a test, a name of `FACTS`, SI or degrees Celsius."""
     value = parse_quantity(text, FACTS[key])
     if key == "gas_pressure" and not says_absolute_or_gauge(text):
         raise ValueError("expected a unit that says what it counts from, as in 5.6bara or 80psig")
@@ -58,13 +47,7 @@ def _key(name: str) -> str:
 
 
 def facts_in(preamble: Mapping[str, str]) -> tuple[dict[str, float], tuple[str, ...]]:
-    """Return the facts that a log's own preamble tells, and which lines say too little.
-
-    Examples
-    --------
-    >>> facts_in({"Gas pressure": "8bara", "tare": "3N"})
-    ({'gas_pressure': 800000.0}, ())
-    """
+    """Return the facts that a log's own preamble tells, and which lines say too little."""
     facts, notes = {}, []
     for name, text in preamble.items():
         try:
@@ -123,14 +106,7 @@ def is_tests_table(path: Path) -> bool:
 
 
 def read_tests(path: Path, adjusters: Sequence[str]) -> TestsTable:
-    """Read a table of tests of a damper with these adjusters.
-
-    Raises
-    ------
-    ConfigurationError
-        The file cannot be read, has no column ``file``, a row has too many fields, says no
-        setting, or tells a file twice in two ways.
-    """
+    """Read a table of tests of a damper with these adjusters."""
     try:
         lines = _text(read_bytes(path, max_bytes=_MAX_BYTES)).splitlines()
     except (OSError, ValueError) as error:

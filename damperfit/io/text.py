@@ -531,13 +531,7 @@ def _table(  # noqa: PLR0915  # one table from top to bottom: names, units, mark
 
 
 def is_stamp(text: str) -> bool:
-    """Say whether a field is a time of day, with or without a date.
-
-    Examples
-    --------
-    >>> is_stamp("04/29/2022 11:56:20.699 AM"), is_stamp("2022-04-29"), is_stamp("1.5")
-    (True, False, False)
-    """
+    """Say whether a field is a time of day, with or without a date."""
     return _STAMP.match(text) is not None
 
 

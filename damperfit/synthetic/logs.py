@@ -73,13 +73,7 @@ class SimulatedCycle(NamedTuple):
 def simulated_cycle(
     values: Values, damper: Model, *, amplitude: float, frequency: float
 ) -> SimulatedCycle:
-    """Simulate a sine test of m and Hz until a cycle repeats the one before.
-
-    Raises
-    ------
-    SimulationError
-        The model cannot be integrated, or does not come to a steady cycle.
-    """
+    """Simulate a sine test of m and Hz until a cycle repeats the one before."""
     from damperfit.simulation import SolverOptions, simulate, sine_motion
 
     motion = sine_motion(amplitude, frequency, cycles=_CYCLES, sample_rate=_SAMPLES * frequency)
@@ -98,11 +92,6 @@ def made_up_values(damper: Model, setting: int, speed: float) -> Values:
     """Return plausible numbers of a damper of real valves, stiffer from click to click.
 
     `speed` is the highest of the test, m/s.
-
-    Raises
-    ------
-    ConfigurationError
-        The model is none of real valves: its numbers must be given.
     """
     from damperfit.damper.network import PARTS
     from damperfit.damper.valve_dampers import Monotube, ValveDamper

@@ -107,11 +107,6 @@ def steady_cycle(
     """Integrate a sine test of m and Hz with SciPy's Radau until a cycle repeats the one before.
 
     Returns the first cycle that ends as it began, to 1e-9 of the oil mass.
-
-    Raises
-    ------
-    SimulationError
-        The solver stops, the gas space is full, or no cycle repeats within 30.
     """
     from scipy.integrate import solve_ivp
 

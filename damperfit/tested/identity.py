@@ -97,14 +97,7 @@ def identity_in(metadata: Mapping[str, str]) -> Identity:
 
 
 def common_identity(identities: Iterable[Identity]) -> Identity:
-    """Return what several tests have in common; what differs is listed, of many the first.
-
-    Examples
-    --------
-    >>> tests = [Identity(damper="D7", date="Monday"), Identity(damper="D7", date="Tuesday")]
-    >>> common_identity(tests).sentence
-    'damper D7; date: Monday, Tuesday'
-    """
+    """Return what several tests have in common; what differs is listed, of many the first."""
     known = list(identities)
 
     def listed(values: Iterable[str]) -> str:

@@ -95,13 +95,7 @@ class Setting:
         return None if isinstance(place, str) else float(place)
 
     def softness(self, from_closed: Collection[str]) -> tuple[Any, ...]:
-        """Return the order from soft to stiff, for adjusters of which some count from closed.
-
-        Examples
-        --------
-        >>> sorted(map(Setting.of, [1, 20]), key=lambda one: one.softness(["setting"]))[0].cell
-        20
-        """
+        """Return the order from soft to stiff, for adjusters of which some count from closed."""
         ends = zip(self.adjusters, self._order, strict=True)
         return tuple((a, -b if name in from_closed else b, c) for name, (a, b, c) in ends)
 
@@ -148,15 +142,7 @@ def _said(place: Place) -> str:
 
 
 def short_names(adjusters: Sequence[str]) -> dict[str, str]:
-    """Return the first letters of each adjuster's words, or its name where these are not its own.
-
-    Examples
-    --------
-    >>> short_names(["rebound", "compression_low", "compression_high"])
-    {'rebound': 'R', 'compression_low': 'CL', 'compression_high': 'CH'}
-    >>> short_names(["rebound", "ride"])
-    {'rebound': 'rebound', 'ride': 'ride'}
-    """
+    """Return the first letters of each adjuster's words; its name where these are not its own."""
     shorts = {
         name: "".join(word[:1] for word in re.split(r"[_\W]+", name)).upper() for name in adjusters
     }
@@ -165,24 +151,12 @@ def short_names(adjusters: Sequence[str]) -> dict[str, str]:
 
 
 def adjuster_of(word: str) -> str:
-    """Return the stroke whose adjuster a word or letter names; empty where it names none.
-
-    Examples
-    --------
-    >>> adjuster_of("R"), adjuster_of("bump"), adjuster_of("HSC")
-    ('rebound', 'compression', '')
-    """
+    """Return the stroke whose adjuster a word or letter names; empty where it names none."""
     return next((words[0] for words in _STROKES if word.casefold() in words), "")
 
 
 def letters_of(label: str) -> list[str]:
-    """Return the letters of a label that is letters with numbers throughout; none of another.
-
-    Examples
-    --------
-    >>> letters_of("L6 H1"), letters_of("c3r5"), letters_of("soft"), letters_of("10")
-    (['l', 'h'], ['c', 'r'], [], [])
-    """
+    """Return the letters of a label that is letters with numbers throughout; none of another."""
     one = r"([^\W\d_]{1,4})[ _=:]?[+-]?\d+(?:\.\d+)?"
     if not re.fullmatch(rf"(?:{one}[ _,;/|-]*)+", label):
         return []
@@ -346,13 +320,7 @@ class SettingLine(NamedTuple):
 
 
 def clicks_between(first: Setting | Place, second: Setting | Place) -> float | None:
-    """Return by how many clicks the one adjuster differs that differs; None where none such does.
-
-    Examples
-    --------
-    >>> clicks_between(3, 7), clicks_between("soft", "hard")
-    (4.0, None)
-    """
+    """Return by how many clicks the only adjuster that differs does; None where there is none."""
     one, other = Setting.of(first), Setting.of(second)
     turned = [name for name in one.adjusters if one.place(name) != other.place(name)]
     ends = [side.number(name) for name in turned for side in (one, other)]
@@ -365,11 +333,6 @@ def nearest_setting(wanted: Setting | Place, known: Iterable[Setting]) -> Settin
     """Return the setting itself, or that with the fewest other words and clicks between; or None.
 
     Of two alike it is the one that comes first in their order.
-
-    Examples
-    --------
-    >>> str(nearest_setting(7, map(Setting.of, [1, 5, 10])))
-    '5'
     """
 
     def distance(one: Setting) -> tuple[int, float, Setting]:

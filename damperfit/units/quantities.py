@@ -33,13 +33,7 @@ class QuantityError(ConfigurationError, ValueError):
 
 
 class Unit(NamedTuple):
-    """One unit: value in SI = factor * value + offset; temperatures in degrees Celsius.
-
-    Examples
-    --------
-    >>> find_unit("kN", "force").to_si(1.5)
-    1500.0
-    """
+    """One unit: value in SI = factor * value + offset; temperatures in degrees Celsius."""
 
     symbol: str  # shown to people
     dimension: str  # as in "length"
@@ -149,24 +143,12 @@ _QUANTITY = re.compile(
 
 
 def units_of(dimension: str) -> tuple[str, ...]:
-    """Return the symbols of a dimension, without their other spellings.
-
-    Examples
-    --------
-    >>> units_of("frequency")
-    ('Hz', 'kHz')
-    """
+    """Return the symbols of a dimension, without their other spellings."""
     return tuple(dict.fromkeys(unit.symbol for unit in _UNITS[dimension].values()))
 
 
 def is_unit(name: str | None, dimension: str = "") -> bool:
-    """Say whether a dimension, or any where none is given, has a unit of this name.
-
-    Examples
-    --------
-    >>> is_unit("mm"), is_unit("mm", "force"), is_unit("furlong")
-    (True, False, False)
-    """
+    """Say whether a dimension, or any where none is given, has a unit of this name."""
     return any(name in units for kind, units in _UNITS.items() if dimension in ("", kind))
 
 
@@ -270,26 +252,14 @@ def _converted(text: str | float, dimension: str) -> float:
 
 
 def says_absolute_or_gauge(text: str) -> bool:
-    """Say whether the unit of a pressure tells what it counts from.
-
-    Examples
-    --------
-    >>> says_absolute_or_gauge("12 barg"), says_absolute_or_gauge("12bar")
-    (True, False)
-    """
+    """Say whether the unit of a pressure tells what it counts from."""
     found = _QUANTITY.fullmatch(text)
     units = _UNITS["absolute pressure"].keys() - _BARE_PRESSURES
     return found is not None and found["unit"] in units
 
 
 def engineering(value: float, *, digits: int = 4) -> str:
-    """Return a number for a sentence, with a power of ten that is a multiple of three.
-
-    Examples
-    --------
-    >>> engineering(2.59617e6), engineering(43550.0), engineering(49.905), engineering(-999990.0)
-    ('2.596e6', '43.55e3', '49.91', '-1.000e6')
-    """
+    """Return a number for a sentence, with a power of ten that is a multiple of three."""
     if value == 0.0 or not math.isfinite(value):
         return f"{value:g}"
     decade = int(f"{value:.{digits - 1}e}".partition("e")[2])  # of the rounded value

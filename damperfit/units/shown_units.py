@@ -35,13 +35,7 @@ class ShownUnits:
         return all(getattr(self, name).factor == 1.0 for name in _DIMENSIONS)
 
     def of(self, unit: str) -> str:
-        """Return the unit in which what is in an SI unit is shown.
-
-        Examples
-        --------
-        >>> parse_units("lbf,in/s").of("N"), parse_units("lbf").of("Pa")
-        ('lbf', 'Pa')
-        """
+        """Return the unit in which what is in an SI unit is shown."""
         found = self._named(unit)
         return unit if found is None else found.symbol
 
@@ -51,13 +45,7 @@ class ShownUnits:
         return value if found is None else value / found.factor
 
     def write(self, value: float, unit: str, form: str) -> str:
-        """Return a number with its unit in words, by a format specification.
-
-        Examples
-        --------
-        >>> parse_units("lbf,in/s").write(900.0, "N", ".5g")
-        '202.33 lbf'
-        """
+        """Return a number with its unit in words, by a format specification."""
         return f"{self.show(value, unit):{form}} {self.of(unit)}".rstrip()
 
     def write_speed(self, speed: float) -> str:
@@ -65,37 +53,19 @@ class ShownUnits:
         return self.write(speed, "m/s", "g" if self._named("m/s") is None else ".4g")
 
     def column(self, name: str, unit: str) -> str:
-        """Return the name of a column whose unit stands at its end, with the unit shown.
-
-        Examples
-        --------
-        >>> parse_units("lbf,in/s").column("speed_m_per_s", "m/s")
-        'speed_in_per_s'
-        """
+        """Return the name of a column whose unit stands at its end, with the unit shown."""
         end = "_" + unit.replace("/", "_per_")
         if self.of(unit) == unit or not name.endswith(end):
             return name
         return f"{name.removesuffix(end)}_{self.of(unit).replace('/', '_per_')}"
 
     def say(self, text: str) -> str:
-        """Return a text whose forces and speeds are converted already with the units' names.
-
-        Examples
-        --------
-        >>> parse_units("lbf,in/s").say("force at 3.94 m/s, N")
-        'force at 3.94 in/s, lbf'
-        """
+        """Return a text whose forces and speeds are converted already with the units' names."""
         text = re.sub(r"(?<![\w/])m/s(?![\w/])", self.velocity.symbol, text)
         return re.sub(r"(?<![\w/.])N(?![\w/])", self.force.symbol, text)
 
     def say_lengths(self, text: str) -> str:
-        """Return a text with its lengths, which are in mm, in the unit that is shown.
-
-        Examples
-        --------
-        >>> parse_units("in").say_lengths("the test's sine of 25.4 mm at 1.5 Hz")
-        "the test's sine of 1 in at 1.5 Hz"
-        """
+        """Return a text with its lengths, which are in mm, in the unit that is shown."""
         if self._named("m") is None:
             return text
 
