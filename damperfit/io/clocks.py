@@ -31,6 +31,8 @@ from damperfit.statistics import median
 
 _FEWEST = 50  # rows; of fewer nothing is said
 _CLOCK_BITS = (16, 24, 32)
+_RARE = 0.1  # of its period, the longest step of a clock that rolls over
+_TICKS = (1.0, 1e-3, 1e-6)  # of a clock, in the unit in which it is written
 _BITS = (10, 12, 14, 16, 18, 20, 24, 32)  # of encoders and converters
 _ROLLED = 0.75  # of the range: a step as large is a jump, or nothing rolls over
 _SMOOTH = 0.25  # of the range: no step is larger once the jumps are taken out
@@ -76,14 +78,15 @@ def _with(samples: Samples, finding: Finding, **channels: FloatArray) -> Samples
 
 def _unrolled(samples: Samples) -> Samples:
     time = samples.channels.get("time")
-    if time is not None and (bits := _clock_bits(time)):
+    bits, period = (0, 0.0) if time is None else _clock_period(time)
+    if time is not None and bits:
         jumps = np.concatenate(([0.0], np.cumsum(np.diff(time) < 0.0)))
         finding = _rolled("time: a clock", bits, int(jumps[-1]))
-        samples = _with(samples, finding, time=time + jumps * 2.0**bits)
+        samples = _with(samples, finding, time=time + jumps * period)
     for channel in ("displacement", "force"):
         values = samples.channels[channel]
-        if period := _period(values):
-            bits, quantum = period
+        if counter := _period(values):
+            bits, quantum = counter
             unrolled = np.unwrap(values, period=quantum * 2.0**bits)
             at = np.flatnonzero(np.abs(np.diff(values - unrolled)) > quantum)
             steps = np.diff(samples.channels.get("time", np.arange(len(values), dtype=np.float64)))
@@ -92,10 +95,10 @@ def _unrolled(samples: Samples) -> Samples:
                 samples = _with(samples, finding, **{channel: unrolled})
         if n_rows := _repeats(samples.channels[channel]):
             words = (
-                f"{channel}: each value stands in {n_rows} rows, so its converter is slower than "
+                f"{channel}: each value stands in {n_rows:g} rows, so its converter is slower than "
                 f"the rows and friction and openings are doubtful; log at the converter's rate"
             )
-            finding = Finding("values_repeated", "warning", words, float(n_rows))
+            finding = Finding("values_repeated", "warning", words, n_rows)
             samples = _with(samples, finding)
     return samples
 
@@ -106,20 +109,22 @@ def _rolled(what: str, bits: int, n_jumps: int) -> Finding:
     return Finding("rolled_over", "note", sentence, float(n_jumps), is_correction=True)
 
 
-def _clock_bits(time: FloatArray) -> int:
-    """Return the bits of a clock that counts whole ticks and rolls over; 0 of any other."""
+def _clock_period(time: FloatArray) -> tuple[int, float]:
+    """Return the bits and the period of a clock that counts ticks and rolls over; 0 of others."""
     steps = np.diff(time)
     if not np.min(steps) < 0.0 or not np.any(steps > 0.0):
-        return 0
-    if not (np.max(time) < 2.0 ** _CLOCK_BITS[-1] and np.all(time == np.rint(time))):
-        return 0
+        return 0, 0.0
     back, usual = steps[steps < 0.0], median(steps[steps > 0.0])
-    for bits in _CLOCK_BITS:
-        onward = back + 2.0**bits
-        is_one = np.max(time) < 2.0**bits and onward.min() > 0.0
-        if is_one and onward.max() <= _LATE * usual:
-            return bits
-    return 0
+    for tick in _TICKS:
+        if not np.all(np.abs(time / tick - np.rint(time / tick)) < 1e-2):
+            continue
+        for bits in _CLOCK_BITS:
+            period = tick * 2.0**bits
+            onward = back + period
+            is_counted = np.max(time) < period and usual < _RARE * period
+            if is_counted and 0.0 < onward.min() <= onward.max() <= _LATE * usual:
+                return bits, period
+    return 0, 0.0
 
 
 def _period(values: FloatArray) -> tuple[int, float] | None:
@@ -143,15 +148,23 @@ def _quantum(steps: FloatArray) -> float:
     return float(f"{np.min(sizes):.9g}") if len(sizes) else 0.0
 
 
-def _repeats(values: FloatArray) -> int:
+def _repeats(values: FloatArray) -> float:
     """Return how many rows each value stands in where a converter is slower than the rows; or 0."""
     is_new = values[1:] != values[:-1]
     if 2 * np.count_nonzero(is_new) > len(values):
-        return 0
+        return 0.0
     runs = np.diff(np.flatnonzero(np.concatenate(([True], is_new))))
     usual = int(median(runs)) if len(runs) else 0
-    is_held = 2 <= usual <= _LONGEST and float(np.mean(runs % usual == 0)) >= _REPEATED
-    return usual if is_held else 0
+    if not 2 <= usual <= _LONGEST:
+        return 0.0
+    if float(np.mean(runs % usual == 0)) >= _REPEATED:
+        return float(usual)
+    # Two rows and three in turn; a coarse converter at one speed does so too, by single steps.
+    steps = np.diff(values)[is_new]
+    rows = float(np.mean(runs))
+    is_near = float(np.mean(np.abs(runs - rows) < 1.0)) >= _REPEATED
+    is_coarse = float(median(np.abs(steps))) < 1.5 * _quantum(steps)
+    return float(f"{rows:.2g}") if is_near and not is_coarse else 0.0
 
 
 # Clocks.

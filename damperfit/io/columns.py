@@ -79,9 +79,10 @@ def words_of_name(base: str) -> tuple[str, ...]:
     return tuple(word.lower() for word in _APART.split(_CAMEL.sub(" ", base)) if word)
 
 
-def _n_hits(words: Sequence[str], known: Collection[str]) -> int:
-    """Return how many words are known; a letter only by itself, as degF is no force."""
-    return sum(word in known and (len(word) > 1 or len(words) == 1) for word in words)
+def _n_hits(words: Sequence[str], known: Collection[str], *, counts_letters: bool = False) -> int:
+    """Return how many words are known; a letter by itself, or beside its unit: degF is no force."""
+    counts_letters = counts_letters or len(words) == 1
+    return sum(word in known and (len(word) > 1 or counts_letters) for word in words)
 
 
 def mentions_channel(names: Iterable[str]) -> bool:
@@ -172,8 +173,9 @@ def _candidates(channel: str, columns: Sequence[Column]) -> list[tuple[bool, int
     for i, column in enumerate(columns):
         base, unit = split_name(column.name)
         words = words_of_name(base)
-        if n_hits := _n_hits(words, _WORDS[channel]):
-            is_sure = column.is_clock or _is_unit_of(column.unit or unit, channel)
+        has_unit = _is_unit_of(column.unit or unit, channel)
+        if n_hits := _n_hits(words, _WORDS[channel], counts_letters=has_unit):
+            is_sure = column.is_clock or has_unit
             candidates.append((not is_sure, len(words) - n_hits, i))
     if channel == "time" and not candidates:  # times of day need no name
         return [(False, 0, i) for i, column in enumerate(columns) if column.is_clock]

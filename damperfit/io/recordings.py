@@ -51,6 +51,7 @@ _PAUSE = 2.0  # s
 _PAUSE_STEPS = 50.0  # usual sample intervals
 _MAX_PARTS = 1_000  # more than this is a clock that jumps, not tests
 _CURRENT = "current of a valve"
+_SINCE_1970 = 3e8  # s; so much no rig runs: the time is a date
 _CYCLES = 3  # in a piece between two pauses, the least that are evaluated
 _CURRENTS = {"current", "strom", "courant", "corrente", "corriente", "voltage", "spannung"}
 _RATE_KEYS = ("sampling rate", "sample rate", "sampling frequency", "sample frequency")
@@ -173,8 +174,10 @@ def _tests_in(table: Table, source: Source, options: ReadOptions) -> list[Record
     if not len(samples.channels["force"]):
         raise LogError("no data rows", subject=name, code="no-data")
     clock = choices.get("time")
-    is_wall_clock = clock is not None and table.columns[clock.column].is_clock
-    is_wall_clock = is_wall_clock and options.sample_rate == 0.0
+    is_wall_clock = False
+    if clock is not None and clock.unit is not None and options.sample_rate == 0.0:
+        first = float(samples.channels["time"][0]) * clock.unit.factor
+        is_wall_clock = table.columns[clock.column].is_clock or first > _SINCE_1970
     samples = on_one_clock(samples, is_wall_clock=is_wall_clock, name=name)
     channels = _si_channels(samples, choices, options, name)
     more_notes = [
@@ -414,6 +417,8 @@ def _backwards(
         )
     elif len(time) > 2 and bool(np.all(np.diff(time) < 0.0)):
         advice = "all rows are in reverse: sort them by time"
+    elif not np.any(np.diff(time)):
+        advice = "the clock stands still: declare rig.sample_rate, if the rows are evenly spaced"
     return (
         f"{name}, {samples.place(i)}: time {what}: {time[i]:.9g} s after {time[i - 1]:.9g} s; "
         f"time must increase ({len(late)} such row{'s' * (len(late) > 1)}); {advice}"

@@ -20,6 +20,7 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -172,15 +173,25 @@ def read_lvm(source: Source, options: ReadOptions) -> tuple[Table, ...]:
         rows = rows.rstrip() + b"\n" if stop < len(data) else rows
         columns = names.decode("utf-8").rstrip("\r").split(separator)
         label = next((line for line in head.splitlines() if line.startswith("Y_Unit_Label")), "")
-        units = ["s", *(unit.strip() for unit in label.split(separator)[1:])]
-        columns[0] = "time" if columns[0] == "X_Value" else columns[0]
+        units = [unit.strip() for unit in label.split(separator)]
+        units += [""] * (len(columns) - len(units))
+        for i, name in enumerate(columns):
+            if name == "X_Value":
+                columns[i], units[i] = "time", "s"
         if columns[-1] == "Comment":  # in the rows that have one
             columns.pop()
             mark, width = separator.encode(), len(columns)
             fields = (row.rstrip(b"\r").split(mark)[:width] for row in rows.split(b"\n"))
             rows = b"\n".join(map(mark.join, fields))
-        heading = [f"{name} ({unit})" for name, unit in zip(columns, units, strict=False)]
-        text = separator.join([*heading, *columns[len(heading) :]]).encode() + b"\n" + rows
+        if facts.get("X_Columns") == "No":  # the first column is blank, the header tells the step
+            columns[0], units[0] = "blank", ""
+            step = dict(_LVM_ENTRY.findall(head)).get("Delta_X", "").split(separator)[0]
+            with suppress(ValueError, ZeroDivisionError):
+                rate = 1.0 / float(step.replace(",", "."))
+                preamble = (*preamble, f"sample rate: {rate:.9g}")
+        pairs = zip(columns, units, strict=False)
+        heading = separator.join(f"{name} ({unit})" if unit else name for name, unit in pairs)
+        text = heading.encode() + b"\n" + rows
         line, decimal = data.count(b"\n", 0, end.end()) + 1, facts.get("Decimal_Separator", "")
         block = _Block(text, line, decimal, f"segment {k}", preamble)
         tables.append(_table(block, source.name, notes, options))

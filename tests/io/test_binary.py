@@ -12,14 +12,11 @@ import struct
 import subprocess
 import sys
 import zipfile
-from contextlib import suppress
 from functools import cache
 
 import numpy as np
 import pyarrow as pa
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 from pyarrow import parquet
 from scipy import io as scipy_io
 
@@ -205,22 +202,6 @@ def test_the_values_of_a_matlab_file_are_counted_before_they_are_read(put, is_pa
     path = put(saved(dict.fromkeys(NAMES, column), is_packed=is_packed), "a_s1.mat")
     limit = max(2_399_999, path.stat().st_size * is_packed)
     assert "more than the limit of 2399999 (rig.max_log_bytes)" in refusal(path, max_bytes=limit)
-
-
-@pytest.mark.parametrize("spare", [0, -1])
-def test_the_limit_counts_all_vectors_of_a_file(put, spare) -> None:
-    h5py = pytest.importorskip("h5py")
-    sink, n = io.BytesIO(), 5000
-    with h5py.File(sink, "w") as file:
-        for name in sorted(NAMES):
-            values = np.arange(float(n))[None, :]
-            file.create_dataset(name, data=values, compression="gzip", chunks=(1, n))
-    path, limit = put(sink.getvalue(), "a_s1.mat"), 3 * 8 * n + spare
-    if spare == 0:
-        assert len(read_log(path, ReadOptions(max_bytes=limit)).force) == n
-    else:
-        says = f"the file up to 'time_s' claims {3 * 8 * n} bytes"
-        assert says in refusal(path, max_bytes=limit)
 
 
 def test_hdf5_that_claims_terabytes_is_refused(put) -> None:
@@ -501,14 +482,6 @@ def test_parquet_without_checksums_says_so_and_units_stand_in_fields(put) -> Non
 
 # Damage: the numbers of the whole file or a refusal, never others in silence.
 
-HARD = settings(
-    max_examples=150,
-    deadline=None,
-    derandomize=True,
-    database=None,
-    suppress_health_check=list(HealthCheck),
-)
-
 
 @cache
 def good(name: str) -> tuple[bytes, str]:
@@ -591,54 +564,3 @@ def test_a_cut_never_changes_a_number(tmp_path, name, stride) -> None:
             for channel in CHANNELS:
                 kept = getattr(whole, channel)[: len(found.time)]
                 np.testing.assert_array_equal(getattr(found, channel), kept)
-
-
-@pytest.mark.parametrize(
-    "name",
-    ["Parquet", "Parquet, plain", "Parquet, no dictionary", "Parquet, second version", "TDMS"],
-)
-def test_every_changed_value_is_one_whose_bytes_were_changed(tmp_path, name) -> None:
-    # In Parquet none is: its pages have checksums.
-    data, file = good(name)
-    path = tmp_path / file
-    (whole,) = attempted(path, data)
-    columns = binary_logs.arrays(SCENARIO)
-    starts = {one: data.find(columns[one].tobytes()) for one in CHANNELS} if name == "TDMS" else {}
-
-    @HARD
-    @given(st.lists(st.integers(0, 8 * len(data) - 1), min_size=1, max_size=6, unique=True))
-    def attempt(bits) -> None:
-        hit = {bit // 8 for bit in bits}
-        found = attempted(path, flipped(data, bits))
-        if not starts:
-            assert [one for one in found if changed(whole, one)] == []
-            return
-        for channel, place in changed(whole, found[0]) if len(found) == 1 else ():
-            start = starts[channel] + 8 * place
-            assert hit.intersection(range(start, start + 8))
-
-    attempt()
-
-
-@pytest.mark.parametrize("writer", sorted(set(WRITERS) - {"Excel called CSV"}))
-def test_damaged_bytes_give_a_log_or_one_line(tmp_path, writer) -> None:
-    file_name, write, needed = WRITERS[writer]
-    needs(*needed)
-    data = write(SCENARIO)
-    # Some are read in a process of their own, another one after each refusal: 0.2 to 0.6 s.
-    in_child = {"MDF": 3, "MATLAB 7.3": 3, "MATLAB 7": 4, "MATLAB 6": 4, "Excel": 12}
-    n_examples = in_child.get(writer, 25)
-    bytes_changed = st.tuples(st.integers(0, len(data) - 1), st.integers(0, 255))
-
-    @settings(HARD, max_examples=n_examples)
-    @given(st.lists(bytes_changed, min_size=1, max_size=8))
-    def attempt(changes) -> None:
-        damaged = bytearray(data)
-        for at, byte in changes:
-            damaged[at] = byte
-        (tmp_path / file_name).write_bytes(bytes(damaged))
-        with suppress(LogError):
-            for recording in read_logs(tmp_path / file_name):
-                assert np.isfinite(recording.force).all()
-
-    attempt()

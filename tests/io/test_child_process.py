@@ -51,15 +51,6 @@ def test_one_child_reads_all_logs_one_after_the_other() -> None:
     assert answers[3].parts == [b"log 3", b"", bytes(5)]
 
 
-def test_large_bytes_go_both_ways() -> None:
-    data = os.urandom(3_000_000)
-    assert ask(data).parts[0] == data
-
-
-def test_what_a_library_prints_is_no_answer() -> None:
-    assert ask(b"print").said == ask(b"log").said | {"n_seen": 1}
-
-
 @pytest.mark.parametrize(
     ("log", "says", "n_before"),
     [
@@ -125,13 +116,6 @@ def test_memory_is_limited_by_the_size_of_the_log_and_its_limit(
         assert "rig.max_log_bytes" in refusal(log, limit)
 
 
-def test_a_huge_limit_is_none() -> None:
-    assert ask(b"allocate 1000", 1 << 20).said["n_seen"] == 1
-    source = Source("log.x", "log.x", b"log", str)
-    options = ReadOptions(max_bytes=1 << 70)
-    assert ask_child(READER, source, options).said["n_seen"] == 2
-
-
 def test_a_child_that_never_ends_is_ended(monkeypatch) -> None:
     pid = ask(b"log").said["pid"]
     monkeypatch.setattr(child_process, "_TIME_LIMIT", 0.1)
@@ -173,11 +157,6 @@ def test_a_child_that_ended_unseen_is_replaced(children, monkeypatch) -> None:
     # As if it had ended after it was looked at.
     monkeypatch.setattr(child_process._Child, "is_alive", True)
     assert ask(b"log" + bytes(1_000_000)).said["pid"] != pid
-
-
-def test_a_child_that_does_not_even_start_is_one_sentence(monkeypatch) -> None:
-    monkeypatch.setattr(child_process, "_CHILD", "raise SystemExit(3)")
-    assert "its reader ended by code 3" in refusal(bytes(1_000_000))
 
 
 def test_threads_have_children_of_their_own(children) -> None:

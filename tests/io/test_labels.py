@@ -255,14 +255,6 @@ def test_numbers_without_names_of_their_own_are_counted(names, declared) -> None
     assert f"[adjusters] {declared}," in guess_settings(names).advice
 
 
-def test_one_number_that_differs_is_not_several_adjusters() -> None:
-    """Of two kinds of names neither has most, so that nothing is guessed."""
-    guess = guess_settings(["b_3.csv", "b_4.csv", "x_y_5.csv", "x_y_6.csv"])
-    assert guess.settings == {}
-    assert guess.advice.endswith(r"--rig 'setting_pattern=b_(?P<setting>\d+)'")
-    assert "[adjusters]" not in guess.advice
-
-
 @pytest.mark.parametrize(("name", "number"), [("s123_x02.csv", "123"), ("s1234_x02.csv", "")])
 def test_a_serial_number_behind_s_is_not_said_to_be_the_setting(name, number) -> None:
     assert one_of_several(name) == number
@@ -301,11 +293,6 @@ def test_clicks_and_a_speed_are_asked_about_with_a_pattern_for_the_clicks() -> N
     pattern = r"^t\d+_(?P<a>\d+)_(?P<b>\d+)_(?P<c>\d+)_(?P<d>\d+)"
     assert advice.endswith(f"--rig 'setting_pattern={pattern}'")
     assert re.search(pattern, names[2]).groups() == ("2", "9", "8", "5")
-
-
-def test_five_numbers_that_differ_are_nobodys_adjusters() -> None:
-    guess = guess_settings(["x1_b3_k1_q2_z5.csv", "x2_b4_k2_q3_z6.csv"])
-    assert "[adjusters]" not in guess.advice
 
 
 @pytest.mark.parametrize(
@@ -437,11 +424,6 @@ def test_a_misspelt_column_is_kept_and_said(tmp_path) -> None:
     assert found.rows["a.csv"].identity.describe() == {"rebond": "12"}
     assert "column 'rebond' is kept as a remark" in found.notes[0]
     assert "'rebound'" in found.notes[0]
-
-
-def test_a_missing_table_is_told(tmp_path) -> None:
-    with pytest.raises(ConfigurationError, match="cannot be read"):
-        read_tests(tmp_path / "none.csv", TWO)
 
 
 def test_a_log_of_that_name_is_no_table(tmp_path) -> None:

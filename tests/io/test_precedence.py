@@ -108,14 +108,6 @@ def test_what_is_printed_reads_logs_alike(tmp_path) -> None:
     assert (options.decimal, options.units) == ("", {"force": "kN"})
 
 
-def test_other_profiles_are_not_put_over_the_one_that_is_taken(tmp_path) -> None:
-    path = tmp_path / "rig.toml"
-    path.write_text(
-        '[rig.profiles.a]\ndecimal = ","\nfiles = "a*"\n[rig.profiles.b]\nthousands = ","\n'
-    )
-    assert load_configuration(path).reading.for_file("a1.csv")[0].decimal == ","
-
-
 def test_a_profile_gives_the_unit_of_the_log_back(tmp_path) -> None:
     # Before, a profile could only add to the units of [rig].
     log = tmp_path / "bench_s3.csv"
@@ -125,12 +117,6 @@ def test_a_profile_gives_the_unit_of_the_log_back(tmp_path) -> None:
     assert list(read_log(log, load_configuration(config).reading).force) == [2.0, 3.0, 4.0]
     config.write_text(config.read_text() + 'units = {force = ""}\n')
     assert list(read_log(log, load_configuration(config).reading).force) == [2e3, 3e3, 4e3]
-
-
-def test_what_the_command_line_got_wrong_is_not_blamed_on_a_profile(tmp_path) -> None:
-    with pytest.raises(ConfigurationError) as caught:
-        in_force(tmp_path, {}, {"units.force": "N"}, {"units.force": "apples"})
-    assert "profiles" not in str(caught.value)
 
 
 @pytest.mark.parametrize(
@@ -196,21 +182,3 @@ def test_the_first_profile_that_fits_is_taken(tmp_path) -> None:
     recording = read_log(log, ReadOptions(profiles=profiles))
     assert recording.notes[0] == "profile: b"
     assert list(recording.force) == [-2.0, -3.0, -4.0]
-
-
-def test_profiles_in_a_list_are_told_the_form_they_have(tmp_path) -> None:
-    path = tmp_path / "rig.toml"
-    path.write_text("[[rig.profiles]]\nfiles = 'cold_*'\n", encoding="utf-8")
-    with pytest.raises(
-        ConfigurationError, match=r"expected sections named \[rig\.profiles\.NAME\]"
-    ):
-        load_configuration(path)
-
-
-@pytest.mark.parametrize("text", ["profiles = 3", "profiles = {lab = 3}"])
-def test_a_profile_is_a_table(tmp_path, text) -> None:
-    path = tmp_path / "rig.toml"
-    path.write_text(f"[rig]\n{text}\n", encoding="utf-8")
-    overlay = {"rig": {"decimal": ","}}
-    with pytest.raises(ConfigurationError, match=r"rig\.toml:2: rig\.profiles"):
-        load_configuration(path, overlay=overlay)

@@ -205,13 +205,6 @@ def test_titles_that_tell_a_rate(put, blocks, times, is_read) -> None:
     assert len(read_logs(path, ReadOptions(sample_rate=RATE))) == len(blocks)
 
 
-def test_a_bad_row_is_told_by_its_line(put) -> None:
-    text = titled(full(3, b2=500), STEP * np.arange(3), last_row="1.0\tnan")
-    line = 2 + 2 * (3 + BUFFER + 1) + 3 + 500 + 1
-    with pytest.raises(LogError, match=rf"line {line}\b"):
-        read_logs(put(text))
-
-
 # Several tests in one file: pauses of a logger, and the profiles in configs/.
 
 PREAMBLE = (
@@ -333,6 +326,17 @@ def blank(values, keep: slice):
     return blanked
 
 
+def columns_of_time(kind: str, late: float = 0.0) -> str:
+    """LabVIEW text with no column of time, or with one a channel, the displacement's late."""
+    text = f"LabVIEW Measurement\t\nX_Columns\t{kind}\n***End_of_Header***\t\nChannels\t2\t\n"
+    second = "\tX_Value" * (kind == "Multi")
+    text += f"Y_Unit_Label\tNewtons{second and chr(9)}\tMillimeters\nDelta_X\t0.002\t0.002\n"
+    text += f"***End_of_Header***\t\nX_Value\tForce{second}\tDisplacement\tComment\n"
+    for t, f, x in zip(TIME, F, X, strict=True):
+        text += f"{t:.6f}\t{f:.6f}\t{t + late:.6f}\t{x:.6f}\t\n" if second else f"\t{f}\t{x}\t\n"
+    return text
+
+
 def segments(*starts: int) -> str:
     head = "LabVIEW Measurement\t\nSeparator\tTab\nDecimal_Separator\t.\n***End_of_Header***\t\n"
     for first, stop in zip(starts, [*starts[1:], N], strict=True):
@@ -387,6 +391,29 @@ READ = {
         rows_of((1e3 * TIME + 65_000) % 65_536, names=NAMES.replace("_s", "_ms", 1)),
         ALL,
         "rolled_over",
+    ),
+    "seconds of a millisecond counter of 16 bits": (
+        rows_of((TIME + 65.0) % 65.536, form=".3f").replace("\r", ""),
+        None,
+        "rolled_over",
+    ),
+    "a date in seconds, set back": (
+        rows_of(1.7e9 + TIME - 0.9 * (np.arange(N) > 301)),
+        None,
+        "clock_set",
+    ),
+    "times of each channel, called t": (
+        apart().replace("Time (s),", "t force (s),", 1).replace(",Time (s)", ",t disp (s)", 1),
+        slice(0, N - 1),
+        "own_rows",
+    ),
+    "no column of time": (columns_of_time("No"), ALL, ""),
+    "a column of time a channel": (columns_of_time("Multi"), ALL, ""),
+    "a column of time a channel, one late": (columns_of_time("Multi", 0.001), None, "own_rows"),
+    "a converter at 2 of 5 rows": (
+        rows_of(f=F[np.floor(np.floor(np.arange(N) / 2.5) * 2.5).astype(int)]),
+        None,
+        "values_repeated",
     ),
     "slower displacement": (rows_of(x=blank(X, HALF)), slice(0, N - 1), "own_rows"),
     "slower force": (rows_of(f=blank(F, HALF)), HALF, "own_rows"),
@@ -447,6 +474,7 @@ def test_stamps_that_repeat_name_the_rate_that_reads_them(tmp_path, time, rate) 
         np.round(F),  # a coarse converter
         np.where(np.arange(N) % 100 < 50, -300.0, 300.0),  # a force that jumps
         np.where(np.arange(N) == 77, 5000.0, F),  # a spike
+        np.floor(np.arange(N) / 2.5),  # a coarse converter at one speed
     ],
 )
 def test_what_is_no_counter_is_left_as_it_is(tmp_path, f) -> None:

@@ -328,6 +328,10 @@ REFUSED = {
     "endless line": ("0," * 300_000, {}, "line 1: longer than"),
     "endless line below": (PLAIN + "1," * 3_000_000 + "\n", {}, "line 7: found 3000001 fields"),
     "many columns": (",".join(["1"] * 20_000) + "\n", {}, "20000 columns, more than the limit"),
+    "no clock": (
+        "time_s,displacement_mm,force_N\n" + "0,1,2\n0,2,3\n0,3,4\n", {},
+        "the clock stands still: declare rig.sample_rate",
+    ),
     "rows twice": (
         "".join(f"{row}\n" * (1 + (k > 0)) for k, row in enumerate(PLAIN.splitlines())), {},
         "time must increase (5 such rows); these rows are there twice: remove the copies",
