@@ -512,7 +512,7 @@ def _show_targets(*, is_json: bool) -> None:
 
 @command(api.samples)
 def samples(how: Shown, **given: Any) -> int:
-    """Write make-believe rig logs with known parameters.
+    """Write synthetic rig logs with known parameters.
 
     Example: damperfit samples my_runs --settings 1-5
     """

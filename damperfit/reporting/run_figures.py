@@ -693,8 +693,8 @@ def _valves(rows: Sequence[Row], log: LogView, name: str, colour: str) -> Iterat
     lines.sort(key=lambda line: ("points", "wide", "rings").index(line.style))
     panel = Panel("pressure across the valve", "bar", "flow", "cm³/s", tuple(lines))
     caption = (
-        f"{_DIRECTIONS.capitalize()}. Points: what the piston displaces less what gives way, read "
-        "off the loops without a law of the valve; where they leave the law, the law lacks "
+        f"{_DIRECTIONS.capitalize()}. Points: flow read from the loops (displaced by the piston, "
+        "less elasticity) without assuming a valve law; where they leave the curve, the law lacks "
         "something."
     )
     if openings:
