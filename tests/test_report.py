@@ -90,11 +90,18 @@ def test_no_word_is_cut_at_any_width(width) -> None:
     assert "+51.1 ± 0.4" in text  # a number with its error stays on one line
 
 
-def test_a_name_longer_than_the_screen_is_folded_and_wide_letters_count_twice() -> None:
-    sheet = Sheet(("log", "n"), ("", ""), (("x" * 50, "12"), ("日本", "3")), (False, True))
-    lines = text_table(sheet, 30).splitlines()
-    assert "".join("".join(lines).split()).count("x") == 50
+def test_long_names_are_cut_in_the_middle_unless_two_then_look_alike() -> None:
+    rows = tuple((f"{'x' * 30}{mark}_bench.csv", "12") for mark in "ab")
+    cut = Sheet(("log", "n"), ("", ""), rows[:1], (False, True))
+    assert text_table(cut, 30).splitlines()[1] == "xxxxxxxxx…_bench.csv 12"
+    lines = text_table(Sheet(("log", "n"), ("", ""), rows, (False, True)), 30).splitlines()
+    assert "".join(lines).count("x") == 60
     assert max(map(len, lines)) <= 30
+
+
+def test_wide_letters_count_twice() -> None:
+    sheet = Sheet(("log", "n"), ("", ""), (("xxx", "12"), ("日本", "3")), (False, True))
+    lines = text_table(sheet, 30).splitlines()
     assert lines[-1].index("3") + 2 == lines[1].index("12") + 1
 
 

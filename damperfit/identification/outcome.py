@@ -48,14 +48,14 @@ class Outcome(Enum):
 _ADVICE = {
     Outcome.CONVERGED: "The fit converged.",
     Outcome.CAVITATING: (
-        "A chamber of the fitted model cavitates in part of the cycle: fix R_m3, or check the gas "
+        "A chamber of the fitted model cavitates in part of the cycle: hold R_m3, or check the gas "
         "pressure and the force offset."
     ),
     Outcome.AT_BOUND: (
-        "A parameter ran to the edge of its plausible range: fix it, or check units and signs."
+        "A parameter ran to the edge of its plausible range: hold it, or check units and signs."
     ),
     Outcome.NOT_IDENTIFIABLE: (
-        "These logs do not determine a free parameter: fix it, or fit more logs of this setting."
+        "These logs do not determine a free parameter: hold it, or fit more logs of this setting."
     ),
     Outcome.EVALUATION_LIMIT: (
         "The fit stopped at its limit of evaluations: raise identification.max_evaluations."

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 NOTHING = "-"
 _COLUMNS = 80
+_NAME = 20  # letters of a name that is not cut
 # ANSI, of words.
 COLOURS = {"excellent": 32, "passed": 32, "good": 33, "poor": 31, "FAILED": 31, "not evaluated": 2}
 _WORD = 12  # letters of a word that a narrow column does not tear
@@ -128,7 +129,9 @@ def text_table(
     whole = sum(max(map(_places, column)) + 2 for column in columns) - 2
     if whole > width:
         kinds = zip(columns, sheet.is_number, strict=True)
-        columns = [one if is_number else _cut(one, width // 3) for one, is_number in kinds]
+        columns = [
+            one if is_number else _cut(one, max(width // 3, _NAME)) for one, is_number in kinds
+        ]
     gap = 2 if whole <= min(_COLUMNS, width) else 1
     least = []  # widths that cut no word and no number, as far as the first column leaves room
     for column, is_number in zip(columns, sheet.is_number, strict=True):

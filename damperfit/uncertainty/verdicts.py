@@ -293,7 +293,7 @@ def _verdict(
         return f"{_NOT_FITTED[status]}{limit}"
     if status == Status.AT_BOUND:
         seen = f": {_seen(profile, unit)}" if profile is not None else ""
-        return f"ran to the edge of its plausible range{seen}; fix it, or check units and signs"
+        return f"ran to the edge of its plausible range{seen}; hold it, or check units and signs"
     interval = known.intervals.get(name)
     if interval is None:
         return _without_interval(status, profile, unit, _unopened(name, fit, known))
@@ -330,7 +330,7 @@ def _of_undetermined(
     unit, shape = quantity.unit, "" if profile is None else profile.shape
     used = f"; {getattr(fit.parameters, name):.4g} {unit} is used"
     used_for = f"{used} for {whose}" if whose else ""
-    faster = f"{used_for or used}; fix it, or fit faster logs with more force"
+    faster = f"{used_for or used}; hold it, or fit faster logs with more force"
     if profile is not None and shape == "flat upward":
         rigid = ", as with rigid oil" if quantity.is_open else ""
         return (
@@ -338,10 +338,10 @@ def _of_undetermined(
             f"value fits these logs as well{rigid}{tied}{faster}"
         )
     if closed := _unopened(name, fit, known):
-        return f"{closed}; fix it, or fit faster logs with more force"
+        return f"{closed}; hold it, or fit faster logs with more force"
     if used_for and shape == "flat downward":
         used_for += ", instead of 0: any value below the limit fits as well"
-    return f"these logs do not determine it ({where}{tied}){used_for}; fix it, or fit more logs"
+    return f"these logs do not determine it ({where}{tied}){used_for}; hold it, or fit more logs"
 
 
 def _unopened(name: str, fit: Fit, known: Uncertainty) -> str:

@@ -62,8 +62,8 @@ def test_an_opening_that_no_log_reaches_is_above_the_pressure_on_it(opening, spe
 
 @pytest.mark.parametrize(
     ("opening", "used"),
-    [(0.99e6, "9.9e+05 Pa is used with a slope that lets next to nothing through; fix it"),
-     (1.01e6, "1.01e+06 Pa is used; fix it")],
+    [(0.99e6, "9.9e+05 Pa is used with a slope that lets next to nothing through; hold it"),
+     (1.01e6, "1.01e+06 Pa is used; hold it")],
 )  # fmt: skip
 def test_an_opening_below_the_highest_pressure_lets_next_to_nothing_through(opening, used) -> None:
     fit = SimpleNamespace(
