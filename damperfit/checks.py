@@ -507,11 +507,6 @@ def expand_checks(names: Iterable[str], *, pointless: Iterable[str] = ()) -> tup
     With a minus before its name a check is left out of what the others stand for. Lists go without
     those that are pointless: that cannot be looked at by the test's own declaration.
 
-    Raises
-    ------
-    ConfigurationError
-        No check and no list has that name, or a check is left out that is not in.
-
     Examples
     --------
     >>> expand_checks(["no_cavitation", "no_cavitation"])

@@ -31,47 +31,23 @@ _FOREVER = 100_000  # terms; a fraction of a million freedoms needs some thousan
 
 
 def largest_of(values: np.ndarray) -> float:
-    """Return the largest size of an array's values, 0 of none; NaN where one is no number.
-
-    Examples
-    --------
-    >>> largest_of(np.array([1.0, -3.0, 2.0]))
-    3.0
-    """
+    """Return the largest size of an array's values, 0 of none; NaN where one is no number."""
     return float(np.maximum.reduce(np.abs(values), axis=None)) if values.size else 0.0
 
 
 def mean_of(values: np.ndarray) -> float:
-    """Return the mean of an array, as `numpy.mean` does, which first asks long what it is given.
-
-    Examples
-    --------
-    >>> mean_of(np.array([1.0, 2.0, 6.0]))
-    3.0
-    """
+    """Return the mean of an array, as `numpy.mean` does, which first asks long what it is given."""
     return float(np.add.reduce(values, axis=None)) / values.size if values.size else math.nan
 
 
 def variance_of(values: np.ndarray) -> float:
-    """Return the variance of an array, as `numpy.var` does.
-
-    Examples
-    --------
-    >>> variance_of(np.array([1.0, 2.0, 6.0]))
-    4.666666666666667
-    """
+    """Return the variance of an array, as `numpy.var` does."""
     beside = values - mean_of(values)
     return mean_of(np.multiply(beside, beside, out=beside))
 
 
 def median(values: ArrayLike) -> float:
-    """Return the middle of finite values, as `numpy.median` does; NaN where there are none.
-
-    Examples
-    --------
-    >>> median([3.0, 1.0, 2.0, 7.0])
-    2.5
-    """
+    """Return the middle of finite values, as `numpy.median` does; NaN where there are none."""
     flat = np.asarray(values, dtype=np.float64).ravel()
     half = len(flat) // 2
     if not len(flat):
@@ -86,20 +62,7 @@ def median(values: ArrayLike) -> float:
 
 
 def percentiles(values: ArrayLike, *shares: float) -> tuple[float, ...]:
-    """Return what so many per cent of values stay below, as `numpy.percentile` does.
-
-    Parameters
-    ----------
-    values : array_like
-        At least one, finite.
-    *shares : float
-        0 to 100.
-
-    Examples
-    --------
-    >>> percentiles([3.0, 1.0, 2.0], 50.0, 75.0)
-    (2.0, 2.5)
-    """
+    """Return what so many per cent of values stay below, as `numpy.percentile` does."""
     flat = np.asarray(values, dtype=np.float64).ravel()
     ranks = [(len(flat) - 1) * (share / 100.0) for share in shares]
     places = {int(rank) for rank in ranks} | {min(int(rank) + 1, len(flat) - 1) for rank in ranks}
@@ -116,20 +79,7 @@ def _between(order: np.ndarray, rank: float) -> float:
 
 
 def student_quantile(freedom: float, share: float) -> float:
-    """Return what Student's t stays below in a share of all cases.
-
-    Parameters
-    ----------
-    freedom : float
-        Above 0, whole or not.
-    share : float
-        Between 0 and 1.
-
-    Examples
-    --------
-    >>> round(student_quantile(10.0, 0.975), 6)
-    2.228139
-    """
+    """Return what Student's t stays below in a share of all cases."""
     if not (freedom > 0.0 and 0.0 < share < 1.0):
         return math.nan
     if share < 0.5:
@@ -142,60 +92,21 @@ def student_quantile(freedom: float, share: float) -> float:
 
 
 def fisher_quantile(above: float, below: float, share: float) -> float:
-    """Return what the ratio of two mean squares stays below in a share of all cases.
-
-    Parameters
-    ----------
-    above, below : float
-        Freedoms of the mean square above the line and of that below it.
-    share : float
-        Between 0 and 1.
-
-    Examples
-    --------
-    >>> round(fisher_quantile(5.0, 20.0, 0.95), 6)
-    2.71089
-    """
+    """Return what the ratio of two mean squares stays below in a share of all cases."""
     if not (above > 0.0 and below > 0.0 and 0.0 < share < 1.0):
         return math.nan
     return _fisher_beyond(above, below, 1.0 - share)
 
 
 def fisher_chance(above: float, below: float, ratio: float) -> float:
-    """Return the chance with which the ratio of two mean squares exceeds a value.
-
-    Parameters
-    ----------
-    above, below : float
-        Freedoms of the mean square above the line and of that below it.
-    ratio : float
-        Their ratio; of 0 and less every one is above.
-
-    Examples
-    --------
-    >>> round(fisher_chance(5.0, 20.0, 2.71089), 6)
-    0.05
-    """
+    """Return the chance with which the ratio of two mean squares exceeds a value."""
     if not (above > 0.0 and below > 0.0 and math.isfinite(ratio)):
         return math.nan
     return _fisher_tail(above, below)(math.log(ratio))[0] if ratio > 0.0 else 1.0
 
 
 def chi_squared_quantile(freedom: float, share: float) -> float:
-    """Return what a chi-square stays below in a share of all cases.
-
-    Parameters
-    ----------
-    freedom : float
-        Above 0, whole or not.
-    share : float
-        Between 0 and 1.
-
-    Examples
-    --------
-    >>> round(chi_squared_quantile(1.0, 0.95), 6)
-    3.841459
-    """
+    """Return what a chi-square stays below in a share of all cases."""
     if not (freedom > 0.0 and 0.0 < share < 1.0):
         return math.nan
     half = 0.5 * freedom

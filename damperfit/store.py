@@ -52,13 +52,7 @@ class FileSet:
         self._is_committed = False
 
     def path(self, name: str) -> Path:
-        """Return the path to write ``name`` to; it becomes part of the set.
-
-        Raises
-        ------
-        OutputError
-            ``name`` is no plain file name.
-        """
+        """Return the path to write ``name`` to; it becomes part of the set."""
         if Path(name).name != name or name in {"", ".", ".."} or "\0" in name:
             raise OutputError(f"{name!r} is not a plain file name; no file is written elsewhere")
         if name not in self.names:
@@ -73,11 +67,6 @@ class FileSet:
         """Refuse to write over files of another origin, where these are spared.
 
         It is done at the end too; who writes two sets asks both before either is exchanged.
-
-        Raises
-        ------
-        ConfigurationError
-            Such a file is there.
         """
         for name in self.names if self._spares_others else ():
             target = self.folder / name
@@ -147,27 +136,13 @@ def file_set(folder: Path, *, spares_others: bool = False) -> Iterator[FileSet]:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write one UTF-8 text file whole or not at all.
-
-    Raises
-    ------
-    OutputError
-        The file cannot be written.
-    """
+    """Write one UTF-8 text file whole or not at all."""
     with file_set(path.parent) as files:
         files.path(path.name).write_text(text, encoding="utf-8", newline="\n")
 
 
 def check_writable(folder: Path) -> None:
-    """Raise before any work is done when results could never be written to ``folder``.
-
-    Raises
-    ------
-    ConfigurationError
-        A file stands where the folder should be, or it is no path of this machine.
-    OutputError
-        The nearest existing folder is write-protected.
-    """
+    """Raise before any work is done when results could never be written to ``folder``."""
 
     def refusal(code: str, why: str, subject: object = folder) -> ConfigurationError:
         return ConfigurationError(f"cannot be written: {why}", code=code, subject=subject)
@@ -235,11 +210,6 @@ def settle(folder: Path) -> None:
     """End what a killed run left half done in a results folder; call it before reading there.
 
     The folder may be missing or read-only, as long as nothing is left to do.
-
-    Raises
-    ------
-    OutputError
-        A set was committed there and cannot be moved to its place.
     """
     try:
         names = {path.name for path in folder.iterdir() if path.name.startswith(_OURS)}

@@ -63,11 +63,6 @@ class Tolerance:
 def parse_tolerance(text: str) -> Tolerance:
     """Return a tolerance from text: per cent of the damping, newtons, or both.
 
-    Raises
-    ------
-    ConfigurationError
-        It is neither.
-
     Examples
     --------
     >>> parse_tolerance("5%, 10N")
@@ -97,11 +92,6 @@ def parse_bands(text: str | None) -> Tolerance | None:
     A file is CSV with the columns speed, stroke, and force with tolerance (5% or 20N), or low and
     high; setting may be missing or empty, the row is then of every setting. Makers write bump as
     positive numbers: such a force is taken as negative.
-
-    Raises
-    ------
-    ConfigurationError
-        It is neither.
     """
     if text is None:
         return None

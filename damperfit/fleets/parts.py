@@ -171,13 +171,6 @@ def collect(folder: Path) -> pa.Table:
     """Make one table of all parts, ``fleet.parquet`` and ``fleet.csv`` in the folder ``_fleet``.
 
     Rows stand by serial number, then as in the part; equal parts give equal bytes.
-
-    Raises
-    ------
-    ConfigurationError
-        There is no part, or one is damaged.
-    OutputError
-        The tables cannot be written.
     """
     from damperfit.tables.files import write_table
 

@@ -91,11 +91,6 @@ class Share:
 def share_of(text: str) -> Share:
     """Return the share that ``I/N`` says.
 
-    Raises
-    ------
-    ConfigurationError
-        It says none.
-
     Examples
     --------
     >>> share_of("3/100")
@@ -431,24 +426,7 @@ def _schema(configuration: Configuration) -> pa.Schema:
 def planned(
     configuration: Configuration, logs: Sequence[str], folder: Path, share: Share | None = None
 ) -> tuple[DamperTask, ...]:
-    """Return the tasks of a fleet, of the share that is asked for; in its own folder is no log.
-
-    Parameters
-    ----------
-    configuration : Configuration
-        Adjusters, table of tests.
-    logs : sequence of str
-        Folders, files, patterns, addresses in object stores.
-    folder : pathlib.Path
-        Of the fleet.
-    share : Share, optional
-        Part I of N.
-
-    Raises
-    ------
-    ConfigurationError
-        There is no log, or a table of tests is wrong.
-    """
+    """Return the tasks of a fleet, of the share that is asked for; in its own folder is no log."""
     own = folder.resolve()
     sources = tuple(
         one for one in find_sources(logs) if one.is_remote or own not in Path(one.place).parents

@@ -186,13 +186,6 @@ def find_sources(wanted: Iterable[str]) -> tuple[FleetLog, ...]:
     """Return the logs that folders, files, patterns and addresses name, each once, in order.
 
     A folder stands for all logs in it and below: files with the suffix of a format that is read.
-
-    Raises
-    ------
-    ConfigurationError
-        Something names no file.
-    UnreachableError
-        A store does not answer.
     """
     logs: dict[str, FleetLog] = {}
     files: list[Path] = []

@@ -54,22 +54,10 @@ class Characteristics:
 def characterise(
     response: Response, frequency: float, *, speeds: Sequence[float] = NAMED_SPEEDS
 ) -> Characteristics:
-    """Return the figures of the last whole cycle of a response.
+    """Return the figures of the last whole cycle of a periodic response on uniform samples.
 
-    Parameters
-    ----------
-    response : Response
-        Periodic response on uniform samples, at least one cycle long.
-    frequency : float
-        Cycles per second, Hz.
-    speeds : sequence of float
-        Rising speeds at which forces are wanted, m/s; those that a stroke does not reach are left
-        out.
-
-    Raises
-    ------
-    SimulationError
-        The response is shorter than one cycle.
+    Forces are taken at those of the rising speeds, m/s, that both strokes reach. A SimulationError:
+    the response is shorter than one cycle.
     """
     time = response.time
     period = 1.0 / frequency

@@ -147,13 +147,7 @@ def motion_of(trace: Trace) -> Motion:
 
 
 def refuse_amplitude(amplitude: float, room: float) -> None:
-    """Refuse an amplitude, m, that leaves the shorter chamber no volume.
-
-    Raises
-    ------
-    ConfigurationError
-        It is the chamber's length, `room`, or more.
-    """
+    """Refuse an amplitude, m, that leaves the shorter chamber no volume."""
     if amplitude >= room:
         raise ConfigurationError(
             f"amplitude {1e3 * amplitude:g} mm is beyond the damper's travel; expected less "
@@ -162,22 +156,7 @@ def refuse_amplitude(amplitude: float, room: float) -> None:
 
 
 def sine_motion(amplitude: float, frequency: float, *, cycles: float, sample_rate: float) -> Motion:
-    """Return x = A sin(2 pi f t), sampled from t = 0 to the end of the last cycle.
-
-    Parameters
-    ----------
-    amplitude, frequency : float
-        A in m and f in Hz.
-    cycles : float
-        Length of the motion in cycles.
-    sample_rate : float
-        Samples per second, Hz.
-
-    Raises
-    ------
-    ConfigurationError
-        Frequency, cycles or sample rate are not above 0, or the amplitude is not finite.
-    """
+    """Return x = A sin(2 pi f t), A in m and f in Hz, from t = 0 to the end of the last cycle."""
     _refuse_wave(amplitude, frequency, cycles, sample_rate)
     phase = 2.0 * np.pi * frequency * _times(cycles / frequency, sample_rate)
     velocity = amplitude * 2.0 * np.pi * frequency * np.cos(phase)

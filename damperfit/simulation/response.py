@@ -92,29 +92,6 @@ def simulate(
     The start of the paper's model and of networks has one pressure in all chambers and the oil mass
     of the damper at x = 0; the steady cycle is reached within one cycle from there.
 
-    Parameters
-    ----------
-    values : Values
-        One number for each of the model's quantities, SI.
-    damper : Model
-        The damper, as far as it is declared.
-    motion : Motion
-        Uniform samples of displacement and velocity.
-    sensitivities : sequence of str
-        What to differentiate the force by: quantities and conditions of the model.
-    options : SolverOptions
-        Tolerance and dead band.
-
-    Returns
-    -------
-    Response
-        Force, pressures, masses and sensitivities at the samples.
-
-    Raises
-    ------
-    SimulationError
-        When a state is not finite, a chamber has no volume left, or the step limit is met.
-
     Examples
     --------
     >>> from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters
