@@ -185,99 +185,17 @@ UNSEEN = {
 
 
 @pytest.mark.parametrize("name", CHECKS)
-def test_a_good_run_passes_every_check(name) -> None:
+def test_every_check_can_pass_fail_and_be_unable_to_look_and_says_where(name) -> None:
     is_elastic = name == "series_stiffness_found"
-    check = result(name, subject(elastic(1), elastic(2)) if is_elastic else subject())
-    assert check.passed is True, check.reason
-    assert check.reason
-
-
-@pytest.mark.parametrize("name", CHECKS)
-def test_every_check_can_fail_and_says_where(name) -> None:
-    seen, words = FAILING[name]
-    check = result(name, seen)
-    assert check.passed is False
-    assert words in check.reason
-
-
-@pytest.mark.parametrize(("fits", "said"), [
-    ((lagging(fit(1), 0.03),), "the force channel lags by 30 ms, which spreads the jump"),
-    (
-        (lagging(elastic(1), 0.005),),
-        "the mounting is elastic and the force channel lags by 5 ms, which spreads the jump",
-    ),
-])  # fmt: skip
-def test_what_spreads_the_jump_of_the_friction_is_said(fits, said) -> None:
-    check = result("friction_within_jump", subject(*fits))
-    assert check.passed is None
-    assert check.reason.startswith(said)
-
-
-def test_friction_is_checked_behind_a_short_lag_where_there_is_one() -> None:
-    fits = lagging(fit(1), 0.005), lagging(fit(2), 0.03)
-    check = result("friction_within_jump", subject(*fits))
-    assert check.passed is True
-    assert check.reason.endswith("at setting 1")
-    found = {1: (Objection("friction", "f_f", "f_f jumps"),)}
-    assert result("friction_within_jump", subject(*fits, objections=found)).passed is False
-
-
-@pytest.mark.parametrize("name", UNSEEN)
-def test_what_cannot_be_looked_at_says_why(name) -> None:
-    seen, words = UNSEEN[name]
-    check = result(name, seen)
-    assert check.passed is None
-    assert words in check.reason
-
-
-@pytest.mark.parametrize("name", ["residuals_white", "noise_floor_explained"])
-def test_a_setting_whose_residuals_nobody_saw_is_not_let_through(name) -> None:
-    """Used to pass on what the other settings said."""
-    for diagnoses, where in (([diagnosis(1)], "setting 2"), ([], "settings 1, 2")):
-        check = result(name, subject(diagnoses=diagnoses))
-        assert check.passed is None
-        assert check.reason == f"the residuals were not evaluated, at {where}"
-
-
-def test_a_click_that_hardens_bump_counts() -> None:
-    seen = subject(clicks=[click(0.5), click(-50.0, stroke="bump")])
-    assert result("every_click_counts", seen).passed is True
-
-
-def test_steps_over_several_clicks_are_not_called_clicks() -> None:
-    near = result("every_click_counts", subject(clicks=[click()]))
-    apart = result("every_click_counts", subject(clicks=[click(), replace(click(), second=4)]))
-    assert near.reason.startswith("every click changes the force at 0.3 m/s")
-    assert apart.reason.startswith("every step from one tested setting to the next changes")
-
-
-def test_one_force_without_an_error_leaves_the_clicks_unseen() -> None:
-    seen = subject(clicks=[click(), click(low=math.nan)])
-    check = result("every_click_counts", seen)
-    assert check.passed is None
-    assert check.reason == "the errors of the forces are not known"
-
-
-@pytest.mark.parametrize(
-    ("low", "high", "passed"), [(-0.1, 9.0, False), (0.1, 9.0, True), (-9.0, -0.1, True)]
-)
-def test_a_click_counts_from_its_error_on(low, high, passed) -> None:
-    check = result("every_click_counts", subject(clicks=[click(low=low, high=high)]))
-    assert check.passed is passed
-    assert "the force at 0.3 m/s" in check.reason
-
-
-@pytest.mark.parametrize(("mse", "passed"), [(0.99, True), (1.0, False)])
-def test_an_mse_is_below_one_per_cent_or_not(mse, passed) -> None:
-    check = result("mse_below_1_percent", subject(fit(1, mse=0.2), fit(2, mse=mse)))
-    assert check.passed is passed
-    assert f"{mse:.3g} % at setting 2" in check.reason
-
-
-@pytest.mark.parametrize(("noise", "passed"), [(0.49, False), (0.51, True)])
-def test_noise_must_explain_half_of_a_structured_mse(noise, passed) -> None:
-    seen = subject(fit(1), diagnoses=[diagnosis(1, mse=1.0, noise=noise, is_structured=True)])
-    assert result("noise_floor_explained", seen).passed is passed
+    good = subject(elastic(1), elastic(2)) if is_elastic else subject()
+    cases = [(good, "", True), (*FAILING[name], False)]
+    if name in UNSEEN:
+        cases.append((*UNSEEN[name], None))
+    for seen, words, passed in cases:
+        check = result(name, seen)
+        assert check.passed is passed, check.reason
+        assert check.reason
+        assert words in check.reason
 
 
 def turning(by):
@@ -285,55 +203,85 @@ def turning(by):
     return trend(monotone=False, direction="falling", reversals=((1, 2),), points=points)
 
 
-@pytest.mark.parametrize("share", [0.009, 0.011])
-def test_what_moves_no_force_by_one_per_cent_fails_nothing(share) -> None:
-    one = diagnosis(1, mse=100.0 * share**2, noise=0.0, is_structured=True)
-    off = trend(outliers=(Outlier(20, 1.0, 1.0 + share, -share),))
-    for name, seen in (
-        ("residuals_white", subject(fit(1), diagnoses=[one])),
-        ("noise_floor_explained", subject(fit(1), diagnoses=[one])),
-        ("no_outlier_setting", subject(trends=[off])),
-        ("trend_monotone", subject(trends=[turning(share)])),
-    ):
-        assert result(name, seen).passed is (share < 0.01), name
+def structured(noise, mse=1.0):
+    return subject(fit(1), diagnoses=[diagnosis(1, mse=mse, noise=noise, is_structured=True)])
 
 
+JUMPS = {1: (Objection("friction", "f_f", "f_f jumps"),)}
+LATE = lagging(fit(1), 0.005), lagging(fit(2), 0.03)
+HOT_AND_UNKNOWN = subject(with_trace(1, temperature=None), with_trace(2, temperature=30.0))
+WHOLE = subject(fit(1), fit(2))
+ANY_TEMPERATURE = replace(subject(with_trace(1, temperature=None)), temperature_tolerance=math.inf)
+
+
+# Each limit with a case on both sides, and what stands in a check's way.
 @pytest.mark.parametrize(
-    ("off", "passed"), [(0.95, True), (1.05, False), (-0.95, True), (-1.05, False)]
+    ("name", "seen", "passed", "words"),
+    [
+        ("every_click_counts", subject(clicks=[click(low=-0.1, high=9.0)]), False, "at 0.3 m/s"),
+        ("every_click_counts", subject(clicks=[click(low=0.1, high=9.0)]), True, "every click "),
+        ("every_click_counts", subject(clicks=[click(low=-9.0, high=-0.1)]), True, "at 0.3 m/s"),
+        ("every_click_counts", subject(clicks=[click(0.5), click(-50.0, stroke="bump")]), True, ""),
+        ("every_click_counts", subject(clicks=[click(), click(low=math.nan)]), None, "not known"),
+        ("every_click_counts", subject(clicks=[click(second=4)]), True, "every step from"),
+        ("mse_below_1_percent", subject(fit(1), fit(2, mse=0.99)), True, "0.99 % at setting 2"),
+        ("mse_below_1_percent", subject(fit(1), fit(2, mse=1.0)), False, "1 % at setting 2"),
+        ("noise_floor_explained", structured(0.49), False, ""),
+        ("noise_floor_explained", structured(0.51), True, ""),
+        *(
+            (name, subject(diagnoses=diagnoses), None, f"were not evaluated, at {where}")
+            for name in ("residuals_white", "noise_floor_explained")
+            for diagnoses, where in (([diagnosis(1)], "setting 2"), ([], "settings 1, 2"))
+        ),
+        *(
+            ("temperature_in_window", subject(with_trace(3, temperature=26.0 + off)), passed, "")
+            for off, passed in ((0.95, True), (1.05, False), (-0.95, True), (-1.05, False))
+        ),
+        ("temperature_in_window", HOT_AND_UNKNOWN, False, ""),
+        ("temperature_in_window", ANY_TEMPERATURE, None, "requires no temperature"),
+        *(
+            ("every_setting_fitted", subject(*map(fit, settings)), passed, words)
+            for settings, passed, words in (
+                ((1, 2, 3, 5), False, "no result for setting 4"),
+                ((2, 4, 6, 8), True, ""),
+                ((1, 5, 10, 15, 20), True, ""),
+                ((7,), True, ""),
+            )
+        ),
+        (
+            "every_setting_fitted",
+            replace(WHOLE, campaign=replace(WHOLE.campaign, is_complete=False)),
+            False,
+            "interrupted",
+        ),
+        ("friction_within_jump", subject(lagging(fit(1), 0.03)), None, "channel lags by 30 ms"),
+        (
+            "friction_within_jump",
+            subject(lagging(elastic(1), 0.005)),
+            None,
+            "the mounting is elastic and the force channel lags by 5 ms",
+        ),
+        ("friction_within_jump", subject(*LATE), True, "at setting 1"),
+        ("friction_within_jump", subject(*LATE, objections=JUMPS), False, ""),
+        *(
+            (name, seen, share < 0.01, "")
+            for share in (0.009, 0.011)
+            for name, seen in (
+                ("residuals_white", structured(0.0, 100.0 * share**2)),
+                ("noise_floor_explained", structured(0.0, 100.0 * share**2)),
+                (
+                    "no_outlier_setting",
+                    subject(trends=[trend(outliers=(Outlier(20, 1.0, 1.0 + share, -share),))]),
+                ),
+                ("trend_monotone", subject(trends=[turning(share)])),
+            )
+        ),
+    ],
 )
-def test_a_temperature_is_in_its_window_or_not(off, passed) -> None:
-    seen = subject(with_trace(3, temperature=26.0 + off))
-    assert result("temperature_in_window", seen).passed is passed
-
-
-def test_a_fault_counts_before_a_log_that_tells_nothing() -> None:
-    seen = subject(with_trace(1, temperature=None), with_trace(2, temperature=30.0))
-    assert result("temperature_in_window", seen).passed is False
-
-
-@pytest.mark.parametrize(
-    ("settings", "passed"),
-    [((1, 2, 3, 5), False), ((2, 4, 6, 8), True), ((1, 5, 10, 15, 20), True), ((7,), True)],
-)
-def test_gaps_are_settings_left_out_of_a_run_of_clicks(settings, passed) -> None:
-    check = result("every_setting_fitted", subject(*(fit(setting) for setting in settings)))
-    assert check.passed is passed
-    assert passed or "no result for setting 4" in check.reason
-
-
-def test_an_interrupted_run_has_not_fitted_every_setting() -> None:
-    whole = subject(fit(1), fit(2))
-    cut = replace(whole, campaign=replace(whole.campaign, is_complete=False))
-    check = result("every_setting_fitted", cut)
-    assert check.passed is False
-    assert "interrupted" in check.reason
-
-
-def test_a_temperature_that_nobody_asks_for_is_not_looked_at() -> None:
-    seen = replace(subject(with_trace(1, temperature=None)), temperature_tolerance=math.inf)
-    check = result("temperature_in_window", seen)
-    assert check.passed is None
-    assert "requires no temperature" in check.reason
+def test_a_check_passes_or_not(name, seen, passed, words) -> None:
+    check = result(name, seen)
+    assert check.passed is passed, check.reason
+    assert words in check.reason
 
 
 def test_without_fits_nothing_is_looked_at() -> None:
@@ -343,17 +291,28 @@ def test_without_fits_nothing_is_looked_at() -> None:
     assert {check.passed for check in by_name.values()} == {None}
 
 
-def test_lists_and_names_are_expanded_once_each() -> None:
-    wanted = expand_checks(["no_log_warnings", "purdy2000", "no_cavitation"])
-    assert wanted == ("no_log_warnings", *CHECK_LISTS["purdy2000"])
-    assert set(CHECK_LISTS["purdy2000"]) <= set(CHECKS)
+WHOLE_LIST = CHECK_LISTS["purdy2000"]
 
 
-def test_an_unknown_name_is_refused_with_the_nearest() -> None:
-    with pytest.raises(ConfigurationError, match="Did you mean 'no_cavitation'"):
-        expand_checks(["no_cavitations"])
-    with pytest.raises(ConfigurationError, match="Did you mean 'purdy2000'"):
-        expand_checks(["purdy200"])
+@pytest.mark.parametrize(
+    ("names", "expected"),
+    [
+        (["no_log_warnings", "purdy2000", "no_cavitation"], ("no_log_warnings", *WHOLE_LIST)),
+        (["purdy2000", "-temperature_in_window"], WHOLE_LIST[:-1]),
+        (["-temperature_in_window", "purdy2000"], WHOLE_LIST[:-1]),
+        (["no_cavitation", "purdy2000", "-purdy2000"], ()),
+        (["no_cavitations"], "Did you mean 'no_cavitation'"),
+        (["purdy200"], "Did you mean 'purdy2000'"),
+        (["no_cavitation", "-temperature_in_window"], "excludes a check that was not requested"),
+        (["purdy2000", "-no_cavitatoin"], "Did you mean 'no_cavitation'"),
+    ],
+)
+def test_names_and_lists_stand_for_checks_each_once(names, expected) -> None:
+    if isinstance(expected, tuple):
+        assert expand_checks(names) == expected
+        return
+    with pytest.raises(ConfigurationError, match=expected):
+        expand_checks(names)
 
 
 def test_a_gate_that_nobody_looked_at_is_not_met() -> None:
@@ -364,37 +323,11 @@ def test_a_gate_that_nobody_looked_at_is_not_met() -> None:
     )
 
 
-def test_a_check_can_be_left_out_of_a_list() -> None:
-    whole = CHECK_LISTS["purdy2000"]
-    assert expand_checks(["purdy2000", "-temperature_in_window"]) == whole[:-1]
-    assert expand_checks(["-temperature_in_window", "purdy2000"]) == whole[:-1]
-    assert expand_checks(["no_cavitation", "purdy2000", "-purdy2000"]) == ()
-    with pytest.raises(ConfigurationError, match="excludes a check that was not requested"):
-        expand_checks(["no_cavitation", "-temperature_in_window"])
-    with pytest.raises(ConfigurationError, match="Did you mean 'no_cavitation'"):
-        expand_checks(["purdy2000", "-no_cavitatoin"])
-
-
-@pytest.mark.parametrize(("n", "ending"), [(20, "log 20 failed"), (21, "log 5 failed and 16 more")])
-def test_hundreds_of_failures_are_summarised(n, ending) -> None:
-    missing = tuple(f"log {k} failed" for k in range(1, n + 1))
-    check = result("every_setting_fitted", subject(missing=missing))
-    assert check.reason.startswith("log 1 failed; log 2 failed; ")
-    assert check.reason.endswith(ending)
-    hot = [with_trace(k, temperature=40.0) for k in range(1, n + 1)]
-    far = result("temperature_in_window", subject(*hot))
-    assert far.passed is False
-    assert far.reason.count("degC)") == (20 if n == 20 else 5)
-
-
 def test_a_chamber_that_is_empty_in_a_model_that_misses_may_be_full() -> None:
     """The check asserted what the grade doubted."""
     doubt = {20: (Objection("cavitation", "", "chamber 2 cavitates"),)}
     empty = fit(19), fit(20, outcome=Outcome.CAVITATING)
-    checks = {one.name: one for one in run_checks(subject(*empty, objections=doubt))}
-    assert checks["no_cavitation"].passed is False
-    assert checks["no_cavitation"].reason.endswith(
-        "at setting 20; the model does not match the logs of setting 20: it may be full"
-    )
-    sure = {one.name: one for one in run_checks(subject(*empty))}
-    assert sure["no_cavitation"].reason.endswith("most for 5.0 % of the cycle at setting 20")
+    for objections, is_doubted in ((doubt, True), ({}, False)):
+        check = result("no_cavitation", subject(*empty, objections=objections))
+        assert check.passed is False
+        assert check.reason.endswith("setting 20: it may be full") is is_doubted

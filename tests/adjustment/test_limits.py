@@ -13,7 +13,6 @@ from damperfit.adjustment.trends import (
     Points,
     _worst,
     choose,
-    find_trends,
     fit_curve,
     scatter_of,
 )
@@ -108,47 +107,6 @@ def test_the_scatter_makes_the_mean_square_one() -> None:
     assert np.sum(residuals**2 / (errors**2 + tau**2)) == pytest.approx(27.0, rel=2e-3)
     assert scatter_of(1e-4 * residuals, errors, 27) == LEAST_SCATTER
     assert scatter_of(residuals, errors, 0) == LEAST_SCATTER
-
-
-@pytest.mark.parametrize(("pairs", "words"), [(5, "13 to 14"), (6, "13 to 14 and 1 more")])
-def test_five_reversals_are_named(pairs, words) -> None:
-    values = 1e4 * np.exp(0.05 * STEPS)
-    for place in range(0, 3 * pairs, 3):
-        values[place : place + 2] = values[place + 1], values[place]
-    trend = made_up_trends.trend_of(values, tuple(range(1, 21)), error=3e-4)
-    assert len(trend.reversals) == pairs
-    assert ("more" in trend.sentence) is (pairs > 5)
-    assert words in trend.sentence
-
-
-LINE = "straight line"
-COUNTED = "straight line of logarithms, counted from the"
-STEPS = np.arange(20.0)
-
-
-@pytest.mark.parametrize(
-    ("shape", "verb", "ends", "kind"),
-    [
-        (1.0 + 0.1 * STEPS, "rises", ("10.00e3", "29.00e3"), LINE),
-        (np.exp(-0.1 * STEPS), "falls", ("10.00e3", "1.496e3"), f"{LINE} in its logarithm"),
-        (1.0 / (1.0 + 0.1 * STEPS), "falls", ("10.00e3", "3.448e3"), f"{LINE} in its reciprocal"),
-        ((1.0 + STEPS) ** 1.5, "rises", ("10.00e3", "894.4e3"), f"{COUNTED} first setting"),
-        ((20.0 - STEPS) ** 1.5, "falls", ("894.4e3", "10.00e3"), f"{COUNTED} last setting"),
-        (np.ones(20), "does not change", ("10.00e3", "10.00e3"), "constant"),
-    ],
-)  # fmt: skip
-def test_the_sentence_names_direction_range_and_curve(shape, verb, ends, kind) -> None:
-    pairs = [
-        made_up_trends._fitted(s, {"r_m1": 1e4 * float(value)}, {"r_m1": 1e-3})
-        for s, value in enumerate(shape, start=1)
-    ]
-    trends = find_trends([fit for fit, _ in pairs], {u.setting: u for _, u in pairs})
-    (trend,) = (one for one in trends if one.parameter == "r_m1")
-    unit = "s sqrt(N)/(m kg)"
-    assert trend.sentence == (
-        f"R_m1 {verb} with the setting, {ends[0]} {unit} at setting 1, {ends[1]} {unit} at 20 "
-        f"({kind}), within 0.3 %"
-    )
 
 
 @pytest.mark.parametrize(("gain", "degree"), [(6.0, 0), (6.5, 1)])

@@ -42,45 +42,12 @@ def finished(logs: Path, out: Path, *more: str) -> tuple[bytes, bytes]:
     ).read_bytes()
 
 
-def children(pid: int) -> list[int]:
-    found = []
-    for folder in Path("/proc").glob("[0-9]*"):
-        try:
-            fields = (folder / "stat").read_text().rpartition(")")[2].split()
-            is_worker = b"spawn_main" in (folder / "cmdline").read_bytes()
-        except OSError:
-            continue
-        if int(fields[1]) == pid and is_worker:
-            found.append(int(folder.name))
-    return found
-
-
 def wait_for_part(out: Path, running: subprocess.Popen, number: int = 1) -> None:
     until = time.monotonic() + 120.0
     while len(list(out.glob("serial-*/part-*.parquet"))) < number:
         assert running.poll() is None
         assert time.monotonic() < until
         time.sleep(0.02)
-
-
-@pytest.mark.parametrize("who", ["one worker", "all workers", "the run"])
-def test_a_kill_loses_nothing(logs, tmp_path, who):
-    undisturbed = finished(logs, tmp_path / "undisturbed")
-    out = tmp_path / "out"
-    running = subprocess.Popen(command(logs, out, "--jobs", "2"), stderr=subprocess.PIPE)
-    wait_for_part(out, running)
-    if who == "the run":
-        running.kill()
-        running.communicate()
-        assert len(list(out.glob("serial-*/part-*.parquet"))) < N_DAMPERS
-    else:
-        workers = children(running.pid)
-        assert workers
-        for pid in workers[: 1 if who == "one worker" else None]:
-            os.kill(pid, signal.SIGKILL)
-        running.communicate()
-        assert running.returncode == 0
-    assert finished(logs, out) == undisturbed
 
 
 def test_workers_and_order_make_no_difference(logs, tmp_path):

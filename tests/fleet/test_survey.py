@@ -25,7 +25,7 @@ from damperfit.fleets.page import (
     trend_plots,
 )
 from damperfit.fleets.parts import part_path, write_part
-from damperfit.fleets.survey import LEAST_DAMPERS, fleet_against_bands, survey
+from damperfit.fleets.survey import fleet_against_bands, survey
 from tests.fleet.made_up import failed_row, fleet_table
 
 REBOUND, BUMP = "force_rebound_260_mm_per_s_N", "force_bump_260_mm_per_s_N"
@@ -137,16 +137,6 @@ def test_the_picture_names_who_is_far_off_in_one_colour():
     assert len({line.colour for line in named[bump.name].values()}) == 2
 
 
-def test_of_many_far_off_six_have_a_name():
-    changed = {(f"D{k}", "1"): {REBOUND: 5000.0 + k} for k in range(1, 9)}
-    found = survey(fleet_table(40, changed=changed))
-    lines = series_plots(found)[1].panels[0].lines
-    assert sum(line.style == "triangles" for line in lines) == 6
-    (rest,) = [line for line in lines if line.label == "2 more far off"]
-    assert len(rest.x) == 2
-    assert len({line.colour for line in lines if line.style == "triangles"}) == 6
-
-
 def test_change_over_the_date_is_beside_the_median_of_the_setting():
     dates = ["2026-03-01"] * 10 + ["2026-03-11"] * 10
     later = {
@@ -167,11 +157,11 @@ def test_change_over_the_date_is_beside_the_median_of_the_setting():
 
 def test_the_page_is_small_however_many_dampers_there_are():
     sizes = []
-    for n in (200, 1000):
+    for n in (200, 400):
         page = fleet_page(survey(fleet_table(n)), title="x")
         sizes.append(len(page))
         assert page.count("<tr>") < MOST_LINES + 20
-    assert sizes[1] - sizes[0] < 20_000
+    assert sizes[1] - sizes[0] < 5_000
 
 
 def test_the_page_escapes_what_a_log_says_and_keeps_every_number_of_its_pictures():
@@ -293,12 +283,6 @@ def test_a_fleet_out_of_its_tolerance_ends_with_4(parts, capsys):
     assert main(["fleet", "--tolerance", "400%", "--out", str(parts)]) == 0
 
 
-@pytest.mark.parametrize("option", [["--report"], ["--tolerance", "5%"]])
-def test_a_page_of_a_share_is_refused(option, capsys):
-    assert main(["fleet", "x", "--part", "1/2", *option]) == 2
-    assert f"{option[0]} cannot be combined with --part" in capsys.readouterr().err
-
-
 def test_the_distribution_around_the_median_has_a_panel_of_its_own():
     found = survey(fleet_table(40, changed={("D7", "2"): {"r_m1": 40000.0}}))
     plots = {plot.name: plot for plot in series_plots(found)}
@@ -343,19 +327,6 @@ def test_a_quantity_has_its_symbol_as_title():
     field = table.schema.field(k).with_metadata({b"unit": b"Pa", b"symbol": b"S_r"})
     found = survey(table.set_column(k, field, table.column(k)))
     assert "S_r" in [plot.title for plot in series_plots(found)]
-
-
-def test_labels_of_two_axes_above_each_other_are_short():
-    """The page put "force in rebound at 0.05 m/s, N" over the label of the panel below."""
-    for plot in series_plots(survey(fleet_table(20))):
-        if "force" in plot.name:
-            assert [one.y_label for one in plot.panels] == ["force", "from median"]
-            assert "m/s" in plot.title
-
-
-@pytest.mark.parametrize(("n", "n_panels"), [(LEAST_DAMPERS - 1, 1), (LEAST_DAMPERS, 2)])
-def test_few_dampers_have_no_distribution(n, n_panels):
-    assert {len(plot.panels) for plot in series_plots(survey(fleet_table(n)))} == {n_panels}
 
 
 def test_a_parameter_that_was_fitted_nowhere_is_not_drawn():
