@@ -312,9 +312,14 @@ def results_of(short_logs: Path, folder: Path, jobs: int, *more: str) -> dict[st
     [
         ((), ""),
         (QUICK, "damperfit.run.logs.condition"),
-        (QUICK, "damperfit.identification.fit_setting._ended"),
         (QUICK, "damperfit.uncertainty.linearisation.linearise_at_fit"),
-        (QUICK, "damperfit.tables.rows.characteristic_rows"),
+        *(
+            pytest.param(QUICK, name, marks=pytest.mark.slow)
+            for name in (
+                "damperfit.identification.fit_setting._ended",
+                "damperfit.tables.rows.characteristic_rows",
+            )
+        ),
     ],
 )
 def test_a_run_in_copies_is_byte_for_byte_that_in_one_thread(
