@@ -205,7 +205,7 @@ def first_command(tmp_path_factory) -> tuple[Path, subprocess.CompletedProcess[s
         done = subprocess.run(
             [sys.executable, "-m", *shlex.split(command)],
             cwd=folder,
-            env={**os.environ, "PYTHONPATH": str(root)},
+            env={**os.environ, "PYTHONPATH": str(root), "COLUMNS": "120"},
             capture_output=True,
             text=True,
             check=False,
