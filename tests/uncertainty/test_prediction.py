@@ -12,6 +12,7 @@ from damperfit.conditioning import condition
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.identification import identify
+from damperfit.laws import law_fit
 from damperfit.laws.law_fit import PREDICTED_PERCENT
 from damperfit.recording import Trace
 from damperfit.uncertainty import (
@@ -19,7 +20,6 @@ from damperfit.uncertainty import (
     Prediction,
     assess,
     predict,
-    prediction,
     prediction_warnings,
     split_cycles,
 )
@@ -44,7 +44,7 @@ def predicted(fitted: list[Trace], held_out: list[Trace]) -> tuple[Prediction, .
 
 @pytest.mark.parametrize("seed", [1, 2])
 def test_a_right_model_predicts_another_amplitude(monkeypatch, seed: int) -> None:
-    monkeypatch.setattr(prediction, "PREDICTED_PERCENT", 0.0)  # of no consequence: another limit
+    monkeypatch.setattr(law_fit, "PREDICTED_PERCENT", 0.0)  # of no consequence: another limit
     fitted = [log(setting, seed=seed) for setting in SETTINGS]
     others = [
         log(setting, seed=seed + 50, amplitude=amplitude)
