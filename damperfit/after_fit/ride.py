@@ -16,7 +16,6 @@ measured on a car takes the place of car and road: what each setting dissipates 
 from __future__ import annotations
 
 import math
-import re
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -28,6 +27,7 @@ import numpy as np
 
 from damperfit.conditioning.filters import differentiate
 from damperfit.errors import ConfigurationError, SimulationError
+from damperfit.io import ReadOptions, read_log
 from damperfit.io.files import read_text
 from damperfit.reporting.answer import Answer
 from damperfit.reporting.sheet import Column, Sheet, laid_out
@@ -57,14 +57,7 @@ _FRICTION_BAND = 5e-3  # m/s, as in an exported FMU: with the fit's a car at res
 _LIFTS = 0.33  # rms of the dynamic load over the static one: three deviations lift the wheel
 _LEAD = 1.0  # s that the damper runs in, before the period
 _EDGES = (0.0, 0.025, 0.05, 0.1, 0.2, 0.5, np.inf)  # m/s, of bands of speed
-_GAP = 10.0  # times the usual step in time
-_NAMES = {
-    "time": (r"time|t", "time"),
-    "displacement": (
-        r"displacement|position|stroke|travel|damper[ _](?:position|pos|travel|displacement)|x",
-        "length",
-    ),
-}
+_FEWEST = 10  # samples of a stroke
 _KEYS = {
     "sprung_mass": "mass",
     "unsprung_mass": "mass",
@@ -430,7 +423,8 @@ class DrivenStroke(Answer):
     @property
     def sentence(self) -> str:  # type: ignore[override]
         """Where most of the energy goes, and where the clicks act."""
-        first, *_, last = (*self.outside, *self.outside)[:: max(len(self.outside) * 2 - 1, 1)]
+        labels = list(self.outside)
+        first, last = labels[0], labels[-1]
         most = max(self.bands, key=lambda band: sum(band.powers.values()))
         text = (
             f"{self.seconds:.3g} s; most energy is dissipated at {most.low:g} to "
@@ -493,73 +487,14 @@ def drive_along(run: Run, motion: Motion, settings: Sequence[SettingResult]) -> 
 
 
 def read_stroke(path: Path) -> Motion:
-    """Read time and displacement of a text log, as in ``time_s,displacement_mm``."""
-    import io
-
-    import pandas as pd
-
+    """Read time and displacement of a log of a car, as in ``time_s,displacement_mm``."""
     if not path.is_file():
         raise ConfigurationError("no such file", subject=path, code="stroke")
-    try:
-        text = read_text(path)
-    except UnicodeDecodeError:
-        raise ConfigurationError("no text in UTF-8", subject=path, code="stroke") from None
-    head = next((line for line in text.splitlines() if line and not line.startswith("#")), "")
-    separator = max(";\t,", key=head.count)
-    decimal = "," if separator != "," and "," in text else "."
-    try:
-        frame = pd.read_csv(io.StringIO(text), comment="#", sep=separator, decimal=decimal)
-    except ValueError as error:
-        sentence = f"no table with a row of names: {error}"
-        raise ConfigurationError(sentence, subject=path, code="stroke") from None
-    channels = {name: _channel(path, frame, name) for name in _NAMES}
-    time, displacement = channels["time"], channels["displacement"]
-    if len(time) < 10:
-        sentence = f"found {len(time)} rows; expected ten or more"
+    log = read_log(path, ReadOptions(needs_force=False))
+    if len(log.time) < _FEWEST:
+        sentence = f"found {len(log.time)} rows; expected {_FEWEST} or more"
         raise ConfigurationError(sentence, subject=path, code="stroke")
-    steps = np.diff(time)
-    if not (steps > 0.0).all():
-        row = int(np.argmin(steps > 0.0)) + 2
-        raise ConfigurationError(f"time does not rise at row {row}", subject=path, code="stroke")
-    interval = float(np.median(steps))
-    if steps.max() > _GAP * interval:
-        row = int(np.argmax(steps)) + 2
-        sentence = f"a gap of {steps.max():.3g} s before row {row}; cut the log there"
-        raise ConfigurationError(sentence, subject=path, code="stroke")
-    uniform = np.arange(time[0], time[-1], interval)
-    x = np.interp(uniform, time, displacement)
+    interval = float(np.median(np.diff(log.time)))
+    x = np.interp(np.arange(log.time[0], log.time[-1], interval), log.time, log.displacement)
     x -= 0.5 * (x.max() + x.min())
     return Motion(interval, x, differentiate(x, interval))
-
-
-def _channel(path: Path, frame: Any, name: str) -> FloatArray:
-    import pandas as pd
-
-    words, dimension = _NAMES[name]
-    example = "s" if name == "time" else "mm"
-    for column in frame.columns:
-        found = re.fullmatch(
-            rf"\s*(?:{words})[ _(\[]*([^)\]\s]*)[)\]]?\s*", str(column), re.IGNORECASE
-        )
-        if found is None:
-            continue
-        if not found[1]:
-            sentence = f"column {column!r} has no unit; name it as in {name}_{example}"
-            raise ConfigurationError(sentence, subject=path, code="stroke")
-        try:
-            factor = parse_quantity(f"1{found[1]}", dimension)
-        except QuantityError as error:
-            sentence = f"column {column!r}: {error}"
-            raise ConfigurationError(sentence, subject=path, code="stroke") from None
-        values = pd.to_numeric(frame[column], errors="coerce").to_numpy(np.float64)
-        if not np.isfinite(values).all():
-            row = int(np.argmin(np.isfinite(values))) + 1
-            sentence = f"column {column!r}, row {row}: no number"
-            raise ConfigurationError(sentence, subject=path, code="stroke")
-        return np.asarray(values * factor, dtype=np.float64)
-    columns = ", ".join(map(str, frame.columns))
-    raise ConfigurationError(
-        f"no column of {name}; found {columns}; expected one as in {name}_{example}",
-        subject=path,
-        code="stroke",
-    )

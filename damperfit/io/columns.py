@@ -115,7 +115,8 @@ def choose_channels(  # noqa: C901, PLR0912  # every channel in turn, all that i
     clocks = _clocks(columns, options)
     for channel in _WORDS:
         if not has_channel(channel, columns, options):
-            if channel not in {*EXTRAS, "setting"} and (channel != "time" or needs_time):
+            needs = {"time": needs_time, "force": options.needs_force}
+            if channel not in {*EXTRAS, "setting"} and needs.get(channel, True):
                 lost.append(channel)
             continue
         try:
@@ -139,7 +140,7 @@ def choose_channels(  # noqa: C901, PLR0912  # every channel in turn, all that i
     if problems:
         raise joined_problems(problems, where)
     for channel, clock in clocks.items():
-        if channel in chosen and clock != clocks["force"]:
+        if channel in chosen and clock != clocks.get("force"):
             own = channel_choice("time", clock, columns[clock], options, where)
             chosen[f"{OWN_TIME}{channel}"] = own
     names = ["_".join(words_of_name(split_name(column.name)[0])) for column in columns]

@@ -165,6 +165,7 @@ class ReadOptions(Declarations):
     adjusters: tuple[str, ...] = (ADJUSTER,)  # names, in the order of labels
     profile: str = ""  # for every log; empty: the first whose pattern fits the file name
     profiles: tuple[Profile, ...] = ()
+    needs_force: bool = True  # False: of a car log time and displacement alone
     max_bytes: int = 500_000_000  # of the largest log (of text, when it is compressed)
 
     def __post_init__(self) -> None:

@@ -171,7 +171,10 @@ def _tests_in(table: Table, source: Source, options: ReadOptions) -> list[Record
         table.columns, options, where=name, needs_time=rate == 0.0, hint=table.hint
     )
     samples, current = _loaded(table, choices)
-    if not len(samples.channels["force"]):
+    if not options.needs_force:
+        motion = samples.channels["displacement"]
+        samples = replace(samples, channels={"force": np.zeros_like(motion), **samples.channels})
+    if not len(samples.channels["displacement"]):
         raise LogError("no data rows", subject=name, code="no-data")
     clock = choices.get("time")
     is_wall_clock = False
@@ -180,6 +183,7 @@ def _tests_in(table: Table, source: Source, options: ReadOptions) -> list[Record
         is_wall_clock = table.columns[clock.column].is_clock or first > _SINCE_1970
     samples = on_one_clock(samples, is_wall_clock=is_wall_clock, name=name)
     channels = _si_channels(samples, choices, options, name)
+    channels.setdefault("force", samples.channels["force"])
     more_notes = [
         f"{channel}: {options.scales.get(channel, 1.0):g} times the log plus "
         f"{options.offsets.get(channel, 0.0):g}, as declared"
