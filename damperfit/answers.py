@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import math
 from contextlib import ExitStack
 from dataclasses import asdict
 from functools import cached_property
@@ -11,6 +12,7 @@ from json import dumps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from damperfit.reporting.answer import Answer
 from damperfit.reporting.sheet import html_table, text_table
 from damperfit.store import file_set
 from damperfit.tables.files import json_values, time_series_table, write_table
@@ -200,7 +202,7 @@ class Comparison:
         return shown + "".join(map(html_table, self._sheets()))
 
 
-class Simulation:
+class Simulation(Answer):
     """A simulated test: signals in SI, positive in rebound, and the figures of its last cycle.
 
     Attributes
@@ -300,12 +302,19 @@ class Simulation:
         right.set(xlabel="displacement, mm")
         return [left, right]
 
-    def __repr__(self) -> str:
-        force, setting = self.force, self.test.choice.setting
-        return (
-            f"<Simulation: {self.test.motion}; force {force.min():.0f} to {force.max():.0f} N"
-            f"{'' if setting is None else f'; setting {setting}'}>"
-        )
+    @property
+    def sentence(self) -> str:  # type: ignore[override]
+        """Setting and motion."""
+        return self.title
+
+    def sheets(self) -> tuple[Sheet, ...]:
+        """Return the figures of the last cycle; pressures of a model that has them."""
+        from damperfit.reporting.simulated import cycle_force_sheet, cycle_pressure_sheet
+
+        figures = self.test.characteristics
+        has_pressures = not math.isnan(figures.pressure_ranges[0][0])
+        more = (cycle_pressure_sheet(figures),) if has_pressures else ()
+        return (cycle_force_sheet(figures), *more)
 
 
 class Files(tuple[Path, ...]):  # noqa: SLOT001 - it has attributes
@@ -349,7 +358,7 @@ class FirstConfiguration(NamedTuple):
     open: tuple[str, ...]
 
 
-class Sweep:
+class Sweep(Answer):
     """What parameters do to the force.
 
     Attributes
@@ -430,12 +439,20 @@ class Sweep:
                 writer.writeheader()
                 writer.writerows(self.records)
 
+    def sheets(self) -> tuple[Sheet, ...]:
+        """Return a table a variation."""
+        from damperfit.queries.simulations import swept_units
+        from damperfit.reporting.simulated import sweep_sheet
+
+        units = swept_units(self.model)
+        return tuple(sweep_sheet(one.name, units[one.name], mine) for one, mine, _ in self.sweeps)
+
     def __repr__(self) -> str:
-        names = ", ".join(one.name for one, _, _ in self.sweeps)
-        return f"<Sweep of {names}: {len(self.records)} rows>"
+        told = zip(self.sheets(), self.sentences, strict=True)
+        return "\n\n".join(f"{text_table(sheet, 100)}\n{sentence}" for sheet, sentence in told)
 
 
-class SettingForces:
+class SettingForces(Answer):
     """Force by setting and what a click changes; or the forces of measured curves.
 
     Attributes
@@ -488,7 +505,7 @@ class SettingForces:
         elif self.forces is not None:
             sine, wanted = self.forces.sine, self.forces.wanted
             answers = [
-                to_record(answer)
+                {name: to_record(value) for name, value in answer._asdict().items()}
                 | ({"adjuster": one.adjuster, "held": one.held} if one.held else {})
                 for one in wanted
                 for answer in one.answers
@@ -511,8 +528,26 @@ class SettingForces:
 
         return pd.DataFrame(self.document()["forces"])
 
-    def __repr__(self) -> str:
-        return f"<SettingForces: {self.sentence or str(len(self.document()['forces'])) + ' rows'}>"
+    def sheets(self) -> tuple[Sheet, ...]:
+        """Return forces by setting, a table a stroke, and measured ones beside the model's."""
+        from damperfit.reporting import forces as shown
+        from damperfit.reporting.inspection import curve_forces_sheet
+        from damperfit.reporting.sheet import rows_in_units, sheet_in_units
+        from damperfit.tables.rows import adjustment_rows
+
+        if self.curves is not None:
+            return (curve_forces_sheet(self.curves.curves, self.curves.speeds[-5:]),)
+        assert self.forces is not None
+        rows = rows_in_units(adjustment_rows(self.forces.forces, self.forces.clicks), self.units)
+        asked = self.question
+        both = asked.stroke is None or (asked.speed is not None and asked.force is not None)
+        strokes = ("rebound", "bump") if both else (asked.stroke or "",)
+        if asked.speed is not None:
+            sheets = [shown.force_by_setting_sheet(rows, strokes)]
+        else:
+            sheets = shown.force_sheets(rows, strokes)
+        sheets = [one for one in (*sheets, shown.measured_force_sheet(rows)) if one.rows]
+        return tuple(sheet_in_units(one, self.units) for one in sheets)
 
 
 class FleetDone:

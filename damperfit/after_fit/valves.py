@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from damperfit.damper.quasi_static import quasi_static
 from damperfit.errors import ConfigurationError
 from damperfit.reporting.answer import Answer
-from damperfit.reporting.sheet import Column, Sheet, laid_out
+from damperfit.reporting.sheet import Column, Sheet, laid_out, number
 from damperfit.tables.files import json_values
 
 if TYPE_CHECKING:
@@ -113,13 +113,17 @@ class Orifices(Answer):
             def change(row: Any) -> str:
                 return "-" if row.change is None else f"{size * row.change:+.3g}"
 
+            def interval(row: Any) -> str:
+                low, high = (number(size * end, digits=3) for end in row[3:5])
+                return "-" if low == high == "-" else f"{low} to {high}"
+
             return [
                 Column("set", "", lambda row: row.setting, is_number=False),
                 Column(name, "", lambda row: row.quantity, is_number=False),
                 Column(
                     "preload" if unit == "bar" else "area", unit, lambda row: f"{size * row[2]:.4g}"
                 ),
-                Column("95 %", unit, lambda row: f"{size * row[3]:.3g} to {size * row[4]:.3g}"),
+                Column("95 %", unit, interval),
                 last,
                 Column("click", unit, change),
             ]

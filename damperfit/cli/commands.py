@@ -35,7 +35,7 @@ from damperfit.cli.watching import looking_on
 from damperfit.errors import ConfigurationError, DamperfitError, SimulationError, did_you_mean
 
 if TYPE_CHECKING:
-    from damperfit.answers import FleetDone, SettingForces
+    from damperfit.answers import FleetDone
     from damperfit.comparison import RunComparison
     from damperfit.configuration.options import Configuration
     from damperfit.run.auto_model import LawChoice
@@ -255,15 +255,11 @@ def simulate(how: Shown, **given: Any) -> int:
     if how.json:
         print_json(done.document())
     elif not how.quiet or given["out"] is None:
-        from damperfit.reporting import simulated as shown
+        from damperfit.reporting.simulated import cycle_sparklines
 
-        figures = test.characteristics
         print_lines([done.title, ""])
-        print_table(shown.cycle_force_sheet(figures))
-        if not math.isnan(figures.pressure_ranges[0][0]):
-            print_lines([""])
-            print_table(shown.cycle_pressure_sheet(figures))
-        cycle = shown.cycle_sparklines(
+        _tables(*done.sheets())
+        cycle = cycle_sparklines(
             test.response, test.frequency, columns=screen_columns(), levels=spark_levels()
         )
         print_lines(["", "last cycle", *cycle])
@@ -276,9 +272,6 @@ def sweep(how: Shown, **given: Any) -> int:
 
     Example: damperfit sweep --setting 10 --vary r_m1=0.8,1,1.2
     """
-    from damperfit.queries.simulations import swept_units
-    from damperfit.reporting.simulated import sweep_sheet
-
     out = given["out"] or Path("sweep")
     done = api.sweep(**{**given, "out": out})
     _done(how, done.damper, done.source)
@@ -287,9 +280,8 @@ def sweep(how: Shown, **given: Any) -> int:
         facts = {"damper": done.damper, "source": done.source}
         print_json(facts | {"rows": done.records, "sentences": list(done.sentences)})
     else:
-        units = swept_units(done.model)
-        for (variation, members, _), sentence in zip(done.sweeps, done.sentences, strict=True):
-            print_table(sweep_sheet(variation.name, units[variation.name], members))
+        for sheet, sentence in zip(done.sheets(), done.sentences, strict=True):
+            print_table(sheet)
             print_lines([*wrapped(sentence), ""])
     _done(how, f"sweep.csv and {_plural(len(done.plots), 'figure')} written to {out}")
     return 0
@@ -311,48 +303,19 @@ def settings(how: Shown, **given: Any) -> int:
             say(f"note: {note}")
     if how.json:
         print_json(done.document())
-    elif done.curves is None:
-        _show_forces(done, how)
-    else:
-        from damperfit.reporting.inspection import curve_forces_sheet
-
-        if done.sentence:
-            print_lines([*wrapped(done.sentence), *([] if how.quiet else [""])])
-        if not (done.sentence and how.quiet):
-            _tell(how, notes=done.notes)
-            print_table(curve_forces_sheet(done.curves.curves, done.curves.speeds[-5:]))
-    return 1 if done.remarks else 0
-
-
-def _show_forces(done: SettingForces, how: Shown) -> None:
-    from damperfit.reporting.forces import (
-        force_by_setting_sheet,
-        force_sheets,
-        measured_force_sheet,
-    )
-    from damperfit.reporting.sheet import rows_in_units, sheet_in_units
-    from damperfit.tables.rows import adjustment_rows
-
-    forces, question, units = done.forces, done.question, done.units
-    assert forces is not None
-    if forces.wanted:
-        answers = [one.said_in(units) for one in forces.wanted]
+        return int(bool(done.remarks))
+    answers = [done.sentence] if done.sentence else []
+    if done.forces is not None:
+        answers = [one.said_in(done.units) for one in done.forces.wanted]
+    if answers:
         print_lines(answers if how.quiet else [*wrapped(*answers), ""])
-        if how.quiet:
-            return
-    rows = rows_in_units(adjustment_rows(forces.forces, forces.clicks), units)
-    print_lines([f"force by setting, {forces.source}", ""])
-    both = question.stroke is None or (question.speed is not None and question.force is not None)
-    strokes = ("rebound", "bump") if both else (question.stroke or "",)
-    is_at_speed = question.speed is not None
-    sheets = [force_by_setting_sheet(rows, strokes)] if is_at_speed else force_sheets(rows, strokes)
-    measured = measured_force_sheet(rows)
-    for sheet in sheets:
-        print_table(sheet_in_units(sheet, units))
-        if measured.rows or not is_at_speed:
-            print_lines([""])
-    if measured.rows:
-        print_table(sheet_in_units(measured, units))
+    if not (answers and how.quiet):
+        if done.forces is None:
+            _tell(how, notes=done.notes)
+        else:
+            print_lines([f"force by setting, {done.forces.source}", ""])
+        _tables(*done.sheets())
+    return int(bool(done.remarks))
 
 
 # compare
