@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from damperfit.reporting.records import listed_in, number_in
-from damperfit.reporting.sheet import NOTHING, Column, Sheet, laid_out, number
+from damperfit.reporting.sheet import Column, Sheet, laid_out, number, percent
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -27,16 +27,10 @@ def _figure(heading: str, key: str, pattern: str) -> Column:
     return Column(heading, "", cell)
 
 
-def _percent(value: float | None) -> str:
-    if value is None or math.isnan(value):
-        return NOTHING
-    return number(value, digits=3) if value >= 1e-4 else "<0.0001"
-
-
 _FREE = Column("free", "", lambda one: str(len(listed_in(one, "free")) or ""))
 _ERRORS = (
-    Column("MSE", "%", lambda one: _percent(number_in(one, "mse_percent"))),
-    Column("held out", "%", lambda one: _percent(number_in(one, "held_out_mse_percent"))),
+    Column("MSE", "%", lambda one: percent(number_in(one, "mse_percent"))),
+    Column("held out", "%", lambda one: percent(number_in(one, "held_out_mse_percent"))),
 )
 
 
@@ -97,8 +91,8 @@ def chosen_sheet(fits: Sequence[LawFit]) -> Sheet:
 
     shown = [one for one in fits[0].model.quantities if one.name in fits[0].free]
     rows = [(q.label, q.shown_unit or q.unit, *(value(fit, q) for fit in fits)) for q in shown]
-    rows.append(("MSE", "%", *(_percent(fit.mse_percent) for fit in fits)))
-    rows.append(("MSE held out", "%", *(_percent(fit.held_out_percent) for fit in fits)))
+    rows.append(("MSE", "%", *(percent(fit.mse_percent) for fit in fits)))
+    rows.append(("MSE held out", "%", *(percent(fit.held_out_percent) for fit in fits)))
     from damperfit.laws.law_fit import UNDETERMINED
 
     bound = "! at a bound: not determined by these logs"
