@@ -63,29 +63,15 @@ _FEW_REPEATS = 3  # fewer tell little of a scatter
 
 @dataclass(frozen=True, slots=True)
 class ComparisonOptions:
-    """What is compared.
+    """What is compared."""
 
-    Attributes
-    ----------
-    sine : Sine or None
-        Whose peak speed the named test speeds go up to; None: the slower test's.
-    speeds : tuple of float
-        m/s, positive; none: the named test speeds.
-    is_measured : bool
-        Measured curves alone, without a model.
-    jobs : int
-        Threads.
-    units : ShownUnits
-        In which forces and speeds are told in words; every number stays SI.
-    names : mapping of pathlib.Path to str
-        What runs are called whose folders mean nothing to a reader.
-    """
-
+    # Whose peak speed the named test speeds go up to; None: the slower test's.
     sine: Sine | None = None
-    speeds: tuple[float, ...] = ()
-    is_measured: bool = False
-    jobs: int = 1
-    units: ShownUnits = SI
+    speeds: tuple[float, ...] = ()  # m/s, positive; none: the named test speeds
+    is_measured: bool = False  # measured curves alone, without a model
+    jobs: int = 1  # threads
+    units: ShownUnits = SI  # in which forces and speeds are told in words; every number stays SI
+    # What runs are called whose folders mean nothing to a reader.
     names: Mapping[Path, str] = field(default_factory=dict)
 
 
@@ -105,46 +91,20 @@ class Circumstance(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RunComparison:
-    """Two runs beside each other.
+    """Two runs beside each other."""
 
-    Attributes
-    ----------
-    first, second : Run
-        The reference and the other.
-    repeats : tuple of Run
-        Of the reference, whose scatter is the measure; empty: the errors of both are.
-    circumstances : tuple of Circumstance
-        What they differ in besides.
-    settings : tuple of Setting
-        That both have.
-    motion : str
-        At which forces are compared, for people.
-    lines : tuple of Difference
-        Measured forces, forces, parameters, figures.
-    identical : tuple of Setting
-        At which both have the same logs, byte for byte.
-    notes : tuple of str
-        What a reader must know; nothing is missing.
-    remarks : tuple of str
-        What could not be compared.
-    traces : tuple of str
-        Where internal errors happened.
-    units : ShownUnits
-        In which people want it told.
-    """
-
-    first: Run
+    first: Run  # the reference
     second: Run
-    repeats: tuple[Run, ...]
-    circumstances: tuple[Circumstance, ...]
-    settings: tuple[Setting, ...]
-    motion: str
-    lines: tuple[Difference, ...]
-    identical: tuple[Setting, ...] = ()
-    notes: tuple[str, ...] = ()
-    remarks: tuple[str, ...] = ()
-    traces: tuple[str, ...] = ()
-    units: ShownUnits = SI
+    repeats: tuple[Run, ...]  # of the reference: their scatter, not the errors, is the measure
+    circumstances: tuple[Circumstance, ...]  # what they differ in besides
+    settings: tuple[Setting, ...]  # that both have
+    motion: str  # at which forces are compared, for people
+    lines: tuple[Difference, ...]  # measured forces, forces, parameters, figures
+    identical: tuple[Setting, ...] = ()  # at which both have the same logs, byte for byte
+    notes: tuple[str, ...] = ()  # what a reader must know; nothing is missing
+    remarks: tuple[str, ...] = ()  # what could not be compared
+    traces: tuple[str, ...] = ()  # where internal errors happened
+    units: ShownUnits = SI  # in which people want it told
 
     def of(self, kind: str) -> tuple[Difference, ...]:
         """Return the lines of a kind: "measured", "force", "parameter" or "figure"."""

@@ -51,41 +51,24 @@ _NO_SHIFT = 0.05  # N; no cell is tared closer
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MeasuredTest:
-    """One steady motion of one log: the mean of its cycles, and how far the cycles scatter.
-
-    Attributes
-    ----------
-    setting, log : Setting, str
-        Of the log, and its name.
-    amplitude, frequency : float
-        Of the motion, m and Hz; NaN of a curve without time.
-    n_cycles : int
-        How many there are.
-    displacement, velocity, force : numpy.ndarray
-        Shape (n,), the mean cycle at equal phases; of a curve without time its points.
-    speeds : numpy.ndarray
-        Shape (k,), m/s, positive and rising.
-    strokes : mapping of str to numpy.ndarray
-        By "rebound" and "bump": shape (2, k), force and its standard error, N.
-    figures : mapping of str to (float, float)
-        "energy" (J), "hysteresis_rebound", "hysteresis_bump" (N, at half of the peak speed), each
-        with its standard error.
-    temperature : float
-        degC; NaN where it was not logged.
-    """
+    """One steady motion of one log: the mean of its cycles, and how far the cycles scatter."""
 
     setting: Setting
-    log: str
-    amplitude: float
-    frequency: float
+    log: str  # its name
+    amplitude: float  # of the motion, m; NaN of a curve without time
+    frequency: float  # Hz, likewise
     n_cycles: int
+    # Shape (n,), the mean cycle at equal phases; of a curve without time its points.
     displacement: FloatArray
     velocity: FloatArray
     force: FloatArray
-    speeds: FloatArray
+    speeds: FloatArray  # shape (k,), m/s, positive and rising
+    # By "rebound" and "bump": shape (2, k), force and its standard error, N.
     strokes: Mapping[str, FloatArray]
+    # "energy" (J), "hysteresis_rebound", "hysteresis_bump" (N, at half of the peak speed), each
+    # with its standard error.
     figures: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    temperature: float = math.nan
+    temperature: float = math.nan  # degC; NaN where it was not logged
 
     @property
     def peak_speed(self) -> float:

@@ -42,22 +42,12 @@ class Band(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Tolerance:
-    """How far forces may be from those of the reference, or which bands they must keep.
+    """How far forces may be from those of the reference, or which bands they must keep."""
 
-    Attributes
-    ----------
-    source : str
-        As it was given, for people.
-    share, newtons : float
-        Of the reference's damping, and N; the larger of the two counts.
-    bands : tuple of Band
-        Nominal forces in place of a reference's.
-    """
-
-    source: str
-    share: float = 0.0
-    newtons: float = 0.0
-    bands: tuple[Band, ...] = ()
+    source: str  # as it was given, for people
+    share: float = 0.0  # of the reference's damping,
+    newtons: float = 0.0  # and N; the larger of the two counts
+    bands: tuple[Band, ...] = ()  # nominal forces in place of a reference's
 
 
 def parse_tolerance(text: str) -> Tolerance:

@@ -53,28 +53,15 @@ class Work:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Response:
-    """A damper's answer to a motion.
+    """A damper's answer to a motion: arrays of shape (n,), but for those that tell theirs."""
 
-    Attributes
-    ----------
-    time, displacement, velocity, force : numpy.ndarray
-        Shape (n,); s, m, m/s, N.
-    pressures : numpy.ndarray
-        Shape (3, n), absolute pressure of chambers 1, 2, 3, Pa.
-    masses : numpy.ndarray
-        Shape (2, n), oil mass in chambers 1 and 2, kg.
-    sensitivities : dict of str to numpy.ndarray
-        Name to shape (n,): derivative of the force by that parameter, in SI.
-    work : Work
-        Steps taken, refused, and Newton iterations.
-    """
-
-    time: FloatArray
-    displacement: FloatArray
-    velocity: FloatArray
-    force: FloatArray
-    pressures: FloatArray
-    masses: FloatArray
+    time: FloatArray  # s
+    displacement: FloatArray  # m
+    velocity: FloatArray  # m/s
+    force: FloatArray  # N
+    pressures: FloatArray  # shape (3, n), absolute pressure of chambers 1, 2, 3, Pa
+    masses: FloatArray  # shape (2, n), oil mass in chambers 1 and 2, kg
+    # By name the derivative of the force by that parameter, in SI.
     sensitivities: dict[str, FloatArray] = field(default_factory=dict)
     work: Work = field(default_factory=lambda: Work(0, 0, 0))
 
