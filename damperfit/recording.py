@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -120,8 +120,7 @@ class Recording:
     reverse_force: bool | None = None
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class FilterDesign:
+class FilterDesign(NamedTuple):
     """A low-pass filter as second-order sections; no sections means that nothing is filtered."""
 
     sections: FloatArray  # shape (k, 6), SciPy's ``sos`` layout; k = 0 passes everything

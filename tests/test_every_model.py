@@ -149,7 +149,7 @@ def test_it_is_told_of_no_flaw_that_it_cannot_have(name: str) -> None:
     assert set(one.model.flaws) <= known
     assert bool(set(FLAWS_OF_OIL) & set(one.model.flaws)) == bool(one.model.signals)
     late = 2e-3 * np.gradient(seen.logs[0].force, one.trace.interval)
-    log = replace(seen.logs[0], residuals=-late)
+    log = seen.logs[0]._replace(residuals=-late)
     hints, _ = seek_flaws(replace(seen, logs=(log,)), float(np.mean(late**2)))
     possible = {*one.model.flaws, *one.model.conditions, *one.model.names}
     assert {hint.name for hint in hints} <= possible

@@ -20,7 +20,6 @@ settings 1, 10 and 20 of the reference set, 500 Hz, no noise):
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -140,8 +139,7 @@ _OFTEN = 0.25  # of the cycles
 _MOST_SPIKES = 0.02  # of the samples; more are noise
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Channel:
+class Channel(NamedTuple):
     """One channel of a log, or of its steady cycles.
 
     Attributes
@@ -177,8 +175,7 @@ class Channel:
         return f"{self.factor * value:.5g} {self.unit}"
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Runs:
+class _Runs(NamedTuple):
     """Equal samples in a row: first and stop of each, and how far the signal goes beside it."""
 
     start: IntArray

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left, insort
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -224,8 +223,7 @@ _NEWTON = 4  # steps, of a crossing
 _MIN_SHARE = 0.1  # of all cycles; noise has many, but hardly two alike in a row
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Cycles:
+class Cycles(NamedTuple):
     """The longest run of steady cycles in a motion.
 
     Attributes
@@ -306,8 +304,7 @@ def find_cycles(
     )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Run:
+class _Run(NamedTuple):
     boundaries: FloatArray
     period: float
     middle: float

@@ -25,8 +25,7 @@ is never that.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -73,8 +72,7 @@ _FEWEST = 40  # samples beside the ends of rebound, and of bump
 _STANDS = 0.2
 
 
-@dataclass(frozen=True, slots=True)
-class Delay:
+class Delay(NamedTuple):
     """What is known of the delay between the channels.
 
     Attributes
@@ -97,8 +95,7 @@ class Delay:
         return self.delay is not None and abs(self.delay) > max(self.uncertainty, _LEAST)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Side:
+class _Side(NamedTuple):
     """The samples beside the ends of rebound, or of bump: what the smooth part leaves of them."""
 
     lag: FloatArray  # rising
@@ -107,8 +104,7 @@ class _Side:
     power: float
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Scan:
+class _Scan(NamedTuple):
     """Sums of squares over the delays tried, and the jump at each end, N."""
 
     rest: FloatArray

@@ -27,8 +27,8 @@ turns faster than the filter shows, beyond a friction, says how large they may b
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -127,8 +127,7 @@ _OF_FRICTION = 0.05
 _OF_PRELOADS = 0.7
 
 
-@dataclass(frozen=True, slots=True)
-class ForceLevel:
+class ForceLevel(NamedTuple):
     """The level of the force and the curvature of its strokes.
 
     Attributes
@@ -203,8 +202,7 @@ def force_level(trace: Trace, gas: GasFacts, *, corner: float = math.inf) -> For
         return whole
     alone = (replace(trace, stretches=(one,)) for one in trace.stretches)
     clearest = min((_level_of(one, gas, corner) for one in alone), key=lambda level: level.doubt)
-    return replace(
-        clearest,
+    return clearest._replace(
         rebound_curvature=whole.rebound_curvature,
         bump_curvature=whole.bump_curvature,
     )

@@ -187,7 +187,7 @@ def _bridged(seen: FilteredLog, at: Sequence[int]) -> FilteredLog:
     inside = tuple(one for one in at if 0 < one < len(seen.force) - 1)
     if not inside:
         return seen
-    design = replace(seen.model_filter, bridged=inside)
+    design = seen.model_filter._replace(bridged=inside)
     return seen._replace(force=apply_filter(design, seen.log.force), model_filter=design)
 
 
@@ -230,7 +230,7 @@ def _with_whole(
 def _moved_filter(design: FilterDesign, keep: slice) -> FilterDesign:
     """Return a filter for a part of the log's samples."""
     bridged = (at - keep.start for at in design.bridged if keep.start < at < keep.stop - 1)
-    return replace(design, bridged=tuple(bridged))
+    return design._replace(bridged=tuple(bridged))
 
 
 def _moved(stretch: Stretch, by: int) -> Stretch:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from damperfit.errors import ConfigurationError, did_you_mean
 from damperfit.problem import Key
@@ -62,8 +62,7 @@ class OffsetFacts:
     is_known: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class GasFacts:
+class GasFacts(NamedTuple):
     """What is known of the damper's gas: it pushes the rod out and so tells the signs of a log.
 
     Attributes

@@ -24,7 +24,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -95,8 +95,7 @@ _ASK = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Signs:
+class Signs(NamedTuple):
     """What must be reversed, and what is to be reported.
 
     Attributes
@@ -264,9 +263,8 @@ def _seen(level: ForceLevel, reversed_channels: tuple[str, ...]) -> ForceLevel:
     if "displacement" in reversed_channels:
         rebound, bump = -bump, -rebound
     if "force" not in reversed_channels:
-        return replace(level, rebound_curvature=rebound, bump_curvature=bump)
-    return replace(
-        level,
+        return level._replace(rebound_curvature=rebound, bump_curvature=bump)
+    return level._replace(
         branches=-level.branches,
         reversals=-level.reversals,
         rebound_curvature=-rebound,

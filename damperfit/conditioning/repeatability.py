@@ -103,7 +103,7 @@ def _noisy(trace: Trace, stretch: Stretch, rest: FloatArray) -> Stretch:
     if not len(rest):
         return stretch
     noise = noise_of(rest[stretch.window]) * math.sqrt(
-        _passed(replace(trace.model_filter, bridged=()))
+        _passed(trace.model_filter._replace(bridged=()))
     )
     return replace(stretch, noise=noise, noise_source="above the filter")
 

@@ -10,7 +10,7 @@ run-in; only one that stands at the log's own beginning does, for what was befor
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -76,8 +76,7 @@ _NOISE = 0.5
 _SPLINE_EDGE = 14  # samples; 0.268^14 = 1e-8, how an end condition fades in a cubic spline
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class FoundStretch:
+class FoundStretch(NamedTuple):
     """A stretch, in samples of the log, and between which breaks of the motion it lies.
 
     Attributes
@@ -93,8 +92,7 @@ class FoundStretch:
     end: float
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Motion:
+class _Motion(NamedTuple):
     """A log behind the filter, its turns and steady runs, and what the filter forgets.
 
     Where the log is continued, `first` and `stop` are the samples that were logged.
@@ -168,7 +166,7 @@ def _without_overlap(one: FoundStretch, found: list[FoundStretch], period: float
         # Two runs may both claim the cycle that leads over from one to the other.
         return max(one, found.pop(), key=lambda each: each.stretch.n_samples)
     # The same passage may be a little off in both.
-    return replace(one, stretch=replace(one.stretch, first=max(first, stop)))
+    return one._replace(stretch=replace(one.stretch, first=max(first, stop)))
 
 
 def _of_run(run: SteadyRun, motion: _Motion) -> FoundStretch | None:
@@ -608,7 +606,7 @@ def _continued(
     if cycles is not None and len(more) == 1:
         _refuse_fast(name, log, cycles, options)
         steady = _cycles(seen, options)
-        single = None if steady is None else replace(steady, n_found=n_found)
+        single = None if steady is None else steady._replace(n_found=n_found)
     where = " and ".join(
         word for word, at in (("beginning", begin), ("end", end)) if at is not None
     )

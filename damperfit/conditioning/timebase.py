@@ -22,7 +22,6 @@ cycle's by more than noise it is run-in, and the log is continued behind it.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -56,8 +55,7 @@ _MOST = 0.9  # of that
 _GAP = 3  # samples
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class UniformLog:
+class UniformLog(NamedTuple):
     """Displacement and force on a uniform time base.
 
     Attributes
@@ -265,7 +263,7 @@ def continue_log(
         at = np.where(beyond > 0.0, at - end * np.ceil(beyond / end), at)
     x, f = _read(np.stack([log.displacement, log.force]), at)
     start = log.start_time + (first - before) * log.interval
-    made = replace(log, start_time=start, displacement=x, force=f)
+    made = log._replace(start_time=start, displacement=x, force=f)
     return Continued(made, before, before + n - first)
 
 

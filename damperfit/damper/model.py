@@ -20,7 +20,7 @@ from functools import lru_cache
 from importlib import import_module
 from threading import Lock
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar, cast
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, cast
 from weakref import WeakValueDictionary
 
 from damperfit.errors import ConfigurationError, did_you_mean
@@ -64,8 +64,7 @@ FLAWS_OF_FORCE = (
 FLAWS_OF_OIL = ("gas_volume", "compressibility")
 
 
-@dataclass(frozen=True, slots=True)
-class Signal:
+class Signal(NamedTuple):
     """One inner signal: what a model's response has besides its force.
 
     Attributes
@@ -93,8 +92,7 @@ PRESSURES = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Detour:
+class Detour(NamedTuple):
     """Another way to a minimum, for a fit that has ended in a wrong local one.
 
     Attributes

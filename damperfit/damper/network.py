@@ -56,7 +56,7 @@ from array import array
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -112,8 +112,7 @@ ROOT, LINEAR = "s sqrt(N)/(m kg)", "N s/(m2 kg)"
 _SHOWN = {ROOT: (3, "10³ s √N / (m kg)"), LINEAR: (6, "10⁶ N s / (m² kg)"), "Pa": (5, "bar")}
 
 
-@dataclass(frozen=True, slots=True)
-class Part:
+class Part(NamedTuple):
     """One number of a valve's law.
 
     Attributes

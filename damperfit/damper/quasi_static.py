@@ -8,8 +8,7 @@ cavitates has lost in one stroke must not be in the force of the other.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -38,8 +37,7 @@ _SOLVER = SolverOptions(dead_band=1e-6)
 _FRICTION_PARTS = ("breakaway", "seal_area")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class QuasiStatic:
+class QuasiStatic(NamedTuple):
     """Forces of one setting at constant speeds, all at one displacement.
 
     Attributes

@@ -179,7 +179,7 @@ class Warmed(Model):
         """Return those of the damper itself."""
         own = self.at_reference(start, None)
         found = self.damper.detours(own, traces, [name for name in free if name != BETA.name])
-        return tuple(replace(one, start=self._with(one.start, start.beta)) for one in found)
+        return tuple(one._replace(start=self._with(one.start, start.beta)) for one in found)
 
     def examine(
         self, values: Values, seen: Sequence[tuple[Trace, Response]], *, solver: SolverOptions

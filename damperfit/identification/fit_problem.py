@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -68,8 +68,7 @@ _RIGHT_ANGLE = 1e-3
 _AMONG_KINKS = 1.5
 
 
-@dataclass(frozen=True, slots=True)
-class Point:
+class Point(NamedTuple):
     """What a fit remembers of a point: its values, cavitation, independent residuals."""
 
     values: Values
@@ -371,7 +370,7 @@ def linearise(problem: FitProblem, values: Values) -> tuple[FloatArray, FloatArr
 def common_variables(problem: FitProblem) -> Transformation:
     """Return the variables of `linearise`, which do not depend on a setting's forces."""
     sizes = np.array([problem.model.quantity(name).size for name in problem.free])
-    return replace(problem.variables(problem.free), scales=sizes)
+    return problem.variables(problem.free)._replace(scales=sizes)
 
 
 def values_of(names: Sequence[str], values: Values) -> FloatArray:

@@ -229,7 +229,7 @@ def _ended(problem: FitProblem, start: Values) -> FitResult:
 
 def _on_cycles(problem: FitProblem, start: Values) -> FitResult:
     """The minimum of the mean cycles, or where a small step from there is left to the logs."""
-    near = _minimise(problem, start, replace(_NEAR, near=_SMALL))
+    near = _minimise(problem, start, _NEAR._replace(near=_SMALL))
     if near.ending == _LIMIT:
         return near
     stepped = _stepped(problem, near, left=_LEFT_TO_LOGS)
@@ -265,8 +265,7 @@ def _last_step(problem: FitProblem, near: Values) -> FitResult | None:
 
 
 def _minimise(problem: FitProblem, start: Values, stopping: Stopping) -> FitResult:
-    stopping = replace(
-        stopping,
+    stopping = stopping._replace(
         max_evaluations=problem.max_evaluations,
         least_share=max(stopping.least_share, problem.model.kinks),
     )

@@ -17,9 +17,8 @@ stays as it is.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -56,8 +55,7 @@ _NO_GAIN = 1e-9  # rounding
 _FEW_ADJUSTERS = 4
 
 
-@dataclass(frozen=True, slots=True)
-class Way:
+class Way(NamedTuple):
     """A way of sharing: quantities that are each setting's own, and the others."""
 
     own: tuple[str, ...]
@@ -108,8 +106,7 @@ def _way(moving: Sequence[str], follows: Follows, own: Sequence[str], *, is_dete
     )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Detected:
+class Detected(NamedTuple):
     """What the logs tell, where its fit starts (what is shared is equal already), simulations."""
 
     way: Way
@@ -175,7 +172,7 @@ def detected_way(
         else:
             search = _Search(problems, at, search)
         found.append((search.cost + search.price(follows), Detected(way, at, spent)))
-    return replace(min(found, key=lambda one: one[0])[1], evaluations=spent)
+    return min(found, key=lambda one: one[0])[1]._replace(evaluations=spent)
 
 
 def _known(

@@ -12,8 +12,7 @@ of the compliance that the gas has::
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 
@@ -43,8 +42,7 @@ GAS_NAMES = ("volume_ratio", "stiffness")
 _LEAST_SHARE = 0.05
 
 
-@dataclass(frozen=True, slots=True)
-class GasLaw:
+class GasLaw(NamedTuple):
     """K_e of every setting from the gas in the oil.
 
     Attributes

@@ -80,7 +80,7 @@ class JointResult:
         if self.solution.gas is None:
             return parameters
         pressure = working_pressure(problem, parameters)
-        law = replace(self.solution.gas, pressures={fit.setting: pressure})
+        law = self.solution.gas._replace(pressures={fit.setting: pressure})
         return parameters.replace({GAS_FOLLOWER: law.modulus(fit.setting)})
 
     def own_at(self, setting: Setting) -> tuple[str, ...]:
@@ -241,7 +241,7 @@ def _fairly_weighed(problem: TiedProblem, solution: JointSolution) -> JointSolut
         if _is_fairly_weighed(solution):
             break
         again = fit_jointly(problem, solution.parameters)
-        solution = replace(again, evaluations=solution.evaluations + again.evaluations)
+        solution = again._replace(evaluations=solution.evaluations + again.evaluations)
     return solution
 
 
@@ -325,7 +325,7 @@ def _with_gas(
         again = _pressures(problem, solution.parameters)
         moved = max(abs(again[s] / solution.gas.pressures[s] - 1.0) for s in again)
         # Once more in any case: the weights of the first round are those of a rough law.
-        gas = replace(solution.gas, pressures=again)
+        gas = solution.gas._replace(pressures=again)
         solution = fit_jointly(replace(problem, gas=gas), solution.parameters)
         spent += solution.evaluations + 1
         if moved < _SAME_PRESSURE:

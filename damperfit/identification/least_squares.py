@@ -333,8 +333,7 @@ _LAST_BIT = float(np.finfo(np.float64).eps)
 _LIMIT, _MET_GRADIENT, _MET_COST, _MET_STEP, _MET_BOTH = 0, 1, 2, 3, 4
 
 
-@dataclass(frozen=True, slots=True)
-class Stopping:
+class Stopping(NamedTuple):
     """When a descent ends, and how far it may go at once.
 
     Attributes
@@ -631,8 +630,7 @@ def _damped(
 _LAST_DIGIT = 1e-14
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Transformation:
+class Transformation(NamedTuple):
     """In which variables the steps are taken: u = ln y, or u = y/scale.
 
     With u = ln y a step is a relative change and y cannot change sign.

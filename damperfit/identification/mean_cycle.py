@@ -20,7 +20,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -135,8 +135,7 @@ class SettledCycle:
         return np.asarray(np.fft.irfft(lines, n))
 
 
-@dataclass(frozen=True, eq=False)
-class SettledLogs:
+class SettledLogs(NamedTuple):
     """The logs of a setting as settled cycles.
 
     Attributes

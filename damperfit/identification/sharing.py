@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from itertools import combinations
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -35,8 +35,7 @@ Follows: TypeAlias = "Mapping[str, tuple[str, ...]]"
 """Adjusters that a quantity follows; one that is not named is the damper's."""
 
 
-@dataclass(frozen=True, slots=True)
-class Unknown:
+class Unknown(NamedTuple):
     """One number that settings have in common.
 
     Attributes

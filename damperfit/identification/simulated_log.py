@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -34,8 +34,7 @@ __all__ = [
 # The model beside the measurement: simulate, filter alike, subtract.
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class SimulatedLog:
+class SimulatedLog(NamedTuple):
     """A response and its force as compared with the measured one.
 
     Attributes
@@ -102,8 +101,7 @@ def normalised_mse(measured: FloatArray, simulated: FloatArray) -> float:
 # that a fit ended at. It is kept with the fit, and made anew where anything of it has changed.
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class SeenLog:
+class SeenLog(NamedTuple):
     """A log simulated with the values that a fit ended at, kept for those who come after it.
 
     Attributes
@@ -149,8 +147,7 @@ class SeenLog:
         return SimulatedLog(response, self.force, np.empty((0, n)))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class LogFit:
+class LogFit(NamedTuple):
     """How one log of a setting is met by the setting's parameters.
 
     Attributes
@@ -195,4 +192,4 @@ class LogFit:
         found = compare(parameters, self.trace, damper, solver=solver)
         # As one that was kept: whoever looks at it sees the same, whether or not it was.
         single = found.response.pressures.astype(np.float32).astype(np.float64)
-        return replace(found, response=replace(found.response, pressures=single))
+        return found._replace(response=replace(found.response, pressures=single))

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -72,8 +72,7 @@ _AT_MINIMUM = (1, 2, 4)
 _NOTHING = 0.01
 
 
-@dataclass(frozen=True, slots=True)
-class JointSolution:
+class JointSolution(NamedTuple):
     """Where a fit of several settings ended; mappings are by setting, `errors` by label."""
 
     parameters: Mapping[Setting, Values]  # the shared ones are equal where they are one unknown
@@ -152,8 +151,7 @@ class TiedProblem:
         return tuple(one for one in found if one not in self.held)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Point:
+class _Point(NamedTuple):
     """All settings at a point: values, mean squares and independent residuals; the law of K_e."""
 
     parameters: Mapping[Setting, Values]
@@ -194,7 +192,7 @@ def fit_jointly(problem: TiedProblem, starts: Mapping[Setting, Values]) -> Joint
     except SettingError:
         return _minimised(logs, starts)
     ended = _minimised(replace(logs, gas=near.gas), near.parameters)
-    return replace(ended, evaluations=ended.evaluations + near.evaluations + spent)
+    return ended._replace(evaluations=ended.evaluations + near.evaluations + spent)
 
 
 def _minimised(
@@ -310,7 +308,7 @@ class _Stacked:
         gas = self.problem.gas
         if gas is not None:
             law = np.exp(border[-len(GAS_NAMES) :]).tolist()
-            gas = replace(gas, **dict(zip(GAS_NAMES, law, strict=True)))
+            gas = gas._replace(**dict(zip(GAS_NAMES, law, strict=True)))
         known = {}
         for setting, mine in zip(settings, own.reshape(len(settings), -1), strict=True):
             known[setting] = self.packed[setting].copy()

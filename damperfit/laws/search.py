@@ -105,7 +105,7 @@ _LOOKED_AT = 12
 _ROUNDS = 20
 _STEP = 1e-8
 _GLANCE = Stopping(cost_tolerance=2e-2, step_tolerance=_STEP, max_evaluations=4, rest=math.inf)
-_LOOK = replace(_GLANCE, max_evaluations=10)
+_LOOK = _GLANCE._replace(max_evaluations=10)
 _ONE = Stopping(max_evaluations=1)
 # Of the directions of a linearised problem: shorter ones promise nothing.
 _NO_LENGTH = 1e-6

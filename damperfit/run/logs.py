@@ -423,7 +423,7 @@ def conditioned_as_tested(
         options = replace(options, skew=facts["skew"])
     pressure = facts.get("gas_pressure")
     if pressure is not None and options.gas is not None:
-        options = replace(options, gas=replace(options.gas, pressure=pressure))
+        options = replace(options, gas=options.gas._replace(pressure=pressure))
     trace = condition(recording, options)
     return trace if pressure is None else replace(trace, gas_pressure=pressure)
 

@@ -10,9 +10,8 @@ from __future__ import annotations
 import csv
 import json
 from base64 import b64decode, b64encode
-from dataclasses import dataclass
 from io import StringIO
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 from urllib.parse import unquote
 from zlib import compress, decompress
 from zlib import error as zlib_error
@@ -56,8 +55,7 @@ _SIGNALS = (
 )
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class LogSignals:
+class LogSignals(NamedTuple):
     """Measured and simulated signals of one log, its steady whole cycles.
 
     Attributes

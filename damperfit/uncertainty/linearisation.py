@@ -26,7 +26,7 @@ import math
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -83,8 +83,7 @@ _SURE = 4.0  # standard errors
 _FOUND = frozenset({Status.FITTED, Status.NOT_IDENTIFIABLE})
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class LogLinearisation:
+class LogLinearisation(NamedTuple):
     """One log at the fitted point, over its compared samples, n of them.
 
     Attributes
@@ -283,8 +282,7 @@ def linearise_at_fit(
     )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _StretchSums:
+class _StretchSums(NamedTuple):
     """What a stretch of n samples adds; nothing is correlated across a gap between stretches."""
 
     n: int

@@ -188,8 +188,7 @@ class MisfitProfile:
         return lowest if lowest.rise < _BETTER else None
 
 
-@dataclass(frozen=True, slots=True)
-class Stride:
+class Stride(NamedTuple):
     """How closely a profile is followed.
 
     Attributes
@@ -210,8 +209,7 @@ class Stride:
     first: float = 0.7
 
 
-@dataclass(frozen=True, slots=True)
-class Bench:
+class Bench(NamedTuple):
     """What every profile of a campaign needs.
 
     Attributes
@@ -245,8 +243,7 @@ class Bench:
         )
 
 
-@dataclass(frozen=True, slots=True)
-class ProfileLine:
+class ProfileLine(NamedTuple):
     """What is profiled: where, by which scale."""
 
     setting: Setting

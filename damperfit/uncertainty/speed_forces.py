@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -242,8 +242,7 @@ def _mean(tests: Sequence[FloatArray]) -> FloatArray:
     return means
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Segment:
+class _Segment(NamedTuple):
     """One steady segment: its samples, and of each stroke what is read at its peaks."""
 
     stretch: Stretch

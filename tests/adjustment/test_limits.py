@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -92,7 +90,7 @@ def test_slopes_of_a_curve_are_those_by_differences(scale) -> None:
     for k in range(3):
         step = 1e-6 * np.eye(3)[k]
         up, down = (
-            replace(curve, coefficients=curve.coefficients + sign * step).logs(TWENTY)
+            curve._replace(coefficients=curve.coefficients + sign * step).logs(TWENTY)
             for sign in (1.0, -1.0)
         )
         assert slopes[:, k] == pytest.approx((up - down) / 2e-6, abs=1e-7)

@@ -332,7 +332,7 @@ def test_other_filters_and_sines_have_no_corners(options):
 def test_a_bridged_sample_is_the_mean_of_its_neighbours():
     trace = condition(sine_log())
     signal = np.stack([trace.force, 2.0 * trace.force])
-    design = replace(trace.model_filter, bridged=(100, 700))
+    design = trace.model_filter._replace(bridged=(100, 700))
     smooth = signal.copy()
     for k in (100, 700):
         smooth[:, k] = 0.5 * (smooth[:, k - 1] + smooth[:, k + 1])

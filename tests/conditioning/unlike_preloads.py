@@ -33,7 +33,7 @@ def drawn(random: np.random.Generator, declared):
     frequency = random.choice([0.5, 1.0, 1.67, 2.5, 4.0, 6.0])
     amplitude = min(0.04, random.uniform(0.05, 0.8) / (2.0 * np.pi * frequency))
     pressure = ATMOSPHERE + random.uniform(20.0, 250.0) / declared.gas.rod_area
-    gas = replace(declared.gas, pressure=pressure)
+    gas = declared.gas._replace(pressure=pressure)
     x = sine(frequency, amplitude, max(6, int(6 * frequency)))
     v = np.gradient(x, 1.0 / RATE)
     strokes = []

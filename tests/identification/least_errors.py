@@ -74,7 +74,7 @@ def _behind_filter(trace, slopes):
     spread[trace.compared] = weight
     rows = apply_filter(trace.model_filter, kept) * spread
     # A zero-phase filter is its own transpose.
-    answer = apply_filter(replace(trace.model_filter, bridged=()), rows * spread)
+    answer = apply_filter(trace.model_filter._replace(bridged=()), rows * spread)
     answer = np.linalg.inv(rows @ rows.T) @ answer
     return 100.0 * FORCE_NOISE * np.sqrt(np.sum(answer**2, axis=1))
 

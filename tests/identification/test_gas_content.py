@@ -96,7 +96,7 @@ def test_errors_are_those_of_one_big_least_squares_with_the_law_inside(campaign)
         chain[4, 2 * n + 1] = 1.0
         for j, name in enumerate(("volume_ratio", "stiffness")):
             up, down = (
-                replace(law, **{name: getattr(law, name) * f}).modulus(one.fit.setting)
+                law._replace(**{name: getattr(law, name) * f}).modulus(one.fit.setting)
                 for f in (1.0 + 1e-5, 1.0 - 1e-5)
             )
             chain[k_e, 2 * n + 2 + j] = np.log(up / down) / 2e-5

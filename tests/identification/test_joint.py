@@ -175,7 +175,7 @@ def test_a_joint_fit_is_weighed_by_what_its_end_leaves(monkeypatch, shift, n_fit
 
     def fit(problem, starts):
         asked.append(problem)
-        return replace(first, weights=settled, evaluations=3)
+        return first._replace(weights=settled, evaluations=3)
 
     monkeypatch.setattr(joint_procedure, "fit_jointly", fit)
     ended = joint_procedure._fairly_weighed("problem", first)

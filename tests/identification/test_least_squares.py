@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -117,7 +115,7 @@ def test_a_descent_among_failures_shrinks_until_its_steps_are_short() -> None:
     ended = iterate(lonely, START, stopping)
     assert ended.status == 3
     assert ended.failed_trials == ended.evaluations - 1
-    longer = iterate(lonely, START, replace(stopping, step_tolerance=1e-8))
+    longer = iterate(lonely, START, stopping._replace(step_tolerance=1e-8))
     assert longer.failed_trials == ended.failed_trials + 4  # a tenth at each failure
 
 

@@ -45,7 +45,7 @@ SETTING = Failure(Problem("simulation", "rigid"), "SimulationError", setting=3)
 def with_findings(setting, *findings):
     one = fit(setting)
     log = one.logs[0]
-    return replace(one, logs=(replace(log, trace=replace(log.trace, findings=findings)),))
+    return replace(one, logs=(log._replace(trace=replace(log.trace, findings=findings)),))
 
 
 def warned(done, batch=EMPTY, judgement=None):

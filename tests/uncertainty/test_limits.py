@@ -42,7 +42,7 @@ def linearised(residuals, *, gas=None, trace=None, names=("setting_01.csv",)) ->
     """One setting whose fit could absorb the 12th harmonic alone."""
     trace = trace or fakes.trace(1)
     fit = fakes.fit(1, status={"r_m3": "shared"}, logs=names)
-    fit = replace(fit, logs=(replace(fit.logs[0], trace=trace),))
+    fit = replace(fit, logs=(fit.logs[0]._replace(trace=trace),))
     n = len(residuals)
     jacobian = np.zeros((n, 6))
     jacobian[:, 0] = even(trace, 12)
@@ -192,7 +192,7 @@ def test_a_common_friction_is_in_doubt_where_the_settings_own_differ(
     (log,) = quiet.logs
     jacobian = log.jacobian.copy()
     jacobian[:, PURDY_DAMPER.names.index("f_f")] = repeating(1.0, noise=0.0).logs[0].residuals
-    told = replace(quiet, logs=(replace(log, jacobian=jacobian),))
+    told = replace(quiet, logs=(log._replace(jacobian=jacobian),))
     monkeypatch.setattr(assessment, "linearise_settings", lambda *_, **__: (told,))
     sharing = Sharing(means={"f_f": (1, 2)}, spread=spread)
     monkeypatch.setattr(assessment, "uncertainties", lambda *_, **__: (known(),))

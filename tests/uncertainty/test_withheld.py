@@ -98,7 +98,7 @@ def test_a_log_of_which_much_is_clipped(channel: str, share: float, *, is_withhe
     log = one.logs[0]
     cut = Finding(f"{channel}_clipping", "warning", "is clipped", share, "%")
     trace = replace(log.trace, name="cut.csv", findings=(*log.trace.findings, cut))
-    one = replace(one, logs=(replace(log, trace=trace),))
+    one = replace(one, logs=(log._replace(trace=trace),))
     assert kinds(one, told(misses=False)) == (["clipping"] if is_withheld else [])
     if is_withheld:
         (reason,) = objections(campaign(one), Assessment())[one.setting]
@@ -150,7 +150,7 @@ def rubbing(friction: float) -> Fit:
     (whole,) = trace.stretches
     long = replace(whole, first=20, stop=980)
     trace = replace(trace, force=force, stretches=(long,))
-    return replace(one, logs=(replace(log, trace=trace),))
+    return replace(one, logs=(log._replace(trace=trace),))
 
 
 @pytest.mark.parametrize(("ratio", "is_withheld"), [(1.26, True), (1.24, False)])
@@ -176,7 +176,7 @@ def test_a_late_jump_is_that_of_a_late_friction() -> None:
         before, now = trace.force[k - 1 : k + 1]
         behind = lag * (now - before) / trace.interval
         force[k] = now - behind + np.exp(-trace.interval / lag) * (force[k - 1] - before + behind)
-    late = lagging(replace(one, logs=(replace(log, trace=replace(trace, force=force)),)), lag)
+    late = lagging(replace(one, logs=(log._replace(trace=replace(trace, force=force)),)), lag)
     assert jump_ratio(late, 50.0) == pytest.approx(1.0, rel=1e-6)
     assert jump_ratio(late, 70.0) == pytest.approx(1.4, rel=1e-6)
     for short in (0.0, 1e-6, 1e-5):  # the shortest leaves nothing of the sample before
