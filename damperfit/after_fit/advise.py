@@ -106,25 +106,14 @@ class Question(NamedTuple):
 
 
 class NextTest(NamedTuple):
-    """One candidate test, and what it promises.
+    """One candidate test, and what it promises."""
 
-    Attributes
-    ----------
-    amplitude, frequency : float
-        m and Hz of a sine.
-    cycles : int
-        Steady cycles that are evaluated.
-    minutes : float
-        Of the rig, all settings.
-    shares : dict of str to float
-        Interval after the test as a share of that before it, by setting; the worst over the
-        intervals of the values.
-    """
-
-    amplitude: float
-    frequency: float
-    cycles: int
-    minutes: float
+    amplitude: float  # of a sine, m
+    frequency: float  # Hz
+    cycles: int  # steady cycles that are evaluated
+    minutes: float  # of the rig, all settings
+    # Interval after the test as a share of that before it, by setting; the worst over the
+    # intervals of the values.
     shares: dict[str, float]
 
     @property
@@ -145,27 +134,14 @@ class NextTest(NamedTuple):
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Advice(Answer):
-    """Candidate tests by rank, and what is known today.
+    """Candidate tests by rank, and what is known today."""
 
-    Attributes
-    ----------
-    question : Question
-        What was asked.
-    tests : tuple of NextTest
-        The best first.
-    now : dict of str to float
-        Half of today's 95 % interval by setting: relative for a quantity, N for a force.
-    floors : dict of str to float
-        What of it no further test of this kind takes off, by setting.
-    remarks : tuple of str
-        What to know of it.
-    """
-
-    question: Question
-    tests: tuple[NextTest, ...]
+    question: Question  # what was asked
+    tests: tuple[NextTest, ...]  # the best first
+    # Half of today's 95 % interval by setting: relative for a quantity, N for a force.
     now: dict[str, float]
-    floors: dict[str, float]
-    remarks: tuple[str, ...] = ()
+    floors: dict[str, float]  # what of it no further test of this kind takes off, by setting
+    remarks: tuple[str, ...] = ()  # what to know of it
 
     def document(self) -> dict[str, Any]:
         """Return the answer as JSON values."""

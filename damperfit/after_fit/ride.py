@@ -72,65 +72,32 @@ _NEEDED = ("sprung_mass", "unsprung_mass", "spring", "tyre")
 
 
 class Car(NamedTuple):
-    """A corner of a car and its road, SI.
+    """A corner of a car and its road, SI."""
 
-    Attributes
-    ----------
-    sprung_mass, unsprung_mass : float
-        kg.
-    spring, tyre : float
-        At the wheel and of the tyre, N/m.
-    tyre_damping : float
-        N s/m.
-    motion_ratio : float
-        Stroke of the damper over that of the wheel.
-    road : str
-        Class of ISO 8608, A to H.
-    speed : float
-        m/s.
-    """
-
-    sprung_mass: float
-    unsprung_mass: float
-    spring: float
-    tyre: float
-    tyre_damping: float = 0.0
-    motion_ratio: float = 1.0
-    road: str = "C"
-    speed: float = 20.0
+    sprung_mass: float  # kg
+    unsprung_mass: float  # kg
+    spring: float  # at the wheel, N/m
+    tyre: float  # N/m
+    tyre_damping: float = 0.0  # N s/m
+    motion_ratio: float = 1.0  # stroke of the damper over that of the wheel
+    road: str = "C"  # class of ISO 8608, A to H
+    speed: float = 20.0  # m/s
 
 
 class RideOfSetting(NamedTuple):
-    """One setting on the road; each number with half of its 95 % interval from the parameters.
+    """One setting on the road; each number with half of its 95 % interval from the parameters."""
 
-    Attributes
-    ----------
-    setting : str
-        Label.
-    comfort, comfort_error : float
-        Weighted body acceleration, rms, m/s2.
-    wheel_load, wheel_load_error : float
-        Dynamic wheel load, rms, N.
-    load_share : float
-        The same over the static load.
-    stroke, stroke_error : float
-        Of the damper, rms, m.
-    outside_s : float
-        Seconds of the period in which the damper is faster than its setting was tested.
-    period_s : float
-        Of the road.
-    """
-
-    setting: str
-    comfort: float
-    wheel_load: float
-    load_share: float
-    stroke: float
-    comfort_error: float
-    wheel_load_error: float
-    stroke_error: float
+    setting: str  # label
+    comfort: float  # weighted body acceleration, rms, m/s2
+    wheel_load: float  # dynamic wheel load, rms, N
+    load_share: float  # the same over the static load
+    stroke: float  # of the damper, rms, m
+    comfort_error: float  # weighted body acceleration, rms, m/s2
+    wheel_load_error: float  # dynamic wheel load, rms, N
+    stroke_error: float  # of the damper, rms, m
+    # Seconds of the period in which the damper is faster than its setting was tested.
     outside_s: float
-    period_s: float = _SECONDS
+    period_s: float = _SECONDS  # of the road
 
 
 @dataclass(frozen=True, repr=False, eq=False)

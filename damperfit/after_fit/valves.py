@@ -37,49 +37,28 @@ _FACTOR = 1e3  # within which a part is sized
 class Hole(NamedTuple):
     """An orifice of one setting as one hole.
 
-    Attributes
-    ----------
-    setting, quantity : str
-        Whose it is.
-    area, area_low, area_high : float
-        m2, with a 95 % interval from the fit and the spread of C_d; NaN: not limited there.
-    diameter : float
-        Of one round hole, m.
-    change : float or None
-        Area less that of the setting before, m2.
+    The 95 % interval is of the fit and of the spread of C_d; NaN: not limited there.
     """
 
     setting: str
     quantity: str
-    area: float
+    area: float  # m2
     area_low: float
     area_high: float
-    diameter: float
-    change: float | None
+    diameter: float  # of one round hole, m
+    change: float | None  # area less that of the setting before, m2
 
 
 class Preload(NamedTuple):
-    """The opening of a blow-off at one setting.
-
-    Attributes
-    ----------
-    setting, quantity : str
-        Whose it is.
-    pressure, low, high : float
-        Pa, with its 95 % interval; NaN: not limited there.
-    force : float
-        On the declared seat, N; NaN: no seat is declared.
-    change : float or None
-        Pressure less that of the setting before, Pa.
-    """
+    """The opening of a blow-off at one setting, with its 95 % interval; NaN: not limited there."""
 
     setting: str
     quantity: str
-    pressure: float
+    pressure: float  # Pa
     low: float
     high: float
-    force: float
-    change: float | None
+    force: float  # on the declared seat, N; NaN: no seat is declared
+    change: float | None  # pressure less that of the setting before, Pa
 
 
 @dataclass(frozen=True, repr=False, eq=False)

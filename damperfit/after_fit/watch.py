@@ -23,31 +23,16 @@ _STROKES = {"rebound": "rebound", "bump": "compression"}
 
 
 class Arrival(NamedTuple):
-    """One log, and what came of it.
+    """One log, and what came of it."""
 
-    Attributes
-    ----------
-    path : pathlib.Path
-        The log.
-    run : Run or None
-        Its fit; None: it is refused, could not be fitted or is a copy.
-    sentence : str
-        The answer in one line.
-    verdict : str
-        good, the names of its warnings, or why there is no fit.
-    forces : tuple of dict
-        Rebound and compression at the fastest named speed that was tested, with their difference
-        from the reference.
-    remarks : tuple of str
-        In what it is unlike the reference.
-    """
-
-    path: Path
-    run: Run | None
-    sentence: str
-    verdict: str
+    path: Path  # the log
+    run: Run | None  # its fit; None: it is refused, could not be fitted or is a copy
+    sentence: str  # the answer in one line
+    verdict: str  # good, the names of its warnings, or why there is no fit
+    # Rebound and compression at the fastest named speed that was tested, with their difference
+    # from the reference.
     forces: tuple[dict[str, Any], ...] = ()
-    remarks: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()  # in what it is unlike the reference
 
     def document(self) -> dict[str, Any]:
         """Return all of it as JSON values; what is not known is null."""

@@ -14,7 +14,6 @@ from damperfit.configuration.sections import SECTIONS
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
-__all__ = ["completion_of"]
 
 _WORDS = {
     "stroke": ("rebound", "bump"),

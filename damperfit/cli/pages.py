@@ -26,8 +26,6 @@ from damperfit.manual import TOPICS, read_page, read_schema
 from damperfit.tables.columns import describe_tables
 from damperfit.units.quantities import _TABLE
 
-__all__ = ["TABLES", "filled"]
-
 _PLACE = re.compile(r"<!-- table: ([\w -]+) -->\n")
 _COMMON = (
     *("config", "json", "quiet", "verbose", "color", "no_progress", "log_file"),

@@ -45,24 +45,12 @@ if TYPE_CHECKING:
 
 
 class Compared(NamedTuple):
-    """What was compared.
+    """What was compared."""
 
-    Attributes
-    ----------
-    comparisons : tuple of RunComparison
-        One a pair.
-    alone : tuple of str
-        What has no partner.
-    remarks : tuple of str
-        What is missing or damaged in the runs, or could not be compared.
-    points : tuple of Point
-        Forces held against their bands, where a tolerance was given.
-    """
-
-    comparisons: tuple[RunComparison, ...]
-    alone: tuple[str, ...]
-    remarks: tuple[str, ...]
-    points: tuple[Point, ...] = ()
+    comparisons: tuple[RunComparison, ...]  # one a pair
+    alone: tuple[str, ...]  # what has no partner
+    remarks: tuple[str, ...]  # what is missing or damaged in the runs, or could not be compared
+    points: tuple[Point, ...] = ()  # forces held against their bands, where a tolerance was given
 
 
 def comparison_options(
@@ -325,21 +313,11 @@ def _holds_logs(folder: Path) -> bool:
 
 
 class MeasuredForces(NamedTuple):
-    """Forces of measured curves at some speeds (m/s, positive), and the answer where one is asked.
+    """Forces of measured curves at some speeds, and the answer where one is asked."""
 
-    Attributes
-    ----------
-    curves : tuple of ForceCurve
-        As the file has them.
-    speeds : tuple of float
-        m/s, positive.
-    sentence : str
-        Which curve gives the wanted force; empty where none was asked for.
-    """
-
-    curves: tuple[ForceCurve, ...]
-    speeds: tuple[float, ...]
-    sentence: str
+    curves: tuple[ForceCurve, ...]  # as the file has them
+    speeds: tuple[float, ...]  # m/s, positive
+    sentence: str  # which curve gives the wanted force; empty where none was asked for
 
     def rows(self) -> list[dict[str, Any]]:
         """Return the forces by curve, stroke and speed that were reached, as JSON values."""

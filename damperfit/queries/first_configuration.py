@@ -49,27 +49,13 @@ _DURATIONS = (0.2, 7200.0)
 
 @dataclass(frozen=True, slots=True)
 class Guessed:
-    """What logs show of the rig and the test.
+    """What logs show of the rig and the test."""
 
-    Attributes
-    ----------
-    rig : mapping
-        Keys of [rig].
-    test : mapping of str to str
-        Keys of [test] that all logs agree in.
-    why : tuple of str
-        A sentence for each guess.
-    open : tuple of str
-        What they do not show, a sentence each.
-    adjusters : tuple of str
-        Names of the adjusters, where their names show several.
-    """
-
-    rig: Mapping[str, Any]
-    test: Mapping[str, str]
-    why: tuple[str, ...] = ()
-    open: tuple[str, ...] = ()
-    adjusters: tuple[str, ...] = ()
+    rig: Mapping[str, Any]  # keys of [rig]
+    test: Mapping[str, str]  # keys of [test] that all logs agree in
+    why: tuple[str, ...] = ()  # a sentence for each guess
+    open: tuple[str, ...] = ()  # what they do not show, a sentence each
+    adjusters: tuple[str, ...] = ()  # names of the adjusters, where their names show several
 
 
 def guess_from_logs(logs: Sequence[Path], model: str, given: Mapping[str, str]) -> Guessed:

@@ -99,54 +99,27 @@ def _listed(parts: Sequence[str]) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """What is asked of an adjuster.
+    """What is asked of an adjuster."""
 
-    Attributes
-    ----------
-    speed : float or None
-        m/s, positive; None: the named test speeds.
-    force : float or None
-        Wanted force, N, positive in rebound; None: nothing is asked, forces are shown.
-    stroke : str or None
-        "rebound" or "bump"; None: both.
-    """
-
-    speed: float | None = None
+    speed: float | None = None  # m/s, positive; None: the named test speeds
+    # Wanted force, N, positive in rebound; None: nothing is asked, forces are shown.
     force: float | None = None
-    stroke: str | None = None
+    stroke: str | None = None  # "rebound" or "bump"; None: both
 
 
 class ForcesBySetting(NamedTuple):
-    """Forces by setting, their changes by click, and the answer.
+    """Forces by setting, their changes by click, and the answer."""
 
-    Attributes
-    ----------
-    sine : Sine
-        The test's own motion, or the one asked for: the named speeds go up to its peak.
-    source : str
-        At what forces are given, for people.
-    forces : tuple of Force
-        By setting, speed and stroke: of one origin at a speed and stroke.
-    clicks : tuple of Click
-        Between neighbouring settings.
-    wanted : tuple of Wanted
-        The answers, where a force was asked for: one for each line on which one adjuster turns.
-    remarks : tuple of str
-        What was missing or damaged in the run, and settings that could not be simulated.
-    notes : tuple of str
-        What a reader must know of the forces; nothing is missing.
-    traces : tuple of str
-        Where internal errors happened.
-    """
-
-    sine: Sine
-    source: str
-    forces: tuple[Force, ...]
-    clicks: tuple[Click, ...]
+    sine: Sine  # the test's own motion, or the one asked for: the named speeds go up to its peak
+    source: str  # at what forces are given, for people
+    forces: tuple[Force, ...]  # by setting, speed and stroke: of one origin at a speed and stroke
+    clicks: tuple[Click, ...]  # between neighbouring settings
+    # The answers, where a force was asked for: one for each line on which one adjuster turns.
     wanted: tuple[Wanted, ...]
+    # What was missing or damaged in the run, and settings that could not be simulated.
     remarks: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
-    traces: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # what a reader must know of the forces; nothing is missing
+    traces: tuple[str, ...] = ()  # where internal errors happened
 
 
 def parse_question(

@@ -59,33 +59,17 @@ _TABLES = ("parameters.parquet", "parameters.csv")
 
 @dataclass(frozen=True, slots=True)
 class ChosenParameters:
-    """Parameters and where they came from.
+    """Parameters and where they came from."""
 
-    Attributes
-    ----------
-    parameters : Values
-        SI.
-    setting : Setting or None
-        Adjuster setting, None when all parameters were given one by one.
-    source : str
-        One sentence for people.
-    table : pathlib.Path or None
-        Where they stand; None for the reference set, and when all were given.
-    unlimited : tuple of str
-        Those to which the logs of their setting set no upper limit.
-    is_combined : bool
-        No log of the setting was fitted: they come from other settings with its clicks.
-    tested : Tested
-        What the logs of the run covered.
-    """
-
-    parameters: Values
-    setting: Setting | None
-    source: str
+    parameters: Values  # SI
+    setting: Setting | None  # adjuster setting, None when all parameters were given one by one
+    source: str  # one sentence for people
+    # Where they stand; None for the reference set, and when all were given.
     table: Path | None = None
-    unlimited: tuple[str, ...] = ()
+    unlimited: tuple[str, ...] = ()  # those to which the logs of their setting set no upper limit
+    # No log of the setting was fitted: they come from other settings with its clicks.
     is_combined: bool = False
-    tested: Tested = Tested()
+    tested: Tested = Tested()  # what the logs of the run covered
 
     def warnings(
         self,
@@ -295,30 +279,14 @@ _WAVES = {"sine": sine_motion, "triangle": triangle_motion}
 
 
 class SimulatedTest(NamedTuple):
-    """A simulated test.
+    """A simulated test."""
 
-    Attributes
-    ----------
-    choice : ChosenParameters
-        Whose parameters.
-    motion : str
-        What drove the damper, for people.
-    frequency : float
-        Cycles per second, Hz.
-    response : Response
-        The signals, all cycles.
-    characteristics : Characteristics
-        Figures of the last cycle.
-    temperature : float or None
-        That was asked for, degrees Celsius.
-    """
-
-    choice: ChosenParameters
-    motion: str
-    frequency: float
-    response: Response
-    characteristics: Characteristics
-    temperature: float | None = None
+    choice: ChosenParameters  # whose parameters
+    motion: str  # what drove the damper, for people
+    frequency: float  # cycles per second, Hz
+    response: Response  # the signals, all cycles
+    characteristics: Characteristics  # figures of the last cycle
+    temperature: float | None = None  # that was asked for, degrees Celsius
 
     @property
     def warnings(self) -> tuple[str, ...]:
