@@ -49,7 +49,11 @@ def _failure(log: str, setting: int | None, message: str) -> dict[str, Any]:
 STATES: dict[str, tuple[Any, dict[str, Any], tuple[int, ...]]] = {
     "good": (
         campaign(fit(1), fit(2, mse=1.5), fit(3, logs=("a.csv", "b.csv"))),
-        {"checks": [to_record(one) for one in CHECKS], "test": {"damper": "front left"}},
+        {
+            "checks": [to_record(one) for one in CHECKS],
+            "test": {"damper": "front left"},
+            "configuration": {"damper": {"model": "purdy"}},
+        },
         (),
     ),
     "poor": (

@@ -156,7 +156,9 @@ def _sections(run: Run, units: ShownUnits) -> Iterator[Section]:
 
 
 def _valves(run: Run) -> Iterator[Section]:
-    with suppress(ConfigurationError):  # a model without such valves, or a damper that is not told
+    if run.declared_damper is None:  # the paper's would be assumed, and remarked on
+        return
+    with suppress(ConfigurationError):  # a model without such valves
         valves = run.valves()
         title = "Valves as parts, at a discharge coefficient of 0.7"
         yield Section(title, "tables", valves.remarks, valves.sheets())
