@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import lru_cache
-from itertools import pairwise
+from itertools import combinations, pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -63,6 +63,7 @@ _VELOCITY_NOISE = 0.35  # % of the peak velocity
 _HARMONICS = 8.0
 _BEYOND_HALF = 2.0  # % of the speed; noise of 8 um makes far less, a triangle far more
 _TELLING = 20.0  # samples in a cycle, from which on noise can be told from motion
+_OTHER_FORCE = 0.2  # of the larger; a damper that warms up within a log changes by less
 _DECLARED = 0.05  # rigs are 2 % off what is set; more is another test
 _SOON, _SAME = 3.0, 0.01  # cycles; of frequency and amplitude
 _MANY_ELSEWHERE = 2  # steady cycles beyond a break; one may be chance in a run-up
@@ -90,6 +91,7 @@ def examine_motion(
     if cycles is None:
         yield _stretches(trace)
         yield from _broken(trace)
+        yield from _another_force(trace)
     else:
         yield _cycles(trace)
         yield from _unsteady(log, trace, cycles)
@@ -238,13 +240,47 @@ def _broken(trace: Trace) -> Iterator[Finding]:
         gap = (behind.first - before.stop) * trace.interval * before.frequency
         ratios = behind.frequency / before.frequency, behind.amplitude / before.amplitude
         is_same = max(abs(ratio - 1.0) for ratio in ratios) < _SAME
-        if before.n_cycles and behind.n_cycles and gap < _SOON and is_same:
+        is_known = _is_other_force(before, behind)
+        if before.n_cycles and behind.n_cycles and gap < _SOON and is_same and not is_known:
             time = trace.start_time + 0.5 * (before.stop + behind.first) * trace.interval
             text = (
                 f"the steady run is broken: {behind.n_cycles} more steady cycles lie beyond a "
                 f"break at time {time:.4g} s; check there for a spike, a pause or another test"
             )
             yield Finding("unsteady_cycles", "warning", text, float(behind.n_cycles))
+
+
+def _another_force(trace: Trace) -> Iterator[Finding]:
+    """Say where a motion comes back with another force: two settings in one record."""
+    steady = [one for one in trace.stretches if one.n_cycles]
+    for first, other in combinations(steady, 2):
+        ratios = other.frequency / first.frequency, other.amplitude / first.amplitude
+        if max(abs(ratio - 1.0) for ratio in ratios) < _SAME and _is_other_force(first, other):
+            time = trace.start_time + other.first * trace.interval
+            forces = [
+                f"{one.figures.peak_force_rebound:.4g} and {one.figures.peak_force_bump:.4g} N"
+                for one in (other, first)
+                if one.figures
+            ]
+            text = (
+                f"the motion of {first.frequency:.4g} Hz comes back at time {time:.4g} s with "
+                f"another force, {' for '.join(forces)}: two settings in one record are two tests; "
+                "split the log there and name each setting, or repair what changed"
+            )
+            yield Finding("another_force", "warning", text, time, "s")
+            return
+
+
+def _is_other_force(first: Stretch, other: Stretch) -> bool:
+    """Say whether two stretches of one motion are of two settings, and not of a warm damper."""
+    if first.figures is None or other.figures is None:
+        return False
+    pairs = (
+        (first.figures.peak_force_rebound, other.figures.peak_force_rebound),
+        (first.figures.peak_force_bump, other.figures.peak_force_bump),
+    )
+    size = max(abs(force) for pair in pairs for force in pair)
+    return max(abs(a - b) for a, b in pairs) > _OTHER_FORCE * size
 
 
 def _cycles(trace: Trace) -> Finding:

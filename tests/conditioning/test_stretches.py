@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -259,3 +261,20 @@ def test_stretches_never_overlap_and_lie_in_the_trace(seed):
     assert ends == sorted(ends)
     assert ends[-1] <= len(trace.force)
     assert all(one.n_samples > 0 for one in trace.stretches)
+
+
+@pytest.mark.parametrize(
+    ("times", "between", "is_told"),
+    [
+        (1.5, (0, 0, 2), True),
+        (1.3, (0.5, 0.02, 4), True),
+        (1.15, (0, 0, 2), False),  # as of a warm damper
+        (1.0, (0, 0, 2), False),
+    ],
+)
+def test_a_motion_that_comes_back_with_another_force_is_another_setting(times, between, is_told):
+    log = moved((1.5, 0.02, 6), between, (1.5, 0.02, 6))
+    behind = log.time > log.time[0] + 0.6 * np.ptp(log.time)
+    log = replace(log, force=np.where(behind, times, 1.0) * log.force)
+    told = [one for one in condition(log).findings if one.name == "another_force"]
+    assert [one.severity for one in told] == ["warning"] * is_told
