@@ -50,6 +50,8 @@ _LISTED = 3  # breaks in the record that are listed one by one
 _PAUSE = 2.0  # s
 _PAUSE_STEPS = 50.0  # usual sample intervals
 _MAX_PARTS = 1_000  # more than this is a clock that jumps, not tests
+_LARGEST = 1e6  # degrees, m/s: no temperature or velocity
+_CLOSEST = 1e-9  # s from sample to sample
 _CURRENT = "current of a valve"
 _SINCE_1970 = 3e8  # s; so much no rig runs: the time is a date
 _CYCLES = 3  # in a piece between two pauses, the least that are evaluated
@@ -198,7 +200,7 @@ def _tests_in(table: Table, source: Source, options: ReadOptions) -> list[Record
             more_notes.append(f"{channel}: sign reversed, as declared")
     for channel in EXTRAS:
         values = channels.get(channel, np.empty(0))
-        if n_bad := int(np.count_nonzero(~np.isfinite(values))):
+        if n_bad := int(np.count_nonzero(~(np.abs(values) < _LARGEST))):  # nor of NaN
             more_notes.append(f"{channel}: left out; {n_bad} of {len(values)} values are missing")
             del channels[channel]
     is_own_time = "time" in channels and options.sample_rate == 0.0
@@ -342,6 +344,13 @@ def _cuts(
     first = 0
     if "time" in channels and n > 1:
         steps = np.diff(channels["time"])
+        if 0.0 < median(steps) < _CLOSEST:
+            raise LogError(
+                f"samples are {median(steps):.3g} s apart, closer than any logger takes them; "
+                "check the unit of time (rig.units)",
+                code="bad-clock",
+                subject=name,
+            )
         if not turned and steps.min() > 0.0 and steps.max() <= (options.pause or _PAUSE):
             ends = buffer_ends(channels["time"]) if options.pause == 0.0 else []
             if ends:

@@ -505,12 +505,15 @@ def _table(  # noqa: PLR0915  # one table from top to bottom: names, units, mark
             f"{names_line}",
             code="bad-row",
         )
+    takes_full = False
     if is_short:
         hint = (
             f"line {names_line} has {len(names)} names and every row {n_fields} fields: the last, "
             f"{visible(names.pop())}, was taken to have no values"
         )
         findings.insert(0, Finding("short_rows", "warning", hint))
+        counts = [row.count(separator.encode()) for row in rows[start:].splitlines() if row]
+        takes_full = 5 * counts.count(n_fields) <= len(counts)  # the majority decides
     elif len(fields) == len(names) + 1 and not fields[-1]:
         n_fields += 1
         note = "every row ends in a separator; the empty last column was left out"
@@ -519,8 +522,9 @@ def _table(  # noqa: PLR0915  # one table from top to bottom: names, units, mark
     line = head[data_at].number
     like = names_line if names_line and not is_short else line
     text_rows = _Rows(
-        name, rows, start, line, like, separator, decimal, len(names), n_fields, clocks, options
-    )
+        name, rows, start, line, like, separator, decimal, len(names), n_fields, takes_full, clocks,
+        options,
+    )  # fmt: skip
     text_rows.check_quotes()
     units = units[: len(names)] or [""] * len(names)
     return Table(
@@ -607,6 +611,7 @@ class _Rows(NamedTuple):
     decimal: str
     n_names: int
     n_fields: int  # in a row; one more than names when every row ends in a separator
+    takes_full: bool  # a row may have the field that the others lack
     clocks: frozenset[int]  # columns of wall-clock stamps
     options: ReadOptions
 
@@ -723,7 +728,7 @@ class _Rows(NamedTuple):
         drop = "; repair the row, or drop such rows by rig.bad_rows = 'drop'"
         advice = "" if self.drops_bad_rows else drop
         fields = _fields(line, self.separator)
-        if len(fields) != self.n_fields:
+        if len(fields) - self.n_fields not in (0, int(self.takes_full)):
             raise LogError(
                 f"found {_counted(len(fields), 'field')}, expected {self.n_names} fields as in "
                 f"line {self.like}{advice}",

@@ -105,6 +105,10 @@ READ = {
     "a word in an unused column": (
         f"{NAMES},remark\n0,1,2,OVR\n1,2,3,\n", {}, ([0, 1], [1, 2], [2, 3]), "",
     ),
+    "no temperature": (
+        f"{HEADER}\n0,1,2,26\n1,2,3,1e308\n2,3,4,26\n", {}, ([0, 1, 2], None, None, None),
+        "temperature: left out; 1 of 3 values are missing",
+    ),
     "missing temperature": (
         f"{HEADER}\n0,1,2,26\n1,2,3,\n2,3,4,26\n", {}, ([0, 1, 2], None, None, None),
         "temperature: left out; 1 of 3 values are missing",
@@ -204,6 +208,10 @@ READ = {
     "one field short throughout": (
         f"Time (s),Displacement (mm),Force (N),Marker (V)\n{ROWS}", {},
         ([0, 0.1, 0.2, 0.3], [1, 2, 3, 4], [2, 3, 4, 5]), "the last, 'Marker (V)', was taken to",
+    ),
+    "one field short but for one row": (
+        f"Time (s),Displacement (mm),Force (N),Marker (V)\n{ROWS}0.4,5,6,9\n0.5,6,7\n", {},
+        (None, [1, 2, 3, 4, 5, 6], [2, 3, 4, 5, 6, 7]), "every row 3 fields",
     ),
     "one field short, with units": (
         f"Time,Displacement,Force,Valve\ns,mm,N\n{ROWS}", {}, (None, None, [2, 3, 4, 5]),
@@ -328,6 +336,10 @@ REFUSED = {
     "endless line": ("0," * 300_000, {}, "line 1: longer than"),
     "endless line below": (PLAIN + "1," * 3_000_000 + "\n", {}, "line 7: found 3000001 fields"),
     "many columns": (",".join(["1"] * 20_000) + "\n", {}, "20000 columns, more than the limit"),
+    "picoseconds": (
+        "time_s,displacement_mm,force_N\n0,1,2\n2e-12,2,3\n4e-12,3,4\n", {},
+        "samples are 2e-12 s apart, closer than any logger takes them",
+    ),
     "no clock": (
         "time_s,displacement_mm,force_N\n" + "0,1,2\n0,2,3\n0,3,4\n", {},
         "the clock stands still: declare rig.sample_rate",
