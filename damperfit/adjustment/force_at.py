@@ -44,7 +44,8 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-STROKES = ("rebound", "bump")
+STROKE_WORDS = {"rebound": "rebound", "bump": "compression"}  # keys are the paper's, words people's
+STROKES = tuple(STROKE_WORDS)
 MODEL, MEASURED = "model", "measured"
 # Of `Status`, which takes too long to import here.
 _FITTED, _NOT_IDENTIFIABLE = "fitted", "not_identifiable"

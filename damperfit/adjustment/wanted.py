@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from damperfit.adjustment.force_at import MEASURED, MODEL
+from damperfit.adjustment.force_at import MEASURED, MODEL, STROKE_WORDS
 from damperfit.tested.setting import ADJUSTER, Setting, lines_of
 from damperfit.units.shown_units import SI
 
@@ -80,7 +80,7 @@ class Wanted:
     def said_in(self, units: ShownUnits) -> str:
         """Return the sentence with forces and speeds in the units that people want."""
         wanted = units.write(self.force, "N", ".5g")
-        asked = f"{wanted} in {self.stroke} at {units.write_speed(self.speed)}"
+        asked = f"{wanted} in {STROKE_WORDS[self.stroke]} at {units.write_speed(self.speed)}"
         if self.origin == MEASURED:
             asked += ", as measured"
         if self.held:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 _WORDS = {
-    "stroke": ("rebound", "bump"),
+    "stroke": ("rebound", "compression"),
     "figures": ("png", "svg", "pdf"),
     "color": ("auto", "always", "never"),
     "covariate": ("temperature",),

@@ -9,7 +9,7 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from damperfit.adjustment.force_at import STROKES, Sine
+from damperfit.adjustment.force_at import STROKE_WORDS, STROKES, Sine
 from damperfit.comparison import ComparisonOptions, bands_met, compare_runs, tolerated
 from damperfit.configuration.loading import load_configuration
 from damperfit.errors import ConfigurationError, DamperfitError, LogError
@@ -356,7 +356,7 @@ def measured_forces(
     ]
     if not forces:
         at = f"{question.speed:g} m/s" if question.speed else "the named test speeds"
-        side = f" in {question.stroke}" if question.stroke else ""
+        side = f" in {STROKE_WORDS[question.stroke]}" if question.stroke else ""
         names = ", ".join(path.name for path in paths)
         raise ConfigurationError(
             f"no curve of {names} has points on both sides of it{side}; the highest "
@@ -369,7 +369,9 @@ def measured_forces(
 
 def _answer(question: Question, wanted: float, forces: Sequence[tuple[float, str]]) -> str:
     """Say between which curves a force lies; labels need no order for that."""
-    asked = f"{wanted:.5g} N in {question.stroke} at {question.speed:g} m/s"
+    asked = (
+        f"{wanted:.5g} N in {STROKE_WORDS[question.stroke or 'rebound']} at {question.speed:g} m/s"
+    )
     below = max((one for one in forces if one[0] <= wanted), default=None)
     above = min((one for one in forces if one[0] >= wanted), default=None)
     if below is None or above is None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from damperfit.adjustment.clicks import Click, clicks
 from damperfit.adjustment.force_at import (
+    STROKE_WORDS,
     STROKES,
     Force,
     Sine,
@@ -140,9 +141,10 @@ def parse_question(
     >>> parse_question(force="-900N", velocity="0.2m/s").stroke
     'bump'
     """
+    stroke = "bump" if stroke == "compression" else stroke
     if stroke is not None and stroke not in STROKES:
         raise ConfigurationError(
-            f"expected {' or '.join(STROKES)}",
+            "expected rebound or compression",
             where=Option("stroke", stroke),
             code="unknown-stroke",
         )
@@ -314,8 +316,8 @@ def _measured_notes(told: Sequence[Force]) -> Iterator[str]:
         where = of_settings(dict.fromkeys(one.setting for one in missed))
         yield (
             f"the model misses measured forces at {where}, most by {share:.2g} % at "
-            f"{worst.speed:g} m/s in {worst.stroke} (setting {worst.setting}): measured forces "
-            "are given at those speeds"
+            f"{worst.speed:g} m/s in {STROKE_WORDS[worst.stroke]} (setting {worst.setting}): "
+            "measured forces are given at those speeds"
         )
     peaks = [
         (abs(seen.peak - seen.force), seen, one)
@@ -326,6 +328,7 @@ def _measured_notes(told: Sequence[Force]) -> Iterator[str]:
         _, seen, one = max(peaks, key=lambda peak: peak[0])
         yield (
             f"the largest force of a segment is not that at its peak speed, most at setting "
-            f"{one.setting} in {one.stroke} at {one.speed:g} m/s: {seen.peak:.4g} N for "
-            f"{seen.force:.4g} N; measured forces are those at the peak speed"
+            f"{one.setting} in {STROKE_WORDS[one.stroke]} at {one.speed:g} m/s: "
+            f"{seen.peak:.4g} N for {seen.force:.4g} N; measured forces are those at the peak "
+            "speed"
         )

@@ -118,7 +118,7 @@ samples text -> text: cannot be written: text is not a folder
 samples runs --settings 2 --parameters RESULTS --model monotube -> leave --model out
 settings RESULTS --force 900N -> Give --velocity too
 settings RESULTS --velocity 0 -> other than zero
-settings RESULTS --velocity 0.2 --stroke jounce -> expected rebound or bump
+settings RESULTS --velocity 0.2 --stroke jounce -> expected rebound or compression
 settings RESULTS --force 900kg --velocity 0.2 -> no unit of force
 settings RESULTS --amplitude 200mm -> beyond the damper's travel
 settings RESULTS --amplitude=-1mm -> expected more than 0
