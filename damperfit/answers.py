@@ -99,15 +99,7 @@ class Inspection:
 
 
 class Comparison:
-    """What differs between results.
-
-    Attributes
-    ----------
-    compared : Compared
-        Every pair.
-    tolerance : str
-        What it was held against, as it was given.
-    """
+    """What differs between results: every pair, and what it was held against, as it was given."""
 
     def __init__(self, compared: Compared, tolerance: str = "") -> None:
         self.compared, self.tolerance = compared, tolerance
@@ -205,19 +197,9 @@ class Comparison:
 class Simulation(Answer):
     """A simulated test: signals in SI, positive in rebound, and the figures of its last cycle.
 
-    Attributes
-    ----------
-    test : SimulatedTest
-        What was simulated.
-    damper : str
-        Whose damper it is, a sentence.
-    configured_notes, notes, warnings : tuple of str
-        What was assumed of the damper, what is in these forces, and what to know before believing
-        the figures, a sentence each.
-    time, displacement, velocity, force : numpy.ndarray
-        Shape (n,); s, m, m/s, N.
-    pressures : numpy.ndarray
-        Absolute, of the chambers (3, n), Pa.
+    `time`, `displacement`, `velocity` and `force` have the shape (n,), in s, m, m/s and N,
+    `pressures` (3, n), Pa absolute. `damper` says whose damper it is; the notes what was assumed of
+    it and what is in these forces, `warnings` what to know before believing the figures.
     """
 
     def __init__(
@@ -286,21 +268,12 @@ class Simulation(Answer):
         return frame
 
     def plot(self) -> Any:
-        """Draw force against velocity and against displacement; return both matplotlib axes."""
-        from damperfit.reporting.drawing import matplotlib_of_files
+        """Draw force against displacement and against velocity; return both matplotlib axes."""
+        from damperfit.reporting.drawing import compose, fixed_style
+        from damperfit.reporting.simulated import cycle_plot
 
-        matplotlib_of_files()
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
-
-        figure = Figure(figsize=(9.0, 3.8), layout="constrained")
-        FigureCanvasAgg(figure)
-        left, right = figure.subplots(1, 2, sharey=True)
-        left.plot(self.velocity, self.force)
-        right.plot(1e3 * self.displacement, self.force)
-        left.set(xlabel="velocity, m/s", ylabel="force, N")
-        right.set(xlabel="displacement, mm")
-        return [left, right]
+        with fixed_style():
+            return compose(cycle_plot(self.test.response, self.test.frequency)).axes
 
     @property
     def sentence(self) -> str:  # type: ignore[override]
@@ -320,14 +293,8 @@ class Simulation(Answer):
 class Files(tuple[Path, ...]):  # noqa: SLOT001 - it has attributes
     """The paths that were written, and what to know of them.
 
-    Attributes
-    ----------
-    remarks, notes : tuple of str
-        What was missing or damaged in the results; what was assumed or left out.
-    made : Export or None
-        What was exported.
-    checked : tuple
-        What was exported, held against the logs, a sentence and figures each.
+    `remarks` tell what was missing or damaged in the results, `notes` what was assumed or left out;
+    `made` is what was exported, `checked` how it was held against the logs.
     """
 
     remarks: tuple[str, ...]
@@ -361,18 +328,9 @@ class FirstConfiguration(NamedTuple):
 class Sweep(Answer):
     """What parameters do to the force.
 
-    Attributes
-    ----------
-    damper, source : str
-        Whose parameters, a sentence each.
-    notes, warnings : tuple of str
-        What to know before believing it.
-    sweeps : tuple
-        Each variation with its members, and whether it is a figure of the paper.
-    records : list of dict
-        A row a member.
-    sentences : tuple of str
-        What each variation does, in words.
+    `damper` and `source` say whose parameters, `notes` and `warnings` what to know before believing
+    it, `sentences` what each variation does. `sweeps` are each variation with its members, and
+    whether it is a figure of the paper; `records` have a row a member.
     """
 
     def __init__(
@@ -455,18 +413,9 @@ class Sweep(Answer):
 class SettingForces(Answer):
     """Force by setting and what a click changes; or the forces of measured curves.
 
-    Attributes
-    ----------
-    question : Question
-        What was asked: a force, a speed, a stroke.
-    units : ShownUnits
-        In which it is shown.
-    forces, curves : optional
-        Of results: their forces; of files of measured curves.
-    remarks, notes : tuple of str
-        What was missing or damaged in the results; what to know of these forces.
-    sentence : str
-        The answer to the question; empty where none was asked.
+    `forces` are of results, `curves` of files of measured curves, both shown in `units`. `sentence`
+    is the answer to the question, empty where none was asked; `remarks` tell what was missing or
+    damaged in the results, `notes` what to know of these forces.
     """
 
     def __init__(
@@ -553,20 +502,9 @@ class SettingForces(Answer):
 class FleetDone:
     """What became of the dampers of a fleet.
 
-    Attributes
-    ----------
-    folder : pathlib.Path
-        Of the parts.
-    done : list of Done
-        The dampers that were looked at.
-    n_tasks : int
-        Dampers that were to be done.
-    is_stopped : bool
-        Whether the user has stopped it.
-    held : HeldFleet or None
-        The fleet against bands, where they were given.
-    n_rows, page : int or None, pathlib.Path or None
-        Rows of the table of all parts; the page: where they were written.
+    `folder` is that of the parts, `done` the dampers that were looked at of `n_tasks`; `held` the
+    fleet against bands, `n_rows` the rows of the table of all parts, `page` the page, where they
+    were asked for.
     """
 
     def __init__(self, folder: Path) -> None:

@@ -107,14 +107,8 @@ _IN_MEMORY = (
 class Tested:
     """The range of the tests that were fitted, as far as the run tells; None: it does not.
 
-    Attributes
-    ----------
-    n_logs : int
-        Logs that were fitted.
-    stroke, speed : float or None
-        Largest amplitude of a motion that repeats, m; highest peak speed, m/s.
-    frequencies, temperatures : tuple of float or None
-        Lowest and highest, Hz and degrees Celsius.
+    `stroke` is the largest amplitude of a motion that repeats, m, `speed` the highest peak speed,
+    m/s; of frequencies, Hz, and temperatures, degC, the lowest and the highest.
     """
 
     __test__ = False  # no class of tests
@@ -148,15 +142,9 @@ class Tested:
 class SettingResult(Stage):
     """One setting of a run: its values, what is known of their errors, and how it was judged.
 
-    Attributes
-    ----------
-    setting, parameters, own, shared, covariance
-        As of `Stage`: where the adjusters stand, the values in SI, and the covariance of u = ln y
-        (plain y for linear quantities) of those with an error, the setting's own ones first.
-    row : mapping
-        Its row of the table of parameters.
-    run : Run or None
-        Whose.
+    As of `Stage`: where the adjusters stand, the values in SI, and the covariance of u = ln y
+    (plain y for linear quantities) of those with an error, the setting's own ones first. `row` is
+    its row of the table of parameters.
     """
 
     row: Mapping[str, Any] | None = None
@@ -244,21 +232,10 @@ class SettingResult(Stage):
 class LogResult:
     """One log of a run: what it tested, what was read off it, how well it was fitted.
 
-    Attributes
-    ----------
-    setting, name : Setting, str
-        Where the adjusters stood; of the file.
-    role : str
-        fitted, or held_out: predicted with what the other logs gave.
-    mse_percent, noise_floor_percent : float or None
-        Normalised MSE, and what of it the scatter between cycles explains.
-    facts : mapping
-        Its entry in run.json: hash, rate, findings ...
-    segments : tuple of mapping
-        Rows of the characteristics, the peaks of each segment: amplitude, frequency, peak forces
-        and speeds, energy, hysteresis, measured beside simulated.
-    run : Run
-        Whose.
+    `role` is "fitted", or "held_out": predicted with what the other logs gave. `mse_percent` is the
+    normalised MSE, `noise_floor_percent` what of it the scatter between cycles explains. `facts` is
+    its entry in run.json; `segments` are rows of the characteristics, the peaks of each segment:
+    amplitude, frequency, peak forces and speeds, energy, hysteresis, measured beside simulated.
     """
 
     setting: Setting
@@ -534,13 +511,7 @@ class Run:
 
     @refuse_wrong_arguments("run.setting")
     def setting(self, setting: Setting | str | float) -> SettingResult:
-        """Return one setting, by its label or number.
-
-        Raises
-        ------
-        ConfigurationError
-            There is none of that name.
-        """
+        """Return one setting, by its label or number; a ConfigurationError where there is none."""
         given: object = setting
         is_yes_or_no = isinstance(given, bool)
         if isinstance(given, Real) and not is_yes_or_no:
@@ -597,11 +568,8 @@ class Run:
     def configuration(self) -> Configuration:
         """The user's configuration with the run's damper, at the temperature that was asked for.
 
-        Raises
-        ------
-        ConfigurationError
-            The user declares another damper, that of the run cannot be used, or the damper does not
-            follow a temperature.
+        A ConfigurationError tells that the user declares another damper, that of the run cannot be
+        used, or the damper does not follow a temperature.
         """
         from damperfit.configuration.loading import load_configuration
 
@@ -655,12 +623,7 @@ class Run:
         """Return a configuration of the user with the run's damper.
 
         ``config`` is the file it came from; with ``takes_motion`` the nominal test becomes the
-        run's, unless one was declared.
-
-        Raises
-        ------
-        ConfigurationError
-            The user declares another damper, or that of the run cannot be used.
+        run's, unless one was declared. Another damper than the user's is a ConfigurationError.
         """
         from damperfit.configuration.damper_section import damper_of_record
 
@@ -833,13 +796,7 @@ class Run:
         return left.assign(residual_N=table["force_measured_N"] - table["force_N"])
 
     def profile(self, name: str) -> pd.DataFrame:
-        """Return the profile of a parameter that `identify` was asked for, by setting.
-
-        Raises
-        ------
-        ConfigurationError
-            There is none.
-        """
+        """Return the profile of a parameter that `identify` was asked for, by setting."""
         is_there = "profiles" in self.tables or has_table(self.folder, self.record, "profiles")
         known = self.frame("profiles") if is_there else None
         names = [] if known is None else sorted(set(known["parameter"]))
@@ -968,13 +925,7 @@ class Run:
         return pd.DataFrame(self.record.get("checks", []))
 
     def frame(self, name: str = "parameters") -> pd.DataFrame:
-        """Return a table, as "parameters", "mse" or "adjustment", as a data frame.
-
-        Raises
-        ------
-        ConfigurationError
-            There is no such table in this run.
-        """
+        """Return a table, as "parameters", "mse" or "adjustment", as a data frame."""
         import pandas as pd
 
         name = str(name)
@@ -1026,11 +977,6 @@ class Run:
 
         The name is as of the files of `damperfit report --figures`; by default force against
         velocity of all settings.
-
-        Raises
-        ------
-        ConfigurationError
-            There is no figure of that name.
         """
         from damperfit.reporting.drawing import compose, fixed_style
         from damperfit.reporting.run_figures import report_plots
@@ -1059,10 +1005,7 @@ class Run:
     def save(self, folder: str | Path) -> Path:
         """Write its files into a folder, as a set, and return it.
 
-        Raises
-        ------
-        OutputError
-            It cannot be written, or is the folder of this run.
+        An OutputError tells that it cannot be written, or is the folder of this run.
         """
         where = _path(folder, "run.save", "the path of a folder")
         if self.place is None:
@@ -1232,13 +1175,7 @@ def forget_figures(folder: Path) -> None:
 
 
 def warmed_to(configuration: Configuration, temperature: str | None) -> Configuration:
-    """Return the configuration with its damper at a temperature, as typed; None: as it is.
-
-    Raises
-    ------
-    ConfigurationError
-        It is no temperature, or the damper does not follow one.
-    """
+    """Return the configuration with its damper at a temperature, as typed; None: as it is."""
     from damperfit.damper.warmed import at_temperature
 
     if temperature is None:

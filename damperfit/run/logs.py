@@ -557,7 +557,10 @@ def _read_file(path: Path, name: str, configuration: Configuration, labels: Labe
         if isinstance(error, LogError) and not error.says_setting and labels.is_unsaid(path):
             error = _without_setting(error)
         facts = {"name": name, "setting": labels.unread(path, configuration)}
-        return [_failed(Log(name, _shown(path), _hash(path), facts), error)]
+        digest = ""
+        with suppress(OSError):
+            digest = sha256_of(path) if path.is_file() else ""
+        return [_failed(Log(name, _shown(path), digest, facts), error)]
     return [
         _conditioned(
             replace(part, name=part.name.replace(path.name, name, 1)), path, configuration, labels
@@ -694,10 +697,3 @@ def _distinct_names(paths: Sequence[Path]) -> dict[Path, str]:
 def _shown(path: str | Path) -> str:
     """Return a file name as valid Unicode; bytes that are none (Latin-1 names) as escapes."""
     return os.fsencode(path).decode("utf-8", "backslashreplace")
-
-
-def _hash(path: Path) -> str:
-    with suppress(OSError):
-        if path.is_file():
-            return sha256_of(path)
-    return ""

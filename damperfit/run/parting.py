@@ -413,34 +413,32 @@ def note_unpredicted(
     done = {id(prediction.trace) for prediction in predictions}
     failed = {failure.log for failure in known}
     fitted = {fit.setting for fit in campaign.fits}
-    for trace in batch.held_out:
-        is_fitted = trace.setting in fitted
-        if id(trace) in done or (trace.name in failed and batch.is_asked):
-            continue
-        if batch.is_asked:
-            batch.failures.append(_of_log(_unpredicted(trace, is_fitted=is_fitted), trace, batch))
-        elif is_fitted:
-            batch.remarks.append(
-                f"{trace.name}: the motion beside its steady cycles cannot be simulated with the "
-                "fitted parameters, so it is not predicted"
-            )
-
-
-def _unpredicted(trace: Trace, *, is_fitted: bool) -> Failure:
-    kind, why = "SimulationError", "cannot be simulated on it"
-    if not is_fitted:
-        kind = "PredictionError"
-        why = (
-            "has no fit, and no joint fit of others that have its clicks; fit settings that have "
-            "them together{joint}, give another log of it to fit, or hold out some of its "
-            "cycles{cycles}"
-        )
-    text = f"held out, but cannot be predicted: setting {trace.setting} {why}"
     ways = {
         "joint": Option("procedure", "joint", is_aside=True),
         "cycles": Option("hold_out_cycles", is_aside=True),
     }
-    return Failure(Problem("not-predicted", text, subject=trace.name, values=ways), kind)
+    for trace in batch.held_out:
+        is_fitted = trace.setting in fitted
+        if id(trace) in done or (trace.name in failed and batch.is_asked):
+            continue
+        if not batch.is_asked and is_fitted:
+            batch.remarks.append(
+                f"{trace.name}: the motion beside its steady cycles cannot be simulated with the "
+                "fitted parameters, so it is not predicted"
+            )
+        if not batch.is_asked:
+            continue
+        kind, why = "SimulationError", "cannot be simulated on it"
+        if not is_fitted:
+            kind = "PredictionError"
+            why = (
+                "has no fit, and no joint fit of others that have its clicks; fit settings that "
+                "have them together{joint}, give another log of it to fit, or hold out some of its "
+                "cycles{cycles}"
+            )
+        text = f"held out, but cannot be predicted: setting {trace.setting} {why}"
+        problem = Problem("not-predicted", text, subject=trace.name, values=ways)
+        batch.failures.append(_of_log(Failure(problem, kind), trace, batch))
 
 
 def _of_log(mishap: Failure, trace: Trace, batch: LogBatch) -> Failure:

@@ -179,16 +179,40 @@ def judge(  # noqa: PLR0913 - what a judgement takes
             lambda: compare_settings(judged, assessment, damper, speeds=speeds, on_error=take),
             Adjustment(),
         )
-        predictions = _predicted(configuration, batch, judged, assessment, mishaps, jobs=jobs)
+
+        def predicted(trace: Trace) -> tuple[Prediction, ...]:
+            try:
+                return predict(judged, assessment, (trace,), damper=damper, solver=solver)
+            except Exception as error:  # noqa: BLE001 - the other logs are predicted
+                mishaps.at("predicting")(trace, error)
+                return ()
+
+        with executor(jobs) as pool:
+            found = [one for few in pool.map(predicted, batch.held_out) for one in few]
+        predictions = tuple(sorted(found, key=lambda one: one.setting))
         against = _objections(configuration, judged, assessment, mishaps, jobs=jobs)
         for setting, objection in missed_predictions(predictions).items():
             against[setting] = (*against.get(setting, ()), objection)
         assessment = replace(assessment, objections=against)
-        checks = spared(
-            "checking the run",
-            lambda: _checks(configuration, batch, judged, assessment, adjustment),
-            unchecked(),
+        lost = failures_of(configuration, batch, judged)
+        missing = [
+            f"{one.place} {'left out' if one.is_left_out else 'failed'}"
+            if one.place
+            else one.message
+            for one in lost[:MANY]
+        ]
+        missing += [f"and {len(lost) - MANY} more"] * (len(lost) > MANY)
+        subject = Subject(
+            judged,
+            assessment,
+            adjustment,
+            missing=tuple(missing),
+            temperature=configuration.rig.temperature,
+            temperature_tolerance=configuration.rig.temperature_tolerance,
+            undeclared=configuration.not_measured,
+            whose=configuration.whose if configuration.is_assumed else "",
         )
+        checks = spared("checking the run", lambda: run_checks(subject), unchecked())
         alike = configuration.chosen_law.get("layouts_alike", ())
         assessment = with_other_layouts(assessment, damper, alike)
     return judged, Judgement(assessment, adjustment, checks, predictions)
@@ -240,31 +264,6 @@ def _objections(
     return against
 
 
-def _predicted(
-    configuration: Configuration,
-    batch: LogBatch,
-    campaign: Campaign,
-    assessment: Assessment,
-    mishaps: Mishaps,
-    *,
-    jobs: int,
-) -> tuple[Prediction, ...]:
-    """Return what was held out as the fits predict it; a log that fails costs that log."""
-    damper, solver = configuration.damper, configuration.identification.solver
-    take = mishaps.at("predicting")
-
-    def predicted(trace: Trace) -> tuple[Prediction, ...]:
-        try:
-            return predict(campaign, assessment, (trace,), damper=damper, solver=solver)
-        except Exception as error:  # noqa: BLE001 - the other logs are predicted
-            take(trace, error)
-            return ()
-
-    with executor(jobs) as pool:
-        predictions = [one for few in pool.map(predicted, batch.held_out) for one in few]
-    return tuple(sorted(predictions, key=lambda one: one.setting))
-
-
 def with_other_layouts(assessment: Assessment, damper: Model, layouts: Sequence[str]) -> Assessment:
     """Return the assessment with intervals of valves that reach to what they are in other layouts.
 
@@ -291,35 +290,6 @@ def with_other_layouts(assessment: Assessment, damper: Model, layouts: Sequence[
         for one in assessment.uncertainties
     )
     return replace(assessment, uncertainties=tuple(wider))
-
-
-def _checks(
-    configuration: Configuration,
-    batch: LogBatch,
-    campaign: Campaign,
-    assessment: Assessment,
-    adjustment: Adjustment,
-) -> tuple[Check, ...]:
-    lost = failures_of(configuration, batch, campaign)
-    missing = [
-        f"{one.place} {'left out' if one.is_left_out else 'failed'}" if one.place else one.message
-        for one in lost[:MANY]
-    ]
-    if len(lost) > MANY:
-        missing.append(f"and {len(lost) - MANY} more")
-    rig = configuration.rig
-    return run_checks(
-        Subject(
-            campaign,
-            assessment,
-            adjustment,
-            missing=tuple(missing),
-            temperature=rig.temperature,
-            temperature_tolerance=rig.temperature_tolerance,
-            undeclared=configuration.not_measured,
-            whose=configuration.whose if configuration.is_assumed else "",
-        )
-    )
 
 
 # Warnings, gates and failures

@@ -8,7 +8,6 @@ all; the functions here write to whatever path they are given.
 from __future__ import annotations
 
 import csv
-import itertools
 import json
 from math import isfinite
 from typing import TYPE_CHECKING, Any
@@ -77,11 +76,7 @@ def lay_out(
     """
     schema = table_schema(name, facts or {}, settings=settings, quantities=quantities)
     is_whole = schema.field("setting").type == pa.int64()
-    cells = []
-    for _, group in itertools.groupby(rows, lambda row: id(row["setting"])):
-        of_setting = list(group)
-        places = setting_cells(of_setting[0]["setting"], is_whole=is_whole)
-        cells += [{**row, **places} for row in of_setting]
+    cells = [{**row, **setting_cells(row["setting"], is_whole=is_whole)} for row in rows]
     named = zip(schema.names, schema.types, strict=True)
     arrays = [_column([row.get(name) for row in cells], kind) for name, kind in named]
     return pa.Table.from_arrays(arrays, schema=schema)

@@ -56,18 +56,9 @@ _SIGNALS = (
 
 
 class LogSignals(NamedTuple):
-    """Measured and simulated signals of one log, its steady whole cycles.
+    """Measured and simulated signals of one log, its steady whole cycles, positive in rebound.
 
-    Attributes
-    ----------
-    setting : Setting
-        Adjuster setting.
-    log : str
-        Name of the log.
-    time, displacement, velocity, force_measured, force : numpy.ndarray
-        Shape (n,); s, m, m/s, N; positive in rebound.
-    pressures : numpy.ndarray
-        Shape (3, n), Pa absolute.
+    The shape is (n,), in s, m, m/s and N; of the pressures (3, n), Pa absolute.
     """
 
     setting: Setting
