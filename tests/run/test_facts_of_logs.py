@@ -72,15 +72,6 @@ def test_the_nearest_word_counts_whichever_say_anything(tmp_path, key) -> None:
 _NOT_TAKEN = {("preamble", "tare"), ("preamble", "skew")}
 
 
-def test_a_skew_that_is_typed_is_of_all_logs(tmp_path) -> None:
-    said = {"skew": "2ms", "tare": "1N"}
-    found = configuration(tmp_path, rig_=said, profile=said, skew="5ms")
-    row = TestRow(2, facts={"skew": 3e-3, "temperature": 30.0})
-    told, _ = facts_of(rig.recording(5, duration=1.5, rate=200.0), Path("bench_1.csv"), found, row)
-    assert told == {"tare": 1.0, "temperature": 30.0}
-    assert found.conditioning.skew == pytest.approx(5e-3)
-
-
 def test_a_log_with_a_thermometer_needs_no_word_of_its_own(tmp_path) -> None:
     log = replace(rig.recording(5, duration=1.5, rate=200.0), metadata={"temperature": "40"})
     warm = replace(log, temperature=0.0 * log.time + 26.0)

@@ -140,10 +140,7 @@ def test_the_level_over_pressure_tells_the_rod() -> None:
     assert "a rod of 1.07 times the declared area" in said
     near = replace(PURDY_DAMPER, rod_diameter=0.98 * PURDY_DAMPER.rod_diameter)
     assert remarks(near) == []
-    assert rod_area_ratio(logs[:1], PURDY_DAMPER) is None
-    assert (
-        rod_area_ratio([replace(log, setting=k) for k, log in enumerate(logs)], PURDY_DAMPER)
-        is None
-    )
+    apart = [replace(log, setting=k) for k, log in enumerate(logs)]
     without_pressure = [replace(log, gas_pressure=None) for log in logs]
-    assert rod_area_ratio(without_pressure, PURDY_DAMPER) is None
+    for few in (logs[:1], apart, without_pressure):
+        assert rod_area_ratio(few, PURDY_DAMPER) is None

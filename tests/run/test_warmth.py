@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from dataclasses import asdict, replace
 from functools import cache
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -22,9 +21,7 @@ from damperfit.damper.warmed import Warmed
 from damperfit.errors import ConfigurationError
 from damperfit.exporting import exported_run
 from damperfit.identification import FitOptions, Outcome, Status, identify
-from damperfit.identification.campaign import ProcedureInput
 from damperfit.identification.fit_setting import NOT_FIT_TO_SHARE, is_loose
-from damperfit.identification.procedures import with_first_beta
 from damperfit.queries.simulations import (
     choose_parameters,
     damper_of,
@@ -122,29 +119,6 @@ def test_one_setting_alone_tells_it() -> None:
     (fit,) = campaign.fits
     assert fit.parameters.beta == pytest.approx(BETA, rel=0.02)
     assert fit.status["beta"] is Status.FITTED
-
-
-@pytest.mark.parametrize(("reach", "asked"), [(2.9, False), (3.1, True)])
-def test_a_setting_is_asked_first_from_three_kelvin_on(reach: float, *, asked: bool) -> None:
-    seen = []
-
-    def fit(one):
-        seen.append(sorted(one.settings))
-        values = SimpleNamespace(beta=0.02)
-        done = SimpleNamespace(parameters=values, outcome=Outcome.CONVERGED)
-        return SimpleNamespace(fits=(done,))
-
-    start = FitOptions("plain", free=("r_m1", "beta"))
-    known = {setting: (20.0, 20.0 + reach * (setting < 5)) for setting in range(1, 6)}
-    traces = {
-        Setting.of(setting): tuple(SimpleNamespace(temperature=one) for one in ends)
-        for setting, ends in known.items()
-    }
-    given = ProcedureInput(traces, TRUTH, start, 1, lambda _: None, lambda: False)
-    found = with_first_beta(given, start, fit)
-    assert found.free == ("r_m1",)
-    assert dict(found.fixed) == {"beta": 0.02 if asked else 0.0}
-    assert seen == ([[Setting.of(k) for k in (1, 2, 3)]] if asked else [])  # three are enough
 
 
 def asked_for(*texts: str):
@@ -306,12 +280,6 @@ def test_a_log_drives_it_at_its_own_temperature_unless_another_is_asked(results)
     }
     assert peak[None] == peak["26degC"]
     assert peak["60degC"] < 0.95 * peak[None]
-
-
-def test_parameters_without_beta_follow_no_temperature() -> None:
-    choice = choose_parameters(1, table=None, replaced={})
-    with pytest.raises(ConfigurationError, match=r"reference_temperature: .* has no beta; leave"):
-        damper_of(choice, asked_for("mean"))
 
 
 def warmed_run(**identification):
