@@ -24,7 +24,7 @@ from damperfit.errors import (
     DamperfitError,
     refuse_wrong_arguments,
 )
-from damperfit.keywords import PYTHON_ONLY, Keyword, keyword_of, with_keywords
+from damperfit.keywords import Keyword, keyword_of, with_keywords
 from damperfit.problem import FilePlace, Option, Words
 
 if TYPE_CHECKING:
@@ -103,23 +103,22 @@ def reading_as(command: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
             bound = own.bind(*args, **kwargs)
             paths: dict[str, list[Any]] = {}
 
-            def read(name: str, value: Any) -> Any:
+            def read(name: str, given: Any) -> Any:
                 keyword = keyword_of(command, name)
-                if value is None or keyword is None or _is_of_python(command, name):
-                    return value
-                found = _read(keyword, value, Option(name))
-                if keyword.kind in {"path", "paths", "results", "table"}:
-                    given = value if isinstance(value, str | list) else found
-                    given = given if isinstance(given, list) else [given]
-                    paths[name] = [one for one in given if not isinstance(one, Mapping)]
-                return found
+                if given is None or keyword is None:
+                    return given
+                value = _read(keyword, given, Option(name))
+                if keyword.kind in {"path", "paths", "results"}:
+                    shown = given if isinstance(given, str | list) else value
+                    paths[name] = shown if isinstance(shown, list) else [shown]
+                return value
 
-            for name, value in list(bound.arguments.items()):
+            for name, given in list(bound.arguments.items()):
                 kind = own.parameters[name].kind
                 if kind is Parameter.VAR_KEYWORD:
-                    bound.arguments[name] = {key: read(key, one) for key, one in value.items()}
+                    bound.arguments[name] = {key: read(key, one) for key, one in given.items()}
                 elif kind is not Parameter.VAR_POSITIONAL:
-                    bound.arguments[name] = read(name, value)
+                    bound.arguments[name] = read(name, given)
             try:
                 return function(*bound.args, **bound.kwargs)
             except DamperfitError as error:
@@ -128,10 +127,6 @@ def reading_as(command: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
         return reading
 
     return decorated
-
-
-def _is_of_python(command: str, name: str) -> bool:
-    return bool({name, f"{command}.{name}"} & {*PYTHON_ONLY})
 
 
 def _given_by(error: DamperfitError, paths: Mapping[str, list[Any]]) -> DamperfitError:

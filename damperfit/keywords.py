@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 __all__ = [
     "PANELS",
     "PRESENTATION",
-    "PYTHON_ONLY",
     "Keyword",
     "keyword_of",
     "option_of",
@@ -32,7 +31,7 @@ PRESENTATION = (
     *("json", "quiet", "debug", "version", "log_file", "github_summary", "list"),
     *("color", "no_progress", "verbose"),
 )
-PYTHON_ONLY = ("damper", "watch", "stop", "on_law", "inspect.units")
+_OF_PYTHON = ("damper", "watch", "stop", "on_law", "inspect.units")
 # In the order of the help; what stands in none stands last, under "Options".
 PANELS = ("Logs", "Damper", "Rig", "Fit", "Motion", "Trust", "Gates", "Work", "Output", "Options")
 
@@ -273,6 +272,8 @@ def keyword_of(command: str, name: str) -> Keyword | None:
     >>> keyword_of("identify", "skew").key
     'rig.skew'
     """
+    if {name, f"{command}.{name}"} & {*_OF_PYTHON}:
+        return None
     return _keywords().get(f"{command}.{name}") or _keywords().get(name)
 
 

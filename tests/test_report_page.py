@@ -212,7 +212,7 @@ def test_a_value_at_a_bound_does_not_flatten_the_others(copy):
 
 def test_the_mean_residual_is_that_of_all_samples(folder):
     view = report_plots(Run.load(folder)).logs[0]
-    signals = replace(view.signals, force=view.signals.force_measured - 7.0)
+    signals = view.signals._replace(force=view.signals.force_measured - 7.0)
     moved = LogView(signals, view.facts, view.rows)
     plots = [plot for figure in LOG_FIGURES for plot in figure(moved, "a", "#000000")]
     (plot,) = (plot for plot in plots if plot.name == "a_residual")

@@ -18,7 +18,7 @@ from damperfit import __version__
 from damperfit.cli.completion import completion_of
 from damperfit.cli.console import say, set_colour, show_steps
 from damperfit.errors import ConfigurationError
-from damperfit.keywords import PANELS, PYTHON_ONLY, keyword_of, option_of
+from damperfit.keywords import PANELS, keyword_of, option_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -76,9 +76,7 @@ def command(
         typed.__doc__ = f"{summary}\n\nExample: damperfit {example}" if example else run.__doc__
         typed.__name__ = called
         parameters = [
-            _parameter(called, one)
-            for one in keywords
-            if not {one.name, f"{called}.{one.name}"} & {*PYTHON_ONLY}
+            _parameter(called, one) for one in keywords if keyword_of(called, one.name) is not None
         ]
         parameters += [of_presentation(one) for one in (*shown, *_OF_ALL)]
         if takes_context:
