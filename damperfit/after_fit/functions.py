@@ -56,6 +56,7 @@ def advise(  # noqa: PLR0913 - one keyword an option of the command line
     """
     from damperfit.after_fit.advise import Limits, Question
     from damperfit.after_fit.advise import advise as advised
+    from damperfit.queries.settings import positive
 
     if for_ is None:
         raise ConfigurationError(
@@ -65,8 +66,8 @@ def advise(  # noqa: PLR0913 - one keyword an option of the command line
         )
     run = run_of(results, "damperfit.advise", config)
     rig, tested = run.configuration.rig, run.tested
-    stroke = _size("max_stroke", max_stroke, "length") or rig.max_stroke or tested.stroke
-    speed = _size("max_speed", max_speed, "velocity") or rig.max_speed
+    stroke = positive(max_stroke, "length", "max_stroke") or rig.max_stroke or tested.stroke
+    speed = positive(max_speed, "velocity", "max_speed") or rig.max_speed
     speed = speed or _FASTER * (tested.speed or 0.0)
     if not stroke or not speed:
         raise ConfigurationError(
@@ -77,9 +78,9 @@ def advise(  # noqa: PLR0913 - one keyword an option of the command line
     limits = Limits(
         min(stroke, _OF_TRAVEL * run.damper.travel),
         speed,
-        _size("max_force", max_force, "force") or rig.max_force or math.inf,
-        _size("max_frequency", max_frequency, "frequency") or rig.max_frequency or _FASTEST,
-        _size("minutes", minutes) or 0.0,
+        positive(max_force, "force", "max_force") or rig.max_force or math.inf,
+        positive(max_frequency, "frequency", "max_frequency") or rig.max_frequency or _FASTEST,
+        _above_zero("minutes", minutes),
     )
     return advised(run, Question.of(for_), limits, _settings(run, setting))
 
@@ -102,8 +103,9 @@ def valves(
         Of any model with orifices or preloaded valves; the reference is an earlier run.
     """
     from damperfit.after_fit.valves import read_valves
+    from damperfit.queries.settings import positive
 
-    if _size("cd", cd) and not 0.0 <= cd_spread < cd:
+    if not 0.0 <= cd_spread < _above_zero("cd", cd):
         raise ConfigurationError(
             f"expected 0 or more, and less than the coefficient, {cd:g}",
             where=Option("cd_spread", cd_spread),
@@ -114,7 +116,7 @@ def valves(
         run,
         discharge=cd,
         discharge_spread=cd_spread,
-        seat=_size("seat", seat, "length"),
+        seat=positive(seat, "length", "seat"),
         reference=_reference(reference, "damperfit.valves", run.damper.name),
     )
 
@@ -308,15 +310,9 @@ def _settings(run: Run, setting: str | None) -> tuple[SettingResult, ...]:
         raise ConfigurationError(str(error), where=Option("setting", setting)) from None
 
 
-def _size(name: str, given: object, dimension: str = "") -> float | None:
-    """Read a number above 0, of a dimension or plain; of None None."""
-    from damperfit.units.quantities import parse_quantity
-
-    if given is None:
-        return None
-    value = parse_quantity(str(given), dimension, option=Option(name)) if dimension else given
-    if not 0.0 < float(str(value)) < math.inf:
+def _above_zero(name: str, given: float) -> float:
+    if not 0.0 < given < math.inf:
         raise ConfigurationError(
-            "expected more than 0", where=Option(name, given), code="not-above-0"
+            "expected more than 0", where=Option(name, given), code="out-of-range"
         )
-    return float(str(value))
+    return given

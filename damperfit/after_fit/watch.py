@@ -109,7 +109,10 @@ def answers(
     for paths in arrivals(folder, own, stop):
         for path in paths:
             name = str(path.relative_to(folder))
-            original = first.setdefault(sha256_of(path), path)
+            try:
+                original = first.setdefault(sha256_of(path), path)
+            except OSError:  # it has gone
+                continue
             if original != path and original.exists():
                 why = f"the same log as {original.relative_to(folder)}; not fitted again"
                 yield Arrival(path, None, f"{name}: {why}", why)
