@@ -34,6 +34,9 @@ class Arrival(NamedTuple):
     forces: tuple[dict[str, Any], ...] = ()
     remarks: tuple[str, ...] = ()  # in what it is unlike the reference
 
+    def __repr__(self) -> str:
+        return self.sentence
+
     def document(self) -> dict[str, Any]:
         """Return all of it as JSON values; what is not known is null."""
         found = () if self.run is None else self.run.settings[:1]

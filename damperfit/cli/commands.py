@@ -213,25 +213,23 @@ def models(how: Shown, **given: Any) -> int:
 
     Example: damperfit models runs/*.csv --config damper.toml --hold-out '*_check.csv'
     """
-    from damperfit.reporting.laws import chosen_sheet, rival_sheet, tried_laws_sheet
-
     choice = api.models(**given, on_law=lambda title: _done(how, f"tried {title}"))
     _tell(how, notes=(*choice.assumed, *choice.remarks))
     say_failures(choice.failures, is_debug=how.debug)
-    document, code = choice.document(), int(bool(choice.failures or choice.lost))
+    code = int(bool(choice.failures or choice.lost))
     if how.json:
-        print_json(document)
+        print_json(choice.document())
         return code
-    print_table(tried_laws_sheet(document, is_narrow=True))
+    tried, chosen, rivals = choice.sheets()
+    print_table(tried)
     reasons = (f"{law.tried.title}: {law.reason}" for law in choice.search.laws)
-    sentences = " ".join((f"The logs support {choice.supported}.", *choice.sentences))
-    print_lines(["", *wrapped(*reasons), "", *wrapped(sentences), ""])
-    print_table(chosen_sheet(choice.fits))
+    print_lines(["", *wrapped(*reasons), "", *wrapped(choice.sentence), ""])
+    print_table(chosen)
     if choice.undecided:
         print_lines(["", "What these logs leave open:", *wrapped(*choice.undecided)])
-    if choice.rivals:
+    if rivals.rows:
         print_lines([""])
-        print_table(rival_sheet(document))
+        print_table(rivals)
     if choice.lost:
         from damperfit.identification.sharing import of_settings
 

@@ -20,12 +20,12 @@ class Answer:
     ----------
     sentence : str
         The answer in words; empty: the tables are the answer.
-    remarks : tuple of str
+    remarks : tuple
         What to know of it, a sentence each.
     """
 
     sentence: str = ""
-    remarks: tuple[str, ...] = ()
+    remarks: tuple[object, ...] = ()
 
     def sheets(self) -> Sequence[Sheet]:
         """Return its tables."""
@@ -41,5 +41,5 @@ class Answer:
         return "\n\n".join(filter(None, (self.sentence, *tables, "\n".join(notes))))
 
     def _repr_html_(self) -> str:
-        texts = [f"<p>{escape(text)}</p>" for text in (self.sentence, *self.remarks) if text]
+        texts = [f"<p>{escape(str(text))}</p>" for text in (self.sentence, *self.remarks) if text]
         return "".join([*texts, *(html_table(sheet) for sheet in self.sheets() if sheet.rows)])

@@ -21,7 +21,15 @@ from damperfit.laws.rivals import rank_rivals, yielding_seen
 from damperfit.laws.search import follows_by_scope, search_laws
 from damperfit.laws.structures import LAYOUTS
 from damperfit.problem import failure_lines
-from damperfit.reporting.laws import chosen_records, rival_records, tried_law_records
+from damperfit.reporting.answer import Answer
+from damperfit.reporting.laws import (
+    chosen_records,
+    chosen_sheet,
+    rival_records,
+    rival_sheet,
+    tried_law_records,
+    tried_laws_sheet,
+)
 from damperfit.run.identify import gather
 from damperfit.run.parting import by_damper, prepare
 from damperfit.workers import available_cores
@@ -35,6 +43,7 @@ if TYPE_CHECKING:
     from damperfit.identification.sharing import Follows
     from damperfit.laws.law_fit import JudgedLaw, LawFit, LawSearch, Tried
     from damperfit.problem import Failure, Problem
+    from damperfit.reporting.sheet import Sheet
     from damperfit.run.logs import LogBatch
     from damperfit.tested.setting import Setting
 
@@ -242,8 +251,8 @@ def ties_of(
 # Logs in, the law that they tell out: a search on few settings, the chosen law at all of them.
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class LawChoice:
+@dataclass(frozen=True, eq=False, repr=False)
+class LawChoice(Answer):
     """What was tried, and the chosen law at every setting.
 
     Attributes
@@ -302,6 +311,17 @@ class LawChoice:
             return ()
         said = yielding_seen(self.search, self.fits)
         return said or physics_seen(self.fits, self.layouts_alike)
+
+    @property
+    def sentence(self) -> str:  # type: ignore[override]
+        """What the logs support, and the physics that it sees."""
+        return " ".join((f"The logs support {self.supported}.", *self.sentences))
+
+    def sheets(self) -> tuple[Sheet, ...]:
+        """Return the laws that were tried, the chosen one by setting, models of the literature."""
+        document = self.document()
+        tried = tried_laws_sheet(document, is_narrow=True)
+        return (tried, chosen_sheet(self.fits), rival_sheet(document))
 
     def document(self) -> dict[str, Any]:
         """Return all of it as JSON values, as it stands in run.json."""
