@@ -9,6 +9,7 @@ import sys
 import pytest
 
 import damperfit
+from damperfit.keywords import keyword_of
 from tests.manual.generated import PAGES, ROOT
 
 pytestmark = pytest.mark.extras
@@ -40,7 +41,7 @@ def test_the_api_has_its_keywords(site) -> None:
     page = (site / "api.html").read_text(encoding="utf-8")
     for name in set(dir(damperfit)) - {"__version__"}:
         assert re.search(rf'id="damperfit\.[\w.]*\.{name}"', page), name
-    assert "Predict these logs instead of fitting them" in page  # of hold_out, told in keywords.py
+    assert keyword_of("identify", "hold_out").help[:30] in page  # which no docstring has
 
 
 def test_nothing_is_fetched_from_another_host(site) -> None:
