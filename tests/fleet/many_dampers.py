@@ -2,7 +2,6 @@
 
     python -m tests.fleet.many_dampers FOLDER --dampers 1000          # 20 000 logs, and their fit
     python -m tests.fleet.many_dampers FOLDER --dampers 25 --only-make
-    python -m tests.fleet.many_dampers FOLDER --dampers 6 --in-process   # what a process costs
 
 A damper is one of `KINDS` dampers whose valves differ by a few per cent, with noise of its own, a
 serial number and a date. What is there is not made again. Linux only: memory is read off /proc.
@@ -93,36 +92,6 @@ def measure(*arguments: str) -> Use:
     return Use(code, peak / 1024, spent, time.perf_counter() - begin)
 
 
-def measure_in_process(logs: Path, n_dampers: int, n_settings: int) -> str:
-    """Return what the first damper costs a process, and each log of the others."""
-    code = (
-        "import time, sys, tempfile\n"
-        "from pathlib import Path\n"
-        "from damperfit.configuration.loading import load_configuration\n"
-        "from damperfit.fleets.run import planned, run_fleet\n"
-        "from tests.fleet.conftest import Here\n"
-        "options, out = load_configuration(None), Path(tempfile.mkdtemp())\n"
-        "tasks = planned(options, [sys.argv[1]], out)[: int(sys.argv[2])]\n"
-        "list(run_fleet(options, tasks[:1], out, Here()))\n"
-        "first = time.process_time()\n"
-        "list(run_fleet(options, tasks[1:], out, Here()))\n"
-        "print(first, time.process_time() - first)\n"
-    )
-    told = subprocess.run(
-        [sys.executable, "-c", code, str(logs), str(n_dampers)],
-        env={**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"},
-        check=True,
-        capture_output=True,
-        text=True,
-    )
-    first, others = map(float, told.stdout.split())
-    each = others / (n_settings * (n_dampers - 1))
-    return (
-        f"{1000.0 * each:.0f} ms of processor a log; a new process {first - n_settings * each:.1f} "
-        "s before that, for imports and first calls"
-    )
-
-
 def main() -> None:
     """Run from the command line."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
@@ -132,10 +101,7 @@ def main() -> None:
     parser.add_argument("--cycles", type=float, default=5.0)
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--only-make", action="store_true")
-    parser.add_argument("--in-process", action="store_true")
     chosen = parser.parse_args()
-    if chosen.in_process and chosen.dampers < 2:
-        parser.error("--in-process needs two dampers: the second tells what a log costs")
     settings = tuple(range(1, chosen.settings + 1))
     logs = chosen.folder / "logs"
     act = partial(make_damper, folder=logs, settings=settings, cycles=chosen.cycles)
@@ -144,9 +110,7 @@ def main() -> None:
             raise SystemExit(f"damper {number}: {found!r}")
     n_logs = chosen.dampers * chosen.settings
     print(f"{n_logs} logs in {logs}", flush=True)
-    if chosen.in_process:
-        print(measure_in_process(logs, chosen.dampers, chosen.settings))
-    elif not chosen.only_make:
+    if not chosen.only_make:
         out = str(chosen.folder / "fleet")
         for _ in range(2):  # the second one finds everything done
             found = measure("fleet", str(logs), "--out", out, "--jobs", str(chosen.jobs), "-q")
