@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-from pathlib import Path
 
 import pandas as pd
 import pyarrow as pa
@@ -76,18 +75,20 @@ def test_rows_stand_by_serial_number(tmp_path):
     assert [line.split(",")[0] for line in lines] == ["serial", "D1", "D2", "D10"]
 
 
-def test_a_part_of_the_same_log_replaces_the_earlier_one(tmp_path):
-    write_part(part_path(tmp_path, "D1", "old"), rows(1.0), facts("x", "y"))
-    write_part(part_path(tmp_path, "D1", "new"), rows(2.0), facts("y", "z"))
+@pytest.mark.parametrize(
+    ("first", "second", "left"),
+    [
+        (("D1", facts("x", "y")), ("D1", facts("y", "z")), ["new"]),  # a log in common
+        (("D1", facts("x", places=("/a",))), ("D2", facts("y", places=("/a",))), ["new"]),
+        (("D1", facts("x", places=("/a",))), ("D1", facts("y", places=("/b",))), ["new", "old"]),
+        (("D1", facts("x", places=("/a",))), ("D2", facts("x", places=("/b",))), ["old", "new"]),
+    ],
+)
+def test_a_part_of_the_same_log_or_place_replaces_the_earlier_one(tmp_path, first, second, left):
+    for (owner, known), key in ((first, "old"), (second, "new")):
+        write_part(part_path(tmp_path, owner, key), rows(1.0), known)
     forget_earlier(tmp_path)
-    assert [path.name for path in parts_in(tmp_path)] == ["part-new.parquet"]
-
-
-def test_equal_logs_of_two_dampers_are_two_results(tmp_path):
-    for owner in ("D1", "D2"):
-        write_part(part_path(tmp_path, owner, "k"), rows(1.0), facts("x", places=(owner,)))
-    forget_earlier(tmp_path)
-    assert len(parts_in(tmp_path)) == 2
+    assert [path.stem.removeprefix("part-") for path in parts_in(tmp_path)] == left
 
 
 def test_the_part_that_was_right_last_stays(tmp_path):
@@ -105,20 +106,6 @@ def test_a_name_that_no_disk_takes_is_shortened_or_spelled(tmp_path, owner):
     (part,) = parts_in(tmp_path)
     assert len(part.parent.name.encode()) < 256
     assert part_path(tmp_path, owner[:-1], "k") != part
-
-
-def test_a_part_of_the_same_place_replaces_the_earlier_one(tmp_path):
-    write_part(part_path(tmp_path, "D1", "old"), rows(1.0), facts("x", places=("/a.csv",)))
-    write_part(part_path(tmp_path, "D2", "new"), rows(2.0), facts("y", places=("/a.csv",)))
-    forget_earlier(tmp_path)
-    assert [path.name for path in parts_in(tmp_path)] == ["part-new.parquet"]
-
-
-def test_another_test_of_the_same_damper_stays(tmp_path):
-    write_part(part_path(tmp_path, "D1", "june"), rows(1.0), facts("x", places=("/june.csv",)))
-    write_part(part_path(tmp_path, "D1", "july"), rows(2.0), facts("y", places=("/july.csv",)))
-    forget_earlier(tmp_path)
-    assert len(parts_in(tmp_path)) == 2
 
 
 def test_what_cannot_be_written_leaves_nothing(tmp_path, monkeypatch):
@@ -184,7 +171,3 @@ def test_a_part_carries_its_page_checksums(tmp_path):
     path.write_bytes(bytes(data))
     with pytest.raises((OSError, pa.ArrowInvalid)):
         pq.ParquetFile(path, page_checksum_verification=True).read()
-
-
-def test_the_example_of_the_readme_stands(tmp_path):
-    assert part_path(Path("out"), "D003", "KEY") == Path("out/serial-D003/part-KEY.parquet")
