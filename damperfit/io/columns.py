@@ -25,7 +25,7 @@ OWN_TIME = "time of "  # and the name of the channel that it is of
 _WORDS = {
     "time": (
         "time", "times", "t", "elapsed", "seconds", "timestamp", "timestamps", "datetime", "zeit",
-        "uhrzeit", "temps", "tempo", "tiempo",
+        "uhrzeit", "temps", "tempo", "tiempo", "millis", "micros",
     ),
     "displacement": (
         "displacement", "disp", "position", "pos", "stroke", "travel", "extension", "x",

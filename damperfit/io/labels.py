@@ -91,16 +91,6 @@ class Guess:
     adjusters: tuple[str, ...] = ()
     pattern: str = ""
 
-    @property
-    def sentence(self) -> str:
-        """The guess in the words of the command line."""
-        return "" if self.said is None else str(self.said)
-
-    @property
-    def advice(self) -> str:
-        """What to declare, in the words of the command line."""
-        return "" if self.way is None else str(self.way)
-
 
 class _Field(NamedTuple):
     """One number in names that differ in numbers alone."""
@@ -128,7 +118,7 @@ def guess_settings(names: Iterable[str]) -> Guess:
     >>> guess = guess_settings(["D7_C02.csv", "D7_C08.csv"])
     >>> guess.settings["D7_C08.csv"].cell
     8
-    >>> guess.sentence.endswith("--rig 'setting_pattern=C(?P<setting>\\d+)'")
+    >>> str(guess.said).endswith("--rig 'setting_pattern=C(?P<setting>\\d+)'")
     True
     """
     kinds = _kinds(names)

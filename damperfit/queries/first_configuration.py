@@ -81,12 +81,12 @@ def guess_from_logs(logs: Sequence[Path], model: str, given: Mapping[str, str]) 
     guess = guess_settings(path.name for path in logs)
     if guess.settings and any(one is None for one in said):
         rig["setting_pattern"] = guess.pattern
-        why.append(guess.sentence.partition(";")[0])
+        why.append(str(guess.said).partition(";")[0])
     elif guess.adjusters and any(one is None for one in said):
         rig["setting_pattern"] = guess.pattern
         why.append(f"the names differ in the places of {' and '.join(guess.adjusters)}")
     elif recordings and any(one is None for one in said):
-        offered = f": {guess.advice}" if guess.advice else ""
+        offered = f": {guess.way}" if guess.way else ""
         unknown.append(
             "the logs do not say their setting: name them setting_10.csv, write '# setting: 10' "
             f"into them, or give a table tests.csv or rig.setting_pattern{offered}"

@@ -163,8 +163,8 @@ def test_what_differs_is_the_setting(names, cells, pattern) -> None:
     guess = guess_settings(names)
     if cells:
         assert [guess.settings[name].places[0][1] for name in names] == cells
-        assert "guessed from the file names" in guess.sentence
-        assert guess.sentence.endswith(f"--rig 'setting_pattern={pattern}'")
+        assert "guessed from the file names" in str(guess.said or "")
+        assert str(guess.said or "").endswith(f"--rig 'setting_pattern={pattern}'")
         # What is to be copied finds the same.
         found = [float(list(re.finditer(pattern, name))[-1]["setting"]) for name in names]
         assert found == cells
@@ -195,9 +195,9 @@ def test_what_differs_is_the_setting(names, cells, pattern) -> None:
 def test_a_choice_is_no_guess(names) -> None:
     guess = guess_settings(names)
     assert guess.settings == {}
-    assert guess.sentence == ""
+    assert str(guess.said or "") == ""
     has_number = any(re.search(r"\d", name) for name in names)
-    assert bool(guess.advice) is has_number
+    assert bool(str(guess.way or "")) is has_number
 
 
 @pytest.mark.parametrize(
@@ -233,8 +233,8 @@ def test_two_adjusters_are_offered_a_pattern_for_both(names, declared, pattern, 
     """The pattern to copy read one of the two; R12C08 was taken for C alone, R 12 for degrees."""
     guess = guess_settings(names)
     assert guess.settings == {}
-    assert f"[adjusters] {declared}" in guess.advice
-    assert guess.advice.endswith(f"--rig 'setting_pattern={pattern}'")
+    assert f"[adjusters] {declared}" in str(guess.way or "")
+    assert str(guess.way or "").endswith(f"--rig 'setting_pattern={pattern}'")
     found = [re.search(pattern, name, re.IGNORECASE) for name in names]
     assert [match.groups() for match in found] == places
 
@@ -252,7 +252,7 @@ def test_two_adjusters_are_offered_a_pattern_for_both(names, declared, pattern, 
     ],
 )
 def test_numbers_without_names_of_their_own_are_counted(names, declared) -> None:
-    assert f"[adjusters] {declared}," in guess_settings(names).advice
+    assert f"[adjusters] {declared}," in str(guess_settings(names).way or "")
 
 
 @pytest.mark.parametrize(("name", "number"), [("s123_x02.csv", "123"), ("s1234_x02.csv", "")])
@@ -288,7 +288,7 @@ def test_s_is_no_setting_for_certain_where_other_numbers_differ(names, is_unclea
 def test_clicks_and_a_speed_are_asked_about_with_a_pattern_for_the_clicks() -> None:
     clicks = ("2_2_8_4", "2_9_8_5", "4_9_3_4")
     names = [f"t1_{one}_s{s}_100psi.csv" for one in clicks for s in (1, 5)]
-    advice = guess_settings(names).advice
+    advice = str(guess_settings(names).way or "")
     assert '[adjusters] a = "", b = "", c = "", d = ""' in advice
     pattern = r"^t\d+_(?P<a>\d+)_(?P<b>\d+)_(?P<c>\d+)_(?P<d>\d+)"
     assert advice.endswith(f"--rig 'setting_pattern={pattern}'")
@@ -341,9 +341,9 @@ def test_a_word_or_a_sign_is_asked_about_with_an_option_to_copy(names, pattern, 
     guess = guess_settings(names)
     assert not guess.settings
     if pattern is not None:
-        assert guess.advice == (f"--rig 'setting_pattern={pattern}'" if pattern else "")
+        assert str(guess.way or "") == (f"--rig 'setting_pattern={pattern}'" if pattern else "")
     if finds:
-        copied = re.search("setting_pattern=(.*)'", guess.advice)[1]
+        copied = re.search("setting_pattern=(.*)'", str(guess.way or ""))[1]
         assert [re.search(copied, name)["setting"] for name in names] == finds
 
 
