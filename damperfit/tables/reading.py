@@ -34,7 +34,8 @@ from damperfit.tested.setting import Setting, parse_place
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
-    from pathlib import Path
+    from itertools import pairwise
+from pathlib import Path
 
     from numpy.typing import NDArray
 
@@ -219,19 +220,26 @@ def read_signals(
             for group in range(file.num_row_groups):
                 try:
                     table = file.read_row_group(group, columns=[*wanted, *adjusters])
-                    row = table.select(["setting", "log", *adjusters]).slice(0, 1).to_pylist()[0]
-                    setting = read_setting(row, adjusters) or Setting.of(0)
                 except _BROKEN as error:
                     remarks.append(f"{path.name}: log {group + 1} is damaged: {_reason(error)}")
                     continue
-                signals = (np.asarray(table.column(name).to_numpy()) for name in _SIGNALS)
-                time, x, v, measured, force, *pressures = signals
-                log, stacked = str(row["log"]), np.stack(pressures)
-                yield LogSignals(setting, log, time, x, v, measured, force, stacked)
+                yield from _each_log(table, adjusters)
     except FileNotFoundError:
         remarks.append(f"{path.name} is missing: no loops")
     except _BROKEN as error:
         remarks.append(f"{path.name} cannot be read: {_reason(error)}")
+
+
+def _each_log(table: pa.Table, adjusters: Sequence[str]) -> Iterator[LogSignals]:
+    """Yield the logs of a row group: one as we write it, several where another program did."""
+    keys = table.select(["setting", "log", *adjusters]).to_pylist()
+    edges = [k for k in range(1, len(keys)) if keys[k] != keys[k - 1]]
+    signals = [np.asarray(table.column(name).to_numpy(), dtype=np.float64) for name in _SIGNALS]
+    for first, stop in pairwise([0, *edges, len(keys)] if keys else []):
+        time, x, v, measured, force, *pressures = (signal[first:stop] for signal in signals)
+        setting = read_setting(keys[first], adjusters) or Setting.of(0)
+        log, stacked = str(keys[first]["log"]), np.stack(pressures)
+        yield LogSignals(setting, log, time, x, v, measured, force, stacked)
 
 
 # A table of parameters, of a run or of somebody's own
