@@ -11,6 +11,7 @@ import csv
 import json
 from base64 import b64decode, b64encode
 from io import StringIO
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 from urllib.parse import unquote
 from zlib import compress, decompress
@@ -34,8 +35,7 @@ from damperfit.tested.setting import Setting, parse_place
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
-    from itertools import pairwise
-from pathlib import Path
+    from pathlib import Path
 
     from numpy.typing import NDArray
 
