@@ -41,6 +41,8 @@ _INNER_DIMENSIONS = {
     "play": "length",
     "lag": "time",
     "moving_mass": "mass",
+    "rubber": "force",
+    "rubber_bend": "displacement",
     "presliding": "length",
     "breakaway": "force",
     "stribeck_speed": "velocity",

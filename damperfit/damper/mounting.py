@@ -3,10 +3,11 @@
 Mounting. Rod ends, frame and load cell give by 1/k_s in series with the damper (125 to 1900 N/mm
 are found on rigs), joints have play (0.3 to 2 mm), and the force channel may be late (a first-order
 filter of 8 to 14 ms is found). Without them soft oil, friction and even a blow-off are invented to
-take their place. At one frequency a lag and an elasticity look alike; several speeds part them. A
-load cell at the end that moves also reads what it takes to move the mass between it and the damper:
-8 N a kilogram at 3 Hz and 22 mm, 21 N at 10 Hz and 5.4 mm. At one frequency that looks like a
-softer gas spring.
+take their place. Rubber holds a force beside that spring, whichever way it was bent last, over 0.1
+to 2 mm: a hysteresis that does not ask for the speed. At one frequency a lag and an elasticity look
+alike; several speeds part them. A load cell at the end that moves also reads what it takes to move
+the mass between it and the damper: 8 N a kilogram at 3 Hz and 22 mm, 21 N at 10 Hz and 5.4 mm. At
+one frequency that looks like a softer gas spring.
 
 Friction of seals and bearings beyond Coulomb's. While it slides it is
 f_f + f_b exp(-(v/v_s)^2) + a_s P_1: Coulomb's, what it has more at rest (Stribeck), and what the
@@ -33,6 +34,16 @@ _OF_MOUNTING: dict[str, Quantity] = {
         (1e3, 1e10), scope=RIG, power=3, shown_unit="N/mm", believable=(2e4, math.inf),
         belief="rigs have 125 to 1900 N/mm", ideal=0.0,  # the core's rigid one
         idle="above",
+    ),
+    "rubber": Quantity(
+        "rubber", "f_m", "rubber of the mounting", "force that a mounting of rubber holds", "N",
+        (1e-2, 1e5), scope=RIG, may_vanish=True, shown_unit="N", believable=(0.0, 2e3),
+        belief="rubber of mountings holds up to a tenth of the force", ideal=0.0, idle="below",
+    ),
+    "rubber_bend": Quantity(
+        "rubber_bend", "s_m", "bend of the rubber", "stretch over which rubber turns", "m",
+        (1e-6, 1e-2), scope=RIG, power=-3, shown_unit="mm", believable=(0.0, 3e-3),
+        belief="rubber turns within 0.1 to 2 mm", idle="above below",
     ),
     "play": Quantity(
         "play", "play", "play", "whole gap of the joints", "m", (1e-6, 1e-2), scope=RIG,
@@ -128,16 +139,29 @@ class Mounting(_Parts):
     moving_mass : str or float
         Of what moves between load cell and damper, the moving part of the damper included: "none",
         "fit", or kg.
+    rubber, rubber_bend : str or float
+        Force that rubber holds whichever way it was bent last, and the stretch over which it turns:
+        "none", "fit", or N and m.
     """
 
     series_stiffness: str | float = FIT
     play: str | float = NONE
     lag: str | float = NONE
     moving_mass: str | float = NONE
+    rubber: str | float = NONE
+    rubber_bend: str | float = NONE
 
     def __post_init__(self) -> None:
         """Refuse what no mounting is."""
         self._check(_OF_MOUNTING)
+        is_rubber = self.rubber != NONE
+        is_held = self.series_stiffness != NONE
+        if is_rubber is not (self.rubber_bend != NONE) or (is_rubber and not is_held):
+            raise ConfigurationError(
+                "rubber and rubber_bend are two numbers of one thing beside a series stiffness: "
+                "set both, each to 'fit' or to a value, or neither",
+                subject="rubber",
+            )
         if self.play != NONE and self.series_stiffness == NONE:
             raise ConfigurationError(
                 "play needs a series stiffness that takes the force once the gap is closed: "

@@ -33,6 +33,9 @@ is stretched by more than half the play. The piston is then where the forces bal
     k_s dz(x - y) = P_1 a_p1 - P_2 a_p2 + a_r P_amb + f_f sgn(dy/dt) + drag dy/dt
     dz(u) = u - clip(u, +-play/2)
 
+Rubber beside the spring holds some force whichever way it was bent last: it pulls with
+rubber z as well, dz/du = (1 - z sgn(du/dt))/rubber_bend, u = x - y.
+
 and what the load cell reads is the left side. ``k_s`` 0 is a rigid mounting without play.
 
 Friction is Coulomb's unless more is said of it::
@@ -102,11 +105,12 @@ __all__ = [
 BODY_NUMBERS = (
     "k_e", "free_gas", "f_f", "f_0", "gas_pressure", "gas_exponent", "gas_volume", "k_s", "play",
     "drag", "presliding", "breakaway", "stribeck_speed", "seal_area", "turning_speed",
+    "rubber", "rubber_bend",
 )  # fmt: skip
 _NEEDED = {"k_e", "f_f"}  # the others are the damper's or nothing
 
 # What the compiled core has room for (core/network.h).
-_MOST_PASSAGES, _MOST_NUMBERS = 16, 45
+_MOST_PASSAGES, _MOST_NUMBERS = 16, 47
 
 ROOT, LINEAR = "s sqrt(N)/(m kg)", "N s/(m2 kg)"
 _SHOWN = {ROOT: (3, "10³ s √N / (m kg)"), LINEAR: (6, "10⁶ N s / (m² kg)"), "Pa": (5, "bar")}
@@ -266,7 +270,7 @@ class Network:
     name : str
         Name of the layout.
     passages : tuple of Passage
-        1 to 16, with at most 45 numbers, the 15 of the body included.
+        1 to 16, with at most 47 numbers, the 17 of the body included.
     has_floating_piston : bool
         Chamber 2 is at the gas pressure: a monotube, whose piston parts oil and gas.
     ambient_pressure : float

@@ -6,6 +6,7 @@ logarithm, and its role; its name says nothing to anyone but its model.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 __all__ = [
@@ -153,6 +154,12 @@ class Quantity:
         """Return the edge that a value has reached: "below", "above", or "" within the range."""
         low, high = self.plausible
         return "below" if value <= low else "above" if value >= high else ""
+
+    def away_from_default(self, value: float) -> float:
+        """Return how many times its `ignorance` a value is away from the default."""
+        assert self.default is not None
+        known = value - self.default if self.may_vanish else math.log(value / self.default)
+        return known / self.ignorance
 
     def beside(self, part: str) -> str:
         """Return the name of another number of the same valve."""

@@ -86,7 +86,7 @@ _PLAY, _LAG, _MASS, _DRAG, _FRICTION = 3e-4, 5e-3, 0.5, 10.0, 0.01
 # of 18 mm/s, for friction that turns so early hardly changes with it.
 _RARE = {
     "free_gas": 5e-3, "presliding": 3e-5, "breakaway": 10.0, "stribeck_speed": 0.02,
-    "seal_area": 3e-6, "turning_speed": 1e-2,
+    "seal_area": 3e-6, "turning_speed": 1e-2, "rubber": 20.0, "rubber_bend": 3e-4,
 }  # fmt: skip
 # Offset, N, and share of half the force's range that is friction, at which the loops are read. Of
 # themselves they take hardly any friction, with which a weak stroke is read wrong: seals have 3 to

@@ -46,7 +46,12 @@ _MAX_STEPS = 10_000
 _TOLERANCE_OF_VALVES = 0.03
 # What is the rig's, in the order of reading.c: by the name of its quantity.
 _RIG = ("k_s", "play", "f_0", "lag", "moving_mass")
-_RIG_NUMBERS = ("k_s", "play")  # of them those that the core has among its numbers
+_RIG_NUMBERS = (
+    "k_s",
+    "play",
+    "rubber",
+    "rubber_bend",
+)  # of them those that the core has among its numbers
 # Geometry and oil, in the order of reading.c.
 _OF_PAPER = (
     *("annulus_area", "piston_area", "rod_area", "chamber_1_volume", "chamber_2_volume"),

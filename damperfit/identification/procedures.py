@@ -276,6 +276,11 @@ def _way_of(given: ProcedureInput) -> tuple[Way | None, tuple[str, ...]]:
         # What is neither shared nor fixed is the settings' own: R_m3 or f_f too.
         own = given.ordered(options.free or [name for name in wanted if name not in shared])
         return Way(own, shared, {}), given.ordered({*own, *shared})
+    if options.start.is_of_one_model and options.share and not options.is_detecting:
+        shared = given.ordered(options.share)
+        own = given.ordered(options.free or ())
+        way = Way(own, shared, options.follows, is_detected=bool(options.follows), is_general=True)
+        return way, given.ordered({*own, *shared})
     moving = given.ordered({*(options.free or wanted), *options.follows})
     if not options.follows:
         return None, moving

@@ -155,6 +155,8 @@ def physics_seen(fits: Sequence[LawFit | SeenAt], layouts: Sequence[str] = ()) -
     beside = (
         ("k_s", 1e-3, "{} N/mm of elasticity in series with the damper"),
         ("play", 1e3, "{} mm of play at the joints"),
+        ("rubber", 1.0, "rubber in the mounting holds {} N, whichever way it was bent last"),
+        ("rubber_bend", 1e3, "that rubber turns over {} mm of stretch"),
         ("lag", 1e3, "the force is read {} ms late"),
         ("moving_mass", 1.0, "a mass of {} kg moves between load cell and damper"),
         *((one.name, 1.0, "{} N of friction") for one in model.quantities if one.is_friction),
@@ -462,6 +464,8 @@ def _asked(fit: LawFit, name: str, tests: _Tests) -> tuple[str, str] | None:
     known = {
         "k_s": ("how much the mounting gives", bar),
         "play": ("how much play there is", bar),
+        "rubber": ("what the rubber of the mounting holds", bar),
+        "rubber_bend": ("over which stretch the rubber turns", bar),
         "lag": ("how late the force is", tests.faster),
         "moving_mass": ("which mass moves with the load cell", tests.faster),
         "drag": ("the drag of the seals", tests.slower),

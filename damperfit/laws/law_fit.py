@@ -534,6 +534,8 @@ class LawSearch:
     offsets : mapping of str to float
         By name of a log, N: by how much its force lies beside that of the other logs of its
         setting, whose offset is fitted. A cell is zeroed anew.
+    follows : mapping of str to tuple of str
+        Adjusters that what is free follows, of one model; what is not named has one value.
     """
 
     laws: tuple[JudgedLaw, ...]
@@ -546,3 +548,4 @@ class LawSearch:
     is_held_by_some: bool = False
     doubt: str = ""
     offsets: Mapping[str, float] = field(default_factory=dict)
+    follows: Mapping[str, tuple[str, ...]] = field(default_factory=dict)

@@ -91,6 +91,12 @@ class OneModel:
         return self.misfits[self.settings[0]].free
 
     @property
+    def own(self) -> tuple[str, ...]:
+        """What is free, and each setting's own."""
+        adjusters = self.settings[0].adjusters
+        return tuple(name for name in self.free if self.follows.get(name) == adjusters)
+
+    @property
     def unknowns(self) -> tuple[Unknown, ...]:
         """What is found, quantity by quantity."""
         return unknowns_of(self.free, self.follows, self.settings)

@@ -18,7 +18,12 @@ held-out MSE h (per cent of the variance)::
 n is the effective number of samples of what the largest structure leaves (`effective_samples`), n_k
 that of all settings that a number is in, m_0
 a misfit below which nothing is told apart, h_0 the same of a prediction, p the number of parts that
-a damper or its rig may well be without. A friction that seals hardly have costs a little, too.
+a damper or its rig may well be without. A friction that seals hardly have costs a little, too, and
+so does a default that is freed and runs far away.
+
+What is neither the damper's nor the rig's is each setting's own, until the logs bear out that it
+follows one adjuster, or none (`_Linear`): before parts are removed, for they may be worth their
+numbers where these are fewer.
 """
 
 from __future__ import annotations
@@ -40,6 +45,7 @@ from damperfit.identification.blas_threads import one_blas_thread
 from damperfit.identification.fit_problem import LawMisfit
 from damperfit.identification.least_squares import Stopping
 from damperfit.identification.log_facts import effective_samples
+from damperfit.identification.sharing import unknown_at
 from damperfit.identification.starts import spread_starts
 from damperfit.laws.law_fit import (
     ENOUGH_PERCENT,
@@ -75,22 +81,28 @@ from damperfit.workers import executor
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
+    from numpy.typing import NDArray
+
+    FloatArray = NDArray[np.float64]
+
     from damperfit.damper.model import Model, Values
     from damperfit.damper.valves import ValveReading
     from damperfit.identification.least_squares import Minimum
-    from damperfit.identification.sharing import Follows
+    from damperfit.identification.sharing import Follows, Unknown
     from damperfit.laws.law_fit import SettingLogs
     from damperfit.tested.setting import Setting
 
 __all__ = ["search_laws"]
 
 # Per cent of the variance: misfits below are not told apart, whatever the number of samples.
-_FLOOR_PERCENT = 0.001
+_FLOOR_PERCENT = 0.0003
 # The same of what was held out, which counts as so many effective samples a setting.
 _HELD_FLOOR_PERCENT, _HELD_SAMPLES = 0.05, 10.0
 # What a part costs, beside its numbers, that a damper or rig may well be without: where it does as
 # well as a number that every damper has (oil, returns), that number is off.
 _NEEDLESS = 2.0
+# What a default that was freed may lie away from it for nothing, in units of what is known of it.
+_FREED = 2.0
 # The most that a friction costs which seals hardly have.
 _MOST_UNBELIEVED = 9.0
 # Settings that moves are screened at; the chosen structure is fitted at all, and those that it
@@ -103,6 +115,8 @@ _MARGIN = 0.05
 # Candidates that are looked at beside all settings, of those that two settings show.
 _LOOKED_AT = 12
 _ROUNDS = 20
+# Numbers that a blow-off has beside its opening and slope: one for all settings until the logs ask.
+_OF_STACK = {"port", "width", "lift"}
 _STEP = 1e-8
 _GLANCE = Stopping(cost_tolerance=2e-2, step_tolerance=_STEP, max_evaluations=4, rest=math.inf)
 _LOOK = _GLANCE._replace(max_evaluations=10)
@@ -162,7 +176,7 @@ class _Search:
         self.fits_alike: list[_Fit] = []
         self.first_layouts: dict[str, float] = {}
         self.held_share, self.is_held_by_some = math.nan, False
-        self.also, self.doubt = "", ""
+        self.also, self.doubt, self.may_tie = "", "", False
         self.evidence = {one.setting: one for one in sorted(evidence, key=lambda one: one.setting)}
         self.follows, self.solver, self.on_law, self.jobs = follows, solver, on_law, jobs
         self.compared = _most_unlike(list(self.evidence.values()))
@@ -188,9 +202,11 @@ class _Search:
                 self._misfits[setting] = one.on_cycles()
             misfits[setting] = replace(self._misfits[setting], model=structure.damper, free=free)
         free = misfits[settings[0]].free
-        return OneModel(
-            misfits, self.follows(structure.damper, free), dict.fromkeys(settings, 1.0), self.jobs
-        )
+        follows = self.follows(structure.damper, free)
+        if self.may_tie:  # a click moves the preload of a stack, seldom what it is made of
+            follows = {n: a for n, a in follows.items() if n.partition("_")[2] not in _OF_STACK}
+        follows = structure.follows(follows)
+        return OneModel(misfits, follows, dict.fromkeys(settings, 1.0), self.jobs)
 
     def held(self, structure: Structure, setting: Setting) -> dict[str, float]:
         """What is held at a setting."""
@@ -225,11 +241,11 @@ class _Search:
         model, values = fit.model, fit.values
         if len(model.settings) < 2:
             return self.ended_at(fit)
-        own = [n for n in model.free if n in model.follows]
+        own = model.own
         better = dict(values)
 
         def again(setting: Setting) -> Values:
-            misfit = replace(model.misfits[setting], free=tuple(own))
+            misfit = replace(model.misfits[setting], free=own)
             best, least = values[setting], misfit.cost(values[setting])
             for other in model.settings:
                 if other == setting:
@@ -341,14 +357,20 @@ class _Search:
         return sum(map(math.log, seen)) + _NEEDLESS * fit.structure.n_needless
 
     def unbelieved(self, fit: _Fit) -> float:
-        """The part of C for a friction that seals hardly have."""
-        known = [
-            math.log(max(getattr(values, one.name), 1e-9) / BELIEVED_FRICTION) / FRICTION_SPREAD
-            for values in fit.values.values()
-            for one in values.quantities
+        """The part of C for a friction that seals hardly have, and for defaults that were freed."""
+        values = list(fit.values.values())
+        frictions = [
+            math.log(max(getattr(at, one.name), 1e-9) / BELIEVED_FRICTION) / FRICTION_SPREAD
+            for at in values
+            for one in at.quantities
             if one.is_friction and one.name in fit.model.free
         ]
-        return float(np.mean([min(x**2, _MOST_UNBELIEVED) for x in known])) if known else 0.0
+        found = float(np.mean([min(x**2, _MOST_UNBELIEVED) for x in frictions] or [0.0]))
+        for one in (values[0].quantity(name) for name in fit.structure.freed):
+            if one.ignorance and one.default is not None:
+                away = [one.away_from_default(getattr(at, one.name)) for at in values]
+                found += float(np.mean([min((x / _FREED) ** 2, _MOST_UNBELIEVED) for x in away]))
+        return found
 
     def of_held_out(self, fit: _Fit) -> float:
         """The part of C that what was held out adds."""
@@ -413,15 +435,12 @@ class _Search:
                 few = self.screened(near, self.at(fit, pair, _ONE))
                 above |= {words: rise for rise, words, _ in few}
                 near = {words: near[words] for rise, words, _ in few[:_LOOKED_AT]}
-            size, ended = len(fit.structure.free), None
-            for batch in (
-                {w: one for w, one in near.items() if len(one.free) >= size},
-                {w: one for w, one in near.items() if len(one.free) < size},
-                {w: one for w, one in known.items() if w not in near},
-            ):
-                ended = self.followed(fit, batch, above) if batch else None
-                if ended is not None:
-                    break
+            size = len(fit.structure.free)
+            larger = {w: one for w, one in near.items() if len(one.free) >= size}
+            smaller = {w: one for w, one in near.items() if len(one.free) < size}
+            far = {w: one for w, one in known.items() if w not in near}
+            ended = self.followed(fit, larger, above) or self.with_ties(fit)
+            ended = ended or self.followed(fit, smaller, above) or self.followed(fit, far, above)
             if ended is None:
                 break
             fit = ended
@@ -434,6 +453,8 @@ class _Search:
 
         What is better beside the best is tried on top of it.
         """
+        if not candidates:
+            return None
         screened = self.screened(candidates, fit)
         above |= {words: rise for rise, words, _ in screened}
         margin = _MARGIN * sum(self.n_eff[s] for s in fit.values)
@@ -707,11 +728,15 @@ class _Search:
         last = last or JudgedLaw(whole, True, "the lowest criterion of all settings together")
         laws.append(replace(last, tried=whole, is_taken=True))
         n_eff = float(sum(self.n_eff.values())) or math.nan
-        return LawSearch(
+        found = LawSearch(
             tuple(laws), whole, n_eff, self.alike, self.held_share, self.also,
-            is_of_one_model=is_of_one_model, is_held_by_some=self.is_held_by_some,
-            doubt=self.doubt, offsets=self.offsets(whole) if is_of_one_model else {},
+            is_held_by_some=self.is_held_by_some, doubt=self.doubt,
         )  # fmt: skip
+        if fit is None or not is_of_one_model:
+            return found
+        return replace(
+            found, is_of_one_model=True, follows=fit.model.follows, offsets=self.offsets(whole)
+        )
 
     def offsets(self, law: Tried) -> dict[str, float]:
         """By how much each log's offset lies beside the mean one of its setting."""
@@ -729,6 +754,28 @@ class _Search:
         return found
 
     # ties
+
+    def with_ties(self, fit: _Fit) -> _Fit | None:
+        """The fit with other ties, if the criterion is lower; None where it is not."""
+        setting = fit.model.settings[0]
+        if not self.may_tie or len(fit.values) < 2:
+            return None
+        ways = [(), *((name,) for name, _ in setting.evident if len(setting.evident) > 1)]
+        linear = _Linear(self, fit)
+        steps = linear.better(dict(fit.structure.ties), [*ways, setting.adjusters])
+        for ties in (steps[-1], steps[0]) if len(steps) > 1 else steps:
+            structure = replace(fit.structure, ties=tuple(sorted(ties.items())))
+            model = replace(self.model(structure, fit.model.settings), weights=fit.model.weights)
+            try:
+                minimum = model.descend(model.with_common(linear.values(ties)), _END)
+                tied = self.ended_at(_Fit(structure, model, minimum))
+                gain = self.criterion(fit) - self.criterion(tied)
+            except SimulationError:
+                continue
+            self.record(tied, fit, "with other ties", gain, is_taken=gain > 0.0)
+            if gain > 0.0:
+                return tied
+        return None
 
     def tied(self, fit: _Fit, follows: Callable[[Model, Sequence[str]], Follows]) -> _Fit:
         """The structure with what settings have in common by their adjusters; and moves from there.
@@ -794,11 +841,11 @@ class _Search:
         if not missing:
             return fit
         model = self.model(fit.structure, settings)
-        own = [n for n in model.free if n in model.follows]
+        own = model.own
 
         def at(setting: Setting) -> Values:
             near = fit.values[nearest_setting(setting, fit.values) or next(iter(fit.values))]
-            misfit = replace(model.misfits[setting], free=tuple(own))
+            misfit = replace(model.misfits[setting], free=own)
             common = {n: getattr(near, n) for n in near.names if n not in own}
             starts = fit.structure.damper.start(self.evidence[setting].fitted, common)
             found = []
@@ -815,6 +862,84 @@ class _Search:
         values = model.with_common(values)
         model = model.weighed_at(values, least=_LEAST)
         return self.lent(_Fit(fit.structure, model, model.descend(values, _END)))
+
+
+class _Linear:
+    """What ties would make of a fit, as a linear least squares beside its untied minimum."""
+
+    def __init__(self, search: _Search, fit: _Fit) -> None:
+        self.search, self.fit = search, fit
+        settings = fit.model.settings
+        self.structure = replace(fit.structure, ties=())
+        scoped = search.model(self.structure, settings)
+        self.by_scope = scoped.follows
+        stack = [name for name in scoped.free if name.partition("_")[2] in _OF_STACK]
+        untied = replace(self.structure, ties=tuple((n, settings[0].adjusters) for n in stack))
+        base = replace(search.model(untied, settings), weights=fit.model.weights)
+        self.base, self.minimum = base, base.descend(fit.values, _ONE)
+        triangle = self.minimum.jacobian
+        self.curvature = triangle.T @ triangle
+        self.curvature += 1e-9 * np.diag(np.diag(self.curvature) + 1e-12)
+        self.slope, self.at = self.minimum.system.gradient, self.minimum.variables
+        self.whose = [
+            (one.name, next(s for s in base.settings if one.holds_at(s))) for one in base.unknowns
+        ]
+
+    def solved(
+        self, ties: Mapping[str, tuple[str, ...]]
+    ) -> tuple[float, FloatArray, list[Unknown]]:
+        """The cost of tied unknowns, the variables there, and the unknowns."""
+        follows = replace(self.structure, ties=tuple(ties.items())).follows(self.by_scope)
+        unknowns = [unknown_at(name, follows, setting) for name, setting in self.whose]
+        places = {one: k for k, one in enumerate(dict.fromkeys(unknowns))}
+        chosen = np.zeros((len(unknowns), len(places)))
+        chosen[np.arange(len(unknowns)), [places[one] for one in unknowns]] = 1.0
+        right = chosen.T @ (self.curvature @ self.at - self.slope)
+        found = chosen @ np.linalg.solve(chosen.T @ self.curvature @ chosen, right)
+        away = found - self.at
+        cost = self.minimum.cost + float(away @ (2.0 * self.slope + self.curvature @ away))
+        return cost, found, list(places)
+
+    def rise(self, ties: Mapping[str, tuple[str, ...]]) -> float:
+        """By how much the criterion promises to lie above nothing."""
+        cost, _, unknowns = self.solved(ties)
+        search, settings = self.search, self.base.settings
+        n = {s: search.n_eff[s] for s in settings}
+        price = sum(math.log(sum(n[s] for s in settings if one.holds_at(s))) for one in unknowns)
+        here = self.minimum.cost
+        floor = here * float(
+            np.mean([_FLOOR_PERCENT / max(x, 1e-9) for x in self.fit.percent.values()])
+        )
+        return sum(n.values()) * math.log((max(cost, 0.0) + floor) / (here + floor)) + price
+
+    def better(
+        self, ties: dict[str, tuple[str, ...]], ways: Sequence[tuple[str, ...]]
+    ) -> list[dict[str, tuple[str, ...]]]:
+        """Change what one quantity follows until nothing is gained by it; after each change."""
+        damper = self.structure.damper
+        found: list[dict[str, tuple[str, ...]]] = []
+        names = [name for name in self.base.own if not damper.quantity(name).is_offset]
+        least = self.rise(ties)
+        while True:
+            others = [ties | {name: way} for name in names for way in ways]
+            ties = min(others, key=self.rise, default=ties)
+            if (rise := self.rise(ties)) >= least - 1e-6:
+                return found
+            found.append(ties)
+            least = rise
+
+    def values(self, ties: Mapping[str, tuple[str, ...]]) -> dict[Setting, Values]:
+        """The values at the linear minimum."""
+        variables, base = self.solved(ties)[1], self.base
+        found = {}
+        for setting in base.settings:
+            own = {
+                one.name: math.exp(min(max(u, -600.0), 600.0))
+                for one, u in zip(base.unknowns, variables.tolist(), strict=True)
+                if one.holds_at(setting) and base.model.quantity(one.name).is_logarithmic
+            }
+            found[setting] = self.fit.values[setting].replace(own)
+        return found
 
 
 _COMMON = {DAMPER, RIG}
@@ -877,6 +1002,7 @@ def search_laws(  # noqa: PLR0913 - what a user may ask of it
     jobs: int = 1,
     held_share: float = math.nan,
     held_by_some: float = math.nan,
+    is_tying: bool = False,
 ) -> LawSearch:
     """Return which structure the logs of all settings support, fitted at all of them.
 
@@ -918,6 +1044,7 @@ def search_laws(  # noqa: PLR0913 - what a user may ask of it
         return follows_by_scope(model, free, adjusters)
 
     search = _Search(evidence, follows or by_scope, solver, on_law, n_starts, jobs)
+    search.may_tie = follows is None or is_tying
     simplest = search.simplest(plain)
     has_valves = isinstance(plain, ValveDamper)
     if simplest is not None and not has_valves and not simplest.leaves_something:

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from damperfit.damper.model import Model
+    from damperfit.identification.sharing import Follows
 
 __all__ = [
     "BOTH",
@@ -48,12 +49,13 @@ PARTS = {
     "play": ("mounting", ("play",), "play"),
     "lag": ("mounting", ("lag",), "a lag of the force"),
     "moving_mass": ("mounting", ("moving_mass",), "a mass that moves with the load cell"),
+    "rubber": ("mounting", ("rubber", "rubber_bend"), "rubber in the mounting"),
     "presliding": ("friction", ("presliding",), "friction that builds up over a distance"),
     "breakaway": ("friction", ("breakaway", "stribeck_speed"), "friction that is larger at rest"),
     "seal_area": ("friction", ("seal_area",), "friction by the pressure on the seal"),
     "turning_speed": ("friction", ("turning_speed",), "friction that turns within a speed"),
 }
-_NOT_AT_FIRST = {"moving_mass"}
+_NOT_AT_FIRST = {"moving_mass", "rubber", "rubber_bend"}
 # Friction turns over a distance or within a speed.
 _TURNS = {"presliding": "turning_speed", "turning_speed": "presliding"}
 
@@ -75,7 +77,7 @@ def with_part(damper: ValveDamper, name: str) -> ValveDamper:
     owner, names, _ = PARTS[name]
     own = getattr(damper, owner)
     more = {one: FIT for one in names if getattr(own, one) == NONE}
-    is_loose = name == "play" and damper.mounting.series_stiffness == NONE
+    is_loose = name in {"play", "rubber"} and damper.mounting.series_stiffness == NONE
     turns_already = name in _TURNS and getattr(damper.friction, _TURNS[name]) != NONE
     if is_loose or turns_already or not more:
         return damper
@@ -130,6 +132,7 @@ def _of_rig(mounting: Mounting) -> str:
     parts = (
         ("elastic mounting", mounting.series_stiffness),
         ("play", mounting.play),
+        ("rubber", mounting.rubber),
         ("lag", mounting.lag),
         ("moving mass", mounting.moving_mass),
     )
@@ -147,10 +150,14 @@ _FREED = ("return_slope", "drag", "gas_volume", "free_gas")
 
 @dataclass(frozen=True, slots=True)
 class Structure:
-    """A damper, and what of it is fitted although the model has a default for it."""
+    """A damper, and what of it is fitted although the model has a default for it.
+
+    `ties` are adjusters that quantities follow, where not as by their scope.
+    """
 
     damper: ValveDamper
     freed: tuple[str, ...] = ()
+    ties: tuple[tuple[str, tuple[str, ...]], ...] = ()
 
     @property
     def title(self) -> str:
@@ -179,7 +186,22 @@ class Structure:
         """Return the same parts in another layout, without what that has not."""
         names = ("rebound", "compression", "mounting", "friction")
         damper = replace(layout, **{name: getattr(self.damper, name) for name in names})
-        return Structure(damper, tuple(name for name in self.freed if name in damper.names))
+        freed = tuple(name for name in self.freed if name in damper.names)
+        return Structure(damper, freed, self.ties)
+
+    def follows(self, by_scope: Follows) -> Follows:
+        """Return what each free quantity follows: by its scope, but for what is tied or untied."""
+        ties, names = dict(self.ties), self.free
+        found = {}
+        for name in names:
+            one = self.damper.quantity(name)
+            beside = ties.get(one.beside(_BESIDE.get(one.part, "")), by_scope.get(name, ()))
+            found[name] = ties.get(name, beside)
+        return {name: adjusters for name, adjusters in found.items() if adjusters}
+
+
+# What a number of a valve follows where nothing is said of it: what that one is tied to.
+_BESIDE = {"leak": "bleed"}
 
 
 def moves(structure: Structure) -> dict[str, Structure]:
@@ -190,7 +212,7 @@ def moves(structure: Structure) -> dict[str, Structure]:
         known = other.damper, frozenset(other.freed)
         if known not in seen:
             seen.add(known)
-            found[words] = other
+            found[words] = replace(other, ties=structure.ties)
     return found
 
 
@@ -209,7 +231,7 @@ def _all_moves(structure: Structure) -> Iterator[tuple[str, Structure]]:
         elif more != damper:
             yield f"with {said}", Structure(more, freed)
     mounting = damper.mounting
-    if mounting.series_stiffness == FIT and mounting.play == NONE:
+    if mounting.series_stiffness == FIT and mounting.play == mounting.rubber == NONE:
         rigid = replace(damper, mounting=replace(mounting, series_stiffness=NONE))
         yield "without elasticity of the mounting", _without_lost(rigid, freed)
     elif mounting.series_stiffness == NONE:

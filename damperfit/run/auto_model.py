@@ -75,6 +75,7 @@ _DIMENSIONS = {
 _OF_RIG = {
     "k_s": "elasticity",
     "play": "play",
+    "rubber": "its rubber",
     "lag": "the lag of the force",
     "moving_mass": "the moving mass",
 }
@@ -404,6 +405,7 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
         on_law=on_law,
         n_starts=configuration.identification.starts,
         jobs=workers,
+        is_tying=_is_tying(configuration),
         held_share=_held_share(ends),
         held_by_some=_held_by_some(evidence),
     )
@@ -430,6 +432,14 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
         (*doubts, *interchangeable_parts(search, found, evidence)),
         (Monotube.name,) if is_open else (),
         configuration.notes,
+    )
+
+
+def _is_tying(configuration: Configuration) -> bool:
+    """Whether the logs say what follows an adjuster: where nobody else has."""
+    is_said = {"identification.procedure", "identification.share"} & configuration.declared
+    return not is_said and not any(
+        one for one in configuration.document["adjusters"].values() if not isinstance(one, str)
     )
 
 
@@ -465,10 +475,10 @@ def with_chosen_law(configuration: Configuration, choice: LawChoice) -> Configur
     follows = followed(adjusters, best.model, is_law_open=True)
     options = _options_of(configuration, best)
     if choice.search.is_of_one_model:
-        options = _tied(configuration, options, best, is_adjusted=bool(follows))
+        options = _tied(configuration, options, choice.search, is_adjusted=bool(follows))
     options = replace(
         options,
-        follows=follows,
+        follows=follows or options.follows,
         start=GivenStart(by_setting=found, is_of_one_model=choice.search.is_of_one_model),
         is_leaving_out=True,
     )
@@ -532,20 +542,23 @@ def _options_of(configuration: Configuration, best: LawFit) -> FitOptions:
 
 
 def _tied(
-    configuration: Configuration, options: FitOptions, best: LawFit, *, is_adjusted: bool
+    configuration: Configuration, options: FitOptions, search: LawSearch, *, is_adjusted: bool
 ) -> FitOptions:
     """What is fitted of a structure that was chosen at all settings together, as it was chosen."""
     if "identification.procedure" in configuration.declared:
         return options
     if is_adjusted:  # what follows an adjuster is passed on beside this
         return replace(options, procedure="joint")
+    best, follows = search.chosen.fits[0], search.follows
     adjusters = best.setting.adjusters
-    own = ties_of(configuration, adjusters)(best.model, best.free)
+    own = tuple(name for name in best.free if follows.get(name) == adjusters)
+    tied = {name: a for name, a in follows.items() if name not in own}
     return replace(
         options,
         procedure="joint",
         share=tuple(name for name in best.free if name not in own),
-        free=tuple(name for name in best.free if name in own),
+        free=own,
+        follows=tied,
     )
 
 

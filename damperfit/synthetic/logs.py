@@ -49,7 +49,7 @@ _OF_GAS = 0.6
 _BESIDE = {
     "k_e": 9e8, "f_f": 20.0, "f_0": -10.0, "k_s": 4e5, "play": 5e-4, "lag": 8e-3,
     "moving_mass": 0.5, "presliding": 5e-5, "breakaway": 15.0, "stribeck_speed": 0.02,
-    "seal_area": 3e-6, "turning_speed": 2e-3,
+    "seal_area": 3e-6, "turning_speed": 2e-3, "rubber": 30.0, "rubber_bend": 4e-4,
 }  # fmt: skip
 
 

@@ -81,8 +81,22 @@ class Setting:
         return re.sub(r"[^\w.+-]+", "_", self.label).strip("_") or "none"
 
     def place(self, adjuster: str) -> Place:
-        """Return where an adjuster stands."""
-        return dict(self.places)[adjuster]
+        """Return where an adjuster stands; also one that is evident from the label."""
+        known = dict(self.places)
+        return known[adjuster] if adjuster in known else dict(self.evident)[adjuster]
+
+    @property
+    def evident(self) -> tuple[tuple[str, Place], ...]:
+        """Letters and numbers of a label that nobody declared adjusters for; else the places.
+
+        Examples
+        --------
+        >>> Setting.of("L6 H1").evident, Setting.of("soft").evident
+        ((('L', 6), ('H', 1)), (('setting', 'soft'),))
+        """
+        place = self.places[0][1]
+        is_word = len(self.places) == 1 and isinstance(place, str)
+        return (is_word and _lettered_places(place)) or self.places
 
     def number(self, adjuster: str | None = None) -> float | None:
         """Return where an adjuster stands as a number, None where that is a word.
@@ -127,6 +141,15 @@ class Setting:
             (1, 0.0, _natural(place)) if isinstance(place, str) else (0, float(place), ())
             for _, place in self.places
         )
+
+
+@lru_cache(maxsize=1024)
+def _lettered_places(label: str) -> tuple[tuple[str, Place], ...]:
+    letters = letters_of(label)
+    if len(letters) < 2 or len({*letters}) < len(letters):
+        return ()
+    numbers = re.findall(r"[+-]?\d+(?:\.\d+)?", label)
+    return tuple((a.upper(), parse_place(b)) for a, b in zip(letters, numbers, strict=True))
 
 
 def _natural(word: str) -> tuple[Any, ...]:

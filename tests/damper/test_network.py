@@ -108,7 +108,8 @@ CASES = {
     ),
 }  # fmt: skip
 FRICTION = ("presliding", "breakaway", "stribeck_speed", "seal_area", "turning_speed")
-ABSENT = {"free_gas", "k_s", "play", "drag", *FRICTION}
+RUBBER = ("rubber", "rubber_bend")
+ABSENT = {"free_gas", "k_s", "play", "drag", *FRICTION, *RUBBER}
 PHASES = (0.1, 0.2, 0.3, 0.4, 0.6, 0.9)
 # 4th cycle from rest at x = 0: force N, pressures bar. Two independent codes agree on every digit.
 GOLDEN = {
@@ -242,7 +243,7 @@ def test_the_slow_twin_agrees_on_a_rough_motion(name, mounting):
 def test_sensitivities_by_every_number_are_those_of_central_differences(name):
     _, values, damper, _ = CASES[name]
     base = (
-        dict.fromkeys(FRICTION, 0.0)
+        dict.fromkeys((*FRICTION, *RUBBER), 0.0)
         | {
             "free_gas": 0.0,
             "f_0": 0.0,
@@ -265,7 +266,7 @@ def test_sensitivities_by_every_number_are_those_of_central_differences(name):
 def test_sensitivities_hold_behind_an_elastic_mounting_with_play(name, mounting):
     _, values, damper, _ = CASES[name]
     held = {"k_s": mounting[0], "play": mounting[1], "drag": 40.0}
-    base = dict.fromkeys(FRICTION, 0.0) | {
+    base = dict.fromkeys((*FRICTION, *RUBBER), 0.0) | {
         "free_gas": 0.0,
         "f_0": 0.0,
         "gas_pressure": damper.gas_pressure,

@@ -9,12 +9,15 @@ static double slope_of_force(const df_network *q, const df_network_state *now, i
     if (place == DF_NUMBER_OFFSET)
         return 1.0;
     if (is_elastic(q)) {
-        double own = 0.0;
+        const double k = b->beyond != 0.0 ? q->numbers[DF_NUMBER_STIFFNESS] : 0.0;
+        double own = q->numbers[DF_NUMBER_RUBBER] * now->bend_by[j];
         if (place == DF_NUMBER_STIFFNESS)
-            own = b->pull / q->numbers[DF_NUMBER_STIFFNESS];
-        else if (place == DF_NUMBER_PLAY && b->pull != 0.0)
-            own = -0.5 * copysign(b->pull_slope, b->pull);
-        return own - b->pull_slope * now->S[j][DF_PISTON];
+            own += b->beyond;
+        else if (place == DF_NUMBER_PLAY)
+            own -= 0.5 * copysign(k, b->beyond);
+        else if (place == DF_NUMBER_RUBBER)
+            own += b->bend;
+        return own - k * now->S[j][DF_PISTON];
     }
     if (place == DF_NUMBER_DRAG)
         return now->v;

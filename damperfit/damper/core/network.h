@@ -14,7 +14,7 @@
 extern "C" {
 #endif
 
-enum { DF_MOST_PASSAGES = 16, DF_MOST_NUMBERS = 45 };
+enum { DF_MOST_PASSAGES = 16, DF_MOST_NUMBERS = 47 };
 
 /* The numbers that every network has; those of its passages follow. */
 enum {
@@ -33,6 +33,8 @@ enum {
     DF_NUMBER_STRIBECK,  /* speed at which a third of it is left, m/s */
     DF_NUMBER_PRESSED,   /* friction by the pressure on the rod's seal, m2 */
     DF_NUMBER_TURNING,   /* speed up to which friction turns, m/s; below the dead band: at once */
+    DF_NUMBER_RUBBER,    /* what an elastic mounting holds whichever way it is bent, N */
+    DF_NUMBER_BEND,      /* stretch over which that builds up, m */
     DF_FIRST_PASSAGE_NUMBER
 };
 
@@ -103,6 +105,7 @@ typedef struct {
     double fill[2];                       /* m/(rho_0 V) - 1 */
     double F[DF_STATES], J[2][DF_STATES]; /* d(state)/dt; slopes of the masses' */
     double pull, pull_slope;              /* mounting: its force, N, and that by its stretch */
+    double beyond, bend;                  /* stretch beyond the play, m; share of what rubber holds */
     double speed;                         /* of the piston, m/s */
     double rub;                           /* friction while it slides, N */
     double grip, grip_by_turning;         /* share of it; that by the speed up to which it turns */
@@ -131,6 +134,7 @@ typedef struct {
     double wish;                                   /* next step, s */
     double x, v;
     double grip, grip_by[DF_MOST_NUMBERS]; /* of a friction that pre-slides, with its derivatives */
+    double bend_by[DF_MOST_NUMBERS];       /* of what rubber holds */
 } df_network_state;
 
 /* Whether a network can be, and what follows from it; beginning and retuning do it. */

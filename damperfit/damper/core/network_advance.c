@@ -39,7 +39,7 @@ enum { STEP_TAKEN, STEP_REFUSED };
 
 /* One number's slopes over a stage, by its own Newton matrix: from what is known, `past`, to those of the
  * state and of its rates. */
-DF_FOR_EACH_KIND void carry_stage(const stage *s, const int kind, solution *end, int place, double remembered,
+DF_FOR_EACH_KIND void carry_stage(const stage *s, const int kind, solution *end, int place, const double remembered[2],
                                   const double past[DF_STATES], double S[DF_STATES], double G[DF_STATES])
 {
     const int n = kind & DF_IS_ELASTIC ? 3 : 2;
@@ -50,7 +50,8 @@ DF_FOR_EACH_KIND void carry_stage(const stage *s, const int kind, solution *end,
     /* Friction is by the speed (y - known)/hd, whose known part has a slope too; and what it remembers
      * has moved. */
     if (kind & DF_IS_ELASTIC)
-        r[DF_PISTON] = slope[DF_PISTON] - end->b.rub * remembered + end->b.brake * s->inverse_hd * past[DF_PISTON];
+        r[DF_PISTON] = slope[DF_PISTON] - end->b.rub * remembered[0] +
+                       s->q->numbers[DF_NUMBER_RUBBER] * remembered[1] + end->b.brake * s->inverse_hd * past[DF_PISTON];
     apply(kind, end->inverse, r, S);
     for (int i = 0; i < n; i++)
         G[i] = (S[i] - past[i]) * s->inverse_hd;
@@ -65,21 +66,31 @@ DF_FOR_EACH_KIND void carry_slopes(const stage *first, const stage *last, const 
     const double sigma = q->numbers[DF_NUMBER_PRESLIDING], start = first->from.y, grip = now->grip;
     const double half = mid->y[DF_PISTON] - start, whole = end->y[DF_PISTON] - start;
     const int presliding = kind & DF_IS_ELASTIC && sigma > 0.0;
+    const double bend = q->numbers[DF_NUMBER_BEND], held = first->from.bend;
+    const double bent[2] = {first->x - mid->y[DF_PISTON] - first->from.stretch,
+                            last->x - end->y[DF_PISTON] - first->from.stretch};
+    const int is_rubber = kind & DF_IS_ELASTIC && q->numbers[DF_NUMBER_RUBBER] > 0.0;
+    dahl turned[2] = {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
     dahl by_half = {0.0, 0.0, 0.0}, by_whole = {0.0, 0.0, 0.0}, after = {0.0, 0.0, 0.0};
     if (presliding) {
         by_half = dahl_after(sigma, grip, half, 0.0);
         by_whole = dahl_after(sigma, grip, whole, 0.0);
         after = dahl_after(sigma, grip, whole, 1.0);
     }
+    for (int k = 0; is_rubber && k < 2; k++)
+        turned[k] = dahl_after(bend, held, bent[k], copysign(1.0, first->from.v));
     for (int a = 0; a < now->n_active; a++) {
         const int j = now->active[a], place = now->which[j];
         const double is_sigma = place == DF_NUMBER_PRESLIDING;
         double *S = now->S[j], *G = now->G[j], *grip_by = &now->grip_by[j];
-        double past[DF_STATES], mid_S[DF_STATES], mid_G[DF_STATES], end_S[DF_STATES], kept[2] = {0.0, 0.0};
+        double past[DF_STATES], mid_S[DF_STATES], mid_G[DF_STATES], end_S[DF_STATES];
+        double kept[2][2] = {{0.0, 0.0}, {0.0, 0.0}}; /* of friction and of rubber, at both stages */
         if (presliding) {
-            kept[0] = dahl_by(&by_half, sigma, grip, half, *grip_by, -S[DF_PISTON], is_sigma);
-            kept[1] = dahl_by(&by_whole, sigma, grip, whole, *grip_by, -S[DF_PISTON], is_sigma);
+            kept[0][0] = dahl_by(&by_half, sigma, grip, half, *grip_by, -S[DF_PISTON], is_sigma);
+            kept[1][0] = dahl_by(&by_whole, sigma, grip, whole, *grip_by, -S[DF_PISTON], is_sigma);
         }
+        for (int k = 0; is_rubber && k < 2; k++)
+            kept[k][1] = dahl_by(&turned[k], bend, held, bent[k], now->bend_by[j], S[DF_PISTON], place == DF_NUMBER_BEND);
         for (int i = 0; i < n; i++)
             past[i] = S[i] + h * DF_A[1][0] * G[i];
         carry_stage(first, kind, mid, place, kept[0], past, mid_S, mid_G);
@@ -88,6 +99,9 @@ DF_FOR_EACH_KIND void carry_slopes(const stage *first, const stage *last, const 
         carry_stage(last, kind, end, place, kept[1], past, end_S, G);
         if (presliding)
             *grip_by = dahl_by(&after, sigma, grip, whole, *grip_by, end_S[DF_PISTON] - S[DF_PISTON], is_sigma);
+        if (is_rubber)
+            now->bend_by[j] = dahl_by(&turned[1], bend, held, bent[1], now->bend_by[j], S[DF_PISTON] - end_S[DF_PISTON],
+                                      place == DF_NUMBER_BEND);
         for (int i = 0; i < n; i++)
             S[i] = end_S[i];
     }
@@ -197,7 +211,7 @@ DF_FOR_EACH_KIND int take_step(const df_network *q, const df_options *o, const i
     passage_of_time p;
     solution mid, end;
     stage first = {q, o, &now->gas, 0.0, h * DF_DIAGONAL, 1.0 / (h * DF_DIAGONAL), {0.0, 0.0, 0.0},
-                   {now->y[DF_PISTON], now->grip, 0.0}};
+                   {now->y[DF_PISTON], now->grip, 0.0, hermite(motion, t) - now->y[DF_PISTON], now->b.bend}};
     for (int i = 0; i < n; i++) {
         p.F[0][i] = now->F[i];
         p.guide[0][i] = i < 2 ? now->b.fill[i] : hermite(motion, t) - now->y[DF_PISTON];
@@ -220,6 +234,9 @@ DF_FOR_EACH_KIND int take_step(const df_network *q, const df_options *o, const i
         carry_slopes(&first, &last, kind, &mid, &end, h, now);
     if (kind & DF_IS_ELASTIC && q->numbers[DF_NUMBER_PRESLIDING] > 0.0)
         now->grip = dahl_after(q->numbers[DF_NUMBER_PRESLIDING], now->grip, end.y[DF_PISTON] - first.from.y, 1.0).z;
+    if (kind & DF_IS_ELASTIC && q->numbers[DF_NUMBER_RUBBER] > 0.0)
+        end.b.bend = dahl_after(q->numbers[DF_NUMBER_BEND], first.from.bend,
+                                last.x - end.y[DF_PISTON] - first.from.stretch, copysign(1.0, last.from.v)).z;
     keep(kind, &end.b, &now->b);
     now->y[DF_PISTON] = end.y[DF_PISTON];
     for (int i = 0; i < n; i++) {

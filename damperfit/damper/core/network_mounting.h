@@ -27,18 +27,26 @@ static inline double dahl_by(const dahl *d, double sigma, double z, double way, 
 
 /* What a step begins with, as friction remembers it, and the speed of the rig at a stage. */
 typedef struct {
-    double y, grip, v;
+    double y, grip, v, stretch, bend;
 } memory;
 
-/* The elastic mounting: stretch x - y beyond half the play, and friction by the piston's speed. */
+/* The elastic mounting: stretch x - y beyond half the play, beside it what rubber holds, and friction by
+ * the piston's speed. */
 static inline void hold(const df_network *q, const df_options *o, double x, double y, double speed, const memory *from,
                  df_network_balance *b)
 {
     const double stretch = x - y, sigma = q->numbers[DF_NUMBER_PRESLIDING];
     const double k = q->numbers[DF_NUMBER_STIFFNESS], half = 0.5 * q->numbers[DF_NUMBER_PLAY];
-    const double beyond = fabs(stretch) - half;
-    b->pull = beyond > 0.0 ? copysign(k * beyond, stretch) : 0.0;
-    b->pull_slope = beyond > 0.0 ? k : 0.0;
+    const double rubber = q->numbers[DF_NUMBER_RUBBER], bend = q->numbers[DF_NUMBER_BEND];
+    b->beyond = fabs(stretch) > half ? stretch - copysign(half, stretch) : 0.0;
+    b->pull = k * b->beyond;
+    b->pull_slope = b->beyond != 0.0 ? k : 0.0;
+    if (rubber > 0.0) {
+        const dahl d = dahl_after(bend, from->bend, stretch - from->stretch, copysign(1.0, from->v));
+        b->bend = d.z;
+        b->pull += rubber * d.z;
+        b->pull_slope += rubber * (1.0 - d.turn * from->bend) * d.left / bend;
+    }
     b->brake = q->numbers[DF_NUMBER_DRAG];
     b->rub = rubbing(q, from->v, b->P[0]);
     b->speed = speed;

@@ -37,7 +37,8 @@ static int is_sound(const df_network *q)
                             n[DF_NUMBER_PLAY] >= 0.0 && n[DF_NUMBER_DRAG] >= 0.0 &&
                             n[DF_NUMBER_PRESLIDING] >= 0.0 && n[DF_NUMBER_BREAKAWAY] >= 0.0 &&
                             n[DF_NUMBER_STRIBECK] >= 0.0 && n[DF_NUMBER_PRESSED] >= 0.0 &&
-                            n[DF_NUMBER_TURNING] >= 0.0 &&
+                            n[DF_NUMBER_TURNING] >= 0.0 && n[DF_NUMBER_RUBBER] >= 0.0 &&
+                            (n[DF_NUMBER_RUBBER] == 0.0 || n[DF_NUMBER_BEND] > 0.0) &&
                             (n[DF_NUMBER_BREAKAWAY] == 0.0 || n[DF_NUMBER_STRIBECK] > 0.0) &&
                             q->a_1 > 0.0 && q->a_2 > q->a_1 && q->rho_0 > 0.0))
         return 0;

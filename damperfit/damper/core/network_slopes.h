@@ -88,9 +88,11 @@ DF_FOR_EACH_KIND void balance_by(const df_network *q, const int kind, const df_n
     else if (place == DF_NUMBER_TURNING)
         F[DF_PISTON] -= b->rub * b->grip_by_turning;
     else if (place == DF_NUMBER_STIFFNESS)
-        F[DF_PISTON] += b->pull / q->numbers[DF_NUMBER_STIFFNESS];
-    else if (place == DF_NUMBER_PLAY && b->pull != 0.0)
-        F[DF_PISTON] -= 0.5 * copysign(b->pull_slope, b->pull);
+        F[DF_PISTON] += b->beyond;
+    else if (place == DF_NUMBER_PLAY && b->beyond != 0.0)
+        F[DF_PISTON] -= 0.5 * copysign(q->numbers[DF_NUMBER_STIFFNESS], b->beyond);
+    else if (place == DF_NUMBER_RUBBER)
+        F[DF_PISTON] += b->bend;
 }
 
 #endif

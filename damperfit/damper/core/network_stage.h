@@ -115,7 +115,7 @@ static inline int stays_straight(const stage *s, const df_network_balance *b, do
 {
     const df_network *q = s->q;
     const double half = 0.5 * q->numbers[DF_NUMBER_PLAY], stretch = s->x - y - moved;
-    const double slope = fabs(stretch) > half ? q->numbers[DF_NUMBER_STIFFNESS] : 0.0;
+    const double slope = fabs(stretch) > half ? q->numbers[DF_NUMBER_STIFFNESS] : 0.0; /* rubber: is not straight */
     const double grip = df_friction_share(b->speed + moved * s->inverse_hd, turning_band(q, s->o->dead_band));
     const int slides = fabs(b->grip) == 1.0;
     return slope == b->pull_slope && stretch * b->pull >= 0.0 && !(q->numbers[DF_NUMBER_PRESLIDING] > 0.0) &&
@@ -125,7 +125,7 @@ static inline int stays_straight(const stage *s, const df_network_balance *b, do
 /* Whether the last correction has done it at the mounting. */
 static inline int is_held(const stage *s, const df_network_balance *b, double y, double moved)
 {
-    const double pulled = s->q->numbers[DF_NUMBER_STIFFNESS] * fabs(moved);
+    const double pulled = larger(s->q->numbers[DF_NUMBER_STIFFNESS], b->pull_slope) * fabs(moved);
     return pulled <= PULL_DONE || (pulled <= PULL_STRAIGHT && stays_straight(s, b, y, moved));
 }
 
@@ -143,6 +143,7 @@ DF_FOR_EACH_KIND int end_stage(const stage *s, const int kind, const double y[DF
         P2 += b->by_y[1] * e[DF_PISTON];
         P3 += b->by_y[2] * e[DF_PISTON];
         b->pull -= b->pull_slope * e[DF_PISTON];
+        b->beyond -= b->beyond != 0.0 ? e[DF_PISTON] : 0.0;
         b->F[DF_PISTON] = (y[DF_PISTON] - s->known[DF_PISTON]) * s->inverse_hd;
     }
     b->P[0] = larger(P1, 0.0);

@@ -47,7 +47,7 @@ static int equalise(const df_network *q, double x, df_network_state *now, chambe
 static void start_slopes(const df_network *q, const chambers *c, const df_flows *f, df_network_state *now)
 {
     const df_network_balance *b = &now->b;
-    const double k = b->pull_slope, a_r = q->a_2 - q->a_1, s = taken(q, kind_of(q), c, now->y);
+    const double k = b->beyond != 0.0 ? q->numbers[DF_NUMBER_STIFFNESS] : 0.0, a_r = q->a_2 - q->a_1, s = taken(q, kind_of(q), c, now->y);
     for (int j = 0; j < now->n_which; j++) {
         double direct[3], slope[DF_STATES], own = 0.0, growth = 0.0, by_y = b->by_y[2];
         df_pressures_by(q, b, s, now->which[j], direct);
@@ -101,7 +101,7 @@ static int ask(const df_network *q, const int *which, int n_which, df_network_st
         if (which[j] < 0 || which[j] >= q->n_numbers)
             return DF_BAD_ARGUMENT;
         now->which[j] = which[j];
-        now->grip_by[j] = 0.0;
+        now->grip_by[j] = now->bend_by[j] = 0.0;
         if (df_moves_the_state(q, which[j]))
             now->active[now->n_active++] = j;
     }
@@ -122,11 +122,11 @@ int df_begin_network(df_network *q, const df_options *o, double x, double v, con
         code = equalise(q, x, now, &c);
     if (code != DF_OK)
         return code;
-    now->grip = 0.0;
+    now->grip = now->b.bend = 0.0;
     now->wish = 0.0;
     now->x = x;
     now->v = v;
-    const memory from = {now->y[DF_PISTON], 0.0, v};
+    const memory from = {now->y[DF_PISTON], 0.0, v, x - now->y[DF_PISTON], 0.0};
     look(q, &c, now, &f);
     hold(q, o, x, now->y[DF_PISTON], 0.0, &from, &now->b);
     start_slopes(q, &c, &f, now);
