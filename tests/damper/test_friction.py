@@ -15,7 +15,7 @@ from damperfit.damper.valve_dampers import ThroughFlow
 from damperfit.errors import ConfigurationError
 from damperfit.identification import FitOptions, identify
 from damperfit.simulation import SolverOptions, sine_motion
-from tests.damper.test_network import CASES, FRICTION, SHARP, check_slopes, run
+from tests.damper.test_network import CASES, FRICTION, RUBBER, SHARP, check_slopes, run
 from tests.damper.test_valve_dampers import VALVES, damper, log
 from tests.oracles import network as twin
 
@@ -39,7 +39,7 @@ EACH = {
 def rest(name):
     damper = CASES[name][2]
     gas = {key: getattr(damper, key) for key in ("gas_pressure", "gas_exponent", "gas_volume")}
-    return {"free_gas": 0.0, "f_0": 0.0, **dict.fromkeys(FRICTION, 0.0), **gas}
+    return {"free_gas": 0.0, "f_0": 0.0, **dict.fromkeys((*FRICTION, *RUBBER), 0.0), **gas}
 
 
 # Case b (valves.md) with more friction, 4th cycle: force N. The core and SciPy's Radau agree.

@@ -516,12 +516,12 @@ def test_more_numbers_than_the_core_holds_are_refused():
         return Passage(1, 3, **{kind: next(names) for kind in kinds})
 
     three = ("orifice", "resistance", "opening")
-    full = tuple(passage(three) for _ in range(10))  # 30 of 45; 15 are the body's
+    full = tuple(passage(three) for _ in range(10))  # 30 of 47; 17 are the body's
     motion = sine_motion(0.01, 1.0, cycles=1, sample_rate=100)
     values = {"k_e": 1e9, "f_f": 0.0} | {f"n{k}": 1e5 for k in range(30)}
     network = Network("full", full)
     simulate_network(network, values, PURDY_DAMPER, motion, sensitivities=network.numbers)
-    with pytest.raises(ConfigurationError, match="11 passages and 46 numbers"):
+    with pytest.raises(ConfigurationError, match="11 passages and 48 numbers"):
         Network("over", (*full, passage(("resistance",))))
 
 
