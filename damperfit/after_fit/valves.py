@@ -131,7 +131,7 @@ def read_valves(
     seat_area = math.nan if seat is None else math.pi * seat**2 / 4.0
     holes: list[Hole] = []
     preloads: list[Preload] = []
-    remarks: list[str] = []
+    remarks = [] if reference is None else list(unlike(run, reference))
     for quantity in run.damper.quantities:
         is_opening = quantity.part == _OPENING
         if not is_opening and quantity.unit != _ORIFICE:
@@ -234,3 +234,13 @@ def _worn(quantity: Quantity, run: Run, reference: Run) -> Iterator[str]:
                     f"{100.0 * (now / then - 1.0):+.2g} % since {reference.name}, beyond both "
                     "intervals"
                 )
+
+
+def unlike(run: Run, reference: Run) -> Iterator[str]:
+    """Say in what a reference is of another damper."""
+    for key in ("serial", "damper"):
+        own, other = run.identity.get(key), reference.identity.get(key)
+        if own and other and own != other:
+            yield f"{key} {own}, but {reference.name} is of {key} {other}"
+    if run.damper.plain != reference.damper.plain:
+        yield f"the damper of {reference.name} is declared otherwise"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from damperfit.after_fit.valves import unlike
 from damperfit.errors import DamperfitError, InstallationError
 from damperfit.io.files import sha256_of
 from damperfit.tables.files import json_values
@@ -175,13 +176,3 @@ def _compared(forces: tuple[dict[str, Any], ...], reference: Run, label: str) ->
     if not changes:
         return f"setting {label} is not in {reference.name} at this speed"
     return f"{', '.join(changes)} beside {reference.name}"
-
-
-def unlike(run: Run, reference: Run) -> Iterator[str]:
-    """Say in what a reference is of another damper."""
-    for key in ("serial", "damper"):
-        own, other = run.identity.get(key), reference.identity.get(key)
-        if own and other and own != other:
-            yield f"{key} {own}, but {reference.name} is of {key} {other}"
-    if run.damper.plain != reference.damper.plain:
-        yield f"the damper of {reference.name} is declared otherwise"

@@ -121,3 +121,6 @@ def test_a_reference_of_another_model_is_refused(results, sample_results, tmp_pa
     for words in (["watch", str(tmp_path)], ["valves", str(results)]):
         assert main([*words, "--reference", str(tmp_path / "other")]) == 2
         assert "bilinear" in capsys.readouterr().err
+    run = damperfit.identify([log])
+    other = damperfit.identify([log], damper={"rod_diameter": "18mm"})
+    assert any("declared otherwise" in remark for remark in run.valves(reference=other).remarks)
