@@ -7,13 +7,12 @@ import math
 from contextlib import ExitStack
 from dataclasses import asdict
 from functools import cached_property
-from html import escape
 from json import dumps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from damperfit.reporting.answer import Answer
-from damperfit.reporting.sheet import html_table, text_table
+from damperfit.reporting.sheet import text_table
 from damperfit.store import file_set
 from damperfit.tables.files import json_values, time_series_table, write_table
 
@@ -53,7 +52,7 @@ __all__ = [
 ]
 
 
-class Inspection:
+class Inspection(Answer):
     """What is in logs: `batch` has what was found of each."""
 
     def __init__(self, batch: LogBatch) -> None:
@@ -71,6 +70,10 @@ class Inspection:
 
         return tuple(finding_lines([log.facts for log in self.batch.logs], has_notes=True))
 
+    def document(self) -> dict[str, Any]:
+        """Return all of it as JSON values."""
+        return self.batch.document()
+
     def to_frame(self) -> pd.DataFrame:
         """Return one row a log: setting, rate, cycles, frequency, amplitude, verdict ..."""
         import pandas as pd
@@ -82,23 +85,25 @@ class Inspection:
             rows.append({"log": log.log} | flat | {"setting": setting and str(setting)})
         return pd.DataFrame(rows)
 
-    def _sheet(self) -> Sheet:
+    def sheets(self) -> tuple[Sheet, ...]:
+        """Return a row a log."""
         from damperfit.reporting.inspection import inspection_sheet
 
-        return inspection_sheet([log.facts for log in self.batch.logs])
+        return (inspection_sheet([log.facts for log in self.batch.logs]),)
 
-    def __repr__(self) -> str:
+    @property
+    def sentence(self) -> str:  # type: ignore[override]
+        """How many logs there are, and can be used."""
         n, n_bad = len(self.batch.logs), len(self.batch.failures)
-        return f"<Inspection: {n} log{'' if n == 1 else 's'}, {n_bad} cannot be used>"
+        return f"{n} log{'' if n == 1 else 's'}, {n_bad} cannot be used"
 
-    def __str__(self) -> str:
-        return "\n".join([text_table(self._sheet()), *self.findings])
+    @property
+    def remarks(self) -> tuple[str, ...]:  # type: ignore[override]
+        """What their data show, a sentence each."""
+        return self.findings
 
-    def _repr_html_(self) -> str:
-        return html_table(self._sheet(), caption=repr(self)[1:-1])
 
-
-class Comparison:
+class Comparison(Answer):
     """What differs between results: every pair, and what it was held against, as it was given."""
 
     def __init__(self, compared: Compared, tolerance: str = "") -> None:
@@ -176,22 +181,16 @@ class Comparison:
         rows = [row for one in self.compared.comparisons for row in comparison_rows(one)]
         return comparison_table(rows)
 
-    def _sheets(self) -> list[Sheet]:
+    def sheets(self) -> tuple[Sheet, ...]:
+        """Return the forces of each pair."""
         from damperfit.reporting.compared import comparison_force_sheet
 
-        return [comparison_force_sheet(one) for one in self.compared.comparisons]
+        return tuple(comparison_force_sheet(one) for one in self.compared.comparisons)
 
-    def __repr__(self) -> str:
-        n = len(self.compared.comparisons)
-        first = f": {self.sentences[0]}" if self.sentences else ""
-        return f"<Comparison of {n} pair{'' if n == 1 else 's'}{first}>"
-
-    def __str__(self) -> str:
-        return "\n".join([*self.sentences, *map(text_table, self._sheets())])
-
-    def _repr_html_(self) -> str:
-        shown = "".join(f"<p>{escape(line)}</p>" for line in self.sentences)
-        return shown + "".join(map(html_table, self._sheets()))
+    @property
+    def sentence(self) -> str:  # type: ignore[override]
+        """The verdicts, a line each."""
+        return "\n".join(self.sentences)
 
 
 class Simulation(Answer):
