@@ -30,7 +30,7 @@ import warnings
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from itertools import islice
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from damperfit.errors import ConfigurationError, InstallationError
 from damperfit.own_process import child_environment
@@ -100,22 +100,18 @@ def apart(  # noqa: PLR0913 - one more than usual, for what is done beside it
 ) -> Iterator[Any]:
     """Yield the results in the order of the items, of many items from copies of this process.
 
-    Whatever ``act`` does beside returning its result is lost in a copy.
+    Whatever ``act`` does beside returning its result is lost in a copy; it need not be of a module.
 
     Parameters
     ----------
-    act : callable
-        Need not be of a module.
-    items : iterable
-        Of any kind.
+    act, items : callable, iterable
+        What is done, and with what.
     jobs : int
-        Copies, or threads.
+        Copies, or threads; of these no more than `threads` where it is given.
     known : sequence
         Objects that results may name: they come back as themselves, not as their like.
     cancelled : callable
         Once it says True copies are let go, and what they have left is done here.
-    threads : int, optional
-        How many where it is threads; else as many as jobs.
     beside : callable
         What this process does once the copies, or threads, have begun.
     """
@@ -310,29 +306,6 @@ class Died:
     """Stands for the result of work that ended its worker."""
 
 
-class Executor(Protocol):
-    """Who does the work of a fleet: processes, or a cluster."""
-
-    def each(
-        self,
-        act: Callable[[Any], Any],
-        items: Iterable[Any],
-        *,
-        cancelled: Callable[[], bool] = ...,
-    ) -> Iterator[tuple[Any, Any]]:
-        """Yield each item with its result, `Died` or the exception it raised, as they are done.
-
-        Parameters
-        ----------
-        act : callable
-            Of a module, and what it takes can be pickled.
-        items : iterable
-            Taken as workers become free, so that memory does not grow.
-        cancelled : callable
-            Once it says True no further item is begun, and those at work are let go.
-        """
-
-
 class Processes:
     """So many processes on this machine."""
 
@@ -346,7 +319,12 @@ class Processes:
         *,
         cancelled: Callable[[], bool] = lambda: False,
     ) -> Iterator[tuple[Any, Any]]:
-        """As `Executor.each`."""
+        """Yield each item with its result, `Died` or the exception it raised, as they are done.
+
+        The act is of a module, and what it takes can be pickled. Items are taken as workers become
+        free, so that memory does not grow. Once `cancelled` says True no further item is begun, and
+        those at work are let go.
+        """
         from multiprocessing.connection import wait
 
         os.getcwd()  # noqa: PTH109 - a new process asks too, and would fail item by item
@@ -485,7 +463,7 @@ class Cluster:
         *,
         cancelled: Callable[[], bool] = lambda: False,
     ) -> Iterator[tuple[Any, Any]]:
-        """As `Executor.each`."""
+        """As `Processes.each`."""
         from distributed import KilledWorker, wait
 
         waiting = iter(items)

@@ -55,7 +55,7 @@ if TYPE_CHECKING:
     from damperfit.configuration.options import Configuration
     from damperfit.results import Run
     from damperfit.run.identify import Identified
-    from damperfit.workers import Executor
+    from damperfit.workers import Cluster, Processes
 
 TABLE_OF_TESTS = "tests.csv"
 _UNREADABLE = "unreadable"
@@ -441,7 +441,7 @@ def run_fleet(
     configuration: Configuration,
     tasks: Sequence[DamperTask],
     folder: Path,
-    engine: Executor,
+    engine: Processes | Cluster,
     *,
     cancelled: Callable[[], bool] = lambda: False,
 ) -> Iterator[Done]:
