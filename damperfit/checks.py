@@ -271,7 +271,7 @@ def _temperature_in_window(subject: Subject) -> _Verdict:
     centre, reach = subject.temperature, subject.temperature_tolerance
     if not math.isfinite(reach):
         return None, "the configuration requires no temperature (rig.temperature_tolerance = inf)"
-    window = f"{centre:g} +- {reach:g} degC"
+    window = f"{centre - reach:g} to {centre + reach:g} degC"
     outside, unknown = [], []
     for trace in subject.traces:
         # The window of the paper's test asks nothing of another motion.

@@ -128,7 +128,7 @@ FAILING = {
     ),
     "temperature_in_window": (
         subject(with_trace(3, temperature=28.3)),
-        "outside 26 +- 1 degC: setting 3 (setting_03.csv, 28.3 degC)",
+        "outside 25 to 27 degC: setting 3 (setting_03.csv, 28.3 degC)",
     ),
     "no_log_warnings": (subject(with_trace(3, findings=(FINDING, NOTE))), "clipping at setting 3"),
     "damper_declared": (

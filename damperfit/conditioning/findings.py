@@ -738,7 +738,12 @@ def _temperature(
 ) -> Iterator[Finding]:
     is_asked = test.temperature is not None and test.temperature_tolerance < math.inf
     is_asked = is_asked and not (test.is_of_motion and _is_other_test(trace, test))
-    wanted = f"{test.temperature:g} +- {test.temperature_tolerance:g} degC" if is_asked else ""
+    wanted = ""
+    if is_asked:
+        low, high = (
+            (test.temperature or 0.0) + sign * test.temperature_tolerance for sign in (-1.0, 1.0)
+        )
+        wanted = f"{low:g} to {high:g} degC"
     if recording.temperature is None:
         if is_asked:
             text = f"no temperature in the log; the test asks for {wanted}; log it, or set "

@@ -143,8 +143,8 @@ class Rest:
     def sentence(self) -> str:
         """The force beside the gas force, for people."""
         return (
-            f"at rest the force is {self.force:.0f} +- {self.friction:.0f} N; the gas force alone "
-            f"is {self.expected:.0f} N"
+            f"at rest the force is {self.force - self.friction:.0f} to "
+            f"{self.force + self.friction:.0f} N; the gas force alone is {self.expected:.0f} N"
         )
 
 
@@ -294,8 +294,9 @@ def _is_as_expected(level: ForceLevel | None) -> bool:
 
 def _level_in_words(level: ForceLevel) -> str:
     """Return the level beside the gas force, for people."""
+    unsure = level.uncertainty + level.held
     return (
-        f"at zero velocity the force is {level.force:.0f} +- {level.uncertainty + level.held:.0f} "
+        f"at zero velocity the force is {level.force - unsure:.0f} to {level.force + unsure:.0f} "
         f"N; the gas force alone is {level.expected:.0f} N"
     )
 
@@ -398,8 +399,8 @@ def describe_level(level: ForceLevel | None, options: ConditionOptions) -> tuple
     severity = "note" if options.offset.is_known else "warning"
     unsure = level.uncertainty + max(level.hidden, level.preloads)
     numbers = (
-        f"at zero velocity the force is {level.force:.0f} +- {unsure:.0f} N; the gas "
-        f"force alone is {level.expected:.0f} N"
+        f"at zero velocity the force is {level.force - unsure:.0f} to {level.force + unsure:.0f} "
+        f"N; the gas force alone is {level.expected:.0f} N"
     )
     if unsure > _KNOWN * size:
         text = f"cannot tell whether the force was tared: {numbers}"
@@ -513,8 +514,8 @@ def find_delay(
         )
         return 0.0, (*declared, Finding("skew", severity, f"{text}; {done}", None, "s"))
     text = (
-        f"the force is {1e3 * skew.delay:.2f} +- {1e3 * skew.uncertainty:.2f} ms late, taking its "
-        "jump at the ends of the stroke for Coulomb friction"
+        f"the force is {1e3 * skew.delay:.2f} ms late, within {1e3 * skew.uncertainty:.2f} ms, "
+        "taking its jump at the ends of the stroke for Coulomb friction"
     )
     if not skew.is_significant:
         text = f"force and displacement are together: {text}"
@@ -528,9 +529,10 @@ def find_delay(
         text += f"; that affects K_e most: set {said} if the rig is known to do so, or {{auto}}"
     else:
         text = (
-            f"the friction turns {1e3 * skew.delay:.2f} +- {1e3 * skew.uncertainty:.2f} ms late at "
-            "the ends of the stroke: the force is late, or the mounting gives and the force is "
-            "right ({model} tries both; two frequencies or more can tell them apart). A late "
+            f"the friction reverses {1e3 * skew.delay:.2f} ms late, within "
+            f"{1e3 * skew.uncertainty:.2f} ms, at the ends of the stroke: the force is late, or "
+            "the mounting is elastic and the force is right ({model} tries both; two frequencies "
+            "or more can tell them apart). A late "
             f"force affects K_e most: only if the rig is known for it set {said}, or {{auto}}"
         )
     options_named = {"auto": Option("skew", "auto"), "model": Option("model", "auto")}

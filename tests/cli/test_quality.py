@@ -98,7 +98,7 @@ ROWS = {
     ),
     "F50 hot": (
         lambda r: column(r, 3, lambda *_: "29.0"),
-        ("warnings", "temperature", "29.0 degC on average, outside 26"),
+        ("warnings", "temperature", "29.0 degC on average, outside 25 to 27"),
     ),
     "F50 missing": (
         lambda r: column(r, 3, lambda *_: ""),

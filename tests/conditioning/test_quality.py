@@ -166,7 +166,7 @@ FAULTS = {
     "force that scatters": (scattered(LOG, 0.04), "cycle_scatter", "1 % or less"),
     "noisy displacement": (made(noise=(4.0, 6e-5)), "displacement_noise", "K_e"),
     "stamps of the computer": (wrongly_stamped(LOG, 0.2), "jitter", "smoother without"),
-    "hot": (at(LOG, LOG.temperature + 2.3), "temperature", r"28\.3 degC .* outside 26 \+- 1"),
+    "hot": (at(LOG, LOG.temperature + 2.3), "temperature", r"28\.3 degC .* outside 25 to 27"),
     "warming": (at(LOG, 26.0 + RAMP), "temperature_drift", "within the run"),
     "no temperature": (at(LOG, None), "temperature_missing", "no temperature"),
     "another frequency than said": (
