@@ -108,9 +108,10 @@ def reading_as(command: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
                 if given is None or keyword is None:
                     return given
                 value = _read(keyword, given, Option(name))
-                if keyword.kind in {"path", "paths", "results"}:
+                if keyword.kind in {"path", "paths", "results", "table"}:
                     shown = given if isinstance(given, str | list) else value
-                    paths[name] = shown if isinstance(shown, list) else [shown]
+                    shown = shown if isinstance(shown, list) else [shown]
+                    paths[name] = [one for one in shown if not isinstance(one, Mapping)]
                 return value
 
             for name, given in list(bound.arguments.items()):

@@ -305,7 +305,10 @@ def _explained(error: ValidationError, layers: Sequence[_Layer]) -> Configuratio
     if kind == "less_than_equal" and entry is not None and entry.dimension:
         unit = entry.default.lstrip("0123456789.").replace("mm", "m")
         reason += f" {unit}; a bare number is in {unit}, as in {entry.default!r}"
-    found = "" if isinstance(first["input"], dict) else f", found {first['input']!r}"
+    typed: Any = source.values
+    for one in keys[: _depth(source.values, keys)]:  # as it was written, not as it was converted
+        typed = typed[int(one) if isinstance(typed, list | tuple) else one]
+    found = "" if isinstance(typed, dict) else f", found {typed!r}"
     return source.blame(ConfigurationError(f"{reason}{found}", code="wrong-value"), *keys)
 
 
