@@ -163,8 +163,6 @@ def tidy(folder: Path) -> None:
     for name in PART_FOLDERS:
         for damper in folder.glob(name):
             settle(damper)
-            with suppress(OSError):  # nothing was finished in it
-                damper.rmdir()
 
 
 def collect(folder: Path) -> pa.Table:
