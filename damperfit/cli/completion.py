@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from contextlib import suppress
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 
 
 _WORDS = {
+    "model": ("auto",),
     "stroke": ("rebound", "compression"),
     "figures": ("png", "svg", "pdf"),
     "color": ("auto", "always", "never"),
@@ -25,22 +27,13 @@ _WORDS = {
 }
 
 
-def _models(_: typer.Context) -> Iterable[str]:
-    from damperfit.damper.model import MODELS
-
-    return (*MODELS, "auto")
-
-
-def _targets(_: typer.Context) -> Iterable[str]:
-    from damperfit.exporting.targets import TARGETS
-
-    return TARGETS
-
-
-def _checks(_: typer.Context) -> Iterable[str]:
-    from damperfit.checks import CHECK_LISTS, CHECKS
-
-    return (*CHECK_LISTS, *CHECKS)
+# Names that stand in modules, by keyword.
+_NAMES = {
+    "model": ("damperfit.damper.model.MODELS",),
+    "to": ("damperfit.exporting.targets.TARGETS",),
+    "check": ("damperfit.checks.CHECK_LISTS", "damperfit.checks.CHECKS"),
+    "layout": ("damperfit.laws.structures.LAYOUTS",),
+}
 
 
 def _topics(context: typer.Context) -> Iterable[str]:
@@ -53,12 +46,6 @@ def _procedures(_: typer.Context) -> Iterable[str]:
     from damperfit.damper.model import MODELS
 
     return dict.fromkeys(name for model in MODELS.values() for name in model.procedures)
-
-
-def _layouts(_: typer.Context) -> Iterable[str]:
-    from damperfit.laws.structures import LAYOUTS
-
-    return LAYOUTS
 
 
 def _quantities(context: typer.Context) -> Iterable[str]:
@@ -80,12 +67,8 @@ def _settings(context: typer.Context) -> Iterable[str]:
 
 
 _LOOKED_UP: dict[str, Callable[[typer.Context], Iterable[str]]] = {
-    "model": _models,
-    "to": _targets,
-    "check": _checks,
     "topic": _topics,
     "procedure": _procedures,
-    "layout": _layouts,
     "free": _quantities,
     "share": _quantities,
     "profile": _quantities,
@@ -100,17 +83,20 @@ def completion_of(name: str, key: str) -> Callable[..., list[str]] | None:
     entry = SECTIONS[section].entries().get(own) if section in SECTIONS else None
     words = (entry.words if entry is not None else ()) or _WORDS.get(name, ())
     find = _LOOKED_UP.get(name)
-    if not words and find is None:
+    if not words and find is None and name not in _NAMES:
         return None
 
     def complete(ctx: typer.Context, incomplete: str) -> list[str]:
         """Return what may be typed on; after a comma, what follows it."""
         first, comma, last = incomplete.rpartition(",")
-        known: Iterable[Any] = words
+        known: list[Any] = list(words)
+        for place in _NAMES.get(name, ()):
+            module, _, listed = place.rpartition(".")
+            known += getattr(import_module(module), listed)
         if find is not None:
-            known = ()
+            known = []
             with suppress(Exception):  # results that cannot be read complete nothing
-                known = find(ctx)
+                known = list(find(ctx))
         return [f"{first}{comma}{word}" for word in known if word.startswith(last)]
 
     return complete
