@@ -505,7 +505,8 @@ def run_of(  # noqa: PLR0913 - all that a run is made of
 
     ``characteristics`` are the rows of that table; ``signals`` makes those of each log.
     """
-    damper, fits, assessment = configuration.damper, campaign.fits, judgement.assessment
+    damper, fits = configuration.damper, campaign.fits
+    assessment, adjustment = judgement.assessment, judgement.adjustment
     settings, quantities = [fit.setting for fit in fits], campaign.quantities or PAPER_QUANTITIES
     fitted = {log.trace.name for fit in fits for log in fit.logs}
     seen = {*fitted, *(one.trace.name for one in judgement.predictions)}
@@ -531,7 +532,7 @@ def run_of(  # noqa: PLR0913 - all that a run is made of
         campaign,
         assessment=assessment,
         predictions=judgement.predictions,
-        adjustment=judgement.adjustment,
+        adjustment=adjustment,
         expected=configuration.rig.settings,
         facts=facts,
     ) | {
@@ -545,6 +546,22 @@ def run_of(  # noqa: PLR0913 - all that a run is made of
         *missed_gates(judgement.checks, configuration.output.checks),
     )
     ending = ending_of(len(settings), failures, gates, is_interrupted=is_interrupted)
+    warned: list[Problem] = list(warnings_of(configuration, batch, campaign, judgement))
+    law = configuration.chosen_law
+    if law:
+        from damperfit.laws.description import seen_again
+
+        law = seen_again(law, campaign, configuration.damper)
+    method = (METHOD, assessment.cycle_check) if campaign.fits else ()
+    gas = () if assessment.gas is None else (assessment.gas.sentence,)
+    cavitation = describe_cavitation(
+        {fit.setting: fit.cavitation for fit in campaign.fits},
+        doubted=doubted_cavitation(assessment.objections),
+    )
+    by_setting = {fit.setting: fit for fit in fits}
+    verdicts = assessment.verdicts(campaign)
+    units = {one.name: one.unit for one in campaign.quantities}
+    adjusters = Setting.of(campaign.fits[0].setting).adjusters if campaign.fits else (ADJUSTER,)
     document = {
         "version": __version__,
         "schema_version": SCHEMA_VERSION,
@@ -555,9 +572,69 @@ def run_of(  # noqa: PLR0913 - all that a run is made of
         "inputs": [log.describe() for log in batch.logs],
         "skipped": list(batch.skipped),
         "failures": [failure.describe() for failure in failures],
-        **_told(configuration, batch, campaign, judgement),
+        "warnings": list(map(str, warned)),
+        "problems": [one.record() for one in warned],
+        "gaps": [{"first": first, "last": last} for first, last in campaign.gaps],
+        "sentences": {
+            "tables_of_tests": list(batch.notes),
+            "corrections": [str(one) for one in corrections(campaign)],
+            "noise_and_lack_of_fit": list(assessment.sentences),
+            "identifiability": list(map(str, assessment.doubts(campaign))),
+            "undetermined": list(map(str, assessment.undetermined(campaign))),
+            "many_starts": list(describe_searches(campaign.searches)),
+            "cavitation": list(cavitation),
+            "force_offset": list(adjustment.of_offset),
+        },
+        **({"law_choice": dict(law)} if law else {}),
+        "procedure": [
+            *batch.notes,
+            *procedure_sentences(configuration, campaign),
+            *gas,
+            *filter(None, method),
+        ],
         "gates_missed": list(map(str, gates)),
-        **_judged(campaign, judgement),
+        "checks": [to_record(check) for check in judgement.checks],
+        "uncertainty": [
+            {
+                "setting": known.setting,
+                "verdicts": verdicts[known.setting],
+                "parameters": list(known.names),
+                "shared": list(known.shared),
+                "correlation": known.correlation.tolist(),
+                "errors": np.sqrt(np.diag(known.covariance)).tolist(),
+                "jackknife_over_sandwich": {
+                    name: interval.cycle_ratio for name, interval in known.intervals.items()
+                },
+                "residuals": to_record(seen),
+                "cavitation": to_record(by_setting[known.setting].cavitation),
+            }
+            for known, seen in zip(assessment.uncertainties, assessment.diagnoses, strict=True)
+        ],
+        "profiles": [profile_record(one, assessment) for one in assessment.profiles],
+        "gas_content": None if assessment.gas is None else to_record(assessment.gas),
+        "speed_forces": [to_record(one) for one in assessment.forces],
+        "searches": [to_record(one) for one in campaign.searches],
+        "stretches": [
+            {
+                "setting": fit.setting,
+                "log": log.trace.name,
+                "mse_percent": mse,
+                **stretch.describe(log.trace),
+            }
+            for fit in campaign.fits
+            for log in fit.logs
+            for stretch, mse in zip(log.trace.stretches, log.stretch_mse_percent, strict=False)
+        ],
+        "grades_withheld": [
+            {"setting": setting, "reasons": [to_record(one) for one in why]}
+            for setting, why in assessment.objections.items()
+        ],
+        "held_out": [one.describe() for one in judgement.predictions],
+        "trends": [
+            {**to_record(trend), "unit": units[trend.parameter]} for trend in adjustment.trends
+        ],
+        "clicks": [to_record(click) for click in adjustment.clicks],
+        "adjusters": list(adjusters),
         "schema": describe_tables(settings, campaign.quantities),
         "quantities": quantity_records(campaign.quantities),
     }
@@ -588,47 +665,6 @@ def ending_of(
 def _identity_of(batch: LogBatch, names: set[str]) -> Identity:
     """Return whose test some logs of a run are; no name: all. What differs is listed."""
     return common_identity(log.identity for log in batch.logs if log.log in names or not names)
-
-
-def _told(
-    configuration: Configuration, batch: LogBatch, campaign: Campaign, judgement: Judgement
-) -> dict[str, Any]:
-    """Return what the run tells people: warnings, sentences, procedure."""
-    assessment = judgement.assessment
-    warned: list[Problem] = list(warnings_of(configuration, batch, campaign, judgement))
-    law = configuration.chosen_law
-    if law:
-        from damperfit.laws.description import seen_again
-
-        law = seen_again(law, campaign, configuration.damper)
-    method = (METHOD, assessment.cycle_check) if campaign.fits else ()
-    gas = () if assessment.gas is None else (assessment.gas.sentence,)
-    cavitation = describe_cavitation(
-        {fit.setting: fit.cavitation for fit in campaign.fits},
-        doubted=doubted_cavitation(assessment.objections),
-    )
-    return {
-        "warnings": list(map(str, warned)),
-        "problems": [one.record() for one in warned],
-        "gaps": [{"first": first, "last": last} for first, last in campaign.gaps],
-        "sentences": {
-            "tables_of_tests": list(batch.notes),
-            "corrections": [str(one) for one in corrections(campaign)],
-            "noise_and_lack_of_fit": list(assessment.sentences),
-            "identifiability": list(map(str, assessment.doubts(campaign))),
-            "undetermined": list(map(str, assessment.undetermined(campaign))),
-            "many_starts": list(describe_searches(campaign.searches)),
-            "cavitation": list(cavitation),
-            "force_offset": list(judgement.adjustment.of_offset),
-        },
-        **({"law_choice": dict(law)} if law else {}),
-        "procedure": [
-            *batch.notes,
-            *procedure_sentences(configuration, campaign),
-            *gas,
-            *filter(None, method),
-        ],
-    }
 
 
 def procedure_sentences(configuration: Configuration, campaign: Campaign) -> Iterator[str]:
@@ -666,59 +702,6 @@ def procedure_sentences(configuration: Configuration, campaign: Campaign) -> Ite
             )
         elif status == Status.FIXED and value != one.default:
             yield f"{told} is fixed."
-
-
-def _judged(campaign: Campaign, judgement: Judgement) -> dict[str, Any]:
-    """Return checks, verdicts, correlations, profiles, trends, clicks: what was found of fits."""
-    assessment, adjustment = judgement.assessment, judgement.adjustment
-    fits = {fit.setting: fit for fit in campaign.fits}
-    verdicts = assessment.verdicts(campaign)
-    units = {one.name: one.unit for one in campaign.quantities}
-    adjusters = Setting.of(campaign.fits[0].setting).adjusters if campaign.fits else (ADJUSTER,)
-    return {
-        "checks": [to_record(check) for check in judgement.checks],
-        "uncertainty": [
-            {
-                "setting": known.setting,
-                "verdicts": verdicts[known.setting],
-                "parameters": list(known.names),
-                "shared": list(known.shared),
-                "correlation": known.correlation.tolist(),
-                "errors": np.sqrt(np.diag(known.covariance)).tolist(),
-                "jackknife_over_sandwich": {
-                    name: interval.cycle_ratio for name, interval in known.intervals.items()
-                },
-                "residuals": to_record(seen),
-                "cavitation": to_record(fits[known.setting].cavitation),
-            }
-            for known, seen in zip(assessment.uncertainties, assessment.diagnoses, strict=True)
-        ],
-        "profiles": [profile_record(one, assessment) for one in assessment.profiles],
-        "gas_content": None if assessment.gas is None else to_record(assessment.gas),
-        "speed_forces": [to_record(one) for one in assessment.forces],
-        "searches": [to_record(one) for one in campaign.searches],
-        "stretches": [
-            {
-                "setting": fit.setting,
-                "log": log.trace.name,
-                "mse_percent": mse,
-                **stretch.describe(log.trace),
-            }
-            for fit in campaign.fits
-            for log in fit.logs
-            for stretch, mse in zip(log.trace.stretches, log.stretch_mse_percent, strict=False)
-        ],
-        "grades_withheld": [
-            {"setting": setting, "reasons": [to_record(one) for one in why]}
-            for setting, why in assessment.objections.items()
-        ],
-        "held_out": [one.describe() for one in judgement.predictions],
-        "trends": [
-            {**to_record(trend), "unit": units[trend.parameter]} for trend in adjustment.trends
-        ],
-        "clicks": [to_record(click) for click in adjustment.clicks],
-        "adjusters": list(adjusters),
-    }
 
 
 def profile_record(profile: MisfitProfile, assessment: Assessment) -> dict[str, Any]:
