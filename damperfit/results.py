@@ -330,6 +330,7 @@ class Run:
             again = cls()
             again.__dict__ |= {name: getattr(place, name) for name in _IN_MEMORY}
             again._config, again._temperature, again._scratch = config, temperature, None
+            again._remarks = list(place._remarks)  # noqa: SLF001 - its own
             return again
         place = _path(place, "damperfit.load", "the path of a results folder")
         if is_part(place):
@@ -456,7 +457,11 @@ class Run:
 
     def row(self, setting: Setting) -> dict[str, Any]:
         """Return the row of a setting in the table of parameters; it must have one."""
-        return next(row for row in self.rows("parameters") if row["setting"] == setting)
+        return self._rows_of_settings[setting]
+
+    @cached_property
+    def _rows_of_settings(self) -> dict[Setting, dict[str, Any]]:
+        return {Setting.of(row["setting"]): row for row in self.rows("parameters")}
 
     @property
     def exit_code(self) -> int:
@@ -533,10 +538,34 @@ class Run:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What a reader must know of the errors: where there are none."""
-        lost = [one.setting for one in self.settings if one.covariance is None]
+        """What a reader must know of the errors: where the fit gave none."""
+        lost = [setting for setting, is_told in self._without_errors.items() if is_told]
         why = "no minimum was met, or it could not be judged; the forces have no interval"
         return (f"no errors are known of {of_settings(lost)}: {why}",) if lost else ()
+
+    @property
+    def remarks_on_errors(self) -> tuple[str, ...]:
+        """Settings whose errors the run should tell, and does not."""
+        lost = [setting for setting, is_told in self._without_errors.items() if not is_told]
+        which = "all settings" if len(lost) == len(self.rows("parameters")) else of_settings(lost)
+        why = "are missing in run.json: forces without intervals"
+        return (f"errors and correlations of {which} {why}",) if lost else ()
+
+    @property
+    def _without_errors(self) -> dict[Setting, bool]:
+        """Settings without errors, and whether the record tells that there are none."""
+        failed = {failure.setting for failure in failures_in(self.record)}
+        told = {
+            one.get("setting"): names
+            for one in _listed(self.record, "uncertainty")
+            if isinstance(names := one.get("parameters"), list)
+        }
+        return {
+            one.setting: one.setting in failed
+            or (one.setting.cell in told and has_lost_errors(told[one.setting.cell], one.status))
+            for one in self.settings
+            if one.covariance is None
+        }
 
     @cached_property
     def logs(self) -> tuple[LogResult, ...]:
@@ -641,12 +670,14 @@ class Run:
         self._refuse_other_damper(given, own, config)
         known = {f"damper.{key}" for key in self.declared_damper}
         meant = replace(given.with_damper(own), declared=given.declared | known)
+        if not takes_motion:
+            return meant
         motion = self.motion_of_tests
         rig = _inside(self.record, "configuration", "rig")
         if motion is None and isinstance(rig, dict) and {"amplitude", "frequency"} <= rig.keys():
             size = parse_quantity(rig["amplitude"], "length")
             motion = Sine(size, parse_quantity(rig["frequency"], "frequency"))
-        if motion is None or not takes_motion:
+        if motion is None:
             return meant
         taken = {
             name: getattr(motion, name)
@@ -734,7 +765,14 @@ class Run:
         from damperfit.uncertainty import SpeedForces
 
         told = (read_back(SpeedForces, entry) for entry in _listed(self.record, "speed_forces"))
-        return tuple(one for one in told if one is not None)
+        return tuple(
+            one
+            for one in told
+            if one is not None
+            and {len(one.speeds)}.issuperset(
+                map(len, (one.measured, one.measured_se, one.difference, one.misfit))
+            )
+        )
 
     @property
     def digest(self) -> str:

@@ -246,24 +246,25 @@ def _writing(folder: Path) -> Iterator[None]:
         f"{folder}: another run has been writing there for {_PATIENCE:g} s; wait for it to end, or "
         "give another folder"
     )
-    with _locked(folder / _WRITER, patience=_PATIENCE, refusal=busy):
+    with _locked(folder / _WRITER, patience=_PATIENCE, refusal=busy) as has_locks:
         if os.path.lexists(folder / _COMMITTED):
             _move_committed(folder)
-        for left in folder.glob(f"{_STAGING}*"):
+        # Without locks nobody knows whether its writer is still at work.
+        for left in folder.glob(f"{_STAGING}*") if has_locks else ():
             shutil.rmtree(left, ignore_errors=True)
         yield
 
 
 @contextmanager
-def _locked(path: Path, *, patience: float, refusal: str) -> Iterator[None]:
-    """Hold the lock of a file that is made for it and removed with it."""
+def _locked(path: Path, *, patience: float, refusal: str) -> Iterator[bool]:
+    """Hold the lock of a file that is made for it and removed with it, where there are locks."""
     until = time.monotonic() + patience
     while True:
-        with suppress(BlockingIOError), _lock_held(path) as number:
+        with suppress(BlockingIOError), _lock_held(path) as (number, has_locks):
             # Whoever held it may have removed the file that was just opened.
             if path.exists() and os.path.samestat(os.fstat(number), path.stat()):
                 try:
-                    yield
+                    yield has_locks
                     return
                 finally:
                     with suppress(OSError):
@@ -283,7 +284,7 @@ def _is_held(path: Path) -> bool:
 
 
 @contextmanager
-def _lock_held(path: Path) -> Iterator[int]:
+def _lock_held(path: Path) -> Iterator[tuple[int, bool]]:
     """Make a file and hold its lock where the file system has locks; a held one is refused."""
     no_link = getattr(os, "O_NOFOLLOW", 0)
     try:
@@ -291,9 +292,9 @@ def _lock_held(path: Path) -> Iterator[int]:
     except PermissionError:  # what a killed run of somebody else left
         number = os.open(path, os.O_RDONLY | no_link)
     try:
-        _lock(number, is_held=True)
+        has_locks = _lock(number, is_held=True)
         try:
-            yield number
+            yield number, has_locks
         finally:  # not by closing alone: a copy of this process may have it open
             with suppress(OSError):
                 _lock(number, is_held=False)
@@ -302,8 +303,8 @@ def _lock_held(path: Path) -> Iterator[int]:
             os.close(number)
 
 
-def _lock(number: int, *, is_held: bool) -> None:
-    """Lock or unlock an open file; a BlockingIOError: somebody else holds it."""
+def _lock(number: int, *, is_held: bool) -> bool:
+    """Lock or unlock an open file, False without locks; a BlockingIOError: somebody holds it."""
     if os.name == "nt":
         import msvcrt
 
@@ -312,7 +313,7 @@ def _lock(number: int, *, is_held: bool) -> None:
             msvcrt.locking(number, how, 1)  # type: ignore[attr-defined,unused-ignore]
         except OSError as error:
             raise BlockingIOError from error
-        return
+        return True
     import fcntl
 
     try:
@@ -321,6 +322,8 @@ def _lock(number: int, *, is_held: bool) -> None:
         raise
     except OSError:
         _LOGGER.debug("this file system has no locks")
+        return False
+    return True
 
 
 def _flush(path: Path, how: int) -> None:

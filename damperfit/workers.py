@@ -334,7 +334,11 @@ class Processes:
         try:
             while not cancelled():
                 for item in islice(waiting, self.number - len(at_work)):
-                    worker = idle.pop() if idle else _Process()
+                    try:
+                        worker = idle.pop() if idle else _Process()
+                    except OSError as error:  # no more processes or files
+                        yield item, error
+                        continue
                     with suppress(BrokenPipeError):  # it has died, as will be heard
                         worker.pipe.send_bytes(pickle.dumps((act, item)))
                     at_work[worker.pipe] = worker, item
@@ -409,7 +413,10 @@ def _serve(pipe: Any) -> None:
                 act, item = pickle.loads(task)  # noqa: S301 - of the parent
                 answer = pickle.dumps(act(item))
             except Exception as error:  # noqa: BLE001 - it is the result
-                answer = pickle.dumps(error)
+                try:
+                    answer = pickle.dumps(error)
+                except Exception:  # noqa: BLE001 - it holds what cannot be sent
+                    answer = pickle.dumps(RuntimeError(f"{type(error).__name__}: {error}"))
             pipe.send_bytes(answer)
 
 

@@ -294,6 +294,19 @@ def test_leftovers_of_killed_writers_go_and_those_of_living_ones_stay(tmp_path):
 
 
 @posix
+def test_without_locks_who_looks_leaves_a_writer_alone(tmp_path, monkeypatch):
+    def none(*_):
+        raise OSError(errno.ENOLCK, "no locks")
+
+    monkeypatch.setattr("fcntl.flock", none)
+    with file_set(tmp_path) as files:
+        files.path("a.txt").write_text("whole")
+        settle(tmp_path)
+        write_text(tmp_path / "b.txt", "another's")
+    assert contents(tmp_path) == {"a.txt": "whole", "b.txt": "another's"}
+
+
+@posix
 def test_many_writers_at_once_never_mix_their_sets(tmp_path):
     folder, names = tmp_path / "results", [f"{n}.csv" for n in range(8)]
 

@@ -218,7 +218,10 @@ def compare_runs(
             f"{listed_settings(settings)}: no motion is common to both"
         )
     hashes = [
-        [{log["sha256"] for log in _inputs(run) if log["setting"] == setting.cell} for run in runs]
+        [
+            {str(log["sha256"]) for log in _inputs(run) if log["setting"] == setting.cell}
+            for run in runs
+        ]
         for setting in settings
     ]
     identical = tuple(

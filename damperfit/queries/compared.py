@@ -136,7 +136,7 @@ def compare_all(
     )
     remarks = [*logs.remarks]
     for run in known.values():
-        own = run.remarks
+        own = run.remarks if options.is_measured else (*run.remarks, *run.remarks_on_errors)
         remarks += [f"{run.shown_as}: {remark}" for remark in own]
     remarks += [f"{one.second.shown_as}: {remark}" for one in comparisons for remark in one.remarks]
     points: list[Point] = []

@@ -237,7 +237,7 @@ def tabulate_forces(
         shown,
         clicks(shown),
         () if question.force is None else _wanted(shown, question, question.force),
-        (*run.remarks, *lost),
+        (*run.remarks, *run.remarks_on_errors, *lost),
         notes,
         tuple(mishaps[setting].trace for setting in sorted(mishaps)),
     )

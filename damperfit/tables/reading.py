@@ -182,7 +182,8 @@ def read_rows(
     """Return the rows of a table, from Parquet, else from CSV; a column that was lost is told."""
     schema = (record or {}).get("schema")
     columns = schema.get(table) if isinstance(schema, dict) else None
-    written = [str(one["name"]) for one in columns or () if isinstance(one, dict) and "name" in one]
+    listed = columns if isinstance(columns, list) else ()
+    written = [str(one["name"]) for one in listed if isinstance(one, dict) and "name" in one]
     for suffix in (".parquet", ".csv"):
         path = folder / (table + suffix)
         try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import json
 import pickle
 import re
 import subprocess
@@ -160,6 +161,32 @@ def test_a_damaged_file_of_results_is_told(result, tmp_path):
     (where / "run.json").write_text("{")
     assert any("run.json" in said for said in damperfit.load(where).warnings)
     assert damperfit.export(damperfit.load(where), "csv")[0].parent == where / "export"
+
+
+_UNKNOWN_MOTION = {"rig": {"amplitude": None, "frequency": None}}
+
+
+@pytest.mark.parametrize(
+    ("edit", "remark"),
+    [
+        (lambda record: record.update(schema={"parameters": 5}), ""),
+        (lambda record: record["speed_forces"][0].update(measured=[1.0]), ""),
+        (lambda record: record["speed_forces"][0].pop("misfit"), ""),
+        (lambda record: [log.update(sha256=["x"]) for log in record["inputs"]], ""),
+        (lambda record: record["configuration"].update(_UNKNOWN_MOTION), ""),
+        (lambda record: record.update(uncertainty=[]), "of all settings are missing in run.json"),
+        (lambda record: record["uncertainty"].pop(), "errors and correlations of setting "),
+    ],
+)
+def test_an_edited_record_costs_what_it_told_alone(result, tmp_path, edit, remark):
+    where = result.save(tmp_path / "edited")
+    record = json.loads((where / "run.json").read_text(encoding="utf-8"))
+    edit(record)
+    (where / "run.json").write_text(json.dumps(record), encoding="utf-8")
+    answer = damperfit.settings(where)
+    assert [remark in told for told in answer.remarks] == [True] * bool(remark)
+    assert not any("no errors are known" in note for note in answer.notes)
+    assert damperfit.compare(where, where).is_met
 
 
 def test_results_are_compared_by_their_place_in_the_call_where_they_are_unsaved(result, tmp_path):
