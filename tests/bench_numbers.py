@@ -103,6 +103,9 @@ CASES = (
     Case("rig joint", "adjustable",
          ("damper_*.csv", "--procedure", "joint", "--config", "damper.toml",
           "--hold-out", "*_slow.csv", "--hold-out", "damper_L14_H2.csv")),
+    *(Case(f"campaign {mounting}", f"campaign {mounting}",
+           ("t*.csv", "--model", "auto", "--hold-out", "*_unseen.csv", "--config", "damper.toml"))
+      for mounting in ("stiff", "rubber")),
     Case("second rig", "second rig", ("rig_*.csv", "--config", "damper.toml")),
     Case("MR paper", "MR", ("mr_*.csv", "--fix", "r_m3=2.597e6")),
     Case("MR auto", "MR", ("mr_*.csv", "--model", "auto")),
