@@ -264,6 +264,14 @@ def test_a_table_s_own_quantities_come_before_those_of_run_json(tmp_path) -> Non
     assert [one.name for one in table_quantities(path)] == [one.name for one in beside]
     put({"quantities": quantity_records(own)})
     assert [one.name for one in table_quantities(path)] == [one.name for one in own]
+    # Of a folder with CSV files alone the columns tell, so that none passes for an adjuster.
+    path.unlink()
+    columns = "setting,bleed,slope,bleed_status,slope_status"
+    path.with_suffix(".csv").write_text(f"{columns}\nL6 H1,1.5e-9,2,fitted,fitted\n")
+    known = table_quantities(path, {})
+    assert [one.name for one in known] == ["bleed", "slope"]
+    (row,) = read_rows(tmp_path, "parameters", [], known)
+    assert (row["setting"].label, row["bleed"]) == ("L6 H1", 1.5e-9)
 
 
 @pytest.mark.parametrize("n_missing", [0, 6, 7])

@@ -380,13 +380,20 @@ def quantity_records(quantities: Sequence[Quantity]) -> list[dict[str, Any]]:
     return records
 
 
-def quantities_in(facts: Mapping[str, Any]) -> tuple[Quantity, ...]:
-    """Return the quantities that the facts of a table or run.json tell, else the paper's."""
+def quantities_in(facts: Mapping[str, Any], columns: Sequence[str] = ()) -> tuple[Quantity, ...]:
+    """Return the quantities that the facts of a table or run.json tell, else the paper's.
+
+    Where the facts are lost, and a column has a status that is none of the paper's, ``columns``
+    say what there is.
+    """
     records = facts.get("quantities")
     try:
         found = tuple(map(_quantity, records)) if isinstance(records, list) else ()
     except (KeyError, TypeError, ValueError):
         found = ()
+    seen = [name.removesuffix("_status") for name in columns if name.endswith("_status")]
+    if not found and not {one.name for one in PAPER_QUANTITIES}.issuperset(seen):
+        found = tuple(Quantity(name, name, name, name, "", (-math.inf, math.inf)) for name in seen)
     return found if found and found != PAPER_QUANTITIES else PAPER_QUANTITIES
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import csv
 import json
 from base64 import b64decode, b64encode
+from contextlib import suppress
 from io import StringIO
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -249,12 +250,18 @@ def _each_log(table: pa.Table, adjusters: Sequence[str]) -> Iterator[LogSignals]
 def table_quantities(path: Path, record: Mapping[str, Any] | None = None) -> tuple[Quantity, ...]:
     """Return what a table of parameters is of: as it says itself, else run.json, else the paper's.
 
-    ``record`` is run.json, where it has been read.
+    ``record`` is run.json of a results folder; where it is lost the columns say what there is.
     """
     facts = read_facts(path)
-    if "quantities" not in facts:
-        facts = dict(read_record(path.parent / "run.json", []) if record is None else record)
-    return quantities_in(facts)
+    if "quantities" in facts:
+        return quantities_in(facts)
+    if record is None:
+        return quantities_in(read_record(path.parent / "run.json", []))
+    columns: list[str] = []
+    for known in (path, path.with_suffix(".csv")):
+        with suppress(*_BROKEN):
+            columns = columns or _cells(known)[0]
+    return quantities_in(record, columns)
 
 
 def read_table(
