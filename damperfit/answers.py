@@ -502,7 +502,8 @@ class FleetDone:
     """What became of the dampers of a fleet.
 
     `folder` is that of the parts, `done` the dampers that were looked at of `n_tasks`; `held` the
-    fleet against bands, `n_rows` the rows of the table of all parts, `page` the page, where they
+    fleet against bands with the `capability` of its forces, `shifts` sentences and rows of run
+    rules over the dates, `n_rows` the rows of the table of all parts, `page` the page, where they
     were asked for.
     """
 
@@ -511,6 +512,8 @@ class FleetDone:
         self.done: list[Done] = []
         self.n_tasks, self.is_stopped = 0, False
         self.held: HeldFleet | None = None
+        self.capability: list[dict[str, Any]] = []
+        self.shifts: tuple[list[str], list[dict[str, Any]]] = ([], [])
         self.n_rows: int | None = None
         self.page: Path | None = None
 
@@ -555,6 +558,9 @@ class FleetDone:
             "tolerance": None if held is None else held.source,
             "dampers_out_of_tolerance": [] if held is None else [one.run for one in held.worst],
             "points": [] if held is None else tolerance_rows(held.missed),
+            "capability": self.capability,
+            "shifts": self.shifts[0],
+            "run_rules": self.shifts[1],
         }
 
     def collect(self, bands: Tolerance | None, *, is_reported: bool) -> None:
@@ -566,14 +572,18 @@ class FleetDone:
         self.n_rows = table.num_rows
         if bands is None and not is_reported:
             return
+        from damperfit.fleets.capability import capability, run_rules
         from damperfit.fleets.survey import fleet_against_bands, survey
 
         found = survey(table)
-        self.held = None if bands is None else fleet_against_bands(found, bands)
+        self.shifts = run_rules(found)
+        if bands is not None:
+            self.held = fleet_against_bands(found, bands)
+            self.capability = capability(found, self.held)
         if is_reported:
             from damperfit.fleets.page import write_page
 
-            write_page(self.folder / SUMMARY, found, self.held)
+            write_page(self.folder / SUMMARY, found, self.held, self.capability, self.shifts)
             self.page = self.folder / SUMMARY / "fleet.html"
 
     def __repr__(self) -> str:

@@ -17,6 +17,7 @@ import pandas as pd
 import pyarrow as pa
 
 from damperfit import __version__
+from damperfit.fleets.capability import CAPABILITY_COLUMNS, RULE_COLUMNS, capability_sheet
 from damperfit.fleets.parts import COLLECTED
 from damperfit.fleets.survey import FAR_OFF, LEAST_DAMPERS
 from damperfit.reporting.compared import tolerance_rows, tolerance_sheet, tolerance_table
@@ -31,12 +32,14 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
+    from damperfit.fleets.capability import Rows
     from damperfit.fleets.survey import DamperLine, HeldFleet, Series, Survey
     from damperfit.reporting.sheet import Sheet
 
 _NAMED = 6  # dampers of one picture that have a colour and a name of their own
 _MOST_POINTS = 500  # of the others that are far off
 _MOST_GROUPS = 60  # of dates
+_MOST_SHIFTS = 20
 _LONG = 1e4  # a number from here on is long beside an axis
 MOST_LINES = 200  # of a table on the page
 
@@ -196,20 +199,29 @@ def trend_plots(found: Survey) -> tuple[Plot, ...]:
 # The page and its tables
 
 
-def write_page(folder: Path, found: Survey, held: HeldFleet | None = None) -> None:
+def write_page(
+    folder: Path,
+    found: Survey,
+    held: HeldFleet | None,
+    capability: Rows,
+    shifts: tuple[Sequence[str], Rows],
+) -> None:
     """Write ``fleet.html``, and beside it whole tables of what it shows the worst of.
 
     An InstallationError: plotly is not installed; an OutputError: the files cannot be written.
     """
-    page = fleet_page(found, held, title=folder.resolve().parent.name)
+    title = folder.resolve().parent.name
+    page = fleet_page(found, held, capability, shifts[0], title=title)
     names = ["damper", "series", "setting", "value", "median", "low", "high", "distance"]
     settings = [str(found.settings[k]) for k in found.outliers["setting"]]
     outliers = found.outliers.assign(setting=settings)[names].astype({"setting": str})
     tables = {
         "dampers": pa.Table.from_pylist([one._asdict() for one in found.dampers]),
         "outliers": pa.Table.from_pandas(outliers, preserve_index=False),
+        "run_rules": _table(shifts[1], RULE_COLUMNS),
     }
     if held is not None:
+        tables["capability"] = _table(capability, CAPABILITY_COLUMNS)
         tables["tolerance"] = tolerance_table(tolerance_rows(held.missed))
     with file_set(folder) as files:
         files.path("fleet.html").write_bytes(page.encode("utf-8", "backslashreplace"))
@@ -218,7 +230,18 @@ def write_page(folder: Path, found: Survey, held: HeldFleet | None = None) -> No
             write_table(files.path(f"{COLLECTED}_{name}.csv"), table, suffix=".csv")
 
 
-def fleet_page(found: Survey, held: HeldFleet | None = None, *, title: str) -> str:
+def _table(rows: Rows, names: Sequence[str]) -> pa.Table:
+    return pa.Table.from_pandas(pd.DataFrame(rows, columns=list(names)), preserve_index=False)
+
+
+def fleet_page(
+    found: Survey,
+    held: HeldFleet | None = None,
+    capability: Rows | None = None,
+    shifts: Sequence[str] = (),
+    *,
+    title: str,
+) -> str:
     """Return a fleet, and its forces held against a tolerance, as one self-contained HTML page."""
     data = PlotData()
     plots = list(zip(found.series, series_plots(found), strict=True))
@@ -240,6 +263,8 @@ def fleet_page(found: Survey, held: HeldFleet | None = None, *, title: str) -> s
         style=asset("page.css"),
         sentences=_sentences(found),
         tolerance=tolerance,
+        capability=capability and capability_sheet(capability, MOST_LINES),
+        shifts=shifts[:_MOST_SHIFTS],
         outliers=outlier_sheet(found, most=MOST_LINES),
         groups=groups,
         dampers=damper_sheet(found.dampers, most=MOST_LINES),

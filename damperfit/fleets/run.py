@@ -368,7 +368,10 @@ def _part_rows(run: Run, damper: str) -> Iterator[dict[str, Any]]:
     forces: dict[str, dict[str, float]] = defaultdict(dict)
     for row in run.tables["adjustment"].to_pylist():
         column = _force_column(row["stroke"], row["speed_m_per_s"])
-        forces[str(row["setting"])][column] = row["force_N"]
+        forces[str(row["setting"])] |= {
+            column: row["force_N"],
+            _error_of(column): row["force_se_N"],
+        }
     for row in run.tables["parameters"].to_pylist():
         places = {name: str(row[name]) for name in adjusters_in(list(row), run.quantities)}
         setting = str(row["setting"])
@@ -389,6 +392,10 @@ def _force_column(stroke: str, speed: float) -> str:
     return f"force_{stroke}_{1000.0 * speed:g}_mm_per_s_N"
 
 
+def _error_of(column: str) -> str:
+    return f"{column.removesuffix('_N')}_se_N"
+
+
 def _schema(configuration: Configuration) -> pa.Schema:
     """Return the columns of a part: the same for every damper of one configuration.
 
@@ -405,7 +412,8 @@ def _schema(configuration: Configuration) -> pa.Schema:
         if field.name != ADJUSTER
     ]
     forces = [
-        pa.field(_force_column(stroke, speed), pa.float64())
+        pa.field(named(_force_column(stroke, speed)), pa.float64())
+        for named in (str, _error_of)
         for stroke in ("rebound", "bump")
         for speed in configuration.output.speeds
     ]

@@ -68,9 +68,10 @@ class Survey(NamedTuple):
     """What a fleet's table tells.
 
     `rows` are the fitted ones: damper, place of its setting among `settings`, day since 1970 (NaN:
-    not known). `values` are those of all series, by series, setting and damper, with what all
-    dampers have there: `n_dampers`, `median`, `low` and `high` of the middle 90 %, `quarter` and
-    `three_quarters`, `distance` from the median. `outliers` are rows of it, the farthest first.
+    not known). `values` are those of all series, by series, setting and damper, with their standard
+    `error` and what all dampers have there: `n_dampers`, `median`, `low` and `high` of the middle
+    90 %, `quarter` and `three_quarters`, `distance` from the median. `outliers` are rows of it, the
+    farthest first.
     """
 
     dampers: tuple[DamperLine, ...]  # every one, by serial number
@@ -106,13 +107,15 @@ def survey(table: pa.Table) -> Survey:
             continue
         values = _numbers(table, name)[rows.index]
         is_known = np.isfinite(values)
-        errors = _numbers(table, f"{name}_se")[rows.index]
+        error = f"{name.removesuffix('_N')}_se_N" if match else f"{name}_se"
+        errors = _numbers(table, error)[rows.index]
         # A parameter that was fitted nowhere and is the same everywhere: nothing to see.
         is_held = is_known.sum() > 1 and not np.ptp(values[is_known])
         is_held = is_held and not np.isfinite(errors).any() and not match
         if is_held or not is_known.any():
             continue
-        columns.append(rows[is_known].assign(series=name, value=values[is_known]))
+        known_rows = rows[is_known].assign(value=values[is_known], error=errors[is_known])
+        columns.append(known_rows.assign(series=name))
         if match:
             speed, stroke = float(match[2]) / 1000.0, match[1]
             label = f"force in {stroke} at {speed:g} m/s"
@@ -126,7 +129,7 @@ def survey(table: pa.Table) -> Survey:
     values = _with_bands(
         pd.concat(columns, ignore_index=True)
         if columns
-        else rows.iloc[:0].assign(series="", value=0.0)
+        else rows.iloc[:0].assign(series="", value=0.0, error=0.0)
     )
     is_far = (values["n_dampers"] >= LEAST_DAMPERS) & (values["distance"].abs() > FAR_OFF)
     outliers = values[is_far].sort_values("distance", key=lambda x: -x.abs(), kind="stable")
@@ -221,6 +224,7 @@ class HeldFleet(NamedTuple):
     n_dampers: int
     # Forces outside, and those that could not be looked at; these first, then the farthest.
     missed: tuple[Point, ...]
+    forces: pd.DataFrame  # rows of the survey's values with their band, `least` to `most`
 
     @property
     def worst(self) -> tuple[Point, ...]:
@@ -258,11 +262,13 @@ def fleet_against_bands(  # noqa: C901 - two kinds of bands, one list
     everyone = [one.damper for one in found.dampers]
     by_series: dict[Any, Any] = dict(tuple(found.values.groupby("series")))
     n_points, missed = 0, []
+    kept = [found.values.iloc[:0].assign(least=0.0, most=0.0)]
 
     def hold(one: Series, rows: Any, low: Any, high: Any) -> None:
         nonlocal n_points
         n_points += len(rows)
         rows = rows.assign(least=low, most=high)
+        kept.append(rows)
         for row in rows[(rows["value"] < low) | (rows["value"] > high)].itertuples():
             place = (row.damper, found.settings[row.setting], one.speed, one.stroke)
             missed.append(Point(*place, row.value, row.least, row.most))
@@ -309,4 +315,5 @@ def fleet_against_bands(  # noqa: C901 - two kinds of bands, one list
             if damper not in having:
                 lose(why, damper, band.setting, *ends)
     missed.sort(key=lambda one: (not math.isnan(one.margin), one.margin))
-    return HeldFleet(tolerance.source, n_points, len(everyone), tuple(missed))
+    in_bands = pd.concat(kept[1:] or kept)
+    return HeldFleet(tolerance.source, n_points, len(everyone), tuple(missed), in_bands)

@@ -49,6 +49,7 @@ def test_every_damper_gets_a_part_and_all_one_table(three, tmp_path, here, capsy
         == b"R_m1"
     )
     assert found["force_rebound_300_mm_per_s_N"].notna().all()
+    assert (found["force_rebound_300_mm_per_s_se_N"] > 0.0).all()
     assert found["force_rebound_1050_mm_per_s_N"].isna().all()  # faster than the test
 
 
