@@ -333,7 +333,8 @@ class Processes:
         at_work: dict[Any, tuple[_Process, Any]] = {}
         try:
             while not cancelled():
-                for item in islice(waiting, self.number - len(at_work)):
+                begun = list(islice(waiting, self.number - len(at_work)))
+                for item in begun:
                     try:
                         worker = idle.pop() if idle else _Process()
                     except OSError as error:  # no more processes or files
@@ -342,7 +343,7 @@ class Processes:
                     with suppress(BrokenPipeError):  # it has died, as will be heard
                         worker.pipe.send_bytes(pickle.dumps((act, item)))
                     at_work[worker.pipe] = worker, item
-                if not at_work:
+                if not (begun or at_work):
                     return
                 for pipe in wait(list(at_work), _LOOK):
                     worker, item = at_work.pop(pipe)

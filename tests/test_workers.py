@@ -24,7 +24,7 @@ from damperfit.fleets.run import DamperTask, Done, Job
 from damperfit.fleets.sources import FleetLog
 from damperfit.synthetic import SampleOptions, make_samples
 from damperfit.workers import Died, Processes, apart, executor, told_here
-from tests.fleet.deadly import die_at_three, double, refuse, say_pid_and_wait
+from tests.fleet.deadly import die_at_three, double, refuse, refuse_with_a_lock, say_pid_and_wait
 
 on_linux = pytest.mark.skipif(sys.platform != "linux", reason="copies are made on Linux alone")
 posix = pytest.mark.skipif(os.name != "posix", reason="signals")
@@ -357,6 +357,19 @@ def test_a_death_costs_its_item_alone_and_an_exception_is_a_result():
     assert found == {k: k for k in range(12) if k != 3}
     ((item, error),) = Processes(1).each(refuse, [7])
     assert (item, type(error), str(error)) == (7, ValueError, "no 7")
+    ((_, error),) = Processes(1).each(refuse_with_a_lock, [7])
+    assert str(error) == "ValueError: no 7"
+
+
+def test_a_process_that_cannot_begin_costs_its_item(monkeypatch):
+    def none(*_):
+        raise OSError(errno.EAGAIN, "no more processes")
+
+    monkeypatch.setattr("multiprocessing.process.BaseProcess.start", none)
+    found = Processes(2).each(double, [1, 2, 3])
+    assert [(item, type(error)) for item, error in found] == [
+        (item, BlockingIOError) for item in (1, 2, 3)
+    ]
 
 
 def test_items_are_taken_as_workers_become_free():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import threading
 import time
 from pathlib import Path
 
@@ -12,6 +13,13 @@ from damperfit.workers import Processes
 
 def double(number: int) -> int:
     return 2 * number
+
+
+def refuse_with_a_lock(number: int) -> None:
+    """Raise what no pipe takes."""
+    error = ValueError(f"no {number}")
+    error.held = threading.Lock()  # type: ignore[attr-defined]
+    raise error
 
 
 def die_at_three(number: int) -> int:
