@@ -125,6 +125,8 @@ def damper_of(keys: Mapping[str, Any], *, is_recorded: bool = False) -> Model:
     for name, one in own.items():
         try:
             values[name] = _value(kind, one, keys[name], is_recorded=is_recorded)
+        except OverflowError as error:  # of a whole number with hundreds of digits
+            raise _wrong("a number", keys[name], name) from error
         except ConfigurationError as error:
             found = f", found {keys[name]!r}" if isinstance(error, QuantityError) else ""
             if isinstance(error.problem.where, Key):
@@ -180,7 +182,12 @@ def _value(kind: Any, field: Any, value: Any, *, is_recorded: bool) -> Any:
         part: Any = type(field.default)
         inner = {one.name: one for one in fields(part)}
         _refuse_unknown(value, inner, "damper", name)
-        return part(**{k: _word(inner[k], one, name) for k, one in value.items()})
+        words = {k: _word(inner[k], one, name) for k, one in value.items()}
+        try:
+            return part(**words)
+        except ConfigurationError as error:  # which of its keys, given or not
+            text, code = f"{error}", error.problem.code
+            raise ConfigurationError(text, where=Key(("damper", name)), code=code) from error
     if name == "passages":
         from damperfit.damper.valve_dampers import declared_passages
 

@@ -375,7 +375,7 @@ class OutputSection(Section):
     folder: Path = key("results",
         "folder for the results", option="DIR", panel="Output", keyword="out", kind="path")
     max_mse_percent: float = key(0.0,
-        "gate: above this MSE the command ends with code 4; 0: no gate",
+        "gate: above this MSE the command ends with code 4; in TOML 0: no gate",
         least=0.0, option="PCT", panel="Gates", keyword="max_mse")
     checks: tuple[str, ...] = key([],
         "gates: names of checks that must pass, or of a list of them, as in purdy2000",

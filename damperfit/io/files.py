@@ -19,6 +19,7 @@ import re
 import stat
 import zlib
 from collections.abc import Callable
+from itertools import islice
 from pathlib import Path
 from threading import Thread
 from typing import TYPE_CHECKING, NamedTuple
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
 
 MAX_TEXT = 100_000_000  # bytes of a file that is no log
 _HASHED_BESIDE = 4_000_000  # bytes; below it, starting a thread costs more than it saves
+_PIECE = 1 << 20  # bytes unpacked at a time
 _GZIP = b"\x1f\x8b"
 _UTF16 = {codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
 _CONTROL = re.compile(rb"[\x01-\x08\x0e-\x1a\x1c-\x1f\x7f]")  # ESC occurs in terminals' captures
@@ -184,7 +186,9 @@ def unpack(source: Source, *, max_bytes: int) -> tuple[Source, tuple[str, ...]]:
     data = b""
     try:
         with gzip.GzipFile(fileobj=io.BytesIO(source.data)) as file:
-            data = file.read(max_bytes + 1)
+            # In pieces: a read of many bytes takes the memory for all of them first.
+            pieces = iter(lambda: file.read(_PIECE), b"")
+            data = b"".join(islice(pieces, max_bytes // _PIECE + 1))
     except EOFError:
         problem = "truncated gzip; the end of the file is missing"
     except (gzip.BadGzipFile, zlib.error) as error:

@@ -58,7 +58,7 @@ _ENDING = re.compile(rf"({_WORD})[ _=.-]*$")  # the last word before a number
 _TOKEN = re.compile(rf"{_WORD}|\d+|[\W_]+")
 _SIGNED = re.compile(rf"({_WORD})[ _=.]*[+-]\d")
 # A hyphen behind a blank or "_" is a minus, as in a label; behind a word it parts.
-_NUMBERS = re.compile(r"((?:(?<=[\s_])-)?\d+(?:\.\d+)?)")
+_NUMBERS = re.compile(r"((?:(?<=[\s_=])-)?\d+(?:\.\d+)?)")
 # More than three digits are a serial number or a date; half clicks have the word before them.
 _NUMBER = r"-?\d{1,3}"
 _CLICK = r"-?\d{1,3}(\.\d)?"

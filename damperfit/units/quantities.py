@@ -230,7 +230,7 @@ def _converted(text: str | float, dimension: str) -> float:
     if not isinstance(text, str):
         try:
             return float(text)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             raise QuantityError(
                 f"expected a number or a text such as '{example}' for a {dimension}, found {text!r}"
             ) from None

@@ -144,6 +144,15 @@ def test_values_arrive_where_they_are_used(tmp_path: Path) -> None:
         ("[damper]\nrod_diameter = '19 kg'\n", r"rig\.toml:2: damper\.rod_diameter: no unit.*kg"),
         ("[damper]\nrod_diameter = -1.0\n", r"rig\.toml:2: damper\.rod_diameter: expected .*-1"),
         ("[damper]\nrod_diameter = nan\n", r"damper\.rod_diameter"),
+        (f"[damper]\nrod_diameter = 1{'0' * 400}\n", r"rig\.toml:2: .*expected a number, found 10"),
+        (
+            f"[damper]\nreference_temperature = 1{'0' * 400}\n",
+            r"rig\.toml:2: damper\.reference_temperature: expected 'none'",
+        ),
+        (
+            "[damper]\nmodel = 'twin_tube'\n[damper.mounting]\nplay = nan\nlag = '1ms'\n",
+            r"rig\.toml:3: damper\.mounting: play: found nan; expected 1e-06 to",
+        ),
         ("[damper]\nrod_diameter = true\n", r"damper\.rod_diameter: .*number.*True"),
         (
             "[damper]\nrod_diameter = '30mm'\n",

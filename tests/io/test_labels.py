@@ -154,6 +154,7 @@ def test_an_own_pattern_and_an_unknown_group(put) -> None:
         (["Versuch1_3.csv", "Versuch2_4.csv"], [3, 4], r"_(?P<setting>\d+)"),
         (["b_3_25°C.csv", "b_4_35°C.csv"], [3, 4], r"b_(?P<setting>\d+)"),
         (["front -3.csv", "front 0.csv"], [-3, 0], r"front (?P<setting>-?\d+)"),
+        (["C=-3.csv", "C=0.csv"], [-3, 0], r"C=(?P<setting>-?\d+)"),
         (["front-3.csv", "front-4.csv"], [3, 4], r"front-(?P<setting>\d+)"),
         (["Links - 3.csv", "Links - 4.csv"], [3, 4], r"Links - (?P<setting>\d+)"),
         (["-3_5.csv", "-4_5.csv"], [3, 4], r"-(?P<setting>\d+)"),
