@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+import os
 from contextlib import ExitStack
 from dataclasses import asdict
 from functools import cached_property
@@ -243,18 +244,25 @@ class Simulation(Answer):
         """Write the signals and the loops, each where it is given a file."""
         test = self.test
         with ExitStack() as stack:
+            # One set a folder, however it is spelled; in one order, for sets wait for each other.
+            folders = {os.path.realpath(path.parent): path.parent for path in (out, plot) if path}
             sets = {
-                folder: stack.enter_context(file_set(folder, spares_others=spares_others))
-                for folder in {path.parent for path in (out, plot) if path is not None}
+                real: stack.enter_context(file_set(folder, spares_others=spares_others))
+                for real, folder in sorted(folders.items())
             }
             if out is not None:
                 table = time_series_table(test.response)
-                write_table(sets[out.parent].path(out.name), table, suffix=out.suffix)
+                write_table(
+                    sets[os.path.realpath(out.parent)].path(out.name), table, suffix=out.suffix
+                )
             if plot is not None:
                 from damperfit.reporting.drawing import draw_plot
                 from damperfit.reporting.simulated import cycle_plot
 
-                path, kind = sets[plot.parent].path(plot.name), plot.suffix[1:].lower()
+                path, kind = (
+                    sets[os.path.realpath(plot.parent)].path(plot.name),
+                    plot.suffix[1:].lower(),
+                )
                 draw_plot(
                     path, cycle_plot(test.response, test.frequency, title=self.title), kind=kind
                 )

@@ -91,6 +91,13 @@ def test_a_recorded_displacement_gives_the_force_of_the_log(run, logs, tmp_path)
     assert np.sqrt(np.mean((force - measured)[later] ** 2)) < 5.0
 
 
+def test_table_and_picture_of_one_folder_are_one_set_however_it_is_spelled(run, tmp_path) -> None:
+    picture = str(tmp_path / "loops.png")
+    ended = run("simulate", "--setting", "5", "--out", "signals.csv", "--plot", picture)
+    assert ended.code == 0
+    assert {path.name for path in tmp_path.iterdir()} >= {"signals.csv", "loops.png"}
+
+
 @pytest.mark.parametrize(
     ("kind", "start"),
     [
