@@ -14,7 +14,6 @@ import shutil
 import subprocess
 import sys
 import time
-import tomllib
 from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
@@ -161,11 +160,10 @@ def _side_by_side(work):
 def pytest_collection_modifyitems(items):
     """Leave every n-th of the cases of a grid that is marked `one_in` to the default suite.
 
-    What slower.toml names is slow as well.
+    What slower.txt names is slow as well.
     """
     seen = Counter()
-    table = tomllib.loads((Path(__file__).parent / "slower.toml").read_text(encoding="utf-8"))
-    slower = {case for cases in table.values() for case in cases}
+    slower = set((TESTS / "slower.txt").read_text(encoding="utf-8").splitlines())
     for item in items:
         if item.nodeid in slower:
             item.add_marker(pytest.mark.slow)
