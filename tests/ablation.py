@@ -17,13 +17,21 @@ import runpy
 import sys
 from typing import Any
 
+from damperfit.laws import structures
 from tests.bench_numbers import CASES, compared, load_frozen
 
 __all__ = ["PIECES", "switched_off"]
 
 
+_WITH_PART = structures.with_part
+
+
 def _first(given: Any, *_: Any, **__: Any) -> Any:
     return given
+
+
+def _without_rubber(damper: Any, name: str) -> Any:
+    return damper if name == "rubber" else _WITH_PART(damper, name)
 
 
 # By name: module, what is replaced (a class's function as Class.name), and by what.
@@ -35,6 +43,10 @@ PIECES: dict[str, tuple[str, str, Any]] = {
     "held out": ("laws.search", "_Search.of_held_out", lambda *_: 0.0),
     "believed friction": ("laws.one_model", "_UNBELIEVED", 0.0),
     "yielding": ("laws.search", "_Search.yielding", lambda _, law, *__: law),
+    "ties by the logs": ("laws.search", "_Search.with_ties", lambda *_: None),
+    "believed defaults": ("laws.search", "_FREED", 1e9),
+    "floor of the criterion": ("laws.search", "_FLOOR_PERCENT", 0.001),
+    "rubber": ("laws.structures", "with_part", _without_rubber),
     # Fits.
     "idle parts": ("identification.procedures", "without_idle_parts", _first),
     "last step": ("identification.fit_setting", "_last_step", lambda *_: None),
