@@ -61,14 +61,15 @@ def by_damper(batch: LogBatch, *, is_one: bool = False) -> dict[str, LogBatch]:
     """Return the logs of each damper, by serial number or name; with ``is_one`` there may be one.
 
     Where no log or one damper alone is named there is one entry. Logs that say nothing then count
-    as that damper's, which is said; beside several dampers they fail.
+    as that damper's, which is said; beside several dampers they fail. A log that cannot be used
+    makes no damper of its own.
     """
     owners = {log.log: log.identity.owner for log in batch.logs}
-    named = sorted(set(owners.values()) - {""}, key=natural_order)
-    nameless = [log for log in batch.logs if not log.identity.owner]
+    usable = {log.identity.owner for log in batch.logs if log.failure is None}
+    named = sorted(usable - {""}, key=natural_order)
     if len(named) <= 1:
-        if named and nameless:
-            logs = listed_names([log.log for log in nameless], few=5)
+        if named and "" in owners.values():
+            logs = listed_names([log for log, owner in owners.items() if not owner], few=5)
             batch.remarks.append(f"{logs}: assumed to belong to damper {named[0]}, like the others")
         return {named[0] if named else "": batch}
     if is_one:
@@ -83,10 +84,10 @@ def by_damper(batch: LogBatch, *, is_one: bool = False) -> dict[str, LogBatch]:
             [trace for trace in batch.traces if owners[trace.name] == owner],
             [failure for failure in batch.failures if owners.get(failure.log) == owner],
         )
-    first = groups[named[0]]
+    first, others = groups[named[0]], [log for log in batch.logs if log.identity.owner not in named]
     first.remarks, first.notes, first.skipped = batch.remarks, batch.notes, batch.skipped
-    first.logs += nameless
-    first.failures += [failure for failure in batch.failures if not owners.get(failure.log)]
+    first.logs += others
+    first.failures += [one for one in batch.failures if owners.get(one.log) not in named]
     text = (
         f"the log does not say which damper it belongs to, and there are "
         f"{listed_names(named, few=5)}; give it a line '# serial: {named[0]}' or a row in tests.csv"
@@ -96,7 +97,7 @@ def by_damper(batch: LogBatch, *, is_one: bool = False) -> dict[str, LogBatch]:
             Problem("no-owner", text, subject=log.log),
             *(LogError.__name__, log.log, log.path, log.facts.get("setting")),
         )
-        for log in nameless
+        for log in others
         if log.failure is None
     ]
     return groups

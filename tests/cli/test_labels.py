@@ -115,6 +115,9 @@ def test_several_dampers_get_a_result_each(bodies, run, tmp_path):
             text = text.replace("# damper: D7", "# damper: D8")
         (tmp_path / f"{serial[0]}_{r}.csv").write_text(text)
     (tmp_path / "stray.csv").write_text("# setting: 8\n" + bodies[8, 8])
+    # One that cannot be used makes no damper of its own.
+    short = "\n".join(bodies[8, 8].splitlines()[:40])
+    (tmp_path / "short.csv").write_text(f"# setting: 9\n# serial: C3\n{short}\n")
     ended = run("identify", tmp_path / "*.csv", "--out", tmp_path / "out", "--json")
     assert ended.code == 1
     assert (
@@ -123,6 +126,8 @@ def test_several_dampers_get_a_result_each(bodies, run, tmp_path):
     )
     document = json.loads(ended.out)
     assert list(document["dampers"]) == ["A1", "B 2"]
+    failed = {one["log"] for one in document["dampers"]["A1"]["failures"]}
+    assert failed == {"short.csv", "stray.csv"}
     for owner, folder, settings in (("A1", "A1", [4, 6]), ("B 2", "B_2", [6])):
         table = pq.read_table(tmp_path / "out" / folder / "parameters.parquet")
         assert table["setting"].to_pylist() == settings
