@@ -189,11 +189,13 @@ class Advice(Answer):
             return f"no test is within the limits of the rig, so none narrows {title}"
         best = self.tests[0]
         if best.share <= _USEFUL:
+            n = len(best.shares)
+            middle = f" (median of {n} settings)" if n > 1 else ""
             return (
                 f"test {1e3 * best.amplitude:.3g} mm at {best.frequency:.3g} Hz "
                 f"({best.cycles} steady cycles): the interval of {title} shrinks to "
-                f"{100.0 * best.share:.2g} % of today's (median of {len(best.shares)} settings), "
-                f"in {best.minutes:.1f} min on the rig"
+                f"{100.0 * best.share:.2g} % of today's{middle}, in "
+                f"{best.minutes:.1f} min on the rig"
             )
         why = "the force hardly depends on it at any motion within the limits"
         if median(self.floors[name] / self.now[name] for name in self.now) > _USEFUL:
