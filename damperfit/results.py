@@ -481,7 +481,7 @@ class Run:
         for log in self._inputs:
             for _, _, speed in _motions(log):
                 tops[log.get("setting")] = max(speed, tops.get(log.get("setting"), 0.0))
-        entries = {one.get("setting"): one for one in _listed(self.record, "uncertainty")}
+        entries = {one.get("setting"): one for one in entries_in(self.record, "uncertainty")}
         settings = []
         for row in sorted(self.rows("parameters"), key=lambda row: Setting.of(row["setting"])):
             cells = [(one.default, row.get(one.name)) for one in self.quantities]
@@ -512,7 +512,7 @@ class Run:
     @property
     def _inputs(self) -> list[dict[str, Any]]:
         """Entries of run.json on the logs."""
-        return _listed(self.record, "inputs")
+        return entries_in(self.record, "inputs")
 
     @refuse_wrong_arguments("run.setting")
     def setting(self, setting: Setting | str | float) -> SettingResult:
@@ -557,7 +557,7 @@ class Run:
         failed = {failure.setting for failure in failures_in(self.record)}
         told = {
             one.get("setting"): names
-            for one in _listed(self.record, "uncertainty")
+            for one in entries_in(self.record, "uncertainty")
             if isinstance(names := one.get("parameters"), list)
         }
         return {
@@ -764,7 +764,7 @@ class Run:
         from damperfit.reporting.records import read_back
         from damperfit.uncertainty import SpeedForces
 
-        told = (read_back(SpeedForces, entry) for entry in _listed(self.record, "speed_forces"))
+        told = (read_back(SpeedForces, entry) for entry in entries_in(self.record, "speed_forces"))
         return tuple(
             one
             for one in told
@@ -932,7 +932,7 @@ class Run:
     @property
     def warned(self) -> tuple[Problem, ...]:
         """What to know before believing the numbers; of older runs their sentences."""
-        told = _listed(self.record, "problems")
+        told = entries_in(self.record, "problems")
         sentences = self.record.get("warnings")
         if not told and isinstance(sentences, list):
             told = [{"text": sentence} for sentence in sentences]
@@ -1141,7 +1141,7 @@ class Run:
 
         failed = (
             f"FAILED {one.get('name')}: {one.get('reason')}"
-            for one in _listed(self.record, "checks")
+            for one in entries_in(self.record, "checks")
             if one.get("passed") is False
         )
         lines = (*self.failures[:_SHOWN_FAILURES], *failed)
@@ -1230,7 +1230,7 @@ def warmed_to(configuration: Configuration, temperature: str | None) -> Configur
 
 def _segments_in(log: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Return the segments of a log's entry in run.json; older runs tell of one, in the entry."""
-    return _listed(log, "stretches") if isinstance(log.get("stretches"), list) else [dict(log)]
+    return entries_in(log, "stretches") if isinstance(log.get("stretches"), list) else [dict(log)]
 
 
 def _motions(log: Mapping[str, Any]) -> Iterator[tuple[float, float, float]]:
@@ -1281,7 +1281,8 @@ def _damper_in(facts: Mapping[str, Any]) -> Mapping[str, Any] | None:
     return damper if isinstance(damper, dict) else None
 
 
-def _listed(record: Mapping[str, Any], key: str) -> list[dict[str, Any]]:
+def entries_in(record: Mapping[str, Any], key: str) -> list[dict[str, Any]]:
+    """Return the objects in a list of the record; none where somebody put something else there."""
     entries = record.get(key)
     return [one for one in entries if isinstance(one, dict)] if isinstance(entries, list) else []
 

@@ -33,6 +33,7 @@ from damperfit.problem import Option
 from damperfit.recording import Recording
 from damperfit.reporting.answer import Answer
 from damperfit.reporting.sheet import Column, Sheet, laid_out
+from damperfit.results import entries_in
 from damperfit.simulation import sine_motion
 from damperfit.statistics import NORMAL_95
 from damperfit.uncertainty.correlation import (
@@ -275,7 +276,7 @@ class _Known:
         self.now, self.floor = NORMAL_95 * math.sqrt(total), NORMAL_95 * math.sqrt(fixed)
         segments: list[Mapping[str, Any]] = [
             segment
-            for segment in run.record.get("stretches", ())
+            for segment in entries_in(run.record, "stretches")
             if segment.get("setting") == setting.setting.cell
             and segment.get("noise_N")
             and segment.get("frequency_Hz")
@@ -336,7 +337,7 @@ class _Rig:
 
     def __init__(self, run: Run, limits: Limits, known: Sequence[_Known]) -> None:
         self.run, self.limits, self.known = run, limits, known
-        options, inputs = run.configuration.conditioning, run.record.get("inputs", ())
+        options, inputs = run.configuration.conditioning, entries_in(run.record, "inputs")
         self.filter = (options.filter, options.filter_corner, options.filter_order)
         if options.rig_filter != "none":
             kind, corner = options.rig_filter, options.rig_filter_corner

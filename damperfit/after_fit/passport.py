@@ -18,6 +18,7 @@ from damperfit.reporting.report import lead
 from damperfit.reporting.run_figures import report_plots
 from damperfit.reporting.sheet import html_table, rows_in_units, sheet_in_units
 from damperfit.reporting.tables import parameter_sheet
+from damperfit.results import entries_in
 from damperfit.store import check_writable, write_text
 
 if TYPE_CHECKING:
@@ -47,13 +48,14 @@ def write_passport(run: Run, folder: Path, units: ShownUnits) -> tuple[Path, Pat
     title = run.identity.get("serial") or run.identity.get("damper") or run.name
     stem = f"passport_{re.sub(r'[^A-Za-z0-9._-]+', '_', Path(title).name) or 'damper'}"
     document: dict[str, Any] = json.loads(baseline_text(read_run(run.place or run.folder)))
+    logs = entries_in(run.record, "inputs")
     document["passport"] = {
         "identity": dict(run.identity),
         "lead": lead(run),
         "damper": run.damper.plain.sentence,
         "temperatures_degC": run.tested.temperatures,
         "checks": run.record.get("checks", []),
-        "logs": {str(log["log"]): log.get("sha256") for log in run.record.get("inputs", ())},
+        "logs": {str(one.get("log")): one.get("sha256") for one in logs},
         "clicks": json.loads(run.forces.to_json(orient="records")),
     }
     page, record = folder / f"{stem}.html", folder / f"{stem}.json"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import shutil
 
 import numpy as np
 import pytest
@@ -130,6 +131,18 @@ def test_what_cannot_be_is_one_line(results, sample_results, capsys, words, code
     given = {"results": results, "log": folder / "setting_01.csv", "folder": folder}
     assert main(words.format(**given).split()) == code
     assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("key", "words"), [("stretches", "advise {} --for k_e"), ("inputs", "passport {0} --out {0}")]
+)
+@pytest.mark.parametrize("value", [None, [1]])
+def test_an_edited_record_is_no_bug(results, tmp_path, key, words, value) -> None:
+    edited = tmp_path / "edited"
+    shutil.copytree(results, edited)
+    record = json.loads((edited / "run.json").read_text(encoding="utf-8"))
+    (edited / "run.json").write_text(json.dumps(record | {key: value}), encoding="utf-8")
+    assert main(words.format(edited).split()) == {"stretches": 2, "inputs": 0}[key]
 
 
 def test_a_larger_rig_is_no_hindrance(fitted) -> None:
