@@ -142,6 +142,12 @@ def read_valves(
             value, low, high = _read(setting, quantity)
             if is_opening:
                 size, limits = value, (low, high)
+            elif value <= 0.0:  # as only an edited file has it
+                remarks.append(
+                    f"{quantity.symbol} of setting {setting.label}: {value:g}, expected above 0; "
+                    "left out"
+                )
+                continue
             else:  # a large S is a small hole; the errors of S and C_d add in squares
                 size, spread = factor / value, discharge_spread / discharge
                 below, above = (
@@ -228,7 +234,7 @@ def _worn(quantity: Quantity, run: Run, reference: Run) -> Iterator[str]:
         if setting.label in earlier:
             now, low, high = _read(setting, quantity)
             then, first, last = _read(earlier[setting.label], quantity)
-            if first > high or last < low:
+            if then and (first > high or last < low):
                 yield (
                     f"{quantity.symbol} of setting {setting.label}: "
                     f"{100.0 * (now / then - 1.0):+.2g} % since {reference.name}, beyond both "

@@ -46,6 +46,24 @@ def test_a_passport_in_place_of_results_is_named_so(results, tmp_path, capsys, c
     assert str(record) in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("edited", ["0", "-5"])
+@pytest.mark.parametrize(("command", "code"), [("report", 1), ("valves", 0)])
+def test_an_edited_resistance_that_no_hole_has_is_left_out(
+    results, tmp_path, capsys, command, code, edited
+) -> None:
+    folder = shutil.copytree(results, tmp_path / "edited")
+    (folder / "parameters.parquet").unlink()
+    table = folder / "parameters.csv"
+    head, first, *others = table.read_text(encoding="utf-8").splitlines()
+    cells = first.split(",")
+    cells[head.split(",").index("r_m1")] = edited
+    table.write_text("\n".join([head, ",".join(cells), *others]), encoding="utf-8")
+    assert main([command, str(folder)]) == code
+    page = folder / "report.html"
+    shown = page.read_text(encoding="utf-8") if page.exists() else str(capsys.readouterr())
+    assert f"R_m1 of setting {cells[0]}: {edited}, expected above 0; left out" in shown
+
+
 def test_what_a_log_says_is_escaped_on_the_page(sample_results, tmp_path) -> None:
     log = sample_results / "sample_runs" / "setting_01.csv"
     text = log.read_text(encoding="utf-8")
