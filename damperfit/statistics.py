@@ -91,13 +91,6 @@ def student_quantile(freedom: float, share: float) -> float:
     return math.sqrt(_fisher_beyond(1.0, freedom, beyond))
 
 
-def fisher_quantile(above: float, below: float, share: float) -> float:
-    """Return what the ratio of two mean squares stays below in a share of all cases."""
-    if not (above > 0.0 and below > 0.0 and 0.0 < share < 1.0):
-        return math.nan
-    return _fisher_beyond(above, below, 1.0 - share)
-
-
 def fisher_chance(above: float, below: float, ratio: float) -> float:
     """Return the chance with which the ratio of two mean squares exceeds a value."""
     if not (above > 0.0 and below > 0.0 and math.isfinite(ratio)):

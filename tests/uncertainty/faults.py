@@ -151,8 +151,8 @@ def smoothed(log: Log, rows: int) -> Frame:
     return table.assign(force_N=np.convolve(padded, np.ones(rows) / rows, "valid"))
 
 
-LATE, FILTER = "delay|late", "filter|smooth|delay|late"
-RUBS, GAS = "friction", "gas|rod|offset"
+LATE, FILTER = "delay|late|early", "filter|smooth|delay|late"
+RUBS, GAS = "as from .*friction that", "as from .*(gas|offset)|tare"
 # The fault, and what a warning that names it holds.
 FAULTS: dict[str, tuple[Fault, str]] = {
     "nothing": (frame, ""),
@@ -186,7 +186,9 @@ FAULTS: dict[str, tuple[Fault, str]] = {
     },
     "rod seal pressed, 30 mm2": (added(lambda log: 3e-5 * log.pressures[0] * log.sign), RUBS),
     **{
-        f"friction over {1e6 * d:g} um": (added(partial(presliding, distance=d)), f"{RUBS}|cause")
+        f"friction over {1e6 * d:g} um": (
+            added(partial(presliding, distance=d)), f"{RUBS}|cause was not found",
+        )
         for d in (5e-5, 3e-4)
     },
     "side load, 30 N at the ends": (
@@ -209,18 +211,21 @@ FAULTS: dict[str, tuple[Fault, str]] = {
     "zero of 25 N": (forced(lambda force: force + 25.0), GAS),
     "zero of 25 N in one": (in_one(forced(lambda force: force + 25.0)), GAS),
     "zero drifts by 20 N": (added(lambda log: 20.0 * ramp(log)), "drift"),
-    "oil 6 % thinner at the end": (added(lambda log: -0.06 * log.oil * ramp(log)), "trend"),
+    "oil 6 % thinner at the end": (
+        added(lambda log: -0.06 * log.oil * ramp(log)), "a trend, not scatter",
+    ),
     "one blow of 150 N": (
         added(lambda log: 150.0 * ((log.time > 4.0) & (log.time < 4.05))), "scatter",
     ),
     "cell of 3 % third order": (
         forced(lambda force: force + 0.03 * force * (force / 1500.0) ** 2), "declare|misfit",
     ),
-    "clock 2 % off in one": (in_one(lambda log: frame(log, time=1.02 * log.time)), "clock"),
+    "clock 2 % off in one": (in_one(lambda log: frame(log, time=1.02 * log.time)), "its clock is"),
     "stroke 3 % off in one": (
-        in_one(lambda log: frame(log, displacement=1.03 * log.displacement)), "displacement",
+        in_one(lambda log: frame(log, displacement=1.03 * log.displacement)),
+        "its displacement channel is",
     ),
-    "force 4 % off in one": (in_one(forced(lambda force: 1.04 * force)), f"{GAS}|trend"),
+    "force 4 % off in one": (in_one(forced(lambda force: 1.04 * force)), "gain"),
     "hum of 30 N, 50 Hz": (
         added(lambda log: 30.0 * np.sin(100.0 * np.pi * log.time)), "",
     ),
