@@ -80,7 +80,7 @@ COMMANDS = (
             "advise {results} --for k_e",
             "valves {results}",
             "passport {results} --out ../passport",
-            "ride {results} --stroke setting_05.csv",
+            "ride {results} --stroke setting_01.csv",
             "compare setting_01.csv setting_01.csv --measured",
             "samples ../made --settings 1 --cycles 4",
             "config",
