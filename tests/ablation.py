@@ -9,8 +9,6 @@ piece, on which data, what is lost without it. A step of a fit or a search stays
 with a row there that shows a loss that a user would see.
 """
 
-from __future__ import annotations
-
 import argparse
 import importlib
 import runpy

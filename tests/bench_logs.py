@@ -5,8 +5,6 @@ two minutes of the processor in all. A folder holds logs, configurations and tru
 parameters that are known, by setting.
 """
 
-from __future__ import annotations
-
 import csv
 import hashlib
 import json
@@ -14,8 +12,8 @@ import math
 import os
 import tempfile
 import threading
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -28,12 +26,7 @@ from tests.laws.valve_logs import moved
 from tests.oracles import motions
 from tests.rig_like import campaign, dampers, other_laws, rig, test_triangles, valve_bars
 from tests.rig_like.bars import SHARED, adjusted
-from tests.rig_like.rig import Channels, Logged, Valve, logged
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from tests.rig_like.rig import Body
+from tests.rig_like.rig import Body, Channels, Logged, Valve, logged
 
 __all__ = ["MAKERS", "PAPER", "Truth", "copied", "folder_of"]
 

@@ -16,8 +16,6 @@ and CPU time are reported, never judged.
 Logs are made once on a machine (`bench_logs`).
 """
 
-from __future__ import annotations
-
 import argparse
 import csv
 import json
@@ -27,18 +25,15 @@ import subprocess
 import sys
 import tempfile
 import tomllib
+from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tests.bench_logs import PAPER, Truth, copied, folder_of
 from tests.rig_like import other_laws, valve_bars
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
 
 __all__ = ["CASES", "Case", "Row", "compared", "measured", "moved", "shown"]
 
@@ -49,10 +44,7 @@ MSE_RATIO, STANDARD_ERRORS = 1.02, 0.1
 
 @dataclass(frozen=True)
 class Case:
-    """One damper, or several of one kind, and how they are identified.
-
-    `options` follow `damperfit identify` in the folder of the set `logs` of `bench_logs`.
-    """
+    """One damper, or several of one kind, and how they are identified."""
 
     name: str
     logs: str

@@ -1,7 +1,5 @@
 """What holds for every test."""
 
-from __future__ import annotations
-
 import compileall
 import gc
 import importlib.util
@@ -100,10 +98,7 @@ def pytest_configure(config):
 
 
 def _have_profiles():
-    """How long an example takes says something of the machine, nothing of the code.
-
-    The slow suite takes `--hypothesis-profile thorough`.
-    """
+    """How long an example takes says something of the machine, nothing of the code."""
     from hypothesis import HealthCheck, settings  # pytest rewrites it too: what is kept serves it
 
     quiet = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
@@ -158,10 +153,7 @@ def _side_by_side(work):
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
-    """Leave every n-th of the cases of a grid that is marked `one_in` to the default suite.
-
-    What slower.txt names is slow as well.
-    """
+    """Leave every n-th of the cases of a grid that is marked `one_in` to the default suite."""
     seen = Counter()
     slower = set((TESTS / "slower.txt").read_text(encoding="utf-8").splitlines())
     for item in items:

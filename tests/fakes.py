@@ -1,7 +1,5 @@
 """Small hand-made campaigns for tests of tables and reports: no fit, no file, known numbers."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

@@ -4,8 +4,6 @@ For tests that ask what a run says and writes; how it fits is asked in `identifi
 breaks a fit on purpose, or counts what it does, takes the fixture `fitted_anew`.
 """
 
-from __future__ import annotations
-
 import pickle
 from collections.abc import Iterator
 from contextlib import contextmanager

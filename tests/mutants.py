@@ -8,8 +8,6 @@ are is traced once for a tree and kept in ``--folder``. A mutant that survives i
 line: it is either equivalent, or a case of behaviour is missing.
 """
 
-from __future__ import annotations
-
 import argparse
 import ast
 import json

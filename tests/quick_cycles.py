@@ -4,8 +4,6 @@ For tests that need a log and ask nothing of the integrator; `damper/test_sample
 samples themselves, and the core to them.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.interpolate import CubicSpline
 

@@ -1,26 +1,19 @@
 """A results folder with one setting of each kind, made from known numbers, no fit."""
 
-from __future__ import annotations
-
 import json
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
-from damperfit.identification import Outcome, compare
+from damperfit.identification import Campaign, Outcome, SimulatedLog, compare
 from damperfit.tables.columns import describe_tables, table_schema
 from damperfit.tables.files import lay_out, write_responses, write_table
 from damperfit.tables.rows import characteristic_rows, make_tables, signals_of
 from tests.fakes import campaign, fit
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from damperfit.identification import Campaign, SimulatedLog
 
 __all__ = ["EVIL", "make_results"]
 
@@ -28,10 +21,7 @@ EVIL = "</script><img src=x onerror=alert(1)>$x_1$.csv"
 
 
 def make_results(folder: Path, settings: Iterable[int] = ()) -> Path:
-    """Settings 1 good, 2 poor, 3 cavitating, 4 missing, 5 not identifiable with a vile name.
-
-    With settings: these, all good.
-    """
+    """Settings 1 good, 2 poor, 3 cavitating, 4 missing, 5 not identifiable with a vile name."""
     cavitating = fit(3, outcome=Outcome.CAVITATING)
     many = campaign(
         fit(1),

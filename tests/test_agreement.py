@@ -1,11 +1,4 @@
-"""One quantity, one number: what each outlet shows of a run agrees to its last printed digit.
-
-The runs are a sine, a stepped record, a log of few samples a cycle, and a rig that gives way by
-1 um/N and delays the force by 9 ms. Every number of a text that stands for a stored quantity is
-held against what Parquet has: a table by its column, a sentence by its words, a figure by its data.
-"""
-
-from __future__ import annotations
+"""One quantity, one number: what each outlet shows of a run agrees to its last printed digit."""
 
 import base64
 import contextlib

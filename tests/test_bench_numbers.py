@@ -1,7 +1,5 @@
 """The frozen figures are there for every case, and a number that has moved is named."""
 
-from __future__ import annotations
-
 import math
 import tomllib
 from dataclasses import replace

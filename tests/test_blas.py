@@ -1,7 +1,5 @@
 """BLAS has its threads back when the last of several runs in one process has ended."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import threading

@@ -1,7 +1,5 @@
 """The build asks for Zig where, and only where, the machine has no C compiler that works."""
 
-from __future__ import annotations
-
 import importlib.util
 import os
 import sysconfig

@@ -1,7 +1,5 @@
 """The table of characteristics: known loops, with and without gas, by stretch and speed."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """The checklist: each check passes, fails with the settings named, or says why nobody looked."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,10 +1,4 @@
-"""The colours as readers with and without all cones see them, computed.
-
-Matrices of dichromats: Machado, Oliveira and Fernandes (2009), severity 1.0, on linear RGB.
-Distances: CIE 1976 L*a*b* under D65, where 2.3 is about the least that is noticed.
-"""
-
-from __future__ import annotations
+"""The colours as readers with and without all cones see them, computed."""
 
 import numpy as np
 import pytest

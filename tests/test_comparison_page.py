@@ -1,7 +1,5 @@
 """The page of a comparison: loops and differences as they are, names that are no markup."""
 
-from __future__ import annotations
-
 import base64
 import json
 import re

@@ -1,15 +1,9 @@
-"""Every model of `MODELS`: simulated, differentiated, recovered, judged, laid out, shown.
-
-A log of two strokes with 2 N of noise is made of each model's own numbers and fitted by procedure
-`plain`, as any user would. What a model adds to these tests is its numbers, in `TRUTH`.
-"""
-
-from __future__ import annotations
+"""Every model of `MODELS`: simulated, differentiated, recovered, judged, laid out, shown."""
 
 import math
 from dataclasses import asdict, dataclass, replace
 from functools import cache
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,12 +11,12 @@ import pytest
 import damperfit
 from damperfit.conditioning import ConditionOptions, condition
 from damperfit.configuration.loading import load_configuration
-from damperfit.damper.model import FLAWS_OF_OIL, MODELS, PRESSURES, model_named
+from damperfit.damper.model import FLAWS_OF_OIL, MODELS, PRESSURES, Model, Values, model_named
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
 from damperfit.errors import ConfigurationError
 from damperfit.identification import Campaign, FitOptions, Status, compare, identify
-from damperfit.recording import Recording
+from damperfit.recording import Recording, Trace
 from damperfit.reporting.sheet import escape
 from damperfit.results import Run
 from damperfit.run.identify import identified
@@ -33,12 +27,6 @@ from damperfit.uncertainty.flaws import seek_flaws, signatures
 from damperfit.uncertainty.linearisation import linearise_at_fit
 from tests.damper.test_rivals import NUMBERS
 from tests.damper.test_valve_dampers import VALVES
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from damperfit.damper.model import Model, Values
-    from damperfit.recording import Trace
 
 EVERY = pytest.mark.parametrize("name", MODELS)
 RATE, NOISE = 500.0, 2.0

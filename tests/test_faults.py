@@ -1,9 +1,4 @@
-"""Faults by code and exit status: what is given, what is wrong, what is named.
-
-Sentences are free to change; codes, exit statuses and what a problem is about are not.
-"""
-
-from __future__ import annotations
+"""Faults by code and exit status: what is given, what is wrong, what is named."""
 
 import ast
 import json

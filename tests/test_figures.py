@@ -1,16 +1,4 @@
-"""The static figures against golden images and texts, and that a wrong curve would be seen.
-
-After a wanted change, write them anew with:
-    DAMPERFIT_WRITE_GOLDEN=1 pytest tests/test_figures.py
-and look at them before committing.
-
-The images hold everything but the letters, on axes of a fixed place: letters differ by a pixel
-from one build of FreeType to the next, and move the axes. What they say stands in a text file.
-Images are compared by matplotlib's own measure, the root mean square of 0 to 255, after an
-average over squares of 3 pixels, so that edges weigh little and a curve elsewhere weighs much.
-"""
-
-from __future__ import annotations
+"""The static figures against golden images and texts, and that a wrong curve would be seen."""
 
 import os
 import subprocess

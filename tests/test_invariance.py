@@ -1,7 +1,5 @@
 """The way a log is written does not change the parameters: N19, N21, N22, N23."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

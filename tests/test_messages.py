@@ -1,7 +1,5 @@
 """Every option, key and command that a message names is one that exists."""
 
-from __future__ import annotations
-
 import ast
 import re
 from dataclasses import fields

@@ -1,7 +1,5 @@
 """Units: factors against their definitions, text against numbers, refusals."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,9 +1,4 @@
-"""Runs killed at random instants lose and mix nothing: 30 of `identify`, 30 of `fleet`.
-
-pytest -m slow tests/test_random_kills.py        # some minutes; DAMPERFIT_KILLS=300 for more
-"""
-
-from __future__ import annotations
+"""Runs killed at random instants lose and mix nothing: 30 of `identify`, 30 of `fleet`."""
 
 import hashlib
 import json

@@ -1,12 +1,4 @@
-"""What the README shows is so: its commands, what the first prints, its pictures and links.
-
-Its other blocks, like those of the manual, are run by `tests/manual/test_blocks.py`.
-
-After a wanted change of the output, write it anew with:
-    DAMPERFIT_WRITE_GOLDEN=1 pytest tests/test_readme.py -n 0
-"""
-
-from __future__ import annotations
+"""What the README shows is so: its commands, what the first prints, its pictures and links."""
 
 import math
 import os

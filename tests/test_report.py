@@ -1,7 +1,5 @@
 """Tables and texts of reports: rounding, escaping, width, marks; and all texts as agreed."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The page in a real browser; skipped, with a word, where there is none. A step of .ci/run."""
 
-from __future__ import annotations
-
 import base64
 import json
 import shutil

@@ -1,7 +1,5 @@
 """The HTML report and the figures: from known tables, good, poor, cavitating and missing."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

@@ -1,7 +1,5 @@
 """A run as an object: what it offers, and that older folders are still read."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A setting is a label: one adjuster in whole clicks equals its number, any other is itself."""
 
-from __future__ import annotations
-
 import pytest
 
 from damperfit.tested.setting import (

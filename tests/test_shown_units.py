@@ -1,7 +1,5 @@
 """Units for people: parsed, converted, named."""
 
-from __future__ import annotations
-
 import pytest
 
 from damperfit.units.quantities import QuantityError

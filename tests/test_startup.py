@@ -1,7 +1,5 @@
 """The command line is there at once: no numerical library is loaded before a command runs."""
 
-from __future__ import annotations
-
 import gc
 import importlib.metadata
 import os

@@ -1,7 +1,5 @@
 """Quantiles of our own, beside those of SciPy."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Files appear whole or not at all, as a set, whatever ends the run and whoever else writes."""
 
-from __future__ import annotations
-
 import errno
 import os
 import shutil

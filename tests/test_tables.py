@@ -1,7 +1,5 @@
 """Tables: columns of the contract, units, nulls, files that are bit for bit the same, and back."""
 
-from __future__ import annotations
-
 import csv
 import hashlib
 import json

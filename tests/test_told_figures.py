@@ -1,10 +1,4 @@
-"""Figures that module texts and the manual tell in passing, each measured anew.
-
-Those of findings are in `tests/conditioning/limits.py`; those of whole campaigns are commands, in
-the manual's page `proof`.
-"""
-
-from __future__ import annotations
+"""Figures that module texts and the manual tell in passing, each measured anew."""
 
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Whoever works on many things gives the same results in order, and nothing hangs on one worker."""
 
-from __future__ import annotations
-
 import errno
 import json
 import os

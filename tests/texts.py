@@ -3,8 +3,6 @@
 They stand in `tests/snapshots/texts.txt`, whose difference is read before a change is kept.
 """
 
-from __future__ import annotations
-
 import html
 import re
 from pathlib import Path

@@ -5,8 +5,6 @@ the best test for three questions is made with other noise and fitted together w
 the promised and the measured share of the interval at settings 1, 10 and 20, and their quotient.
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 from pathlib import Path

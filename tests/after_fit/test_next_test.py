@@ -1,7 +1,5 @@
 """The next test, and valves as parts, of small runs."""
 
-from __future__ import annotations
-
 import json
 import math
 import shutil

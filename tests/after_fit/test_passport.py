@@ -1,7 +1,5 @@
 """The passport of a damper, and a folder that is watched."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import threading

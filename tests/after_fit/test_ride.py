@@ -1,7 +1,5 @@
 """The quarter car: against closed forms, against an integrator in time, along a measured stroke."""
 
-from __future__ import annotations
-
 import json
 import math
 

@@ -6,8 +6,6 @@
 The logs are the first 3.5 s of the sample logs, each with a line of its own. Linux only.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import subprocess

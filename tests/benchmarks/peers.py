@@ -4,8 +4,6 @@ Each peer fits R_m1, R_m2 and K_e to one conditioned log with the same model, th
 both sides and log parameters, as SciPy's and lmfit's documentation lead one to do it.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

@@ -1,11 +1,4 @@
-"""How long whole commands take, beside the bare import of the libraries they need.
-
-Run with ``pytest tests/benchmarks/test_command_speed.py -n 0 -s -m slow``. Commands and imports
-run in turn, so that the ratio holds when the speed of the machine drifts. Values are asserted,
-times printed.
-"""
-
-from __future__ import annotations
+"""How long whole commands take, beside the bare import of the libraries they need."""
 
 import json
 import shutil

@@ -1,12 +1,4 @@
-"""How long one fit takes, beside what a user would write with general libraries.
-
-Run with ``pytest tests/benchmarks -m extras -n 0 -s``. A 10 s log at 1 kHz, R_m1, R_m2
-and K_e free, starts at 0.6, 1.5 and 2 times the truth. Ours begins with the conditioned log, as
-theirs do: the mean cycle is made in every round. Peers run in the same process, alternating with
-ours; the values they reach are asserted, the times, of the processor, only printed.
-"""
-
-from __future__ import annotations
+"""How long one fit takes, beside what a user would write with general libraries."""
 
 import statistics
 import time

@@ -5,8 +5,6 @@ pytest tests/benchmarks/test_law_search_speed.py -m extras -n 0 -s [-m slow]
 Processor time, not the clock's: other programs on the machine do not count.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from dataclasses import replace

@@ -3,8 +3,6 @@
 pytest tests/benchmarks/test_network_speed.py -m extras -n 0
 """
 
-from __future__ import annotations
-
 import pytest
 
 from damperfit.damper.network import purdy, purdy_blow_off, simulate_network

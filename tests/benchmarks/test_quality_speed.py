@@ -1,9 +1,4 @@
-"""What the findings add to the conditioning of a log of 10 000 rows.
-
-Run with ``pytest tests/benchmarks/test_quality_speed.py -m extras -n 0``.
-"""
-
-from __future__ import annotations
+"""What the findings add to the conditioning of a log of 10 000 rows."""
 
 from damperfit.conditioning import ConditionOptions, condition, log_to_trace
 from tests.conditioning.test_quality import OPTIONS, made

@@ -1,10 +1,4 @@
-"""How long reading takes beside pyarrow.csv alone on the same clean file.
-
-Run with ``pytest tests/benchmarks/test_reading_speed.py -m extras -n 0 -s -m ""``. The
-aim: at most twice pyarrow.csv at a million rows, and 3 ms for a log of 5000.
-"""
-
-from __future__ import annotations
+"""How long reading takes beside pyarrow.csv alone on the same clean file."""
 
 import gzip
 import time

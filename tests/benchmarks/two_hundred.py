@@ -11,8 +11,6 @@ time goes into is told function by function, and each stage in ms a log. Python 
 in DIR, as it does beside an installed program, whatever the environment says. Linux and macOS.
 """
 
-from __future__ import annotations
-
 import argparse
 import cProfile
 import json

@@ -10,8 +10,6 @@ with its defaults, whose tolerances of 1e-8 and difference quotients ask for les
 the correct digits of each case: worst parameter, worst standard deviation, residual sum of squares.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 from functools import partial

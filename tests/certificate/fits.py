@@ -1,7 +1,5 @@
 """The project's fit driver, and SciPy's, over one problem; and how many digits are right."""
 
-from __future__ import annotations
-
 import math
 import warnings
 from collections.abc import Callable
@@ -98,11 +96,7 @@ def as_dampers_fit(problem: Problem, start: Array) -> Result:
 
 
 def least_squares_equal(problem: Problem, start: Array, *, method: str) -> Result:
-    """Fit with `scipy.optimize.least_squares` on equal terms.
-
-    The same functions in the same units, the same exact Jacobian, scaling by its columns, the same
-    tolerances and limit.
-    """
+    """Fit with `scipy.optimize.least_squares` on equal terms."""
     from scipy.optimize import least_squares
 
     unit, size = _unit(problem), np.abs(start)

@@ -5,8 +5,6 @@ models are written here from NIST's formulas, for complex parameters, so that a 
 imaginary axis gives the Jacobian exactly.
 """
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass

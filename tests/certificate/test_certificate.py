@@ -1,7 +1,5 @@
 """The fit driver solves the NIST nonlinear regression problems; `python -m tests.certificate`."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Logs to run commands on, and ways to run them."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

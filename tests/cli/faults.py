@@ -4,24 +4,19 @@ The ids F01, F02, ... are those of the list of faults that users expect to survi
 file (F01, F02, F36 ...) or is proved beside the code it concerns stands in `test_faults.py`.
 """
 
-from __future__ import annotations
-
 import gzip
 import io
 import pickle
 import struct
 import zipfile
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pyarrow as pa
 from scipy.io import savemat
 
 from tests.io.scenarios import parquet_bytes
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 LIMIT = 4_000_000  # bytes, so that bombs can be small
 NAMES = ("time_s", "displacement_mm", "force_N", "temperature_degC")
@@ -54,21 +49,7 @@ class Good:
 
 @dataclass(frozen=True)
 class Fault:
-    """A faulty file.
-
-    Attributes
-    ----------
-    make : callable or bytes
-        Good log -> bytes, or the bytes.
-    says : str
-        Part of the sentence; of the refusal, or of the note where the log is still good.
-    suffix : str
-        Of the file.
-    is_good : bool
-        The log is read, with the numbers of the good one.
-    needs : tuple of str
-        Modules without which the file cannot be made.
-    """
+    """A faulty file."""
 
     make: Callable[[Good], bytes] | bytes
     says: str

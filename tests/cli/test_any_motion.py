@@ -1,7 +1,5 @@
 """Speed steps in one file through the commands: a table of stretches, the fastest speed."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """`identify` with a setting that cannot be fitted: the others are complete, and it is told."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

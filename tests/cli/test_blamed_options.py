@@ -1,7 +1,5 @@
 """A value that no option takes is refused by the option that was typed, with what was found."""
 
-from __future__ import annotations
-
 import pytest
 import typer
 

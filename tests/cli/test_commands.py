@@ -1,7 +1,5 @@
 """inspect, samples, config, and what holds for every command."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

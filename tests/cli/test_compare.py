@@ -1,7 +1,5 @@
 """`damperfit compare` end to end, on campaigns of one damper and of a changed one."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """`damperfit compare --measured` of raw logs alone: folders, patterns, lists, one bad log."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What the shell completes behind an option."""
 
-from __future__ import annotations
-
 import pytest
 
 from damperfit.cli import main

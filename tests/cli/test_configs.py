@@ -1,7 +1,5 @@
 """Each configuration in configs/ describes a damper that is identified with it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

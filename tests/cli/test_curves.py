@@ -1,7 +1,5 @@
 """Curves without time through the commands: shown, asked, and refused where time is needed."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

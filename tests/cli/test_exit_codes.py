@@ -1,7 +1,5 @@
 """Every exit code, and every kind of error that leads to it."""
 
-from __future__ import annotations
-
 import errno
 import sys
 

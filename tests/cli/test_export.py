@@ -1,7 +1,5 @@
 """damperfit export on the command line."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

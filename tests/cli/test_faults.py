@@ -1,10 +1,4 @@
-"""Every fault of the list is survived as its row says: the sentence, the code, the others whole.
-
-`faults.py` holds the faulty files. What the list expects of things that are no files is below, or
-proved beside the code it concerns (`ELSEWHERE`).
-"""
-
-from __future__ import annotations
+"""Every fault of the list is survived as its row says: the sentence, the code, the others whole."""
 
 import importlib.util
 import io

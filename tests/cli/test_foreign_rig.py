@@ -1,7 +1,5 @@
 """A servo-hydraulic rig's export gives the parameters of the plain log, without a word said."""
 
-from __future__ import annotations
-
 import json
 import re
 from itertools import pairwise

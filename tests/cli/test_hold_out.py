@@ -1,7 +1,5 @@
 """identify --hold-out: what is not fitted is predicted, and told everywhere."""
 
-from __future__ import annotations
-
 import csv
 import json
 import shutil

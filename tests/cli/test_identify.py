@@ -1,7 +1,5 @@
 """damperfit identify: files, exit codes, failures that stay alone, sets that never mix."""
 
-from __future__ import annotations
-
 import csv
 import hashlib
 import json

@@ -1,7 +1,5 @@
 """``damperfit init`` and ``doctor``, and logs named by folder and list."""
 
-from __future__ import annotations
-
 import io
 import json
 import re

@@ -1,7 +1,5 @@
 """Ctrl-C and SIGTERM: finished settings are written, the code is 130, nothing is left half done."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

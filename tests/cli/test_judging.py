@@ -1,7 +1,5 @@
 """damperfit identify: profiles, many starts, gas content and cavitation in the results."""
 
-from __future__ import annotations
-
 import csv
 import json
 

@@ -1,7 +1,5 @@
 """What a run leaves alone in a results folder, and what must go; how its logs were labelled."""
 
-from __future__ import annotations
-
 import pytest
 
 

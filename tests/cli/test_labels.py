@@ -1,7 +1,5 @@
 """What is tested, as a user meets it: several adjusters, whose damper it is, tests.csv."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """--log-file: everything that is said, and more, a line each with its time, appended."""
 
-from __future__ import annotations
-
 import re
 import shutil
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`damperfit help`: pages of the manual, and what commands take."""
 
-from __future__ import annotations
-
 import json
 import re
 

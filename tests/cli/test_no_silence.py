@@ -1,7 +1,5 @@
 """What cannot act, cannot be done or is not to be trusted is said, and one run stands alone."""
 
-from __future__ import annotations
-
 import json
 import os
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Results stay whole whatever happens to the run or its folder; what a log says stays text."""
 
-from __future__ import annotations
-
 import csv
 import json
 import os

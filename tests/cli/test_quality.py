@@ -1,7 +1,5 @@
 """Faults of signals through the commands: verdict, findings, exit code, strict (F38-F52)."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

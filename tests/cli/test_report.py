@@ -1,7 +1,5 @@
 """``damperfit report`` and the same from ``identify``."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

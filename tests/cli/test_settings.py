@@ -1,7 +1,5 @@
 """damperfit settings, and the checks and trends that identify tells."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path

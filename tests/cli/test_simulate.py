@@ -1,7 +1,5 @@
 """damperfit simulate: golden values, whose parameters, waves, recorded motion, files."""
 
-from __future__ import annotations
-
 import csv
 import json
 

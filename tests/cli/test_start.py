@@ -1,7 +1,5 @@
 """--start FILE and --start NAME=VALUE of identify and models, and what is refused of them."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

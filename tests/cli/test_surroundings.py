@@ -1,7 +1,5 @@
 """What surrounds a command: hostile folders, closed streams, folders and links that are gone."""
 
-from __future__ import annotations
-
 import json
 import os
 import shlex

@@ -1,7 +1,5 @@
 """``damperfit sweep`` as it is used."""
 
-from __future__ import annotations
-
 import csv
 import json
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`identify --units`: the terminal, the page and files for people; `report` repeats it."""
 
-from __future__ import annotations
-
 import csv
 import json
 

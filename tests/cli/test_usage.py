@@ -1,9 +1,4 @@
-"""Wrong usage: code 2, one line that names what was typed, nothing on stdout, nothing touched.
-
-`tests/test_faults.py` holds the same by codes of problems; here is what is typed wrong.
-"""
-
-from __future__ import annotations
+"""Wrong usage: code 2, one line that names what was typed, nothing on stdout, nothing touched."""
 
 import shlex
 

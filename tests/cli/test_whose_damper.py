@@ -1,7 +1,5 @@
 """Parameters hold for one damper: which one is always said, and never another one taken."""
 
-from __future__ import annotations
-
 import html
 import json
 from pathlib import Path

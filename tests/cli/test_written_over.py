@@ -1,7 +1,5 @@
 """What stands where export, simulate and sweep write is replaced only where it is their own."""
 
-from __future__ import annotations
-
 import pytest
 
 from damperfit.exporting import TARGETS

@@ -7,8 +7,6 @@ with 4 N of noise behind the 30 Hz filter. Pairs differ in the noise alone, or i
 as well. Lines of one pair hang together: the error of a share is that of the mean over pairs.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections import defaultdict

@@ -1,7 +1,5 @@
 """Hand-made runs: measured cycles of a known force, no fit, no file."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A few of the pairs that `python -m tests.comparison.false_alarms` counts by hundreds."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.comparison.false_alarms import (

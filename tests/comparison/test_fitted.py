@@ -1,7 +1,5 @@
 """Fitted runs compared: parameters, speeds, tares, and what else differs between them."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from types import SimpleNamespace

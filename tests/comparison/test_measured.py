@@ -1,7 +1,5 @@
 """Mean cycles, forces at speeds, energy; how tests repeat; measured runs compared."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

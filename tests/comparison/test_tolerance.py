@@ -1,7 +1,5 @@
 """Forces held against bands: at the edge, just inside and just outside."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from xml.etree.ElementTree import fromstring

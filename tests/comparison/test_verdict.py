@@ -1,7 +1,5 @@
 """Verdicts on two numbers, each limit with a case on both sides; what people read of them."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The JSON schema of the configuration takes what the program takes, and refuses unknown keys."""
 
-from __future__ import annotations
-
 import json
 import re
 import tomllib

@@ -1,7 +1,5 @@
 """Configuration: complete defaults, layers in order, errors that name file, line and key."""
 
-from __future__ import annotations
-
 import pickle
 from dataclasses import fields, replace
 from pathlib import Path

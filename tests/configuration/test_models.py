@@ -1,7 +1,5 @@
 """The section [damper] of any model: its own keys, their units, mistakes told with their line."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

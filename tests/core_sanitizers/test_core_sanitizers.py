@@ -1,10 +1,4 @@
-"""The core alone, as strict C99, driven under the address and undefined-behaviour sanitizers.
-
-Compiling it takes gcc a second a file and kind of sanitizer: all that runs is slow, and a step of
-.ci/run by itself. By default the compiler reads the core, and warns of nothing.
-"""
-
-from __future__ import annotations
+"""The core alone, as strict C99, driven under the address and undefined-behaviour sanitizers."""
 
 import hashlib
 import os

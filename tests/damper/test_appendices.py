@@ -1,7 +1,5 @@
 """The incompressible limit and both appendices, against pressures, volumes and the slow oracle."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

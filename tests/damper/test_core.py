@@ -1,7 +1,5 @@
 """The compiled core: known answers, jumps, rounding, interpreters."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Passages one by one: spelled out, a preset is itself; what is no passage is refused."""
 
-from __future__ import annotations
-
 import tomllib
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Friction that pre-slides, is larger at rest, grows with pressure: golden values, twin, slopes."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

@@ -1,7 +1,5 @@
 """Laws that any damper obeys, through the compiled core: rest, mass, energy, passivity, limits."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 
@@ -77,11 +75,7 @@ def test_rest_for_a_thousand_seconds(x):
 
 @pytest.mark.parametrize(("r_m3", "exponent"), [(2.597e6, 1.4), (5e6, 1.4), (2.597e6, 1.0)])
 def test_oil_is_conserved(r_m3, exponent):
-    """N02, N09, N10: P_3 V_g^gamma constant to 1e-12, V_g from the oil that 1 and 2 have lost.
-
-    R_m3 5e6 cavitates chamber 2; the mass is kept through the clamp, and P >= 0. With an exponent
-    of 1 it is Boyle's law.
-    """
+    """N02, N09, N10: P_3 V_g^gamma constant to 1e-12, V_g from the oil that 1 and 2 have lost."""
     d = dataclasses.replace(PURDY_DAMPER, gas_exponent=exponent)
     parameters = dataclasses.replace(SET_M, r_m3=r_m3)
     response = simulate(
@@ -165,11 +159,7 @@ waves = st.lists(
 @settings(deadline=None)
 @given(parameters=parameter_sets, harmonics=waves, duration=st.floats(0.2, 3.0))
 def test_any_closed_path_dissipates(parameters, harmonics, duration):
-    """N05: from rest round any smooth closed path, the damper takes work and never gives any.
-
-    At the start all chambers have one pressure, the least energy the oil can store at that x. So
-    the work put in cannot come back: it is at least what friction takes.
-    """
+    """N05: from rest round any smooth closed path, the damper takes work and never gives any."""
     n = 4000
     turn = np.arange(n + 1) / n
     x, v = np.zeros(n + 1), np.zeros(n + 1)

@@ -1,7 +1,5 @@
 """Moving mass and lag of the force channel."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

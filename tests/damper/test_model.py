@@ -1,7 +1,5 @@
 """Models, quantities and values; the cylinder, the reference set, starts."""
 
-from __future__ import annotations
-
 import copy
 import dataclasses
 import math

@@ -1,7 +1,5 @@
 """Any passages between the chambers: golden values, the slow twin, sensitivities, limits, laws."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 
@@ -277,11 +275,7 @@ def test_sensitivities_hold_behind_an_elastic_mounting_with_play(name, mounting)
 
 
 def check_slopes(name, base, held=None, *, passed=0):
-    """Hold exact sensitivities of a case, with some numbers changed, to central differences.
-
-    `passed` samples are let through: a play that closes, or a friction that lets go, within a
-    sample is a corner there, at which a difference is the slope of neither side.
-    """
+    """Hold exact sensitivities of a case, with some numbers changed, to central differences."""
     bar = 1e-4
     network, held = CASES[name][0], held or {}
     exact = run(

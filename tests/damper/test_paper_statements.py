@@ -1,7 +1,5 @@
 """What the paper says in words about setting 10 (Figs 4 to 9), on the synthetic reference set."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

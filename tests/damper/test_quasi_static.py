@@ -1,7 +1,5 @@
 """The force at constant speed against a second solver of the same valves, and its slopes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

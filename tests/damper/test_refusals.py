@@ -1,9 +1,4 @@
-"""What is no damper and no motion is refused in one sentence, from Python as from TOML.
-
-Every limit has a case just inside and one just outside.
-"""
-
-from __future__ import annotations
+"""What is no damper and no motion is refused in one sentence, from Python as from TOML."""
 
 import math
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Models of the literature: known answers, slopes by every number, a slow twin of the states."""
 
-from __future__ import annotations
-
 from dataclasses import replace as with_fields
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A mounting of rubber: a force that it holds whichever way it was bent last."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Synthetic logs."""
 
-from __future__ import annotations
-
 import csv
 import dataclasses
 from functools import cache
@@ -186,11 +184,7 @@ def test_noise_passes_the_rig_filter(tmp_path):
 
 
 def test_rig_filter_is_a_causal_butterworth_on_both_channels(tmp_path):
-    """Against the same filter run over 30 000 samples a cycle for three cycles.
-
-    The digital twin bends the corner by tan(pi f/fs), 5e-6 of it, and its sampling of the
-    friction step costs some 1e-3 N.
-    """
+    """Against the same filter run over 30 000 samples a cycle for three cycles."""
     options = dataclasses.replace(CLEAN, rig_filter=30.0)
     [log] = make_samples(tmp_path, options)
     _, _, x, force, _ = read(log)

@@ -1,7 +1,5 @@
 """Dampers of real valves as models: their quantities, their mounting, where their fits start."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

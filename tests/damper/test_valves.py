@@ -1,7 +1,5 @@
 """Valves read off loops, beside the law that made them."""
 
-from __future__ import annotations
-
 import dataclasses
 from dataclasses import replace
 

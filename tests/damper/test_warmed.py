@@ -1,7 +1,5 @@
 """A damper whose oil was not always equally warm: its law, its slopes, what it refuses."""
 
-from __future__ import annotations
-
 import math
 import pickle
 from dataclasses import asdict, replace

@@ -1,7 +1,5 @@
 """Calls of a notebook fit the same few logs: most tests ask what a call gives, not how it fits."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.kept_fits import kept_fits

@@ -1,7 +1,5 @@
 """Every option of a command is a keyword of the function of the same name, and vice versa."""
 
-from __future__ import annotations
-
 from inspect import signature, unwrap
 
 import pytest

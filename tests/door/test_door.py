@@ -1,7 +1,5 @@
 """`import damperfit` and what it offers: a notebook needs no second import."""
 
-from __future__ import annotations
-
 import gc
 import json
 import pickle

@@ -1,7 +1,5 @@
 """The example notebook runs from its first cell to its last, in the folder it is made for."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

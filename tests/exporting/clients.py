@@ -1,7 +1,5 @@
 """Small importers of FMI 2.0 and 3.0 by ctypes, from the standards: unzip, load, step."""
 
-from __future__ import annotations
-
 import ctypes as ct
 import zipfile
 from dataclasses import dataclass, field

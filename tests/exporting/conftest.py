@@ -1,7 +1,5 @@
 """A results folder of known numbers, no fit, and what is handed over of it."""
 
-from __future__ import annotations
-
 import fcntl
 import json
 import shutil

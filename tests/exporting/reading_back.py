@@ -1,7 +1,5 @@
 """A small reader of each format, as the program at the other end would read it; SI, our signs."""
 
-from __future__ import annotations
-
 import csv
 import io
 import re

@@ -1,7 +1,5 @@
 """What was exported, run against the logs that it was fitted to."""
 
-from __future__ import annotations
-
 import json
 import re
 import zipfile

@@ -1,7 +1,5 @@
 """FMUs of FMI 2.0 and 3.0, run by small importers of our own against the core that fits."""
 
-from __future__ import annotations
-
 import ctypes as ct
 import zipfile
 from dataclasses import replace

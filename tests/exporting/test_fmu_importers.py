@@ -1,7 +1,5 @@
 """FMUs in other people's programs; `pytest -m proof`, with the extra `proof`."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import sys

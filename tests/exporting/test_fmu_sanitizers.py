@@ -1,7 +1,5 @@
 """The C of an FMU, as strict C99, under the address and undefined-behaviour sanitizers."""
 
-from __future__ import annotations
-
 import subprocess
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Force by speed: the damper alone at constant speed, its interval and end; and spreadsheets."""
 
-from __future__ import annotations
-
 import csv
 import io
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The table of targets: each written, and read back by a reader of its own."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import math

@@ -1,7 +1,5 @@
 """Dampers whose FMUs are tested, two settings each, what drives them, and what is expected."""
 
-from __future__ import annotations
-
 import sys
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Small fleets: two settings of the sample runs, given to dampers of several names."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Work that ends its worker: of a module, as a new process must find it."""
 
-from __future__ import annotations
-
 import os
 import signal
 import threading

@@ -1,7 +1,5 @@
 """Tables as `collect` makes them, of dampers that never were."""
 
-from __future__ import annotations
-
 import numpy as np
 import pyarrow as pa
 

@@ -7,8 +7,6 @@ A damper is one of `KINDS` dampers whose valves differ by a few per cent, with n
 serial number and a date. What is there is not made again. Linux only: memory is read off /proc.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import resource

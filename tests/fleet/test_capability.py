@@ -1,7 +1,5 @@
 """Cp, Cpk and run rules of fleets whose answers are known."""
 
-from __future__ import annotations
-
 import json
 import math
 

@@ -1,7 +1,5 @@
 """``damperfit fleet --covariate temperature``: all dampers told at one temperature."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pandas as pd

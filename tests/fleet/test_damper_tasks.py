@@ -1,7 +1,5 @@
 """Logs to dampers: whose a log is, which share takes it, and what its result depends on."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

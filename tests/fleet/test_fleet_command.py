@@ -1,7 +1,5 @@
 """``damperfit fleet`` as a user runs it: what is new is done, what ends a worker costs itself."""
 
-from __future__ import annotations
-
 import json
 import os
 import sys

@@ -1,9 +1,4 @@
-"""Whatever is killed, the next run finishes, and the table is that of an undisturbed one.
-
-pytest -m slow tests/fleet
-"""
-
-from __future__ import annotations
+"""Whatever is killed, the next run finishes, and the table is that of an undisturbed one."""
 
 import os
 import random

@@ -1,7 +1,5 @@
 """Logs in an object store: found, fetched once, and asked for again where a network refuses."""
 
-from __future__ import annotations
-
 import logging
 import threading
 from collections import Counter

@@ -1,7 +1,5 @@
 """A serial of a fleet taken as results: compared, reported, exported, asked and simulated."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

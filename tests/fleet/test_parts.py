@@ -1,7 +1,5 @@
 """Parts: whole or not at all, one of each test, and one table of them."""
 
-from __future__ import annotations
-
 import json
 import os
 

@@ -1,7 +1,5 @@
 """The page of a fleet: medians and bands, who is far off, bands of tolerance, what is shown."""
 
-from __future__ import annotations
-
 import base64
 import json
 import math

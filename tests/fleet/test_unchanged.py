@@ -1,7 +1,5 @@
 """What an earlier run found in an object is trusted where the same version found it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pyarrow as pa

@@ -6,8 +6,6 @@
 What breaks the promise is kept in the folder --keep, and the command ends with code 1.
 """
 
-from __future__ import annotations
-
 import argparse
 import importlib.util
 import os
@@ -100,13 +98,7 @@ class Tally:
 
 
 def attempt(data: bytes, path: Path, tally: Tally) -> None:
-    """Read bytes as a log.
-
-    Raises
-    ------
-    PromiseBroken
-        See the class.
-    """
+    """Read bytes as a log."""
     path.write_bytes(data)
     options = OPTIONS[zlib.crc32(data) % len(OPTIONS)]
     begin = busy()
@@ -165,13 +157,7 @@ def damaged(data: bytes, others: list[bytes], dice: random.Random) -> bytes:
 
 
 def fuzz(name: str, *, runs: int, seed: int, folder: Path, keep: Path) -> Tally:
-    """Read that many damaged logs of a format.
-
-    Raises
-    ------
-    PromiseBroken
-        Names the file that holds the bytes.
-    """
+    """Read that many damaged logs of a format."""
     logs = seeds()
     file, data = logs[name]
     others = [other for _, other in logs.values()]

@@ -1,7 +1,5 @@
 """A short run of the fuzzer over every format; the long one is a command of its own."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.fuzz.fuzz_readers import APART, PromiseBroken, Tally, attempt, fuzz

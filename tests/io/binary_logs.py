@@ -1,21 +1,15 @@
 """Binary logs of a `Scenario`, made with the libraries that rigs and scripts use."""
 
-from __future__ import annotations
-
 import io
+from collections.abc import Callable
 from importlib.util import find_spec
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 from scipy import io as scipy_io
 
 from tests.io import mdf_writer
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from tests.io.scenarios import Scenario
+from tests.io.scenarios import Scenario
 
 CHANNELS = {"time": "s", "displacement": "mm", "force": "N", "temperature": "degC"}
 

@@ -1,7 +1,5 @@
 """A reader for a child process that does what its log says: for test_child_process.py."""
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

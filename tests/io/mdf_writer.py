@@ -1,20 +1,15 @@
 """MDF files as asammdf writes them, from the child that reads them: loading it takes a second."""
 
-from __future__ import annotations
-
 import io
 import pickle
+from collections.abc import Sequence
 from functools import cache
-from typing import TYPE_CHECKING
+
+import numpy as np
 
 from damperfit.io import ReadOptions
 from damperfit.io.child_process import ChildAnswer, ChildReader, ask_child
 from damperfit.io.files import Source
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    import numpy as np
 
 _WRITER = ChildReader("MDF", "mdf", "asammdf", f"{__name__}:answer")
 

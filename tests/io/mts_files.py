@@ -1,7 +1,5 @@
 """Text exports of MTS 793 as a controller writes them: one record in many write buffers."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,7 +18,7 @@ class Record:
     displacement: FloatArray
     force: FloatArray
 
-    def rows(self, start: int, stop: int) -> Record:
+    def rows(self, start: int, stop: int):
         part = slice(start, stop)
         return Record(self.time[part], self.displacement[part], self.force[part])
 

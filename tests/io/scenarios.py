@@ -1,23 +1,17 @@
 """Small logs with the arrays they must give, one writer for each format, one round trip."""
 
-from __future__ import annotations
-
 import gzip
 import json
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 from pyarrow import parquet
 
 from damperfit.io import ReadOptions, read_log
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-    from pathlib import Path
-
-    from damperfit.recording import Recording
+from damperfit.recording import Recording
 
 HEADER = "time_s,displacement_mm,force_N,temperature_degC"
 

@@ -1,11 +1,4 @@
-"""Binary formats: the arrays that were written, or one line; limits before memory; damage.
-
-Parquet's pages have checksums, so no flipped bit may change a number. TDMS has none: a bit flipped
-in a stored value is another value, which no reader can know and a note says. All else that a bit
-may do there, to lengths, kinds, names and places, may change no number.
-"""
-
-from __future__ import annotations
+"""Binary formats: the arrays that were written, or one line; limits before memory; damage."""
 
 import io
 import struct

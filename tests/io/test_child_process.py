@@ -1,7 +1,5 @@
 """Children that read logs: one lasts, a log that breaks it costs itself alone."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

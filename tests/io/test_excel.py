@@ -1,7 +1,5 @@
 """Workbooks: what a small file may be written out to takes little memory."""
 
-from __future__ import annotations
-
 import io
 import subprocess
 import sys

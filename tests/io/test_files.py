@@ -1,7 +1,5 @@
 """Whatever a path names that is no file on disk: one sentence and code 2, nothing waited for."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """Curves without time: points and loops, by stroke and setting, with the project's signs."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

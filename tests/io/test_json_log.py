@@ -1,7 +1,5 @@
 """JSON as a log: the shapes that are read, and a sentence that says JSON for the others."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

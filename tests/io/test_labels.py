@@ -1,7 +1,5 @@
 """Whose setting it is: said by a log, its name or a table of tests, or guessed from names."""
 
-from __future__ import annotations
-
 import itertools
 import re
 

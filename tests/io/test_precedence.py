@@ -1,7 +1,5 @@
 """Declarations: defaults < [rig] < the profile of the log < the command line, for every key."""
 
-from __future__ import annotations
-
 import itertools
 import json
 from dataclasses import fields

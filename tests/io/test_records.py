@@ -1,7 +1,5 @@
 """Blocks that are one test, tests in one file, and what loggers do to channels."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

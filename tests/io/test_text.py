@@ -1,7 +1,5 @@
 """Text logs: what rigs write and the arrays it must give; what cannot be read and why."""
 
-from __future__ import annotations
-
 import gzip
 import hashlib
 import os

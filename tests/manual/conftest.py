@@ -1,7 +1,5 @@
 """A run that has most of what run.json can tell."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

@@ -1,7 +1,5 @@
 """Where the manual is, and which options its commands have."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

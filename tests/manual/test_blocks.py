@@ -1,10 +1,4 @@
-"""Every command, program and configuration that the manual shows is run.
-
-A line before a block says what is otherwise: `<!-- ends with 4 -->`, `<!-- slow -->`,
-`<!-- file: name -->` (the block is that file) or `<!-- not run: why -->` (it is only read).
-"""
-
-from __future__ import annotations
+"""Every command, program and configuration that the manual shows is run."""
 
 import re
 import shlex

@@ -1,7 +1,5 @@
 """What the manual says of the code is so."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import fields

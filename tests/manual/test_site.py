@@ -1,7 +1,5 @@
 """The manual as a site: built strictly, its links alive, and nothing from another host."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """What conditioning reads off motions, the slow way: arrays, a step at a time."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Filters the slow way: difference equations sample by sample, and gains by the formula."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

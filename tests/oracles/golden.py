@@ -3,8 +3,6 @@
 R_m3 2.597e6, f_f 50, P_0 4.6e5, gamma 1.4, fourth cycle from rest; x = 0.032 sin(2 pi phase).
 """
 
-from __future__ import annotations
-
 from damperfit.damper.purdy.parameters import Parameters
 
 __all__ = ["GOLDEN", "PHASES", "SET_M"]

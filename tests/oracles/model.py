@@ -5,24 +5,19 @@ flows and force are written out again, one line each, in the order of the theory
 oil mass in chambers 1 and 2 (kg); chamber 3 holds the rest, because no oil is lost.
 """
 
-from __future__ import annotations
-
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
+from damperfit.damper.purdy.parameters import Damper, Parameters
 
-    from numpy.typing import NDArray
-
-    from damperfit.damper.purdy.parameters import Damper, Parameters
-
-    FloatArray = NDArray[np.float64]
-    Function = Callable[[float], float]
+FloatArray = NDArray[np.float64]
+Function = Callable[[float], float]
 
 __all__ = [
     "Instant",
@@ -127,10 +122,7 @@ def friction_share(velocity: float, dead_band: float = 1e-4) -> float:
 
 
 def equal_pressure_start(parameters: Parameters, damper: Damper, x: float) -> tuple[float, float]:
-    """Masses at ``x`` with all three chambers at one pressure and no oil gained or lost.
-
-    The one pressure is found by bisection on the total oil mass.
-    """
+    """Masses at ``x`` with all three chambers at one pressure and no oil gained or lost."""
     rest_1, rest_2 = rest_masses(damper)
     volume_1 = (damper.chamber_1_length - x) * rest_1 / damper.oil_density
     volume_1 /= damper.chamber_1_length
@@ -177,11 +169,7 @@ def solve(
     start: tuple[float, float] | None = None,
     method: str = "Radau",
 ) -> Oracle:
-    """Integrate from rest at ``time[0]`` with SciPy and work the force out at every ``time``.
-
-    The error allowed is ``rtol`` of the mass in each chamber: K_e rtol in pressure, which is
-    0.05 Pa (3e-5 N) at rtol 1e-10 and K_e 5e8.
-    """
+    """Integrate from rest at ``time[0]`` with SciPy and work the force out at every ``time``."""
     displacement, velocity = motion
 
     def rates(t: float, masses: FloatArray) -> tuple[float, float]:
@@ -246,12 +234,7 @@ def central_sensitivity(
 def dissipation(
     parameters: Parameters, damper: Damper, pressures: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Power lost in valves 1, 2, 3 (W, shape (n,)) from pressures (3, n) and the valve laws.
-
-    Each kilogram loses the difference of its pressure energy h. In chambers 1 and 2 the oil is
-    compressible, h = (K_e/rho_0) ln(1 + (P - P_0)/K_e); in chamber 3 the oil is not and only the
-    gas is, h = (P - P_0)/rho_0.
-    """
+    """Power lost in valves 1, 2, 3 (W, shape (n,)) from pressures (3, n) and the valve laws."""
     p_1, p_2, p_3 = pressures
     k_e, rho, p_0 = parameters.k_e, damper.oil_density, damper.gas_pressure
     h_1 = k_e / rho * np.log1p((p_1 - p_0) / k_e)

@@ -4,31 +4,23 @@ The force comes from `tests.oracles.model.solve`, which shares nothing with the 
 are raw: what the sensors saw, with their noise, and no filter.
 """
 
-from __future__ import annotations
-
 import math
 from bisect import bisect_left, bisect_right
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
-from damperfit.damper.purdy.parameters import PURDY_DAMPER, Parameters
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper, Parameters
 from damperfit.damper.purdy.reference import reference_parameters
 from damperfit.recording import Recording
 from tests.oracles.model import equal_pressure_start, instant, solve
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from numpy.typing import NDArray
-
-    from damperfit.damper.purdy.parameters import Damper
-
-    FloatArray = NDArray[np.float64]
-    Function = Callable[[float], float]
+FloatArray = NDArray[np.float64]
+Function = Callable[[float], float]
 
 __all__ = ["MOTIONS", "Drive", "logged", "solved", "steps", "sweep"]
 

@@ -4,8 +4,6 @@ Nothing is shared with the core: the law of a passage is solved from D = p_open 
 its quadratic, the state is integrated by SciPy's Radau.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -93,11 +91,7 @@ def pull_of(stretch, values):
 
 
 def solve(network, values, damper, motion, time, rtol=1e-9):
-    """Force (n,) and pressures (3, n) at `time` for x(t), v(t) = motion, from x(time[0]) = 0.
-
-    An elastic mounting makes the piston's position a third state, whose speed is what friction and
-    drag leave of the balance of forces.
-    """
+    """Force (n,) and pressures (3, n) at `time` for x(t), v(t) = motion, from x(time[0]) = 0."""
     absent = ("free_gas", "f_0", "presliding", "breakaway", "stribeck_speed", "seal_area")
     absent = (*absent, "turning_speed")
     values = dict.fromkeys(absent, 0.0) | values

@@ -5,8 +5,6 @@ the passages carry that are found by brentq, chamber by chamber. Nothing is inte
 is shared with the core.
 """
 
-from __future__ import annotations
-
 import math
 
 from scipy.optimize import brentq

@@ -1,7 +1,5 @@
 """The oracle itself, against known numbers and laws: a twin that is wrong proves nothing."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np
@@ -32,10 +30,7 @@ def test_golden_table(parameters, rows):
 
 
 def test_rest():
-    """N01: at P_0 everywhere nothing flows, and the gas pushes the rod out with a_r P_0.
-
-    The state alone is looked at: Radau cannot step along a signed root at zero for long.
-    """
+    """N01: at P_0 everywhere nothing flows, and the gas pushes the rod out with a_r P_0."""
     now = model.instant(SET_M, PURDY_DAMPER, *model.rest_masses(PURDY_DAMPER), 0.0)
     assert now.oil_force == pytest.approx(-130.4232, abs=5e-5)
     assert max(abs(now.pressure_1 - 4.6e5), abs(now.pressure_2 - 4.6e5)) < 1e-6

@@ -1,7 +1,5 @@
 """Which parameters a simulation takes: also of a setting that no log was of."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

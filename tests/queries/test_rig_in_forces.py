@@ -1,7 +1,5 @@
 """Forces that the rig is in say so: what `export` writes is of the damper alone."""
 
-from __future__ import annotations
-
 import pytest
 
 from damperfit.adjustment.force_at import Stage

@@ -1,7 +1,5 @@
 """One parameter varied: the paper's sensitivities at setting 10 (Figs 4 to 9)."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

@@ -8,8 +8,6 @@ speeds, 4 N and 8 um of noise at 1 kHz. Beside them the rod has 50 g and frictio
 no law knows. Errors are told of what is told; the others are counted.
 """
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import dataclass, field
 

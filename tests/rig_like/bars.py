@@ -7,8 +7,6 @@ The laws of the dampers (`dampers.py`) are none of the library's and their integ
 core's, so what is said of them holds for the whole chain.
 """
 
-from __future__ import annotations
-
 import argparse
 import csv
 import subprocess

@@ -8,8 +8,6 @@ noise of a rig of 300 Hz. Two logs are of a damper that previous cycles have war
 is held out. The mounting is stiff, or rubber that holds 60 N whichever way it was bent last.
 """
 
-from __future__ import annotations
-
 import sys
 from dataclasses import replace
 from pathlib import Path

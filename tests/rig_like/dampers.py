@@ -10,20 +10,15 @@ free gas, a force channel 10 ms late, warming oil, a cell zeroed before mounting
 `magneto_rheological`: Bouc-Wen with a yield that sets in before it slides; no valve at all.
 """
 
-from __future__ import annotations
-
 import argparse
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tests.rig_like.rig import FINE, Body, Channels, Logged, Valve, crank, logged
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 __all__ = [
     "ADJUSTABLE_TOML", "RIG_TOML", "SETTINGS", "adjustable", "magneto_rheological", "second_rig",

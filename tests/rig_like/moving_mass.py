@@ -6,8 +6,6 @@ One damper at 1, 3, 6 and 10 Hz, a force channel that is 4 ms late: errors of op
 lag without the mass, with a mass that is fitted, and with one that was weighed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -10,8 +10,6 @@ and +-20 mm with a second harmonic; one setting at 0.2 Hz, which is predicted. T
 evidence, log by log and for one model of three settings. Two minutes of the processor a damper.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 import tempfile

@@ -5,8 +5,6 @@ and what lies between the rod and the file: a lag of the force channel, a cell z
 mounting, drift, hum, noise, steps of the converter.
 """
 
-from __future__ import annotations
-
 import ctypes
 import hashlib
 import math

@@ -1,7 +1,5 @@
 """Dampers like measured ones meet their bars; the command that says so can also say no."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.identification.convergence import KINDS

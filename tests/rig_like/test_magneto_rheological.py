@@ -1,7 +1,5 @@
 """Of a damper that yields before it slides no valve is blamed, and that it yields is said."""
 
-from __future__ import annotations
-
 import pytest
 
 from damperfit.conditioning import condition

@@ -1,7 +1,5 @@
 """A rod of 2 kg between load cell and damper bends what a fit finds, unless the fit knows of it."""
 
-from __future__ import annotations
-
 import pytest
 
 from damperfit.damper.mounting import FIT, NONE

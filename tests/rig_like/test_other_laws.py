@@ -1,7 +1,5 @@
 """Dampers in laws of another form: drawn as the command says, and met by the law that is chosen."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.rig_like import other_laws

@@ -1,7 +1,5 @@
 """The rig of the synthetic logs and the core integrate the same dampers alike."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

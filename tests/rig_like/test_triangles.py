@@ -1,7 +1,5 @@
 """Triangles whose speeds are all above the knee: friction and preload make one level of force."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

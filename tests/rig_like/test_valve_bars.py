@@ -1,7 +1,5 @@
 """The command that says whether dampers of valves meet their bars can say no; three drawn ones."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

@@ -10,8 +10,6 @@ NAME_L06_H1_slow.csv (a fifth of the lowest speed) where there is one. Two to fo
 processor a damper. The dampers are stepped by `rig.c`, which has nothing of the library's core.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import sys
@@ -131,10 +129,7 @@ def _mse(rows: list[dict[str, str]], role: str, part: str = "") -> list[float]:
 
 
 def worst_force(folder: Path) -> float:
-    """Of all settings, strokes and speeds: measured less modelled over measured, per cent.
-
-    Where gas and tare leave less of a stroke than a fifth of half the range, over that.
-    """
+    """Of all settings, strokes and speeds: measured less modelled over measured, per cent."""
     record = json.loads((folder / "results" / "run.json").read_text(encoding="utf-8"))
     return max(
         100.0 * abs(difference) / max(abs(measured), LEAST * one["half_range"])

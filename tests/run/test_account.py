@@ -1,7 +1,5 @@
 """What a run tells of itself: warnings, failures, gates, procedure, how it ended; as JSON."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from types import SimpleNamespace

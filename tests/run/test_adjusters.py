@@ -1,7 +1,5 @@
 """`identify --procedure joint` with adjusters that are declared for another model."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """What an earlier run left in a results folder: what goes when another run writes there."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

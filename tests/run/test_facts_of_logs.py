@@ -1,7 +1,5 @@
 """What a log was tested at: its preamble < [rig] < its profile < tests.csv < the command line."""
 
-from __future__ import annotations
-
 import itertools
 import json
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """What each log is a test of: table, preamble, name; and what is kept from the fit."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

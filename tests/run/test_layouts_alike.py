@@ -1,7 +1,5 @@
 """Intervals of valves reach to what their numbers are in layouts that the logs do not exclude."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A bug that one log or setting meets costs that one alone: told, code 1, all others written."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from importlib import import_module

@@ -1,7 +1,5 @@
 """The same test twice counts once; tests of one setting that contradict each other are named."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

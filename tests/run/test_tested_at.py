@@ -1,7 +1,5 @@
 """Gas pressure, temperature, tare and skew of single logs, from the table of tests."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

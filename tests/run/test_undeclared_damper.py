@@ -1,25 +1,19 @@
 """What is told to be open of a damper whose layout, dimensions or gas nobody has declared."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from damperfit.configuration.loading import load_configuration
+from damperfit.configuration.options import Configuration
+from damperfit.damper.model import Model
 from damperfit.damper.mounting import FIT, NONE, Mounting
 from damperfit.damper.purdy.parameters import PURDY_DAMPER
 from damperfit.damper.valve_dampers import Monotube, ThroughFlow, TwinTube
 from damperfit.laws.law_fit import LawSearch, Tried
 from damperfit.run.auto_model import is_monotube_open, open_dimensions, open_layout
 from tests.laws.test_undecided import fit
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from damperfit.configuration.options import Configuration
-    from damperfit.damper.model import Model
 
 ELASTIC = Mounting(FIT, NONE, FIT)
 

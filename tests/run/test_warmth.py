@@ -1,7 +1,5 @@
 """Logs of several temperatures: what temperature does is found, or it is said why not."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import asdict, replace
 from functools import cache
