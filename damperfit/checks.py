@@ -525,6 +525,7 @@ def expand_checks(names: Iterable[str], *, pointless: Iterable[str] = ()) -> tup
                 f"no check {text!r}; there are {', '.join(CHECKS)} and the lists "
                 f"{', '.join(CHECK_LISTS)}.{did_you_mean(name, known)}",
                 where=Key(("output", "checks")),
+                code="unknown-check",
             )
         members = CHECK_LISTS.get(name, (name,))
         if text.startswith("-"):
@@ -537,7 +538,8 @@ def expand_checks(names: Iterable[str], *, pointless: Iterable[str] = ()) -> tup
     if absent:
         raise ConfigurationError(
             f"check '-{absent[0]}' excludes a check that was not requested; expected it after a "
-            f"list that includes it, as in {next(iter(CHECK_LISTS))},-{absent[0]}"
+            f"list that includes it, as in {next(iter(CHECK_LISTS))},-{absent[0]}",
+            code="unknown-check",
         )
     return tuple(dict.fromkeys(name for name in found if name not in left_out))
 

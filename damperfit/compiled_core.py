@@ -36,7 +36,8 @@ def compiled_core() -> ModuleType:
         if installed is None:
             raise InstallationError(
                 f"the compiled core does not load ({error}). "
-                "Reinstall it for this Python with: pip install --force-reinstall damperfit"
+                "Reinstall it for this Python with: pip install --force-reinstall damperfit",
+                code="core",
             ) from error
         return installed
     _LOADED[_NAME] = core

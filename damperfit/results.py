@@ -38,7 +38,7 @@ from damperfit.errors import ConfigurationError, OutputError, did_you_mean, refu
 from damperfit.identification.outcome import Status
 from damperfit.identification.sharing import of_settings
 from damperfit.io.files import read_bytes, read_text, sha256_of
-from damperfit.problem import Option, Problem, Words
+from damperfit.problem import Option, Problem, Words, warning
 from damperfit.recording import natural_order
 from damperfit.reporting.records import checks_in, failures_in, number_in, units_in
 from damperfit.store import file_set, settle
@@ -204,7 +204,8 @@ class SettingResult(Stage):
             if name in motion:
                 raise ConfigurationError(
                     f"setting.simulate: found {name}=...; the parameters are those of setting "
-                    f"{self.label}; leave it out, or call damperfit.simulate"
+                    f"{self.label}; leave it out, or call damperfit.simulate",
+                    code="wrong-call",
                 )
         return damperfit.simulate(self.label, parameters=self.run, wave=wave, **motion)
 
@@ -343,7 +344,9 @@ class Run:
             return run
         if not place.is_dir():
             raise ConfigurationError(
-                "no such folder; expected the results of damperfit identify", subject=place
+                "no such folder; expected the results of damperfit identify",
+                subject=place,
+                code="no-folder",
             )
         settle(place)
         remarks: list[str] = []
@@ -363,6 +366,7 @@ class Run:
                 "run identify with {out} first",
                 out=Option("out", "FOLDER"),
                 subject=place,
+                code="no-results",
             )
         run._check_settings()
         return run
@@ -526,14 +530,16 @@ class Run:
         else:
             raise ConfigurationError(
                 f"run.setting: found {type(given).__name__}; expected a setting such as 10 or "
-                "'R12 C8'"
+                "'R12 C8'",
+                code="not-a-setting",
             )
         for one in self.settings:
             if one.label.casefold() == wanted.casefold():
                 return one
         labels = [one.label for one in self.settings]
         raise ConfigurationError(
-            f"no setting {wanted}; there are {', '.join(labels)}.{did_you_mean(wanted, labels)}"
+            f"no setting {wanted}; there are {', '.join(labels)}.{did_you_mean(wanted, labels)}",
+            code="no-setting",
         )
 
     @property
@@ -666,6 +672,7 @@ class Run:
             raise ConfigurationError(
                 f"the damper in {self.source} cannot be used ({error}); give {{config}}",
                 config=Option("config"),
+                code="damaged",
             ) from error
         self._refuse_other_damper(given, own, config)
         known = {f"damper.{key}" for key in self.declared_damper}
@@ -700,6 +707,7 @@ class Run:
                 f"are of {own.name}; leave {{option}} out, or run identify again with it",
                 option=Option(option),
                 where=Option(option, config or ""),
+                code="other-model",
             )
         for name, (_, _, unit) in own.ranges.items():
             found, fitted = getattr(given.damper, name), getattr(own, name)
@@ -712,6 +720,7 @@ class Run:
                     "hold for that damper alone; leave {config} out, or run identify again with it",
                     config=Option("config"),
                     where=Option("config", config),
+                    code="other-damper",
                 )
 
     @property
@@ -840,7 +849,7 @@ class Run:
         names = [] if known is None else sorted(set(known["parameter"]))
         if known is None or name not in names:
             there = f"there are {', '.join(names)}" if names else "give identify profile=[...]"
-            raise ConfigurationError(f"no profile of {name!r}; {there}")
+            raise ConfigurationError(f"no profile of {name!r}; {there}", code="no-profile")
         return known[known["parameter"] == name].reset_index(drop=True)
 
     def which_setting(
@@ -878,7 +887,9 @@ class Run:
         own = load_configuration(overlay=sections | {"damper": self.declared_damper or {}})
         known = log if isinstance(log, Recording) else read_log(Path(log), own.reading)
         if setting is None and known.setting is None:
-            raise ConfigurationError("run.predict: the log says no setting; give setting=N")
+            raise ConfigurationError(
+                "run.predict: the log says no setting; give setting=N", code="no-setting"
+            )
         one = self.setting(known.setting if setting is None else setting)  # type: ignore[arg-type]
         trace = condition(known, own.conditioning)
         seen = compare(one.values, trace, self.damper, solver=self.solver)
@@ -936,7 +947,8 @@ class Run:
         sentences = self.record.get("warnings")
         if not told and isinstance(sentences, list):
             told = [{"text": sentence} for sentence in sentences]
-        return tuple(map(Problem.of_record, (*({"text": one} for one in self.remarks), *told)))
+        remarks = (warning("incomplete-results", one) for one in self.remarks)
+        return (*remarks, *map(Problem.of_record, told))
 
     @property
     def problems(self) -> tuple[Problem, ...]:
@@ -981,7 +993,8 @@ class Run:
         there = [one for one in TABLES if one in self.tables or has_table(self.folder, {}, one)]
         raise ConfigurationError(
             f"no table {name!r} in these results; there are {', '.join(there)}."
-            f"{did_you_mean(name, there)}"
+            f"{did_you_mean(name, there)}",
+            code="no-table",
         )
 
     def to_frame(self) -> pd.DataFrame:
@@ -1023,7 +1036,9 @@ class Run:
         meant = _FAN if name is None else str(name)
         if meant not in plots:
             hint = did_you_mean(meant, plots)
-            raise ConfigurationError(f"no figure {meant!r}; there are {', '.join(plots)}.{hint}")
+            raise ConfigurationError(
+                f"no figure {meant!r}; there are {', '.join(plots)}.{hint}", code="no-figure"
+            )
         with fixed_style():
             axes = compose(plots[meant]).axes
         return axes[0] if len(axes) == 1 else list(axes)
@@ -1050,7 +1065,11 @@ class Run:
             self._write(where)
             return where
         if where.resolve() == self.place.resolve():
-            raise OutputError("these results are there already; give another folder", subject=where)
+            raise OutputError(
+                "these results are there already; give another folder",
+                subject=where,
+                code="is-there",
+            )
         paths = [self.folder] if self.folder.is_file() else sorted(self.folder.iterdir())
         with file_set(where) as files:
             for path in paths:
@@ -1221,7 +1240,9 @@ def warmed_to(configuration: Configuration, temperature: str | None) -> Configur
     try:
         asked = parse_quantity(temperature, "temperature")
     except ValueError as error:
-        raise ConfigurationError(f"{error}", where=Option("temperature", temperature)) from error
+        raise ConfigurationError(
+            f"{error}", where=Option("temperature", temperature), code="wrong-value"
+        ) from error
     return replace(configuration, damper=at_temperature(configuration.damper, asked))
 
 
@@ -1295,4 +1316,4 @@ def _path(value: object, call: str, expected: str) -> Path:
     if isinstance(value, str | os.PathLike) and os.fspath(value) != "":
         return Path(os.fspath(value))
     found = "''" if isinstance(value, str) else type(value).__name__
-    raise ConfigurationError(f"found {found}; expected {expected}", subject=call)
+    raise ConfigurationError(f"found {found}; expected {expected}", subject=call, code="not-a-path")

@@ -54,7 +54,9 @@ class FileSet:
     def path(self, name: str) -> Path:
         """Return the path to write ``name`` to; it becomes part of the set."""
         if Path(name).name != name or name in {"", ".", ".."} or "\0" in name:
-            raise OutputError(f"{name!r} is not a plain file name; no file is written elsewhere")
+            raise OutputError(
+                f"{name!r} is not a plain file name; no file is written elsewhere", code="bad-name"
+            )
         if name not in self.names:
             self.names.append(name)
         return self.staging / name
@@ -77,6 +79,7 @@ class FileSet:
                     overwrite=Option("overwrite"),
                     out=Option("out"),
                     subject=target,
+                    code="is-there",
                 )
 
     def _commit(self) -> None:
@@ -87,7 +90,10 @@ class FileSet:
         self.spare()
         for target in (self.folder / name for name in (*self.names, *self._removed)):
             if target.exists() and not target.is_file():  # a folder, a device, a pipe
-                raise OutputError(f"cannot write {target}: it exists and is not a regular file")
+                raise OutputError(
+                    f"cannot write {target}: it exists and is not a regular file",
+                    code="cannot-write",
+                )
             if os.name == "nt" and target.exists():  # a file that another program has open
                 os.replace(target, target)
         self.staging.rename(self.folder / _COMMITTED)
@@ -270,7 +276,7 @@ def _locked(path: Path, *, patience: float, refusal: str) -> Iterator[bool]:
                     with suppress(OSError):
                         path.unlink()
         if time.monotonic() >= until:
-            raise OutputError(refusal, out=Option("out", is_aside=True))
+            raise OutputError(refusal, out=Option("out", is_aside=True), code="locked")
         time.sleep(0.02)
 
 
@@ -351,7 +357,8 @@ def _interrupted(folder: Path, error: OSError) -> OutputError:
     return OutputError(
         f"{folder}: results were written there, but not all files could be moved to their place: "
         f"{error.strerror or error}; make the folder writable, and the next command that looks "
-        "there ends it"
+        "there ends it",
+        code="cannot-write",
     )
 
 

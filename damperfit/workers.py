@@ -450,6 +450,7 @@ class Cluster:
             raise InstallationError(
                 "{scheduler} needs Dask, which is not installed: pip install 'damperfit[cluster]'",
                 scheduler=Option("scheduler"),
+                code="missing-library",
             ) from error
         try:
             self._client = Client(address, timeout="10s", set_as_default=False)
@@ -458,6 +459,7 @@ class Cluster:
                 f"no scheduler answers ({error}); start one with dask scheduler, and workers with "
                 "dask worker",
                 where=Option("scheduler", address),
+                code="no-scheduler",
             ) from error
 
     def close(self) -> None:
@@ -490,6 +492,7 @@ class Cluster:
                     raise ConfigurationError(
                         f"no worker for {_ALONE:.0f} s; start some with dask worker",
                         where=Option("scheduler"),
+                        code="no-worker",
                     )
                 try:
                     with self._client.as_current():

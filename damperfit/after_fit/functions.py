@@ -307,7 +307,7 @@ def _settings(run: Run, setting: str | None) -> tuple[SettingResult, ...]:
     try:
         return (run.setting(setting),)
     except ConfigurationError as error:
-        raise ConfigurationError(str(error), where=Option("setting", setting)) from None
+        raise error.at(Option("setting", setting)) from None
 
 
 def _above_zero(name: str, given: float) -> float:

@@ -322,7 +322,8 @@ class _Road:
         else:
             raise SimulationError(
                 f"the damper in the car did not settle within {_ROUNDS} rounds; the last change "
-                f"was {100.0 * left:.2g} % of its force"
+                f"was {100.0 * left:.2g} % of its force",
+                code="not-settled",
             )
         body = s**2 * x[0] * weighting_k(self.frequencies)
         load = (car.tyre + car.tyre_damping * s) * (x[1] - self.profile)

@@ -68,7 +68,8 @@ def arrivals(folder: Path, own: Path | None, stop: Event) -> Iterator[list[Path]
         from watchfiles import watch
     except ImportError:
         raise InstallationError(
-            "watch needs watchfiles, which is not installed: pip install 'damperfit[watch]'"
+            "watch needs watchfiles, which is not installed: pip install 'damperfit[watch]'",
+            code="missing-library",
         ) from None
 
     def is_log(path: Path) -> bool:

@@ -271,7 +271,9 @@ class LogFile:
             handler = _Appended(name, encoding="utf-8", errors="backslashreplace")
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or error
-            raise ConfigurationError(f"cannot be written: {reason}", where=place) from error
+            raise ConfigurationError(
+                f"cannot be written: {reason}", where=place, code="cannot-write"
+            ) from error
         handler.setFormatter(_Line(_FORMAT, datefmt="%Y-%m-%dT%H:%M:%S"))
         _LOGGER.addHandler(handler)
         _LOGGER.setLevel(logging.DEBUG)
@@ -369,7 +371,9 @@ def append_summary(path: Path, report: str, *, instead: str) -> None:
             file.write(text if len(text) < _MOST_BYTES else f"{instead}\n".encode())
     except OSError as error:
         raise OutputError(
-            f"cannot write {path}: {error.strerror}", where=Option("github_summary")
+            f"cannot write {path}: {error.strerror}",
+            where=Option("github_summary"),
+            code="cannot-write",
         ) from error
 
 

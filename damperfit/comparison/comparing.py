@@ -184,7 +184,7 @@ def compare_runs(
             f"{run.shown_as} has {of_settings(own) if own else 'none'}"
             for run, own in list(zip(runs, known, strict=True))[:3]
         )
-        raise ConfigurationError(f"no setting is common to all: {listed}")
+        raise ConfigurationError(f"no setting is common to all: {listed}", code="nothing-in-common")
     mishaps: list[Failure] = []
 
     def take(setting: Setting, error: Exception) -> None:
@@ -215,7 +215,8 @@ def compare_runs(
     if not any(tables[0]):
         raise ConfigurationError(
             f"{first.shown_as} and {second.shown_as}: nothing can be compared at setting "
-            f"{listed_settings(settings)}: no motion is common to both"
+            f"{listed_settings(settings)}: no motion is common to both",
+            code="nothing-in-common",
         )
     hashes = [
         [
@@ -277,6 +278,7 @@ def _speeds(runs: Sequence[Run], options: ComparisonOptions) -> tuple[float, ...
             f"none is reached by {top:.3g} m/s; give {{velocity}}",
             velocity=Option("velocity"),
             subject="the named test speeds",
+            code="no-speed",
         )
     return speeds
 

@@ -70,9 +70,12 @@ def parse_tolerance(text: str) -> Tolerance:
                 "expected per cent, newtons, both as in 5%,10N, or the name of a file with "
                 "nominal forces",
                 where=Option("tolerance", text),
+                code="bad-tolerance",
             ) from error
     if not (share > 0.0 or newtons > 0.0) or newtons < 0.0:
-        raise ConfigurationError("expected a tolerance above zero", where=Option("tolerance", text))
+        raise ConfigurationError(
+            "expected a tolerance above zero", where=Option("tolerance", text), code="bad-tolerance"
+        )
     return Tolerance(text, share, newtons)
 
 
@@ -91,7 +94,7 @@ def parse_bands(text: str | None) -> Tolerance | None:
         return parse_tolerance(text)
 
     def refused(why: object) -> ConfigurationError:
-        return ConfigurationError(str(why), where=Option("tolerance", path))
+        return ConfigurationError(str(why), where=Option("tolerance", path), code="bad-tolerance")
 
     try:
         lines = StringIO(read_text(path), newline="")
@@ -119,10 +122,12 @@ def parse_bands(text: str | None) -> Tolerance | None:
 def _band(cells: Mapping[str, str]) -> Band:
     stroke = cells["stroke"].lower()
     if stroke not in STROKES:
-        raise ConfigurationError(f"stroke {cells['stroke']!r}: expected {' or '.join(STROKES)}")
+        raise ConfigurationError(
+            f"stroke {cells['stroke']!r}: expected {' or '.join(STROKES)}", code="bad-tolerance"
+        )
     speed = abs(parse_quantity(cells["speed"], "velocity"))
     if speed == 0.0:
-        raise ConfigurationError("speed 0: expected a speed above zero")
+        raise ConfigurationError("speed 0: expected a speed above zero", code="bad-tolerance")
     if cells.get("low") and cells.get("high"):
         low, high = (parse_quantity(cells[name], "force") for name in ("low", "high"))
     else:
@@ -133,7 +138,7 @@ def _band(cells: Mapping[str, str]) -> Band:
     if stroke == "bump" and low + high > 0.0:
         low, high = -high, -low
     if low > high:
-        raise ConfigurationError(f"low {low:g} N is above high {high:g} N")
+        raise ConfigurationError(f"low {low:g} N is above high {high:g} N", code="bad-tolerance")
     return Band(cells.get("setting", ""), speed, stroke, low, high)
 
 

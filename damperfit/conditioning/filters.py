@@ -112,7 +112,8 @@ def design_filter(
     if kind not in FILTER_KINDS:
         raise ConfigurationError(
             f"filter: unknown kind {kind!r}; expected {', '.join(FILTER_KINDS)}."
-            f"{did_you_mean(kind, FILTER_KINDS)}"
+            f"{did_you_mean(kind, FILTER_KINDS)}",
+            code="unknown-filter",
         )
     if kind == "none":
         return FilterDesign(np.empty((0, 6)), is_zero_phase=True, description="no filter")
@@ -121,7 +122,8 @@ def design_filter(
             f"the filter corner of {corner:g} Hz is not below half the sample rate "
             f"({sample_rate / 2.0:.4g} Hz at {sample_rate:.4g} samples per second); sample faster, "
             f"set {key} = '{float(f'{0.4 * sample_rate:.2g}'):g}Hz', which fits, or choose the "
-            "filter 'none'"
+            "filter 'none'",
+            code="corner-too-high",
         )
     if kind == "causal":
         text = f"causal Butterworth low-pass, order {order}, -3 dB at {corner:g} Hz"

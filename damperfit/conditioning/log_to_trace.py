@@ -68,7 +68,8 @@ def condition(recording: Recording, options: ConditionOptions | None = None) -> 
     if not isinstance(recording, Recording):
         raise ConfigurationError(
             f"condition: found {type(recording).__name__}; expected a recording, as "
-            "damperfit.io.read_log(path) returns it"
+            "damperfit.io.read_log(path) returns it",
+            code="not-a-recording",
         )
     options = options or ConditionOptions()
     if options.spikes == "bridge":
@@ -82,12 +83,14 @@ def condition(recording: Recording, options: ConditionOptions | None = None) -> 
     too_large = _oversize(recording, options)
     try:
         traced = _trace(recording, options, delay)
-    except ConditioningError as error:
-        raise ConditioningError(too_large or str(error)) from None
+    except ConditioningError:
+        if too_large:
+            raise ConditioningError(too_large, code="implausible") from None
+        raise
     _refuse_small(traced.trace, options)
     _refuse_swapped(traced.trace)
     if too_large:
-        raise ConditioningError(too_large)
+        raise ConditioningError(too_large, code="implausible")
     level = level_of(traced.trace, options)
     rest = rest_of(traced.logged, traced.trace, recording, options.gas)
     righted, signs = put_right(traced.trace, recording, level, rest)
@@ -279,6 +282,7 @@ def _refuse_dead(recording: Recording) -> None:
             f"{n} sample{'s' * (n != 1)}; expected at least {MIN_CYCLES} whole "
             "cycles of a steady test; record a longer log",
             subject=recording.name,
+            code="too-short",
         )
     for channel, unit in (("displacement", "m"), ("force", "N")):
         values = getattr(recording, channel)
@@ -289,12 +293,14 @@ def _refuse_dead(recording: Recording) -> None:
                 f"the {channel} is constant ({middle:g}) in all {n} rows; "
                 "expected a steady periodic test; check sensor and column",
                 subject=recording.name,
+                code="constant",
             )
         if (largest := float(np.abs(values).max())) > _ABSURD:
             raise ConditioningError(
                 f"the {channel} reaches {largest:.3g} {unit}, which no rig "
                 "reaches; declare its unit, or check sensor and column",
                 subject=recording.name,
+                code="implausible",
             )
 
 
@@ -324,6 +330,7 @@ def _refuse_small(trace: Trace, options: ConditionOptions) -> None:
             f"least +-{1e3 * options.min_amplitude:g} mm; was m read as mm? Declare the unit "
             "(rig.units.displacement) or lower conditioning.min_amplitude",
             subject=trace.name,
+            code="too-small",
         )
 
 
@@ -345,6 +352,7 @@ def _refuse_swapped(trace: Trace) -> None:
             "declare rig.columns = {displacement = ..., force = ...} and rig.units, for files "
             "that differ in a profile each",
             subject=trace.name,
+            code="swapped",
         )
 
 
@@ -379,4 +387,5 @@ def _refuse_stroke(trace: Trace, options: ConditionOptions) -> None:
         f"stroke beyond the chamber: x reaches {x:.4g} m, expected {at} "
         f"(l_1 = {l_1:g} m, l_2 = {l_2:g} m; x = 0 at {trace.centre:.4g} m of the log); {hint}",
         subject=trace.name,
+        code="beyond-travel",
     )

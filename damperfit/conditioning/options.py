@@ -164,17 +164,21 @@ class ConditionOptions:
                     f"unknown kind {found!r}; expected {', '.join(FILTER_KINDS)}."
                     f"{did_you_mean(str(found), FILTER_KINDS)}",
                     where=Key((name,)),
+                    code="unknown-filter",
                 )
         for name, is_right, wanted in self._limits():
             if not is_right:
                 found = getattr(self, name)
                 shown = f"{found:g} Hz" if name.endswith("corner") else f"{found!r}"
-                raise ConfigurationError(f"found {shown}, expected {wanted}", where=Key((name,)))
+                raise ConfigurationError(
+                    f"found {shown}, expected {wanted}", where=Key((name,)), code="out-of-range"
+                )
         if not 0.0 <= self.min_amplitude < self.max_amplitude:
             raise ConfigurationError(
                 f"found {self.min_amplitude:g} m, expected 0 or more and less than "
                 f"max_amplitude, {self.max_amplitude:g} m",
                 where=Key(("min_amplitude",), ("max_amplitude",)),
+                code="out-of-range",
             )
 
     def _limits(self) -> Iterator[tuple[str, bool, str]]:

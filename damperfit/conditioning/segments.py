@@ -493,7 +493,7 @@ def choose_compared(name: str, log: UniformLog, options: ConditionOptions) -> Co
     try:
         seen = behind_filter(log, options)
     except ConditioningError as error:
-        raise ConditioningError(f"{error}", subject=name) from None
+        raise ConditioningError(f"{error}", subject=name, code="no-cycles") from None
     cycles, motion = _cycles(seen, options), _motion(seen, options)
     one = _one_run(name, seen, cycles, options) if motion.is_one_run else None
     if one and _n_cycles(one.found) >= MIN_CYCLES:
@@ -647,6 +647,7 @@ def _window(name: str, log: UniformLog, cycles: Cycles | None, edge: int) -> Flo
             f"(it spans {stroke:.3g} mm; {length}); expected at least {MIN_CYCLES}{period}; "
             "record a longer log",
             subject=name,
+            code="no-cycles",
         )
     low, high = _untouched(cycles, n, edge)
     rising, falling = (
@@ -667,6 +668,7 @@ def _window(name: str, log: UniformLog, cycles: Cycles | None, edge: int) -> Flo
         f"{length} with {cycles.n_found} cycles, expected at least {needed:.3g} s of steady "
         "motion; record a longer log",
         subject=name,
+        code="no-cycles",
     )
 
 
@@ -693,6 +695,7 @@ def _refuse_fast(name: str, log: UniformLog, cycles: Cycles, options: ConditionO
             f"the motion found has {frequency:.3g} Hz, not below the filter "
             f"corner of {corner:g} Hz; {_raised(is_rig, frequency, log)}",
             subject=name,
+            code="corner-too-low",
         )
 
 

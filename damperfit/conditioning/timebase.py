@@ -111,6 +111,7 @@ def _resampled(recording: Recording, elapsed: FloatArray, rounding: float) -> Un
             f"(time {recording.time[widest]:.6g} s); the samples are {typical:.4g} s apart and at "
             f"most {MAX_MISSING} may be missing; split the log there or log without pauses",
             subject=recording.name,
+            code="gap",
         )
     knots = np.concatenate([[0.0], np.cumsum(counts)])
     offset, interval, off = _line(knots, elapsed)
@@ -143,6 +144,7 @@ def _refuse_missing(recording: Recording, counts: FloatArray) -> None:
             f"{missing} of {expected} samples are missing, first after row "
             f"{row} of the data; expected at most {100.0 * _MAX_FILLED:.0f} %; check the logger",
             subject=recording.name,
+            code="missing-samples",
         )
 
 

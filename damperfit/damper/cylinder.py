@@ -55,12 +55,13 @@ class Cylinder:
                 wanted = f"{low:g} to {high:g}{in_unit}, found {value:g}{in_unit}"
             else:
                 continue
-            raise ConfigurationError(f"expected {wanted}", where=Key((name,)))
+            raise ConfigurationError(f"expected {wanted}", where=Key((name,)), code="out-of-range")
         if self.rod_diameter >= self.piston_diameter:
             raise ConfigurationError(
                 f"expected less than piston_diameter, "
                 f"{self.piston_diameter:g} m, found {self.rod_diameter:g} m",
                 where=Key(("rod_diameter",), ("piston_diameter",)),
+                code="out-of-range",
             )
 
     @property

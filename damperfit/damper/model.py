@@ -148,7 +148,9 @@ class Values:
         try:
             return self._by_name[name]
         except KeyError:
-            raise ConfigurationError(_no_quantity(name, self.names)) from None
+            raise ConfigurationError(
+                _no_quantity(name, self.names), code="unknown-quantity"
+            ) from None
 
     @property
     def numbers(self) -> tuple[float, ...]:
@@ -166,7 +168,7 @@ class Values:
         changes, names = {**changes, **more}, self.names
         for name in changes:
             if name not in names:
-                raise ConfigurationError(_no_quantity(name, names))
+                raise ConfigurationError(_no_quantity(name, names), code="unknown-quantity")
         return type(self)(*[changes.get(name, getattr(self, name)) for name in names])
 
 
@@ -365,7 +367,9 @@ class Model(ABC):
         complete = {q.name: known.get(q.name, q.default) for q in self.quantities}
         missing = [name for name, value in complete.items() if value is None]
         if missing:
-            raise ConfigurationError(f"{self.name} needs a value of {', '.join(missing)}")
+            raise ConfigurationError(
+                f"{self.name} needs a value of {', '.join(missing)}", code="missing-value"
+            )
         return self.values_type(**complete)
 
     @property
@@ -389,7 +393,7 @@ class Model(ABC):
         for quantity in self.quantities:
             if quantity.name == name:
                 return quantity
-        raise ConfigurationError(_no_quantity(name, self.names))
+        raise ConfigurationError(_no_quantity(name, self.names), code="unknown-quantity")
 
 
 class OilModel(Model):
@@ -467,8 +471,9 @@ def model_named(name: str) -> type[Model]:
                 "model auto: only {choosing} of damperfit identify, and damperfit models, let the "
                 "logs choose; give the model that they name here",
                 choosing=Option("model", "auto"),
+                code="model-auto",
             )
         there = f" There are {', '.join(MODELS)}."
         near = did_you_mean(name, (*MODELS, "auto"))  # what `identify` takes beside them
-        raise ConfigurationError(f"no model {name!r}.{near or there}")
+        raise ConfigurationError(f"no model {name!r}.{near or there}", code="unknown-model")
     return MODELS[name]

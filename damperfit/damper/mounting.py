@@ -103,7 +103,8 @@ class _Parts:
             if isinstance(found, bool) or not isinstance(found, float | int):
                 if found not in (NONE, FIT):
                     raise ConfigurationError(
-                        f"{name}: found {found!r}; expected a number, {NONE!r} or {FIT!r}"
+                        f"{name}: found {found!r}; expected a number, {NONE!r} or {FIT!r}",
+                        code="not-a-number",
                     )
                 continue
             low, high = quantity.plausible
@@ -112,6 +113,7 @@ class _Parts:
                     f"found {float(found):g}; expected {low:g} to {high:g} {quantity.unit}, "
                     f"{NONE!r} or {FIT!r}",
                     subject=name,
+                    code="out-of-range",
                 )
 
     def _declared(self, known: dict[str, Quantity]) -> tuple[Quantity, ...]:
@@ -161,11 +163,13 @@ class Mounting(_Parts):
                 "rubber and rubber_bend are two numbers of one thing beside a series stiffness: "
                 "set both, each to 'fit' or to a value, or neither",
                 subject="rubber",
+                code="half-a-pair",
             )
         if self.play != NONE and self.series_stiffness == NONE:
             raise ConfigurationError(
                 "play needs a series stiffness that takes the force once the gap is closed: "
-                f"set series_stiffness to {FIT!r} or to a value"
+                f"set series_stiffness to {FIT!r} or to a value",
+                code="half-a-pair",
             )
 
     @property
@@ -204,7 +208,8 @@ class Friction(_Parts):
         if NONE not in {self.presliding, self.turning_speed}:
             raise ConfigurationError(
                 "turning_speed: found beside presliding; friction turns over a distance or within "
-                "a speed: set one of the two and leave the other at 'none'"
+                "a speed: set one of the two and leave the other at 'none'",
+                code="not-together",
             )
         if (self.breakaway == NONE) is not (self.stribeck_speed == NONE):
             missing = "stribeck_speed" if self.stribeck_speed == NONE else "breakaway"
@@ -212,6 +217,7 @@ class Friction(_Parts):
                 "found 'none'; breakaway and stribeck_speed are two numbers of one "
                 "thing: set both, each to 'fit' or to a value, or neither",
                 subject=missing,
+                code="half-a-pair",
             )
 
     @property

@@ -289,7 +289,8 @@ class Network:
             raise ConfigurationError(
                 f"{self.name} has {n_passages} passages and {n_numbers} numbers; a network has 1 "
                 f"to {_MOST_PASSAGES} passages and at most {_MOST_NUMBERS} numbers, "
-                f"{len(BODY_NUMBERS)} of them the body's"
+                f"{len(BODY_NUMBERS)} of them the body's",
+                code="too-large",
             )
 
     @property
@@ -326,10 +327,13 @@ class Valve:
         ):
             if kind not in known:
                 raise ConfigurationError(
-                    f"no {what} {kind!r}; there are {', '.join(known)}.{did_you_mean(kind, known)}"
+                    f"no {what} {kind!r}; there are {', '.join(known)}.{did_you_mean(kind, known)}",
+                    code="unknown-law",
                 )
         if not self.parts:
-            raise ConfigurationError("a valve needs a bleed or a blow-off; both are 'none'")
+            raise ConfigurationError(
+                "a valve needs a bleed or a blow-off; both are 'none'", code="no-passage"
+            )
 
     @property
     def parts(self) -> tuple[str, ...]:
@@ -517,11 +521,14 @@ def simulate_network(
         (name,) = unknown.args
         raise ConfigurationError(
             f"no number {name!r} in {network.name}; there are {', '.join(place)}."
-            f"{did_you_mean(name, place)}"
+            f"{did_you_mean(name, place)}",
+            code="unknown-quantity",
         ) from None
     missing = [n for n in (*sorted(_NEEDED), *network.passage_numbers) if n not in values]
     if missing:
-        raise ConfigurationError(f"{network.name} needs a value of {', '.join(missing)}")
+        raise ConfigurationError(
+            f"{network.name} needs a value of {', '.join(missing)}", code="missing-value"
+        )
     x = np.ascontiguousarray(motion.displacement, dtype=np.float64)
     v = np.ascontiguousarray(motion.velocity, dtype=np.float64)
     jumps = np.ascontiguousarray(motion.jumps, dtype=np.float64)
@@ -546,7 +553,7 @@ def simulate_network(
         options.dead_band, options.max_steps_per_sample,
     )  # fmt: skip
     if code:
-        raise SimulationError(describe_ending(code, sample, motion, options))
+        raise SimulationError(describe_ending(code, sample, motion, options), code="not-integrated")
     time = np.arange(n, dtype=np.float64)
     time *= motion.interval
     time += motion.start_time

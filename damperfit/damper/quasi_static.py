@@ -152,7 +152,9 @@ def quasi_static(
     """
     asked = np.atleast_1d(np.asarray(speeds, dtype=np.float64))
     if not np.all(np.isfinite(asked)):
-        raise ConfigurationError(f"speeds: expected finite numbers, found {asked.tolist()}")
+        raise ConfigurationError(
+            f"speeds: expected finite numbers, found {asked.tolist()}", code="not-finite"
+        )
     values = _as_declared(damper, values)
     ideal = ideal_values(damper, values, with_tare=with_tare)
     gas = damper.rest_force(displacement)

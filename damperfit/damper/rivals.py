@@ -174,7 +174,9 @@ class _Drive(NamedTuple):
             slopes, self.motion.interval, _ROUNDING,
         )  # fmt: skip
         if code:
-            raise SimulationError(describe_ending(code, sample, self.motion, self.options))
+            raise SimulationError(
+                describe_ending(code, sample, self.motion, self.options), code="not-integrated"
+            )
         return output, np.ascontiguousarray(slopes.T)
 
 
@@ -267,7 +269,9 @@ class Rival(Model):
                     force, slopes[name] = force + values[name] * row, row
         n = len(force)
         if not np.all(np.isfinite(force)):
-            raise SimulationError("the force is not a finite number.", subject=self.title)
+            raise SimulationError(
+                "the force is not a finite number.", subject=self.title, code="not-finite"
+            )
         return Response(
             time=motion.start_time + motion.interval * np.arange(n, dtype=np.float64),
             displacement=motion.displacement,

@@ -467,32 +467,39 @@ def _declared(table: Mapping[str, Any], place: int) -> DeclaredPassage:
         if key not in _KEYS:
             near = did_you_mean(key, _KEYS)
             raise ConfigurationError(
-                f"{where} has no key {key!r}; there are {', '.join(_KEYS)}.{near}"
+                f"{where} has no key {key!r}; there are {', '.join(_KEYS)}.{near}",
+                code="unknown-key",
             )
     missing = [key for key in _KEYS if key not in table and key != "two_way"]
     if missing:
-        raise ConfigurationError(f"{where} lacks {', '.join(missing)}")
+        raise ConfigurationError(f"{where} lacks {', '.join(missing)}", code="missing-key")
     for key in ("from", "to"):
         if table[key] not in _CHAMBERS or isinstance(table[key], bool | float):
             raise ConfigurationError(
                 f"{key} = {table[key]!r}; expected chamber 1 (rod side), 2 (full bore) or 3 (gas)",
                 subject=where,
+                code="bad-passage",
             )
     if table["from"] == table["to"]:
-        raise ConfigurationError(f"{where} leads from chamber {table['from']} to itself")
+        raise ConfigurationError(
+            f"{where} leads from chamber {table['from']} to itself", code="bad-passage"
+        )
     law, name, two_way = table["law"], table["name"], table.get("two_way", False)
     if not isinstance(law, str) or law not in LAWS:
         near = did_you_mean(str(law), LAWS)
         raise ConfigurationError(
-            f"no law {law!r}; there are {', '.join(LAWS)}.{near}", subject=where
+            f"no law {law!r}; there are {', '.join(LAWS)}.{near}", subject=where, code="unknown-law"
         )
     if not isinstance(name, str) or not _NAME.fullmatch(name):
         raise ConfigurationError(
             f"name = {name!r}; expected small letters, digits and _, as in 'base_valve'",
             subject=where,
+            code="bad-passage",
         )
     if not isinstance(two_way, bool):
-        raise ConfigurationError(f"two_way = {two_way!r}; expected true or false", subject=where)
+        raise ConfigurationError(
+            f"two_way = {two_way!r}; expected true or false", subject=where, code="bad-passage"
+        )
     return DeclaredPassage(table["from"], table["to"], name, law, two_way)
 
 
@@ -535,10 +542,13 @@ class DeclaredNetwork(ValveDamper):
                 raise ConfigurationError(
                     f"passage {place} joins 2 and 3, which are one behind a floating piston",
                     where=Key(("passages",)),
+                    code="bad-passage",
                 )
         if not any(1 in (one.start, one.end) for one in self.passages):
             raise ConfigurationError(
-                "none leads to or from chamber 1, the rod side", where=Key(("passages",))
+                "none leads to or from chamber 1, the rod side",
+                where=Key(("passages",)),
+                code="no-passage",
             )
         _ = self.network  # refuses too many
 

@@ -83,6 +83,7 @@ class Warmed(Model):
                 f"nothing of the model {self.damper.name!r} is a viscous "
                 "resistance that could follow a temperature; leave it out, or take another model",
                 where=Key(("reference_temperature",)),
+                code="not-viscous",
             )
 
     def __getattribute__(self, name: str) -> Any:
@@ -216,6 +217,7 @@ def at_temperature(damper: Model, temperature: float) -> Model:
             "these parameters do not follow a temperature; fit logs of several "
             "temperatures with damperfit identify --covariate temperature",
             where=Option("temperature"),
+            code="no-temperature",
         )
     return replace(damper, temperature=temperature)
 

@@ -84,6 +84,7 @@ def check_export(run: ExportedRun, export: Export) -> tuple[SettingCheck, ...]:
             f"{run.run.name} has no responses.parquet to check against; run damperfit "
             "identify LOGS again, and export its results folder",
             where=Option("check"),
+            code="no-signals",
         )
     tables, band = export.tables, run.run.solver.dead_band
     tares = [table.tare for table in tables]
@@ -188,7 +189,8 @@ def read_back(export: Export) -> list[Curve]:
         v, force = np.array(rows, dtype=np.float64).reshape(-1, 2).T + 0.0
         if len(v) < 2 or not (np.diff(v) > 0.0).all():
             raise SimulationError(
-                f"setting {table.setting}: the {export.target.name} file does not hold its table"
+                f"setting {table.setting}: the {export.target.name} file does not hold its table",
+                code="not-as-written",
             )
         if "units" in export.target.takes:
             units = export.options.units
@@ -253,7 +255,9 @@ def _from_matlab(export: Export) -> Iterator[Any]:
         found = re.search(rf"^{name} = \[([^\]]*)\];", script, re.MULTILINE)
         rows = [row.split() for row in found[1].split(";")] if found else []
         if not rows or not np.allclose(np.array(rows, dtype=float), known[name], rtol=1e-8):
-            raise SimulationError(f"{stem}.m and {stem}.mat do not hold the same {name}")
+            raise SimulationError(
+                f"{stem}.m and {stem}.mat do not hold the same {name}", code="not-as-written"
+            )
     for force in known["force"].T:
         yield np.column_stack([known["velocity"][:, 0], force])
 
@@ -268,7 +272,9 @@ class _Model:
         flat = " ".join(re.sub(r'//[^\n]*|"[^"]*"', "", text).split())
         head, word, body = flat.rpartition(" equation ")
         if not word or not re.fullmatch(r"[\w\s()\[\]{}.,;=+*/^-]*", flat):
-            raise SimulationError("the Modelica file holds no equations that could be solved")
+            raise SimulationError(
+                "the Modelica file holds no equations that could be solved", code="not-as-written"
+            )
         parameters = r"parameter (?:Real|Integer) (\w+)(?:\[[^\]]*\])?(?:\([^)]*\))? = ([^;]+);"
         self.known = {
             name: json.loads(value.replace("{", "[").replace("}", "]"))
@@ -310,7 +316,9 @@ class _Model:
                 method="LSODA", t_eval=time, rtol=1e-7, atol=1e-11, max_step=5e-3,
             )  # fmt: skip
             if not done.success:
-                raise SimulationError(f"the equations cannot be solved: {done.message}")
+                raise SimulationError(
+                    f"the equations cannot be solved: {done.message}", code="not-integrated"
+                )
             return np.asarray(solved(x, v, **dict(zip(self.starts, done.y, strict=True)))["f"])
 
         return force
@@ -349,6 +357,7 @@ class _Unit:
                 f"the FMU holds no library for {here}; python -m "
                 "damperfit.exporting.fmu_build builds it",
                 where=Option("check"),
+                code="no-library",
             )
         self.library = ct.CDLL(str(path))
         self.library.fmi3InstantiateCoSimulation.restype = ct.c_void_p
@@ -368,11 +377,13 @@ class _Unit:
                 )
             )  # fmt: skip
             if not instance.value:
-                raise SimulationError("the FMU cannot be instantiated")
+                raise SimulationError("the FMU cannot be instantiated", code="fmu")
 
             def call(name: str, *arguments: Any) -> None:
                 if getattr(self.library, f"fmi3{name}")(instance, *arguments):
-                    raise SimulationError(f"setting {setting}: the FMU refuses fmi3{name}")
+                    raise SimulationError(
+                        f"setting {setting}: the FMU refuses fmi3{name}", code="fmu"
+                    )
 
             def number(verb: str, references: Sequence[int], *values: float) -> Any:
                 n, places = len(references), (ct.c_uint32 * len(references))(*references)

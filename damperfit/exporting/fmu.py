@@ -98,7 +98,8 @@ def exported_damper(run: ExportedRun) -> ExportedDamper:
     if not isinstance(damper, Damper | ValveDamper):
         raise ConfigurationError(
             f"a damper of the model {damper.name} cannot be an FMU, only one of the paper's or of "
-            "valves; hand it over as a table: damperfit export --list shows them"
+            "valves; hand it over as a table: damperfit export --list shows them",
+            code="other-model",
         )
     cells = [one.setting.cell for one in run.settings]
     whole = [cell for cell in cells if isinstance(cell, int)]

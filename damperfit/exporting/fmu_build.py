@@ -63,7 +63,9 @@ def build(platform: Platform) -> Path:
         )
         if done.returncode:
             *_, why = ["it says nothing", *done.stderr.strip().splitlines()]
-            raise InstallationError(f"the compiler could not build {platform.name}: {why}")
+            raise InstallationError(
+                f"the compiler could not build {platform.name}: {why}", code="not-built"
+            )
         try:
             folder.mkdir(parents=True, exist_ok=True)
             (folder / DIGEST).unlink(missing_ok=True)
@@ -71,7 +73,9 @@ def build(platform: Platform) -> Path:
             (folder / DIGEST).write_text(sources_digest(), encoding="ascii")
         except OSError as error:
             raise OutputError(
-                f"{error.strerror}; run this as whoever installed damperfit", subject=folder
+                f"{error.strerror}; run this as whoever installed damperfit",
+                subject=folder,
+                code="cannot-write",
             ) from error
     return folder / platform.library
 
@@ -82,7 +86,10 @@ def _compiler(platform: Platform) -> list[str]:
     own = shutil.which("cc") or shutil.which("gcc")
     if own is not None and platform.name == this_platform():
         return [own]
-    raise InstallationError("no Zig compiler is installed: pip install 'damperfit[fmu]' brings it")
+    raise InstallationError(
+        "no Zig compiler is installed: pip install 'damperfit[fmu]' brings it",
+        code="missing-library",
+    )
 
 
 def this_platform() -> str:
@@ -102,7 +109,7 @@ def main(names: Sequence[str]) -> int:
                 hint = did_you_mean(name, known)
                 there = ", ".join(known)
                 raise ConfigurationError(  # noqa: TRY301
-                    f"no platform {name!r}; there are {there}.{hint}"
+                    f"no platform {name!r}; there are {there}.{hint}", code="unknown-platform"
                 )
         there_already = built()
         missing = [one for one in PLATFORMS if one not in there_already]

@@ -86,7 +86,9 @@ def exported_run(
     damper, settings, notes = run.damper, run.settings, []
     if not settings:
         raise ConfigurationError(
-            "no setting has all parameters; run damperfit identify LOGS first", subject=folder
+            "no setting has all parameters; run damperfit identify LOGS first",
+            subject=folder,
+            code="no-parameters",
         )
     if isinstance(damper, Warmed):
         at = damper.oil_temperature
@@ -198,6 +200,7 @@ def force_tables(
             f"up to {_FARTHEST:g} times it; leave {{extend}} out for a table of what was tested",
             extend=Option("extend"),
             where=Option("extend", f"{extend:g} m/s"),
+            code="out-of-range",
         )
     tables: list[ForceTable] = []
     slugs: Counter[str] = Counter()

@@ -131,6 +131,7 @@ class Target:
                 f"{self.name} writes {' and '.join(suffixes)} files; give a "
                 "name that ends so, or a folder",
                 where=Option("out", out),
+                code="wrong-suffix",
             )
         return out.parent, out.stem
 
@@ -151,6 +152,7 @@ class Target:
             raise ConfigurationError(
                 f"{self.name} holds no table here; leave it out",
                 where=Option("extend", f"{options.extend:g}"),
+                code="no-effect",
             )
         is_one_each = "{setting}" in self.file
         tables = force_tables(run, extend=options.extend, common=not is_one_each)
@@ -488,5 +490,6 @@ def find_target(name: str) -> Target:
             f"expected one of {', '.join(TARGETS)}.{did_you_mean(name, TARGETS)} "
             "damperfit export --list shows them",
             where=Option("to", name),
+            code="unknown-target",
         )
     return TARGETS[name]

@@ -183,10 +183,13 @@ def collect(folder: Path) -> pa.Table:
             raise ConfigurationError(
                 f"damaged ({error}); remove it, and the next damperfit fleet makes it again",
                 subject=path,
+                code="damaged",
             ) from error
     if not tables:
         raise ConfigurationError(
-            "no parts of a fleet there; run damperfit fleet LOGS first", subject=folder
+            "no parts of a fleet there; run damperfit fleet LOGS first",
+            subject=folder,
+            code="no-results",
         )
     table = pa.concat_tables(tables, promote_options="default").combine_chunks()
     with file_set(folder / SUMMARY) as files:

@@ -102,6 +102,7 @@ def share_of(text: str) -> Share:
         raise ConfigurationError(
             "expected I/N with I from 1 to N, such as 3/100 for the third of 100",
             where=Option("part", text),
+            code="bad-part",
         )
     return Share(number, of)
 
@@ -120,7 +121,9 @@ def tasks_by_damper(
         tables = {(one.where, one.folder): one for one in named if is_tests_table(here[one])}
         logs = [one for one in sources if one not in set(tables.values())]
         if not logs:
-            raise ConfigurationError("no logs among the files given: they are all tables of tests")
+            raise ConfigurationError(
+                "no logs among the files given: they are all tables of tests", code="no-log"
+            )
         # One that is given speaks alone, as in `identify`.
         speaking = [(one.where, here[one]) for one in tables.values()]
         for where, path in speaking if given is None else [("", given)]:
@@ -440,7 +443,9 @@ def planned(
         one for one in find_sources(logs) if one.is_remote or own not in Path(one.place).parents
     )
     if not sources:
-        raise ConfigurationError(f"{', '.join(logs)}: no log there but in {folder} itself")
+        raise ConfigurationError(
+            f"{', '.join(logs)}: no log there but in {folder} itself", code="no-log"
+        )
     tasks = tasks_by_damper(recognised(sources, folder), configuration)
     return tuple(task for task in tasks if share is None or share.takes(task))
 

@@ -101,7 +101,9 @@ def _file_system(root: str) -> Any:
     try:
         return fs.FileSystem.from_uri(root)[0]
     except Exception as error:
-        raise ConfigurationError(f"no such store: {error}", subject=root) from error
+        raise ConfigurationError(
+            f"no such store: {error}", subject=root, code="no-address"
+        ) from error
 
 
 @contextmanager
@@ -114,7 +116,8 @@ def _reached(address: str) -> Iterator[tuple[Any, str, str]]:
     if ":" in user:
         raise ConfigurationError(
             f"{scheme}://...@{path}: an address with a secret key in it would be written into the "
-            "tables; leave it out and set AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY"
+            "tables; leave it out and set AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY",
+            code="secret-key",
         )
     try:
         store = _file_system(f"{scheme}://{user}{at}{bucket}{mark}{query}")
@@ -199,12 +202,15 @@ def find_sources(wanted: Iterable[str]) -> tuple[FleetLog, ...]:
         own = real_path(text)
         sources = _listed(text) if _is_address(text) else _below(own, common or own)
         if not sources:
-            raise ConfigurationError(f"no log in it; expected files such as {_SHOWN}", subject=text)
+            raise ConfigurationError(
+                f"no log in it; expected files such as {_SHOWN}", subject=text, code="no-log"
+            )
         for one in sources:
             logs.setdefault(one.place, one)
     if not logs and not files:
         raise ConfigurationError(
-            f"{', '.join(wanted)}: no log there, but results of damperfit; give the logs"
+            f"{', '.join(wanted)}: no log there, but results of damperfit; give the logs",
+            code="no-log",
         )
     # A shell makes files of a pattern: the folders that they share are left out of their names.
     root = _common([path.parent for path in files])
@@ -227,7 +233,7 @@ def _below(folder: Path, root: Path) -> list[FleetLog]:
 
     def refuse(error: OSError) -> None:
         raise ConfigurationError(
-            f"cannot be read: {error.strerror}", subject=error.filename
+            f"cannot be read: {error.strerror}", subject=error.filename, code="unreadable"
         ) from error
 
     logs = []

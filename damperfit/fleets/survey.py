@@ -295,6 +295,7 @@ def fleet_against_bands(  # noqa: C901 - two kinds of bands, one list
                 f"a fleet has no forces at {band.speed:g} m/s; expected its named speeds, "
                 f"{', '.join(f'{speed:g}' for speed in speeds)} m/s",
                 where=Option("tolerance", tolerance.source),
+                code="no-speed",
             )
         places = [k for k, one in enumerate(found.settings) if band.setting in {"", str(one)}]
         fitted = found.rows[found.rows["setting"].isin(places)]

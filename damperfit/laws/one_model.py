@@ -179,7 +179,10 @@ class OneModel:
             except SimulationError:
                 continue
         if not seen:
-            raise SimulationError(f"{self.model.name} cannot be simulated at all settings at once.")
+            raise SimulationError(
+                f"{self.model.name} cannot be simulated at all settings at once.",
+                code="not-integrated",
+            )
         seen.sort(key=lambda one: one.cost)
         ends = [self.descend(one.extra) for one in seen[:_FOLLOWED]]
         return min(ends, key=lambda one: one.cost)

@@ -854,7 +854,10 @@ class _Search:
                     at = near.replace({n: getattr(start, n) for n in own})
                     found.append(misfit.descend(at, _END))
             if not found:
-                raise SimulationError(f"{fit.structure.title} cannot be simulated at {setting}.")
+                raise SimulationError(
+                    f"{fit.structure.title} cannot be simulated at {setting}.",
+                    code="not-integrated",
+                )
             return min(found, key=lambda one: one.cost).extra
 
         with executor(self.jobs) as pool:
@@ -1053,7 +1056,9 @@ def search_laws(  # noqa: PLR0913 - what a user may ask of it
     fit = search.best_layout(layouts)
     if fit is None:
         if simplest is None:
-            raise SimulationError("no structure can be simulated on these logs.")
+            raise SimulationError(
+                "no structure can be simulated on these logs.", code="not-integrated"
+            )
         search.judge(simplest, "no other can be simulated on these logs", is_taken=True)
         return search.ended(simplest)
     fit = search.improved(fit)

@@ -89,7 +89,8 @@ def read_page(topic: str) -> Page:
     if name not in TOPICS:
         raise ConfigurationError(
             f"help {topic}: there is no such topic.{did_you_mean(name, TOPICS)} "
-            "damperfit help lists them"
+            "damperfit help lists them",
+            code="unknown-topic",
         )
     source = files(__name__).joinpath("pages", f"{name}.md").read_text(encoding="utf-8")
     return Page(name, source)

@@ -281,11 +281,14 @@ def _inside(path: Path, logs: _LogRuns) -> Mapping[str, Path]:
             )
     sentence = f"{path}: no results of damperfit identify, and no folder in it holds any"
     if not files:
-        raise ConfigurationError(f"{sentence}; expected run.json and parameters.parquet")
+        raise ConfigurationError(
+            f"{sentence}; expected run.json and parameters.parquet", code="no-results"
+        )
     more = f" and {len(files) - 1} more" if len(files) > 1 else ""
     raise ConfigurationError(
         f"{sentence}, but {files[0]}{more}; if these are logs, run damperfit identify on them "
-        f"first, or compare them as measured: damperfit compare {path} OTHER --measured"
+        f"first, or compare them as measured: damperfit compare {path} OTHER --measured",
+        code="no-results",
     )
 
 
@@ -362,6 +365,7 @@ def measured_forces(
             f"no curve of {names} has points on both sides of it{side}; the highest "
             f"measured speed is {max(tops, default=0.0):.3g} m/s",
             subject=at,
+            code="no-speed",
         )
     sentence = "" if question.force is None else _answer(question, question.force, forces)
     return MeasuredForces(curves, speeds, sentence)

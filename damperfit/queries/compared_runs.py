@@ -61,7 +61,9 @@ def read_run(path: Path, *, config: Path | None = None, is_measured: bool = Fals
     """Return a run to be compared: results, a baseline or a part; or measured curves alone."""
 
     def wrong(text: str) -> ConfigurationError:
-        return ConfigurationError(text, measured=Option("measured"), subject=path)
+        return ConfigurationError(
+            text, measured=Option("measured"), subject=path, code="no-results"
+        )
 
     if is_part(path):
         if is_measured:
@@ -91,7 +93,9 @@ def read_run(path: Path, *, config: Path | None = None, is_measured: bool = Fals
         return refuse_unfitted(run)
     if not run.tests:
         why = f" ({'; '.join(run.remarks)})" if run.remarks else "; no motion in it repeats"
-        raise ConfigurationError(f"{run.place}: no measured cycles to compare{why}")
+        raise ConfigurationError(
+            f"{run.place}: no measured cycles to compare{why}", code="not-measured"
+        )
     return run
 
 
@@ -178,6 +182,7 @@ def _read_baseline(path: Path, config: Path | None) -> Run:
                 f"a baseline of form {document[_KEY]} (damperfit "
                 f"{document.get('version')}), and this damperfit knows {_VERSION}; save it again",
                 subject=path,
+                code="other-version",
             )
         record, rows = document["record"], document["parameters"]
         quantities = quantities_in(record)
@@ -189,6 +194,7 @@ def _read_baseline(path: Path, config: Path | None) -> Run:
             f"a damaged baseline ({type(error).__name__}: {error}); save it again with "
             "damperfit compare RESULTS --save FILE",
             subject=path,
+            code="damaged",
         ) from error
     rows_of = {"parameters": parameters}
     run = Run(record, rows_of, quantities=quantities, place=path, config=config)

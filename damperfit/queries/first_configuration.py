@@ -125,6 +125,7 @@ def _read(path: Path, options: ReadOptions) -> tuple[tuple[Recording, ...], dict
         f"columns without units, and no common units give plausible values: "
         f"declare rig.units ({', '.join(lacking)})",
         subject=path.name,
+        code="no-unit",
     )
 
 

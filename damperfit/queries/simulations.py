@@ -122,6 +122,7 @@ def choose_parameters(
                 "two out",
                 set_option=every,
                 where=Option("parameters", table),
+                code="no-effect",
             )
         given = damper.values(_replaced(damper.quantities, replaced))
         named = None if setting is None else _meant(setting)
@@ -208,7 +209,9 @@ def _meant(setting: Setting | int | str, known: Collection[Setting] = ()) -> Set
     try:
         return named.get(setting.strip().casefold()) or parse_setting(setting, adjusters)
     except ValueError as error:
-        raise ConfigurationError(f"{error}", where=Option("setting", setting)) from error
+        raise ConfigurationError(
+            f"{error}", where=Option("setting", setting), code="unknown-setting"
+        ) from error
 
 
 def table_meant(given: Path) -> Path:
@@ -242,6 +245,7 @@ def damper_of(
             f"damper.reference_temperature: {choice.source.partition(': ')[2]}, has no beta; leave "
             "the key out, or take results of identify with {covariate}",
             covariate=Option("covariate", "temperature"),
+            code="no-temperature",
         )
     return meant, line
 
@@ -456,7 +460,7 @@ def run_sweep(
     else:
         base = float(getattr(damper, _GAS[name]) if name in _GAS else getattr(rig, name))
     if base == 0.0:
-        raise ConfigurationError(f"{name} is 0 here: no factor changes it")
+        raise ConfigurationError(f"{name} is 0 here: no factor changes it", code="out-of-range")
     members = []
     for factor in variation.factors:
         value, varied, meant = base * factor, choice, configuration
@@ -469,7 +473,10 @@ def run_sweep(
                 meant = replace(configuration, rig=rig.but(**{name: value}))
         except ConfigurationError as error:
             raise ConfigurationError(
-                "{error}", error=error, where=Option("vary", f"{factor:g}", name)
+                "{error}",
+                error=error,
+                where=Option("vary", f"{factor:g}", name),
+                code=error.problem.code,
             ) from error
         test = simulate_test(varied, meant)
         figures = (test.frequency, test.response, test.characteristics)

@@ -199,7 +199,9 @@ def plotly_script() -> Markup:
         if path.is_file():
             text = path.read_text(encoding="utf-8")
             return _verbatim(text.replace("</script", "<\\/script"))
-    raise InstallationError("the report needs plotly; install it with: pip install plotly")
+    raise InstallationError(
+        "the report needs plotly; install it with: pip install plotly", code="missing-library"
+    )
 
 
 # A run

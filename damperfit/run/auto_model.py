@@ -20,7 +20,7 @@ from damperfit.laws.law_fit import SettingLogs
 from damperfit.laws.rivals import rank_rivals, yielding_seen
 from damperfit.laws.search import follows_by_scope, search_laws
 from damperfit.laws.structures import LAYOUTS
-from damperfit.problem import failure_lines
+from damperfit.problem import Problem, failure_lines, note
 from damperfit.reporting.answer import Answer
 from damperfit.reporting.laws import (
     chosen_records,
@@ -193,7 +193,7 @@ def _listed(words: Sequence[str]) -> str:
     return f"{', '.join(first)} and {last}" if first else last
 
 
-def assumed_gas(configuration: Configuration, tried: Sequence[Tried]) -> tuple[str, ...]:
+def assumed_gas(configuration: Configuration, tried: Sequence[Tried]) -> tuple[Problem, ...]:
     """What the layouts that were tried have of the gas that nobody has declared, in a sentence."""
     damper = configuration.damper
     has_valves = any(isinstance(one.fits[0].model, ValveDamper) for one in tried)
@@ -203,11 +203,11 @@ def assumed_gas(configuration: Configuration, tried: Sequence[Tried]) -> tuple[s
     missing = {name: getattr(ValveDamper(), name) for name in GAS if name not in known}
     if not missing:
         return ()
-    said = (
+    text = (
         f"laws of real valves were tried with {gas_in_words(missing)}, the defaults of the "
         "model twin_tube and its like: declare what your damper has"
     )
-    return (said,)
+    return (note("assumed", text),)
 
 
 # What settings have in common.
@@ -270,7 +270,7 @@ class LawChoice(Answer):
         Settings that the chosen law cannot be simulated at.
     rivals : tuple of Tried
         Models of the literature at the settings that were compared; empty unless asked for.
-    remarks : tuple of Problem or str
+    remarks : tuple of Problem
         What was done with the logs: copies left out, contradictions averaged.
     undecided : tuple of str
         What the logs leave open, and which test would decide it.
@@ -288,7 +288,7 @@ class LawChoice(Answer):
     failures: tuple[Failure, ...]
     lost: tuple[Setting, ...] = ()
     rivals: tuple[Tried, ...] = ()
-    remarks: tuple[Problem | str, ...] = ()
+    remarks: tuple[Problem, ...] = ()
     undecided: tuple[str, ...] = ()
     alike: tuple[str, ...] = ()
     open_layouts: tuple[str, ...] = ()
@@ -390,7 +390,8 @@ def choose_law(  # noqa: PLR0913 - what a user may ask of it
         said = "; ".join(failure_lines(batch.failures)[:3])
         raise ConfigurationError(
             f"no log can be used to compare laws{f': {said}' if said else ''}; "
-            "damperfit inspect shows what is wrong with them"
+            "damperfit inspect shows what is wrong with them",
+            code="no-log",
         )
     solver = configuration.identification.solver
     ends = _softest_and_stiffest(evidence)
@@ -629,7 +630,8 @@ def _layouts(configuration: Configuration, layout: str | None) -> list[ValveDamp
     if not isinstance(damper, Damper | ValveDamper):
         raise ConfigurationError(
             f"models: damper.model = {damper.name} has no geometry from which to build a "
-            "layout; declare [damper] for the paper's model or for real valves"
+            "layout; declare [damper] for the paper's model or for real valves",
+            code="no-geometry",
         )
     if layout is None and "damper.model" in configuration.declared and damper.name in LAYOUTS:
         layout = damper.name

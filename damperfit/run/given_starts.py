@@ -43,6 +43,7 @@ def with_given_start(configuration: Configuration) -> Configuration:
             model=Option("model"),
             start=Option("start", "VALUE", "NAME"),
             where=Option("start", path),
+            code="other-model",
         )
     own = {
         setting: {name: one for name, one in numbers.items() if name in damper.names}
@@ -71,12 +72,13 @@ def start_of_laws(configuration: Configuration, named: Mapping[str, str]) -> Giv
                 f"no law has a parameter {name!r}; there are "
                 f"{', '.join(quantities)}.{did_you_mean(name, quantities)}",
                 where=Option("start", text, name),
+                code="unknown-quantity",
             )
         try:
             numbers[name] = parameter_value(quantities[name], text)
             check_start(quantities[name], numbers[name], is_fixed=False, is_held=False)
         except ConfigurationError as error:
-            raise ConfigurationError(f"{error}", where=Option("start")) from error
+            raise error.at(Option("start")) from error
     path = configuration.start_table
     return GivenStart(numbers, {} if path is None else _read(path))
 
@@ -89,9 +91,12 @@ def _read(path: Path) -> dict[Setting, dict[str, float]]:
         raise ConfigurationError(
             "{problem}; expected parameters that identify wrote, or NAME=VALUE",
             problem=error.at(Option("start")),
+            code="no-start",
         ) from error
     if not known:
         raise ConfigurationError(
-            "its rows contain no parameter to start from", where=Option("start", table)
+            "its rows contain no parameter to start from",
+            where=Option("start", table),
+            code="no-start",
         )
     return known

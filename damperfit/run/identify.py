@@ -190,6 +190,7 @@ def identified(  # noqa: PLR0913 - what is asked of it
             f"are {', '.join((*damper.parts, *damper.names))}; name damper.model, or let {{model}} "
             "auto find it",
             model=Option("model"),
+            code="unknown-quantity",
         )
     if configuration.start_table is not None:
         from damperfit.run.given_starts import with_given_start
@@ -207,7 +208,8 @@ def identified(  # noqa: PLR0913 - what is asked of it
     add_traces(batch, traces, setting)
     if not batch.logs and not watch.cancelled():
         raise ConfigurationError(
-            "no logs among the files given: they are all parameter tables or tables of tests"
+            "no logs among the files given: they are all parameter tables or tables of tests",
+            code="no-log",
         )
     groups = by_damper(batch, is_one=is_one)
     beside = tuple(map(folder_name, groups)) if len(groups) > 1 else ()

@@ -70,7 +70,9 @@ def matches(pattern: str, *, keeps_missing: bool = False) -> list[Path]:
     not exist, or a folder without logs, is returned as well, for the reader to report.
     """
     if pattern == "":  # as a path it would be the folder that one is in
-        raise ConfigurationError("'': expected a file or folder; '.' is this folder")
+        raise ConfigurationError(
+            "'': expected a file or folder; '.' is this folder", code="empty-name"
+        )
     pattern = os.path.expanduser(pattern)  # noqa: PTH111 - a Path would raise on ~nobody
     path = Path(pattern)
     if _is_folder(path):
@@ -87,11 +89,13 @@ def matches(pattern: str, *, keeps_missing: bool = False) -> list[Path]:
         if hits:
             inside = f"{pattern.rstrip('/')}/*.csv"
             why = f"the pattern matches only folders; for the logs in them give {inside}"
-        raise ConfigurationError(why, subject=pattern)
+        raise ConfigurationError(why, subject=pattern, code="no-log")
     if keeps_missing and pattern.strip():
         return [path]
     if pattern == "-":
-        raise ConfigurationError("-: logs are not read from a pipe; give files, or write one first")
+        raise ConfigurationError(
+            "-: logs are not read from a pipe; give files, or write one first", code="no-log"
+        )
     raise ConfigurationError("no such file", subject=pattern, code="no-such-file")
 
 
@@ -100,7 +104,7 @@ def _logs_in(folder: Path, *, keeps_missing: bool) -> list[Path]:
         entries = sorted(folder.iterdir())
     except OSError as error:
         raise ConfigurationError(
-            f"cannot be read: {error.strerror or error}", subject=folder
+            f"cannot be read: {error.strerror or error}", subject=folder, code="unreadable"
         ) from error
     logs = [
         path
@@ -119,7 +123,7 @@ def _logs_in(folder: Path, *, keeps_missing: bool) -> list[Path]:
     )
     if are_own:
         why = "contains only files that damperfit wrote; give the folder with the logs"
-    raise ConfigurationError(why, subject=folder)
+    raise ConfigurationError(why, subject=folder, code="no-log")
 
 
 def _listed(pattern: str, *, keeps_missing: bool) -> list[Path]:
@@ -129,7 +133,7 @@ def _listed(pattern: str, *, keeps_missing: bool) -> list[Path]:
     except (OSError, ValueError) as error:
         why = getattr(error, "strerror", None) or error
         raise ConfigurationError(
-            f"the list {path} cannot be read: {why}", subject=pattern
+            f"the list {path} cannot be read: {why}", subject=pattern, code="no-log"
         ) from error
     paths: list[Path] = []
     for number, line in enumerate(lines, start=1):
@@ -137,15 +141,18 @@ def _listed(pattern: str, *, keeps_missing: bool) -> list[Path]:
         if not text or text.startswith("#"):
             continue
         if text.startswith("@"):
-            raise ConfigurationError(f"{path}:{number}: a list in a list is not followed: {text}")
+            raise ConfigurationError(
+                f"{path}:{number}: a list in a list is not followed: {text}", code="list-in-list"
+            )
         try:
             paths += matches(text, keeps_missing=keeps_missing)
         except ConfigurationError as error:
             raise ConfigurationError(
-                f"{path}:{number}: {error}; paths in a list count from where the command is run"
+                f"{path}:{number}: {error}; paths in a list count from where the command is run",
+                code="no-such-file",
             ) from error
     if not paths:
-        raise ConfigurationError("the list names no log", subject=pattern)
+        raise ConfigurationError("the list names no log", subject=pattern, code="no-log")
     return paths
 
 
@@ -253,22 +260,25 @@ def as_files(logs: object, *, call: str) -> Iterator[list[str]]:
     if isinstance(logs, str | os.PathLike):
         logs = [logs]
     if isinstance(logs, Trace | Recording) or not isinstance(logs, Iterable):
-        raise ConfigurationError(f"found {type(logs).__name__}; {_EXPECTED}")
+        raise ConfigurationError(f"found {type(logs).__name__}; {_EXPECTED}", code="not-a-log")
     if _is_frame(logs):
         raise ConfigurationError(
             "found a data frame without a label; give {'10': frame}, where '10' is the "
             "setting of the adjuster",
+            code="no-setting",
         )
     paths = list(logs)
     if not paths:
-        raise ConfigurationError(f"found no log; {_EXPECTED}")
+        raise ConfigurationError(f"found no log; {_EXPECTED}", code="no-log")
     for path in paths:
         if not isinstance(path, str | os.PathLike):
             raise ConfigurationError(
-                f"found {type(path).__name__} in a list; {_EXPECTED}", subject=call
+                f"found {type(path).__name__} in a list; {_EXPECTED}",
+                subject=call,
+                code="not-a-log",
             )
         if path == "":  # it would be this folder
-            raise ConfigurationError(f"found ''; {_EXPECTED}")
+            raise ConfigurationError(f"found ''; {_EXPECTED}", code="empty-name")
     yield [os.fspath(path) for path in paths]
 
 
@@ -302,7 +312,7 @@ def _written(frames: Mapping[Any, Any], folder: Path, call: str) -> list[str]:
             _frame(label, value, call).to_parquet(path, index=False)
         except (ValueError, TypeError, ArrowException) as error:
             raise LogError(
-                f"the data frame cannot be read as a log: {error}", subject=label
+                f"the data frame cannot be read as a log: {error}", subject=label, code="unreadable"
             ) from error
         rows.append((path.name, str(label)))
     with (folder / "tests.csv").open("w", newline="", encoding="utf-8") as file:
@@ -316,19 +326,27 @@ def _frame(label: object, value: object, call: str) -> pd.DataFrame:
 
     if not isinstance(value, pd.DataFrame | Mapping):
         raise ConfigurationError(
-            f"{label!r} is of type {type(value).__name__}; {_EXPECTED}", subject=call
+            f"{label!r} is of type {type(value).__name__}; {_EXPECTED}",
+            subject=call,
+            code="not-a-log",
         )
     frame = value
     if not isinstance(frame, pd.DataFrame):
         if frame and all(np.ndim(column) == 0 for column in frame.values()):
-            raise LogError("found single numbers; give columns of one length", subject=label)
+            raise LogError(
+                "found single numbers; give columns of one length", subject=label, code="no-data"
+            )
         try:
             frame = pd.DataFrame(dict(frame))
         except ValueError as error:
-            raise LogError(f"{error}; give columns of one length", subject=label) from error
+            raise LogError(
+                f"{error}; give columns of one length", subject=label, code="no-data"
+            ) from error
     if not len(frame.columns):
         raise LogError(
-            "the data frame has no columns; expected time, displacement, force", subject=label
+            "the data frame has no columns; expected time, displacement, force",
+            subject=label,
+            code="no-data",
         )
     # Where time is the index of a frame it is a column of a log.
     if frame.index.name is not None and frame.index.name not in frame.columns:

@@ -138,19 +138,19 @@ class LogBatch:
     traces: list[Trace] = field(default_factory=list)
     failures: list[Failure] = field(default_factory=list)
     skipped: tuple[str, ...] = ()
-    remarks: list[Problem | str] = field(default_factory=list)
+    remarks: list[Problem] = field(default_factory=list)
     notes: tuple[str, ...] = ()
     held_out: list[Trace] = field(default_factory=list)
     is_asked: bool = True
 
     @property
-    def skipped_files(self) -> tuple[str, ...]:
-        """Which files are no logs, a sentence each; of many, the first and how many."""
+    def skipped_files(self) -> tuple[Problem, ...]:
+        """Which files are no logs; of many, the first and how many."""
         if len(self.skipped) > _MANY:
-            n = len(self.skipped) - 1
-            more = f"and {n} other files: written by damperfit, not logs; skipped"
-            return (f"{self.skipped[0]} {more}",)
-        return tuple(f"{path}: written by damperfit, not a log; skipped" for path in self.skipped)
+            files = f"{self.skipped[0]} and {len(self.skipped) - 1} other files"
+            return (warning("not-a-log", "written by damperfit, not logs; skipped", files),)
+        text = "written by damperfit, not a log; skipped"
+        return tuple(warning("not-a-log", text, path) for path in self.skipped)
 
     @property
     def ending(self) -> Ending:
@@ -244,6 +244,7 @@ class Labels:
                     f"{recording.name} says setting {setting}; leave "
                     "the option out, or give it the logs that do not say theirs alone",
                     where=Option("setting", self.declared),
+                    code="other-setting",
                 )
             setting = self.declared
         if setting is None and path.name in self.guess.settings:
@@ -256,7 +257,8 @@ class Labels:
             if mine and others and mine != others:
                 raise ConfigurationError(
                     f"test.{key}: found {mine!r}, but {recording.name} is of {key} {others!r}; "
-                    f"leave test.{key} out, and each {key} gets a result of its own"
+                    f"leave test.{key} out, and each {key} gets a result of its own",
+                    code="other-damper",
                 )
         return replace(recording, setting=setting, notes=(*recording.notes, *notes)), identity
 
@@ -296,6 +298,7 @@ class Labels:
                 f"configuration, [adjusters] {declared}; else name the column of the setting "
                 "'setting'",
                 subject=name,
+                code="no-setting",
             )
         if len(self.adjusters) > 1:
             own = self._places(recording)
@@ -307,6 +310,7 @@ class Labels:
                 f"table tests.csv; or give {{setting}}",
                 setting=Option("setting", f"'{example}'"),
                 subject=name,
+                code="no-setting",
             )
         more = ", or {way}" if self.guess.way is not None else ""
         return LogError(
@@ -315,6 +319,7 @@ class Labels:
             setting=Option("setting", "N"),
             way=self.guess.way,
             subject=name,
+            code="no-setting",
         )
 
     @property
@@ -325,10 +330,10 @@ class Labels:
             f"{path}: taken as the table of tests, {n} row{'s' * (n != 1)}" for path, n in counts
         )
 
-    def remarks(self, logs: Sequence[Log]) -> Iterator[Problem | str]:
+    def remarks(self, logs: Sequence[Log]) -> Iterator[Problem]:
         """Yield what is doubtful in tables of tests and in labels, and what was guessed."""
         for table in self.tables:
-            yield from table.notes
+            yield from (warning("table-of-tests", text) for text in table.notes)
             folder = table.path.parent
             lost = [
                 f"line {row.line} '{name}'"
@@ -337,10 +342,11 @@ class Labels:
             ]
             if lost:
                 more = f" and {len(lost) - _FEW} more" if len(lost) > _FEW else ""
-                yield f"{table.path}: no such file: {', '.join(lost[:_FEW])}{more}"
+                text = f"no such file: {', '.join(lost[:_FEW])}{more}"
+                yield warning("table-of-tests", text, table.path)
         notes = {id(log): log.facts.get("notes", ()) for log in logs}
-        if any(_GUESSED in said for said in notes.values()):
-            yield self.guess.said or ""
+        if self.guess.said and any(_GUESSED in said for said in notes.values()):
+            yield self.guess.said
         yield from self._taken_as_words([log.facts.get("setting") for log in logs])
         if self.has_pattern or len(self.adjusters) > 1:
             return
@@ -355,7 +361,7 @@ class Labels:
                     pattern=Option("rig", r"s(?P<setting>\d+)", "setting_pattern"),
                 )
 
-    def _taken_as_words(self, settings: Sequence[Setting | None]) -> Iterator[str]:
+    def _taken_as_words(self, settings: Sequence[Setting | None]) -> Iterator[Problem]:
         """Say that labels such as "L6 H1" were taken as words, where some were."""
         labels = [known.label for known in dict.fromkeys(settings) if known is not None]
         letters = [sorted(letters_of(label)) for label in labels]
@@ -363,10 +369,11 @@ class Labels:
             return
         if all(others == letters[0] for others in letters):
             declared = ", ".join(f'{letter} = ""' for letter in letters_of(labels[0]))
-            yield (
+            yield warning(
+                "settings-as-words",
                 f"settings such as '{labels[0]}' and '{labels[1]}' are taken as words, so there "
                 "are no trends and no clicks: if the numbers are clicks, declare [adjusters] "
-                f"{declared}, or longer names that begin with these letters"
+                f"{declared}, or longer names that begin with these letters",
             )
 
     def _places(self, recording: Recording) -> dict[str, Place]:
@@ -500,12 +507,15 @@ def add_traces(batch: LogBatch, traces: Sequence[Trace], setting: Setting | None
     given = [t if t.setting is not None else replace(t, setting=setting) for t in traces]
     for trace in given:
         if trace.setting is None:
-            raise LogError("this trace has no setting; give setting=N", subject=trace.name)
+            raise LogError(
+                "this trace has no setting; give setting=N", subject=trace.name, code="no-setting"
+            )
     names = Counter([*(log.log for log in batch.logs), *(trace.name for trace in given)])
     if twice := [name for name, count in names.items() if count > 1]:
         raise ConfigurationError(
             f"two logs are called {twice[0]}; give each trace a name of its own, as with "
-            "dataclasses.replace(trace, name=...)"
+            "dataclasses.replace(trace, name=...)",
+            code="given-twice",
         )
     batch.logs += [Log(t.name, facts=_facts_of_trace(t, len(t.force))) for t in given]
     batch.traces = sorted([*batch.traces, *given], key=lambda trace: natural_order(trace.name))
@@ -629,7 +639,9 @@ def _conditioned(
     if configuration.rig.is_strict and trace.warnings:
         more = f" (and {len(trace.warnings) - 1} more)" if len(trace.warnings) > 1 else ""
         text = "refused because of a warning, as strict quality was requested"
-        refused = QualityError(f"{text}: {trace.warnings[0]}{more}", subject=recording.name)
+        refused = QualityError(
+            f"{text}: {trace.warnings[0]}{more}", subject=recording.name, code="strict"
+        )
         return _failed(log, refused, trace.findings)
     log.trace, log.shows_signs = trace, trace.shows_signs
     return log

@@ -29,7 +29,7 @@ from damperfit.conditioning.duplicates import (
 from damperfit.damper.warmed import BETA, Warmed
 from damperfit.errors import ConfigurationError, ContradictionError, LogError, mishap_of
 from damperfit.identification.unlike_motions import contradictory_motions
-from damperfit.problem import Failure, Option, Problem, listed_names
+from damperfit.problem import Failure, Option, Problem, listed_names, warning
 from damperfit.recording import natural_order
 from damperfit.run.log_files import expand, real_path
 from damperfit.run.logs import LogBatch
@@ -70,12 +70,14 @@ def by_damper(batch: LogBatch, *, is_one: bool = False) -> dict[str, LogBatch]:
     if len(named) <= 1:
         if named and "" in owners.values():
             logs = listed_names([log for log, owner in owners.items() if not owner], few=5)
-            batch.remarks.append(f"{logs}: assumed to belong to damper {named[0]}, like the others")
+            text = f"assumed to belong to damper {named[0]}, like the others"
+            batch.remarks.append(warning("damper-assumed", text, logs))
         return {named[0] if named else "": batch}
     if is_one:
         raise ConfigurationError(
             f"logs of {len(named)} dampers: {listed_names(named, few=5)}; give the logs of "
-            "one, or let damperfit identify on the command line give each a result"
+            "one, or let damperfit identify on the command line give each a result",
+            code="several-dampers",
         )
     groups = {}
     for owner in named:
@@ -138,11 +140,12 @@ def prepare(
     without_copies(batch)
     ratio = None if is_law_open else rod_area_ratio(batch.traces, configuration.damper)
     if ratio is not None and abs(ratio - 1.0) > _ROD_OFF:
-        batch.remarks.append(
+        text = (
             "the level of the force over the gas pressures of the tests corresponds to a rod of "
             f"{ratio:.3g} times the declared area: check rod_diameter, the pressures, and whether "
             "the force was tared between the tests"
         )
+        batch.remarks.append(warning("rod-area", text))
     hold_out_transients(batch, options)
     return configuration if is_law_open else with_reference(configuration, batch.traces)
 
@@ -167,9 +170,11 @@ def once_each(batch: LogBatch) -> None:
             continue
         n = len(several) - 1
         others = f" and {n} other log{'s' * (n > 1)}" if n else ""
-        remarks.append(f"{several[0].name}{others}: the same test as {name}; it counts once")
+        text = f"the same test as {name}; it counts once"
+        remarks.append(warning("duplicate", text, f"{several[0].name}{others}"))
     if (n := len(remarks) - _MANY) > 0:
-        remarks[_MANY:] = [f"and so do {n} other tests that were given several times"]
+        text = f"and so do {n} other tests that were given several times"
+        remarks[_MANY:] = [warning("duplicate", text)]
     batch.traces = list(firsts.values())
     batch.remarks += remarks
 
@@ -183,9 +188,8 @@ def without_copies(batch: LogBatch) -> None:
         if first is None:
             kept.append(trace)
         else:
-            batch.remarks.append(
-                f"{trace.name}: the same test as {first.name}, which is fitted; it is not held out"
-            )
+            text = f"the same test as {first.name}, which is fitted; it is not held out"
+            batch.remarks.append(warning("duplicate", text, trace.name))
     batch.held_out = kept
 
 
@@ -203,10 +207,11 @@ def without_contradictions(
         if worst and worst.excess > 1.0:
             sentences[setting] = worst.sentence
         elif worst:
-            batch.remarks.append(
-                f"setting {setting}: {worst.sentence}; fitted together, as one damper repeats "
+            text = (
+                f"{worst.sentence}; fitted together, as one damper repeats "
                 f"within {100.0 * REPEATS:g} %: leave one out if the setting or the damper differs"
             )
+            batch.remarks.append(warning("logs-differ", text, f"setting {setting}"))
     _leave_out(batch, sentences, configuration)
     if not is_law_open:
         options = configuration.identification
@@ -229,7 +234,10 @@ def _leave_out(
     batch: LogBatch, sentences: Mapping[Setting, str], configuration: Configuration
 ) -> None:
     if configuration.rig.is_averaging:
-        batch.remarks += [f"setting {one}: {text}; averaged" for one, text in sentences.items()]
+        batch.remarks += [
+            warning("logs-differ", f"{text}; averaged", f"setting {one}")
+            for one, text in sentences.items()
+        ]
         return
     text = (
         "{sentence}, more than their scatter; check whether the setting or the damper "
@@ -260,6 +268,7 @@ def check_temperatures(configuration: Configuration, traces: Iterable[Trace]) ->
             "temperature; expected a channel, a line '# temperature: 31', a column of tests.csv or "
             "tested_at in a profile",
             where=_COVARIATE,
+            code="no-temperature",
         )
 
 
@@ -283,6 +292,7 @@ def with_reference(configuration: Configuration, traces: Sequence[Trace]) -> Con
             f"the effect of temperature cannot be determined over less than "
             f"{_LEAST_WARMING:g} K: test colder or warmer too, or leave the option out",
             where=_COVARIATE,
+            code="no-temperature",
         )
     alone = [one for one, known in by_setting.items() if max(known) - min(known) < _LEAST_WARMING]
     if BETA.name not in options.fixed and options.procedure == "plain" and alone:
@@ -291,6 +301,7 @@ def with_reference(configuration: Configuration, traces: Sequence[Trace]) -> Con
             "and procedure plain fits each setting by itself, so that beta cannot be determined "
             "there: take procedure joint, with one beta for all settings, or leave the option out",
             where=_COVARIATE,
+            code="other-procedure",
         )
     is_open = BETA.name in options.fixed or options.is_detecting or bool(options.follows)
     is_own = {*(options.share or ()), *options.fixed}.isdisjoint(damper.viscous)
@@ -301,6 +312,7 @@ def with_reference(configuration: Configuration, traces: Sequence[Trace]) -> Con
             "determined: test one setting cold and warm, or share one of them ({share})",
             share=Option("share"),
             where=_COVARIATE,
+            code="no-temperature",
         )
     reference = damper.reference
     if math.isnan(reference):
@@ -354,6 +366,7 @@ def part(batch: LogBatch, options: HoldOutOptions, named: Mapping[str, Sequence[
                 "in {hold_out}, and leave the held-out logs among LOGS or out of them",
                 hold_out=Option("hold_out", "'*_16mm.csv'"),
                 where=Option("hold_out", pattern),
+                code="no-such-file",
             )
         names |= hits
     held_out = [trace for trace in batch.traces if trace.name in names]
@@ -364,11 +377,15 @@ def part(batch: LogBatch, options: HoldOutOptions, named: Mapping[str, Sequence[
         remaining, within = _segments(remaining, pattern)
         if not within:
             raise ConfigurationError(
-                "no log has a segment within these limits", where=Option("hold_out", pattern)
+                "no log has a segment within these limits",
+                where=Option("hold_out", pattern),
+                code="no-segment",
             )
         held_out += within
     if (held_out and not remaining) or (names and names == {log.log for log in batch.logs}):
-        raise ConfigurationError("hold-out: every log is held out; none is left to fit")
+        raise ConfigurationError(
+            "hold-out: every log is held out; none is left to fit", code="nothing-to-fit"
+        )
     fitted: list[Trace] = []
     failures = []
     for trace in remaining:
@@ -395,7 +412,8 @@ def hold_out_transients(batch: LogBatch, options: HoldOutOptions) -> None:
     if is_asked and batch.traces and not beside:
         raise ConfigurationError(
             "hold-out transients: no log has a run-up or coast-down from or to rest, or changes "
-            "its speed between steady cycles; give one that does, or hold out another log"
+            "its speed between steady cycles; give one that does, or hold out another log",
+            code="no-transients",
         )
     batch.held_out, batch.is_asked = [*batch.held_out, *beside], is_asked
 
@@ -423,10 +441,11 @@ def note_unpredicted(
         if id(trace) in done or (trace.name in failed and batch.is_asked):
             continue
         if not batch.is_asked and is_fitted:
-            batch.remarks.append(
-                f"{trace.name}: the motion beside its steady cycles cannot be simulated with the "
-                "fitted parameters, so it is not predicted"
+            text = (
+                "the motion beside its steady cycles cannot be simulated with the fitted "
+                "parameters, so it is not predicted"
             )
+            batch.remarks.append(warning("not-predicted", text, trace.name))
         if not batch.is_asked:
             continue
         kind, why = "SimulationError", "cannot be simulated on it"

@@ -307,7 +307,7 @@ def warnings_of(
 ) -> Iterator[Problem]:
     """Yield what the reader should know before believing the numbers."""
     assessment, sharing = judgement.assessment, campaign.sharing
-    yield from map(as_warning, (*batch.skipped_files, *batch.remarks))
+    yield from (*batch.skipped_files, *batch.remarks)
     yield from log_warnings(_fitted_traces(campaign))
     yield from campaign.warnings
     if sharing.friction_varies and sharing.spread is not None:
@@ -337,11 +337,6 @@ def warnings_of(
     yield from prediction_warnings(judgement.predictions)
 
 
-def as_warning(told: Problem | str) -> Problem:
-    """Return a warning as a problem, where it is a sentence alone."""
-    return told if isinstance(told, Problem) else warning("said", told)
-
-
 def _freeing_friction(campaign: Campaign) -> Option:
     """Return the option that gives each setting its own friction, all else as it was."""
     fit, sharing = campaign.fits[0], campaign.sharing
@@ -354,14 +349,15 @@ def _freeing_friction(campaign: Campaign) -> Option:
     return Option("free", ",".join((*own, *frictions)), is_aside=True)
 
 
-def _at_settings(told: Sequence[tuple[Setting, Problem | str]]) -> Iterator[Problem]:
+def _at_settings(told: Sequence[tuple[Setting, Problem]]) -> Iterator[Problem]:
     """Yield what is so at each setting; of many, the first, and which others have one."""
-    for setting, sentence in told[:1] if len(told) > MANY else told:
-        problem = replace(as_warning(sentence), subject=f"setting {setting}")
-        if len(told) > MANY:
-            others = listed_settings({other for other, _ in told[1:]})
-            problem = replace(problem, text=f"{problem.text} (with other numbers at {others})")
-        yield problem
+    is_long = len(told) > MANY
+    more = ""
+    if is_long:
+        others = listed_settings({other for other, _ in told[1:]})
+        more = f" (with other numbers at {others})"
+    for setting, problem in told[:1] if is_long else told:
+        yield replace(problem, subject=f"setting {setting}", text=f"{problem.text}{more}")
 
 
 def log_warnings(traces: Iterable[Trace]) -> Iterator[Problem]:

@@ -70,7 +70,8 @@ def characterise(
         cycles = (time[-1] - time[0]) * frequency
         raise SimulationError(
             f"the response lasts {cycles:.2f} cycles at {frequency:g} Hz: "
-            "at least one whole cycle is needed"
+            "at least one whole cycle is needed",
+            code="too-short",
         )
     first = int(np.searchsorted(time, begin + slack, side="right"))
     rows = np.vstack([response.velocity, response.force, response.pressures])

@@ -67,31 +67,36 @@ class Motion:
             value = getattr(self, name)
             is_unknown = value is None and name in _MAY_BE_UNKNOWN
             if type(value) is not float and not is_unknown and not isinstance(value, Real):
-                raise SimulationError(f"motion: expected a number for {name}, found {value!r}")
+                raise SimulationError(
+                    f"motion: expected a number for {name}, found {value!r}", code="not-a-number"
+                )
         channels = {name: _as_numbers(name, getattr(self, name)) for name in _CHANNELS}
         shapes = tuple(channel.shape for channel in channels.values())
         if shapes[0] != shapes[1] or len(shapes[0]) != 1 or not shapes[0][0]:
             raise SimulationError(
                 "motion: expected one axis of equal length, one sample or more, found "
-                f"displacement of shape {shapes[0]} and velocity of shape {shapes[1]}"
+                f"displacement of shape {shapes[0]} and velocity of shape {shapes[1]}",
+                code="motion",
             )
         if not 0.0 < self.interval < math.inf:
             raise SimulationError(
-                f"motion: expected an interval above 0, found {self.interval:g} s"
+                f"motion: expected an interval above 0, found {self.interval:g} s", code="motion"
             )
         for name, channel in channels.items():
             if not (is_finite := np.isfinite(channel)).all():
                 at = int(np.argmin(is_finite))
                 raise SimulationError(
-                    f"motion: {name} is not a finite number at sample {at} (counted from 0)"
+                    f"motion: {name} is not a finite number at sample {at} (counted from 0)",
+                    code="not-finite",
                 )
         if np.size(self.jumps):
             if np.ndim(self.jumps) != 2 or np.shape(self.jumps)[1] != 4:
                 raise SimulationError(
-                    f"motion: expected jumps of shape (k, 4), found {np.shape(self.jumps)}"
+                    f"motion: expected jumps of shape (k, 4), found {np.shape(self.jumps)}",
+                    code="motion",
                 )
             if not np.all(np.isfinite(self.jumps)):
-                raise SimulationError("motion: a number of jumps is not finite")
+                raise SimulationError("motion: a number of jumps is not finite", code="motion")
             after = self.jumps[:, 0]
             if (
                 after[0] <= 0.0
@@ -100,7 +105,8 @@ class Motion:
             ):
                 raise SimulationError(
                     "motion: expected jumps in order of time, after the first sample and not "
-                    "after the last"
+                    "after the last",
+                    code="motion",
                 )
 
     def until(self, first: int, stop: int) -> Motion:
@@ -128,7 +134,8 @@ def _as_numbers(name: str, channel: object) -> FloatArray:
     if numbers.dtype.kind not in "iuf":
         raise SimulationError(
             f"motion: expected an array of numbers for {name}, found {type(channel).__name__} of "
-            "something else"
+            "something else",
+            code="not-a-number",
         )
     return numbers
 
@@ -151,7 +158,8 @@ def refuse_amplitude(amplitude: float, room: float) -> None:
     if amplitude >= room:
         raise ConfigurationError(
             f"amplitude {1e3 * amplitude:g} mm is beyond the damper's travel; expected less "
-            f"than the shorter chamber, {1e3 * room:g} mm"
+            f"than the shorter chamber, {1e3 * room:g} mm",
+            code="stroke",
         )
 
 
@@ -180,12 +188,16 @@ def triangle_motion(
 
 def _refuse_wave(amplitude: float, frequency: float, cycles: float, sample_rate: float) -> None:
     if not math.isfinite(amplitude):
-        raise ConfigurationError(f"amplitude: expected a finite number, found {amplitude:g} m")
+        raise ConfigurationError(
+            f"amplitude: expected a finite number, found {amplitude:g} m", code="not-finite"
+        )
     wanted = {"frequency": (frequency, " Hz"), "cycles": (cycles, "")}
     for name, (value, unit) in (wanted | {"sample_rate": (sample_rate, " Hz")}).items():
         if not 0.0 < value < math.inf:
             raise ConfigurationError(
-                f"expected a finite number above 0, found {value:g}{unit}", subject=name
+                f"expected a finite number above 0, found {value:g}{unit}",
+                subject=name,
+                code="out-of-range",
             )
 
 

@@ -83,7 +83,8 @@ def simulated_cycle(
     if gap > _PERIODIC * float(np.ptp(last)):
         raise SimulationError(
             f"samples: {damper.name} has no steady cycle within {_CYCLES}: the force still moves "
-            f"by {gap:.2g} N; check frequency and parameters"
+            f"by {gap:.2g} N; check frequency and parameters",
+            code="no-steady-cycle",
         )
     return SimulatedCycle(amplitude, frequency, last)
 
@@ -101,6 +102,7 @@ def made_up_values(damper: Model, setting: int, speed: float) -> Values:
             f"samples: no numbers of {damper.name} are known; give a table of its quantities by "
             "setting with {parameters}, as identify writes it",
             parameters=Option("parameters"),
+            code="no-parameters",
         )
     force = _FORCE + _CLICK * setting
     known = {name: one for name, one in _BESIDE.items() if name in damper.names}
@@ -165,8 +167,12 @@ class SampleOptions:
 def _expect(name: str, found: object, wanted: str, is_fine: bool) -> None:  # noqa: FBT001
     if not is_fine:
         if name in {"amplitude", "frequency"}:
-            raise ConfigurationError(f"found {found}, expected {wanted}", where=Key(("rig", name)))
-        raise ConfigurationError(f"expected {wanted}", where=Option(name, found))
+            raise ConfigurationError(
+                f"found {found}, expected {wanted}", where=Key(("rig", name)), code="out-of-range"
+            )
+        raise ConfigurationError(
+            f"expected {wanted}", where=Option(name, found), code="out-of-range"
+        )
 
 
 def _through_rig_filter(
@@ -355,7 +361,9 @@ def make_samples(  # noqa: PLR0912  # refuses first, then writes the set
     damper, folder = options.damper, Path(folder)
     missing = [s for s in options.settings if parameters is not None and s not in parameters]
     if missing:
-        raise ConfigurationError(f"samples: no parameters given for settings {missing}")
+        raise ConfigurationError(
+            f"samples: no parameters given for settings {missing}", code="no-parameters"
+        )
     truth: dict[int, Values] = {}
     speed = 2.0 * math.pi * options.frequency * options.amplitude
     for setting in options.settings:
@@ -370,6 +378,7 @@ def make_samples(  # noqa: PLR0912  # refuses first, then writes the set
                 f"samples: the parameters are of {', '.join(truth[setting].names)}; {damper.name} "
                 f"has {', '.join(damper.names)}: name their own model ({{model}}, damper.model)",
                 model=Option("model"),
+                code="other-model",
             )
     paths = {setting: folder / f"setting_{setting:02d}.csv" for setting in truth}
     for path in (*paths.values(), folder / "README.md", folder / "truth.csv"):
@@ -378,6 +387,7 @@ def make_samples(  # noqa: PLR0912  # refuses first, then writes the set
                 "is there, and was not written by samples; choose another folder, or move "
                 "that file",
                 subject=path,
+                code="is-there",
             )
     drive = {"amplitude": options.amplitude, "frequency": options.frequency}
     with file_set(folder) as files:

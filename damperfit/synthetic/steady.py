@@ -90,7 +90,7 @@ def _rates(
         gas_volume = v_g0 + (m_1 + m_2 - oil_at_rest) / rho
         if gas_volume <= 0.0:
             raise SimulationError(
-                "samples: the oil fills the gas space; check stroke and gas length"
+                "samples: the oil fills the gas space; check stroke and gas length", code="stroke"
             )
         p_3 = p_0 * (v_g0 / gas_volume) ** gamma
         w_1 = math.copysign(math.sqrt(abs(p_1 - p_3)), p_1 - p_3) / r_m1
@@ -128,7 +128,9 @@ def steady_cycle(
                 dense_output=True,
             )
         if not solution.success or solution.sol is None:
-            raise SimulationError(f"samples: {parameters}: {solution.message}")
+            raise SimulationError(
+                f"samples: {parameters}: {solution.message}", code="not-integrated"
+            )
         end = solution.y[:, -1]
         gap = float(np.max(np.abs(end / masses - 1.0)))
         if gap <= _PERIODIC:
@@ -136,5 +138,6 @@ def steady_cycle(
         masses = end
     raise SimulationError(
         f"samples: {parameters}: no steady cycle within {_MOST_CYCLES}; state still moves by "
-        f"{gap:.1g}, expected {_PERIODIC:.0g}; check frequency and parameters"
+        f"{gap:.1g}, expected {_PERIODIC:.0g}; check frequency and parameters",
+        code="no-steady-cycle",
     )

@@ -148,7 +148,9 @@ def write_table(path: Path, table: pa.Table, *, suffix: str | None = None) -> No
         pq.write_table(table, path, write_page_checksum=True)
         return
     if suffix != ".csv":
-        raise ConfigurationError("tables are written as .csv or .parquet", subject=path.name)
+        raise ConfigurationError(
+            "tables are written as .csv or .parquet", subject=path.name, code="wrong-suffix"
+        )
     columns = [column.to_pylist() for column in table.columns]
     for place, kind in enumerate(table.schema.types):
         if not (pa.types.is_floating(kind) or pa.types.is_integer(kind)):

@@ -280,14 +280,18 @@ def read_table(
         for name in ("setting", *needed):
             if name not in names:
                 raise ConfigurationError(
-                    f"not a parameters table: it has no column '{name}'", subject=path
+                    f"not a parameters table: it has no column '{name}'",
+                    subject=path,
+                    code="not-a-table",
                 )
         rows = typed_rows(names, cells, "parameters", quantities)
     except OSError as error:
         why = f"cannot be read: {error.strerror or error}"
-        raise ConfigurationError(why, subject=path) from error
+        raise ConfigurationError(why, subject=path, code="unreadable") from error
     except (ValueError, TypeError, csv.Error, pa.ArrowException) as error:
-        raise ConfigurationError(f"not a parameters table: {error}", subject=path) from error
+        raise ConfigurationError(
+            f"not a parameters table: {error}", subject=path, code="not-a-table"
+        ) from error
     facts, beside = read_facts(path), read_record(path.parent / "run.json", [])
     is_told = isinstance(facts.get("configuration"), dict)
     source = path if is_told or not beside else path.parent / "run.json"
@@ -347,7 +351,9 @@ def part_in(path: Path) -> Path:
     parts = _parts_of(path)
     if len(parts) > 1:
         names = ", ".join(part.name for part in parts)
-        raise ConfigurationError(f"several tests of one damper; name one of {names}", subject=path)
+        raise ConfigurationError(
+            f"several tests of one damper; name one of {names}", subject=path, code="several-tests"
+        )
     return parts[0]
 
 
@@ -362,6 +368,7 @@ def read_part(path: Path) -> tuple[dict[str, Any], tuple[Quantity, ...], Rows]:
         raise ConfigurationError(
             f"damaged ({error}); remove it, and the next damperfit fleet makes it again",
             subject=path,
+            code="damaged",
         ) from error
     if not record:
         raise ConfigurationError(
@@ -369,6 +376,7 @@ def read_part(path: Path) -> tuple[dict[str, Any], tuple[Quantity, ...], Rows]:
             "several dampers, or without a fit; remove it, and the next damperfit fleet makes it "
             "again",
             subject=path,
+            code="no-damper",
         )
     quantities = quantities_in(record)
     adjusters = adjusters_in(table.column_names, quantities)

@@ -47,9 +47,11 @@ def check_profile_names(
             raise ConfigurationError(
                 f"no parameter {name!r} to profile; there are {there}.{hint}",
                 where=Key(("identification", "profile")),
+                code="unknown-quantity",
             )
         if name in fixed:
             raise ConfigurationError(
                 f"{name} is both fixed and to be profiled; choose one.",
                 where=Key(("identification", "profile"), ("fix",)),
+                code="not-together",
             )

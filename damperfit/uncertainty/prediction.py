@@ -97,7 +97,8 @@ class SegmentRange:
             )
             if low > high:
                 raise ConfigurationError(
-                    f"{text}: the upper limit lies below the lower one; expected as in 4Hz-10Hz"
+                    f"{text}: the upper limit lies below the lower one; expected as in 4Hz-10Hz",
+                    code="out-of-range",
                 )
             return cls(dimension, low, high)
         return None
@@ -162,6 +163,7 @@ def split_cycles(trace: Trace, cycles: float) -> tuple[Trace, Trace]:
             f"{n} steady cycle{'s' if n > 1 else ''}, of which {held} are to be held "
             "out: none is left to fit; hold out fewer, or give a longer log",
             subject=trace.name,
+            code="nothing-to-fit",
         )
     return replace(trace, stretches=tuple(fitted)), replace(trace, stretches=tuple(held_out))
 

@@ -59,8 +59,9 @@ def test_told_to_they_are_averaged(slow_and_fast):
     slow, _, other = slow_and_fast
     left = told([slow, other], {"rig": {"contradictions": "average"}})
     assert left.traces == [slow, other]
-    assert "slow.csv and other.csv contradict" in left.remarks[0]
-    assert left.remarks[0].endswith("; averaged")
+    (remark,) = map(str, left.remarks)
+    assert "slow.csv and other.csv contradict" in remark
+    assert remark.endswith("; averaged")
 
 
 def of_real_valves(path, amplitude, *, more=1.0):

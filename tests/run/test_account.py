@@ -10,7 +10,7 @@ import pytest
 from damperfit.configuration.loading import load_configuration
 from damperfit.damper.model import values_type
 from damperfit.identification import Outcome, Sharing, Status
-from damperfit.problem import Failure, Problem
+from damperfit.problem import Failure, Problem, warning
 from damperfit.recording import Finding
 from damperfit.reporting.records import gaps_in
 from damperfit.run.logs import Ending, Log, LogBatch
@@ -132,7 +132,10 @@ def test_a_tare_is_unconfirmed_where_the_fit_meets_the_force_to_its_noise(
 
 @pytest.mark.parametrize("n", [MANY, MANY + 1])
 def test_what_many_settings_or_files_have_in_common_is_one_line(n) -> None:
-    fits = [replace(fit(k), warnings=(f"{k} trials failed.",)) for k in range(1, n + 1)]
+    fits = [
+        replace(fit(k), warnings=(warning("trials", f"{k} trials failed."),))
+        for k in range(1, n + 1)
+    ]
     limited = load_configuration(overlay={"output": {"max_mse_percent": 0.001}})
     expected = load_configuration(overlay={"rig": {"settings": list(range(1, n + 1))}})
     unsound = (fit(k, outcome=Outcome.EVALUATION_LIMIT) for k in range(1, n + 1))

@@ -128,6 +128,6 @@ def test_transients_that_nobody_asked_for_are_of_logs_that_are_fitted_and_no_fai
     batch = held_out()
     assert [one.setting for one in batch.held_out] == [1, 2]
     assert batch.failures == []
-    (said,) = batch.remarks
+    (said,) = map(str, batch.remarks)
     assert "beside its steady cycles cannot be simulated" in said
     assert len(held_out(patterns=("transients",)).failures) == 2

@@ -127,7 +127,7 @@ def test_the_level_over_pressure_tells_the_rod() -> None:
     def remarks(damper) -> list[str]:
         found = batch(*logs)
         prepare(plain.with_damper(damper), found, plain.hold_out, {})
-        return [one for one in found.remarks if "times the declared area" in one]
+        return [text for text in map(str, found.remarks) if "times the declared area" in text]
 
     assert rod_area_ratio(logs, PURDY_DAMPER) == pytest.approx(1.0, abs=0.02)
     assert remarks(PURDY_DAMPER) == []

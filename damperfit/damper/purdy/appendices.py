@@ -64,6 +64,7 @@ class Tube:
             raise ConfigurationError(
                 "thickness, diameter and Young's modulus must all be positive; give SI",
                 subject=self,
+                code="out-of-range",
             )
 
 

@@ -76,7 +76,8 @@ def gas_pressure(damper: Damper, displacement: ArrayLike) -> FloatArray:
     if np.any(gas_volume <= 0.0):
         raise SimulationError(
             f"gas volume used up at displacement {float(np.min(x)):.4g} m; expected more than "
-            f"{-damper.gas_volume / damper.rod_area:.4g} m; check the stroke and the gas length"
+            f"{-damper.gas_volume / damper.rod_area:.4g} m; check the stroke and the gas length",
+            code="stroke",
         )
     return np.asarray(damper.gas_pressure * (damper.gas_volume / gas_volume) ** damper.gas_exponent)
 

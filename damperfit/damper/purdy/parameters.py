@@ -215,7 +215,8 @@ class Damper(Cylinder, OilModel):
             if name not in known:
                 raise SimulationError(
                     f"no sensitivity by {name!r}; there are {', '.join(known)}."
-                    f"{did_you_mean(name, known)}"
+                    f"{did_you_mean(name, known)}",
+                    code="unknown-quantity",
                 )
         filled = filling(motion, self.gas_pressure)
         numbers = {**dict(values), "gas_pressure": filled * self.gas_pressure}

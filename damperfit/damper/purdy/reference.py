@@ -61,7 +61,8 @@ def reference_parameters(setting: int) -> Parameters:
     """
     if setting not in REFERENCE_SETTINGS:
         raise ConfigurationError(
-            f"setting {setting} is not in the reference set; expected a whole number, 1 to 20"
+            f"setting {setting} is not in the reference set; expected a whole number, 1 to 20",
+            code="no-setting",
         )
     k = REFERENCE_SETTINGS.index(setting)
     r_m1, r_m2 = 1.4e4 + 700.0 * k + 45.0 * k**2, 2.0e6 * math.exp(0.1 * k)
