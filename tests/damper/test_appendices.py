@@ -11,7 +11,6 @@ from damperfit.damper.purdy import appendices
 from damperfit.damper.purdy import closed_forms as cf
 from damperfit.damper.purdy.parameters import PURDY_DAMPER, Damper, Parameters
 from damperfit.errors import ConfigurationError, SimulationError
-from damperfit.simulation import SolverOptions, simulate, sine_motion
 
 # Appendix 1: equations (23) to (30), their limits and the typical values.
 
@@ -166,33 +165,6 @@ def test_the_papers_damper_in_numbers():
     assert cf.gas_pressure(d, -0.03) > d.gas_pressure  # the rod in compresses the gas
 
 
-def test_design_returns_parameters_by_least_squares():
-    phase = np.linspace(0.0, 1.0, 400, endpoint=False)
-    x, v = 0.032 * np.sin(2 * np.pi * phase), 0.3016 * np.cos(2 * np.pi * phase)
-    y = dataclasses.replace(SET_M, f_f=50.0)
-    columns, offset = cf.incompressible_design(PURDY_DAMPER, x, v)
-    force = cf.incompressible_force(y, PURDY_DAMPER, x, v)
-    size = np.linalg.norm(columns, axis=0)
-    found = np.linalg.lstsq(columns / size, force - offset, rcond=None)[0] / size
-    assert columns.shape == (400, 4)
-    assert found == pytest.approx([y.r_m1**2, y.r_m2, y.r_m3, y.f_f], rel=1e-9)
-
-
-def test_full_model_tends_to_the_closed_form_in_proportion_to_compressibility():
-    """N06: 17.36, 4.40 N at K_e 1e9, 4e9, for speeds above 0.1 m/s."""
-    period = 1 / 1.5
-    motion = sine_motion(0.032, 1.5, cycles=3, sample_rate=500 / period)
-    x, v = motion.displacement, motion.velocity
-    is_fast = (np.abs(v) > 0.1) & (np.arange(len(v)) >= 1000)
-    largest = []
-    for k_e in (1e9, 4e9):
-        y = dataclasses.replace(SET_M, k_e=k_e)
-        force = simulate(y, PURDY_DAMPER, motion, options=SolverOptions(tolerance=1e-4)).force
-        gap = force - cf.incompressible_force(y, PURDY_DAMPER, x, v)
-        largest.append(np.max(np.abs(gap[is_fast])))
-    assert largest == pytest.approx([17.36, 4.40], rel=0.002)
-
-
 @given(damper=dampers, resistances=valves, x=strokes, v=speeds)
 def test_simple_force_is_pressure_times_area(damper, resistances, x, v):
     """N07: (38) from the pressures of (32) and (36), rebound and bump."""
@@ -238,14 +210,6 @@ def test_gas_piston_moves_by_the_rod_volume(damper, x):
     invariant = cf.gas_pressure(damper, x) * volume**damper.gas_exponent
     at_rest = damper.gas_pressure * damper.gas_volume**damper.gas_exponent
     assert invariant == pytest.approx(at_rest, rel=1e-12)
-
-
-def test_gas_pressure_when_isothermal():
-    """N09: gamma = 1 is Boyle's law."""
-    damper = dataclasses.replace(PURDY_DAMPER, gas_exponent=1.0)
-    volume = damper.gas_volume + damper.rod_area * 0.032
-    expected = damper.gas_pressure * damper.gas_volume / volume
-    assert cf.gas_pressure(damper, 0.032) == pytest.approx(expected, rel=1e-14)
 
 
 def test_no_room_for_the_gas_is_an_error_that_says_where():

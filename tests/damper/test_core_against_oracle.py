@@ -90,7 +90,6 @@ def test_golden_table(parameters, rows, rate):
 
 # The corners and the middle of K_e 1e8 to 2e9 by R_m1 1e4 to 6e4.
 CORNERS = [*itertools.product((1e4, 6e4), (1e8, 2e9)), (3e4, 5e8)]
-GRID = [*itertools.product((1e4, 1.5e4, 2.2e4, 3e4, 4.5e4, 6e4), (1e8, 2e8, 4e8, 8e8, 1.4e9, 2e9))]
 
 
 @pytest.mark.parametrize(("r_m1", "k_e"), CORNERS)
@@ -99,22 +98,6 @@ def test_within_a_tenth_of_a_newton_everywhere(r_m1, k_e):
     parameters = dataclasses.replace(SET_M, r_m1=r_m1, k_e=k_e)
     twin = {"rtol": 1e-9, "method": "LSODA"}
     assert largest_gap(parameters, PURDY_DAMPER, STANDARD, rates=(1e3, 2e4), **twin) < 0.1
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("r_m1", "k_e"), GRID)
-@pytest.mark.parametrize("r_m2", [1.5e6, 1.7e7])
-def test_within_a_tenth_of_a_newton_on_the_whole_grid(r_m1, r_m2, k_e):
-    parameters = dataclasses.replace(SET_M, r_m1=r_m1, r_m2=r_m2, k_e=k_e)
-    assert largest_gap(parameters, PURDY_DAMPER, STANDARD, rates=(500.0, 2e4), rtol=1e-10) < 0.1
-
-
-@pytest.mark.parametrize("setting", [*slowly(1, 10), 20])
-def test_below_a_hundredth_of_a_newton_when_tight(setting):
-    """Radau at rtol 1e-11, every 0.05 ms."""
-    parameters = reference_parameters(setting)
-    gap = largest_gap(parameters, PURDY_DAMPER, STANDARD, rates=(2e4,), tolerance=1e-4)
-    assert gap < 1e-2
 
 
 @pytest.mark.parametrize(("method", "rtol"), [("Radau", 1e-12), ("LSODA", 1e-10), ("BDF", 1e-11)])
@@ -135,32 +118,6 @@ def test_other_motion_other_damper_and_cavitation(damper, r_m3):
     if damper is PURDY_DAMPER:
         response = simulate(parameters, damper, sampled(two_tones(), rate=2000.0, duration=0.7))
         assert (np.sum(response.pressures[1] == 0.0) > 20) is np.bool_(r_m3 > 3e6)
-
-
-@pytest.mark.parametrize("setting", [1, 20])
-@pytest.mark.parametrize("name", ["r_m1", "r_m2", "r_m3", "k_e"])
-def test_however_coarse_the_steps_sensitivities_are_those_of_the_scheme(setting, name):
-    """With 100 N allowed a step there is one for each sample, and differences see the same steps.
-
-    Newton must still end within a ten-thousandth of the pressure drop: its last correction turns
-    the sensitivities by half of its share.
-    """
-    truth, options = reference_parameters(setting), SolverOptions(tolerance=100.0)
-    motion = sine_motion(0.032, 1.5, cycles=2, sample_rate=1000.0)
-    value = getattr(truth, name)
-    up, down = (
-        simulate(
-            dataclasses.replace(truth, **{name: value * (1.0 + h)}),
-            PURDY_DAMPER,
-            motion,
-            options=options,
-        ).force
-        for h in (1e-3, -1e-3)
-    )
-    slope = (up - down) / (2e-3 * value)
-    response = simulate(truth, PURDY_DAMPER, motion, sensitivities=(name,), options=options)
-    gap = np.max(np.abs(response.sensitivities[name] - slope))
-    assert gap < 1e-4 * np.max(np.abs(slope))
 
 
 @pytest.mark.parametrize("parameters", [SET_M, *slowly(reference_parameters(20))])
@@ -198,30 +155,6 @@ def shifted(parameters, damper, name, amount):
 
 def scale_of(parameters, damper, name):
     return (getattr(parameters, name, None) or getattr(damper, name, None)) or 1.0
-
-
-# Of the others the default suite holds the slopes to the core's own forces, below.
-AGAINST_THE_ORACLE = ("r_m2", "gas_pressure")
-
-
-@pytest.mark.parametrize(
-    "name",
-    [*AGAINST_THE_ORACLE, *slowly(*(n for n in SENSITIVITY_NAMES if n not in AGAINST_THE_ORACLE))],
-)
-def test_sensitivities_against_the_oracle(name):
-    """N29: exact derivatives in the core, central differences in the twin; 1e-4 of the largest."""
-    # Two reversals; forces that act on no pressure need both directions and no more.
-    motion = sampled(STANDARD, rate=600.0, duration=0.25 if name in {"f_f", "f_0"} else 0.55)
-    exact = simulate(SET_M, PURDY_DAMPER, motion, sensitivities=[name], options=TIGHT)
-    time, size = exact.time, scale_of(SET_M, PURDY_DAMPER, name)
-    step = 1e-4 * size
-    forces = [
-        model.solve(*shifted(SET_M, PURDY_DAMPER, name, s), STANDARD, time, rtol=1e-12).force
-        for s in (step, -step)
-    ]
-    slope = (forces[0] - forces[1]) / (2 * step)
-    largest = np.max(np.abs(slope))
-    assert np.max(np.abs(exact.sensitivities[name] - slope)) < 1e-4 * largest
 
 
 @pytest.mark.parametrize("name", SENSITIVITY_NAMES)

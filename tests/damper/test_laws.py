@@ -17,7 +17,6 @@ from damperfit.simulation import (
     SolverOptions,
     simulate,
     sine_motion,
-    triangle_motion,
 )
 from tests.oracles import model
 from tests.oracles.golden import SET_M
@@ -126,14 +125,6 @@ def test_friction_adds_four_amplitudes():
     assert added == pytest.approx(4 * AMPLITUDE * 50.0, rel=1e-6)
 
 
-def test_halving_the_dead_band_moves_nothing():
-    whole, half = (
-        steady_cycle(SET_M, options=SolverOptions(dead_band=band)) for band in (1e-4, 5e-5)
-    )
-    is_outside = np.abs(whole[1]) > 1e-4
-    assert np.array_equal(whole[2][is_outside], half[2][is_outside])
-
-
 def test_offset_is_added_and_changes_nothing_else():
     with_offset = dataclasses.replace(SET_M, f_0=130.4)
     bare, added = (steady_cycle(y, per_cycle=600) for y in (SET_M, with_offset))
@@ -240,34 +231,23 @@ def test_time_shift(shift):
     assert np.max(np.abs(cycles_on.force - at_zero.force)) < 1e-9 * np.max(np.abs(at_zero.force))
 
 
-@pytest.mark.parametrize("setting", [1, 10, 20])
-def test_steady_after_one_cycle(setting):
-    """N25: the state repeats to 1e-9 of the mass from the first cycle on."""
-    motion = sine_from(0.25, cycles=3, per_cycle=500)
-    masses = simulate(reference_parameters(setting), PURDY_DAMPER, motion).masses
-    assert np.max(np.abs(masses[:, 1000::500] / masses[:, 500:-1:500] - 1)) < 1e-9
-
-
-def test_sample_rate_does_not_matter():
-    """300 to 6000 Hz: the same force at shared instants, within the tolerance's 0.1 N."""
-    slow, fine = (
-        simulate(SET_M, PURDY_DAMPER, sine_motion(AMPLITUDE, FREQUENCY, cycles=3, sample_rate=rate))
-        for rate in (300, 6000)
+@pytest.mark.parametrize("setting", [1, 10, 15])
+def test_r_m3_lies_fifteen_per_cent_below_cavitation(setting):
+    """Section 6.2, which gives P_0 = 0.46 MPa: onset at R_m3/0.85 whatever R_m1 and K_e."""
+    y = reference_parameters(setting)
+    below, above = (
+        steady_cycle(dataclasses.replace(y, r_m3=share * y.r_m3 / 0.85))[3][1]
+        for share in (0.99, 1.01)
     )
-    assert np.max(np.abs(fine.force[::20] - slow.force)) < 0.1
+    assert np.all(below > 0.0)
+    assert np.any(above == 0.0)
 
 
-def test_triangle_is_steady_between_its_corners():
-    """At constant speed the incompressible force is nearly reached, apart from the moving gas."""
-    n = 2000
-    response = simulate(
-        SET_M, PURDY_DAMPER, triangle_motion(AMPLITUDE, FREQUENCY, cycles=2, sample_rate=1.5 * n)
-    )
-    middle = [n, n + n // 2]  # x = 0, upwards and downwards
-    x, v = response.displacement[middle], response.velocity[middle]
-    assert v == pytest.approx([0.192, -0.192])
-    expected = incompressible_force(SET_M, PURDY_DAMPER, x, v)
-    assert response.force[middle] == pytest.approx(expected, rel=0.01)
+def test_no_setting_cavitates_and_force_grows_with_the_setting_in_both_strokes():
+    loops = [steady_cycle(reference_parameters(setting)) for setting in range(1, 21)]
+    assert all(np.all(pressures > 0) for *_, pressures in loops)
+    peaks = np.array([(force.max(), -force.min()) for _, _, force, _ in loops])
+    assert np.all(np.diff(peaks, axis=0) > 0)
 
 
 @pytest.mark.parametrize(

@@ -62,14 +62,6 @@ def test_values_of_a_model_take_the_defaults_and_miss_what_has_none() -> None:
 # Models by their names: each is found where it is said to be, and none is loaded in vain.
 
 
-def test_there_is_no_model_of_another_name() -> None:
-    assert "auto" not in MODELS
-    assert 3 not in MODELS
-    assert MODELS.get("auto") is None
-    with pytest.raises(KeyError, match="auto"):
-        MODELS["auto"]
-
-
 def test_one_model_loads_no_other() -> None:
     script = (
         "import sys; from damperfit.damper.model import MODELS; MODELS['purdy']; "
@@ -119,8 +111,6 @@ def test_each_stroke_presses_with_its_area(kind, areas) -> None:
 
 
 # The gas of a damper with real valves: held as declared, or found by the logs of all settings.
-
-GAS = ("gas_pressure", "gas_volume", "gas_exponent")
 
 
 def test_one_volume_and_one_pressure_are_found_from_all_settings() -> None:

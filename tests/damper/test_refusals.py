@@ -36,7 +36,6 @@ OF_VALVES = [
     ("gas_exponent", 1.0, 1.67),
     ("ambient_pressure", 0.0, 1e7),
 ]
-NO_NUMBERS = [math.nan, math.inf, -math.inf]
 # In between, so that rod and piston fit each other.
 WIDE = replace(PURDY_DAMPER, piston_diameter=0.9)
 THIN = replace(PURDY_DAMPER, rod_diameter=1.5e-3)
@@ -53,16 +52,6 @@ def _one_sentence(error: BaseException) -> str:
     assert "found" in text
     assert "expected" in text
     return text
-
-
-@pytest.mark.parametrize(("name", "low", "high"), LIMITS)
-def test_a_damper_just_outside_is_none(name, low, high) -> None:
-    below = low * (1 - 1e-9) or -1e-9
-    nothing = [0.0] if low else []
-    for value in (below, high * (1 + 1e-9), -(low or 1.0), *nothing, *NO_NUMBERS):
-        with pytest.raises(ConfigurationError, match=rf"^{name}: ") as caught:
-            replace(_around(name), **{name: value})
-        _one_sentence(caught.value)
 
 
 @pytest.mark.parametrize(("name", "low", "high"), OF_VALVES)
