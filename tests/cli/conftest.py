@@ -48,6 +48,15 @@ def logs(tmp_path_factory) -> Path:
 
 
 @pytest.fixture(scope="session")
+def results(logs, tmp_path_factory) -> Path:
+    """What `identify` wrote of these logs; copy it to change it."""
+    folder = tmp_path_factory.mktemp("three") / "results"
+    with kept_fits():
+        assert main(["identify", str(logs / "setting_*.csv"), "--out", str(folder), "-q"]) == 0
+    return folder
+
+
+@pytest.fixture(scope="session")
 def repeated():
     """Repeat a test: the text of its log with other noise, for the same test counts once."""
 

@@ -3,7 +3,7 @@
 import pytest
 import typer
 
-from damperfit.cli.main import app, main
+from damperfit.cli.main import app
 
 BAD = "§"
 COMMANDS = typer.main.get_command(app).commands  # built anew at each call
@@ -44,13 +44,6 @@ def cases():
             if takes and option not in WRITES | FILES:
                 marks = [pytest.mark.extras] if option == "--scheduler" else []  # needs Dask
                 yield pytest.param(name, option, id=f"{name} {option}", marks=marks)
-
-
-@pytest.fixture(scope="module")
-def results(logs, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("results")
-    assert main(["identify", str(logs / "setting_01.csv"), "--out", str(folder), "--quiet"]) == 0
-    return folder
 
 
 @pytest.mark.parametrize(("command", "option"), list(cases()))

@@ -1,6 +1,7 @@
 """inspect, samples, config, and what holds for every command."""
 
 import json
+import re
 import subprocess
 import sys
 import tomllib
@@ -9,8 +10,9 @@ from pathlib import Path
 import pytest
 
 from damperfit import __version__
-from damperfit.cli import console
+from damperfit.cli import console, main
 from damperfit.configuration.loading import load_configuration
+from damperfit.manual import TOPICS
 
 ROOT = Path(__file__).parents[2]
 COMMANDS = (
@@ -172,3 +174,58 @@ def test_checks_that_failed_are_red_and_others_dim(capsys, monkeypatch) -> None:
         monkeypatch.setattr(console, "_colour", {"is": when})
         console.print_lines(lines, of_checks=True)
         assert capsys.readouterr().out == shown
+
+
+# What the shell completes behind an option.
+
+
+@pytest.mark.parametrize(
+    ("typed", "completed"),
+    [
+        ("export --to f", ["fmu2", "fmu3"]),
+        ("identify --model tw", ["twin_tube"]),
+        ("identify --check purdy2000,every_c", ["purdy2000,every_click_counts"]),
+        ("identify --free r_m1,k", ["r_m1,k_e"]),
+        ("simulate --wave ", ["sine", "triangle"]),
+        ("simulate --parameters results --setting 1", ["1", "10", "11"]),
+        ("ride results --setting 1", ["1", "10", "11"]),
+        ("ride nowhere --setting 1", []),
+        ("help tru", ["trust"]),
+        ("help ident", ["identify"]),
+    ],
+)
+def test_values_are_completed(capsys, monkeypatch, tmp_path, typed, completed) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "results").mkdir()
+    table = "setting,r_m1\n1,2.0\n10,2.0\n11,2.0\n2,2.0\n"
+    (tmp_path / "results" / "parameters.csv").write_text(table, encoding="utf-8")
+    words = ["damperfit", *typed.split(" ")]
+    monkeypatch.setenv("_DAMPERFIT_COMPLETE", "complete_bash")
+    monkeypatch.setenv("COMP_WORDS", " ".join(words))
+    monkeypatch.setenv("COMP_CWORD", str(len(words) - 1))
+    with pytest.raises(SystemExit):
+        main([])
+    assert capsys.readouterr().out.split() == completed
+
+
+# `damperfit help`: pages of the manual, and what commands take.
+
+
+def test_without_a_topic_the_topics_are_listed(run) -> None:
+    ended = run("help")
+    assert ended.code == 0
+    listed = [line.split()[0] for line in ended.out.splitlines() if line]
+    assert tuple(listed[:-1]) == TOPICS
+    told = json.loads(run("help", "--json").out)["topics"]
+    assert tuple(told) == TOPICS
+
+
+@pytest.mark.parametrize("topic", TOPICS)
+def test_every_page_is_shown_in_the_columns_asked_for(run, monkeypatch, topic) -> None:
+    monkeypatch.setenv("COLUMNS", "72")
+    ended = run("help", topic)
+    assert (ended.code, ended.err) == (0, "")
+    lines = ended.out.splitlines()
+    assert max(map(len, lines)) <= 72
+    assert len(lines) > 8
+    assert not re.search(r"<!--|\]\(\w+\.md|```|^## ", ended.out, flags=re.MULTILINE)

@@ -58,17 +58,6 @@ def test_a_servo_hydraulic_export_bump_positive_and_off_centre(run, tmp_path, se
     assert any(line.startswith("Corrected:") for line in record["procedure"])
 
 
-@pytest.mark.parametrize(("x_sign", "f_sign"), [(-1.0, 1.0)])
-def test_one_channel_bump_positive(run, tmp_path, x_sign, f_sign) -> None:
-    _export(tmp_path / "a_s10.csv", 10, x_sign=1.0, f_sign=1.0)
-    _export(tmp_path / "b_s10.csv", 10, x_sign=x_sign, f_sign=f_sign)
-    assert run("identify", "a_s10.csv", "--out", "a").code == 0
-    assert run("identify", "b_s10.csv", "--out", "b").code == 0
-    expected, found = (_found(tmp_path / name, 10) for name in ("a", "b"))
-    for name in NAMES:
-        assert found[name] == pytest.approx(expected[name], rel=1e-6)
-
-
 @pytest.mark.parametrize("skew", ["auto", "2ms"])
 def test_skew_is_taken_back_on_request(run, tmp_path, skew) -> None:
     rows = _rows(5)

@@ -1,17 +1,12 @@
 """What surrounds a command: hostile folders, closed streams, folders and links that are gone."""
 
-import json
 import os
 import shlex
-import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
-
-from damperfit.cli import main
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="a POSIX shell")
 PROGRAM = "import sys; from damperfit.__main__ import main; sys.exit(main())"
@@ -19,14 +14,6 @@ COMMAND = (sys.executable, "-P", "-c", PROGRAM)
 FOREIGN = {"numpy", "pyarrow", "typer", "rich", "pydantic", "matplotlib", "openpyxl", "damperfit"}
 # What Python itself takes before a line of a program runs, where it looks in the folder first.
 FIRST = "import sys; print(*sys.modules)"
-
-
-@pytest.fixture(scope="module")
-def results(logs, tmp_path_factory) -> Path:
-    folder = tmp_path_factory.mktemp("results")
-    names = [str(logs / f"setting_0{k}.csv") for k in (1, 2)]
-    assert main(["identify", *names, "--out", str(folder), "--quiet"]) == 0
-    return folder
 
 
 def hostile(folder: Path, logs: Path, spared: set[str]) -> Path:
@@ -259,29 +246,3 @@ def test_the_home_folder_is_found_where_the_shell_leaves_its_sign(
     assert run("simulate", "--setting", "5", "--out", "~/b.csv").code == 0
     assert {one.name for one in home.iterdir()} >= {"a", "b.csv", "configured"}
     assert not (tmp_path / "~").exists()
-
-
-def test_a_terminal_that_hangs_up_leaves_what_is_finished(logs, repeated, tmp_path) -> None:
-    text = (logs / "setting_01.csv").read_text()
-    for k in range(40):
-        log = repeated(text, k).replace("setting: 1\n", f"setting: {k}\n")
-        (tmp_path / f"setting_{k}.csv").write_text(log)
-    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)  # under nohup it is ignored
-    process = subprocess.Popen(
-        [*COMMAND, "identify", "*.csv", "--jobs", "2", "--model", "purdy", "--starts", "200"],
-        cwd=tmp_path,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
-    signal.signal(signal.SIGHUP, before)
-    until = time.monotonic() + 60.0
-    while not (tmp_path / "results").exists() and time.monotonic() < until:
-        time.sleep(0.05)  # it takes its signals from before that on
-    time.sleep(1.0)
-    os.killpg(process.pid, signal.SIGHUP)  # as a terminal does: to its copies too
-    said = process.communicate(timeout=120)[1]
-    assert process.returncode == 130, said
-    assert "interrupted" in said
-    record = tmp_path / "results" / "run.json"
-    assert not record.exists() or json.loads(record.read_text())["ending"] == "interrupted"

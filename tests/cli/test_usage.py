@@ -4,8 +4,6 @@ import shlex
 
 import pytest
 
-from damperfit.cli import main
-
 GIVEN = "--set r_m1=1.8e4 --set r_m2=3.527e6 --set r_m3=2.597e6 --set k_e=365MPa --set f_f=50N"
 # What is typed -> what the line has. LOG is a good log, RESULTS what was found of it.
 USAGE = """
@@ -155,13 +153,6 @@ help glosary -> Did you mean 'glossary'?
 help identfy -> Did you mean 'identify'?
 config surplus -> unexpected argument surplus
 """.strip().splitlines()
-
-
-@pytest.fixture(scope="module")
-def results(logs, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("results")
-    assert main(["identify", str(logs / "setting_01.csv"), "--out", str(folder), "--quiet"]) == 0
-    return folder
 
 
 @pytest.mark.parametrize("row", USAGE, ids=lambda row: row.partition(" -> ")[0])
